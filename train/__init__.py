@@ -1,0 +1,1 @@
+"""The SPEED/SPEED+ pose harness over visaug; installed as `visaug_train`."""

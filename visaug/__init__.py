@@ -1,0 +1,74 @@
+"""Physical image-sensor noise: augment images, characterize a camera, find the effect its model lacks.
+
+Everything here loads when first used, so `import visaug` costs next to nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from visaug.augment import VISNoise
+    from visaug.camera import Camera
+    from visaug.characterization import Characterization, characterize
+    from visaug.comparison import Comparison, compare
+    from visaug.diagnosis import Diagnosis, diagnose
+    from visaug.effects.effect import Effect, Parameter, Stage
+    from visaug.errors import InputError
+    from visaug.frames import FrameSet
+    from visaug.simulation import simulate
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "Camera": "visaug.camera",
+    "Characterization": "visaug.characterization",
+    "Comparison": "visaug.comparison",
+    "Diagnosis": "visaug.diagnosis",
+    "Effect": "visaug.effects.effect",
+    "FrameSet": "visaug.frames",
+    "InputError": "visaug.errors",
+    "Parameter": "visaug.effects.effect",
+    "Stage": "visaug.effects.effect",
+    "VISNoise": "visaug.augment",
+    "characterize": "visaug.characterization",
+    "compare": "visaug.comparison",
+    "diagnose": "visaug.diagnosis",
+    "simulate": "visaug.simulation",
+}
+_ROOMS = frozenset(
+    "augment camera characterization comparison diagnosis effects errors fingerprint frames "
+    "report sampling simulation ultralytics".split()
+)
+
+__all__ = [
+    "Camera",
+    "Characterization",
+    "Comparison",
+    "Diagnosis",
+    "Effect",
+    "FrameSet",
+    "InputError",
+    "Parameter",
+    "Stage",
+    "VISNoise",
+    "__version__",
+    "characterize",
+    "compare",
+    "diagnose",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        value = getattr(import_module(_HOME[name]), name)
+    elif name in _ROOMS:
+        value = import_module(f"visaug.{name}")
+    else:
+        raise AttributeError(f"module 'visaug' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME, *_ROOMS})

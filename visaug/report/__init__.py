@@ -1,0 +1,1 @@
+"""Pictures (one function, one figure) and one-file HTML reports of results."""
