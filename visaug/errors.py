@@ -1,10 +1,25 @@
-"""The one exception that a user's mistake raises."""
+"""The one exception a user's mistake raises: which file, which field, what was expected, in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
 
 
 class InputError(ValueError):
-    """Input that cannot be used.
+    """Bad input by a user. The message is one line; commands print it and end with status 2.
 
-    The message is ONE line that names the file, the field and what was expected, for example
-    ``camera.yaml: read_noise.sigma_e: expected a number >= 0, got -1``. The program prints it and ends
-    with exit status 2.
+    Args:
+        problem: what is wrong, for instance ``"-1 is negative"``.
+        file: the file at fault.
+        field: the field, key path, column or row at fault.
+        expected: what would have been right, for instance ``"a number of seconds, 0 or more"``.
     """
+
+    def __init__(self, problem: str, *, file: str | Path | None = None, field: str | None = None,
+                 expected: str | None = None) -> None:
+        self.problem, self.file, self.field, self.expected = problem, file, field, expected
+        place = ": ".join(str(part) for part in (file, field) if part not in (None, ""))
+        message = f"{place}: {problem}" if place else problem
+        if expected:
+            message += f"; expected {expected}"
+        super().__init__(" ".join(message.split()))
