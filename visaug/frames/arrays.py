@@ -1,0 +1,159 @@
+"""Arrays in .npy and .npz files, one frame at a time, without loading the rest.
+
+A stored array is read at its offset. A compressed one is read whole where it is small and otherwise as a stream:
+frames in their order cost one pass, a step back starts it anew. Nothing is mapped into memory, so what a reader
+holds is one frame.
+"""
+
+from __future__ import annotations
+
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable
+from math import prod
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from visaug.errors import InputError
+
+WHOLE_BYTES = 64 * 2**20  # a compressed array up to this size is decompressed at once and kept
+
+
+class ArrayFile:
+    """One array on disk, read in slices along its leading axes.
+
+    Args:
+        path: a .npy or .npz file.
+        key: the array's name in an archive; needed unless it holds one array.
+
+    Raises:
+        InputError: missing, truncated, without that key, or not an array of numbers.
+    """
+
+    def __init__(self, path: Path, key: str | None = None) -> None:
+        self.path, self.key = path, key
+        self._handle: IO[bytes] | None = None
+        self._archive: zipfile.ZipFile | None = None
+        self._whole: np.ndarray | None = None
+        self._data_start = 0
+        self._compressed = False
+        try:
+            self._open()
+        except InputError:
+            raise
+        except FileNotFoundError:
+            raise InputError("no such file", file=path) from None
+        except (OSError, EOFError, ValueError, zipfile.BadZipFile, struct.error) as error:
+            raise InputError(f"cannot be read ({error}); truncated or no array", file=path) from None
+
+    @property
+    def frame_shape(self) -> tuple[int, ...]:
+        return self.shape[-2:]
+
+    def read(self, index: tuple[int, ...]) -> np.ndarray:
+        """The sub-array at `index`, for instance one frame."""
+        inner = self.shape[len(index):]
+        if any(not 0 <= i < n for i, n in zip(index, self.shape, strict=False)) or len(index) > len(self.shape):
+            raise InputError(f"index {list(index)} is outside the array of shape {self.shape}", file=self.path,
+                             field=self.key)
+        if self._whole is not None:
+            return self._whole[index]
+        count = prod(inner)
+        offset = int(np.ravel_multi_index(index, self.shape[: len(index)])) * count if index else 0
+        if self._fortran or (self._compressed and prod(self.shape) * self.dtype.itemsize <= WHOLE_BYTES):
+            flat = self._bytes(0, prod(self.shape))
+            self._whole = flat.reshape(self.shape, order="F" if self._fortran else "C")
+            return self._whole[index]
+        return self._bytes(offset, count).reshape(inner)
+
+    @property
+    def held_bytes(self) -> int:
+        return 0 if self._whole is None else self._whole.nbytes
+
+    def close(self) -> None:
+        for thing in (self._handle, self._archive):
+            if thing is not None:
+                thing.close()
+
+    def _open(self) -> None:
+        if self.path.suffix.lower() == ".npz":
+            self._archive = zipfile.ZipFile(self.path)
+            names = [n for n in self._archive.namelist() if n.endswith(".npy")]
+            keys = [n.removesuffix(".npy") for n in names]
+            if self.key is None and len(keys) == 1:
+                self.key = keys[0]
+            if self.key not in keys:
+                raise InputError(f"holds no array {self.key!r}" if self.key else "holds several arrays",
+                                 file=self.path, expected="one of " + ", ".join(keys) + " after a #")
+            member = self._archive.getinfo(f"{self.key}.npy")
+            self._compressed = member.compress_type != zipfile.ZIP_STORED
+            if self._compressed:
+                self._handle = self._archive.open(member)
+                start = 0
+            else:
+                self._handle = open(self.path, "rb")
+                start = _data_offset(self._handle, member)
+                self._handle.seek(start)
+        else:
+            self._handle = open(self.path, "rb")
+        handle = self._handle
+        version = np.lib.format.read_magic(handle)
+        read_header = (np.lib.format.read_array_header_1_0 if version == (1, 0)
+                       else np.lib.format.read_array_header_2_0)
+        self.shape, self._fortran, self.dtype = read_header(handle)
+        self._data_start = handle.tell()
+        if self.dtype.kind not in "uif":
+            raise InputError(f"holds {self.dtype}, no real numbers", file=self.path, field=self.key,
+                             expected="integers or floats in DN")
+
+    def _bytes(self, offset: int, count: int) -> np.ndarray:
+        assert self._handle is not None
+        size = count * self.dtype.itemsize
+        try:
+            self._handle.seek(self._data_start + offset * self.dtype.itemsize)
+            data = self._handle.read(size)
+        except (OSError, EOFError, zlib.error, zipfile.BadZipFile) as error:
+            raise InputError(f"cannot be read ({error}); truncated?", file=self.path, field=self.key) from None
+        if len(data) < size:
+            raise InputError(f"is truncated: {len(data)} of {size} bytes at offset {offset}", file=self.path,
+                             field=self.key)
+        return np.frombuffer(data, dtype=self.dtype)
+
+
+class ArrayStore:
+    """Open array files, the decompressed ones dropped when they grow beyond `limit_bytes` together."""
+
+    def __init__(self, limit_bytes: int = 2 * WHOLE_BYTES, limit_open: int = 32) -> None:
+        self.limit_bytes, self.limit_open = limit_bytes, limit_open
+        self._files: dict[tuple[Path, str | None], ArrayFile] = {}
+
+    def read(self, path: Path, key: str | None, index: tuple[int, ...]) -> np.ndarray:
+        return self._use(path, key, lambda f: f.read(index))
+
+    def frame_shape(self, path: Path, key: str | None) -> tuple[int, ...]:
+        return self._use(path, key, lambda f: f.frame_shape)
+
+    def dtype(self, path: Path, key: str | None) -> np.dtype:
+        return self._use(path, key, lambda f: f.dtype)
+
+    def _use(self, path: Path, key: str | None, what: Callable):
+        name = (path, key)
+        file = self._files.pop(name, None) or ArrayFile(path, key)
+        self._files[name] = file  # the last used stands last
+        result = what(file)
+        while len(self._files) > 1 and (len(self._files) > self.limit_open
+                                        or sum(f.held_bytes for f in self._files.values()) > self.limit_bytes):
+            self._files.pop(next(iter(self._files))).close()
+        return result
+
+
+def _data_offset(handle: IO[bytes], member: zipfile.ZipInfo) -> int:
+    """Where a stored member's bytes begin: behind its local header, whose lengths may differ from the directory's."""
+    handle.seek(member.header_offset)
+    fields = struct.unpack("<4s5H3I2H", handle.read(30))
+    if fields[0] != b"PK\x03\x04":
+        raise zipfile.BadZipFile("bad local header")
+    return member.header_offset + 30 + fields[-2] + fields[-1]

@@ -1,0 +1,88 @@
+"""One pass over a set's pixels: what is suspicious about it, by name."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from visaug.frames.frameset import FrameSet
+
+_SATURATED_SHARE = 0.001
+_CLIPPED_SHARE = 0.01
+_CONSTANT_KINDS = ("bias", "dark", "flat", "scene")
+
+
+def check(frames: FrameSet) -> list[str]:
+    """Named warnings, each ``name: sentence``; an empty list where nothing is suspicious.
+
+    ``duplicate_frames``, ``constant_frame``, ``saturated_flat``, ``clipped_at_zero``, ``bias_saw_light``,
+    ``few_frames``. Holds one frame at a time.
+    """
+    means = np.empty(len(frames))
+    spreads = np.empty(len(frames))
+    hashes: dict[bytes, list[int]] = {}
+    constant, saturated, clipped = [], [], []
+    top = None if frames.bit_depth is None else (1 << frames.bit_depth) - 1
+    for i, record in enumerate(frames.records):
+        frame = frames.read(i)
+        means[i], spreads[i] = frame.mean(dtype=np.float64), frame.std(dtype=np.float64)
+        hashes.setdefault(hashlib.blake2b(frame.tobytes(), digest_size=16).digest(), []).append(i)
+        if spreads[i] == 0 and record.kind in _CONSTANT_KINDS:
+            constant.append(i)
+        elif record.kind == "flat" and (frame >= (top or frame.max())).mean() > _SATURATED_SHARE:
+            saturated.append(i)
+        elif record.kind in ("bias", "dark") and (frame <= 0).mean() > _CLIPPED_SHARE:
+            clipped.append(i)
+
+    def name(indices) -> str:
+        numbers = [frames.records[i].sequence for i in indices]
+        return ", ".join(map(str, numbers[:8])) + (f" and {len(numbers) - 8} more" if len(numbers) > 8 else "")
+
+    found = [f"duplicate_frames: frames {name(same)} are identical to the last bit: copies, not exposures"
+             for same in hashes.values() if len(same) > 1 and not set(same) <= set(constant)]
+    if constant:
+        found.append(f"constant_frame: frames {name(constant)} have one value in all pixels")
+    if saturated:
+        found.append(f"saturated_flat: more than {_SATURATED_SHARE:.1%} of the pixels of flats {name(saturated)} are at "
+                     "the converter's top; they tell the saturation, not the gain")
+    if clipped:
+        found.append(f"clipped_at_zero: more than {_CLIPPED_SHARE:.0%} of the pixels of frames {name(clipped)} are 0: "
+                     "the black level is too low, means and variances of dark frames are cut")
+    lit = _lit_bias(frames, means, spreads)
+    if lit:
+        found.append(f"bias_saw_light: bias frames {name(lit)} are brighter than the others or than the shortest dark "
+                     "frames; was the lens capped?")
+    for group in frames.groups():
+        if group.kind in ("bias", "dark", "flat") and len(group.indices) == 1:
+            found.append(f"few_frames: {group.kind} frame {name(group.indices)} stands alone at its settings; temporal "
+                         "noise needs two or more")
+    return found
+
+
+def _lit_bias(frames: FrameSet, means: np.ndarray, spreads: np.ndarray) -> list[int]:
+    """Bias frames far above the others of their group, or a whole group above the shortest darks like it.
+
+    Far: 6 robust standard deviations of the frame means and a quarter of a frame's own pixel spread, so that a
+    drift of the black level, small against the read noise, is no light.
+    """
+    lit: list[int] = []
+    for group in frames.groups():
+        if group.kind != "bias":
+            continue
+        indices = np.array(group.indices)
+        level, spread = np.median(means[indices]), np.median(spreads[indices])
+        scatter = 1.4826 * np.median(np.abs(means[indices] - level))
+        if len(indices) > 2:
+            lit += [int(i) for i in indices if means[i] - level > max(6 * scatter, 0.25 * spread, 0.5)]
+        darks = [g for g in frames.groups() if g.kind == "dark" and g.gain_db == group.gain_db
+                 and g.temperature_c == group.temperature_c and g.window == group.window
+                 and g.exposure_s >= group.exposure_s]
+        if darks:
+            shortest = min(darks, key=lambda g: g.exposure_s)
+            dark_level = np.median(means[list(shortest.indices)])
+            if level - dark_level > max(spread, np.median(spreads[list(shortest.indices)]), 1.0):
+                lit += [int(i) for i in indices if int(i) not in lit]
+    return sorted(lit)

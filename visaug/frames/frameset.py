@@ -1,0 +1,164 @@
+"""A set of frames: what was taken, in which order, and the pixels when they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from visaug.errors import InputError
+from visaug.frames import sources
+from visaug.frames.record import FrameRecord, Group, group_records
+from visaug.frames.stores import FileStore, MemoryStore, Store
+from visaug.frames.table import read_table
+
+
+class FrameSet:
+    """Frames in order of acquisition, read when asked for: a set may be larger than memory.
+
+    Make one with `FrameSet.load` (from disk) or `FrameSet.from_arrays` (in memory). Positions `i` count the
+    records of this set from 0; ``records[i].sequence`` is the number in the order of acquisition.
+
+    Attributes:
+        records: one record a frame, by ``sequence``.
+        warnings: what was assumed while reading, one sentence each.
+    """
+
+    def __init__(self, records: Sequence[FrameRecord], store: Store, positions: Sequence[int] | None = None,
+                 warnings: list[str] | None = None) -> None:
+        if positions is None:
+            positions = range(len(records))
+        order = sorted(range(len(records)), key=lambda i: records[i].sequence)
+        self.records: tuple[FrameRecord, ...] = tuple(records[i] for i in order)
+        self._positions = tuple(positions[i] for i in order)
+        self._store = store
+        self.warnings: list[str] = store.warnings if warnings is None else warnings
+        self._groups: tuple[Group, ...] | None = None
+
+    @classmethod
+    def load(cls, path: str | Path, resolution: Sequence[int] | None = None, bit_depth: int | None = None, *,
+             byte_order: str | None = None, bits_at: str | None = None) -> FrameSet:
+        """Read what lies at `path`; pixels follow when asked for.
+
+        Args:
+            path: a folder with frames.csv, an EMVA 1288 descriptor (or its folder), FITS files or pictures.
+            resolution: rows and columns of the sensor; needed for .raw files.
+            bit_depth: bits of the converter, 1 to 32; by default what the files tell.
+            byte_order: ``little`` or ``big`` for .raw files; by default found from the pixels.
+            bits_at: ``top`` or ``bottom``, where fewer bits than 16 lie in 16; by default found from the pixels.
+
+        Raises:
+            InputError: nothing there to read, or a description that makes no sense.
+        """
+        path = Path(path)
+        kind, root, files = sources.find(path)
+        warnings: list[str] = []
+        if kind == "table":
+            records = read_table(files[0])
+        elif kind == "descriptor":
+            records, bits, shape = sources.read_descriptor(files[0])
+            bit_depth, resolution = bit_depth or bits, resolution or shape
+            warnings.append(f"order_assumed: {files[0].name} does not tell the order of acquisition; the order "
+                            "in which it lists the frames is taken")
+        elif kind == "fits":
+            records = sources.read_fits_folder(root, files)
+        else:
+            records = sources.read_pictures(root, files)
+        store = FileStore(records, root, _pair(resolution), bit_depth, byte_order, bits_at, warnings)
+        return cls(records, store)
+
+    @classmethod
+    def from_arrays(cls, records: Sequence[FrameRecord], frames: np.ndarray | Sequence[np.ndarray],
+                    cleans: Mapping[str, np.ndarray] | None = None, bit_depth: int | None = None) -> FrameSet:
+        """A set in memory: ``frames[i]``, (H, W) in DN, belongs to ``records[i]``; `cleans` by their names."""
+        if len(records) != len(frames):
+            raise InputError(f"{len(records)} records but {len(frames)} frames", field="frames",
+                             expected="as many of one as of the other")
+        return cls(records, MemoryStore(records, frames, dict(cleans or {}), bit_depth))
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    def __repr__(self) -> str:
+        kinds = [r.kind for r in self.records]
+        counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+        return f"FrameSet({counts or 'empty'})"
+
+    @property
+    def bit_depth(self) -> int | None:
+        """Bits of the converter: as told, or by the files' type (8 or 16); None for floats."""
+        return self._store.bit_depth
+
+    def read(self, i: int) -> np.ndarray:
+        """Frame `i`, (H, W) float32 in DN.
+
+        Raises:
+            InputError: missing or truncated file, NaN, negative or too large DN, or another size than the set's.
+        """
+        return self._store.read(self._positions[i])
+
+    def read_many(self, indices: Iterable[int]) -> np.ndarray:
+        """Frames as (n, H, W) float32 in DN; all of one size."""
+        indices = list(indices)
+        if not indices:
+            raise InputError("no frames to read", field="indices")
+        first = self.read(indices[0])
+        stack = np.empty((len(indices), *first.shape), np.float32)
+        stack[0] = first
+        for n, i in enumerate(indices[1:], start=1):
+            frame = self.read(i)
+            if frame.shape != first.shape:
+                raise InputError(f"is {frame.shape[0]} x {frame.shape[1]}", file=self.records[i].file,
+                                 expected=f"{first.shape[0]} x {first.shape[1]} as {self.records[indices[0]].file}")
+            stack[n] = frame
+        return stack
+
+    def clean(self, i: int) -> np.ndarray:
+        """Noiseless target of scene `i`, (H, W) float32 in photons per pixel; read once, do not write to it."""
+        if self.records[i].clean is None:
+            raise InputError("has no noiseless target", file=self.records[i].file, field="clean")
+        return self._store.clean(self._positions[i])
+
+    def shape(self, i: int) -> tuple[int, int]:
+        """Rows and columns of frame `i`."""
+        return self._store.shape(self._positions[i])
+
+    def groups(self) -> tuple[Group, ...]:
+        """Frames of equal conditions, by first appearance."""
+        if self._groups is None:
+            self._groups = group_records(self.records)
+        return self._groups
+
+    def subset(self, indices: Iterable[int]) -> FrameSet:
+        """The frames at these positions as a set of their own, in order of acquisition; pixels are shared."""
+        indices = list(indices)
+        return FrameSet([self.records[i] for i in indices], self._store, [self._positions[i] for i in indices],
+                        self.warnings)
+
+    def check(self) -> list[str]:
+        """One pass over all pixels; returns named warnings (``duplicate_frames: ...``), see `visaug.frames.checks`."""
+        from visaug.frames.checks import check
+
+        return check(self)
+
+    def save(self, folder: str | Path, *, keep_names: bool = False, overwrite: bool = False) -> Path:
+        """Write frames.csv, the frames and the noiseless targets; the folder appears whole or not at all.
+
+        Args:
+            folder: where to; must be empty or not yet there unless `overwrite`.
+            keep_names: write every frame under its record's `file` (the suffix chooses the format) instead of
+                one frames.npz.
+        """
+        from visaug.frames.writers import save
+
+        return save(self, Path(folder), keep_names, overwrite)
+
+
+def _pair(resolution: Sequence[int] | None) -> tuple[int, int] | None:
+    if resolution is None:
+        return None
+    pair = tuple(int(n) for n in resolution)
+    if len(pair) != 2 or min(pair) < 1:
+        raise InputError(f"{list(resolution)} is no size", field="resolution", expected="rows and columns")
+    return pair[0], pair[1]

@@ -1,0 +1,145 @@
+"""One frame's pixels from one file, whatever its format."""
+
+from __future__ import annotations
+
+import re
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from visaug.errors import InputError
+from visaug.frames.arrays import ArrayStore
+from visaug.frames.raw import read_raw
+
+ARRAYS = (".npy", ".npz")
+TIFFS = (".tif", ".tiff")
+FITS = (".fits", ".fit", ".fts")
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
+SUFFIXES = (*ARRAYS, *TIFFS, *FITS, *PICTURES, ".raw")
+_FRAGMENT = re.compile(r"^(?P<key>[^\[\]]*)(\[(?P<index>\s*\d+(\s*,\s*\d+)*\s*)\])?$")
+
+
+def split_name(name: str) -> tuple[str, str | None, tuple[int, ...]]:
+    """``file.npz#frames[3,0]`` as file, key and index; without ``#`` key None and index ()."""
+    file, _, fragment = name.partition("#")
+    match = _FRAGMENT.match(fragment)
+    if match is None:
+        raise InputError(f"{fragment!r} picks no frame", file=name, expected="file.npz#key[3] or file.npz#key[3,0]")
+    index = match["index"]
+    return file, match["key"].strip() or None, tuple(int(i) for i in index.split(",")) if index else ()
+
+
+class PixelReader:
+    """Reads frames named relative to a folder, as they are stored: (H, W), integer or float, native byte order."""
+
+    def __init__(self, root: Path, byte_order: str = "little") -> None:
+        self.root, self.byte_order = root, byte_order
+        self._arrays = ArrayStore()
+
+    def path(self, name: str) -> Path:
+        return self.root / split_name(name)[0]
+
+    def read(self, name: str, raw_shape: tuple[int, int] | None = None) -> np.ndarray:
+        """Pixels of one frame.
+
+        Raises:
+            InputError: missing, truncated or unreadable file, or not one frame.
+        """
+        file, key, index = split_name(name)
+        path = self.root / file
+        suffix = path.suffix.lower()
+        if suffix in ARRAYS:
+            pixels = self._arrays.read(path, key, index)
+            index = ()
+        elif not path.is_file():
+            raise InputError("no such file", file=path)
+        elif suffix == ".raw":
+            pixels = read_raw(path, raw_shape, self.byte_order)
+        elif suffix in TIFFS:
+            pixels = _read_tiff(path)
+        elif suffix in FITS:
+            pixels = read_fits(path)
+        elif suffix in PICTURES:
+            pixels = _read_picture(path)
+        else:
+            raise InputError(f"{suffix or 'no suffix'} is no format of frames", file=path,
+                             expected="one of " + " ".join(SUFFIXES))
+        try:
+            pixels = pixels[index] if index else pixels
+        except IndexError:
+            raise InputError(f"index {list(index)} is outside shape {pixels.shape}", file=path) from None
+        if pixels.ndim == 3 and pixels.shape[0] == 1:
+            pixels = pixels[0]
+        if pixels.ndim != 2:
+            raise InputError(f"has shape {pixels.shape}", file=self.root / name,
+                             expected="one frame of rows x columns (pick one of a stack with #key[i])")
+        if pixels.dtype.kind not in "uif":
+            raise InputError(f"holds {pixels.dtype}", file=self.root / name, expected="integers or floats in DN")
+        return pixels
+
+    def dtype(self, name: str) -> np.dtype | None:
+        """Type of the stored pixels where the file's header tells it without decoding, else None."""
+        file, key, _ = split_name(name)
+        path = self.root / file
+        suffix = path.suffix.lower()
+        if suffix in ARRAYS:
+            return self._arrays.dtype(path, key)
+        return np.dtype(np.uint16) if suffix == ".raw" else None
+
+
+def _read_tiff(path: Path) -> np.ndarray:
+    import tifffile
+
+    try:
+        return _gray(tifffile.imread(path), path)
+    except InputError:
+        raise
+    except Exception as error:  # tifffile and its codecs raise many kinds
+        raise InputError(f"cannot be read ({error}); truncated or no TIFF", file=path) from None
+
+
+def read_fits(path: Path) -> np.ndarray:
+    """The first image in a FITS file, scaled by BZERO and BSCALE."""
+    from astropy.io import fits
+
+    try:
+        with fits.open(path, memmap=False) as units:
+            for unit in units:
+                if unit.is_image and unit.data is not None:
+                    data = np.asarray(unit.data)
+                    return data.astype(data.dtype.newbyteorder("="), copy=False)
+    except Exception as error:  # astropy raises many kinds for damaged files
+        raise InputError(f"cannot be read ({error}); truncated or no FITS", file=path) from None
+    raise InputError("holds no image", file=path)
+
+
+def _read_picture(path: Path) -> np.ndarray:
+    from PIL import Image
+
+    if path.suffix.lower() == ".png":
+        _refuse_deep_colour(path)
+    try:
+        with Image.open(path) as picture:
+            if picture.mode in ("P", "1", "CMYK", "YCbCr"):
+                picture = picture.convert("RGB")
+            pixels = np.asarray(picture)
+    except Exception as error:  # Pillow raises many kinds for damaged files
+        raise InputError(f"cannot be read ({error}); truncated or no picture", file=path) from None
+    return _gray(pixels, path)
+
+
+def _gray(pixels: np.ndarray, path: Path) -> np.ndarray:
+    """One channel: any where all are alike, else green, whose noise is that of one pixel and no average."""
+    if pixels.ndim == 3 and pixels.shape[-1] in (2, 3, 4):
+        return pixels[..., 0] if pixels.shape[-1] == 2 else pixels[..., 1]
+    return pixels
+
+
+def _refuse_deep_colour(path: Path) -> None:
+    with open(path, "rb") as handle:
+        head = handle.read(26)
+    if len(head) == 26 and head[:4] == b"\x89PNG":
+        depth, colour = struct.unpack("BB", head[24:26])
+        if depth == 16 and colour in (2, 6):  # Pillow would silently cut it to 8 bits
+            raise InputError("is a 16-bit colour PNG", file=path, expected="a gray 16-bit PNG or a TIFF")

@@ -1,0 +1,213 @@
+"""Where a set's pixels come from: files read one at a time, or arrays in memory. Both check what they hand out."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from visaug.errors import InputError
+from visaug.frames.pixels import PixelReader
+from visaug.frames.raw import BYTE_ORDERS, guess_byte_order, unused_low_bits
+from visaug.frames.record import FrameRecord
+
+_PROBED = 8  # frames looked at to find where the bits lie
+_CLEANS_KEPT = 8
+
+
+class Store(Protocol):
+    """Pixels by position."""
+
+    warnings: list[str]
+
+    @property
+    def bit_depth(self) -> int | None: ...
+    def read(self, i: int) -> np.ndarray: ...
+    def clean(self, i: int) -> np.ndarray: ...
+    def shape(self, i: int) -> tuple[int, int]: ...
+
+
+class MemoryStore:
+    """Frames in memory."""
+
+    def __init__(self, records: Sequence[FrameRecord], frames: Sequence[np.ndarray] | np.ndarray,
+                 cleans: dict[str, np.ndarray], bit_depth: int | None) -> None:
+        self._records, self._frames = list(records), frames
+        self._cleans = {name: np.asarray(c, np.float32) for name, c in cleans.items()}
+        self._bit_depth = bit_depth
+        self.warnings: list[str] = []
+
+    @property
+    def bit_depth(self) -> int | None:
+        if self._bit_depth is None and len(self._frames):
+            return _bits_of(np.asarray(self._frames[0]).dtype)
+        return self._bit_depth
+
+    def read(self, i: int) -> np.ndarray:
+        frame = np.asarray(self._frames[i])
+        name = self._records[i].file
+        if frame.ndim != 2:
+            raise InputError(f"has shape {frame.shape}", file=name, expected="rows x columns")
+        check_values(frame, self.bit_depth, name)
+        check_window(self._records[i], frame.shape)
+        return frame.astype(np.float32)
+
+    def clean(self, i: int) -> np.ndarray:
+        name = self._records[i].clean
+        if name not in self._cleans:
+            raise InputError("is not among the noiseless targets given", file=name, field="clean")
+        return self._cleans[name]
+
+    def shape(self, i: int) -> tuple[int, int]:
+        shape = np.shape(self._frames[i])
+        return shape[0], shape[1]
+
+
+class FileStore:
+    """Frames in files, each read when asked for."""
+
+    def __init__(self, records: Sequence[FrameRecord], root: Path, resolution: tuple[int, int] | None,
+                 bit_depth: int | None, byte_order: str | None, bits_at: str | None, warnings: list[str]) -> None:
+        for field, value, choices in (("byte_order", byte_order, BYTE_ORDERS), ("bits_at", bits_at, ("top", "bottom"))):
+            if value is not None and value not in choices:
+                raise InputError(f"{value!r} is unknown", field=field, expected=" or ".join(choices))
+        if bit_depth is not None and not 1 <= bit_depth <= 32:
+            raise InputError(f"{bit_depth} is out of range", field="bit_depth", expected="1 to 32 bits")
+        self._records, self._root, self._resolution = list(records), root, resolution
+        self._bit_depth, self._bits_at, self.warnings = bit_depth, bits_at, warnings
+        self._reader = PixelReader(root, byte_order or "little")
+        self._byte_order = byte_order
+        self._shift: int | None = None
+        self._shapes: dict[int, tuple[int, int]] = {}
+        self._size: tuple[tuple[int, int], str] | None = None
+        self._cleans: OrderedDict[str, np.ndarray] = OrderedDict()
+
+    @property
+    def bit_depth(self) -> int | None:
+        if self._bit_depth is None:
+            self._find_layout()
+        return self._bit_depth
+
+    def read(self, i: int) -> np.ndarray:
+        self._find_layout()
+        record = self._records[i]
+        pixels = self._stored(i)
+        if self._shift and pixels.dtype.kind == "u":
+            pixels = pixels >> self._shift
+        check_values(pixels, self._bit_depth, self._root / record.file)
+        self._check_size(record, pixels.shape)
+        self._shapes[i] = pixels.shape
+        return pixels.astype(np.float32)
+
+    def clean(self, i: int) -> np.ndarray:
+        name = self._records[i].clean
+        assert name is not None
+        if name not in self._cleans:
+            pixels = self._reader.read(name, self._shape_of_raw(self._records[i]))
+            check_values(pixels, None, self._root / name)
+            if pixels.shape != self.shape(i):
+                raise InputError(f"is {pixels.shape[0]} x {pixels.shape[1]}", file=self._root / name,
+                                 expected="the size of its frame, {} x {}".format(*self.shape(i)))
+            self._cleans[name] = pixels.astype(np.float32)
+            if len(self._cleans) > _CLEANS_KEPT:
+                self._cleans.popitem(last=False)
+        self._cleans.move_to_end(name)
+        return self._cleans[name]
+
+    def shape(self, i: int) -> tuple[int, int]:
+        if i not in self._shapes:
+            self.read(i)
+        return self._shapes[i]
+
+    def _stored(self, i: int) -> np.ndarray:
+        return self._reader.read(self._records[i].file, self._shape_of_raw(self._records[i]))
+
+    def _shape_of_raw(self, record: FrameRecord) -> tuple[int, int] | None:
+        if record.window is None:
+            return self._resolution
+        r0, r1, c0, c1 = record.window
+        return r1 - r0, c1 - c0
+
+    def _check_size(self, record: FrameRecord, shape: tuple[int, ...]) -> None:
+        check_window(record, shape)
+        if record.window is not None or record.kind == "image":
+            return
+        if self._size is None:
+            self._size = (self._resolution, "the sensor") if self._resolution else (shape, record.file)
+        size, whose = self._size
+        if shape != size:
+            raise InputError(f"is {shape[0]} x {shape[1]}", file=self._root / record.file, field="region",
+                             expected=f"{size[0]} x {size[1]} as {whose}, or a region that says which window it is")
+
+    def _find_layout(self) -> None:
+        """Once for the set: byte order, bit depth and where the bits lie, from a few frames spread over it."""
+        if self._shift is not None:
+            return
+        self._shift = 0
+        raws = [i for i, r in enumerate(self._records) if r.file.lower().endswith(".raw")]
+        if raws and self._byte_order is None:
+            probes = [raws[n] for n in np.unique(np.linspace(0, len(raws) - 1, _PROBED).astype(int))]
+            votes = [guess_byte_order(self._root / self._records[i].file) for i in probes]
+            self._byte_order = max(BYTE_ORDERS, key=votes.count)
+            self._reader.byte_order = self._byte_order
+            self.warnings.append(f"byte_order_assumed: .raw files are read as {self._byte_order} endian, in which "
+                                 "neighbouring pixels are more alike")
+        dtype = self._reader.dtype(self._records[0].file)
+        if dtype is None:
+            dtype = self._stored(0).dtype
+        deep = dtype.kind == "u" and dtype.itemsize == 2
+        unclear = (raws and self._bit_depth is None) or (deep and self._bit_depth not in (None, 16))
+        if deep and (self._bits_at == "top" or (self._bits_at is None and unclear)):
+            self._find_shift()
+        if self._bit_depth is None:
+            self._bit_depth = _bits_of(dtype)
+
+    def _find_shift(self) -> None:
+        """Bits at the top of 16 leave the low bits 0 in every pixel."""
+        brightest = sorted(range(len(self._records)), key=self._likely_level)
+        low = min(unused_low_bits(self._stored(i)) for i in (*brightest[-_PROBED // 2:], *brightest[:_PROBED // 2]))
+        largest = max(int(self._stored(i).max()) for i in brightest[-_PROBED // 2:])
+        if self._bit_depth is not None:
+            shift = 16 - self._bit_depth
+            if self._bits_at == "top" or (low >= shift and largest > (1 << self._bit_depth) - 1):
+                self._shift = shift
+        elif low in (2, 4, 6):  # converters have 10, 12 or 14 bits
+            self._shift, self._bit_depth = low, 16 - low
+        if self._shift and self._bits_at is None:
+            self.warnings.append(f"bits_at_top_assumed: the lowest {self._shift} of 16 bits are 0 in all frames looked "
+                                 f"at; read as {self._bit_depth}-bit values at the top")
+
+    def _likely_level(self, i: int) -> tuple[int, float]:
+        record = self._records[i]
+        return ("bias", "dark", "image", "scene", "flat").index(record.kind), record.photons or record.exposure_s
+
+
+def check_values(pixels: np.ndarray, bit_depth: int | None, file: str | Path) -> None:
+    """Refuse NaN, negative DN and DN above the converter's range."""
+    if not pixels.size:
+        raise InputError("has no pixels", file=file)
+    low, high = pixels.min(), pixels.max()
+    if not (np.isfinite(low) and np.isfinite(high)):  # NaN wins in min and max
+        bad = int(np.count_nonzero(~np.isfinite(pixels)))
+        raise InputError(f"{bad} of {pixels.size} pixels are NaN or infinite", file=file, expected="finite DN")
+    if low < 0:
+        raise InputError(f"the smallest value is {low:g}", file=file, expected="DN of 0 or more, nothing subtracted")
+    if bit_depth is not None and high > (1 << bit_depth) - 1:
+        raise InputError(f"the largest value is {high:g}", file=file, field="bit_depth",
+                         expected=f"at most {(1 << bit_depth) - 1} for {bit_depth} bits")
+
+
+def check_window(record: FrameRecord, shape: tuple[int, ...]) -> None:
+    if record.window is None:
+        return
+    r0, r1, c0, c1 = record.window
+    if shape != (r1 - r0, c1 - c0):
+        raise InputError(f"is {shape[0]} x {shape[1]}", file=record.file, field="region",
+                         expected=f"{r1 - r0} x {c1 - c0} as its region says")
+
+
+def _bits_of(dtype: np.dtype) -> int | None:
+    return 8 * dtype.itemsize if dtype.kind == "u" and dtype.itemsize <= 2 else None

@@ -1,0 +1,171 @@
+"""Frame sets on disk: written beside their place and renamed, so a broken run leaves nothing half done."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from visaug.errors import InputError
+from visaug.frames.pixels import split_name
+from visaug.frames.table import write_table
+
+if TYPE_CHECKING:
+    from visaug.frames.frameset import FrameSet
+
+
+def save(frames: FrameSet, folder: Path, keep_names: bool = False, overwrite: bool = False) -> Path:
+    """Write a set to `folder`; see `FrameSet.save`."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError("is a file", file=folder, expected="a folder")
+    if folder.is_dir() and any(folder.iterdir()) and not overwrite:
+        raise InputError("is not empty", file=folder, expected="a new or empty folder, or overwrite")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        temporary.chmod(0o755)
+        cleans = _write_cleans(frames, temporary)
+        records = [replace(r, clean=cleans.get(r.clean) if r.clean else None) for r in frames.records]
+        if keep_names:
+            _write_named(frames, temporary)
+        else:
+            files = _write_archive(frames, temporary / "frames.npz")
+            records = [replace(r, file=file) for r, file in zip(records, files, strict=True)]
+        write_table(temporary / "frames.csv", records)
+        _put(temporary, folder)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return folder
+
+
+def _put(temporary: Path, folder: Path) -> None:
+    if folder.is_dir():
+        old = Path(tempfile.mkdtemp(prefix=f".{folder.name}.old.", dir=folder.parent))
+        folder.rename(old / folder.name)
+        temporary.rename(folder)
+        shutil.rmtree(old, ignore_errors=True)
+    else:
+        temporary.rename(folder)
+
+
+def _write_archive(frames: FrameSet, path: Path) -> list[str]:
+    """All frames into one .npz, an array for each size, one frame in memory at a time; returns their names."""
+    shapes = [frames.shape(i) for i in range(len(frames))]
+    names = [""] * len(frames)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
+        for n, shape in enumerate(dict.fromkeys(shapes)):
+            key = "frames" if n == 0 else f"frames_{n}"
+            members = [i for i, s in enumerate(shapes) if s == shape]
+            dtype = _smallest_type(frames, members)
+            with archive.open(f"{key}.npy", "w", force_zip64=True) as handle:
+                np.lib.format.write_array_header_2_0(
+                    handle, {"descr": np.lib.format.dtype_to_descr(dtype), "fortran_order": False,
+                             "shape": (len(members), *shape)})
+                for k, i in enumerate(members):
+                    handle.write(np.ascontiguousarray(frames.read(i).astype(dtype)).tobytes())
+                    names[i] = f"{path.name}#{key}[{k}]"
+    return names
+
+
+def _smallest_type(frames: FrameSet, indices: Iterable[int]) -> np.dtype:
+    """uint8 or uint16 where that loses nothing, else float32."""
+    if frames.bit_depth is not None and frames.bit_depth <= 16:
+        largest, whole = (1 << frames.bit_depth) - 1, True
+    else:
+        largest, whole = 0.0, True
+        for i in indices:
+            frame = frames.read(i)
+            largest = max(largest, float(frame.max()))
+            whole = whole and bool((frame == np.rint(frame)).all())
+    if not whole or largest > 65535:
+        return np.dtype(np.float32)
+    return np.dtype(np.uint8) if largest <= 255 else np.dtype(np.uint16)
+
+
+def _write_cleans(frames: FrameSet, folder: Path) -> dict[str, str]:
+    """Noiseless targets as .npy; returns the new name of each."""
+    names: dict[str, str] = {}
+    for i, record in enumerate(frames.records):
+        if record.clean and record.clean not in names:
+            stem = PurePosixPath(record.clean.split("#")[0]).stem
+            name = f"{stem}.npy" if f"{stem}.npy" not in names.values() else f"{stem}_{len(names)}.npy"
+            if any(split_name(r.file)[0] == name for r in frames.records):
+                name = f"clean_{name}"
+            np.save(folder / name, frames.clean(i))
+            names[record.clean] = name
+    return names
+
+
+def _write_named(frames: FrameSet, folder: Path) -> None:
+    """Every frame under its record's own name; frames of one archive are put together at the end of it."""
+    parts = [split_name(r.file) for r in frames.records]
+    for record, (file, _, _) in zip(frames.records, parts, strict=True):
+        place = PurePosixPath(file)
+        if place.is_absolute() or ".." in place.parts or file == "frames.csv":
+            raise InputError(f"{file!r} cannot be written", field="file", expected="a path inside the folder")
+        if sum(r.file == record.file for r in frames.records) > 1:
+            raise InputError(f"{record.file!r} names several frames", field="file", expected="a name for each frame")
+    stacks: dict[str, list[int]] = {}
+    for i, (file, key, index) in enumerate(parts):
+        path = folder / file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.suffix.lower() == ".npz" or index:
+            stacks.setdefault(file, []).append(i)
+            if path.suffix.lower() == ".npz" and not key:
+                raise InputError(f"{frames.records[i].file!r} names no array", field="file",
+                                 expected="file.npz#key[index]")
+        else:
+            write_frame(path, frames.read(i), _smallest_type(frames, [i]))
+    for file, members in stacks.items():
+        _write_stack(frames, folder / file, {i: parts[i][1:] for i in members})
+
+
+def _write_stack(frames: FrameSet, path: Path, places: dict[int, tuple[str | None, tuple[int, ...]]]) -> None:
+    dtype = _smallest_type(frames, places)
+    arrays: dict[str | None, np.ndarray] = {}
+    for key in {key for key, _ in places.values()}:
+        members = {i: index for i, (k, index) in places.items() if k == key}
+        lengths = {len(index) for index in members.values()}
+        shapes = {frames.shape(i) for i in members}
+        if len(lengths) > 1 or len(shapes) > 1:
+            raise InputError("frames of several sizes or depths of index share one array", file=path, field=key)
+        outer = tuple(max(n) + 1 for n in zip(*members.values()))
+        array = np.zeros((*outer, *shapes.pop()), dtype)
+        for i, index in members.items():
+            array[index] = frames.read(i)
+        arrays[key] = array
+    if path.suffix.lower() == ".npz":
+        np.savez_compressed(path, **{str(k): a for k, a in arrays.items()})
+    else:
+        write_frame(path, arrays[None], dtype)
+
+
+def write_frame(path: Path, pixels: np.ndarray, dtype: np.dtype | None = None) -> None:
+    """One frame (or stack) in the format of the suffix: .npy, TIFF, PNG, FITS or .raw (16 bit, little endian)."""
+    suffix = path.suffix.lower()
+    stored = pixels.astype(dtype or pixels.dtype)
+    if suffix == ".npy":
+        np.save(path, stored)
+    elif suffix in (".tif", ".tiff"):
+        import tifffile
+
+        tifffile.imwrite(path, stored, photometric="minisblack")
+    elif suffix in (".fits", ".fit", ".fts"):
+        from astropy.io import fits
+
+        fits.PrimaryHDU(stored).writeto(path, overwrite=True)
+    elif suffix == ".png" and stored.dtype.kind == "u":
+        from PIL import Image
+
+        Image.fromarray(stored).save(path)
+    elif suffix == ".raw" and stored.dtype.kind == "u":
+        stored.astype("<u2").tofile(path)
+    else:
+        raise InputError(f"{stored.dtype} pixels cannot be written as {suffix or 'a file without suffix'}", file=path,
+                         expected=".npy, .npz, .tif or .fits; .png and .raw for whole DN of 16 bits")
