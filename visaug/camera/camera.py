@@ -1,0 +1,185 @@
+"""A camera: its parameters, its chain of effects, and exposures with it."""
+
+import copy
+from collections.abc import Mapping
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import torch
+import yaml
+from torch import Tensor
+
+from visaug.camera import chain, paths
+from visaug.camera.spec import CameraSpec, check_spec, check_value, read_spec
+from visaug.effects import Context, Effect, catalogue
+from visaug.errors import InputError
+from visaug.sampling import Stream
+
+
+def shipped() -> dict[str, Path]:
+    """The cameras that come with the package: names and files."""
+    folder = resources.files("visaug.camera") / "data"
+    return {Path(str(file)).stem: Path(str(file)) for file in sorted(folder.iterdir(), key=str) if str(file).endswith(".yaml")}
+
+
+class Camera:
+    """A detector as a chain of effects with nominal parameters. Immutable: `replace`, `with_effect` give another.
+
+    Args:
+        spec: the checked content of a camera.yaml.
+    """
+
+    def __init__(self, spec: CameraSpec):
+        self.spec = spec
+
+    @classmethod
+    def load(cls, source: "str | Path | Mapping[str, Any] | Camera") -> "Camera":
+        """A camera from a camera.yaml, the name of a shipped one, or the content of such a file.
+
+        Raises:
+            InputError: no such file or name; an unknown key, a wrong unit range, an impossible value.
+        """
+        if isinstance(source, Camera):
+            return source
+        if isinstance(source, Mapping):
+            return cls(check_spec(dict(source)))
+        path = Path(source)
+        if path.is_file():
+            return cls(read_spec(path))
+        known = shipped()
+        name = path.name.removesuffix(".yaml")
+        if path.parent == Path() and name in known:
+            return cls(read_spec(known[name]))
+        raise InputError("no such camera file", file=source, expected=f"a camera.yaml, or one of {', '.join(known)}")
+
+    @property
+    def name(self) -> str:
+        return self.spec.name
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Rows and columns of the sensor."""
+        return self.spec.resolution
+
+    @property
+    def bit_depth(self) -> int:
+        return self.spec.bit_depth
+
+    @cached_property
+    def effects(self) -> list[Effect]:
+        """The chain: base terms and further effects, in the order in which they act."""
+        known = catalogue()
+        names = [name for name, effect in known.items() if effect.base]
+        names += [entry["name"] for entry in self.spec.effects]
+        return chain.ordered([known[name]() for name in names], self.spec.reading)
+
+    @property
+    def effect_names(self) -> list[str]:
+        """Names of the effects beyond the base chain."""
+        return [entry["name"] for entry in self.spec.effects]
+
+    def values(self) -> dict[str, float]:
+        """Every number of the camera by its path in camera.yaml; a full well that is left out is infinite."""
+        return paths.numeric_values(self.spec)
+
+    def choices(self) -> dict[str, str]:
+        """Every choice (no number) by its path."""
+        return paths.words(self.spec)
+
+    def replace(self, values: Mapping[str, Any]) -> "Camera":
+        """The same camera with other values, given by path.
+
+        Raises:
+            InputError: a path that the camera lacks, or a value out of bounds.
+        """
+        content = self.to_dict()
+        for path, value in values.items():
+            effect, _, key = path.partition(".")
+            if path in self.spec.model_fields and not key:
+                content[path] = value
+            elif effect in paths.PARTS:
+                content.setdefault(effect, {})[key] = value
+            else:
+                entry = next((entry for entry in content.get("effects", ()) if entry["name"] == effect), None)
+                if entry is None:
+                    raise InputError("is no parameter of this camera", field=path, expected=", ".join(self.values()))
+                check_value(catalogue()[effect], key, value, path)
+                entry[key] = value
+        return Camera(check_spec(content))
+
+    def with_effect(self, name: str, **parameters: Any) -> "Camera":
+        """The same camera with one more effect (or, where it has it already, with other parameters of it)."""
+        content = self.without_effect(name).to_dict()
+        content.setdefault("effects", []).append({"name": name, **parameters})
+        return Camera(check_spec(content))
+
+    def without_effect(self, name: str) -> "Camera":
+        content = self.to_dict()
+        content["effects"] = [entry for entry in content.get("effects", ()) if entry["name"] != name]
+        content["randomize"] = {k: v for k, v in content.get("randomize", {}).items() if not k.startswith(f"{name}.")}
+        return Camera(check_spec(content))
+
+    def to_dict(self) -> dict[str, Any]:
+        """What a camera.yaml holds, only the keys that differ from the defaults."""
+        content = self.spec.model_dump(exclude_defaults=True, mode="json")
+        return copy.deepcopy(content)
+
+    def to_yaml(self) -> str:
+        return yaml.safe_dump(self.to_dict(), sort_keys=False, allow_unicode=True)
+
+    def gain_at(self, gain_db: float) -> float:
+        """Electrons per DN at a gain in dB: 20 dB more are a tenth of the electrons."""
+        return self.spec.gain_e_per_dn * 10 ** ((self.spec.gain_db - gain_db) / 20)
+
+    def expose(
+        self,
+        photons: Tensor,
+        stream: Stream,
+        values: Mapping[str, Tensor | float] | None = None,
+        sequence: bool = False,
+        memory: dict[str, Tensor] | None = None,
+        watch: Any = None,
+    ) -> Tensor:
+        """Frames of this camera: the exact, differentiable chain.
+
+        Args:
+            photons: (B, C, H, W) float32, mean photons per pixel and exposure.
+            stream: the random numbers; its window is the part of the sensor that the images show.
+            values: numbers that differ from the nominal ones, by path: scalars or (B,) or (B, 1, 1, 1); may require grad.
+            sequence: the batch is consecutive frames (lag and drift see the frame before); `memory` carries over batches.
+            watch: called with (effect, signal) after each effect.
+
+        Returns:
+            (B, C, H, W) float32, DN in [0, 2^bit_depth - 1].
+        """
+        device = photons.device
+        nominal = self.values()
+        full: dict[str, Tensor] = {}
+        for path, value in {**nominal, **(values or {})}.items():
+            tensor = torch.as_tensor(value, dtype=torch.float32, device=device)
+            full[path] = tensor.reshape(-1, 1, 1, 1)
+        boost = (self.spec.gain_db - full["gain_db"]) * (torch.log(torch.tensor(10.0, device=device)) / 20)
+        heat = torch.exp(full["dark_current.b_per_c"] * full["temperature_c"])
+        context = Context(
+            exposure_s=full["exposure_s"],
+            temperature_c=full["temperature_c"],
+            gain_e_per_dn=full["gain_e_per_dn"] * torch.exp(boost),
+            black_level_dn=full["black_level_dn"],
+            full_well_e=full["full_well_e"],
+            quantum_efficiency=full["quantum_efficiency"],
+            dark_current_e=full["exposure_s"] * full["dark_current.a_e_per_s"] * heat,
+            bit_depth=self.bit_depth,
+            reading=self.spec.reading,
+            resolution=self.resolution,
+            window=stream.window,
+            sequence=sequence,
+            memory={} if memory is None else memory,
+        )
+        return chain.expose(self.effects, photons, full, self.choices(), stream, context, watch)
+
+    def __repr__(self) -> str:
+        rows, columns = self.resolution
+        further = ", ".join(self.effect_names) or "no further effects"
+        return f"Camera({self.name!r}, {rows}x{columns}, {self.bit_depth} bit, {further})"

@@ -1,0 +1,75 @@
+"""The chain: effects in the order of physics, from mean photons to DN."""
+
+from collections.abc import Callable, Mapping
+from types import SimpleNamespace
+
+import torch
+from torch import Tensor
+
+from visaug.camera.paths import path_of
+from visaug.effects import Context, Effect, Stage
+from visaug.sampling import Stream
+
+# In the paper's reading shot noise strikes the photons, before quantum efficiency and PRNU (its eqs. 8 to 10).
+PAPER_ORDER = {"photon_shot_noise": (Stage.OPTICS, 1000)}
+
+
+def ordered(effects: list[Effect], reading: str) -> list[Effect]:
+    """The effects in the order in which they act."""
+
+    def place(effect: Effect) -> tuple[int, int]:
+        moved = PAPER_ORDER.get(effect.name) if reading == "paper" else None
+        return moved or (effect.stage, effect.order)
+
+    return sorted(effects, key=place)
+
+
+def expose(
+    effects: list[Effect],
+    photons: Tensor,
+    values: Mapping[str, Tensor],
+    choices: Mapping[str, str],
+    stream: Stream,
+    context: Context,
+    watch: Callable[[Effect, Tensor], None] | None = None,
+) -> Tensor:
+    """DN of one exposure for each image.
+
+    Args:
+        effects: in the order in which they act, see `ordered`.
+        photons: (B, C, H, W) float32, mean photons per pixel that a perfect lens would bring.
+        values: every number of the camera by path, (B, 1, 1, 1).
+        choices: every choice by path.
+        stream: its forks by the effects' names are the effects' random numbers, so adding an effect changes no other's.
+        context: exposure, window and the like.
+        watch: called with each effect and the signal after it.
+
+    Returns:
+        (B, C, H, W) float32, DN.
+    """
+    signal = photons
+    for effect in effects:
+        own = parameters_of(effect, values, choices)
+        strengths = [getattr(own, name) for name in effect.strengths()]
+        if strengths and all(_is_zero(value) for value in strengths):
+            continue
+        signal = effect.apply(signal, own, stream.fork(effect.name), context)
+        if watch is not None:
+            watch(effect, signal)
+    return signal
+
+
+def parameters_of(effect: Effect, values: Mapping[str, Tensor], choices: Mapping[str, str]) -> SimpleNamespace:
+    """The values of an effect's parameters under their own names."""
+    own = SimpleNamespace()
+    for name, parameter in effect.parameters.items():
+        path = path_of(effect.name, name)
+        setattr(own, name, choices[path] if parameter.options else values[path])
+    return own
+
+
+def _is_zero(value: Tensor) -> bool:
+    """True where an effect has no strength anywhere; one that is being fitted from zero still takes part."""
+    if value.requires_grad or value.is_cuda or torch.compiler.is_compiling():
+        return False
+    return not bool(value.any())

@@ -1,0 +1,81 @@
+"""Parameters of a camera by their dotted path, as in camera.yaml: `read_noise.sigma_e`, `row_noise.sigma_e`, `gain_db`."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from visaug.effects import Effect, Parameter, catalogue
+
+if TYPE_CHECKING:
+    from visaug.camera.spec import CameraSpec
+
+EXPOSURE = Parameter(0.01, unit="s", low=0.0, high=1e5, name="exposure_s")
+TEMPERATURE = Parameter(20.0, unit="C", low=-150.0, high=150.0, name="temperature_c")
+
+TOP_LEVEL = {
+    "quantum_efficiency": ("quantum_efficiency", "value"),
+    "gain_e_per_dn": ("system_gain", "gain_e_per_dn"),
+    "gain_db": ("system_gain", "gain_db"),
+    "black_level_dn": ("system_gain", "black_level_dn"),
+    "full_well_e": ("saturation", "full_well_e"),
+}
+PARTS = ("read_noise", "dark_current", "prnu", "dsnu")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Which effect and parameter a path means."""
+
+    effect: type[Effect] | None
+    parameter: Parameter
+
+
+def path_of(effect: str, parameter: str) -> str:
+    """The camera file's path of an effect's parameter."""
+    for path, place in TOP_LEVEL.items():
+        if place == (effect, parameter):
+            return path
+    return f"{effect}.{parameter}"
+
+
+def place_of(path: str) -> Place:
+    """The effect and parameter behind a path; KeyError where there is none."""
+    if path == "exposure_s":
+        return Place(None, EXPOSURE)
+    if path == "temperature_c":
+        return Place(None, TEMPERATURE)
+    effect, _, parameter = path.partition(".")
+    effect, parameter = TOP_LEVEL.get(path, (effect, parameter))
+    known = catalogue()[effect]
+    return Place(known, known.parameters[parameter])
+
+
+def numeric_values(spec: "CameraSpec") -> dict[str, float]:
+    """Every number of a camera that can be randomised, fitted or differentiated, by path."""
+    values = {
+        "quantum_efficiency": spec.quantum_efficiency,
+        "gain_e_per_dn": spec.gain_e_per_dn,
+        "gain_db": spec.gain_db,
+        "black_level_dn": spec.black_level_dn,
+        "full_well_e": float("inf") if spec.full_well_e is None else spec.full_well_e,
+        "exposure_s": spec.exposure_s,
+        "temperature_c": spec.temperature_c,
+    }
+    for part in PARTS:
+        for key, value in getattr(spec, part).model_dump().items():
+            if isinstance(value, float):
+                values[f"{part}.{key}"] = value
+    for entry in spec.effects:
+        for key, parameter in catalogue()[entry["name"]].parameters.items():
+            if not parameter.options:
+                values[f"{entry['name']}.{key}"] = float(entry.get(key, parameter.default))
+    return values
+
+
+def words(spec: "CameraSpec") -> dict[str, str]:
+    """Every choice of a camera by path."""
+    chosen = {"read_noise.meaning": spec.read_noise.meaning}
+    for entry in spec.effects:
+        for key, parameter in catalogue()[entry["name"]].parameters.items():
+            if parameter.options:
+                chosen[f"{entry['name']}.{key}"] = entry.get(key, parameter.default)
+    return chosen

@@ -1,0 +1,175 @@
+"""camera.yaml: what may stand in it, checked; unknown keys and impossible values are refused with the key's path."""
+
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from visaug.effects import Effect, Parameter, catalogue
+from visaug.errors import InputError
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, validate_assignment=False)
+
+
+class ReadNoise(_Part):
+    sigma_e: float = Field(0.0, ge=0, le=1e4)
+    shape: float = Field(0.14, ge=-0.45, le=1)
+    meaning: Literal["standard_deviation", "scale"] = "standard_deviation"
+
+
+class DarkCurrent(_Part):
+    """a exp(b T), or a datasheet's value at a reference temperature with its doubling interval."""
+
+    a_e_per_s: float = Field(0.0, ge=0, le=1e7)
+    b_per_c: float = Field(0.0866, ge=0, le=0.5)
+    reference_e_per_s: float | None = Field(None, ge=0, le=1e7, exclude=True)
+    reference_temperature_c: float | None = Field(None, ge=-150, le=150, exclude=True)
+    doubling_c: float | None = Field(None, gt=1, le=100, exclude=True)
+
+    @model_validator(mode="after")
+    def _from_datasheet(self) -> "DarkCurrent":
+        datasheet = (self.reference_e_per_s, self.reference_temperature_c, self.doubling_c)
+        if all(value is None for value in datasheet):
+            return self
+        if any(value is None for value in datasheet) or "a_e_per_s" in self.model_fields_set:
+            raise ValueError(
+                "expected either a_e_per_s and b_per_c, or all of reference_e_per_s, reference_temperature_c and doubling_c"
+            )
+        import math
+
+        self.b_per_c = math.log(2) / self.doubling_c
+        self.a_e_per_s = self.reference_e_per_s * math.exp(-self.b_per_c * self.reference_temperature_c)
+        return self
+
+
+class PRNU(_Part):
+    column: float = Field(0.0, ge=0, le=0.5)
+    row: float = Field(0.0, ge=0, le=0.5)
+    pixel: float = Field(0.0, ge=0, le=0.5)
+    map: str | None = Field(None, description="a file of K per pixel (.npy, TIFF, FITS): replaces the three drawn parts")
+
+
+class DSNU(_Part):
+    column_e: float = Field(0.0, ge=0, le=1e4)
+    row_e: float = Field(0.0, ge=0, le=1e4)
+    pixel_e: float = Field(0.0, ge=0, le=1e4)
+    map: str | None = Field(None, description="a file of offsets in e- per pixel: replaces the three drawn parts")
+
+
+class CameraSpec(_Part):
+    """The content of a camera.yaml. Units are in the names; see the documentation of cameras for each field."""
+
+    name: str = "camera"
+    source: str | dict[str, str] | None = None
+    assumed: list[str] = Field(default_factory=list, description="paths of figures that no source gives")
+    licence: str | None = None
+    resolution: tuple[int, int]
+    bit_depth: int = Field(16, ge=1, le=16)
+    reading: Literal["physical", "paper"] = "physical"
+    quantum_efficiency: float = Field(1.0, ge=1e-4, le=1)
+    gain_e_per_dn: float = Field(ge=1e-6, le=1e6)
+    gain_db: float = Field(0.0, ge=-60, le=120)
+    black_level_dn: float = Field(0.0, ge=0, le=65535)
+    full_well_e: float | None = Field(None, ge=1, le=1e9)
+    exposure_s: float = Field(0.01, ge=0, le=1e5)
+    temperature_c: float = Field(20.0, ge=-150, le=150)
+    read_noise: ReadNoise = Field(default_factory=ReadNoise)
+    dark_current: DarkCurrent = Field(default_factory=DarkCurrent)
+    prnu: PRNU = Field(default_factory=PRNU)
+    dsnu: DSNU = Field(default_factory=DSNU)
+    effects: list[dict[str, Any]] = Field(default_factory=list)
+    randomize: dict[str, float | dict[str, float]] = Field(default_factory=dict)
+
+    @field_validator("resolution")
+    @classmethod
+    def _positive(cls, value: tuple[int, int]) -> tuple[int, int]:
+        if min(value) < 1 or max(value) > 65535:
+            raise ValueError("expected [rows, columns], each from 1 to 65535")
+        return value
+
+
+def read_spec(path: Path) -> CameraSpec:
+    """The checked content of a camera file."""
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError("cannot be read", file=path, expected="a camera.yaml") from error
+    except yaml.YAMLError as error:
+        raise InputError(f"is not YAML: {' '.join(str(error).split())}", file=path) from error
+    if not isinstance(content, dict):
+        raise InputError("holds no keys", file=path, expected="a camera.yaml with name, resolution, gain_e_per_dn ...")
+    return check_spec(content, path)
+
+
+def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
+    """A checked CameraSpec, or an InputError that names the first key at fault by its path."""
+    try:
+        spec = CameraSpec.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        path = ".".join(str(part) for part in first["loc"])
+        problem = "is not a key of a camera" if first["type"] == "extra_forbidden" else first["msg"]
+        given = "" if first["type"] in ("extra_forbidden", "missing") else f" (got {first['input']!r})"
+        raise InputError(problem + given, file=file, field=path) from error
+    for i, entry in enumerate(spec.effects):
+        _check_effect(entry, f"effects.{i}", file)
+    names = [entry["name"] for entry in spec.effects]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{name} stands twice", file=file, field="effects", expected="each effect once")
+    _check_randomize(spec, file)
+    return spec
+
+
+def _check_effect(entry: dict[str, Any], path: str, file: Path | None) -> None:
+    name = entry.get("name")
+    known = {key: effect for key, effect in catalogue().items() if not effect.base}
+    if name not in known:
+        expected = f"one of {', '.join(known)}"
+        raise InputError(f"{name!r} is not an effect", file=file, field=f"{path}.name", expected=expected)
+    for key, value in entry.items():
+        if key == "name":
+            continue
+        if key not in known[name].parameters:
+            expected = f"one of {', '.join(known[name].parameters)}"
+            raise InputError(f"is not a parameter of {name}", file=file, field=f"{path}.{key}", expected=expected)
+        check_value(known[name], key, value, f"{path}.{key}", file)
+
+
+def check_value(effect: type[Effect], key: str, value: Any, path: str, file: Path | None = None) -> None:
+    """Refuses a value that is no number, or out of the parameter's bounds."""
+    parameter = effect.parameters[key]
+    if parameter.options:
+        if value not in parameter.options:
+            expected = f"one of {', '.join(parameter.options)}"
+            raise InputError(f"{value!r} is not a choice", file=file, field=path, expected=expected)
+        return
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not parameter.low <= value <= parameter.high:
+        raise InputError(f"{value!r} is out of range", file=file, field=path, expected=bounds_text(parameter))
+    if parameter.integer and value != int(value):
+        raise InputError(f"{value!r} is no whole number", file=file, field=path, expected=bounds_text(parameter))
+
+
+def bounds_text(parameter: Parameter) -> str:
+    return f"a number from {parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip()
+
+
+def _check_randomize(spec: CameraSpec, file: Path | None) -> None:
+    from visaug.camera.paths import numeric_values
+
+    known = numeric_values(spec)
+    for path, spread in spec.randomize.items():
+        field = f"randomize.{path}"
+        if path not in known:
+            raise InputError("is no numeric parameter of this camera", file=file, field=field,
+                             expected=f"one of {', '.join(known)}")
+        if isinstance(spread, dict):
+            if set(spread) != {"std"}:
+                raise InputError(f"{spread!r} is no spread", file=file, field=field, expected="a number or {std: x}")
+            spread = spread["std"]
+        if spread < 0:
+            raise InputError(f"{spread!r} is negative", file=file, field=field, expected="a standard deviation, 0 or more")

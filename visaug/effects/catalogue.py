@@ -1,0 +1,73 @@
+"""The register of effects: what the package brings and what a user's file adds, by the same door."""
+
+import hashlib
+import importlib
+import importlib.util
+import pkgutil
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+from visaug.effects.effect import Effect
+from visaug.errors import InputError
+
+ROOMS = ("optics", "charge", "readout", "digital")
+
+
+@cache
+def _shipped() -> dict[str, type[Effect]]:
+    found: dict[str, type[Effect]] = {}
+    for room in ROOMS:
+        package = importlib.import_module(f"visaug.effects.{room}")
+        for info in pkgutil.iter_modules(package.__path__):
+            found |= _effects_in(importlib.import_module(f"{package.__name__}.{info.name}"))
+    return found
+
+
+_loaded: dict[str, type[Effect]] = {}
+
+
+def catalogue() -> dict[str, type[Effect]]:
+    """Every known effect by name, in the order of the chain: the shipped ones, then those loaded from files."""
+    everything = {**_shipped(), **_loaded}
+    return dict(sorted(everything.items(), key=lambda item: (item[1].stage, item[1].order, item[0])))
+
+
+def register(effect: type[Effect]) -> type[Effect]:
+    """Adds an effect class to the catalogue; usable as a decorator. A name of the shipped catalogue cannot be taken."""
+    if not effect.name:
+        raise InputError(f"effect {effect.__name__}: name: expected a non-empty string")
+    if effect.name in _shipped():
+        raise InputError(f"effect {effect.__name__}: name: {effect.name!r} is taken by the shipped catalogue")
+    if not hasattr(effect, "stage"):
+        raise InputError(f"effect {effect.name}: stage: expected a Stage")
+    _loaded[effect.name] = effect
+    return effect
+
+
+def load_file(path: str | Path) -> list[type[Effect]]:
+    """Adds every effect class that a Python file defines."""
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; expected a Python file that defines an Effect")
+    tag = hashlib.blake2b(str(path.resolve()).encode(), digest_size=4).hexdigest()
+    spec = importlib.util.spec_from_file_location(f"visaug_user_{path.stem}_{tag}", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise InputError(f"{path}: cannot be imported: {type(error).__name__}: {error}") from error
+    effects = _effects_in(module)
+    if not effects:
+        raise InputError(f"{path}: defines no Effect; see `visaug effects new NAME` for one that runs")
+    return [register(effect) for effect in effects.values()]
+
+
+def _effects_in(module: ModuleType) -> dict[str, type[Effect]]:
+    own = (
+        value
+        for value in vars(module).values()
+        if isinstance(value, type) and value.__module__ == module.__name__
+    )
+    return {value.name: value for value in own if issubclass(value, Effect) and value.name}

@@ -1,0 +1,1 @@
+"""In the pixel: from photons to electrons, their generation, storage, sharing and transfer."""

@@ -1,0 +1,27 @@
+"""Photo-response non-uniformity."""
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class PRNU(Effect):
+    """A fixed pattern, drawn once a camera: K = column + row + pixel, each Gaussian of mean 0."""
+
+    name = "prnu"
+    stage = Stage.GENERATION
+    order = 10
+    base = True
+    summary = "Pixels, rows and columns differ in how well they respond to light."
+    equation = "mu_e <- mu_e (1 + K_column + K_row + K_pixel)"
+    source = "EMVA 1288 release 4 Linear, section 4; the paper, eq. 10"
+    column = Parameter(0.0, unit="fraction", high=0.5, strength=True, source="EMVA 1288: PRNU_col", trials=(0.001, 0.003))
+    row = Parameter(0.0, unit="fraction", high=0.5, strength=True, source="EMVA 1288: PRNU_row", trials=(0.001, 0.003))
+    pixel = Parameter(0.0, unit="fraction", high=0.5, strength=True, source="EMVA 1288: PRNU_pix", trials=(0.003, 0.008))
+
+    def apply(self, signal, p, stream, context):
+        fixed = stream.fixed
+        pattern = p.column * fixed.fork("column").normal("column") + p.row * fixed.fork("row").normal("row")
+        pattern = pattern + p.pixel * fixed.fork("pixel").normal("pixel")
+        return (signal * (1 + pattern)).clamp_min(0)
+
+    def moments(self, mean, p, context):
+        return mean, mean**2 * (p.column**2 + p.row**2 + p.pixel**2)

@@ -1,0 +1,1 @@
+"""In and after the converter: DN."""

@@ -1,0 +1,1 @@
+"""On the way to the sensor: effects on the mean photons per pixel."""

@@ -1,0 +1,1 @@
+"""On the way to the converter: amplifiers and lines, in electrons."""

@@ -1,0 +1,26 @@
+"""Dark-signal non-uniformity."""
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class DSNU(Effect):
+    """A fixed pattern of offsets, drawn once a camera: column + row + pixel, each Gaussian of mean 0."""
+
+    name = "dsnu"
+    stage = Stage.READOUT
+    order = 10
+    base = True
+    summary = "Pixels, rows and columns differ in their offset, with and without light."
+    equation = "V <- V + D_column + D_row + D_pixel"
+    source = "EMVA 1288 release 4 Linear, section 4; the paper, eq. 11"
+    column_e = Parameter(0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: DSNU_col", trials=(0.5, 2.0))
+    row_e = Parameter(0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: DSNU_row", trials=(0.3, 1.0))
+    pixel_e = Parameter(0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: DSNU_pix", trials=(0.5, 2.0))
+
+    def apply(self, signal, p, stream, context):
+        fixed = stream.fixed
+        pattern = p.column_e * fixed.fork("column").normal("column") + p.row_e * fixed.fork("row").normal("row")
+        return signal + pattern + p.pixel_e * fixed.fork("pixel").normal("pixel")
+
+    def moments(self, mean, p, context):
+        return mean, p.column_e**2 + p.row_e**2 + p.pixel_e**2

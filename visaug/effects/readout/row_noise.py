@@ -1,0 +1,21 @@
+"""Row noise."""
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class RowNoise(Effect):
+    """The reset and reference of a row are common to its pixels, and fresh in every frame."""
+
+    name = "row_noise"
+    stage = Stage.READOUT
+    order = 40
+    summary = "One random offset for each row and frame."
+    equation = "V <- V + r_row, r ~ N(0, sigma^2), new in every frame"
+    source = "EMVA 1288 release 4 Linear, temporal row noise; K. Wei et al., IEEE TPAMI 44 (2022) 8520, eq. 7"
+    sigma_e = Parameter(1.0, unit="e-", high=1e4, strength=True, source="0.1 to 1 times the read noise", trials=(0.5, 1.5))
+
+    def apply(self, signal, p, stream, context):
+        return signal + p.sigma_e * stream.normal("row")
+
+    def moments(self, mean, p, context):
+        return mean, p.sigma_e**2

@@ -1,0 +1,59 @@
+"""Philox-4x32-10, the counter-based generator of Salmon et al., "Parallel random numbers: as easy as 1, 2, 3" (SC'11).
+
+A number is a pure function of (key, counter). Here the counter is the place on the sensor, so the same camera always has the
+same fixed pattern, a crop of the sensor gets the crop of the pattern, and a batch equals its images one by one, on every device.
+Two implementations of the same function: torch operators (any device, `torch.compile`) and numba in `kernels.py` (CPU).
+"""
+
+import torch
+from torch import Tensor
+
+M0, M1 = 0xD2511F53, 0xCD9E8D57
+W0, W1 = 0x9E3779B9, 0xBB67AE85
+MASK = 0xFFFFFFFF
+ROUNDS = 10
+
+
+def philox(counter: tuple[Tensor, Tensor, Tensor, Tensor], key: tuple[Tensor, Tensor]) -> tuple[Tensor, ...]:
+    """Four words of 32 random bits for each counter.
+
+    Args:
+        counter: four broadcastable int64 tensors holding unsigned 32-bit words.
+        key: two such tensors.
+
+    Returns:
+        Four int64 tensors of the broadcast shape, each in [0, 2^32).
+    """
+    c0, c1, c2, c3 = counter
+    k0, k1 = key
+    for _ in range(ROUNDS):
+        p0 = c0 * M0  # an unsigned 64-bit product; int64 wraps to the same bits
+        p1 = c2 * M1
+        c0, c1, c2, c3 = ((p1 >> 32) & MASK) ^ c1 ^ k0, p1 & MASK, ((p0 >> 32) & MASK) ^ c3 ^ k1, p0 & MASK
+        k0 = (k0 + W0) & MASK
+        k1 = (k1 + W1) & MASK
+    return c0, c1, c2, c3
+
+
+def sensor_bits(keys: Tensor, channels: int, rows: range, columns: range) -> Tensor:
+    """32 random bits for each pixel of a window of the sensor.
+
+    Args:
+        keys: (B,) int64, one 64-bit key an image.
+        channels: number of planes C.
+        rows, columns: the window, in sensor coordinates.
+
+    Returns:
+        (B, C, H, W) int64 in [0, 2^32). Four neighbours in a row share one counter.
+    """
+    device = keys.device
+    first = columns.start // 4
+    blocks = torch.arange(first, (columns.stop + 3) // 4, device=device).view(1, 1, 1, -1)
+    row = torch.arange(rows.start, rows.stop, device=device).view(1, 1, -1, 1)
+    channel = torch.arange(channels, device=device).view(1, -1, 1, 1)
+    key = ((keys & MASK).view(-1, 1, 1, 1), ((keys >> 32) & MASK).view(-1, 1, 1, 1))
+    words = philox((blocks, row, channel, torch.zeros_like(row)), key)
+    shape = (keys.numel(), channels, len(rows), blocks.numel())
+    interleaved = torch.stack([word.expand(shape) for word in words], dim=-1).flatten(-2)
+    offset = columns.start - 4 * first
+    return interleaved[..., offset : offset + len(columns)]

@@ -1,0 +1,160 @@
+"""Streams of random numbers for a batch of images."""
+
+import hashlib
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from visaug.sampling import distributions
+from visaug.sampling.philox import sensor_bits
+
+try:
+    from visaug.sampling import kernels
+except ImportError:  # numba is not to be had: same law and, but for rounding, same numbers from torch, slower
+    kernels = None
+
+
+def derive_key(*words: object) -> int:
+    """A 64-bit key from a seed and names; different words give unrelated streams."""
+    digest = hashlib.blake2b(repr(words).encode(), digest_size=8).digest()
+    return int.from_bytes(digest, "little")
+
+
+class Stream:
+    """Random numbers of one effect for a batch of images.
+
+    Args:
+        keys: one 64-bit key an image (its temporal noise), length B.
+        camera_keys: one 64-bit key an image (its fixed patterns); equal keys mean the same camera, hence the same maps.
+        channels: number of planes C.
+        window: rows and columns of the sensor that the images show.
+        device: where the numbers are wanted.
+
+    Every draw takes `vary`, which says what shares one number:
+    "pixel" (B, C, H, W), "row" (B, C, H, 1), "column" (B, C, 1, W), "frame" (B, 1, 1, 1).
+    Draw twice for two independent sets by `fork(name)`: the same stream gives the same numbers again.
+    """
+
+    def __init__(
+        self,
+        keys: Sequence[int],
+        camera_keys: Sequence[int],
+        channels: int,
+        window: tuple[range, range],
+        device: torch.device | str = "cpu",
+    ):
+        self._keys = tuple(keys)
+        self._camera_keys = tuple(camera_keys)
+        self.channels = channels
+        self.window = window
+        self.device = torch.device(device)
+
+    def fork(self, *words: object) -> "Stream":
+        """An independent stream for the same images and cameras."""
+        keys = [derive_key(key, *words) for key in self._keys]
+        known: dict[int, int] = {}
+        cameras = [known.setdefault(k, derive_key(k, *words)) for k in self._camera_keys]
+        return Stream(keys, cameras, self.channels, self.window, self.device)
+
+    @property
+    def fixed(self) -> "Stream":
+        """The stream of the cameras instead of the frames: what it gives is the same in every frame of a camera.
+
+        Where all images come from one camera its draws have a batch of 1, and broadcast.
+        """
+        cameras = self._camera_keys[:1] if len(set(self._camera_keys)) == 1 else self._camera_keys
+        return Stream(cameras, cameras, self.channels, self.window, self.device)
+
+    def uniform(self, vary: str = "pixel") -> Tensor:
+        """Uniform in (0, 1), float32."""
+        return distributions.uniform(self._bits(vary))
+
+    def normal(self, vary: str = "pixel") -> Tensor:
+        """Standard normal, float32."""
+        if not self._native():
+            return distributions.normal(self._bits(vary))
+        keys, r0, c0, out = self._native_arguments(vary)
+        kernels.fill_normal(keys, r0, c0, out)
+        return torch.from_numpy(out)
+
+    def tukey_lambda(self, shape: Tensor | float, vary: str = "pixel") -> Tensor:
+        """Tukey-lambda noise of mean 0 and standard deviation 1, float32; differentiable in `shape`.
+
+        Args:
+            shape: the lambda, > -0.5, scalar or (B, 1, 1, 1); 0.14 is nearly Gaussian, below 0 the tails are heavy.
+        """
+        shape = torch.as_tensor(shape, dtype=torch.float64, device=self.device)
+        if self._native() and not shape.requires_grad:
+            keys, r0, c0, out = self._native_arguments(vary)
+            shapes = shape.reshape(-1).expand(len(keys))
+            scales = 1 / distributions.tukey_standard_deviation(shapes)
+            kernels.fill_tukey(keys, r0, c0, shapes.numpy(), scales.numpy(), out)
+            return torch.from_numpy(out)
+        quantile = distributions.tukey_lambda(self._bits(vary), shape)
+        return quantile / distributions.tukey_standard_deviation(shape).float()
+
+    def poisson(self, mean: Tensor) -> Tensor:
+        """Poisson counts of the given means (B, C, H, W), float32; differentiable in `mean` (see `_Poisson`).
+
+        For one image the count grows with the mean at the same random number, so comparisons of two means share their noise.
+        """
+        full = (len(self._keys), self.channels, *map(len, self.window))
+        return _Poisson.apply(mean.expand(full), self)
+
+    def _poisson(self, mean: Tensor) -> Tensor:
+        if not self._native():
+            return distributions.poisson(mean, self._bits("pixel"))
+        keys, r0, c0, out = self._native_arguments("pixel")
+        kernels.fill_poisson(keys, r0, c0, mean.detach().float().numpy(), out)
+        return torch.from_numpy(out)
+
+    def _native(self) -> bool:
+        return kernels is not None and self.device.type == "cpu" and not torch.compiler.is_compiling()
+
+    def _native_arguments(self, vary: str) -> tuple[np.ndarray, int, int, np.ndarray]:
+        channels, rows, columns = self._extent(vary)
+        out = np.empty((len(self._keys), channels, len(rows), len(columns)), np.float32)
+        return np.array(self._keys, np.uint64), rows.start, columns.start, out
+
+    def _extent(self, vary: str) -> tuple[int, range, range]:
+        rows, columns = self.window
+        one = range(1)
+        extents = {
+            "pixel": (self.channels, rows, columns),
+            "row": (self.channels, rows, one),
+            "column": (self.channels, one, columns),
+            "frame": (1, one, one),
+        }
+        return extents[vary]
+
+    def _bits(self, vary: str) -> Tensor:
+        channels, rows, columns = self._extent(vary)
+        if self._native():
+            keys, r0, c0, _ = self._native_arguments("frame")
+            out = np.empty((len(keys), channels, len(rows), len(columns)), np.int64)
+            kernels.fill_bits(keys, rows.start, columns.start, out.view(np.uint64))
+            return torch.from_numpy(out)
+        signed = [key - 2**64 if key >= 2**63 else key for key in self._keys]
+        return sensor_bits(torch.tensor(signed, device=self.device), channels, rows, columns)
+
+
+class _Poisson(torch.autograd.Function):
+    """A Poisson count N with the pathwise gradient of N = m + sqrt(m) z at fixed z: dN/dm = 1 + (N - m) / (2 m).
+
+    A count has no derivative; this one is unbiased for the derivative of the mean and of the second moment:
+    E[dN/dm] = 1 and E[2 N dN/dm] = 2 m + 1. Below m = 0.01 the denominator is held, to bound the gradient's variance;
+    the derivative of the mean stays unbiased.
+    """
+
+    @staticmethod
+    def forward(ctx, mean: Tensor, stream: Stream) -> Tensor:
+        count = stream._poisson(mean)
+        ctx.save_for_backward(mean, count)
+        return count
+
+    @staticmethod
+    def backward(ctx, gradient: Tensor):
+        mean, count = ctx.saved_tensors
+        return gradient * (1 + (count - mean) / (2 * mean.clamp_min(0.01))), None
