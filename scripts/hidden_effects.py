@@ -1,0 +1,87 @@
+#!/usr/bin/env python
+"""Hide physical effects in simulated cameras, let visaug look for them, and count how often it is right.
+
+    python scripts/hidden_effects.py make 100-103 -o bench --kinds single,clean --strength plain
+    python scripts/hidden_effects.py run bench
+    python scripts/hidden_effects.py report bench
+
+The cameras come from scripts/independent, which shares no code with visaug; the program is called as a user would.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from independent import cameras, effects, judge, recipes  # noqa: E402
+from independent.sets import write_set  # noqa: E402
+from independent.strengths import FACTOR  # noqa: E402
+
+
+def seeds_of(text: str) -> list[int]:
+    """Read `100-103,110` as 100, 101, 102, 103, 110."""
+    seeds: list[int] = []
+    for part in text.split(","):
+        first, _, last = part.partition("-")
+        seeds += range(int(first), int(last or first) + 1)
+    return seeds
+
+
+def make(arguments: argparse.Namespace) -> None:
+    wanted = set(arguments.only.split(",")) if arguments.only else None
+    folder, made = Path(arguments.output), 0
+    for position, seed in enumerate(arguments.seeds):
+        listed = arguments.cameras
+        camera = listed[position % len(listed)] if listed else cameras.camera_of(seed)
+        for kind in arguments.kinds:
+            for recipe in recipes.KINDS[kind](seed, camera, arguments.strength):
+                if wanted and not wanted & set(recipe.expect):
+                    continue
+                write_set(recipe, folder, judge.beside(folder, "answers"))
+                made += 1
+    print(f"{made} sets in {folder}, their answers in {judge.beside(folder, 'answers')}")
+
+
+def kinds_of(text: str) -> list[str]:
+    kinds = text.split(",")
+    unknown = [kind for kind in kinds if kind not in recipes.KINDS]
+    if unknown:
+        raise argparse.ArgumentTypeError(f"unknown kind {unknown[0]}; known: {', '.join(recipes.KINDS)}")
+    return kinds
+
+
+def parser() -> argparse.ArgumentParser:
+    top = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = top.add_subparsers(required=True, metavar="COMMAND")
+
+    command = commands.add_parser("make", help="write frame sets and their answers")
+    command.add_argument("seeds", type=seeds_of, help="such as 100-103,110; a seed draws camera, layout and noise")
+    command.add_argument("-o", "--output", required=True, help="folder of the sets; answers go to OUTPUT_answers")
+    command.add_argument("--kinds", type=kinds_of, default=["single"], help=",".join(recipes.KINDS))
+    command.add_argument("--strength", choices=list(FACTOR), default="plain")
+    command.add_argument("--cameras", type=seeds_of, help="take these of the ten in turn instead of drawing")
+    command.add_argument("--only", help="names of effects, with commas")
+    command.set_defaults(go=make)
+
+    command = commands.add_parser("run", help="diagnose every set that has no result yet")
+    command.add_argument("folder", type=Path)
+    command.add_argument("--match", default="*", help="only sets whose folder name matches")
+    command.add_argument("--effects", type=Path, help="a user's effect file to pass on")
+    command.add_argument("--limit", type=float, default=1800, help="seconds for one set")
+    command.set_defaults(go=lambda a: judge.run_all(a.folder, a.match, a.effects, a.limit))
+
+    command = commands.add_parser("report", help="print counts with intervals as Markdown")
+    command.add_argument("folder", type=Path, nargs="+")
+    command.set_defaults(go=lambda a: print(judge.report(a.folder)))
+
+    command = commands.add_parser("effects", help="list what can be hidden, and the forms")
+    command.set_defaults(go=lambda a: [print(k.name, k.unit, k.other_form, sep=" | ") for k in effects.KINDS])
+    return top
+
+
+if __name__ == "__main__":
+    chosen = parser().parse_args()
+    chosen.go(chosen)

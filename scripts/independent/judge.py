@@ -1,0 +1,132 @@
+"""Let the program answer, keep what it says, and count."""
+
+from __future__ import annotations
+
+import fnmatch
+import json
+import subprocess
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+BASE_NAMES = {"prnu", "dsnu", "dark_current", "read_noise"}
+
+
+def beside(folder: Path, what: str) -> Path:
+    """The folder of answers or results that belongs to a folder of sets."""
+    return folder.parent / f"{folder.name}_{what}"
+
+
+def run_all(folder: Path, match: str, effects_file: Path | None, limit_s: float) -> None:
+    """Diagnose each set without a result. A failure is kept too, with what the program said; delete it to try again."""
+    results = beside(folder, "results")
+    results.mkdir(parents=True, exist_ok=True)
+    for answer_file in sorted(beside(folder, "answers").glob("*.json")):
+        identity = answer_file.stem
+        kept = results / f"{identity}.json"
+        if kept.exists() or not fnmatch.fnmatch(identity, match):
+            continue
+        answer = json.loads(answer_file.read_text())
+        report = results / f"{identity}.diagnosis.tmp"
+        command = [sys.executable, "-m", "visaug", "diagnose", str(folder / identity)]
+        command += ["--camera", str(folder / identity / "camera.yaml"), "--json", str(report), "--seed", "0"]
+        if answer["without"]:
+            command += ["--without", answer["without"]]
+        if effects_file:
+            command += ["--effects", str(effects_file)]
+        start = time.monotonic()
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=limit_s)
+            status, said = done.returncode, (done.stdout + done.stderr)[-2000:]
+        except subprocess.TimeoutExpired:
+            status, said = 124, f"no answer in {limit_s:g} s"
+        seconds = round(time.monotonic() - start, 1)
+        diagnosis = json.loads(report.read_text()) if status == 0 and report.exists() else None
+        report.unlink(missing_ok=True)
+        kept.write_text(
+            json.dumps({"status": status, "seconds": seconds, "said": said if status else "", "diagnosis": diagnosis})
+        )
+        told = diagnosis["accepted"] if diagnosis else f"status {status}"
+        print(f"{identity}: {told} in {seconds} s", flush=True)
+
+
+def wilson(successes: int, trials: int) -> tuple[float, float]:
+    """95 % interval of a proportion (Wilson 1927)."""
+    if trials == 0:
+        return 0.0, 1.0
+    z, share = 1.959964, successes / trials
+    middle = (share + z * z / (2 * trials)) / (1 + z * z / trials)
+    half = z / (1 + z * z / trials) * np.sqrt(share * (1 - share) / trials + z * z / (4 * trials**2))
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def verdict(answer: dict[str, Any], diagnosis: dict[str, Any] | None) -> dict[str, Any]:
+    """Judge one diagnosis.
+
+    right: exactly the expected names; for a left-out effect, no name, or a name with an honest "does not explain" beside
+    it, and both axis and growth as expected. wrong: a name that should not be there, told without reservation.
+    """
+    if diagnosis is None:
+        return {"right": False, "wrong": False, "after": None, "axis": False, "failed": True}
+    accepted, expected = set(diagnosis["accepted"]), set(answer["expect"])
+    unexplained = diagnosis["unexplained"]
+    told_axis = set((unexplained or {}).get("axis") or [])
+    told_growth = set((unexplained or {}).get("grows_with") or [])
+    growth = set(answer["grows"]) <= told_growth <= set(answer["grows"]) | set(answer["may_grow"])
+    axis = bool(told_axis & set(answer["axis"])) and growth
+    after = (diagnosis.get("error") or {}).get("after")
+    if answer["without"]:
+        return {
+            "right": unexplained is not None and axis,
+            "wrong": bool(accepted) and unexplained is None,
+            "after": after, "axis": axis, "failed": False,
+        }  # fmt: skip
+    return {
+        "right": accepted == expected,
+        "wrong": bool(accepted - expected),
+        "after": after, "axis": axis, "failed": False,
+    }  # fmt: skip
+
+
+def _share(hits: int, of: int) -> str:
+    low, high = wilson(hits, of)
+    return f"{hits}/{of} ({100 * low:.0f}-{100 * high:.0f} %)"
+
+
+def _row(label: str, judged: list[dict[str, Any]], seconds: Iterable[float]) -> str:
+    after = [j["after"] for j in judged if j["after"] is not None]
+    error = f"{np.median(after):.2f} / {np.percentile(after, 90):.2f}" if after else "-"
+    n = len(judged)
+    counts = [sum(bool(j[key]) for j in judged) for key in ("right", "wrong", "axis", "failed")]
+    time_s = np.median(list(seconds) or [0])
+    return (
+        f"| {label} | {_share(counts[0], n)} | {counts[1]} | {error} | {counts[2]} | {counts[3]} | {time_s:.0f} |"
+    )
+
+
+def report(folders: list[Path]) -> str:
+    """Markdown: for each kind and strength a pooled line and one for each effect."""
+    groups: dict[tuple[str, str], dict[str, list[tuple[dict[str, Any], float]]]] = defaultdict(lambda: defaultdict(list))
+    for folder in folders:
+        for kept in sorted(beside(folder, "results").glob("*.json")):
+            answer = json.loads((beside(folder, "answers") / kept.name).read_text())
+            result = json.loads(kept.read_text())
+            label = " + ".join(answer["expect"]) or "nothing"
+            judged = verdict(answer, result["diagnosis"])
+            groups[answer["kind"], answer["strength"]][label].append((judged, result["seconds"]))
+    lines: list[str] = []
+    for (kind, strength), by_label in sorted(groups.items()):
+        lines += [f"### {kind}, {strength}", ""]
+        lines += ["| hidden | right (95 %) | wrong name | error after, median / 90 % | axis and growth | failed | s |"]
+        lines += ["| --- | --- | --- | --- | --- | --- | --- |"]
+        pooled = [pair for pairs in by_label.values() for pair in pairs]
+        lines.append(_row("**all**", [p[0] for p in pooled], [p[1] for p in pooled]))
+        for label, pairs in sorted(by_label.items()) if kind != "pairs" else []:
+            lines.append(_row(label, [p[0] for p in pairs], [p[1] for p in pairs]))
+        lines.append("")
+    return "\n".join(lines)

@@ -1,0 +1,106 @@
+"""What the benchmark asks: one function a kind, each turning a seed into recipes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from . import cameras, effects
+from .randomness import stream
+from .sets import Recipe
+from .strengths import scaled
+
+
+def _hidden(camera: int, kind: effects.Kind, form: str, word: str) -> tuple[str, float, str] | None:
+    strength = scaled(camera, kind.name, form, word)
+    return None if strength is None else (kind.name, strength, form)
+
+
+def _one(seed: int, camera: int, word: str, of: str, form_of: Callable[[effects.Kind], str | None]) -> Iterator[Recipe]:
+    for kind in effects.KINDS:
+        form = form_of(kind)
+        hidden = form and _hidden(camera, kind, form, word)
+        if not hidden:
+            continue
+        yield Recipe(
+            f"{of}-{kind.name}-{word}-{seed}", of, word, seed, camera, (hidden,), expect=(kind.name,),
+            without=kind.name if of == "leave_out" else None,
+            axis=kind.axis, grows=kind.grows, may_grow=kind.may_grow,
+        )  # fmt: skip
+
+
+def single(seed: int, camera: int, word: str) -> Iterator[Recipe]:
+    """Every effect alone, in the form a catalogue would have."""
+    yield from _one(seed, camera, word, "single", lambda kind: "default")
+
+
+def other_form(seed: int, camera: int, word: str) -> Iterator[Recipe]:
+    """Every effect alone, in its second form."""
+    yield from _one(seed, camera, word, "other_form", lambda kind: kind.other_form)
+
+
+def leave_out(seed: int, camera: int, word: str) -> Iterator[Recipe]:
+    """Every effect alone, for a catalogue that lacks it."""
+    yield from _one(seed, camera, word, "leave_out", lambda kind: "default")
+
+
+def clean(seed: int, camera: int, word: str) -> Iterator[Recipe]:
+    """Nothing hidden."""
+    yield Recipe(f"clean-{seed}", "clean", "none", seed, camera)
+
+
+def pairs(seed: int, camera: int, word: str) -> Iterator[Recipe]:
+    """Two different effects drawn at random."""
+    rng = stream(seed, "pair")
+    while True:
+        chosen = rng.choice(len(effects.KINDS), 2, replace=False)
+        hidden = [_hidden(camera, effects.KINDS[i], "default", word) for i in chosen]
+        found = tuple(entry for entry in hidden if entry)
+        if len(found) == 2:
+            break
+    names = tuple(entry[0] for entry in found)
+    yield Recipe(f"pairs-{'+'.join(names)}-{word}-{seed}", "pairs", word, seed, camera, found, expect=names)
+
+
+def base_left_out(seed: int, camera: int, word: str) -> Iterator[Recipe]:
+    """A part of the base chain that the maker does not mention."""
+    heavy = {"tail": -0.2}
+    cases = {
+        "prnu": ({"prnu": 0.0}, {}),
+        "dark_current": ({"dark_e_per_s": 0.0}, {}),
+        "read_noise": ({"tail": 0.14}, heavy),
+    }
+    for name, (stated, actual) in cases.items():
+        identity = f"base_left_out-{name}-{seed}"
+        yield Recipe(identity, "base_left_out", "none", seed, camera, stated=stated, actual=actual, expect=(name,))
+
+
+def off_parameters(seed: int, camera: int, word: str) -> Iterator[Recipe]:
+    """Nothing hidden, but the maker's numbers are 2 to 6 per cent off."""
+    rng, sensor = stream(seed, "off"), cameras.sensor(camera)
+    entries = {"e_per_dn": sensor.e_per_dn, "read_e": sensor.read_e, "dark_e_per_s": sensor.dark_e_per_s}
+    stated = {n: v * (1 + rng.choice([-1, 1]) * rng.uniform(0.02, 0.06)) for n, v in entries.items()}
+    yield Recipe(f"off_parameters-{seed}", "off_parameters", "none", seed, camera, stated=stated)
+
+
+def small(seed: int, camera: int, word: str) -> Iterator[Recipe]:
+    """Bias, dark or flat frames alone, clean and with an effect that shows in them."""
+    shown = {"bias": ("row_noise", "rts_noise"), "dark": ("hot_pixels", "amplifier_glow"), "flat": ("nonlinearity",)}
+    for frames, names in shown.items():
+        yield Recipe(f"small_{frames}-clean-{seed}", f"small_{frames}", "none", seed, camera)
+        for name in names:
+            hidden = _hidden(camera, effects.BY_NAME[name], "default", word)
+            if hidden:
+                identity = f"small_{frames}-{name}-{word}-{seed}"
+                yield Recipe(identity, f"small_{frames}", word, seed, camera, (hidden,), expect=(name,))
+
+
+KINDS: dict[str, Callable[[int, int, str], Iterator[Recipe]]] = {
+    "single": single,
+    "clean": clean,
+    "pairs": pairs,
+    "other_form": other_form,
+    "base_left_out": base_left_out,
+    "off_parameters": off_parameters,
+    "leave_out": leave_out,
+    "small": small,
+}
