@@ -41,7 +41,10 @@ def main(source: Path, target: Path) -> None:
     (stack_bright,) = [e for e in entries if e[0] == "b" and len(e[3]) > 2]
     (stack_dark,) = [e for e in entries if e[0] == "d" and len(e[3]) > 2]
     kept = [(*e[:3], e[3]) for level in LEVELS for e in (sweep_bright[level], sweep_dark[level])]
-    kept += [(*stack_bright[:3], stack_bright[3][:STACK_BRIGHT]), (*stack_dark[:3], stack_dark[3][:STACK_DARK])]
+    kept += [
+        (*stack_bright[:3], stack_bright[3][:STACK_BRIGHT]),
+        (*stack_dark[:3], stack_dark[3][:STACK_DARK]),
+    ]
 
     frames, rows = [], []
     for kind, exposure_ns, photons, names in kept:

@@ -36,8 +36,21 @@ _HOME = {
     "simulate": "visaug.simulation",
 }
 _ROOMS = frozenset(
-    "augment camera characterization comparison diagnosis effects errors fingerprint frames "
-    "report sampling simulation ultralytics".split()
+    {
+        "augment",
+        "camera",
+        "characterization",
+        "comparison",
+        "diagnosis",
+        "effects",
+        "errors",
+        "fingerprint",
+        "frames",
+        "report",
+        "sampling",
+        "simulation",
+        "ultralytics",
+    }
 )
 
 __all__ = [

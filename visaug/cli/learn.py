@@ -1,5 +1,141 @@
-"""Commands."""
+"""Commands of the pose harness: demo, train, ablate, evaluate."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 import click
 
-COMMANDS: list[click.Command] = []
+from visaug.cli.options import command, json_option, output_option, written
+from visaug.cli.progress import progress_bars
+from visaug.errors import InputError
+
+config_argument = click.argument("config_path", metavar="CONFIG", type=click.Path(path_type=Path))
+
+
+@contextmanager
+def harness() -> Iterator[None]:
+    """Says which extra is missing, where it is."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name and error.name.split(".")[0] in ("ultralytics", "cv2", "visaug_train"):
+            raise InputError(
+                f"{error.name} is not installed", expected="the extra `train`: pip install 'visaug[train]'"
+            ) from None
+        raise
+
+
+@command("demo", example="visaug demo -o demo/")
+@output_option("DIR", "Folder for data, runs and report.html.", default=Path("demo"), show_default=True)
+def demo(output: Path, seed: int) -> None:
+    """The main job end to end on embedded data; stopped half-way, the same command goes on where it was."""
+    with harness(), progress_bars() as progress:
+        from visaug_train.demo import run_demo
+
+        report = run_demo(output, seed=seed, progress=progress)
+    click.echo(f"report: {report.resolve()}")
+
+
+@command("train", example="visaug train configs/demo.yaml")
+@config_argument
+def train(config_path: Path, seed: int) -> None:
+    """Train one network as CONFIG says."""
+    run("train", config_path, seed)
+
+
+@command("ablate", example="visaug ablate configs/speedplus.yaml")
+@config_argument
+def ablate(config_path: Path, seed: int) -> None:
+    """Train the arms that CONFIG names with all else equal, and compare them."""
+    run("ablate", config_path, seed)
+
+
+def run(what: str, config_path: Path, seed: int) -> None:
+    with harness(), progress_bars() as progress:
+        from visaug_train import commands
+
+        click.echo(getattr(commands, what)(config_path, seed=seed, progress=progress))
+
+
+@command(
+    "evaluate",
+    example="visaug evaluate configs/demo.yaml\n"
+    "visaug evaluate --predictions P.json --data speedplus/ --domain lightbox --json scores.json",
+)
+@click.argument("config_path", metavar="[CONFIG]", required=False, type=click.Path(path_type=Path))
+@click.option(
+    "--predictions", metavar="P.json", type=click.Path(path_type=Path), help="Any network's predictions."
+)
+@click.option("--data", metavar="DIR", type=click.Path(path_type=Path), help="A SPEED or SPEED+ folder.")
+@click.option("--domain", metavar="NAME", help="Which of its test sets.")
+@json_option
+def evaluate(
+    config_path: Path | None,
+    predictions: Path | None,
+    data: Path | None,
+    domain: str | None,
+    json_path: Path | None,
+    seed: int,
+) -> None:
+    """A trained network on its test sets, or any network's predictions on a SPEED/SPEED+ folder.
+
+    P.json is COCO's results format with `file_name` in place of `image_id`.
+    """
+    from visaug.files import write_json
+
+    given = {"--predictions": predictions, "--data": data, "--domain": domain}
+    absent = [name for name, value in given.items() if value is None]
+    if (config_path is None) == (len(absent) == 3) or (config_path is None and absent):
+        raise InputError(
+            "wrong arguments",
+            field="evaluate",
+            expected="CONFIG, or all of --predictions, --data and --domain",
+        )
+    with harness(), progress_bars() as progress:
+        from visaug_train import commands
+
+        scores: dict[str, Any]
+        if config_path:
+            scores = commands.evaluate(config_path, seed=seed, progress=progress)
+        else:
+            scores = commands.evaluate_predictions(predictions, data, domain)
+    print_scores(scores)
+    if json_path:
+        write_json(json_path, scores)
+    written(json_path)
+
+
+def print_scores(scores: dict[str, dict[str, Any]]) -> None:
+    """One line for each domain."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(
+        "domain",
+        "images",
+        "IoU",
+        "OKS (paper)",
+        "OKS (COCO)",
+        "box AP",
+        "keypoint AP (paper)",
+        "(COCO)",
+        "SPEC",
+        box=None,
+    )
+    for domain, s in scores.items():
+        values = (
+            s["iou"],
+            s["oks"]["paper"],
+            s["oks"]["coco"],
+            s["box_ap50_95"],
+            s["keypoint_ap50_95"]["paper"],
+            s["keypoint_ap50_95"]["coco"],
+            s.get("spec_score"),
+        )
+        table.add_row(domain, str(s["images"]), *("" if v is None else f"{v:.4f}" for v in values))
+    Console().print(table)
+
+
+COMMANDS: list[click.Command] = [demo, train, ablate, evaluate]

@@ -1,5 +1,144 @@
-"""Commands."""
+"""Commands that measure: characterize, compare, diagnose."""
+
+from pathlib import Path
 
 import click
 
-COMMANDS: list[click.Command] = []
+from visaug.cli import summaries
+from visaug.cli.options import (
+    camera_option,
+    command,
+    frames_argument,
+    json_option,
+    load_camera,
+    output_option,
+    report_option,
+    written,
+)
+from visaug.cli.progress import progress_bars
+
+
+@command("characterize", example="visaug characterize frames/ -o camera.yaml --report characterization.html")
+@frames_argument
+@camera_option(required=False)
+@output_option("camera.yaml", "Write the camera that was found.")
+@json_option
+@report_option
+def characterize(
+    frames_path: Path,
+    camera_name: str | None,
+    output: Path | None,
+    json_path: Path | None,
+    report_path: Path | None,
+    seed: int,
+) -> None:
+    """Camera parameters with 95 % intervals from measured frames.
+
+    With --camera, what the frames cannot tell (resolution of raw files, quantum efficiency without a
+    calibrated source) is taken from there. What stays open is said, not guessed.
+    """
+    import visaug
+    from visaug.files import write_json
+
+    camera = load_camera(camera_name) if camera_name else None
+    frames = visaug.FrameSet.load(frames_path, resolution=camera.resolution if camera else None)
+    with progress_bars() as progress:
+        progress("characterizing", 0, 1)
+        result = visaug.characterize(frames, camera, seed=seed)
+        progress("characterizing", 1, 1)
+    summaries.print_characterization(result.to_json())
+    if output:
+        result.camera.save(output)
+    if json_path:
+        write_json(json_path, result.to_json())
+    if report_path:
+        from visaug.report import write_characterization
+
+        write_characterization(report_path, result, frames)
+    for path in (output, json_path, report_path):
+        written(path)
+
+
+@command("compare", example="visaug compare frames/ --camera camera.yaml --report comparison.html")
+@frames_argument
+@camera_option()
+@json_option
+@report_option
+def compare(
+    frames_path: Path, camera_name: str, json_path: Path | None, report_path: Path | None, seed: int
+) -> None:
+    """Where model and measurement differ, and by how much."""
+    import visaug
+    from visaug.files import write_json
+
+    camera = load_camera(camera_name)
+    frames = visaug.FrameSet.load(frames_path, resolution=camera.resolution)
+    with progress_bars() as progress:
+        result = visaug.compare(camera, frames, seed=seed, progress=progress)
+    summaries.print_comparison(result.to_json())
+    if json_path:
+        write_json(json_path, result.to_json())
+    if report_path:
+        from visaug.report import write_comparison
+
+        write_comparison(report_path, result)
+    for path in (json_path, report_path):
+        written(path)
+
+
+@command(
+    "diagnose", example="visaug diagnose frames/ --camera camera.yaml -o better.yaml --report diagnosis.html"
+)
+@frames_argument
+@camera_option()
+@click.option(
+    "--effects",
+    "effects",
+    metavar="my.py",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Effects of your own to try beside the catalogue's (see `visaug effects new`). May be repeated.",
+)
+@click.option(
+    "--without", metavar="NAME", multiple=True, help="Leave an effect of the catalogue out. May be repeated."
+)
+@output_option("camera2.yaml", "Write the camera with what was missing.")
+@json_option
+@report_option
+def diagnose(
+    frames_path: Path,
+    camera_name: str,
+    effects: tuple[Path, ...],
+    without: tuple[str, ...],
+    output: Path | None,
+    json_path: Path | None,
+    report_path: Path | None,
+    seed: int,
+) -> None:
+    """Which physical effect is missing: names it, adds it, refits, and shows the error before and after."""
+    import visaug
+    from visaug.cli.effect_pages import find
+    from visaug.files import write_json
+
+    for name in without:
+        find(name)
+    camera = load_camera(camera_name)
+    frames = visaug.FrameSet.load(frames_path, resolution=camera.resolution)
+    with progress_bars() as progress:
+        result = visaug.diagnose(
+            camera, frames, effects=list(effects), without=list(without), seed=seed, progress=progress
+        )
+    summaries.print_diagnosis(result.to_json())
+    if output:
+        result.camera.save(output)
+    if json_path:
+        write_json(json_path, result.to_json())
+    if report_path:
+        from visaug.report import write_diagnosis
+
+        write_diagnosis(report_path, result)
+    for path in (output, json_path, report_path):
+        written(path)
+
+
+COMMANDS: list[click.Command] = [characterize, compare, diagnose]

@@ -1,0 +1,174 @@
+"""Noisy copies of picture files: `visaug augment`.
+
+A copy has its original's name, size, bit depth and number of channels. Each file's noise depends on the seed
+and the file's name alone, so neither the order of files nor an interruption changes a byte.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+
+from visaug.augment.pictures import SUFFIXES, Picture, read_picture, write_picture
+from visaug.errors import InputError
+from visaug.files import whole_file
+
+if TYPE_CHECKING:
+    from visaug.camera import Camera
+
+JOURNAL = ".visaug-augment.jsonl"
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Augmented:
+    """Numbers of files written, and of files that an earlier call with the same settings had made."""
+
+    written: int
+    kept: int
+
+
+def augment_files(
+    inputs: Sequence[str | Path],
+    output: str | Path,
+    camera: "Camera",
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Augmented:
+    """Write a noisy copy of every picture below `output`.
+
+    Args:
+        inputs: pictures, and folders that are searched whole; a folder's inner paths are kept below `output`.
+        output: folder for the copies; may hold copies of an earlier call, which are kept if camera, seed,
+            options and original are the same.
+        camera: the camera whose noise is added.
+        seed: the same seed gives the same bytes.
+        progress: called with (description, files done, files in all).
+        options: passed to `VISNoise`, e.g. transfer="srgb".
+
+    Raises:
+        InputError: no pictures, a picture that cannot be read, two with the same place in `output`, or an
+            output that would overwrite an original.
+    """
+    from visaug.augment import VISNoise
+
+    output = Path(output)
+    jobs = plan_jobs([Path(path) for path in inputs], output)
+    noise = VISNoise(camera, p=1.0, **options)
+    settings = {"camera": repr(camera.to_dict()), "seed": seed, **{k: str(v) for k, v in options.items()}}
+    written = 0
+    with Journal(output, settings) as journal:
+        for number, (name, source) in enumerate(jobs.items()):
+            if progress:
+                progress("augmenting", number, len(jobs))
+            if not journal.holds(name, source):
+                picture = add_noise(read_picture(source), noise, _seed_of(seed, name))
+                with whole_file(output / name) as temporary:
+                    write_picture(temporary, picture)
+                journal.add(name, source)
+                written += 1
+    if progress:
+        progress("augmenting", len(jobs), len(jobs))
+    return Augmented(written, len(jobs) - written)
+
+
+def plan_jobs(inputs: Sequence[Path], output: Path) -> dict[str, Path]:
+    """Place below `output` -> original, in the order of names."""
+    jobs: dict[str, Path] = {}
+    for start in inputs:
+        for name, source in _pictures(start, output):
+            if name in jobs and jobs[name].resolve() != source.resolve():
+                raise InputError(f"would be written to {name}, as {jobs[name]} would", file=source)
+            if (output / name).resolve() == source.resolve():
+                raise InputError("would be overwritten", file=source, expected="another output folder")
+            jobs[name] = source
+    if not jobs:
+        raise InputError(
+            "holds no pictures",
+            file=", ".join(map(str, inputs)),
+            expected="files ending in " + " ".join(SUFFIXES),
+        )
+    return dict(sorted(jobs.items()))
+
+
+def _pictures(start: Path, output: Path) -> Iterator[tuple[str, Path]]:
+    if start.is_file():
+        if start.suffix.lower() not in SUFFIXES:
+            raise InputError("is no picture", file=start, expected="a name ending in " + " ".join(SUFFIXES))
+        yield start.name, start
+    elif start.is_dir():
+        inside = output.resolve()
+        for path in start.rglob("*"):
+            made_here = inside != start.resolve() and inside in path.resolve().parents
+            if path.is_file() and path.suffix.lower() in SUFFIXES and path.name[0] != "." and not made_here:
+                yield path.relative_to(start).as_posix(), path
+    else:
+        raise InputError("no such file or folder", file=start)
+
+
+def add_noise(picture: Picture, noise: torch.nn.Module, seed: int) -> Picture:
+    """The picture with noise on its colour channels; alpha, depth and size stay."""
+    pixels, colours = picture.pixels, picture.colours
+    top = float(np.iinfo(pixels.dtype).max)
+    clean = torch.from_numpy(pixels[..., :colours].astype(np.float32) / np.float32(top))
+    with torch.random.fork_rng(devices=[]), torch.no_grad():
+        torch.manual_seed(seed)
+        noisy = noise(clean.permute(2, 0, 1)[None])[0].permute(1, 2, 0)
+    result = pixels.copy()
+    result[..., :colours] = (noisy.double() * top).round().clamp(0, top).numpy().astype(pixels.dtype)
+    return Picture(result, picture.extras)
+
+
+class Journal:
+    """Which copies in a folder are done, with which settings, from which state of the original.
+
+    One line of JSON a file, written after the file is in place; another setting starts it anew.
+    """
+
+    def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
+        self.folder, self.path = folder, folder / JOURNAL
+        self.head = json.dumps({"settings": settings}, sort_keys=True)
+        self.done: dict[str, list[int]] = {}
+
+    def __enter__(self) -> "Journal":
+        self.folder.mkdir(parents=True, exist_ok=True)
+        lines = self.path.read_text(encoding="utf-8").splitlines() if self.path.exists() else []
+        same = bool(lines) and lines[0] == self.head
+        for line in lines[1:] if same else []:
+            try:
+                entry = json.loads(line)
+            except json.JSONDecodeError:  # torn by an interruption
+                continue
+            self.done[entry["name"]] = entry["original"]
+        self._handle = open(self.path, "a" if same else "w", encoding="utf-8")
+        # A line feed first closes a line that an interruption tore.
+        self._handle.write("\n" if same else self.head + "\n")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._handle.close()
+
+    def holds(self, name: str, source: Path) -> bool:
+        return self.done.get(name) == _state(source) and (self.folder / name).is_file()
+
+    def add(self, name: str, source: Path) -> None:
+        self._handle.write(json.dumps({"name": name, "original": _state(source)}) + "\n")
+        self._handle.flush()
+
+
+def _state(path: Path) -> list[int]:
+    """Size and time of change, by which an original is known again."""
+    status = path.stat()
+    return [status.st_size, status.st_mtime_ns]
+
+
+def _seed_of(seed: int, name: str) -> int:
+    digest = hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=8).digest()
+    return int.from_bytes(digest, "little") >> 1

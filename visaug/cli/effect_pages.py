@@ -1,0 +1,101 @@
+"""What `visaug effects` prints and writes."""
+
+import keyword
+from pathlib import Path
+
+from visaug.effects.catalogue import catalogue
+from visaug.effects.effect import Effect, Parameter
+from visaug.errors import InputError
+from visaug.files import write_text
+
+TEMPLATE = '''"""{name}: say in a sentence what it does to the picture, and where the law is from."""
+
+from visaug import Effect, Parameter, Stage
+
+
+class {class_name}(Effect):
+    """As it stands: one random offset for each row and frame. Put your own physics in `apply`."""
+
+    name = "{name}"
+    # OPTICS (photons) -> GENERATION (mean electrons) -> CHARGE (electrons after shot noise)
+    # -> READOUT (electrons on their way to the converter) -> DIGITAL (DN)
+    stage = Stage.READOUT
+    summary = "one random offset for each row and frame"
+
+    # The effect must vanish where the parameter marked `strength` is zero; `trials` are values that a
+    # diagnosis tries first, from weak to strong.
+    sigma_e = Parameter(0.0, unit="e-", low=0.0, strength=True, trials=(0.3, 1.0, 3.0), source="assumed")
+
+    def apply(self, signal, p, stream, context):
+        """`signal` is (images, channels, rows, columns) in the stage's unit; parameters are p.NAME."""
+        # stream: random numbers of each frame; stream.fixed: those of the camera, the same in every frame.
+        return signal + p.sigma_e * stream.normal("row")
+'''
+
+
+def print_catalogue() -> None:
+    """One line for each effect, in the order of the chain."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("effect", "stage", "what it is", box=None)
+    for name, effect in catalogue().items():
+        table.add_row(name, effect.stage.name.lower(), effect.summary)
+    Console().print(table)
+
+
+def print_effect(name: str) -> None:
+    """An effect in full: law, parameters with units and bounds, sources."""
+    from rich.console import Console
+    from rich.table import Table
+
+    effect = find(name)
+    console = Console()
+    console.print(f"[bold]{name}[/bold]  ({effect.stage.name.lower()})", highlight=False)
+    for line in (effect.summary, effect.equation, effect.source and f"Source: {effect.source}"):
+        if line:
+            console.print(line, highlight=False, markup=False)
+    if not effect.differentiable:
+        console.print(f"No gradients: {effect.why_not}", highlight=False, markup=False)
+    if effect.parameters:
+        table = Table("parameter", "unit", "default", "range", "source", box=None)
+        for key, parameter in effect.parameters.items():
+            table.add_row(key, parameter.unit, f"{parameter.default}", _range(parameter), parameter.source)
+        console.print()
+        console.print(table)
+
+
+def write_new(name: str, output: Path | None) -> Path:
+    """A file with an effect of this name, ready to edit; an existing file is never overwritten."""
+    if not name.isidentifier() or keyword.iskeyword(name) or name != name.lower():
+        raise InputError(
+            repr(name), field="NAME", expected="lower-case letters, digits and _, such as my_effect"
+        )
+    if name in catalogue():
+        raise InputError(f"{name!r} is taken by the catalogue", field="NAME", expected="a name of its own")
+    output = output or Path(f"{name}.py")
+    if output.exists():
+        raise InputError("is there already", file=output, expected="a new file; choose one with -o")
+    class_name = "".join(part.capitalize() for part in name.split("_"))
+    write_text(output, TEMPLATE.format(name=name, class_name=class_name))
+    return output
+
+
+def find(name: str) -> type[Effect]:
+    effects = catalogue()
+    if name in effects:
+        return effects[name]
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, effects, n=3) or sorted(effects)
+    raise InputError(f"{name!r} is no effect of the catalogue", field="NAME", expected=" or ".join(near))
+
+
+def _range(parameter: Parameter) -> str:
+    if parameter.options:
+        return " | ".join(parameter.options)
+    return (
+        f"{parameter.low:g} to {parameter.high:g}"
+        if parameter.high != float("inf")
+        else f">= {parameter.low:g}"
+    )

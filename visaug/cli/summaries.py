@@ -1,0 +1,101 @@
+"""Results on the terminal, from their JSON form."""
+
+from typing import Any
+
+import click
+
+MARK = "…"
+
+
+def print_characterization(result: dict[str, Any]) -> None:
+    """A table of parameters with intervals, what stays open, and warnings."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("parameter", "value", "95 % interval", "unit", "from", box=None)
+    for name, entry in result["parameters"].items():
+        table.add_row(name, number(entry["value"]), interval(entry), entry["unit"], entry["from"])
+    Console().print(table)
+    for entry in result["not_determined"]:
+        click.echo(f"not determined: {entry['parameter']}; needs {entry['needs']}")
+    for warning in result["warnings"]:
+        click.echo(f"warning: {warning}")
+
+
+def print_comparison(result: dict[str, Any]) -> None:
+    """The error, whether the model holds, and where it fails."""
+    print_error(result["error"], result["fits"])
+    print_places(result["where"])
+
+
+def print_diagnosis(result: dict[str, Any]) -> None:
+    """What was missing, the error falling step by step, and what is left."""
+    error, fits = result["error"], result["fits"]
+    if result["accepted"]:
+        click.echo("missing: " + ", ".join(map(described(result["ranking"]), result["accepted"])))
+    elif fits["adequate_before"]:
+        click.echo("nothing is missing: the camera as given explains these frames")
+    else:
+        click.echo("no effect of the catalogue was accepted")
+    for step in result["steps"]:
+        value = f"{number(step['error'])} {interval_of(step.get('interval'))}".rstrip()
+        click.echo(f"  {step['action']:<32} error {value}")
+    if error["before"] is not None:
+        after = f"{number(error['after'])} {interval_of(error.get('interval_after'))}".rstrip()
+        click.echo(f"error: {number(error['before'])} before, {after} after")
+        click.echo("       (0 is as close as another set of that camera would come)")
+    for group in result["ambiguous"]:
+        click.echo(
+            f"cannot be told apart here: {', '.join(group['effects'])}; to tell them: {group['measure']}"
+        )
+    if result["unexplained"]:
+        click.echo(f"unexplained: {result['unexplained']['description']}")
+        click.echo("if you know what it is, write it down: visaug effects new NAME")
+
+
+def described(ranking: list[dict[str, Any]]):
+    """Name of an effect with its fitted parameters, from the ranking where it stands there."""
+    known = {entry["effect"]: entry.get("parameters") or {} for entry in ranking}
+
+    def describe(name: str) -> str:
+        values = [
+            f"{key} {number(entry['value'])} {interval(entry)}".rstrip()
+            for key, entry in known.get(name, {}).items()
+        ]
+        return f"{name} ({', '.join(values)})" if values else name
+
+    return describe
+
+
+def print_error(error: dict[str, Any], fits: dict[str, Any]) -> None:
+    value = error.get("value", error.get("before"))
+    adequate = fits.get("adequate", fits.get("adequate_before"))
+    p_value = fits.get("p_value", fits.get("p_value_before"))
+    if value is not None:
+        click.echo(f"error {number(value)} {interval_of(error.get('interval'))}".rstrip())
+    click.echo(f"the model {'holds' if adequate else 'does not hold'} (p = {number(p_value)})")
+
+
+def print_places(where: list[dict[str, Any]], most: int = 10) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    if not where:
+        return
+    table = Table("view", "share of the misfit", "worst statistic", "standard deviations", box=None)
+    for place in where[:most]:
+        table.add_row(place["view"], f"{place['share']:.0%}", str(place["worst"]), number(place["z"]))
+    Console().print(table)
+
+
+def number(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.4g}"
+
+
+def interval(entry: dict[str, Any]) -> str:
+    low, high = entry.get("low"), entry.get("high")
+    return "" if low is None and high is None else f"[{number(low)}{MARK}{number(high)}]"
+
+
+def interval_of(pair: list[float] | None) -> str:
+    return f"[{number(pair[0])}{MARK}{number(pair[1])}]" if pair else ""
