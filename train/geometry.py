@@ -1,0 +1,201 @@
+"""From a pose to pixels: cameras with lens distortion, keypoints, boxes, what of them lies in the image.
+
+Pixel coordinates count from the outer corner of the first pixel, so the image covers [0, width] x [0, height] and
+resizing by s multiplies them by s; SPEED's principal point (960, 600) of a 1920 x 1200 image is meant so.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from visaug.errors import InputError
+
+TANGO = Path(__file__).with_name("tango.yaml")
+
+
+@dataclass(frozen=True, eq=False)
+class Pinhole:
+    """Intrinsics of a camera: size in pixels, 3 x 3 matrix in pixels, OpenCV's (k1, k2, p1, p2, k3)."""
+
+    width: int
+    height: int
+    matrix: np.ndarray
+    distortion: np.ndarray
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Pinhole":
+        """Read SPEED's or SPEED+'s camera.json."""
+        path = Path(path)
+        content = read_json(path)
+        if not isinstance(content, dict):
+            raise InputError(f"{path}: expected an object with Nu, Nv and cameraMatrix")
+        width, height = (_number(content, key, path) for key in ("Nu", "Nv"))
+        if "cameraMatrix" in content or "K" in content:
+            key = "cameraMatrix" if "cameraMatrix" in content else "K"
+            matrix = _array(content[key], (3, 3), f"{path}: {key}")
+        else:  # SPEED gives the focal length and the pixel pitch in metres
+            fx, fy, ppx, ppy = (_number(content, key, path) for key in ("fx", "fy", "ppx", "ppy"))
+            matrix = np.array([[fx / ppx, 0, width / 2], [0, fy / ppy, height / 2], [0, 0, 1.0]])
+        distortion = np.zeros(5)
+        given = np.ravel(content.get("distCoeffs", []))
+        if given.size not in (0, 4, 5):
+            raise InputError(f"{path}: distCoeffs: expected 4 or 5 numbers (k1 k2 p1 p2 k3), got {given.size}")
+        distortion[: given.size] = _array(given, (given.size,), f"{path}: distCoeffs")
+        if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and np.allclose(matrix[2], [0, 0, 1])):
+            raise InputError(f"{path}: cameraMatrix: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0")
+        if not (0 < matrix[0, 2] < width and 0 < matrix[1, 2] < height):
+            raise InputError(f"{path}: cameraMatrix: expected a principal point inside {width} x {height} pixels")
+        return cls(int(width), int(height), matrix, distortion)
+
+    def to_json(self) -> dict[str, Any]:
+        """In SPEED+'s layout; fx and fy in metres for a pitch of 5.86 um at 1920 pixels."""
+        pitch = 5.86e-6 * 1920 / self.width
+        fx, fy = float(self.matrix[0, 0]) * pitch, float(self.matrix[1, 1]) * pitch
+        return {
+            "Nu": self.width,
+            "Nv": self.height,
+            "ppx": pitch,
+            "ppy": pitch,
+            "fx": fx,
+            "fy": fy,
+            "ccx": float(self.matrix[0, 2]),
+            "ccy": float(self.matrix[1, 2]),
+            "cameraMatrix": self.matrix.tolist(),
+            "distCoeffs": self.distortion.tolist(),
+        }
+
+    def scaled(self, width: int, height: int) -> "Pinhole":
+        """The camera of the same images resized to `width` x `height` pixels."""
+        scale = np.diag([width / self.width, height / self.height, 1.0])
+        return Pinhole(width, height, scale @ self.matrix, self.distortion)
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Points (..., 3) in the camera's frame, metres -> pixels (..., 2). Behind the camera: NaN."""
+        z = np.where(points[..., 2] > 1e-9, points[..., 2], np.nan)
+        plane = distort(points[..., :2] / z[..., None], self.distortion)
+        return plane @ self.matrix[:2, :2].T + self.matrix[:2, 2]
+
+    def rays(self, pixels: np.ndarray) -> np.ndarray:
+        """Pixels (..., 2) -> directions (..., 3) with z = 1 that `project` maps to them."""
+        distorted = (pixels - self.matrix[:2, 2]) @ np.linalg.inv(self.matrix[:2, :2]).T
+        plane = distorted.copy()
+        for _ in range(20):  # a fixed point; contracts fast for the mild distortion of such lenses
+            plane = plane + distorted - distort(plane, self.distortion)
+        return np.concatenate([plane, np.ones_like(plane[..., :1])], axis=-1)
+
+
+def distort(plane: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+    """OpenCV's radial and tangential distortion of normalised coordinates (..., 2)."""
+    k1, k2, p1, p2, k3 = coefficients
+    x, y = plane[..., 0], plane[..., 1]
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    return np.stack(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        ],
+        axis=-1,
+    )
+
+
+def rotation_matrix(quaternions: np.ndarray) -> np.ndarray:
+    """Quaternions (..., 4), scalar first -> matrices R (..., 3, 3) with p_camera = R p_body + r."""
+    w, x, y, z = np.moveaxis(quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+@dataclass(frozen=True, eq=False)
+class Keypoints:
+    """Named points of a spacecraft in its body frame, metres, (K, 3)."""
+
+    name: str
+    names: tuple[str, ...]
+    points_m: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @classmethod
+    def load(cls, source: str | Path = "tango") -> "Keypoints":
+        """A YAML file with `points_m` (name: [x, y, z], or a list of points), or `tango`."""
+        path = TANGO if str(source) == "tango" else Path(source)
+        try:
+            content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise InputError(f"{path}: keypoints: no such file; expected `tango` or a YAML file") from None
+        except (yaml.YAMLError, UnicodeDecodeError):
+            raise InputError(f"{path}: expected YAML with points_m: {{name: [x, y, z]}}") from None
+        points = content.get("points_m") if isinstance(content, dict) else None
+        if isinstance(points, list):
+            points = {f"point_{i + 1}": point for i, point in enumerate(points)}
+        if not isinstance(points, dict) or len(points) < 4:
+            raise InputError(f"{path}: points_m: expected at least 4 points, as name: [x, y, z] in metres")
+        array = _array(list(points.values()), (len(points), 3), f"{path}: points_m")
+        return cls(str(content.get("name", path.stem)), tuple(map(str, points)), array)
+
+
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """What the images show. boxes (N, 4) x0 y0 x1 y1, clipped; points (N, K, 2); inside (N, K); seen (N,).
+
+    A target is seen when its box, cut at the border, is at least one pixel wide and high. Boxes are those of
+    the hull of all projected keypoints, so a target that reaches over the border keeps the part inside.
+    """
+
+    boxes: np.ndarray
+    points: np.ndarray
+    inside: np.ndarray
+    seen: np.ndarray
+
+
+def project_targets(
+    camera: Pinhole, keypoints: Keypoints, quaternions: np.ndarray, translations: np.ndarray
+) -> Targets:
+    """Boxes and keypoints in pixels of poses (N, 4), (N, 3)."""
+    rotated = np.einsum("nij,kj->nki", rotation_matrix(quaternions), keypoints.points_m)
+    points = camera.project(rotated + translations[:, None, :])
+    size = np.array([camera.width, camera.height], float)
+    whole = np.isfinite(points).all(axis=(1, 2))  # a target that reaches behind the camera has no box
+    filled = np.where(np.isfinite(points), points, -1.0)
+    low = np.clip(filled.min(axis=1), 0, size)
+    high = np.clip(filled.max(axis=1), 0, size)
+    inside = np.isfinite(points).all(axis=2) & (points >= 0).all(axis=2) & (points <= size).all(axis=2)
+    seen = whole & ((high - low) >= 1.0).all(axis=1)
+    return Targets(np.concatenate([low, high], axis=1), points, inside & seen[:, None], seen)
+
+
+def read_json(path: Path) -> Any:
+    """The content of a JSON file; what cannot be read is the user's mistake."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: expected JSON ({error})") from None
+
+
+def _number(content: dict, key: str, path: Path) -> float:
+    value = content.get(key)
+    if not isinstance(value, (int, float)) or isinstance(value, bool) or not value > 0:
+        raise InputError(f"{path}: {key}: expected a number > 0, got {value!r}")
+    return value
+
+
+def _array(value: Any, shape: tuple[int, ...], where: str) -> np.ndarray:
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.array(np.nan)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise InputError(f"{where}: expected {' x '.join(map(str, shape))} finite numbers")
+    return array

@@ -1,0 +1,187 @@
+"""Write a rendered dataset in SPEED+'s layout: camera.json, synthetic/, lightbox/, sunlamp/.
+
+Every image has its own stream of random numbers, so an interrupted rendering goes on where it stopped and gives the
+same bytes. A split's json is written last: where it stands, its images do.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from visaug.errors import InputError
+from visaug.files import write_bytes, write_json
+from visaug_train.geometry import Pinhole, read_json
+from visaug_train.render.caster import RayCaster, Views
+from visaug_train.render.independent_camera import LIGHTBOX_CAMERA, SUNLAMP_CAMERA, IndependentCamera
+from visaug_train.render.views import LIGHTBOX, SUNLAMP, SYNTHETIC, Lighting, draw_earth, draw_views
+
+Progress = Callable[[str, int, int], None]
+
+# SPEED+'s published intrinsics; a rendering of another size uses them scaled, so the field of view stays.
+SPEED_PLUS_CAMERA = Pinhole(
+    1920,
+    1200,
+    np.array([[2988.5795163815555, 0, 960], [0, 2988.3401159176124, 600], [0, 0, 1.0]]),
+    np.array([-0.22383016606510672, 0.51409797089106379, -0.00066499611998340662, -0.00021404771667484594,
+              -0.13124227429077406]),
+)  # fmt: skip
+BATCH = 16
+
+
+@dataclass(frozen=True)
+class Domain:
+    """How a domain is lit and by which camera it is seen; `brightness` is the target's mean, a share of full scale.
+
+    Without a camera the image is the noiseless 8-bit one that a renderer gives.
+    """
+
+    lighting: Lighting
+    brightness: tuple[float, float]
+    camera: IndependentCamera | None = None
+
+
+DOMAINS = {
+    "synthetic": Domain(SYNTHETIC, (0.12, 0.35)),
+    "lightbox": Domain(LIGHTBOX, (0.10, 0.25), LIGHTBOX_CAMERA),
+    "sunlamp": Domain(SUNLAMP, (0.5, 1.1), SUNLAMP_CAMERA),
+}
+
+
+@dataclass(frozen=True)
+class RenderSettings:
+    """Size of the dataset and what it shows. `images` holds the number of each domain's splits."""
+
+    width: int = 240
+    height: int = 150
+    images: dict[str, dict[str, int]] = field(
+        default_factory=lambda: {
+            "synthetic": {"train": 500, "validation": 100, "test": 150},
+            "lightbox": {"test": 150},
+            "sunlamp": {"test": 150},
+        }
+    )
+    distance_m: tuple[float, float] = (2.6, 5.5)
+    attitude_deg: float = 45.0
+    samples: int = 2
+    linear_frames: bool = False
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for domain, splits in self.images.items():
+            if domain not in DOMAINS:
+                raise InputError(f"render: images: expected one of {', '.join(DOMAINS)}, got {domain}")
+            for split, count in splits.items():
+                if split not in ("train", "validation", "test") or not count > 0:
+                    raise InputError(f"render: images.{domain}: expected train, validation or test: a number > 0")
+        if not 0.5 <= self.distance_m[0] <= self.distance_m[1]:
+            raise InputError(f"render: distance_m: expected [near, far] with near >= 0.5 m, got {self.distance_m}")
+        if not 0 <= self.attitude_deg <= 180:
+            raise InputError(f"render: attitude_deg: expected 0 to 180, got {self.attitude_deg}")
+
+
+def render_dataset(root: str | Path, settings: RenderSettings, progress: Progress | None = None) -> Path:
+    """Render what is not there yet into `root` and return it.
+
+    With `linear_frames` each image has a noiseless partner in ``images_linear/``: 16 bit, the same exposure, full
+    scale at twice the 8-bit image's white, so highlights that clip in 8 bit are kept.
+    """
+    root = Path(root)
+    stamp = root / "render.json"
+    described = read_back(settings)
+    if stamp.is_file() and read_json(stamp) != described:
+        raise InputError(f"{root}: was rendered with other settings (render.json); expected a new folder")
+    camera = SPEED_PLUS_CAMERA.scaled(settings.width, settings.height)
+    write_json(stamp, described)
+    write_json(root / "camera.json", camera.to_json())
+    caster = RayCaster(camera, settings.samples)
+    total = sum(sum(splits.values()) for splits in settings.images.values())
+    done = 0
+    for domain, splits in settings.images.items():
+        first = 0
+        for split, count in splits.items():
+            numbers = range(first, first + count)
+            listing = root / domain / f"{split}.json"
+            views = [_draw(camera, settings, domain, number) for number in numbers]
+            if not listing.is_file():
+                for start in range(0, count, BATCH):
+                    part = slice(start, min(start + BATCH, count))
+                    _render_part(root, settings, domain, caster, views[part], numbers[part])
+                    if progress:
+                        progress("rendering", done + part.stop, total)
+                write_json(listing, [_record(number, view) for number, view in zip(numbers, views)])
+            done += count
+            first += count
+            if progress:
+                progress("rendering", done, total)
+    return root
+
+
+def read_back(settings: RenderSettings) -> dict:
+    """The settings with the domains as JSON has them."""
+    import json
+
+    return json.loads(json.dumps({"settings": asdict(settings), "domains": {k: asdict(v) for k, v in DOMAINS.items()}}))
+
+
+def _draw(camera: Pinhole, settings: RenderSettings, domain: str, number: int) -> Views:
+    rng = _stream(settings, domain, number, 0)
+    lighting = DOMAINS[domain].lighting
+    return draw_views(camera, 1, lighting, settings.distance_m, settings.attitude_deg, rng)
+
+
+def _render_part(
+    root: Path, settings: RenderSettings, domain: str, caster: RayCaster, views: list[Views], numbers: range
+) -> None:
+    files = [root / domain / "images" / _name(number) for number in numbers]
+    if all(file.is_file() for file in files):
+        return
+    joined = Views(*(np.concatenate([getattr(v, name) for v in views]) for name in Views.__dataclass_fields__))
+    radiance, covered = (tensor.numpy() for tensor in caster.render(joined))
+    for file, number, image, cover in zip(files, numbers, radiance, covered):
+        clean, picture = _expose(settings, domain, number, image, cover, caster.camera)
+        write_bytes(file, _png(picture))
+        if settings.linear_frames:
+            frame = np.clip(np.rint(clean * 32767.5), 0, 65535).astype(np.uint16)
+            write_bytes(root / domain / "images_linear" / file.name, _png(frame))
+
+
+def _expose(
+    settings: RenderSettings, domain: str, number: int, radiance: np.ndarray, cover: np.ndarray, camera: Pinhole
+) -> tuple[np.ndarray, np.ndarray]:
+    """Noiseless image (1 is white) and the 8-bit one, exposed for the target as an automatic exposure would."""
+    kind = DOMAINS[domain]
+    rng = _stream(settings, domain, number, 1)
+    earth = draw_earth(camera, kind.lighting.earth_share, rng)
+    seen = radiance[cover > 0.5]
+    mean = max(float(seen.mean()) if seen.size else 0.1, 1e-3)
+    exposure = float(np.clip(rng.uniform(*kind.brightness) / mean, 0.2, 8.0))
+    if earth is not None:
+        radiance = radiance + (1 - cover) * earth
+    clean = radiance * exposure
+    if kind.camera is None:
+        return clean, np.clip(np.rint(clean * 255), 0, 255).astype(np.uint8)
+    photons = clean * kind.camera.full_well_e / kind.camera.quantum_efficiency
+    return clean, kind.camera.to_8bit(kind.camera.expose(photons, rng))
+
+
+def _record(number: int, view: Views) -> dict:
+    return {
+        "filename": _name(number),
+        "q_vbs2tango_true": view.quaternions[0].tolist(),
+        "r_Vo2To_vbs_true": view.translations[0].tolist(),
+    }
+
+
+def _name(number: int) -> str:
+    return f"img{number + 1:06d}.png"
+
+
+def _stream(settings: RenderSettings, domain: str, number: int, part: int) -> np.random.Generator:
+    return np.random.default_rng([settings.seed, list(DOMAINS).index(domain), number, part])
+
+
+def _png(image: np.ndarray) -> bytes:
+    return cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 3])[1].tobytes()

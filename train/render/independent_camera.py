@@ -1,0 +1,143 @@
+"""The cameras of the test domains, in plain NumPy, sharing no code with the noise that is under test.
+
+A network trained with the package's sensor noise is judged on frames of these cameras. Would they come from the same
+code, the test would only show that training and test noise are alike. So this file imports nothing but NumPy (a test
+holds it), and its numbers are chosen outside what the shipped training cameras' randomisation reaches.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class IndependentCamera:
+    """A 12-bit camera: photons in, DN out. A level of 0 turns an effect off; the fixed pattern hangs on `serial`.
+
+    Beyond a base chain (quantum efficiency, shot noise, read noise with heavy tails, pixel and column patterns) it has
+    row_banding_e        amplitude of a sine along the rows, whose phase changes from frame to frame
+    tap_gain, tap_offset_e   the right half is read with this much more gain and offset
+    bloom_share          of the charge above full well that spills into the neighbours of the column
+    flare_share          of the light of bright spots that comes again as a halo and as ghosts
+    bend                 response e (1 - bend e / full well): the share of signal missing at full well
+    """
+
+    serial: int = 1
+    quantum_efficiency: float = 0.55
+    full_well_e: float = 2000.0
+    e_per_dn: float = 0.5
+    black_level_dn: float = 64.0
+    read_noise_e: float = 3.0
+    pixel_offset_e: float = 1.0
+    column_offset_e: float = 1.0
+    pixel_gain: float = 0.01
+    row_banding_e: float = 0.0
+    row_banding_period: float = 19.0
+    tap_gain: float = 0.0
+    tap_offset_e: float = 0.0
+    bloom_share: float = 0.0
+    flare_share: float = 0.0
+    bend: float = 0.0
+
+    def expose(self, photons: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Photons per pixel (rows, columns) -> DN of 12 bit, uint16."""
+        light = _flare(photons, self.flare_share, self.full_well_e / self.quantum_efficiency)
+        pattern = np.random.default_rng(self.serial)
+        rows, columns = light.shape
+        gains = 1 + self.pixel_gain * pattern.standard_normal(light.shape)
+        offsets = self.pixel_offset_e * pattern.standard_normal(light.shape)
+        offsets = offsets + self.column_offset_e * pattern.standard_normal(columns)
+        charge = rng.poisson(np.clip(self.quantum_efficiency * light * gains, 0, 1e12)).astype(float)
+        charge = _bloom(charge, self.full_well_e, self.bloom_share)
+        signal = charge * (1 - self.bend * charge / self.full_well_e) + offsets
+        # Student's t with 4 degrees of freedom has a variance of 2: heavier tails than a normal law.
+        signal = signal + self.read_noise_e / np.sqrt(2) * rng.standard_t(4, light.shape)
+        phase = rng.uniform(0, 2 * np.pi)
+        sine = np.sin(2 * np.pi * np.arange(rows) / self.row_banding_period + phase)
+        signal = signal + self.row_banding_e * sine[:, None]
+        right = np.arange(columns) >= columns // 2
+        signal = signal * np.where(right, 1 + self.tap_gain, 1) + np.where(right, self.tap_offset_e, 0)
+        return np.clip(np.rint(signal / self.e_per_dn + self.black_level_dn), 0, 4095).astype(np.uint16)
+
+    def to_8bit(self, dn: np.ndarray) -> np.ndarray:
+        """The 8-bit gray image that is published: black level taken off, full well (or the converter's end) is 255."""
+        top = min(self.full_well_e * (1 - self.bend) / self.e_per_dn, 4095 - self.black_level_dn)
+        level = (dn.astype(float) - self.black_level_dn) / top * 255
+        return np.clip(np.rint(level), 0, 255).astype(np.uint8)
+
+    def without_effects(self) -> "IndependentCamera":
+        """The same camera with its base chain alone."""
+        return replace(
+            self, row_banding_e=0.0, tap_gain=0.0, tap_offset_e=0.0, bloom_share=0.0, flare_share=0.0, bend=0.0
+        )
+
+
+# Low light: few electrons at high gain, so read noise and patterns are large against the signal.
+LIGHTBOX_CAMERA = IndependentCamera(
+    serial=11,
+    full_well_e=900.0,
+    e_per_dn=0.25,
+    read_noise_e=22.0,
+    pixel_offset_e=6.0,
+    column_offset_e=14.0,
+    row_banding_e=28.0,
+    tap_gain=0.15,
+    tap_offset_e=35.0,
+)
+# Hard light on a sensor with a small well: saturation, and what saturation brings.
+SUNLAMP_CAMERA = IndependentCamera(
+    serial=12,
+    full_well_e=1400.0,
+    e_per_dn=0.4,
+    read_noise_e=16.0,
+    pixel_offset_e=5.0,
+    column_offset_e=8.0,
+    bloom_share=0.85,
+    flare_share=0.12,
+)
+
+
+def _bloom(charge: np.ndarray, full_well_e: float, share: float) -> np.ndarray:
+    """Half of the excess goes up the column, half down; `share` of it survives each step; the rest is drained."""
+    if share <= 0:
+        return np.minimum(charge, full_well_e)
+    excess = np.maximum(charge - full_well_e, 0)
+    kept = np.minimum(charge, full_well_e)
+    for order in (range(len(charge)), range(len(charge) - 1, -1, -1)):
+        carried = np.zeros(charge.shape[1])
+        for row in order:
+            total = kept[row] + carried
+            kept[row] = np.minimum(total, full_well_e)
+            carried = (total - kept[row] + 0.5 * excess[row]) * share
+    return kept
+
+
+def _flare(photons: np.ndarray, share: float, bright: float) -> np.ndarray:
+    """A halo around what is brighter than half the well, and two ghosts of it mirrored at the image's centre."""
+    if share <= 0:
+        return photons
+    source = np.maximum(photons - 0.5 * bright, 0)
+    halo = 0.5 * _blurred(source, photons.shape[1] / 12)
+    first = 0.3 * _blurred(_ghost(source, -0.7), photons.shape[1] / 60)
+    second = 0.2 * _blurred(_ghost(source, -1.3), photons.shape[1] / 30)
+    return photons + share * (halo + first + second)
+
+
+def _blurred(image: np.ndarray, sigma: float) -> np.ndarray:
+    """A Gaussian blur by the Fourier transform, over a border wide enough that nothing wraps around."""
+    border = int(4 * sigma) + 1
+    padded = np.pad(image, border)
+    y, x = np.fft.fftfreq(padded.shape[0])[:, None], np.fft.rfftfreq(padded.shape[1])[None, :]
+    kernel = np.exp(-2 * np.pi**2 * sigma**2 * (x**2 + y**2))
+    blurred = np.fft.irfft2(np.fft.rfft2(padded) * kernel, s=padded.shape)
+    return np.maximum(blurred[border:-border, border:-border], 0)
+
+
+def _ghost(source: np.ndarray, magnification: float) -> np.ndarray:
+    """The image scaled about its centre by `magnification`, upside down where negative; light is conserved."""
+    rows, columns = source.shape
+    y = np.rint((np.arange(rows) - (rows - 1) / 2) / magnification + (rows - 1) / 2).astype(int)
+    x = np.rint((np.arange(columns) - (columns - 1) / 2) / magnification + (columns - 1) / 2).astype(int)
+    inside = ((y >= 0) & (y < rows))[:, None] & ((x >= 0) & (x < columns))[None, :]
+    scaled = source[np.clip(y, 0, rows - 1)[:, None], np.clip(x, 0, columns - 1)[None, :]]
+    return np.where(inside, scaled, 0) / magnification**2

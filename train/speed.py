@@ -1,0 +1,186 @@
+"""SPEED and SPEED+ folders, read from their own layout and checked on opening.
+
+SPEED+: ``camera.json``, ``synthetic/{train,validation}.json`` with ``synthetic/images/``, ``lightbox/test.json`` and
+``sunlamp/test.json`` with their ``images/``. SPEED: ``train.json`` with ``images/train/`` (and ``real.json``). A folder
+of one's own in the SPEED+ layout is read the same way; its domains may have any name.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from visaug.errors import InputError
+from visaug_train.geometry import Keypoints, Pinhole, project_targets, read_json
+
+# The paper splits SPEED's 12,000 labelled synthetic images so (it does not say which image goes where).
+SPEED_SPLIT = {"train": 7680, "validation": 1920, "test": 2400}
+# SPEED's starter kit: 17.6 mm, 5.86 um, no distortion. Used where a SPEED folder has no camera.json.
+SPEED_CAMERA = Pinhole(
+    1920, 1200, np.array([[0.0176 / 5.86e-6, 0, 960], [0, 0.0176 / 5.86e-6, 600], [0, 0, 1.0]]), np.zeros(5)
+)
+SPLITS = ("train", "validation", "test")
+
+
+@dataclass(frozen=True, eq=False)
+class PoseSet:
+    """Images with their poses: files (N), quaternions (N, 4) scalar first, translations (N, 3) in metres."""
+
+    name: str
+    camera: Pinhole
+    files: tuple[Path, ...]
+    quaternions: np.ndarray
+    translations: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+    def select(self, indices: np.ndarray, name: str | None = None) -> "PoseSet":
+        """The images at `indices`."""
+        files = tuple(self.files[i] for i in indices)
+        return PoseSet(
+            name or self.name, self.camera, files, self.quaternions[indices], self.translations[indices]
+        )
+
+
+def is_speed(root: Path) -> bool:
+    """Whether `root` has SPEED's layout rather than SPEED+'s."""
+    return (root / "train.json").is_file() and (root / "images").is_dir()
+
+
+def domains(root: str | Path) -> dict[str, tuple[str, ...]]:
+    """The domains of a folder with the splits that each has."""
+    root = Path(root)
+    if not root.is_dir():
+        raise InputError(f"{root}: no such folder; expected a SPEED or SPEED+ folder")
+    if is_speed(root):
+        found = {"speed": SPLITS}
+        return found | ({"real": ("test",)} if (root / "real.json").is_file() else {})
+    found = {
+        folder.name: tuple(split for split in SPLITS if (folder / f"{split}.json").is_file())
+        for folder in sorted(root.iterdir())
+        if (folder / "images").is_dir()
+    }
+    found = {name: splits for name, splits in found.items() if splits}
+    if not found:
+        raise InputError(f"{root}: expected train.json and images/, or folders like synthetic/ with train.json")
+    return found
+
+
+def read_camera(root: str | Path) -> Pinhole:
+    """The camera of a folder."""
+    root = Path(root)
+    if is_speed(root) and not (root / "camera.json").is_file():
+        return SPEED_CAMERA
+    return Pinhole.load(root / "camera.json")
+
+
+def read_poses(root: str | Path, domain: str, split: str | None = None, seed: int = 0) -> PoseSet:
+    """The images of a domain with poses, checked.
+
+    `split` is train, validation or test; left out, it is the domain's test split, else validation, else train. SPEED
+    has one list, which is split at random by `seed` in the paper's proportions 7680 : 1920 : 2400.
+    """
+    root = Path(root)
+    found = domains(root)
+    if domain not in found:
+        raise InputError(f"{root}: domain: expected one of {', '.join(found)}, got {domain}")
+    if split is None:
+        split = next(s for s in ("test", "validation", "train") if s in found[domain])
+    if split not in found[domain]:
+        raise InputError(f"{root}: {domain}: split: expected one of {', '.join(found[domain])}, got {split}")
+    if is_speed(root):
+        listing = root / ("train.json" if domain == "speed" else "real.json")
+        images = root / "images" / listing.stem
+    else:
+        listing, images = root / domain / f"{split}.json", root / domain / "images"
+    poses = _read_listing(listing, images, read_camera(root), f"{domain}/{split}")
+    if is_speed(root) and domain == "speed":
+        poses = poses.select(split_indices(len(poses), seed)[split])
+    _check_images(poses, listing)
+    _check_camera(poses, listing)
+    return poses
+
+
+def split_indices(count: int, seed: int) -> dict[str, np.ndarray]:
+    """Which of `count` images train, validate and test: a permutation cut as 7680 : 1920 : 2400, each sorted."""
+    order = np.random.default_rng([20250711, seed]).permutation(count)
+    total = sum(SPEED_SPLIT.values())
+    first = round(count * SPEED_SPLIT["train"] / total)
+    second = first + round(count * SPEED_SPLIT["validation"] / total)
+    return {name: np.sort(part) for name, part in zip(SPLITS, np.split(order, [first, second]))}
+
+
+def _read_listing(listing: Path, images: Path, camera: Pinhole, name: str) -> PoseSet:
+    records = read_json(listing)
+    if not isinstance(records, list) or not records:
+        raise InputError(f"{listing}: expected a list of records with filename, quaternion and position")
+    files, quaternions, translations = [], [], []
+    for number, record in enumerate(records):
+        where = f"{listing}: record {number}"
+        if not isinstance(record, dict) or not isinstance(record.get("filename"), str):
+            raise InputError(f"{where}: filename: expected a file name")
+        quaternion = record.get("q_vbs2tango_true", record.get("q_vbs2tango"))
+        quaternions.append(_vector(quaternion, 4, f"{where}: q_vbs2tango_true"))
+        translations.append(_vector(record.get("r_Vo2To_vbs_true"), 3, f"{where}: r_Vo2To_vbs_true"))
+        norm = float(np.linalg.norm(quaternions[-1]))
+        if abs(norm - 1) > 1e-2:
+            raise InputError(f"{where}: q_vbs2tango_true: expected a unit quaternion, got length {norm:.4g}")
+        if not translations[-1][2] > 0:
+            raise InputError(f"{where}: r_Vo2To_vbs_true: expected a target before the camera (z > 0 m)")
+        files.append(images / record["filename"])
+    if len(set(files)) < len(files):
+        raise InputError(f"{listing}: filename: expected every image once")
+    q = np.array(quaternions)
+    return PoseSet(
+        name, camera, tuple(files), q / np.linalg.norm(q, axis=1, keepdims=True), np.array(translations)
+    )
+
+
+def _vector(value: object, size: int, where: str) -> np.ndarray:
+    try:
+        vector = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        vector = np.array(np.nan)
+    if vector.shape != (size,) or not np.isfinite(vector).all():
+        raise InputError(f"{where}: expected {size} finite numbers, got {value!r}")
+    return vector
+
+
+def _check_images(poses: PoseSet, listing: Path) -> None:
+    present: dict[Path, set[str]] = {}
+    for folder in {file.parent for file in poses.files}:
+        present[folder] = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
+    missing = [file for file in poses.files if file.name not in present[file.parent]]
+    if missing:
+        raise InputError(f"{listing}: {len(missing)} of {len(poses)} images are missing, the first is {missing[0]}")
+    for file in poses.files[:: max(1, len(poses) // 32)]:  # the rest is checked when it is read
+        check_size(file, poses.camera)
+
+
+def check_size(file: Path, camera: Pinhole) -> None:
+    """Refuse an image that the camera cannot have taken."""
+    try:
+        with Image.open(file) as image:
+            size = image.size
+    except OSError:
+        raise InputError(f"{file}: expected an image that can be read") from None
+    if size != (camera.width, camera.height):
+        raise InputError(
+            f"{file}: wrong camera: camera.json says {camera.width} x {camera.height} pixels, "
+            f"the image has {size[0]} x {size[1]}"
+        )
+
+
+def _check_camera(poses: PoseSet, listing: Path) -> None:
+    """With a wrong camera (or frames mixed up) most targets fall outside the image."""
+    centre = Keypoints("centre", ("centre",), np.zeros((1, 3)))
+    points = project_targets(poses.camera, centre, poses.quaternions, poses.translations).points[:, 0]
+    size = np.array([poses.camera.width, poses.camera.height])
+    near = (np.abs(points - size / 2) < 0.75 * size).all(axis=1)
+    if near.mean() < 0.5:
+        raise InputError(
+            f"{listing}: wrong camera: {100 * (1 - near.mean()):.0f} % of the targets lie outside the image "
+            "by camera.json; expected most of them inside"
+        )
