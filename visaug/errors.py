@@ -15,8 +15,14 @@ class InputError(ValueError):
         expected: what would have been right, for instance ``"a number of seconds, 0 or more"``.
     """
 
-    def __init__(self, problem: str, *, file: str | Path | None = None, field: str | None = None,
-                 expected: str | None = None) -> None:
+    def __init__(
+        self,
+        problem: str,
+        *,
+        file: str | Path | None = None,
+        field: str | None = None,
+        expected: str | None = None,
+    ) -> None:
         self.problem, self.file, self.field, self.expected = problem, file, field, expected
         place = ": ".join(str(part) for part in (file, field) if part not in (None, ""))
         message = f"{place}: {problem}" if place else problem

@@ -1,7 +1,9 @@
 """Arrays in .npy and .npz files, one frame at a time, without loading the rest.
 
-A stored array is read at its offset. A compressed one is read whole where it is small and otherwise as a stream:
-frames in their order cost one pass, a step back starts it anew. Nothing is mapped into memory, so what a reader
+A stored array is read at its offset. A compressed one is read whole where it is small and otherwise as a
+stream:
+frames in their order cost one pass, a step back starts it anew. Nothing is mapped into memory, so what a
+reader
 holds is one frame.
 """
 
@@ -55,10 +57,15 @@ class ArrayFile:
 
     def read(self, index: tuple[int, ...]) -> np.ndarray:
         """The sub-array at `index`, for instance one frame."""
-        inner = self.shape[len(index):]
-        if any(not 0 <= i < n for i, n in zip(index, self.shape, strict=False)) or len(index) > len(self.shape):
-            raise InputError(f"index {list(index)} is outside the array of shape {self.shape}", file=self.path,
-                             field=self.key)
+        inner = self.shape[len(index) :]
+        if any(not 0 <= i < n for i, n in zip(index, self.shape, strict=False)) or len(index) > len(
+            self.shape
+        ):
+            raise InputError(
+                f"index {list(index)} is outside the array of shape {self.shape}",
+                file=self.path,
+                field=self.key,
+            )
         if self._whole is not None:
             return self._whole[index]
         count = prod(inner)
@@ -86,28 +93,36 @@ class ArrayFile:
             if self.key is None and len(keys) == 1:
                 self.key = keys[0]
             if self.key not in keys:
-                raise InputError(f"holds no array {self.key!r}" if self.key else "holds several arrays",
-                                 file=self.path, expected="one of " + ", ".join(keys) + " after a #")
+                raise InputError(
+                    f"holds no array {self.key!r}" if self.key else "holds several arrays",
+                    file=self.path,
+                    expected="one of " + ", ".join(keys) + " after a #",
+                )
             member = self._archive.getinfo(f"{self.key}.npy")
             self._compressed = member.compress_type != zipfile.ZIP_STORED
             if self._compressed:
                 self._handle = self._archive.open(member)
                 start = 0
             else:
-                self._handle = open(self.path, "rb")
+                self._handle = open(self.path, "rb")  # noqa: SIM115 - kept open
                 start = _data_offset(self._handle, member)
                 self._handle.seek(start)
         else:
-            self._handle = open(self.path, "rb")
+            self._handle = open(self.path, "rb")  # noqa: SIM115 - kept open
         handle = self._handle
         version = np.lib.format.read_magic(handle)
-        read_header = (np.lib.format.read_array_header_1_0 if version == (1, 0)
-                       else np.lib.format.read_array_header_2_0)
+        read_header = (
+            np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        )
         self.shape, self._fortran, self.dtype = read_header(handle)
         self._data_start = handle.tell()
         if self.dtype.kind not in "uif":
-            raise InputError(f"holds {self.dtype}, no real numbers", file=self.path, field=self.key,
-                             expected="integers or floats in DN")
+            raise InputError(
+                f"holds {self.dtype}, no real numbers",
+                file=self.path,
+                field=self.key,
+                expected="integers or floats in DN",
+            )
 
     def _bytes(self, offset: int, count: int) -> np.ndarray:
         assert self._handle is not None
@@ -116,10 +131,15 @@ class ArrayFile:
             self._handle.seek(self._data_start + offset * self.dtype.itemsize)
             data = self._handle.read(size)
         except (OSError, EOFError, zlib.error, zipfile.BadZipFile) as error:
-            raise InputError(f"cannot be read ({error}); truncated?", file=self.path, field=self.key) from None
+            raise InputError(
+                f"cannot be read ({error}); truncated?", file=self.path, field=self.key
+            ) from None
         if len(data) < size:
-            raise InputError(f"is truncated: {len(data)} of {size} bytes at offset {offset}", file=self.path,
-                             field=self.key)
+            raise InputError(
+                f"is truncated: {len(data)} of {size} bytes at offset {offset}",
+                file=self.path,
+                field=self.key,
+            )
         return np.frombuffer(data, dtype=self.dtype)
 
 
@@ -144,14 +164,18 @@ class ArrayStore:
         file = self._files.pop(name, None) or ArrayFile(path, key)
         self._files[name] = file  # the last used stands last
         result = what(file)
-        while len(self._files) > 1 and (len(self._files) > self.limit_open
-                                        or sum(f.held_bytes for f in self._files.values()) > self.limit_bytes):
+        while len(self._files) > 1 and (
+            len(self._files) > self.limit_open
+            or sum(f.held_bytes for f in self._files.values()) > self.limit_bytes
+        ):
             self._files.pop(next(iter(self._files))).close()
         return result
 
 
 def _data_offset(handle: IO[bytes], member: zipfile.ZipInfo) -> int:
-    """Where a stored member's bytes begin: behind its local header, whose lengths may differ from the directory's."""
+    """Where a stored member's bytes begin: behind its local header, whose lengths may differ from the
+    directory's.
+    """
     handle.seek(member.header_offset)
     fields = struct.unpack("<4s5H3I2H", handle.read(30))
     if fields[0] != b"PK\x03\x04":

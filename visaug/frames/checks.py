@@ -39,33 +39,49 @@ def check(frames: FrameSet) -> list[str]:
 
     def name(indices) -> str:
         numbers = [frames.records[i].sequence for i in indices]
-        return ", ".join(map(str, numbers[:8])) + (f" and {len(numbers) - 8} more" if len(numbers) > 8 else "")
+        return ", ".join(map(str, numbers[:8])) + (
+            f" and {len(numbers) - 8} more" if len(numbers) > 8 else ""
+        )
 
-    found = [f"duplicate_frames: frames {name(same)} are identical to the last bit: copies, not exposures"
-             for same in hashes.values() if len(same) > 1 and not set(same) <= set(constant)]
+    found = [
+        f"duplicate_frames: frames {name(same)} are identical to the last bit: copies, not exposures"
+        for same in hashes.values()
+        if len(same) > 1 and not set(same) <= set(constant)
+    ]
     if constant:
         found.append(f"constant_frame: frames {name(constant)} have one value in all pixels")
     if saturated:
-        found.append(f"saturated_flat: more than {_SATURATED_SHARE:.1%} of the pixels of flats {name(saturated)} are at "
-                     "the converter's top; they tell the saturation, not the gain")
+        found.append(
+            f"saturated_flat: more than {_SATURATED_SHARE:.1%} of the pixels of flats "
+            f"{name(saturated)} are at "
+            "the converter's top; they tell the saturation, not the gain"
+        )
     if clipped:
-        found.append(f"clipped_at_zero: more than {_CLIPPED_SHARE:.0%} of the pixels of frames {name(clipped)} are 0: "
-                     "the black level is too low, means and variances of dark frames are cut")
+        found.append(
+            f"clipped_at_zero: more than {_CLIPPED_SHARE:.0%} of the pixels of frames {name(clipped)} are 0: "
+            "the black level is too low, means and variances of dark frames are cut"
+        )
     lit = _lit_bias(frames, means, spreads)
     if lit:
-        found.append(f"bias_saw_light: bias frames {name(lit)} are brighter than the others or than the shortest dark "
-                     "frames; was the lens capped?")
+        found.append(
+            f"bias_saw_light: bias frames {name(lit)} are brighter than the others or than the shortest dark "
+            "frames; was the lens capped?"
+        )
     for group in frames.groups():
         if group.kind in ("bias", "dark", "flat") and len(group.indices) == 1:
-            found.append(f"few_frames: {group.kind} frame {name(group.indices)} stands alone at its settings; temporal "
-                         "noise needs two or more")
+            found.append(
+                f"few_frames: {group.kind} frame {name(group.indices)} stands alone at its settings; "
+                f"temporal "
+                "noise needs two or more"
+            )
     return found
 
 
 def _lit_bias(frames: FrameSet, means: np.ndarray, spreads: np.ndarray) -> list[int]:
     """Bias frames far above the others of their group, or a whole group above the shortest darks like it.
 
-    Far: 6 robust standard deviations of the frame means and a quarter of a frame's own pixel spread, so that a
+    Far: 6 robust standard deviations of the frame means and a quarter of a frame's own pixel spread, so
+        that a
     drift of the black level, small against the read noise, is no light.
     """
     lit: list[int] = []
@@ -77,9 +93,15 @@ def _lit_bias(frames: FrameSet, means: np.ndarray, spreads: np.ndarray) -> list[
         scatter = 1.4826 * np.median(np.abs(means[indices] - level))
         if len(indices) > 2:
             lit += [int(i) for i in indices if means[i] - level > max(6 * scatter, 0.25 * spread, 0.5)]
-        darks = [g for g in frames.groups() if g.kind == "dark" and g.gain_db == group.gain_db
-                 and g.temperature_c == group.temperature_c and g.window == group.window
-                 and g.exposure_s >= group.exposure_s]
+        darks = [
+            g
+            for g in frames.groups()
+            if g.kind == "dark"
+            and g.gain_db == group.gain_db
+            and g.temperature_c == group.temperature_c
+            and g.window == group.window
+            and g.exposure_s >= group.exposure_s
+        ]
         if darks:
             shortest = min(darks, key=lambda g: g.exposure_s)
             dark_level = np.median(means[list(shortest.indices)])

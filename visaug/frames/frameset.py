@@ -25,8 +25,13 @@ class FrameSet:
         warnings: what was assumed while reading, one sentence each.
     """
 
-    def __init__(self, records: Sequence[FrameRecord], store: Store, positions: Sequence[int] | None = None,
-                 warnings: list[str] | None = None) -> None:
+    def __init__(
+        self,
+        records: Sequence[FrameRecord],
+        store: Store,
+        positions: Sequence[int] | None = None,
+        warnings: list[str] | None = None,
+    ) -> None:
         if positions is None:
             positions = range(len(records))
         order = sorted(range(len(records)), key=lambda i: records[i].sequence)
@@ -37,8 +42,15 @@ class FrameSet:
         self._groups: tuple[Group, ...] | None = None
 
     @classmethod
-    def load(cls, path: str | Path, resolution: Sequence[int] | None = None, bit_depth: int | None = None, *,
-             byte_order: str | None = None, bits_at: str | None = None) -> FrameSet:
+    def load(
+        cls,
+        path: str | Path,
+        resolution: Sequence[int] | None = None,
+        bit_depth: int | None = None,
+        *,
+        byte_order: str | None = None,
+        bits_at: str | None = None,
+    ) -> FrameSet:
         """Read what lies at `path`; pixels follow when asked for.
 
         Args:
@@ -46,7 +58,8 @@ class FrameSet:
             resolution: rows and columns of the sensor; needed for .raw files.
             bit_depth: bits of the converter, 1 to 32; by default what the files tell.
             byte_order: ``little`` or ``big`` for .raw files; by default found from the pixels.
-            bits_at: ``top`` or ``bottom``, where fewer bits than 16 lie in 16; by default found from the pixels.
+            bits_at: ``top`` or ``bottom``, where fewer bits than 16 lie in 16; by default found from the
+                pixels.
 
         Raises:
             InputError: nothing there to read, or a description that makes no sense.
@@ -59,8 +72,10 @@ class FrameSet:
         elif kind == "descriptor":
             records, bits, shape = sources.read_descriptor(files[0])
             bit_depth, resolution = bit_depth or bits, resolution or shape
-            warnings.append(f"order_assumed: {files[0].name} does not tell the order of acquisition; the order "
-                            "in which it lists the frames is taken")
+            warnings.append(
+                f"order_assumed: {files[0].name} does not tell the order of acquisition; the order "
+                "in which it lists the frames is taken"
+            )
         elif kind == "fits":
             records = sources.read_fits_folder(root, files)
         else:
@@ -69,12 +84,22 @@ class FrameSet:
         return cls(records, store)
 
     @classmethod
-    def from_arrays(cls, records: Sequence[FrameRecord], frames: np.ndarray | Sequence[np.ndarray],
-                    cleans: Mapping[str, np.ndarray] | None = None, bit_depth: int | None = None) -> FrameSet:
-        """A set in memory: ``frames[i]``, (H, W) in DN, belongs to ``records[i]``; `cleans` by their names."""
+    def from_arrays(
+        cls,
+        records: Sequence[FrameRecord],
+        frames: np.ndarray | Sequence[np.ndarray],
+        cleans: Mapping[str, np.ndarray] | None = None,
+        bit_depth: int | None = None,
+    ) -> FrameSet:
+        """A set in memory: ``frames[i]``, (H, W) in DN, belongs to ``records[i]``; `cleans` by their
+        names.
+        """
         if len(records) != len(frames):
-            raise InputError(f"{len(records)} records but {len(frames)} frames", field="frames",
-                             expected="as many of one as of the other")
+            raise InputError(
+                f"{len(records)} records but {len(frames)} frames",
+                field="frames",
+                expected="as many of one as of the other",
+            )
         return cls(records, MemoryStore(records, frames, dict(cleans or {}), bit_depth))
 
     def __len__(self) -> int:
@@ -94,7 +119,8 @@ class FrameSet:
         """Frame `i`, (H, W) float32 in DN.
 
         Raises:
-            InputError: missing or truncated file, NaN, negative or too large DN, or another size than the set's.
+            InputError: missing or truncated file, NaN, negative or too large DN, or another size than the
+                set's.
         """
         return self._store.read(self._positions[i])
 
@@ -109,13 +135,18 @@ class FrameSet:
         for n, i in enumerate(indices[1:], start=1):
             frame = self.read(i)
             if frame.shape != first.shape:
-                raise InputError(f"is {frame.shape[0]} x {frame.shape[1]}", file=self.records[i].file,
-                                 expected=f"{first.shape[0]} x {first.shape[1]} as {self.records[indices[0]].file}")
+                raise InputError(
+                    f"is {frame.shape[0]} x {frame.shape[1]}",
+                    file=self.records[i].file,
+                    expected=f"{first.shape[0]} x {first.shape[1]} as {self.records[indices[0]].file}",
+                )
             stack[n] = frame
         return stack
 
     def clean(self, i: int) -> np.ndarray:
-        """Noiseless target of scene `i`, (H, W) float32 in photons per pixel; read once, do not write to it."""
+        """Noiseless target of scene `i`, (H, W) float32 in photons per pixel; read once, do not write
+        to it.
+        """
         if self.records[i].clean is None:
             raise InputError("has no noiseless target", file=self.records[i].file, field="clean")
         return self._store.clean(self._positions[i])
@@ -133,11 +164,17 @@ class FrameSet:
     def subset(self, indices: Iterable[int]) -> FrameSet:
         """The frames at these positions as a set of their own, in order of acquisition; pixels are shared."""
         indices = list(indices)
-        return FrameSet([self.records[i] for i in indices], self._store, [self._positions[i] for i in indices],
-                        self.warnings)
+        return FrameSet(
+            [self.records[i] for i in indices],
+            self._store,
+            [self._positions[i] for i in indices],
+            self.warnings,
+        )
 
     def check(self) -> list[str]:
-        """One pass over all pixels; returns named warnings (``duplicate_frames: ...``), see `visaug.frames.checks`."""
+        """One pass over all pixels; returns named warnings (``duplicate_frames: ...``), see
+        `visaug.frames.checks`.
+        """
         from visaug.frames.checks import check
 
         return check(self)

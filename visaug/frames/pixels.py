@@ -25,13 +25,17 @@ def split_name(name: str) -> tuple[str, str | None, tuple[int, ...]]:
     file, _, fragment = name.partition("#")
     match = _FRAGMENT.match(fragment)
     if match is None:
-        raise InputError(f"{fragment!r} picks no frame", file=name, expected="file.npz#key[3] or file.npz#key[3,0]")
+        raise InputError(
+            f"{fragment!r} picks no frame", file=name, expected="file.npz#key[3] or file.npz#key[3,0]"
+        )
     index = match["index"]
     return file, match["key"].strip() or None, tuple(int(i) for i in index.split(",")) if index else ()
 
 
 class PixelReader:
-    """Reads frames named relative to a folder, as they are stored: (H, W), integer or float, native byte order."""
+    """Reads frames named relative to a folder, as they are stored: (H, W), integer or float, native
+    byte order.
+    """
 
     def __init__(self, root: Path, byte_order: str = "little") -> None:
         self.root, self.byte_order = root, byte_order
@@ -63,8 +67,11 @@ class PixelReader:
         elif suffix in PICTURES:
             pixels = _read_picture(path)
         else:
-            raise InputError(f"{suffix or 'no suffix'} is no format of frames", file=path,
-                             expected="one of " + " ".join(SUFFIXES))
+            raise InputError(
+                f"{suffix or 'no suffix'} is no format of frames",
+                file=path,
+                expected="one of " + " ".join(SUFFIXES),
+            )
         try:
             pixels = pixels[index] if index else pixels
         except IndexError:
@@ -72,10 +79,15 @@ class PixelReader:
         if pixels.ndim == 3 and pixels.shape[0] == 1:
             pixels = pixels[0]
         if pixels.ndim != 2:
-            raise InputError(f"has shape {pixels.shape}", file=self.root / name,
-                             expected="one frame of rows x columns (pick one of a stack with #key[i])")
+            raise InputError(
+                f"has shape {pixels.shape}",
+                file=self.root / name,
+                expected="one frame of rows x columns (pick one of a stack with #key[i])",
+            )
         if pixels.dtype.kind not in "uif":
-            raise InputError(f"holds {pixels.dtype}", file=self.root / name, expected="integers or floats in DN")
+            raise InputError(
+                f"holds {pixels.dtype}", file=self.root / name, expected="integers or floats in DN"
+            )
         return pixels
 
     def dtype(self, name: str) -> np.dtype | None:
@@ -101,14 +113,18 @@ def _read_tiff(path: Path) -> np.ndarray:
 
 def read_fits(path: Path) -> np.ndarray:
     """The first image in a FITS file, scaled by BZERO and BSCALE."""
+    import warnings
+
     from astropy.io import fits
 
     try:
-        with fits.open(path, memmap=False) as units:
-            for unit in units:
-                if unit.is_image and unit.data is not None:
-                    data = np.asarray(unit.data)
-                    return data.astype(data.dtype.newbyteorder("="), copy=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of missing padding; missing pixels raise
+            with fits.open(path, memmap=False) as units:
+                for unit in units:
+                    if unit.is_image and unit.data is not None:
+                        data = np.asarray(unit.data)
+                        return data.astype(data.dtype.newbyteorder("="), copy=False)
     except Exception as error:  # astropy raises many kinds for damaged files
         raise InputError(f"cannot be read ({error}); truncated or no FITS", file=path) from None
     raise InputError("holds no image", file=path)

@@ -23,10 +23,16 @@ class PlannedGroup:
 LEVELS = (0.005, 0.02, 0.08, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1.1)  # of saturation: two flats lie beyond it
 
 
-def plan_groups(saturation_photons: float = 20000.0, exposure_s: float = 0.01,
-                dark_exposures_s: Sequence[float] = (0.1, 0.5, 2.0), temperatures_c: Sequence[float] = (15, 20, 25, 30),
-                gains_db: Sequence[float] = (0, 6, 12), repeats: int = 4, bias_frames: int = 32,
-                suffix: str = ".tif") -> tuple[PlannedGroup, ...]:
+def plan_groups(
+    saturation_photons: float = 20000.0,
+    exposure_s: float = 0.01,
+    dark_exposures_s: Sequence[float] = (0.1, 0.5, 2.0),
+    temperatures_c: Sequence[float] = (15, 20, 25, 30),
+    gains_db: Sequence[float] = (0, 6, 12),
+    repeats: int = 4,
+    bias_frames: int = 32,
+    suffix: str = ".tif",
+) -> tuple[PlannedGroup, ...]:
     """The groups of the default plan, numbered in the order of acquisition.
 
     Args:
@@ -40,60 +46,115 @@ def plan_groups(saturation_photons: float = 20000.0, exposure_s: float = 0.01,
         suffix: format of the files.
     """
     if saturation_photons <= 0:
-        raise InputError(f"{saturation_photons:g} is out of range", field="saturation_photons",
-                         expected="photons per pixel above 0")
+        raise InputError(
+            f"{saturation_photons:g} is out of range",
+            field="saturation_photons",
+            expected="photons per pixel above 0",
+        )
     if repeats < 2:
-        raise InputError(f"{repeats} is too few", field="repeats", expected="2 or more frames at every setting")
+        raise InputError(
+            f"{repeats} is too few", field="repeats", expected="2 or more frames at every setting"
+        )
     if bias_frames < 2 or not temperatures_c or not gains_db or not dark_exposures_s:
-        raise InputError("the plan has no frames of some group", field="plan",
-                         expected="2 or more bias frames, one or more temperatures, gains and dark exposures")
+        raise InputError(
+            "the plan has no frames of some group",
+            field="plan",
+            expected="2 or more bias frames, one or more temperatures, gains and dark exposures",
+        )
     groups: list[PlannedGroup] = []
     warm, base_gain = float(temperatures_c[0]), float(gains_db[0])
     count = 0
 
-    def frame(kind: str, exposure: float, temperature_c: float = warm, gain_db: float = base_gain,
-              photons: float | None = None) -> FrameRecord:
+    def frame(
+        kind: str,
+        exposure: float,
+        temperature_c: float = warm,
+        gain_db: float = base_gain,
+        photons: float | None = None,
+    ) -> FrameRecord:
         nonlocal count
         count += 1
-        return FrameRecord(count - 1, f"{kind}_{count - 1:04d}{suffix}", kind, float(exposure), float(temperature_c),
-                           float(gain_db), photons)
+        return FrameRecord(
+            count - 1,
+            f"{kind}_{count - 1:04d}{suffix}",
+            kind,
+            float(exposure),
+            float(temperature_c),
+            float(gain_db),
+            photons,
+        )
 
     def add(name: str, how: str, tells: str, lost: str, records: list[FrameRecord]) -> None:
         groups.append(PlannedGroup(name, how, tells, lost, tuple(records)))
 
     short = 1e-5
-    add("bias", f"{bias_frames} frames (16 at the very least), lens capped, the shortest exposure",
+    add(
+        "bias",
+        f"{bias_frames} frames (16 at the very least), lens capped, the shortest exposure",
         "black level, read-noise sigma and shape, DSNU by row, column and pixel, row noise, 1/f noise, drift",
         "read noise and DSNU; dark frames of short exposure can stand in for them, with the dark current in",
-        [frame("bias", short) for _ in range(bias_frames)])
-    add("dark ladder", f"lens capped, {len(dark_exposures_s)} exposures at {len(temperatures_c)} temperatures",
+        [frame("bias", short) for _ in range(bias_frames)],
+    )
+    add(
+        "dark ladder",
+        f"lens capped, {len(dark_exposures_s)} exposures at {len(temperatures_c)} temperatures",
         "dark current and its temperature law, its non-uniformity, hot pixels, glow, random telegraph noise",
         "dark current; one temperature alone leaves its temperature coefficient open",
-        [frame("dark", t, c) for c in temperatures_c for t in dark_exposures_s for _ in range(repeats)])
-    add("flats", f"even light at {len(LEVELS)} levels from near dark to beyond saturation, photons per pixel measured",
-        "gain by photon transfer, quantum efficiency, PRNU by row, column and pixel, linearity, full well, vignetting",
+        [frame("dark", t, c) for c in temperatures_c for t in dark_exposures_s for _ in range(repeats)],
+    )
+    add(
+        "flats",
+        f"even light at {len(LEVELS)} levels from near dark to beyond saturation, photons per pixel measured",
+        "gain by photon transfer, quantum efficiency, PRNU by row, column and pixel, linearity, full "
+        "well, vignetting",
         "gain: nothing can be told in electrons; photons left blank: quantum efficiency alone is lost",
-        [frame("flat", exposure_s, photons=round(level * saturation_photons)) for level in LEVELS
-         for _ in range(repeats)])
-    add("flats at half light, twice the exposure", "one level reached by another exposure",
+        [
+            frame("flat", exposure_s, photons=round(level * saturation_photons))
+            for level in LEVELS
+            for _ in range(repeats)
+        ],
+    )
+    add(
+        "flats at half light, twice the exposure",
+        "one level reached by another exposure",
         "tells a bent response from a lamp that drifts or a shutter that lags",
         "nonlinearity and lamp drift look alike",
-        [frame("flat", 2 * exposure_s, photons=round(0.5 * saturation_photons)) for _ in range(repeats)])
+        [frame("flat", 2 * exposure_s, photons=round(0.5 * saturation_photons)) for _ in range(repeats)],
+    )
     pairs = [frame(kind, exposure_s) for _ in range(2 * repeats) for kind in ("scene", "dark")]
-    add("edges and spots, each followed by a dark frame",
-        "a chart of edges, then one small bright spot beyond saturation; the lens capped for the very next frame; give "
+    add(
+        "edges and spots, each followed by a dark frame",
+        "a chart of edges, then one small bright spot beyond saturation; the lens capped for the "
+        "very next frame; give "
         "the noiseless target in `clean` where it is known",
-        "point spread, crosstalk, glare, flare, blooming, smear, charge transfer, and image lag in the dark frame after",
-        "everything that light does to its neighbours in space and time", pairs)
+        "point spread, crosstalk, glare, flare, blooming, smear, charge transfer, and image lag in "
+        "the dark frame after",
+        "everything that light does to its neighbours in space and time",
+        pairs,
+    )
     if len(gains_db) > 1:
-        add("gain ladder", "bias frames and one flat level at every gain setting",
+        add(
+            "gain ladder",
+            "bias frames and one flat level at every gain setting",
             "whether the gain follows its decibels, and read noise and black level at each gain",
             "the gain law; other settings than the base are extrapolated",
-            [frame(kind, t, gain_db=g, photons=photons) for g in gains_db[1:]
-             for kind, t, photons in (("bias", short, None), ("flat", exposure_s, round(
-                 0.4 * saturation_photons / 10 ** (g / 20)))) for _ in range(2 * repeats)])
-    add("bias again", "at the very end", "drift of the black level over the session",
-        "slow drift", [frame("bias", short) for _ in range(repeats)])
+            [
+                frame(kind, t, gain_db=g, photons=photons)
+                for g in gains_db[1:]
+                for kind, t, photons in (
+                    ("bias", short, None),
+                    ("flat", exposure_s, round(0.4 * saturation_photons / 10 ** (g / 20))),
+                )
+                for _ in range(2 * repeats)
+            ],
+        )
+    add(
+        "bias again",
+        "at the very end",
+        "drift of the black level over the session",
+        "slow drift",
+        [frame("bias", short) for _ in range(repeats)],
+    )
     return tuple(groups)
 
 
@@ -115,7 +176,12 @@ def describe_plan(groups: Sequence[PlannedGroup] | None = None) -> str:
     """The plan in words: what each group tells, what is lost without it."""
     lines = []
     for group in groups or plan_groups():
-        lines += [f"{group.name} ({len(group.records)} frames): {group.how}", f"  tells: {group.tells}",
-                  f"  lost without it: {group.lost}"]
-    lines.append("Keep the focus, the light and the order: `sequence` is the order in which the frames were taken.")
+        lines += [
+            f"{group.name} ({len(group.records)} frames): {group.how}",
+            f"  tells: {group.tells}",
+            f"  lost without it: {group.lost}",
+        ]
+    lines.append(
+        "Keep the focus, the light and the order: `sequence` is the order in which the frames were taken."
+    )
     return "\n".join(lines)

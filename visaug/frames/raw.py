@@ -1,4 +1,6 @@
-"""Mono16 .raw: bare 16-bit pixels, row by row. Byte order and the place of the bits are found from the pixels."""
+"""Mono16 .raw: bare 16-bit pixels, row by row. Byte order and the place of the bits are found from
+the pixels.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,12 @@ def read_raw(path: Path, shape: tuple[int, int] | None, byte_order: str) -> np.n
         InputError: no resolution, or a file of another size.
     """
     if shape is None:
-        raise InputError("a .raw file does not tell its size", file=path, field="resolution",
-                         expected="the camera's rows and columns")
+        raise InputError(
+            "a .raw file does not tell its size",
+            file=path,
+            field="resolution",
+            expected="the camera's rows and columns",
+        )
     rows, columns = shape
     try:
         found = path.stat().st_size
@@ -27,15 +33,19 @@ def read_raw(path: Path, shape: tuple[int, int] | None, byte_order: str) -> np.n
         raise InputError("no such file", file=path) from None
     if found != 2 * rows * columns:
         what = "is truncated" if found < 2 * rows * columns else "is too long"
-        raise InputError(f"{what}: {found} bytes", file=path,
-                         expected=f"{2 * rows * columns} bytes for {rows} x {columns} pixels of 16 bits")
+        raise InputError(
+            f"{what}: {found} bytes",
+            file=path,
+            expected=f"{2 * rows * columns} bytes for {rows} x {columns} pixels of 16 bits",
+        )
     return np.fromfile(path, dtype="<u2" if byte_order == "little" else ">u2").reshape(shape)
 
 
 def guess_byte_order(path: Path) -> str:
-    """The order in which neighbouring pixels are more alike; little endian, as GenICam has it, where both fit.
+    """The order in which neighbours are more alike; little endian, as GenICam has it, where both fit.
 
-    Swapping the bytes of a real picture turns its finest bits into its coarsest, so neighbours differ far more.
+    Swapping the bytes of a real picture turns its finest bits into its coarsest, so neighbours differ far
+    more.
     """
     try:
         pixels = np.fromfile(path, dtype="<u2", count=2**20).astype(np.int64)

@@ -18,7 +18,8 @@ class FrameRecord:
     Attributes:
         sequence: order of acquisition, unique in the set.
         file: path relative to the set's folder; ``#key[index]`` picks a frame inside an archive or stack.
-        kind: ``bias``, ``dark``, ``flat``, ``scene``, or ``image`` (an ordinary picture of which nothing is known).
+        kind: ``bias``, ``dark``, ``flat``, ``scene``, or ``image`` (an ordinary picture of which nothing
+            is known).
         exposure_s: exposure time in seconds, 0 or more (0 where unknown for ``bias`` and ``image``).
         temperature_c: sensor temperature in degrees Celsius, None where unknown.
         gain_db: the camera's gain setting in dB.
@@ -43,14 +44,19 @@ class FrameRecord:
         _check("exposure_s", self.exposure_s, 0.0, 1e6, "seconds, 0 or more")
         _check("gain_db", self.gain_db, -100.0, 100.0, "decibels between -100 and 100")
         if self.temperature_c is not None:
-            _check("temperature_c", self.temperature_c, -273.15, 300.0, "degrees Celsius between -273.15 and 300")
+            _check(
+                "temperature_c", self.temperature_c, -273.15, 300.0, "degrees Celsius between -273.15 and 300"
+            )
         if self.photons is not None:
             _check("photons", self.photons, 0.0, 1e12, "photons per pixel, 0 or more")
         if self.window is not None:
             r0, r1, c0, c1 = self.window
             if not (0 <= r0 < r1 and 0 <= c0 < c1):
-                raise InputError(f"{format_window(self.window)} is no window", field="region",
-                                 expected="r0:r1,c0:c1 with 0 <= r0 < r1 and 0 <= c0 < c1")
+                raise InputError(
+                    f"{format_window(self.window)} is no window",
+                    field="region",
+                    expected="r0:r1,c0:c1 with 0 <= r0 < r1 and 0 <= c0 < c1",
+                )
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,6 @@
-"""Folders that describe their frames in their own way: EMVA 1288 descriptors, FITS headers, plain pictures."""
+"""Folders that describe their frames in their own way: EMVA 1288 descriptors, FITS headers, plain
+pictures.
+"""
 
 from __future__ import annotations
 
@@ -45,15 +47,21 @@ def read_descriptor(path: Path) -> tuple[list[FrameRecord], int, tuple[int, int]
             else:
                 raise ValueError
         except (ValueError, IndexError):
-            raise InputError(f"{line.strip()!r} cannot be understood", file=path, field=f"line {number}",
-                             expected="'n bits width height', 'b exposure photons', 'd exposure' or 'i image'") from None
+            raise InputError(
+                f"{line.strip()!r} cannot be understood",
+                file=path,
+                field=f"line {number}",
+                expected="'n bits width height', 'b exposure photons', 'd exposure' or 'i image'",
+            ) from None
     if shape is None or not records:
         raise InputError("has no 'n' line or no image", file=path, expected="an EMVA 1288 descriptor")
     return records, bits, shape
 
 
 def read_fits_folder(folder: Path, files: list[Path]) -> list[FrameRecord]:
-    """Records of FITS files with the usual headers (IMAGETYP, EXPTIME, CCD-TEMP, GAIN_DB), by DATE-OBS or name."""
+    """Records of FITS files with the usual headers (IMAGETYP, EXPTIME, CCD-TEMP, GAIN_DB), by
+    DATE-OBS or name.
+    """
     from astropy.io import fits
 
     found = []
@@ -71,12 +79,24 @@ def read_fits_folder(folder: Path, files: list[Path]) -> list[FrameRecord]:
 
 def _fits_record(number: int, folder: Path, file: Path, header) -> FrameRecord:
     text = str(header.get("IMAGETYP", header.get("FRAME", ""))).strip().lower()
-    kinds = {"bias": "bias", "zero": "bias", "dark": "dark", "flat": "flat", "light": "scene", "object": "scene",
-             "science": "scene", "scene": "scene"}
+    kinds = {
+        "bias": "bias",
+        "zero": "bias",
+        "dark": "dark",
+        "flat": "flat",
+        "light": "scene",
+        "object": "scene",
+        "science": "scene",
+        "scene": "scene",
+    }
     kind = next((value for word, value in kinds.items() if word in text), None)
     if kind is None:
-        raise InputError(f"IMAGETYP {text!r} is no kind of frame", file=file, field="IMAGETYP",
-                         expected="bias, zero, dark, flat, light or object")
+        raise InputError(
+            f"IMAGETYP {text!r} is no kind of frame",
+            file=file,
+            field="IMAGETYP",
+            expected="bias, zero, dark, flat, light or object",
+        )
 
     def number_of(*names: str) -> float | None:
         for name in names:
@@ -93,20 +113,28 @@ def _fits_record(number: int, folder: Path, file: Path, header) -> FrameRecord:
             raise InputError("is missing", file=file, field="EXPTIME", expected="the exposure in seconds")
         exposure_s = 0.0
     try:
-        return FrameRecord(number, file.relative_to(folder).as_posix(), kind, exposure_s,
-                           number_of("CCD-TEMP", "CCD_TEMP", "DET-TEMP"), number_of("GAIN_DB", "GAINDB") or 0.0,
-                           photons=number_of("PHOTONS"))
+        return FrameRecord(
+            number,
+            file.relative_to(folder).as_posix(),
+            kind,
+            exposure_s,
+            number_of("CCD-TEMP", "CCD_TEMP", "DET-TEMP"),
+            number_of("GAIN_DB", "GAINDB") or 0.0,
+            photons=number_of("PHOTONS"),
+        )
     except InputError as error:
         raise InputError(error.problem, file=file, field=error.field, expected=error.expected) from None
 
 
 def read_pictures(folder: Path, files: list[Path]) -> list[FrameRecord]:
     """Plain pictures, of which nothing is known, by name."""
-    return [FrameRecord(n, file.relative_to(folder).as_posix(), "image") for n, file in enumerate(sorted(files))]
+    return [
+        FrameRecord(n, file.relative_to(folder).as_posix(), "image") for n, file in enumerate(sorted(files))
+    ]
 
 
 def find(path: Path) -> tuple[str, Path, list[Path]]:
-    """What lies at `path`: ``table``, ``descriptor``, ``fits`` or ``pictures``; the folder; the files it means.
+    """What lies at `path` (``table``, ``descriptor``, ``fits``, ``pictures``), its folder, the files meant.
 
     frames.csv wins over a descriptor, a descriptor over FITS headers, these over plain pictures.
     """
@@ -117,8 +145,9 @@ def find(path: Path) -> tuple[str, Path, list[Path]]:
             return "descriptor", path.parent, [path]
         if path.suffix.lower() in SUFFIXES:
             return "pictures", path.parent, [path]
-        raise InputError("is no frame set", file=path,
-                         expected=f"a folder, a frames.csv, an {DESCRIPTOR} or a picture")
+        raise InputError(
+            "is no frame set", file=path, expected=f"a folder, a frames.csv, an {DESCRIPTOR} or a picture"
+        )
     if not path.is_dir():
         raise InputError("no such file or folder", file=path)
     for kind, name in (("table", "frames.csv"), ("descriptor", DESCRIPTOR)):
@@ -129,5 +158,8 @@ def find(path: Path) -> tuple[str, Path, list[Path]]:
         chosen = [f for f in files if f.suffix.lower() in suffixes]
         if chosen:
             return kind, path, chosen
-    raise InputError("holds no frames", file=path,
-                     expected=f"frames.csv, {DESCRIPTOR}, FITS files or pictures ({' '.join(SUFFIXES)})")
+    raise InputError(
+        "holds no frames",
+        file=path,
+        expected=f"frames.csv, {DESCRIPTOR}, FITS files or pictures ({' '.join(SUFFIXES)})",
+    )

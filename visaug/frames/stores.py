@@ -1,4 +1,6 @@
-"""Where a set's pixels come from: files read one at a time, or arrays in memory. Both check what they hand out."""
+"""Where a set's pixels come from: files read one at a time, or arrays in memory. Both check what they
+hand out.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +35,13 @@ class Store(Protocol):
 class MemoryStore:
     """Frames in memory."""
 
-    def __init__(self, records: Sequence[FrameRecord], frames: Sequence[np.ndarray] | np.ndarray,
-                 cleans: dict[str, np.ndarray], bit_depth: int | None) -> None:
+    def __init__(
+        self,
+        records: Sequence[FrameRecord],
+        frames: Sequence[np.ndarray] | np.ndarray,
+        cleans: dict[str, np.ndarray],
+        bit_depth: int | None,
+    ) -> None:
         self._records, self._frames = list(records), frames
         self._cleans = {name: np.asarray(c, np.float32) for name, c in cleans.items()}
         self._bit_depth = bit_depth
@@ -69,9 +76,20 @@ class MemoryStore:
 class FileStore:
     """Frames in files, each read when asked for."""
 
-    def __init__(self, records: Sequence[FrameRecord], root: Path, resolution: tuple[int, int] | None,
-                 bit_depth: int | None, byte_order: str | None, bits_at: str | None, warnings: list[str]) -> None:
-        for field, value, choices in (("byte_order", byte_order, BYTE_ORDERS), ("bits_at", bits_at, ("top", "bottom"))):
+    def __init__(
+        self,
+        records: Sequence[FrameRecord],
+        root: Path,
+        resolution: tuple[int, int] | None,
+        bit_depth: int | None,
+        byte_order: str | None,
+        bits_at: str | None,
+        warnings: list[str],
+    ) -> None:
+        for field, value, choices in (
+            ("byte_order", byte_order, BYTE_ORDERS),
+            ("bits_at", bits_at, ("top", "bottom")),
+        ):
             if value is not None and value not in choices:
                 raise InputError(f"{value!r} is unknown", field=field, expected=" or ".join(choices))
         if bit_depth is not None and not 1 <= bit_depth <= 32:
@@ -109,8 +127,11 @@ class FileStore:
             pixels = self._reader.read(name, self._shape_of_raw(self._records[i]))
             check_values(pixels, None, self._root / name)
             if pixels.shape != self.shape(i):
-                raise InputError(f"is {pixels.shape[0]} x {pixels.shape[1]}", file=self._root / name,
-                                 expected="the size of its frame, {} x {}".format(*self.shape(i)))
+                raise InputError(
+                    f"is {pixels.shape[0]} x {pixels.shape[1]}",
+                    file=self._root / name,
+                    expected="the size of its frame, {} x {}".format(*self.shape(i)),
+                )
             self._cleans[name] = pixels.astype(np.float32)
             if len(self._cleans) > _CLEANS_KEPT:
                 self._cleans.popitem(last=False)
@@ -139,11 +160,17 @@ class FileStore:
             self._size = (self._resolution, "the sensor") if self._resolution else (shape, record.file)
         size, whose = self._size
         if shape != size:
-            raise InputError(f"is {shape[0]} x {shape[1]}", file=self._root / record.file, field="region",
-                             expected=f"{size[0]} x {size[1]} as {whose}, or a region that says which window it is")
+            raise InputError(
+                f"is {shape[0]} x {shape[1]}",
+                file=self._root / record.file,
+                field="region",
+                expected=f"{size[0]} x {size[1]} as {whose}, or a region that says which window it is",
+            )
 
     def _find_layout(self) -> None:
-        """Once for the set: byte order, bit depth and where the bits lie, from a few frames spread over it."""
+        """Once for the set: byte order, bit depth and where the bits lie, from a few frames spread
+        over it.
+        """
         if self._shift is not None:
             return
         self._shift = 0
@@ -153,8 +180,10 @@ class FileStore:
             votes = [guess_byte_order(self._root / self._records[i].file) for i in probes]
             self._byte_order = max(BYTE_ORDERS, key=votes.count)
             self._reader.byte_order = self._byte_order
-            self.warnings.append(f"byte_order_assumed: .raw files are read as {self._byte_order} endian, in which "
-                                 "neighbouring pixels are more alike")
+            self.warnings.append(
+                f"byte_order_assumed: .raw files are read as {self._byte_order} endian, in which "
+                "neighbouring pixels are more alike"
+            )
         dtype = self._reader.dtype(self._records[0].file)
         if dtype is None:
             dtype = self._stored(0).dtype
@@ -168,8 +197,11 @@ class FileStore:
     def _find_shift(self) -> None:
         """Bits at the top of 16 leave the low bits 0 in every pixel."""
         brightest = sorted(range(len(self._records)), key=self._likely_level)
-        low = min(unused_low_bits(self._stored(i)) for i in (*brightest[-_PROBED // 2:], *brightest[:_PROBED // 2]))
-        largest = max(int(self._stored(i).max()) for i in brightest[-_PROBED // 2:])
+        low = min(
+            unused_low_bits(self._stored(i))
+            for i in (*brightest[-_PROBED // 2 :], *brightest[: _PROBED // 2])
+        )
+        largest = max(int(self._stored(i).max()) for i in brightest[-_PROBED // 2 :])
         if self._bit_depth is not None:
             shift = 16 - self._bit_depth
             if self._bits_at == "top" or (low >= shift and largest > (1 << self._bit_depth) - 1):
@@ -177,12 +209,16 @@ class FileStore:
         elif low in (2, 4, 6):  # converters have 10, 12 or 14 bits
             self._shift, self._bit_depth = low, 16 - low
         if self._shift and self._bits_at is None:
-            self.warnings.append(f"bits_at_top_assumed: the lowest {self._shift} of 16 bits are 0 in all frames looked "
-                                 f"at; read as {self._bit_depth}-bit values at the top")
+            self.warnings.append(
+                f"bits_at_top_assumed: the lowest {self._shift} of 16 bits are 0 in all frames looked "
+                f"at; read as {self._bit_depth}-bit values at the top"
+            )
 
     def _likely_level(self, i: int) -> tuple[int, float]:
         record = self._records[i]
-        return ("bias", "dark", "image", "scene", "flat").index(record.kind), record.photons or record.exposure_s
+        return ("bias", "dark", "image", "scene", "flat").index(
+            record.kind
+        ), record.photons or record.exposure_s
 
 
 def check_values(pixels: np.ndarray, bit_depth: int | None, file: str | Path) -> None:
@@ -192,12 +228,20 @@ def check_values(pixels: np.ndarray, bit_depth: int | None, file: str | Path) ->
     low, high = pixels.min(), pixels.max()
     if not (np.isfinite(low) and np.isfinite(high)):  # NaN wins in min and max
         bad = int(np.count_nonzero(~np.isfinite(pixels)))
-        raise InputError(f"{bad} of {pixels.size} pixels are NaN or infinite", file=file, expected="finite DN")
+        raise InputError(
+            f"{bad} of {pixels.size} pixels are NaN or infinite", file=file, expected="finite DN"
+        )
     if low < 0:
-        raise InputError(f"the smallest value is {low:g}", file=file, expected="DN of 0 or more, nothing subtracted")
+        raise InputError(
+            f"the smallest value is {low:g}", file=file, expected="DN of 0 or more, nothing subtracted"
+        )
     if bit_depth is not None and high > (1 << bit_depth) - 1:
-        raise InputError(f"the largest value is {high:g}", file=file, field="bit_depth",
-                         expected=f"at most {(1 << bit_depth) - 1} for {bit_depth} bits")
+        raise InputError(
+            f"the largest value is {high:g}",
+            file=file,
+            field="bit_depth",
+            expected=f"at most {(1 << bit_depth) - 1} for {bit_depth} bits",
+        )
 
 
 def check_window(record: FrameRecord, shape: tuple[int, ...]) -> None:
@@ -205,8 +249,12 @@ def check_window(record: FrameRecord, shape: tuple[int, ...]) -> None:
         return
     r0, r1, c0, c1 = record.window
     if shape != (r1 - r0, c1 - c0):
-        raise InputError(f"is {shape[0]} x {shape[1]}", file=record.file, field="region",
-                         expected=f"{r1 - r0} x {c1 - c0} as its region says")
+        raise InputError(
+            f"is {shape[0]} x {shape[1]}",
+            file=record.file,
+            field="region",
+            expected=f"{r1 - r0} x {c1 - c0} as its region says",
+        )
 
 
 def _bits_of(dtype: np.dtype) -> int | None:

@@ -55,7 +55,9 @@ def _put(temporary: Path, folder: Path) -> None:
 
 
 def _write_archive(frames: FrameSet, path: Path) -> list[str]:
-    """All frames into one .npz, an array for each size, one frame in memory at a time; returns their names."""
+    """All frames into one .npz, an array for each size, one frame in memory at a time; returns their
+    names.
+    """
     shapes = [frames.shape(i) for i in range(len(frames))]
     names = [""] * len(frames)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
@@ -65,8 +67,13 @@ def _write_archive(frames: FrameSet, path: Path) -> list[str]:
             dtype = _smallest_type(frames, members)
             with archive.open(f"{key}.npy", "w", force_zip64=True) as handle:
                 np.lib.format.write_array_header_2_0(
-                    handle, {"descr": np.lib.format.dtype_to_descr(dtype), "fortran_order": False,
-                             "shape": (len(members), *shape)})
+                    handle,
+                    {
+                        "descr": np.lib.format.dtype_to_descr(dtype),
+                        "fortran_order": False,
+                        "shape": (len(members), *shape),
+                    },
+                )
                 for k, i in enumerate(members):
                     handle.write(np.ascontiguousarray(frames.read(i).astype(dtype)).tobytes())
                     names[i] = f"{path.name}#{key}[{k}]"
@@ -110,7 +117,9 @@ def _write_named(frames: FrameSet, folder: Path) -> None:
         if place.is_absolute() or ".." in place.parts or file == "frames.csv":
             raise InputError(f"{file!r} cannot be written", field="file", expected="a path inside the folder")
         if sum(r.file == record.file for r in frames.records) > 1:
-            raise InputError(f"{record.file!r} names several frames", field="file", expected="a name for each frame")
+            raise InputError(
+                f"{record.file!r} names several frames", field="file", expected="a name for each frame"
+            )
     stacks: dict[str, list[int]] = {}
     for i, (file, key, index) in enumerate(parts):
         path = folder / file
@@ -118,8 +127,9 @@ def _write_named(frames: FrameSet, folder: Path) -> None:
         if path.suffix.lower() == ".npz" or index:
             stacks.setdefault(file, []).append(i)
             if path.suffix.lower() == ".npz" and not key:
-                raise InputError(f"{frames.records[i].file!r} names no array", field="file",
-                                 expected="file.npz#key[index]")
+                raise InputError(
+                    f"{frames.records[i].file!r} names no array", field="file", expected="file.npz#key[index]"
+                )
         else:
             write_frame(path, frames.read(i), _smallest_type(frames, [i]))
     for file, members in stacks.items():
@@ -134,7 +144,9 @@ def _write_stack(frames: FrameSet, path: Path, places: dict[int, tuple[str | Non
         lengths = {len(index) for index in members.values()}
         shapes = {frames.shape(i) for i in members}
         if len(lengths) > 1 or len(shapes) > 1:
-            raise InputError("frames of several sizes or depths of index share one array", file=path, field=key)
+            raise InputError(
+                "frames of several sizes or depths of index share one array", file=path, field=key
+            )
         outer = tuple(max(n) + 1 for n in zip(*members.values()))
         array = np.zeros((*outer, *shapes.pop()), dtype)
         for i, index in members.items():
@@ -147,7 +159,9 @@ def _write_stack(frames: FrameSet, path: Path, places: dict[int, tuple[str | Non
 
 
 def write_frame(path: Path, pixels: np.ndarray, dtype: np.dtype | None = None) -> None:
-    """One frame (or stack) in the format of the suffix: .npy, TIFF, PNG, FITS or .raw (16 bit, little endian)."""
+    """One frame (or stack) in the format of the suffix: .npy, TIFF, PNG, FITS or .raw (16 bit, little
+    endian).
+    """
     suffix = path.suffix.lower()
     stored = pixels.astype(dtype or pixels.dtype)
     if suffix == ".npy":
@@ -167,5 +181,8 @@ def write_frame(path: Path, pixels: np.ndarray, dtype: np.dtype | None = None) -
     elif suffix == ".raw" and stored.dtype.kind == "u":
         stored.astype("<u2").tofile(path)
     else:
-        raise InputError(f"{stored.dtype} pixels cannot be written as {suffix or 'a file without suffix'}", file=path,
-                         expected=".npy, .npz, .tif or .fits; .png and .raw for whole DN of 16 bits")
+        raise InputError(
+            f"{stored.dtype} pixels cannot be written as {suffix or 'a file without suffix'}",
+            file=path,
+            expected=".npy, .npz, .tif or .fits; .png and .raw for whole DN of 16 bits",
+        )
