@@ -157,7 +157,8 @@ class FileStore:
         if record.window is not None or record.kind == "image":
             return
         if self._size is None:
-            self._size = (self._resolution, "the sensor") if self._resolution else (shape, record.file)
+            first = (shape[0], shape[1]), record.file
+            self._size = (self._resolution, "the sensor") if self._resolution else first
         size, whose = self._size
         if shape != size:
             raise InputError(

@@ -153,7 +153,7 @@ def _write_stack(frames: FrameSet, path: Path, places: dict[int, tuple[str | Non
             array[index] = frames.read(i)
         arrays[key] = array
     if path.suffix.lower() == ".npz":
-        np.savez_compressed(path, **{str(k): a for k, a in arrays.items()})
+        np.savez_compressed(path, allow_pickle=False, **{str(k): a for k, a in arrays.items()})
     else:
         write_frame(path, arrays[None], dtype)
 
