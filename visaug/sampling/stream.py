@@ -67,6 +67,10 @@ class Stream:
         cameras = self._camera_keys[:1] if len(set(self._camera_keys)) == 1 else self._camera_keys
         return Stream(cameras, cameras, self.channels, self.window, self.device)
 
+    def over(self, rows: range, columns: range) -> "Stream":
+        """The same numbers for another window: whole rows, the whole sensor, or a table of fixed numbers."""
+        return Stream(self._keys, self._camera_keys, self.channels, (rows, columns), self.device)
+
     def uniform(self, vary: str = "pixel") -> Tensor:
         """Uniform in (0, 1), float32."""
         return distributions.uniform(self._bits(vary))

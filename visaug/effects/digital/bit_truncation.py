@@ -1,0 +1,37 @@
+"""Lost low bits."""
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class BitTruncation(Effect):
+    """A link that carries fewer bits than the converter gives, or 12 bits in a file of 16, end in zeros."""
+
+    name = "bit_truncation"
+    stage = Stage.DIGITAL
+    order = 70
+    summary = "The lowest bits are lost."
+    equation = "y <- 2^bits floor(y / 2^bits); rounding: 2^bits floor(y / 2^bits + 1/2)"
+    source = (
+        "B. Widrow and I. Kollar, Quantization Noise (Cambridge 2008); adds 4^bits / 12 DN^2 where "
+        "noise is wide"
+    )
+    differentiable = False
+    why_not = "the number of bits is whole; the image's gradient passes straight through, as in rounding"
+    bits = Parameter(
+        2.0,
+        unit="bits",
+        high=15.0,
+        strength=True,
+        integer=True,
+        trials=(2.0, 4.0),
+        source="16-bit files of 12-bit cameras: 4",
+    )
+    mode = Parameter("cut", options=("cut", "round"), source="most links cut; scaling in software rounds")
+
+    def apply(self, signal, p, stream, context):
+        step = 2.0**p.bits
+        kept = torch.floor(signal / step + (0.5 if p.mode == "round" else 0)) * step
+        kept = torch.where(p.bits > 0, kept.clamp_max(context.max_dn), signal)
+        return signal + (kept - signal).detach()

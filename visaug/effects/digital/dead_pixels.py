@@ -1,0 +1,42 @@
+"""Dead pixels."""
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class DeadPixels(Effect):
+    """A broken pixel gives one code in every frame: 0 (dead), the top (stuck bright) or one between."""
+
+    name = "dead_pixels"
+    stage = Stage.DIGITAL
+    order = 90
+    summary = "A few pixels stick at a level, whatever the light."
+    equation = "y <- L_pixel, L = round(range * clip(level + spread n_pixel, 0, 1)), where the pixel is dead"
+    source = "EMVA 1288 release 4 Linear, defect pixels"
+    differentiable = False
+    why_not = "whether a pixel is dead is yes or no; image and level carry no gradient through a stuck pixel"
+    density = Parameter(
+        0.001,
+        unit="share of pixels",
+        high=1.0,
+        strength=True,
+        trials=(0.0005, 0.004),
+        source="below 0.1 % in datasheets; assumed",
+    )
+    level = Parameter(
+        0.0,
+        unit="share of the range",
+        high=1.0,
+        trials=(0.0, 0.5, 1.0),
+        source="0 is dark, 1 is stuck bright",
+    )
+    spread = Parameter(
+        0.0, unit="share of the range", high=1.0, trials=(0.3,), source="standard deviation among dead pixels"
+    )
+
+    def apply(self, signal, p, stream, context):
+        fixed = stream.fixed
+        dead = fixed.fork("where").uniform() < p.density
+        level = (p.level + p.spread * fixed.fork("level").normal()).clamp(0, 1)
+        return torch.where(dead, (level * context.max_dn).round(), signal)

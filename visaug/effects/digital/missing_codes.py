@@ -1,0 +1,50 @@
+"""Missing codes."""
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class MissingCodes(Effect):
+    """A converter of uneven steps skips codes; a digital gain or look-up table skips them evenly.
+
+    What would have been a missing code comes out as the next lower code that exists. Code 0 always exists.
+    """
+
+    name = "missing_codes"
+    stage = Stage.DIGITAL
+    order = 60
+    summary = "Some codes never come; which ones is fixed for a camera."
+    equation = (
+        "y <- max{k <= y: k exists}; a code is missing with probability density, or at every "
+        "1/density-th place"
+    )
+    source = "IEEE Std 1241-2010, missing codes"
+    differentiable = False
+    why_not = "which codes exist is yes or no; the image's gradient passes straight through, as in rounding"
+    density = Parameter(
+        0.05,
+        unit="share of codes",
+        high=0.9,
+        strength=True,
+        trials=(0.02, 0.1),
+        source="0 in a good converter; a digital gain g gives 1 - 1/g",
+    )
+    pattern = Parameter(
+        "random", options=("random", "even"), source="random: the converter; even: a digital gain"
+    )
+
+    def apply(self, signal, p, stream, context):
+        codes = torch.arange(context.max_dn + 1, device=signal.device)
+        if p.pattern == "even":
+            place = codes.double() * p.density
+            missing = (place + p.density).floor() > place.floor()
+        else:
+            missing = stream.fixed.over(range(1), range(len(codes))).uniform("column") < p.density
+        exists = torch.where(missing & (codes > 0), 0, codes)
+        lookup = exists.cummax(dim=-1).values.to(signal.dtype)  # (B or 1, C or 1, 1, codes)
+        index = signal.detach().round().long().clamp(0, context.max_dn)
+        batch, channels = signal.shape[:2]
+        found = lookup.expand(batch, channels, 1, len(codes)).flatten(2).gather(2, index.flatten(2))
+        found = torch.where(p.density > 0, found.view_as(signal), signal)
+        return signal + (found - signal).detach()

@@ -1,0 +1,48 @@
+"""Drift of the black level."""
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class BlackLevelDrift(Effect):
+    """The clamp that sets the black level is noisy and follows the temperature of the electronics.
+
+    Along a sequence the offset walks, pulled back to 0: an autoregressive course of standard deviation
+    `sigma_e`, in which neighbouring frames correlate by `correlation` (0: white; towards 1: a random walk).
+    Unrelated images get independent offsets.
+    """
+
+    name = "black_level_drift"
+    stage = Stage.READOUT
+    order = 70
+    summary = "The offset of a whole frame changes from frame to frame."
+    equation = "V <- V + d_t, d_t = r d_(t-1) + sigma sqrt(1 - r^2) n_t, n_t ~ N(0, 1)"
+    source = (
+        "EMVA 1288 release 4 Linear, stability of the dark signal; J. Janesick, Photon Transfer (SPIE 2007)"
+    )
+    sigma_e = Parameter(
+        1.0, unit="e-", high=1e4, strength=True, trials=(0.3, 1.5), source="0.1 to 1 times the read noise"
+    )
+    correlation = Parameter(
+        0.9, unit="1", high=0.999, trials=(0.0, 0.9), source="depends on the frame rate; assumed"
+    )
+
+    def apply(self, signal, p, stream, context):
+        course = stream.normal("frame")
+        if context.sequence:
+            course = self._walk(course, p.correlation, context)
+        return signal + p.sigma_e * course
+
+    def moments(self, mean, p, context):
+        return mean, p.sigma_e**2
+
+    def _walk(self, fresh, correlation, context):
+        """Autoregressive course of variance 1 from white numbers (B, 1, 1, 1), on from the last batch."""
+        correlation = torch.as_tensor(correlation, device=fresh.device).expand_as(fresh)
+        before, course = context.memory.get(self.name), []
+        for new, r in zip(fresh, correlation):
+            before = new if before is None else r * before + (1 - r**2).sqrt() * new
+            course.append(before)
+        context.memory[self.name] = before.detach()
+        return torch.stack(course)

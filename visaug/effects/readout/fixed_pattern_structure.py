@@ -1,0 +1,82 @@
+"""Structured fixed pattern."""
+
+import math
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class FixedPatternStructure(Effect):
+    """Column amplifiers share supplies and layout, so their offsets are no white noise. The shapes:
+
+    bands: lines side by side, `period_px` of them, share a level that is uniform in [-1, 1];
+    levels: the same with one of three levels -1, 0, 1 (the paper's columns lie near 11, 6 and 1 e-);
+    wave: a sine of period `period_px`, its phase a property of the camera;
+    slope: a parabola across the sensor, from one edge to the other.
+    A whole measured pattern is given as `dsnu.map` instead.
+    """
+
+    name = "fixed_pattern_structure"
+    stage = Stage.READOUT
+    order = 15
+    summary = "An additive dark pattern with bands, slope or period, the same in every frame of a camera."
+    equation = (
+        "V <- V + A f(x): bands, levels, sin(2 pi (x / period + phase)), or slope u + curvature (u^2 "
+        "- 1), u from -1 to 1"
+    )
+    source = "the paper, figs. 2 and 4 (columns in three bands); EMVA 1288 release 4 Linear, spectrograms"
+    amplitude_e = Parameter(
+        2.0, unit="e-", high=1e4, strength=True, trials=(1.0, 4.0), source="5 e- for the paper's columns"
+    )
+    period_px = Parameter(
+        32.0,
+        unit="px",
+        low=1.0,
+        high=1e5,
+        trials=(8.0, 32.0, 100.0),
+        source="of a wave; width of a band; assumed",
+    )
+    curvature = Parameter(
+        0.0, unit="1", low=-1.0, high=1.0, trials=(0.5,), source="of a slope, relative to its linear part"
+    )
+    shape = Parameter(
+        "bands", options=("bands", "levels", "wave", "slope"), source="the paper, fig. 2: levels and a slope"
+    )
+    direction = Parameter("columns", options=("columns", "rows"), source="columns: alike along a column")
+
+    def apply(self, signal, p, stream, context):
+        return signal + p.amplitude_e * self._pattern(signal, p, stream.fixed, context)
+
+    def moments(self, mean, p, context):
+        if p.shape == "slope":
+            return mean + p.amplitude_e * self._slope(mean, p, context), torch.zeros_like(mean)
+        if p.shape == "wave":
+            return mean, p.amplitude_e**2 / 2
+        return None  # a pixel on the edge of two bands has a share of either
+
+    def _pattern(self, signal, p, fixed, context):
+        if p.shape == "slope":
+            return self._slope(signal, p, context)
+        place, extent = self._place(signal, p, context)
+        if p.shape == "wave":
+            return torch.sin(2 * math.pi * (place / p.period_px + fixed.uniform("frame")))
+        vary, axis = ("column", 3) if p.direction == "columns" else ("row", 2)
+        level = fixed.over(range(extent + 1), range(extent + 1)).uniform(vary)
+        level = (3 * level).floor() - 1 if p.shape == "levels" else 2 * level - 1
+        here, behind = (torch.floor(edge / p.period_px).detach() for edge in (place, place + 1))
+        # An edge inside a pixel gives it a share of either band, and the width a derivative.
+        share = (place + 1 - behind * p.period_px).clamp(0, 1)
+        here, behind = (torch.take_along_dim(level, band.long(), axis) for band in (here, behind))
+        return here + share * (behind - here)
+
+    def _slope(self, signal, p, context):
+        place, extent = self._place(signal, p, context)
+        u = (2 * place + 1) / extent - 1
+        return u + p.curvature * (u**2 - 1)
+
+    @staticmethod
+    def _place(signal, p, context):
+        if p.direction == "columns":
+            return context.columns(signal), context.resolution[1]
+        return context.rows(signal), context.resolution[0]

@@ -1,0 +1,60 @@
+"""1/f noise."""
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class FlickerNoise(Effect):
+    """Slow noise of an output amplifier, in the order in which it reads the pixels: stripes along rows.
+
+    Each frequency along the readout of the whole sensor gets its amplitude and phase. The course is twice
+    as long as a frame, so that a frame's end does not know its beginning; a crop of the sensor gets its part
+    of the whole readout.
+    """
+
+    name = "flicker_noise"
+    stage = Stage.READOUT
+    order = 48
+    summary = "Noise along the readout whose power rises towards low frequencies."
+    equation = (
+        "V <- V + f_k, k the pixel's place in the readout; power spectrum ~ 1 / frequency^exponent, "
+        "variance sigma^2"
+    )
+    source = (
+        "J. Janesick, Photon Transfer (SPIE 2007), read noise: flicker noise; shaping as in Timmer "
+        "and Koenig, A&A 300 (1995) 707"
+    )
+    sigma_e = Parameter(
+        1.0, unit="e-", high=1e4, strength=True, trials=(0.5, 1.5), source="0.1 to 1 times the read noise"
+    )
+    exponent = Parameter(
+        1.0,
+        unit="1",
+        high=2.0,
+        trials=(0.7, 1.0, 1.4),
+        source="near 1 for MOS transistors; 2 is a random walk",
+    )
+    direction = Parameter(
+        "rows", options=("rows", "columns"), source="rows: pixels of a row are read one after another"
+    )
+
+    def apply(self, signal, p, stream, context):
+        rows, columns = context.resolution
+        along = (rows, columns) if p.direction == "rows" else (columns, rows)
+        white = stream.over(range(2 * along[0]), range(along[1])).normal()
+        white = torch.view_as_complex(white.reshape(*white.shape[:2], -1, 2))  # one number for each frequency
+        frequency = torch.arange(1, white.shape[-1] + 1, device=signal.device)
+        shape = torch.exp(-p.exponent / 2 * torch.log(frequency)).flatten(2)  # (B or 1, 1, frequencies)
+        variance = 4 * shape.square().sum(-1, keepdim=True) - 3 * shape[..., -1:].square()
+        spectrum = torch.nn.functional.pad(
+            white * (shape / variance.sqrt()), (1, 0)
+        )  # no constant: that is drift
+        noise = torch.fft.irfft(spectrum, norm="forward").view(*spectrum.shape[:2], 2 * along[0], along[1])
+        if p.direction == "columns":
+            noise = noise.transpose(-1, -2)
+        r, c = context.window
+        return signal + p.sigma_e * noise[..., r.start : r.stop, c.start : c.stop]
+
+    def moments(self, mean, p, context):
+        return mean, p.sigma_e**2

@@ -1,0 +1,51 @@
+"""Periodic banding."""
+
+import math
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class PeriodicBanding(Effect):
+    """A clock, a switching supply or the mains couples into the readout, row after row at its phase.
+
+    It runs free of the frame clock, so the phase at row 0 is uniform and new in every frame.
+    """
+
+    name = "periodic_banding"
+    stage = Stage.READOUT
+    order = 50
+    summary = (
+        "Every pixel of a row shifts alike, by a sine of the row number whose phase changes from "
+        "frame to frame."
+    )
+    equation = (
+        "V <- V + A (sin theta + h sin 2 theta), theta = 2 pi (row / period + phase), phase ~ U(0, 1) "
+        "in every frame"
+    )
+    source = (
+        "K. Wei et al., IEEE TPAMI 44 (2022) 8520 (banding pattern noise); EMVA 1288 release 4 "
+        "Linear, spectrograms"
+    )
+    amplitude_e = Parameter(
+        1.0, unit="e-", high=1e4, strength=True, trials=(0.5, 1.5), source="0.1 to 1 times the read noise"
+    )
+    period_rows = Parameter(
+        20.0,
+        unit="px",
+        low=2.0,
+        high=1e5,
+        trials=(6.0, 20.0, 60.0),
+        source="row rate over the frequency that couples in",
+    )
+    second_harmonic = Parameter(
+        0.0, unit="fraction", high=1.0, trials=(0.5,), source="share of the first; 0 is a pure sine"
+    )
+
+    def apply(self, signal, p, stream, context):
+        theta = 2 * math.pi * (context.rows(signal) / p.period_rows + stream.uniform("frame"))
+        return signal + p.amplitude_e * (torch.sin(theta) + p.second_harmonic * torch.sin(2 * theta))
+
+    def moments(self, mean, p, context):
+        return mean, p.amplitude_e**2 * (1 + p.second_harmonic**2) / 2

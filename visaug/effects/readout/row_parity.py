@@ -1,0 +1,51 @@
+"""Odd and even rows."""
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class RowParity(Effect):
+    """Odd and even rows go through different amplifiers, or share transistors, hence differ in a fixed way.
+
+    Half the difference goes to each side, so that the frame's mean stays where it was.
+    """
+
+    name = "row_parity"
+    stage = Stage.READOUT
+    order = 30
+    summary = "Odd and even rows differ in offset and gain, always in the same way."
+    equation = "V <- V (1 + s gain / 2) + s offset / 2, s = +1 on rows 1, 3, 5 ..., -1 on rows 0, 2, 4 ..."
+    source = (
+        "J. Nakamura (ed.), Image Sensors and Signal Processing for Digital Still Cameras (CRC 2006), "
+        "fixed-pattern noise"
+    )
+    offset_e = Parameter(
+        1.0,
+        unit="e-",
+        low=-1e4,
+        high=1e4,
+        strength=True,
+        trials=(0.3, 1.0),
+        source="a fraction of the read noise; odd minus even",
+    )
+    gain = Parameter(
+        0.0,
+        unit="fraction",
+        low=-0.5,
+        high=0.5,
+        strength=True,
+        trials=(0.003, 0.01),
+        source="like a PRNU of rows; odd minus even",
+    )
+
+    def apply(self, signal, p, stream, context):
+        return self._split(signal, p, context)
+
+    def moments(self, mean, p, context):
+        return self._split(mean, p, context), torch.zeros_like(mean)
+
+    @staticmethod
+    def _split(signal, p, context):
+        side = (context.rows(signal) % 2).to(signal.dtype) - 0.5
+        return signal * (1 + side * p.gain) + side * p.offset_e

@@ -1,0 +1,68 @@
+"""Random telegraph signal."""
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class RTSNoise(Effect):
+    """A trap beside a pixel's source follower catches and frees an electron, which shifts the voltage.
+
+    Traps switch far faster than frames follow one another, so each frame finds them at random. Correlated
+    double sampling subtracts two such states and shows three levels, -A, 0 and A.
+    """
+
+    name = "rts_noise"
+    stage = Stage.READOUT
+    order = 55
+    summary = "A few pixels jump between two levels from frame to frame."
+    equation = "V <- V + A_pixel s, s in {0, 1} with P(1) = duty; three levels: s = s_1 - s_2"
+    source = (
+        "X. Wang et al., Random telegraph signal in CMOS image sensor pixels, IEDM 2006; EMVA 1288 "
+        "release 4 General"
+    )
+    differentiable = False
+    why_not = (
+        "whether a pixel has a trap, and which state a frame finds it in, are yes or no; image and "
+        "amplitude do have a gradient"
+    )
+    density = Parameter(
+        0.003,
+        unit="share of pixels",
+        high=1.0,
+        strength=True,
+        trials=(0.001, 0.01),
+        source="0.1 to 1 % of CMOS pixels (Wang et al.)",
+    )
+    amplitude_e = Parameter(
+        15.0,
+        unit="e-",
+        high=1e4,
+        trials=(10.0, 30.0),
+        source="mean; a few to tens of electrons (Wang et al.)",
+    )
+    duty = Parameter(
+        0.5, unit="1", high=1.0, trials=(0.2, 0.5), source="share of the time in the upper level"
+    )
+    amplitudes = Parameter(
+        "exponential", options=("exponential", "equal"), source="exponential in Wang et al., fig. 5"
+    )
+    levels = Parameter("two", options=("two", "three"), source="three with correlated double sampling")
+
+    def apply(self, signal, p, stream, context):
+        fixed = stream.fixed
+        has_trap = fixed.fork("trap").uniform() < p.density
+        amplitude = p.amplitude_e * has_trap
+        if p.amplitudes == "exponential":
+            amplitude = -amplitude * torch.log(fixed.fork("amplitude").uniform())
+        state = (stream.uniform() < p.duty).to(signal.dtype)
+        if p.levels == "three":
+            state = state - (stream.fork("second sample").uniform() < p.duty).to(signal.dtype)
+        return signal + amplitude * state
+
+    def moments(self, mean, p, context):
+        square = p.amplitude_e**2 * (2 if p.amplitudes == "exponential" else 1)
+        if p.levels == "three":
+            return mean, p.density * square * 2 * p.duty * (1 - p.duty)
+        shift = p.density * p.duty * p.amplitude_e
+        return mean + shift, p.density * p.duty * square - shift**2

@@ -1,0 +1,55 @@
+"""Two taps."""
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class TapMismatch(Effect):
+    """Fast sensors are read by two output amplifiers at once, one for each half; they never match exactly.
+
+    Half the difference goes to each side. A seam that falls inside a pixel gives this pixel the share of
+    either side, which is what gives `seam` a derivative.
+    """
+
+    name = "tap_mismatch"
+    stage = Stage.READOUT
+    order = 20
+    summary = "Two halves are read with different gain and offset, which shows as a step at the seam."
+    equation = "V <- V (1 + s gain / 2) + s offset / 2, s = -1 before the seam and +1 behind it"
+    source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE 2001), multiple output amplifiers"
+    offset_e = Parameter(
+        2.0,
+        unit="e-",
+        low=-1e4,
+        high=1e4,
+        strength=True,
+        trials=(0.5, 2.0),
+        source="the size of the read noise; second minus first",
+    )
+    gain = Parameter(
+        0.0,
+        unit="fraction",
+        low=-0.5,
+        high=0.5,
+        strength=True,
+        trials=(0.005, 0.02),
+        source="matching to about 1 %; second minus first",
+    )
+    seam = Parameter(0.5, unit="share of the sensor", high=1.0, trials=(0.5,), source="0.5 is the middle")
+    direction = Parameter("columns", options=("columns", "rows"), source="columns: left and right halves")
+
+    def apply(self, signal, p, stream, context):
+        return self._split(signal, p, context)
+
+    def moments(self, mean, p, context):
+        return self._split(mean, p, context), torch.zeros_like(mean)
+
+    @staticmethod
+    def _split(signal, p, context):
+        if p.direction == "columns":
+            place, extent = context.columns(signal), context.resolution[1]
+        else:
+            place, extent = context.rows(signal), context.resolution[0]
+        side = (place + 1 - p.seam * extent).clamp(0, 1) - 0.5
+        return signal * (1 + side * p.gain) + side * p.offset_e
