@@ -62,7 +62,7 @@ def augment_files(
     output = Path(output)
     jobs = plan_jobs([Path(path) for path in inputs], output)
     noise = VISNoise(camera, p=1.0, **options)
-    settings = {"camera": repr(camera.to_dict()), "seed": seed, **{k: str(v) for k, v in options.items()}}
+    settings = {"camera": camera.to_yaml(), "seed": seed, **{k: str(v) for k, v in options.items()}}
     written = 0
     with Journal(output, settings) as journal:
         for number, (name, source) in enumerate(jobs.items()):

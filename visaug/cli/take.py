@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from visaug.cli.options import camera_option, command, load_camera, output_option, written
+from visaug.cli.options import camera_option, command, load_camera, output_option, save_camera, written
 from visaug.cli.progress import progress_bars
 
 
@@ -84,8 +84,8 @@ def simulate(plan_path: Path, camera_name: str, output: Path, seed: int) -> None
     plan = FrameSet.load(plan_path, resolution=camera.resolution)
     with progress_bars() as progress:
         frames = simulate(camera, plan, seed=seed, progress=progress)
-        frames.save(output)
-    camera.save(output / "camera.yaml")
+        frames.save(output, keep_names=True)
+    save_camera(output / "camera.yaml", camera)
     click.echo(f"wrote {len(frames)} frames to {output}")
 
 
@@ -93,16 +93,15 @@ def simulate(plan_path: Path, camera_name: str, output: Path, seed: int) -> None
 @output_option("frames.csv", "Write the plan as a frames.csv.")
 def plan(output: Path | None, seed: int) -> None:
     """Which frames to take of a camera, and why."""
-    from visaug.frames.plan import default_plan, explain
+    from visaug.frames.plan import default_plan, describe_plan
     from visaug.frames.table import write_table
 
-    records = default_plan()
-    click.echo(explain(records))
+    click.echo(describe_plan())
     if output:
         from visaug.files import whole_file
 
         with whole_file(output) as temporary:
-            write_table(temporary, records)
+            write_table(temporary, default_plan())
     written(output)
 
 

@@ -1,0 +1,62 @@
+"""`import visaug` and `visaug --help` are light."""
+
+import json
+import subprocess
+import sys
+import time
+
+import pytest
+
+import visaug
+
+HEAVY = ["kornia", "matplotlib", "pydantic", "astropy", "ultralytics", "pandas", "panel", "scipy", "torch"]
+
+
+def python(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+def test_import_touches_nothing_heavy():
+    loaded = json.loads(
+        python(f"import visaug, sys, json; print(json.dumps([m for m in {HEAVY} if m in sys.modules]))")
+    )
+    assert loaded == []
+
+
+def test_help_touches_nothing_heavy():
+    code = (
+        "import sys, json\nfrom visaug.cli import main\n"
+        "try: main(['diagnose', '--help'])\nexcept SystemExit: pass\n"
+        f"print(json.dumps([m for m in {HEAVY} + ['rich'] if m in sys.modules]))"
+    )
+    assert json.loads(python(code).splitlines()[-1]) == []
+
+
+def test_help_is_quick():
+    took = []
+    for _ in range(3):
+        start = time.perf_counter()
+        subprocess.run([sys.executable, "-m", "visaug", "--help"], check=True, capture_output=True)
+        took.append(time.perf_counter() - start)
+    assert min(took) < 0.5
+
+
+def test_camera_and_noise_cost_little_beyond_torch():
+    """The names of the README's first lines, less what torch alone costs, in the same process."""
+    code = (
+        "import time, torch; a = time.perf_counter()\n"
+        "import visaug; visaug.Camera, visaug.VISNoise; print(time.perf_counter() - a)"
+    )
+    assert min(float(python(code)) for _ in range(3)) < 1.5
+
+
+@pytest.mark.parametrize("name", visaug.__all__)
+def test_every_exported_name_exists(name):
+    assert getattr(visaug, name) is not None
+    assert name in dir(visaug)
+
+
+def test_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="nonsense"):
+        _ = visaug.nonsense

@@ -1,0 +1,117 @@
+"""One self-contained HTML page: sections of short text, tables and figures, pictures inline."""
+
+import base64
+import io
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph; `kind` sets it off as a finding, or as a note in small print."""
+
+    text: str
+    kind: Literal["plain", "finding", "note"] = "plain"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells under a head; numbers are aligned right, rows in `strong` are set bold."""
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+    strong: frozenset[int] = frozenset()
+
+    def is_number(self, column: int) -> bool:
+        cells = [row[column] for row in self.rows if column < len(row) and row[column].strip()]
+        return bool(cells) and all(cell.strip()[0] in "+-−±.0123456789[" for cell in cells)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture as a data URI, with a caption; `alt` says what is to be seen to who cannot see it."""
+
+    uri: str
+    caption: str
+    alt: str = ""
+    wide: bool = True
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and what stands under it."""
+
+    title: str
+    blocks: Sequence[Text | Table | Figure] = field(default_factory=list)
+
+    @property
+    def anchor(self) -> str:
+        return "".join(c if c.isalnum() else "-" for c in self.title.lower()).strip("-")
+
+
+@dataclass(frozen=True)
+class Page:
+    """A report: what was asked, the answer in a few facts, then the sections."""
+
+    title: str
+    lead: str
+    sections: Sequence[Section]
+    facts: Sequence[tuple[str, str]] = ()  # (value, what it is)
+    footer: str = ""
+
+
+def render(page: Page) -> str:
+    """The page as HTML. It refers to nothing outside itself."""
+    return _template().render(page=page)
+
+
+def write_page(path: str | Path, page: Page) -> Path:
+    """Write the page whole; returns its path."""
+    from visaug.files import write_text
+
+    write_text(path, render(page))
+    return Path(path)
+
+
+def figure(
+    drawn: "MatplotlibFigure", caption: str, alt: str = "", *, wide: bool = True, raster: bool = False
+) -> Figure:
+    """A drawn figure for a page: SVG for curves, PNG (`raster`) where it holds images or many points."""
+    buffer = io.BytesIO()
+    if raster:
+        drawn.savefig(buffer, format="png", dpi=140)
+        mime = "image/png"
+    else:
+        # No date and fixed ids, so that the same data give the same bytes.
+        import matplotlib as mpl
+
+        with mpl.rc_context({"svg.hashsalt": "visaug", "svg.fonttype": "path"}):
+            drawn.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        mime = "image/svg+xml"
+    content = base64.b64encode(buffer.getvalue()).decode("ascii")
+    return Figure(f"data:{mime};base64,{content}", caption, alt or caption, wide)
+
+
+def paragraphs(*texts: str) -> Iterable[Text]:
+    return [Text(text) for text in texts]
+
+
+@cache
+def _template():
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("visaug.report"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    return environment.get_template("page.html")

@@ -1,0 +1,1 @@
+"""Pictures: one function, one figure; every axis has its unit."""

@@ -1,0 +1,86 @@
+"""The error falling, effect by effect."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from visaug.report.plots.style import MEASURED, MODELLED, SOFT, blank, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def plot_error_steps(
+    steps: Sequence[Mapping[str, Any]], before: float | None, floor: float | None
+) -> "Figure":
+    """Error against the steps that a diagnosis took, with 95 % intervals and the floor.
+
+    Args:
+        steps: each with `action`, `error` and perhaps `interval`, in the order taken.
+        before: the error of the camera as given; None leaves it out.
+        floor: as close as another set of the accepted camera would come.
+    """
+    points = list(steps)
+    if before is not None:
+        points = [{"action": "camera as given", "error": before}, *points]
+    with styled():
+        figure = blank(8.0, 3.4)
+        axes = figure.subplots()
+        x = range(len(points))
+        y = [point["error"] for point in points]
+        for i, point in enumerate(points):
+            if point.get("interval"):
+                axes.plot([i, i], point["interval"], color=MEASURED, linewidth=2, alpha=0.45)
+        axes.plot(x, y, "o-", color=MEASURED, label="error on frames not used for finding, 95 % interval")
+        for i, value in enumerate(y):
+            axes.annotate(f"{value:.2f}", (i, value), textcoords="offset points", xytext=(9, 5), fontsize=9)
+        if floor is not None:
+            axes.axhline(
+                floor,
+                color=MODELLED,
+                linestyle="--",
+                linewidth=1.2,
+                label="floor: another set of the same camera",
+            )
+        axes.axhline(0, color=SOFT, linewidth=0.8)
+        axes.set_xticks(list(x), [wrapped(point["action"]) for point in points])
+        axes.set_xlim(-0.35, len(points) - 0.5)
+        top = max([1.0, *y])
+        axes.set_ylim(
+            min(-0.08, *(point["interval"][0] for point in points if point.get("interval")), 0) - 0.02,
+            top * 1.15,
+        )
+        axes.set_ylabel("error (1: camera as given, 0: floor)")
+        axes.grid(axis="x", visible=False)
+        axes.legend(loc="upper right")
+    return figure
+
+
+def plot_ranking(ranking: Sequence[Mapping[str, Any]], most: int = 12) -> "Figure":
+    """Error that would be left after adding each effect, the likeliest first, with its probability."""
+    shown = list(ranking[:most])[::-1]
+    with styled():
+        figure = blank(8.0, 0.9 + 0.27 * max(len(shown), 1))
+        axes = figure.subplots()
+        values = [entry["error_after"] for entry in shown]
+        colours = [MODELLED if entry.get("probability", 0) >= 0.5 else "#b9c6d6" for entry in shown]
+        axes.barh(range(len(shown)), values, color=colours, height=0.66)
+        axes.set_yticks(range(len(shown)), [entry["effect"] for entry in shown])
+        for i, entry in enumerate(shown):
+            axes.annotate(
+                f"p = {entry['probability']:.2f}",
+                (max(values[i], 0), i),
+                textcoords="offset points",
+                xytext=(5, -3),
+                fontsize=8.5,
+                color=SOFT,
+            )
+        axes.set_xlim(min(0, *values) if values else 0, max([1.0, *values]) * 1.12)
+        axes.set_xlabel("error left after adding the effect and refitting (0: floor)")
+        axes.grid(axis="y", visible=False)
+    return figure
+
+
+def wrapped(action: str, width: int = 16) -> str:
+    import textwrap
+
+    return "\n".join(textwrap.wrap(action.replace("_", "_\u200b"), width)) or action

@@ -1,0 +1,70 @@
+"""Images side by side, each with its own scale told."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from visaug.report.plots.style import blank, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def plot_images(
+    images: Sequence[np.ndarray],
+    titles: Sequence[str],
+    *,
+    columns: int = 4,
+    limits: tuple[float, float] | None = None,
+    unit: str = "",
+    colours: str = "gray",
+    width: float = 8.0,
+) -> "Figure":
+    """A grid of images of one size.
+
+    Args:
+        images: (H, W) or (H, W, 3) arrays.
+        titles: one for each image.
+        columns: images in a row.
+        limits: values shown as black and white; by default 1st and 99th percentile of all images together.
+        unit: unit of the values; with one, a scale stands beside the images.
+        colours: name of matplotlib's colour map for (H, W) arrays.
+        width: of the figure in inches.
+    """
+    rows = -(-len(images) // columns)
+    height, breadth = images[0].shape[:2]
+    if limits is None:
+        everything = np.concatenate([np.asarray(image, float).ravel() for image in images])
+        low, high = np.percentile(everything, [1, 99])
+        limits = (float(low), float(high) if high > low else float(low) + 1)
+    with styled():
+        figure = blank(width, rows * (width / columns * height / breadth + 0.32))
+        grid = figure.subplots(rows, columns, squeeze=False)
+        shown = None
+        for axes in grid.ravel():
+            axes.set_axis_off()
+        for axes, image, title in zip(grid.ravel(), images, titles):
+            shown = axes.imshow(image, cmap=colours, vmin=limits[0], vmax=limits[1])
+            axes.set_title(title, fontsize=9)
+        if unit and shown is not None:
+            figure.colorbar(shown, ax=grid, label=unit, shrink=0.8, pad=0.01)
+    return figure
+
+
+def plot_components(
+    images: Sequence[np.ndarray], titles: Sequence[str], unit: str, columns: int = 4
+) -> "Figure":
+    """Noise components, each on a symmetric scale of its own: three standard deviations, told in the title."""
+    rows = -(-len(images) // columns)
+    height, breadth = images[0].shape[:2]
+    with styled():
+        figure = blank(8.0, rows * (8.0 / columns * height / breadth + 0.48))
+        grid = figure.subplots(rows, columns, squeeze=False)
+        for axes in grid.ravel():
+            axes.set_axis_off()
+        for axes, image, title in zip(grid.ravel(), images, titles):
+            spread = float(np.std(image)) or 1.0
+            axes.imshow(image - np.mean(image), cmap="RdBu_r", vmin=-3 * spread, vmax=3 * spread)
+            axes.set_title(f"{title}\nσ = {np.std(image):.3g} {unit}", fontsize=8.5)
+    return figure

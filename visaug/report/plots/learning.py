@@ -1,0 +1,121 @@
+"""Training curves, predictions, and how long things took."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from visaug.report.plots.style import MEASURED, MODELLED, SOFT, THIRD, blank, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ARM_COLOURS = (SOFT, MODELLED, MEASURED, THIRD, "#7c3aed", "#b45309", "#0f766e")
+
+
+def plot_training(
+    curves: Mapping[str, Mapping[str, Sequence[float]]], quantities: Mapping[str, str], width: float = 8.0
+) -> "Figure":
+    """Quantities against the epoch, one panel each, one line for each arm.
+
+    Args:
+        curves: arm -> quantity -> a value for each epoch, counted from 1.
+        quantities: quantity -> label of its axis.
+    """
+    with styled():
+        figure = blank(width, 2.9)
+        panels = figure.subplots(1, len(quantities), squeeze=False)[0]
+        for axes, (quantity, label) in zip(panels, quantities.items()):
+            for (arm, values), colour in zip(curves.items(), ARM_COLOURS * 4):
+                if quantity in values:
+                    axes.plot(
+                        np.arange(1, len(values[quantity]) + 1), values[quantity], color=colour, label=arm
+                    )
+            axes.set(xlabel="epoch", ylabel=label)
+        panels[0].legend()
+    return figure
+
+
+def plot_predictions(
+    images: Sequence[np.ndarray],
+    keypoints_true: Sequence[np.ndarray],
+    keypoints_predicted: Sequence[np.ndarray | None],
+    boxes_true: Sequence[np.ndarray],
+    boxes_predicted: Sequence[np.ndarray | None],
+    titles: Sequence[str],
+    columns: int = 4,
+) -> "Figure":
+    """Truth and prediction on test images.
+
+    Args:
+        images: (H, W) each.
+        keypoints_true, keypoints_predicted: (n, 2) x, y in pixels; None where nothing was found.
+        boxes_true, boxes_predicted: (4,) left, top, right, bottom in pixels.
+        titles: one for each image, such as its OKS.
+    """
+    from matplotlib.patches import Rectangle
+
+    rows = -(-len(images) // columns)
+    height, breadth = images[0].shape[:2]
+    with styled():
+        figure = blank(8.0, rows * (8.0 / columns * height / breadth + 0.3) + 0.25)
+        grid = figure.subplots(rows, columns, squeeze=False)
+        for axes in grid.ravel():
+            axes.set_axis_off()
+        cells = zip(
+            grid.ravel(), images, keypoints_true, keypoints_predicted, boxes_true, boxes_predicted, titles
+        )
+        for axes, image, points, found, box, found_box, title in cells:
+            axes.imshow(image, cmap="gray")
+            for corners, colour in ((box, "#4ade80"), (found_box, "#fb923c")):
+                if corners is not None:
+                    x0, y0, x1, y1 = corners
+                    axes.add_patch(
+                        Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=colour, linewidth=1)
+                    )
+            axes.scatter(
+                *np.asarray(points).T,
+                s=14,
+                facecolors="none",
+                edgecolors="#4ade80",
+                linewidths=1,
+                label="truth",
+            )
+            if found is not None:
+                axes.plot(
+                    [points[:, 0], found[:, 0]],
+                    [points[:, 1], found[:, 1]],
+                    color="#fb923c",
+                    linewidth=0.6,
+                    alpha=0.8,
+                )
+                axes.scatter(
+                    *np.asarray(found).T, s=10, marker="x", color="#fb923c", linewidths=1, label="predicted"
+                )
+            axes.set(xlim=(0, image.shape[1]), ylim=(image.shape[0], 0))
+            axes.set_title(title, fontsize=8.5)
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower right", ncols=2, fontsize=8.5)
+    return figure
+
+
+def plot_timing(parts: Mapping[str, float]) -> "Figure":
+    """Seconds that each part took."""
+    names = list(parts)[::-1]
+    with styled():
+        figure = blank(8.0, 0.7 + 0.3 * len(names))
+        axes = figure.subplots()
+        axes.barh(range(len(names)), [parts[name] for name in names], color=MODELLED, height=0.62)
+        axes.set_yticks(range(len(names)), names)
+        for i, name in enumerate(names):
+            axes.annotate(
+                f"{parts[name]:.0f} s",
+                (parts[name], i),
+                textcoords="offset points",
+                xytext=(4, -3),
+                fontsize=8.5,
+            )
+        axes.set_xlabel("seconds")
+        axes.margins(x=0.1)
+        axes.grid(axis="y", visible=False)
+    return figure

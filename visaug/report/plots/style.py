@@ -1,0 +1,53 @@
+"""One look for all pictures, and figures that need no window."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MEASURED, MODELLED, THIRD, SOFT = "#c2410c", "#0b5cad", "#3f7d3a", "#7a8594"
+
+_STYLE = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib
+    "font.size": 9.5,
+    "axes.titlesize": 10.5,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#5b6675",
+    "axes.labelcolor": "#1c2430",
+    "axes.grid": True,
+    "grid.color": "#e6eaef",
+    "grid.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "xtick.color": "#5b6675",
+    "ytick.color": "#5b6675",
+    "legend.frameon": False,
+    "lines.linewidth": 1.6,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "image.cmap": "gray",
+    "image.interpolation": "nearest",
+}
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """The look, for what is drawn inside; matplotlib's own settings are left as they were."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(_STYLE):
+        yield
+
+
+def blank(width: float = 8.0, height: float = 3.6) -> "Figure":
+    """An empty figure (inches) that belongs to no window; axes find their place by themselves."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
