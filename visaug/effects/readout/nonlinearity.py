@@ -22,13 +22,23 @@ class Nonlinearity(Effect):
         "EMVA 1288 release 4 Linear, linearity error; J. Janesick, Photon Transfer (SPIE 2007), nonlinearity"
     )
     quadratic = Parameter(
-        -0.02, unit="fraction", low=-0.15, high=0.15, strength=True, trials=(-0.01, -0.04),
+        -0.02,
+        unit="fraction",
+        low=-0.15,
+        high=0.15,
+        strength=True,
+        trials=(-0.01, -0.04),
         source="departure at full scale; EMVA 1288 datasheets state 0.2 to 3 %",
-    )  # fmt: skip
+    )
     cubic = Parameter(
-        0.0, unit="fraction", low=-0.15, high=0.15, strength=True, trials=(-0.01, -0.04),
+        0.0,
+        unit="fraction",
+        low=-0.15,
+        high=0.15,
+        strength=True,
+        trials=(-0.01, -0.04),
         source="departure at full scale; the next term of the same curve",
-    )  # fmt: skip
+    )
     full_scale = Parameter(
         "full_well", options=("full_well", "converter"), source="which of the two bends the response"
     )
