@@ -55,7 +55,7 @@ def plot_images(
 def plot_components(
     images: Sequence[np.ndarray], titles: Sequence[str], unit: str, columns: int = 4
 ) -> "Figure":
-    """Noise components, each on a symmetric scale of its own: three standard deviations, told in the title."""
+    """Noise components, each on a scale of its own: three standard deviations, told above."""
     rows = -(-len(images) // columns)
     height, breadth = images[0].shape[:2]
     with styled():
