@@ -1,0 +1,199 @@
+"""The program: help with an example for every command, status 2 and one line for a user's mistake."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from visaug.cli import main
+from visaug.cli.root import program
+
+COMMANDS = sorted(program.commands)
+CAMERA = {
+    "name": "plain",
+    "resolution": [24, 32],
+    "bit_depth": 12,
+    "gain_e_per_dn": 2.0,
+    "quantum_efficiency": 0.5,
+    "black_level_dn": 30,
+    "read_noise": {"sigma_e": 5.0},
+}
+PLAN = (
+    "sequence,file,kind,exposure_s,temperature_c,gain_db,photons,clean\n"
+    "0,b0.tif,bias,0,,0,,\n1,b1.tif,bias,0,,0,,\n2,f/f0.png,flat,0.01,,0,2000,\n3,f/f1.png,flat,0.01,,0,2000,\n"
+)
+
+
+@pytest.fixture
+def program_run(capsys, monkeypatch, tmp_path):
+    """Runs the program in this process, in an empty folder: (status, output, errors)."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "camera.yaml").write_text(yaml.safe_dump(CAMERA))
+    (tmp_path / "plan.csv").write_text(PLAN)
+
+    def run(*words: str | Path) -> tuple[int, str, str]:
+        try:
+            main([str(word) for word in words])
+            status = 0
+        except SystemExit as end:
+            status = int(end.code or 0)
+        said = capsys.readouterr()
+        return status, said.out, said.err
+
+    return run
+
+
+def test_the_commands_are_there():
+    assert {"augment", "simulate", "plan", "characterize", "compare", "diagnose", "demo"} <= set(COMMANDS)
+    assert {"effects", "cameras", "train", "ablate", "evaluate"} <= set(COMMANDS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_has_an_example_and_a_seed(name, program_run):
+    status, out, _ = program_run(name, "--help")
+    assert status == 0
+    assert f"  visaug {name}" in out.split("Example:")[1]
+    assert "--seed" in out
+
+
+def test_python_m_is_the_program():
+    run = subprocess.run(
+        [sys.executable, "-m", "visaug", "--version"], capture_output=True, text=True, check=True
+    )
+    assert run.stdout.startswith("visaug, version")
+
+
+MISTAKES = [
+    (["augment", "nowhere.png", "-o", "out", "--camera", "camera.yaml"], "nowhere.png"),
+    (["augment", "camera.yaml", "-o", "out", "--camera", "camera.yaml"], "camera.yaml"),
+    (["augment", ".", "-o", "out", "--camera", "no_such_camera"], "no_such_camera"),
+    (["augment", ".", "-o", "out"], "--camera"),
+    (["augment", ".", "-o", "out", "--camera", "camera.yaml", "--seed", "-1"], "--seed"),
+    (["simulate", "nowhere.csv", "--camera", "camera.yaml", "-o", "out"], "nowhere.csv"),
+    (["simulate", "plan.csv", "--camera", "bad.yaml", "-o", "out"], "bad.yaml"),
+    (["simulate", "plan.csv", "--camera", "unknown.yaml", "-o", "out"], "read_noise.sigma"),
+    (["simulate", "plan.csv", "--camera", "negative.yaml", "-o", "out"], "gain_e_per_dn"),
+    (["compare", "nowhere", "--camera", "camera.yaml"], "nowhere"),
+    (["characterize", "nowhere"], "nowhere"),
+    (["diagnose", "nowhere", "--camera", "camera.yaml"], "nowhere"),
+    (["diagnose", ".", "--camera", "camera.yaml", "--without", "row_nois"], "row_noise"),
+    (["effects", "row_nois"], "row_noise"),
+    (["effects", "new", "Not-A-Name"], "Not-A-Name"),
+    (["effects", "new", "row_noise"], "row_noise"),
+    (["effects", "new"], "NAME"),
+    (["evaluate"], "--predictions"),
+    (["evaluate", "--predictions", "p.json"], "--data"),
+    (["train", "nowhere.yaml"], "nowhere.yaml"),
+    (["ablate", "nowhere.yaml"], "nowhere.yaml"),
+    (["frobnicate"], "frobnicate"),
+]
+
+
+@pytest.mark.parametrize(
+    ("words", "named"), MISTAKES, ids=lambda v: "-".join(v)[:40] if isinstance(v, list) else None
+)
+def test_a_mistake_is_one_line_and_status_2(words, named, program_run, tmp_path):
+    (tmp_path / "bad.yaml").write_text("a: [1, 2\nb: }")
+    (tmp_path / "unknown.yaml").write_text(yaml.safe_dump({**CAMERA, "read_noise": {"sigma": 1}}))
+    (tmp_path / "negative.yaml").write_text(yaml.safe_dump({**CAMERA, "gain_e_per_dn": -1}))
+    before = sorted(tmp_path.rglob("*"))
+    status, _, err = program_run(*words)
+    assert status == 2, err
+    assert named in err
+    assert "Traceback" not in err
+    lines = [line for line in err.splitlines() if line.strip() and not line.startswith(("Usage:", "Try "))]
+    assert len(lines) == 1, err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_simulate_writes_what_the_plan_names(program_run, tmp_path):
+    status, out, err = program_run(
+        "simulate", "plan.csv", "--camera", "camera.yaml", "-o", "frames", "--seed", "1"
+    )
+    assert status == 0, err
+    assert "4 frames" in out
+    flats = [
+        cv2.imread(str(tmp_path / "frames" / f"f/f{i}.png"), cv2.IMREAD_UNCHANGED).astype(float)
+        for i in range(2)
+    ]
+    assert flats[0].shape == (24, 32)
+    # 2000 photons x 0.5 / 2 e-/DN + 30 DN; within five standard errors of the mean of 1536 pixels
+    assert abs(np.mean(flats) - 530) < 5 * (1000 / 4 / 1536) ** 0.5
+    assert yaml.safe_load((tmp_path / "frames" / "camera.yaml").read_text())["gain_e_per_dn"] == 2.0
+    assert (tmp_path / "frames" / "frames.csv").exists()
+    again, _, err = program_run("simulate", "frames", "--camera", "camera.yaml", "-o", "again", "--seed", "1")
+    assert again == 0, err
+    first, second = ((tmp_path / name / "f/f0.png").read_bytes() for name in ("frames", "again"))
+    assert first == second
+
+
+def test_same_seed_same_frames_other_seed_others(program_run, tmp_path):
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        program_run("simulate", "plan.csv", "--camera", "camera.yaml", "-o", name, "--seed", seed)
+    a, b, c = ((tmp_path / name / "f/f0.png").read_bytes() for name in "abc")
+    assert a == b
+    assert a != c
+
+
+def test_augment(program_run, tmp_path):
+    cv2.imwrite(str(tmp_path / "a.png"), np.full((9, 11), 9000, np.uint16))
+    status, out, err = program_run("augment", "a.png", "-o", "out", "--camera", "camera.yaml")
+    assert status == 0, err
+    assert "1 picture" in out
+    noisy = cv2.imread(str(tmp_path / "out/a.png"), cv2.IMREAD_UNCHANGED)
+    assert noisy.dtype == np.uint16
+    assert len(np.unique(noisy)) > 5
+
+
+def test_new_effect_runs_as_it_is(program_run, tmp_path):
+    status, _, err = program_run("effects", "new", "stripes")
+    assert status == 0, err
+    status, _, err = program_run("effects", "new", "stripes")
+    assert status == 2
+    assert "stripes.py" in err
+    status, out, err = program_run("effects", "stripes", "--effects", "stripes.py")
+    assert status == 0, err
+    assert "sigma_e" in out
+    # In a process of its own, as a user would: the camera names the effect, the file brings it.
+    code = (
+        "import numpy as np, visaug\nfrom visaug.effects import load_file\nload_file('stripes.py')\n"
+        f"camera = visaug.Camera.load({CAMERA!r}).with_effect('stripes', sigma_e=40.0)\n"
+        "frames = visaug.simulate(camera, visaug.FrameSet.load('plan.csv'), seed=1)\n"
+        "rows = frames.read(0).mean(axis=1); print(rows.std())"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ},
+    )
+    # 24 rows of standard deviation 40 e- / 2 e-/DN = 20 DN; a right effect falls outside once in 1e5 seeds
+    assert 8 < float(run.stdout) < 34
+
+
+def test_several_files_after_one_option(program_run):
+    for name in ("one", "two"):
+        program_run("effects", "new", name)
+    status, out, err = program_run("effects", "--effects", "one.py", "two.py")
+    assert status == 0, err
+    assert "one" in out.split()
+    assert "two" in out.split()
+
+
+def test_lists(program_run):
+    status, out, _ = program_run("effects")
+    assert status == 0
+    assert "row_noise" in out
+    status, out, _ = program_run("cameras")
+    assert status == 0
+    status, out, _ = program_run("plan", "-o", "mine.csv")
+    assert status == 0
+    assert "bias" in out
+    assert Path("mine.csv").read_text().startswith("sequence,file,kind")
