@@ -7,6 +7,8 @@ from torch import Tensor
 
 SMALL_MEAN = 10.0  # below it the Poisson quantile is summed exactly, above it Giles' expansion is within 1e-4 of an integer step
 
+ZETA_3 = 1.2020569031595943  # Apery's constant
+
 
 def tail(bits: Tensor) -> tuple[Tensor, Tensor]:
     """Probability of the nearer tail, in (0, 0.5], and its side (-1 or 1), from int64 bits in [0, 2^32), as float64."""
@@ -29,7 +31,7 @@ def normal(bits: Tensor) -> Tensor:
 def tukey_standard_deviation(shape: Tensor) -> Tensor:
     """Standard deviation of Tukey's lambda distribution of scale 1; finite for shape > -0.5.
 
-    var = 2/L^2 [1/(1 + 2L) - Gamma(L + 1)^2 / Gamma(2L + 2)]; the limit at L = 0 is the logistic's pi^2/3.
+    var = 2/L^2 [1/(1 + 2L) - Gamma(L + 1)^2 / Gamma(2L + 2)]; near L = 0, where the logistic's is pi^2/3, a straight line.
     Source: Joiner and Rosenblatt, J. Am. Stat. Assoc. 66 (1971) 394.
     """
     shape = shape.double()
@@ -37,7 +39,8 @@ def tukey_standard_deviation(shape: Tensor) -> Tensor:
     safe = torch.where(near, torch.full_like(shape, 1e-4), shape)
     ratio = torch.exp(2 * torch.lgamma(safe + 1) - torch.lgamma(2 * safe + 2))
     variance = 2 / safe**2 * (1 / (1 + 2 * safe) - ratio)
-    return torch.sqrt(torch.where(near, torch.full_like(shape, math.pi**2 / 3), variance))
+    line = math.pi**2 / 3 - (2 * math.pi**2 / 3 + 4 * ZETA_3) * shape
+    return torch.sqrt(torch.where(near, line, variance))
 
 
 def tukey_lambda(bits: Tensor, shape: Tensor) -> Tensor:
@@ -48,7 +51,8 @@ def tukey_lambda(bits: Tensor, shape: Tensor) -> Tensor:
     safe = torch.where(near, torch.full_like(shape, 1e-6), shape)
     upper, lower = torch.log1p(-p), torch.log(p)
     quantile = (torch.exp(safe * upper) - torch.exp(safe * lower)) / safe
-    return (side * torch.where(near, upper - lower, quantile)).float()
+    line = upper - lower + shape / 2 * (upper**2 - lower**2)
+    return (side * torch.where(near, line, quantile)).float()
 
 
 def poisson(mean: Tensor, bits: Tensor) -> Tensor:
