@@ -20,7 +20,7 @@ def simulate(
     seed: int = 0,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> FrameSet:
-    """The frames of `plan` as `camera` would take them: one camera, its fixed patterns kept, frames in their order.
+    """The frames of `plan` as `camera` would take them: one camera, its fixed patterns kept, in order.
 
     Args:
         camera: the camera; randomize is not used, a camera under test is one camera.
@@ -47,18 +47,19 @@ def exposures(camera: Camera, plan: FrameSet, seed: int) -> Iterator[tuple[Seque
     """The same frames batch by batch: positions in the plan and (B, 1, H, W) float32 DN."""
     memory: dict[str, Tensor] = {}
     camera_key = derive_key(seed, "camera")
-    batches = list(_batches(camera, plan))
-    for positions in batches:
+    shown = None
+    for positions in list(_batches(camera, plan)):
         records = [plan.records[i] for i in positions]
         r0, r1, c0, c1 = _window(camera, records[0])
+        if shown not in (None, (r0, r1, c0, c1)):  # what the pixels of another window held is not known
+            memory = {name: state for name, state in memory.items() if state.shape[-2:] == (1, 1)}
+        shown = (r0, r1, c0, c1)
         keys = [derive_key(seed, "frame", record.sequence) for record in records]
         stream = Stream(keys, [camera_key] * len(records), 1, (range(r0, r1), range(c0, c1)))
         values = {
             "exposure_s": torch.tensor([record.exposure_s for record in records]),
             "gain_db": torch.tensor([float(record.gain_db) for record in records]),
-            "temperature_c": torch.tensor(
-                [camera.spec.temperature_c if record.temperature_c is None else record.temperature_c for record in records]
-            ),
+            "temperature_c": torch.tensor([_temperature(camera, record) for record in records]),
         }
         photons = torch.stack([_photons(plan, i, (r1 - r0, c1 - c0)) for i in positions])
         yield positions, camera.expose(photons, stream, values, sequence=True, memory=memory)
@@ -81,9 +82,17 @@ def _window(camera: Camera, record: FrameRecord) -> tuple[int, int, int, int]:
     rows, columns = camera.resolution
     window = record.window or (0, rows, 0, columns)
     if window[1] > rows or window[3] > columns:
-        raise InputError(f"{window} lies outside the sensor", file=record.file, field="region",
-                         expected=f"rows up to {rows}, columns up to {columns}")
+        raise InputError(
+            f"{window} lies outside the sensor",
+            file=record.file,
+            field="region",
+            expected=f"rows up to {rows}, columns up to {columns}",
+        )
     return window
+
+
+def _temperature(camera: Camera, record: FrameRecord) -> float:
+    return camera.spec.temperature_c if record.temperature_c is None else float(record.temperature_c)
 
 
 def _photons(plan: FrameSet, i: int, shape: tuple[int, int]) -> Tensor:
@@ -92,13 +101,21 @@ def _photons(plan: FrameSet, i: int, shape: tuple[int, int]) -> Tensor:
         return torch.zeros(1, *shape)
     if record.kind == "flat":
         if record.photons is None:
-            raise InputError("a flat needs its photons to be simulated", file=record.file, field="photons",
-                             expected="mean photons per pixel")
+            raise InputError(
+                "a flat needs its photons to be simulated",
+                file=record.file,
+                field="photons",
+                expected="mean photons per pixel",
+            )
         return torch.full((1, *shape), float(record.photons))
     if record.kind == "scene":
         clean = torch.from_numpy(np.ascontiguousarray(plan.clean(i), np.float32))
         if tuple(clean.shape) != shape:
             raise InputError(f"is {tuple(clean.shape)}", file=record.clean, expected=f"{shape}, as the frame")
         return clean[None]
-    raise InputError(f"a frame of kind {record.kind!r} cannot be simulated", file=record.file, field="kind",
-                     expected="bias, dark, flat or scene")
+    raise InputError(
+        f"a frame of kind {record.kind!r} cannot be simulated",
+        file=record.file,
+        field="kind",
+        expected="bias, dark, flat or scene",
+    )

@@ -12,34 +12,47 @@ import yaml
 from torch import Tensor
 
 from visaug.camera import chain, paths
-from visaug.camera.spec import CameraSpec, check_spec, check_value, read_spec
+from visaug.camera.maps import PATTERNS, load_maps, moved
+from visaug.camera.spec import CameraSpec, check_spec, read_spec
 from visaug.effects import Context, Effect, catalogue
 from visaug.errors import InputError
+from visaug.files import write_text
 from visaug.sampling import Stream
 
 
 def shipped() -> dict[str, Path]:
     """The cameras that come with the package: names and files."""
     folder = resources.files("visaug.camera") / "data"
-    return {Path(str(file)).stem: Path(str(file)) for file in sorted(folder.iterdir(), key=str) if str(file).endswith(".yaml")}
+    return {
+        Path(str(file)).stem: Path(str(file))
+        for file in sorted(folder.iterdir(), key=str)
+        if str(file).endswith(".yaml")
+    }
 
 
 class Camera:
-    """A detector as a chain of effects with nominal parameters. Immutable: `replace`, `with_effect` give another.
+    """A detector as a chain of effects with nominal parameters.
+
+    Immutable: `replace`, `with_effect` and `without_effect` give another.
 
     Args:
         spec: the checked content of a camera.yaml.
+        folder: where it lies; names of measured maps are relative to it.
+        maps: the measured maps by effect, where they are read already.
     """
 
-    def __init__(self, spec: CameraSpec):
+    def __init__(self, spec: CameraSpec, folder: Path | None = None, maps: dict[str, Tensor] | None = None):
         self.spec = spec
+        self.folder = folder
+        self.maps = load_maps(spec, folder) if maps is None else maps
 
     @classmethod
     def load(cls, source: "str | Path | Mapping[str, Any] | Camera") -> "Camera":
         """A camera from a camera.yaml, the name of a shipped one, or the content of such a file.
 
         Raises:
-            InputError: no such file or name; an unknown key, a wrong unit range, an impossible value.
+            InputError: no such file or name; an unknown key, a value out of range, a measured map that
+                cannot be read.
         """
         if isinstance(source, Camera):
             return source
@@ -47,12 +60,14 @@ class Camera:
             return cls(check_spec(dict(source)))
         path = Path(source)
         if path.is_file():
-            return cls(read_spec(path))
+            return cls(read_spec(path), path.parent)
         known = shipped()
         name = path.name.removesuffix(".yaml")
         if path.parent == Path() and name in known:
             return cls(read_spec(known[name]))
-        raise InputError("no such camera file", file=source, expected=f"a camera.yaml, or one of {', '.join(known)}")
+        raise InputError(
+            "no such camera file", file=source, expected=f"a camera.yaml, or one of {', '.join(known)}"
+        )
 
     @property
     def name(self) -> str:
@@ -96,38 +111,65 @@ class Camera:
         """
         content = self.to_dict()
         for path, value in values.items():
+            value = value.item() if hasattr(value, "item") else value
             effect, _, key = path.partition(".")
-            if path in self.spec.model_fields and not key:
+            if path == "full_well_e" and value == float("inf"):
+                content.pop(path, None)
+            elif path in CameraSpec.model_fields and not key:
                 content[path] = value
             elif effect in paths.PARTS:
                 content.setdefault(effect, {})[key] = value
             else:
                 entry = next((entry for entry in content.get("effects", ()) if entry["name"] == effect), None)
-                if entry is None:
-                    raise InputError("is no parameter of this camera", field=path, expected=", ".join(self.values()))
-                check_value(catalogue()[effect], key, value, path)
+                if entry is None or key not in catalogue()[effect].parameters:
+                    raise InputError(
+                        "is no parameter of this camera",
+                        field=path,
+                        expected=f"one of {', '.join(self.values())}",
+                    )
                 entry[key] = value
-        return Camera(check_spec(content))
+        return self._changed(content)
 
     def with_effect(self, name: str, **parameters: Any) -> "Camera":
         """The same camera with one more effect (or, where it has it already, with other parameters of it)."""
         content = self.without_effect(name).to_dict()
         content.setdefault("effects", []).append({"name": name, **parameters})
-        return Camera(check_spec(content))
+        return self._changed(content)
 
     def without_effect(self, name: str) -> "Camera":
+        """The same camera without one of its further effects, and without its spreads in `randomize`."""
         content = self.to_dict()
         content["effects"] = [entry for entry in content.get("effects", ()) if entry["name"] != name]
-        content["randomize"] = {k: v for k, v in content.get("randomize", {}).items() if not k.startswith(f"{name}.")}
-        return Camera(check_spec(content))
+        content["randomize"] = {
+            k: v for k, v in content.get("randomize", {}).items() if not k.startswith(f"{name}.")
+        }
+        return self._changed(content)
+
+    def _changed(self, content: dict[str, Any]) -> "Camera":
+        spec = check_spec(content)
+        same_maps = all(getattr(spec, part).map == getattr(self.spec, part).map for part in PATTERNS)
+        return Camera(
+            spec, self.folder, self.maps if same_maps and spec.resolution == self.resolution else None
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """What a camera.yaml holds, only the keys that differ from the defaults."""
-        content = self.spec.model_dump(exclude_defaults=True, mode="json")
-        return copy.deepcopy(content)
+        return copy.deepcopy(self.spec.model_dump(exclude_defaults=True, mode="json"))
 
     def to_yaml(self) -> str:
-        return yaml.safe_dump(self.to_dict(), sort_keys=False, allow_unicode=True)
+        """The text of a camera.yaml."""
+        return _as_yaml(self.to_dict())
+
+    def save(self, path: str | Path) -> None:
+        """Writes a camera.yaml, whole or not at all; measured maps stay where they are and are named from
+        there.
+        """
+        path = Path(path)
+        content = self.to_dict()
+        for effect in PATTERNS:
+            if "map" in content.get(effect, {}):
+                content[effect]["map"] = moved(content[effect]["map"], self.folder, path.parent)
+        write_text(path, _as_yaml(content))
 
     def gain_at(self, gain_db: float) -> float:
         """Electrons per DN at a gain in dB: 20 dB more are a tenth of the electrons."""
@@ -147,8 +189,10 @@ class Camera:
         Args:
             photons: (B, C, H, W) float32, mean photons per pixel and exposure.
             stream: the random numbers; its window is the part of the sensor that the images show.
-            values: numbers that differ from the nominal ones, by path: scalars or (B,) or (B, 1, 1, 1); may require grad.
-            sequence: the batch is consecutive frames (lag and drift see the frame before); `memory` carries over batches.
+            values: numbers that differ from the nominal ones, by path: scalars or (B,) or (B, 1, 1, 1); may
+                require grad.
+            sequence: the batch is consecutive frames (lag and drift see the frame before); `memory` carries
+                over batches.
             watch: called with (effect, signal) after each effect.
 
         Returns:
@@ -176,6 +220,7 @@ class Camera:
             window=stream.window,
             sequence=sequence,
             memory={} if memory is None else memory,
+            maps=self.maps,
         )
         return chain.expose(self.effects, photons, full, self.choices(), stream, context, watch)
 
@@ -183,3 +228,7 @@ class Camera:
         rows, columns = self.resolution
         further = ", ".join(self.effect_names) or "no further effects"
         return f"Camera({self.name!r}, {rows}x{columns}, {self.bit_depth} bit, {further})"
+
+
+def _as_yaml(content: dict[str, Any]) -> str:
+    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, allow_unicode=True, width=110)

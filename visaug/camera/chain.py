@@ -10,7 +10,7 @@ from visaug.camera.paths import path_of
 from visaug.effects import Context, Effect, Stage
 from visaug.sampling import Stream
 
-# In the paper's reading shot noise strikes the photons, before quantum efficiency and PRNU (its eqs. 8 to 10).
+# In the paper's reading shot noise strikes the photons, before quantum efficiency and PRNU (eqs. 8 to 10).
 PAPER_ORDER = {"photon_shot_noise": (Stage.OPTICS, 1000)}
 
 
@@ -40,7 +40,8 @@ def expose(
         photons: (B, C, H, W) float32, mean photons per pixel that a perfect lens would bring.
         values: every number of the camera by path, (B, 1, 1, 1).
         choices: every choice by path.
-        stream: its forks by the effects' names are the effects' random numbers, so adding an effect changes no other's.
+        stream: its forks by the effects' names are the effects' random numbers, so adding an effect changes
+            no other's.
         context: exposure, window and the like.
         watch: called with each effect and the signal after it.
 
@@ -50,7 +51,7 @@ def expose(
     signal = photons
     for effect in effects:
         own = parameters_of(effect, values, choices)
-        strengths = [getattr(own, name) for name in effect.strengths()]
+        strengths = [] if effect.name in context.maps else [getattr(own, name) for name in effect.strengths()]
         if strengths and all(_is_zero(value) for value in strengths):
             continue
         signal = effect.apply(signal, own, stream.fork(effect.name), context)
@@ -59,7 +60,9 @@ def expose(
     return signal
 
 
-def parameters_of(effect: Effect, values: Mapping[str, Tensor], choices: Mapping[str, str]) -> SimpleNamespace:
+def parameters_of(
+    effect: Effect, values: Mapping[str, Tensor], choices: Mapping[str, str]
+) -> SimpleNamespace:
     """The values of an effect's parameters under their own names."""
     own = SimpleNamespace()
     for name, parameter in effect.parameters.items():

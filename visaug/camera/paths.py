@@ -1,4 +1,4 @@
-"""Parameters of a camera by their dotted path, as in camera.yaml: `read_noise.sigma_e`, `row_noise.sigma_e`, `gain_db`."""
+"""Parameters of a camera by their dotted path, as in camera.yaml: `gain_db`, `read_noise.sigma_e`."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING

@@ -1,5 +1,6 @@
-"""camera.yaml: what may stand in it, checked; unknown keys and impossible values are refused with the key's path."""
+"""camera.yaml: what may stand in it; unknown keys and impossible values are refused with the key's path."""
 
+import math
 from pathlib import Path
 from typing import Any, Literal
 
@@ -36,10 +37,9 @@ class DarkCurrent(_Part):
             return self
         if any(value is None for value in datasheet) or "a_e_per_s" in self.model_fields_set:
             raise ValueError(
-                "expected either a_e_per_s and b_per_c, or all of reference_e_per_s, reference_temperature_c and doubling_c"
+                "expected either a_e_per_s and b_per_c, "
+                "or all of reference_e_per_s, reference_temperature_c and doubling_c"
             )
-        import math
-
         self.b_per_c = math.log(2) / self.doubling_c
         self.a_e_per_s = self.reference_e_per_s * math.exp(-self.b_per_c * self.reference_temperature_c)
         return self
@@ -49,18 +49,22 @@ class PRNU(_Part):
     column: float = Field(0.0, ge=0, le=0.5)
     row: float = Field(0.0, ge=0, le=0.5)
     pixel: float = Field(0.0, ge=0, le=0.5)
-    map: str | None = Field(None, description="a file of K per pixel (.npy, TIFF, FITS): replaces the three drawn parts")
+    map: str | None = Field(
+        None, description="a file of K per pixel (.npy, TIFF, FITS): replaces the three drawn parts"
+    )
 
 
 class DSNU(_Part):
     column_e: float = Field(0.0, ge=0, le=1e4)
     row_e: float = Field(0.0, ge=0, le=1e4)
     pixel_e: float = Field(0.0, ge=0, le=1e4)
-    map: str | None = Field(None, description="a file of offsets in e- per pixel: replaces the three drawn parts")
+    map: str | None = Field(
+        None, description="a file of offsets in e- per pixel: replaces the three drawn parts"
+    )
 
 
 class CameraSpec(_Part):
-    """The content of a camera.yaml. Units are in the names; see the documentation of cameras for each field."""
+    """The content of a camera.yaml. Units are in the names; docs/cameras.md tells of each field."""
 
     name: str = "camera"
     source: str | dict[str, str] | None = None
@@ -100,7 +104,9 @@ def read_spec(path: Path) -> CameraSpec:
     except yaml.YAMLError as error:
         raise InputError(f"is not YAML: {' '.join(str(error).split())}", file=path) from error
     if not isinstance(content, dict):
-        raise InputError("holds no keys", file=path, expected="a camera.yaml with name, resolution, gain_e_per_dn ...")
+        raise InputError(
+            "holds no keys", file=path, expected="a camera.yaml with name, resolution, gain_e_per_dn ..."
+        )
     return check_spec(content, path)
 
 
@@ -130,13 +136,24 @@ def _check_effect(entry: dict[str, Any], path: str, file: Path | None) -> None:
     if name not in known:
         expected = f"one of {', '.join(known)}"
         raise InputError(f"{name!r} is not an effect", file=file, field=f"{path}.name", expected=expected)
-    for key, value in entry.items():
+    for key, value in list(entry.items()):
         if key == "name":
             continue
         if key not in known[name].parameters:
             expected = f"one of {', '.join(known[name].parameters)}"
-            raise InputError(f"is not a parameter of {name}", file=file, field=f"{path}.{key}", expected=expected)
-        check_value(known[name], key, value, f"{path}.{key}", file)
+            raise InputError(
+                f"is not a parameter of {name}", file=file, field=f"{path}.{key}", expected=expected
+            )
+        entry[key] = _number(value)
+        check_value(known[name], key, entry[key], f"{path}.{key}", file)
+
+
+def _number(value: Any) -> Any:
+    """YAML 1.1 reads 1e-3 as a word; here it is the number that was meant."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 def check_value(effect: type[Effect], key: str, value: Any, path: str, file: Path | None = None) -> None:
@@ -147,11 +164,13 @@ def check_value(effect: type[Effect], key: str, value: Any, path: str, file: Pat
             expected = f"one of {', '.join(parameter.options)}"
             raise InputError(f"{value!r} is not a choice", file=file, field=path, expected=expected)
         return
-    number = isinstance(value, int | float) and not isinstance(value, bool)
+    number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     if not number or not parameter.low <= value <= parameter.high:
         raise InputError(f"{value!r} is out of range", file=file, field=path, expected=bounds_text(parameter))
     if parameter.integer and value != int(value):
-        raise InputError(f"{value!r} is no whole number", file=file, field=path, expected=bounds_text(parameter))
+        raise InputError(
+            f"{value!r} is no whole number", file=file, field=path, expected=bounds_text(parameter)
+        )
 
 
 def bounds_text(parameter: Parameter) -> str:
@@ -165,11 +184,19 @@ def _check_randomize(spec: CameraSpec, file: Path | None) -> None:
     for path, spread in spec.randomize.items():
         field = f"randomize.{path}"
         if path not in known:
-            raise InputError("is no numeric parameter of this camera", file=file, field=field,
-                             expected=f"one of {', '.join(known)}")
+            raise InputError(
+                "is no numeric parameter of this camera",
+                file=file,
+                field=field,
+                expected=f"one of {', '.join(known)}",
+            )
         if isinstance(spread, dict):
             if set(spread) != {"std"}:
-                raise InputError(f"{spread!r} is no spread", file=file, field=field, expected="a number or {std: x}")
+                raise InputError(
+                    f"{spread!r} is no spread", file=file, field=field, expected="a number or {std: x}"
+                )
             spread = spread["std"]
         if spread < 0:
-            raise InputError(f"{spread!r} is negative", file=file, field=field, expected="a standard deviation, 0 or more")
+            raise InputError(
+                f"{spread!r} is negative", file=file, field=field, expected="a standard deviation, 0 or more"
+            )

@@ -73,10 +73,23 @@ class Context:
     window: tuple[range, range]  # rows and columns of it that the images show
     sequence: bool = False  # True: the batch is consecutive frames of one camera; False: unrelated images
     memory: dict[str, Tensor] = field(default_factory=dict)  # carried from batch to batch of a sequence
+    maps: dict[str, Tensor] = field(default_factory=dict)  # measured patterns of the whole sensor, by effect
 
     @property
     def max_dn(self) -> int:
         return 2**self.bit_depth - 1
+
+    def measured_map(self, effect: str, like: Tensor) -> Tensor | None:
+        """The window's part of an effect's measured pattern, (1, 1, H, W); None where the camera has none.
+
+        A window that reaches beyond the sensor sees the pattern repeated.
+        """
+        whole = self.maps.get(effect)
+        if whole is None:
+            return None
+        whole = whole.to(like.device)
+        rows, columns = (torch.arange(r.start, r.stop, device=like.device) for r in self.window)
+        return whole[rows % whole.shape[0]][:, columns % whole.shape[1]][None, None]
 
     def rows(self, like: Tensor) -> Tensor:
         """Row numbers on the sensor, (1, 1, H, 1)."""

@@ -4,7 +4,10 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class PRNU(Effect):
-    """A fixed pattern, drawn once a camera: K = column + row + pixel, each Gaussian of mean 0."""
+    """A fixed pattern, drawn once a camera: K = column + row + pixel, each Gaussian of mean 0.
+
+    A measured K of every pixel (`prnu.map`, a file) takes the place of the drawn one.
+    """
 
     name = "prnu"
     stage = Stage.GENERATION
@@ -18,10 +21,15 @@ class PRNU(Effect):
     pixel = Parameter(0.0, unit="fraction", high=0.5, strength=True, source="EMVA 1288: PRNU_pix", trials=(0.003, 0.008))
 
     def apply(self, signal, p, stream, context):
-        fixed = stream.fixed
-        pattern = p.column * fixed.fork("column").normal("column") + p.row * fixed.fork("row").normal("row")
-        pattern = pattern + p.pixel * fixed.fork("pixel").normal("pixel")
+        pattern = context.measured_map(self.name, signal)
+        if pattern is None:
+            fixed = stream.fixed
+            pattern = p.column * fixed.fork("column").normal("column") + p.row * fixed.fork("row").normal("row")
+            pattern = pattern + p.pixel * fixed.fork("pixel").normal("pixel")
         return (signal * (1 + pattern)).clamp_min(0)
 
     def moments(self, mean, p, context):
+        pattern = context.measured_map(self.name, mean)
+        if pattern is not None:
+            return mean * (1 + pattern), 0 * mean
         return mean, mean**2 * (p.column**2 + p.row**2 + p.pixel**2)

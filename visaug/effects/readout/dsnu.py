@@ -4,7 +4,10 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class DSNU(Effect):
-    """A fixed pattern of offsets, drawn once a camera: column + row + pixel, each Gaussian of mean 0."""
+    """A fixed pattern of offsets, drawn once a camera: column + row + pixel, each Gaussian of mean 0.
+
+    A measured offset of every pixel (`dsnu.map`, a file) takes the place of the drawn one.
+    """
 
     name = "dsnu"
     stage = Stage.READOUT
@@ -18,9 +21,15 @@ class DSNU(Effect):
     pixel_e = Parameter(0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: DSNU_pix", trials=(0.5, 2.0))
 
     def apply(self, signal, p, stream, context):
-        fixed = stream.fixed
-        pattern = p.column_e * fixed.fork("column").normal("column") + p.row_e * fixed.fork("row").normal("row")
-        return signal + pattern + p.pixel_e * fixed.fork("pixel").normal("pixel")
+        pattern = context.measured_map(self.name, signal)
+        if pattern is None:
+            fixed = stream.fixed
+            pattern = p.column_e * fixed.fork("column").normal("column") + p.row_e * fixed.fork("row").normal("row")
+            pattern = pattern + p.pixel_e * fixed.fork("pixel").normal("pixel")
+        return signal + pattern
 
     def moments(self, mean, p, context):
+        pattern = context.measured_map(self.name, mean)
+        if pattern is not None:
+            return mean + pattern, 0 * mean
         return mean, p.column_e**2 + p.row_e**2 + p.pixel_e**2
