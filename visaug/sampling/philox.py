@@ -57,3 +57,21 @@ def sensor_bits(keys: Tensor, channels: int, rows: range, columns: range) -> Ten
     interleaved = torch.stack([word.expand(shape) for word in words], dim=-1).flatten(-2)
     offset = columns.start - 4 * first
     return interleaved[..., offset : offset + len(columns)]
+
+
+def mix(keys: Tensor) -> Tensor:
+    """Another 64-bit key for each key, one to one: the finaliser of SplitMix64, variant 13 of D. Stafford.
+
+    Args:
+        keys: int64 of any shape.
+    """
+    x = keys ^ _shift(keys, 30)
+    x = x * (0xBF58476D1CE4E5B9 - 2**64)
+    x = x ^ _shift(x, 27)
+    x = x * (0x94D049BB133111EB - 2**64)
+    return x ^ _shift(x, 31)
+
+
+def _shift(x: Tensor, bits: int) -> Tensor:
+    """To the right without the sign."""
+    return (x >> bits) & (2 ** (64 - bits) - 1)

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from visaug.sampling import distributions
-from visaug.sampling.philox import sensor_bits
+from visaug.sampling.philox import mix, sensor_bits
 
 try:
     from visaug.sampling import kernels
@@ -22,12 +22,31 @@ def derive_key(*words: object) -> int:
     return int.from_bytes(digest, "little")
 
 
+@torch.compiler.assume_constant_result
+def _signed_key(words: tuple[object, ...]) -> int:
+    return _signed(derive_key(*words))
+
+
+def _signed(key: int) -> int:
+    """The int64 with the same bits as an unsigned 64-bit key."""
+    return key - 2**64 if key >= 2**63 else key
+
+
+def _as_tensor(keys: "Sequence[int] | Tensor", device: torch.device) -> Tensor:
+    """(B,) int64; (1,) where all keys are known to be equal."""
+    if isinstance(keys, Tensor):
+        return keys.to(device)
+    distinct = keys[:1] if len(set(keys)) == 1 else keys
+    return torch.tensor([_signed(key) for key in distinct], dtype=torch.int64, device=device)
+
+
 class Stream:
     """Random numbers of one effect for a batch of images.
 
     Args:
-        keys: one 64-bit key an image (its temporal noise), length B.
+        keys: one 64-bit key an image (its temporal noise), length B: unsigned numbers, or (B,) int64 of the same bits.
         camera_keys: one 64-bit key an image (its fixed patterns); equal keys mean the same camera, hence the same maps.
+            A tensor may be (1,): one camera for all.
         channels: number of planes C.
         window: rows and columns of the sensor that the images show.
         device: where the numbers are wanted.
@@ -39,24 +58,24 @@ class Stream:
 
     def __init__(
         self,
-        keys: Sequence[int],
-        camera_keys: Sequence[int],
+        keys: Sequence[int] | Tensor,
+        camera_keys: Sequence[int] | Tensor,
         channels: int,
         window: tuple[range, range],
         device: torch.device | str = "cpu",
     ):
-        self._keys = tuple(keys)
-        self._camera_keys = tuple(camera_keys)
         self.channels = channels
         self.window = window
         self.device = torch.device(device)
+        self._keys = _as_tensor(keys, self.device).expand(len(keys))
+        self._camera_keys = _as_tensor(camera_keys, self.device)
 
     def fork(self, *words: object) -> "Stream":
         """An independent stream for the same images and cameras."""
-        keys = [derive_key(key, *words) for key in self._keys]
-        known: dict[int, int] = {}
-        cameras = [known.setdefault(k, derive_key(k, *words)) for k in self._camera_keys]
-        return Stream(keys, cameras, self.channels, self.window, self.device)
+        name = _signed_key(words)
+        return Stream(
+            mix(self._keys ^ name), mix(self._camera_keys ^ name), self.channels, self.window, self.device
+        )
 
     @property
     def fixed(self) -> "Stream":
@@ -64,12 +83,7 @@ class Stream:
 
         Where all images come from one camera its draws have a batch of 1, and broadcast.
         """
-        cameras = self._camera_keys[:1] if len(set(self._camera_keys)) == 1 else self._camera_keys
-        return Stream(cameras, cameras, self.channels, self.window, self.device)
-
-    def over(self, rows: range, columns: range) -> "Stream":
-        """The same numbers for another window: whole rows, the whole sensor, or a table of fixed numbers."""
-        return Stream(self._keys, self._camera_keys, self.channels, (rows, columns), self.device)
+        return Stream(self._camera_keys, self._camera_keys, self.channels, self.window, self.device)
 
     def uniform(self, vary: str = "pixel") -> Tensor:
         """Uniform in (0, 1), float32."""
@@ -105,13 +119,14 @@ class Stream:
         For one image the count grows with the mean at the same random number, so comparisons of two means share their noise.
         """
         full = (len(self._keys), self.channels, *map(len, self.window))
-        return _Poisson.apply(mean.expand(full), self)
+        mean = mean.expand(full)
+        return with_poisson_gradient(self._poisson(mean.detach()), mean)
 
     def _poisson(self, mean: Tensor) -> Tensor:
         if not self._native():
             return distributions.poisson(mean, self._bits("pixel"))
         keys, r0, c0, out = self._native_arguments("pixel")
-        kernels.fill_poisson(keys, r0, c0, mean.detach().float().numpy(), out)
+        kernels.fill_poisson(keys, r0, c0, mean.float().numpy(), out)
         return torch.from_numpy(out)
 
     def _native(self) -> bool:
@@ -120,7 +135,7 @@ class Stream:
     def _native_arguments(self, vary: str) -> tuple[np.ndarray, int, int, np.ndarray]:
         channels, rows, columns = self._extent(vary)
         out = np.empty((len(self._keys), channels, len(rows), len(columns)), np.float32)
-        return np.array(self._keys, np.uint64), rows.start, columns.start, out
+        return self._keys.numpy().view(np.uint64), rows.start, columns.start, out
 
     def _extent(self, vary: str) -> tuple[int, range, range]:
         rows, columns = self.window
@@ -140,25 +155,18 @@ class Stream:
             out = np.empty((len(keys), channels, len(rows), len(columns)), np.int64)
             kernels.fill_bits(keys, rows.start, columns.start, out.view(np.uint64))
             return torch.from_numpy(out)
-        signed = [key - 2**64 if key >= 2**63 else key for key in self._keys]
-        return sensor_bits(torch.tensor(signed, device=self.device), channels, rows, columns)
+        return sensor_bits(self._keys, channels, rows, columns)
 
 
-class _Poisson(torch.autograd.Function):
+def with_poisson_gradient(count: Tensor, mean: Tensor) -> Tensor:
     """A Poisson count N with the pathwise gradient of N = m + sqrt(m) z at fixed z: dN/dm = 1 + (N - m) / (2 m).
 
     A count has no derivative; this one is unbiased for the derivative of the mean and of the second moment:
     E[dN/dm] = 1 and E[2 N dN/dm] = 2 m + 1. Below m = 0.01 the denominator is held, to bound the gradient's variance;
     the derivative of the mean stays unbiased.
     """
-
-    @staticmethod
-    def forward(ctx, mean: Tensor, stream: Stream) -> Tensor:
-        count = stream._poisson(mean)
-        ctx.save_for_backward(mean, count)
+    if not (mean.requires_grad and torch.is_grad_enabled()):
         return count
-
-    @staticmethod
-    def backward(ctx, gradient: Tensor):
-        mean, count = ctx.saved_tensors
-        return gradient * (1 + (count - mean) / (2 * mean.clamp_min(0.01))), None
+    fixed = mean.detach()
+    slope = 1 + (count - fixed) / (2 * fixed.clamp_min(0.01))
+    return count + (mean - fixed) * slope  # adds zero

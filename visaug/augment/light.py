@@ -1,0 +1,54 @@
+"""Ways in: mean photons per pixel from an image in [0, 1] or from an irradiance."""
+
+import torch
+from torch import Tensor
+
+PLANCK_J_S = 6.62607015e-34
+LIGHT_SPEED_M_PER_S = 299_792_458.0
+
+
+def irradiance_to_photons(
+    irradiance_w_per_m2: Tensor | float,
+    wavelength_m: Tensor | float,
+    pixel_area_m2: Tensor | float,
+    exposure_s: Tensor | float,
+) -> Tensor | float:
+    """Mean photons that hit a pixel during the exposure, mu_p = A E t lambda / (h c).
+
+    Args:
+        irradiance_w_per_m2: E on the sensor's surface, >= 0; any shape that broadcasts.
+        wavelength_m: of quasi-monochromatic light, e.g. 525e-9.
+        pixel_area_m2: geometric area of the pixel, gaps included: EMVA 1288 counts the fill factor to the QE.
+        exposure_s: seconds.
+
+    Source: EMVA 1288 release 4 Linear, eq. 3: 50.34 A[um^2] t[ms] lambda[um] E[uW/cm^2].
+    """
+    photon_energy_j = PLANCK_J_S * LIGHT_SPEED_M_PER_S / wavelength_m
+    return irradiance_w_per_m2 * pixel_area_m2 * exposure_s / photon_energy_j
+
+
+def image_to_photons(image: Tensor, max_dn: float, gain_e_per_dn: Tensor, quantum_efficiency: Tensor) -> Tensor:
+    """Mean photons per pixel of which a camera without offset would make this image, mu_p = I max_dn G / QE.
+
+    Whatever the gain and the quantum efficiency, the mean of the camera's image is then `image` again.
+
+    Args:
+        image: (B, C, H, W), linear in light, in [0, 1] of the converter's range.
+        max_dn: 2^bits - 1.
+        gain_e_per_dn, quantum_efficiency: of the camera that takes the image, (B, 1, 1, 1) or scalars.
+
+    Source: the paper, eq. 7.
+    """
+    return image * (max_dn * gain_e_per_dn / quantum_efficiency)
+
+
+def srgb_to_linear(image: Tensor) -> Tensor:
+    """sRGB values in [0, 1] to values linear in light. Source: IEC 61966-2-1."""
+    bent = ((image.clamp_min(0.04045) + 0.055) / 1.055) ** 2.4
+    return torch.where(image <= 0.04045, image / 12.92, bent)
+
+
+def linear_to_srgb(image: Tensor) -> Tensor:
+    """Values linear in light, in [0, 1], to sRGB. Source: IEC 61966-2-1."""
+    bent = 1.055 * image.clamp_min(0.0031308) ** (1 / 2.4) - 0.055
+    return torch.where(image <= 0.0031308, image * 12.92, bent)
