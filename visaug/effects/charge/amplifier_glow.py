@@ -1,0 +1,65 @@
+"""Amplifier glow."""
+
+import torch
+
+from visaug.effects.charge.dark_electrons import add_dark_electrons
+from visaug.effects.effect import Effect, Parameter, Stage
+
+REFERENCE_C = 20.0
+PLACES = {
+    "top_left": (0.0, 0.0),
+    "top_right": (0.0, 1.0),
+    "bottom_left": (1.0, 0.0),
+    "bottom_right": (1.0, 1.0),
+    "top": (0.0, None),
+    "bottom": (1.0, None),
+    "left": (None, 0.0),
+    "right": (None, 1.0),
+}  # where on the sensor, in shares of its rows and columns; None: all along that side
+
+
+class AmplifierGlow(Effect):
+    """Circuits beside the pixels shine in the near infrared during the exposure, hardly changed by heat."""
+
+    name = "amplifier_glow"
+    stage = Stage.GENERATION
+    order = 40
+    summary = "A smooth dark signal from an edge or corner, growing with the exposure."
+    equation = "mu_e <- mu_e + t rate exp(b (T - 20 C)) exp(-(d / width)^shape), d: distance to the place"
+    source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on amplifier luminescence"
+    separates = "darks with and without the lens covered: a light leak goes, glow stays"
+    rate_e_per_s = Parameter(
+        20.0,
+        unit="e-/s",
+        high=1e6,
+        strength=True,
+        trials=(8.0, 40.0),
+        source="at the brightest place, at 20 C",
+    )
+    place = Parameter(
+        "bottom_right", options=tuple(PLACES), source="the corner or edge where the circuit lies"
+    )
+    width = Parameter(
+        0.25,
+        unit="fraction",
+        low=0.01,
+        high=5.0,
+        trials=(0.12, 0.3, 0.6),
+        source="decay length to the longer side",
+    )
+    shape = Parameter(
+        1.0, low=0.3, high=4.0, trials=(1.0, 2.0), source="1: exponential, 2: Gaussian fall-off"
+    )
+    b_per_c = Parameter(
+        0.01, unit="1/C", low=-0.1, high=0.2, source="light, not heat: far below dark current's 0.0866"
+    )
+
+    def apply(self, signal, p, stream, context):
+        height, width = context.resolution
+        y, x = PLACES[p.place]
+        down = 0.0 if y is None else context.rows(signal) + 0.5 - y * height
+        across = 0.0 if x is None else context.columns(signal) + 0.5 - x * width
+        distance = torch.sqrt(torch.as_tensor(down**2 + across**2)) / max(height, width)
+        rate = p.rate_e_per_s * torch.exp(p.b_per_c * (context.temperature_c - REFERENCE_C))
+        glow = context.exposure_s * rate * torch.exp(-((distance / p.width) ** p.shape))
+        return add_dark_electrons(signal, glow, stream, context)

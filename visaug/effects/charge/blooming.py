@@ -1,0 +1,51 @@
+"""Blooming."""
+
+import torch
+import torch.nn.functional as F
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+DEEPEST_E = 1e9  # stands for a full well without limit
+
+
+class Blooming(Effect):
+    """Charge above full well runs up and down the column and fills the first wells that have room.
+
+    Of the excess, `share` runs and the rest is drained (an anti-blooming gate). Each direction is a queue:
+    what passes a pixel, w_i = max(0, w_(i-1) + excess_i - room_i), is the running sum less its running
+    minimum. What reaches an end of the column is lost. Needs a camera with a full well.
+    """
+
+    name = "blooming"
+    stage = Stage.CHARGE
+    order = 70  # before the clipping at full well, order 80
+    summary = "Charge above full well spills to the neighbours in the column."
+    equation = "N_i <- N_i - share (N_i - full well)+ + what neighbours' overflow fills into N_i < full well"
+    source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on blooming"
+    separates = "a bright spot below and above full well: only above it blooms; smear needs no full well"
+    share = Parameter(
+        0.5,
+        unit="fraction",
+        high=1.0,
+        strength=True,
+        trials=(0.2, 0.8),
+        source="1: no anti-blooming drain at all",
+    )
+    upward = Parameter(0.5, unit="fraction", high=1.0, source="part that runs to lower row numbers")
+
+    def apply(self, signal, p, stream, context):
+        well = context.full_well_e.clamp_max(DEEPEST_E).double()
+        charge = signal.double()  # sums along a column go beyond what float32 counts
+        running = p.share * (charge - well).clamp_min(0)
+        room = (well - charge).clamp_min(0)
+        down = _filled(running * (1 - p.upward), room)
+        up = _filled((running * p.upward).flip(-2), (room - down).flip(-2)).flip(-2)
+        return signal + (down + up - running).to(signal.dtype)
+
+
+def _filled(excess, room):
+    """How much of the excess that runs towards higher rows each pixel takes up; (B, C, H, W)."""
+    total = (excess - room).cumsum(-2)
+    passing = total - total.cummin(-2).values.clamp_max(0)
+    arriving = F.pad(passing, (0, 0, 1, 0))[..., :-1, :]
+    return torch.minimum(arriving + excess, room)

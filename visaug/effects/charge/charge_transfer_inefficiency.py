@@ -1,0 +1,65 @@
+"""Charge-transfer inefficiency."""
+
+import torch
+import torch.nn.functional as F
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class ChargeTransferInefficiency(Effect):
+    """Each transfer leaves a share of the packet behind, after n of them 1 - (1 - share)^n, as a trail.
+
+    The trail decays exponentially away from the register; what would trail beyond the last pixel goes to the
+    overscan. First order: charge of the trail is not caught again, which holds while n share is well below 1.
+    """
+
+    name = "charge_transfer_inefficiency"
+    stage = Stage.CHARGE
+    order = 85  # the full wells are what is transferred
+    summary = "Trails along the transfer that grow with the number of transfers."
+    equation = (
+        "N_i <- (1 - d_i) N_i + (1 - q) sum_k>0 q^(k-1) d_(i-k) N_(i-k), "
+        "d_i = 1 - (1 - share)^n_i, q = exp(-1 / trail)"
+    )
+    source = "J. Janesick, Scientific Charge-Coupled Devices (2001); R. Massey et al., MNRAS 401 (2010) 371"
+    separates = "edges near and far from the register: the trail grows with the distance, lag does not"
+    share_per_transfer = Parameter(
+        1e-5,
+        unit="fraction",
+        high=0.02,
+        strength=True,
+        trials=(1e-4, 6e-4),
+        source="new CCDs 1e-6, irradiated 1e-4",
+    )
+    trail_px = Parameter(
+        0.5, unit="px", low=0.1, high=50.0, trials=(0.5, 3.0), source="release time in transfers"
+    )
+    register = Parameter(
+        "top",
+        options=("top", "bottom", "left", "right"),
+        source="edge of the sensor to which charge is transferred",
+    )
+
+    def apply(self, signal, p, stream, context):
+        sideways, far = p.register in ("left", "right"), p.register in ("bottom", "right")
+        places = context.columns(signal) if sideways else context.rows(signal)
+        length = context.resolution[1 if sideways else 0]
+        transfers = length - places if far else places + 1
+        lost = -torch.expm1(transfers * torch.log1p(-p.share_per_transfer)) * signal
+        axis = -1 if sideways else -2
+        late = _trail(lost.flip(axis) if far else lost, torch.exp(-1 / p.trail_px), axis)
+        return signal + ((late.flip(axis) if far else late) - lost)
+
+
+def _shift(signal, by, axis):
+    """Moved by so many pixels towards higher numbers, zeros coming in."""
+    padded = F.pad(signal, (by, 0) if axis == -1 else (0, 0, by, 0))
+    return padded.narrow(axis, 0, signal.shape[axis])
+
+
+def _trail(lost, q, axis):
+    """(1 - q) sum_k>0 q^(k-1) lost_(i-k) in log2(length) steps: 1 / (1 - qz) = prod 1 + (qz)^(2^j)."""
+    late, by, length = _shift(lost, 1, axis) * (1 - q), 1, lost.shape[axis]
+    while by < length:
+        late, q, by = late + q * _shift(late, by, axis), q * q, 2 * by
+    return late

@@ -1,0 +1,71 @@
+"""Cosmic rays."""
+
+import math
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+LONGEST_PX = 200  # tracks are cut here; at a mean of 20 px one in 22000 is
+
+
+class CosmicRays(Effect):
+    """Tracks start at a Poisson count of places; direction uniform, length and charge per px exponential.
+
+    Where a track starts outside a crop, the crop does not see it.
+    """
+
+    name = "cosmic_rays"
+    stage = Stage.CHARGE
+    order = 20
+    summary = "Particles leave tracks of charge in single frames."
+    equation = "tracks ~ Poisson(rate t per 10^6 px), charge per px ~ Exp(charge), length ~ Exp(length)"
+    source = "D. Groom, Experimental Astronomy 14 (2002) 45; 80 e- per um of silicon"
+    differentiable = False
+    why_not = "a pixel is hit or not: the count of tracks, and the pixels they cross, are whole numbers"
+    separates = "a second frame: a track does not come again, a hot or jumping pixel does"
+    rate_per_mpx_s = Parameter(
+        1.0,
+        unit="1/(Mpx s)",
+        high=1e6,
+        strength=True,
+        trials=(30.0, 300.0),
+        source="ground: 1/(cm^2 min), 0.003 for 4 um pixels; orbit: 100 times that, belts more",
+    )
+    charge_e_per_px = Parameter(
+        800.0, unit="e-/px", high=1e6, trials=(400.0, 2000.0), source="80 e-/um of path, times the pixel"
+    )
+    length_px = Parameter(
+        6.0, unit="px", low=0.5, high=50.0, trials=(2.0, 8.0), source="depth over pixel, by the slant"
+    )
+
+    def apply(self, signal, p, stream, context):
+        expected = (p.rate_per_mpx_s * context.exposure_s * 1e-6).detach()
+        image, channel, row, column = torch.nonzero(stream.poisson(expected), as_tuple=True)
+        if len(image) == 0:
+            return signal
+
+        def uniform(
+            what,
+        ):  # of a track: the sum of its row's and its column's number, modulo 1, is uniform again
+            own = stream.fork(what)
+            return (
+                own.uniform("row")[image, channel, row, 0] + own.uniform("column")[image, channel, 0, column]
+            ) % 1
+
+        def each(parameter):
+            return parameter.detach().expand(len(signal), 1, 1, 1)[image, 0, 0, 0]
+
+        angle = 2 * math.pi * uniform("direction")
+        length = -torch.log1p(-uniform("length")) * each(p.length_px)
+        charge = -torch.log1p(-uniform("charge")) * each(p.charge_e_per_px)
+        step = torch.arange(min(LONGEST_PX, math.ceil(float(length.max()))), device=signal.device)
+        r = (row[:, None] + torch.sin(angle)[:, None] * step).round().long()
+        c = (column[:, None] + torch.cos(angle)[:, None] * step).round().long()
+        deposit = charge[:, None] * (length[:, None] - step).clamp(0, 1)  # the last step is a part of a px
+        rows, columns = signal.shape[-2:]
+        inside = (r >= 0) & (r < rows) & (c >= 0) & (c < columns)
+        plane = (image * signal.shape[1] + channel)[:, None].expand_as(r)
+        place = (plane * rows + r) * columns + c
+        tracks = torch.zeros(signal.numel(), dtype=signal.dtype, device=signal.device)
+        return signal + tracks.index_add(0, place[inside], deposit[inside].to(signal.dtype)).view_as(signal)

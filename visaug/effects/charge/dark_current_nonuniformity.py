@@ -1,0 +1,52 @@
+"""Dark-current non-uniformity."""
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class DarkCurrentNonuniformity(Effect):
+    """Each pixel has the camera's dark current times a factor of mean 1, drawn once a camera.
+
+    Without dark current in the camera there is nothing to differ.
+    """
+
+    name = "dark_current_nonuniformity"
+    stage = Stage.GENERATION
+    order = 25
+    summary = "Dark current differs from pixel to pixel; the pattern grows with exposure and temperature."
+    equation = "mu_e <- mu_e + D(T) t (K - 1), K lognormal of mean 1 and standard deviation spread"
+    source = (
+        "R. D. Gow et al., IEEE Trans. Electron Devices 54 (2007) 1321; EMVA 1288 release 4 Linear, section 7"
+    )
+    separates = "darks at two exposures: this pattern grows with them, dsnu stays"
+    spread = Parameter(
+        0.3,
+        unit="fraction",
+        high=10.0,
+        strength=True,
+        trials=(0.3, 1.0),
+        source="standard deviation to mean: 0.1 to 1",
+    )
+    distribution = Parameter(
+        "lognormal", options=("lognormal", "gaussian", "exponential"), source="of the factors"
+    )
+
+    def apply(self, signal, p, stream, context):
+        if p.distribution == "lognormal":
+            s = self._log_sigma(p.spread)
+            excess = torch.expm1(s * stream.fixed.normal() - s**2 / 2)
+        elif p.distribution == "gaussian":
+            excess = p.spread * stream.fixed.normal()
+        else:
+            excess = p.spread * (-torch.log(stream.fixed.uniform()) - 1)
+        return signal + context.dark_current_e * excess.clamp_min(-1)
+
+    @staticmethod
+    def _log_sigma(spread):
+        """sqrt(ln(1 + spread^2)), written so that it has a gradient at 0."""
+        square = (spread**2).clamp_min(1e-12)
+        return spread * torch.sqrt(torch.log1p(square) / square)
+
+    def moments(self, mean, p, context):
+        return mean, (context.dark_current_e * p.spread) ** 2

@@ -1,0 +1,71 @@
+"""Lens flare."""
+
+import torch
+import torch.nn.functional as F
+
+from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.optics.spread import gaussian_blur, halo
+
+GHOSTS = ((1.0, 0.7), (1.8, 0.3))  # size relative to `ghost_scale`, and share of the ghosts' light
+
+
+class LensFlare(Effect):
+    """Light reflected between lens surfaces comes as ghosts: defocused copies, mirrored and scaled.
+
+    Surfaces scatter some more into a halo around the source. The light is taken from the source, so the
+    total is kept but for what falls beside the sensor. Reflection is linear; `threshold_photons` leaves the
+    dimmer parts of a scene out.
+    """
+
+    name = "lens_flare"
+    stage = Stage.OPTICS
+    order = 20
+    summary = "Ghosts and a halo of bright sources."
+    equation = (
+        "mu_p <- mu_p - (g + h) s + g ghost(s) + h halo(s), s = max(0, mu_p - threshold), "
+        "ghost(s)(x) = s(-x/m) / m^2"
+    )
+    source = "M. Hullin et al., ACM TOG 30 (2011) 108"
+    separates = "a bright source put at several places: ghosts mirror its way, veiling glare does not"
+    ghost_share = Parameter(
+        0.01,
+        unit="fraction",
+        high=0.5,
+        strength=True,
+        trials=(0.01, 0.05),
+        source="uncoated surfaces reflect 4 % each",
+    )
+    halo_share = Parameter(
+        0.02,
+        unit="fraction",
+        high=0.5,
+        strength=True,
+        trials=(0.02, 0.08),
+        source="a dusty or scratched lens",
+    )
+    ghost_scale = Parameter(1.2, low=0.3, high=5.0, trials=(0.8, 1.5), source="size of the first ghost")
+    ghost_blur_px = Parameter(2.0, unit="px", low=0.0, high=50.0, source="ghosts are out of focus")
+    halo_width_px = Parameter(8.0, unit="px", low=3.0, high=1e3, trials=(5.0, 15.0), source="decay length")
+    threshold_photons = Parameter(0.0, unit="photons", high=1e9, source="light above it flares; 0: all light")
+
+    def apply(self, signal, p, stream, context):
+        source = (signal - p.threshold_photons).clamp_min(0)
+        flare = p.halo_share * (halo(source, p.halo_width_px, "exponential") - source)
+        flare = flare - p.ghost_share * source
+        blurred = gaussian_blur(source, p.ghost_blur_px, p.ghost_blur_px)
+        for size, share in GHOSTS:
+            flare = flare + p.ghost_share * share * self._ghost(blurred, p.ghost_scale * size, context)
+        return signal + flare
+
+    @staticmethod
+    def _ghost(source, scale, context):
+        """The source mirrored at the sensor's centre, `scale` times as large, as far as the window goes."""
+        axes = []
+        places = (context.columns(source).flatten(), context.rows(source).flatten())
+        for place, full in zip(places, reversed(context.resolution)):
+            wanted = (full - 1) / 2 - (place - (full - 1) / 2) / scale.view(-1, 1)  # px on the sensor, (B, n)
+            axes.append((wanted - place[0] + 0.5) / len(place) * 2 - 1)  # -1 to 1 across the window
+        x, y = axes
+        grid = torch.stack(torch.broadcast_tensors(x.unsqueeze(1), y.unsqueeze(2)), -1)
+        grid = grid.to(source.dtype).expand(len(source), -1, -1, -1)
+        return F.grid_sample(source, grid, align_corners=False) / scale**2

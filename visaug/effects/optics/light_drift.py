@@ -1,0 +1,53 @@
+"""Drift of the light."""
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class LightDrift(Effect):
+    """A relative Gaussian change of all light of a frame; a dark frame has none to change.
+
+    In a sequence a frame may remember the one before (a lamp that wanders): a first-order autoregression
+    whose standard deviation stays `sigma`. Unrelated images have one draw each.
+    """
+
+    name = "light_drift"
+    stage = Stage.OPTICS
+    order = 0
+    summary = "The source's level changes from frame to frame."
+    equation = "mu_p <- mu_p (1 + sigma x_k), x_k = c x_(k-1) + sqrt(1 - c^2) z_k, z_k ~ N(0, 1)"
+    source = "a first-order autoregression; EMVA 1288 asks for a source that is stable over a series"
+    separates = "frames with the shutter closed move with black_level_drift, not with the lamp"
+    sigma = Parameter(
+        0.01,
+        unit="fraction",
+        high=0.5,
+        strength=True,
+        trials=(0.005, 0.02),
+        source="lamps and LEDs: 0.1 to 2 %",
+    )
+    correlation = Parameter(
+        0.0,
+        low=0.0,
+        high=0.999,
+        trials=(0.0, 0.9),
+        source="of consecutive frames; 0: white, near 1: a random walk",
+    )
+
+    def apply(self, signal, p, stream, context):
+        return signal * (1 + p.sigma * self._levels(p, stream, context)).clamp_min(0)
+
+    def _levels(self, p, stream, context):
+        fresh = stream.normal("frame")
+        if not context.sequence:
+            return fresh
+        level, levels = context.memory.get(self.name), []
+        for c, z in zip(p.correlation.expand_as(fresh).split(1), fresh.split(1)):
+            level = z if level is None else c * level + torch.sqrt(1 - c**2) * z
+            levels.append(level)
+        context.memory[self.name] = levels[-1].detach()
+        return torch.cat(levels)
+
+    def moments(self, mean, p, context):
+        return mean, (mean * p.sigma) ** 2

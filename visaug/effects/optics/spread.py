@@ -1,0 +1,75 @@
+"""Light spread over its surroundings: a near blur by convolution, a far halo by the cosine transform."""
+
+import math
+from functools import lru_cache
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+TRUNCATE = 4.0  # a Gaussian ends at so many standard deviations, as SciPy's gaussian_filter has it
+PROFILES = ("gaussian", "exponential", "power_law")
+
+
+def gaussian_blur(signal: Tensor, sigma_rows: Tensor, sigma_columns: Tensor) -> Tensor:
+    """Convolves (B, C, H, W) with a Gaussian along both axes; the image goes on beyond its edge.
+
+    Args: sigma_rows, sigma_columns: standard deviations in px, (B, 1, 1, 1); where 0 the image is left as
+    it is.
+    """
+    signal = _convolve(signal, _gaussian(sigma_rows).transpose(-1, -2))
+    return _convolve(signal, _gaussian(sigma_columns))
+
+
+def _gaussian(sigma: Tensor) -> Tensor:
+    """Kernels (B, 1, 1, K), each cut at its own width: an image does not depend on others of its batch."""
+    own_reach = (TRUNCATE * sigma.detach() + 0.5).floor()
+    reach = max(1, int(own_reach.max()))
+    offset = torch.arange(-reach, reach + 1, device=sigma.device, dtype=sigma.dtype).view(1, 1, 1, -1)
+    weight = torch.exp(-0.5 * (offset / sigma.clamp_min(1e-3)) ** 2) * (offset.abs() <= own_reach)
+    return weight / weight.sum(-1, keepdim=True)
+
+
+def _convolve(signal: Tensor, kernel: Tensor) -> Tensor:
+    batch, channels, rows, columns = signal.shape
+    high, wide = kernel.shape[-2] // 2, kernel.shape[-1] // 2
+    padded = F.pad(signal, (wide, wide, high, high), mode="replicate")
+    kernel = kernel.to(signal.dtype).expand(batch, -1, -1, -1).repeat_interleave(channels, 0)
+    flat = padded.reshape(1, batch * channels, rows + 2 * high, columns + 2 * wide)
+    return F.conv2d(flat, kernel, groups=batch * channels).view_as(signal)
+
+
+def halo(signal: Tensor, width_px: Tensor, profile: str) -> Tensor:
+    """All light of (B, C, H, W) spread by a kernel without end.
+
+    The frame's edges mirror, so the total is kept and a flat stays flat. Cosines are the mirrored frame's
+    own modes.
+
+    Profiles, of unit volume, with their transfer functions of the frequency f in cycles/px:
+        gaussian     exp(-r^2 / 2w^2) / (2 pi w^2)       exp(-2 (pi w f)^2)
+        exponential  exp(-r / w) / (2 pi w^2)            (1 + (2 pi w f)^2)^(-3/2)
+        power_law    w / (2 pi (r^2 + w^2)^(3/2))        exp(-2 pi w f)
+    """
+    rows, columns = signal.shape[-2:]
+    down, across = (_cosines(n, signal.dtype, str(signal.device)) for n in (rows, columns))
+    like = {"device": signal.device, "dtype": signal.dtype}
+    f_rows = torch.arange(rows, **like).view(1, 1, -1, 1) / (2 * rows)
+    f_columns = torch.arange(columns, **like).view(1, 1, 1, -1) / (2 * columns)
+    scaled = 2 * math.pi * width_px * (f_rows**2 + f_columns**2).sqrt()
+    if profile == "gaussian":
+        transfer = torch.exp(-(scaled**2) / 2)
+    elif profile == "exponential":
+        transfer = (1 + scaled**2) ** -1.5
+    else:
+        transfer = torch.exp(-scaled)
+    return down.T @ ((down @ signal @ across.T) * transfer) @ across
+
+
+@lru_cache(maxsize=16)
+def _cosines(size: int, dtype: torch.dtype, device: str) -> Tensor:
+    """The orthonormal cosine transform (DCT-II) as a matrix: at these sizes faster than an FFT."""
+    mode = torch.arange(size, dtype=torch.float64).view(-1, 1)
+    place = torch.arange(size, dtype=torch.float64).view(1, -1) + 0.5
+    matrix = torch.cos(math.pi / size * mode * place) * math.sqrt(2 / size)
+    matrix[0] /= math.sqrt(2)
+    return matrix.to(device=device, dtype=dtype)
