@@ -44,9 +44,9 @@ class Stream:
     """Random numbers of one effect for a batch of images.
 
     Args:
-        keys: one 64-bit key an image (its temporal noise), length B: unsigned numbers, or (B,) int64 of the same bits.
-        camera_keys: one 64-bit key an image (its fixed patterns); equal keys mean the same camera, hence the same maps.
-            A tensor may be (1,): one camera for all.
+        keys: one 64-bit key an image (its temporal noise): B unsigned numbers, or (B,) int64 of the same bits.
+        camera_keys: one 64-bit key an image (its fixed patterns); equal keys mean the same camera, hence the
+            same maps. A tensor may be (1,): one camera for all.
         channels: number of planes C.
         window: rows and columns of the sensor that the images show.
         device: where the numbers are wanted.
@@ -85,6 +85,10 @@ class Stream:
         """
         return Stream(self._camera_keys, self._camera_keys, self.channels, self.window, self.device)
 
+    def over(self, rows: range, columns: range) -> "Stream":
+        """The same numbers for another window: whole rows, the whole sensor, or a table of fixed numbers."""
+        return Stream(self._keys, self._camera_keys, self.channels, (rows, columns), self.device)
+
     def uniform(self, vary: str = "pixel") -> Tensor:
         """Uniform in (0, 1), float32."""
         return distributions.uniform(self._bits(vary))
@@ -114,9 +118,9 @@ class Stream:
         return quantile / distributions.tukey_standard_deviation(shape).float()
 
     def poisson(self, mean: Tensor) -> Tensor:
-        """Poisson counts of the given means (B, C, H, W), float32; differentiable in `mean` (see `_Poisson`).
+        """Poisson counts of the given means (B, C, H, W), float32; differentiable in `mean` (see below).
 
-        For one image the count grows with the mean at the same random number, so comparisons of two means share their noise.
+        For one image the count grows with the mean at the same random number: two means share their noise.
         """
         full = (len(self._keys), self.channels, *map(len, self.window))
         mean = mean.expand(full)
@@ -151,7 +155,7 @@ class Stream:
     def _bits(self, vary: str) -> Tensor:
         channels, rows, columns = self._extent(vary)
         if self._native():
-            keys, r0, c0, _ = self._native_arguments("frame")
+            keys, _, _, _ = self._native_arguments("frame")
             out = np.empty((len(keys), channels, len(rows), len(columns)), np.int64)
             kernels.fill_bits(keys, rows.start, columns.start, out.view(np.uint64))
             return torch.from_numpy(out)
