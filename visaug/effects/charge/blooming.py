@@ -34,18 +34,22 @@ class Blooming(Effect):
     upward = Parameter(0.5, unit="fraction", high=1.0, source="part that runs to lower row numbers")
 
     def apply(self, signal, p, stream, context):
-        well = context.full_well_e.clamp_max(DEEPEST_E).double()
-        charge = signal.double()  # sums along a column go beyond what float32 counts
-        running = p.share * (charge - well).clamp_min(0)
+        full_well = context.full_well_e.clamp_max(DEEPEST_E)
+        columns = signal.transpose(-1, -2)  # (B, C, W, H)
+        hit = (columns > full_well).any(-1)  # all other columns stay as they are
+        well, share, upward = (value.expand(*hit.shape, 1)[hit] for value in (full_well, p.share, p.upward))
+        charge = columns[hit].double()  # (columns hit, H); sums along one go beyond what float32 counts
+        running = share * (charge - well).clamp_min(0)
         room = (well - charge).clamp_min(0)
-        down = _filled(running * (1 - p.upward), room)
-        up = _filled((running * p.upward).flip(-2), (room - down).flip(-2)).flip(-2)
-        return signal + (down + up - running).to(signal.dtype)
+        down = _filled(running * (1 - upward), room)
+        up = _filled((running * upward).flip(-1), (room - down).flip(-1)).flip(-1)
+        bloomed = (charge + (down + up - running)).to(signal.dtype)
+        return columns.index_put((hit,), bloomed).transpose(-1, -2).contiguous()
 
 
 def _filled(excess, room):
-    """How much of the excess that runs towards higher rows each pixel takes up; (B, C, H, W)."""
-    total = (excess - room).cumsum(-2)
-    passing = total - total.cummin(-2).values.clamp_max(0)
-    arriving = F.pad(passing, (0, 0, 1, 0))[..., :-1, :]
+    """How much of an excess that runs towards higher rows each pixel takes up, (columns, H)."""
+    total = (excess - room).cumsum(-1)
+    passing = total - total.cummin(-1).values.clamp_max(0)
+    arriving = F.pad(passing, (1, 0))[..., :-1]
     return torch.minimum(arriving + excess, room)

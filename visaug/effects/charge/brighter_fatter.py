@@ -1,5 +1,6 @@
 """The brighter-fatter effect."""
 
+import torch
 import torch.nn.functional as F
 
 from visaug.effects.effect import Effect, Parameter, Stage
@@ -38,5 +39,5 @@ class BrighterFatter(Effect):
         across = (share * (left + right) / 2).clamp_max(LIMIT) * (right - left)
         up, down = signal[..., :-1, :], signal[..., 1:, :]
         along = (p.aspect * share * (up + down) / 2).clamp_max(LIMIT) * (down - up)
-        gained = F.pad(across, (0, 1)) - F.pad(across, (1, 0))
-        return signal + (gained + F.pad(along, (0, 0, 0, 1)) - F.pad(along, (0, 0, 1, 0)))
+        gained = torch.diff(F.pad(across, (1, 1)), dim=-1) + torch.diff(F.pad(along, (0, 0, 1, 1)), dim=-2)
+        return signal + gained
