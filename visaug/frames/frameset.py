@@ -171,6 +171,10 @@ class FrameSet:
             self.warnings,
         )
 
+    def with_records(self, records: Sequence[FrameRecord]) -> FrameSet:
+        """The same pixels under other records, one for each of this set's, in the same order."""
+        return FrameSet(records, self._store, self._positions, self.warnings)
+
     def check(self) -> list[str]:
         """One pass over all pixels; returns named warnings (``duplicate_frames: ...``), see
         `visaug.frames.checks`.

@@ -126,7 +126,7 @@ class FileStore:
         if name not in self._cleans:
             pixels = self._reader.read(name, self._shape_of_raw(self._records[i]))
             check_values(pixels, None, self._root / name)
-            # A plan's frames are not there yet: their size is known by the window or the sensor, or not at all.
+            # A plan names frames that are not there yet: their size is known by window or sensor, or not.
             size = self._shapes.get(i) or self._shape_of_raw(self._records[i])
             if size is not None and pixels.shape != size:
                 raise InputError(
