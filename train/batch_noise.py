@@ -1,0 +1,86 @@
+"""What the arms do to a batch of training images besides ultralytics' own: modules on (B, C, H, W) in [0, 1].
+
+Random numbers come from torch's global generator, which ultralytics seeds by seed and rank. Gray images have equal
+channels, and one draw goes to all channels, as a gray camera would.
+"""
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import conv2d
+
+from visaug.camera import Camera, draw
+
+
+class GaussianBlur(nn.Module):
+    """Blur a share `p` of the images by a Gaussian of standard deviation uniform in `sigma_px`."""
+
+    def __init__(self, p: float, sigma_px: tuple[float, float]) -> None:
+        super().__init__()
+        self.p, self.sigma_px = p, tuple(sigma_px)
+
+    def forward(self, images: Tensor) -> Tensor:
+        b, c, h, w = images.shape
+        sigma = uniform(b, *self.sigma_px, images).clamp_min(1e-3)
+        reach = max(1, int(3 * self.sigma_px[1] + 0.5))
+        x = torch.arange(-reach, reach + 1, device=images.device)
+        kernel = torch.exp(-0.5 * (x[None, :] / sigma[:, None]) ** 2)
+        kernel = (kernel / kernel.sum(dim=1, keepdim=True)).repeat_interleave(c, dim=0)
+        flat = torch.nn.functional.pad(images.reshape(1, b * c, h, w), [reach] * 4, mode="replicate")
+        flat = conv2d(flat, kernel[:, None, :, None], groups=b * c)
+        blurred = conv2d(flat, kernel[:, None, None, :], groups=b * c).reshape(b, c, h, w)
+        return torch.where(chosen(self.p, images), blurred, images)
+
+
+class GaussianNoise(nn.Module):
+    """Add white noise to a share `p` of the images; its standard deviation (1 is white) is uniform in `std`."""
+
+    def __init__(self, p: float, std: tuple[float, float]) -> None:
+        super().__init__()
+        self.p, self.std = p, tuple(std)
+
+    def forward(self, images: Tensor) -> Tensor:
+        std = uniform(len(images), *self.std, images)
+        return torch.where(chosen(self.p, images), add_white(images, std), images)
+
+
+class WhiteSensorNoise(nn.Module):
+    """White Gaussian noise of a camera's variance, the paper's eq. 6: one standard deviation for the whole image.
+
+    Its variance in electrons is that of the photons at the image's mean level, the dark current and the read noise;
+    fixed patterns have no part in it. Camera parameters are drawn per image as for the sensor noise.
+    """
+
+    def __init__(self, camera: Camera, p: float = 1.0) -> None:
+        super().__init__()
+        self.camera, self.p = camera, p
+
+    def forward(self, images: Tensor) -> Tensor:
+        spec = self.camera.spec
+        seed = int(torch.randint(2**31, (1,)))
+        values = {k: v.numpy().astype(float) for k, v in draw(self.camera, len(images), np.random.default_rng(seed)).items()}
+        full_scale = 2**spec.bit_depth - 1
+        gain = values["gain_e_per_dn"] * 10 ** ((spec.gain_db - values["gain_db"]) / 20)
+        mean_e = images.mean(dim=(1, 2, 3)).double().cpu().numpy() * full_scale * gain
+        dark = values["exposure_s"] * values["dark_current.a_e_per_s"]
+        dark = dark * np.exp(values["dark_current.b_per_c"] * values["temperature_c"])
+        std = np.sqrt(mean_e + dark + values["read_noise.sigma_e"] ** 2) / gain / full_scale
+        noisy = add_white(images, torch.as_tensor(std, dtype=images.dtype, device=images.device))
+        return torch.where(chosen(self.p, images), noisy, images)
+
+
+def add_white(images: Tensor, std: Tensor) -> Tensor:
+    """Images plus normal noise of standard deviation `std` (B), one draw for all channels, clipped to [0, 1]."""
+    b, _, h, w = images.shape
+    noise = torch.randn(b, 1, h, w, device=images.device, dtype=images.dtype)
+    return (images + std[:, None, None, None] * noise).clamp(0, 1)
+
+
+def chosen(p: float, images: Tensor) -> Tensor:
+    """Which images are noised, (B, 1, 1, 1)."""
+    return (torch.rand(len(images), device=images.device) < p)[:, None, None, None]
+
+
+def uniform(count: int, low: float, high: float, like: Tensor) -> Tensor:
+    """`count` numbers uniform in [low, high]."""
+    return low + (high - low) * torch.rand(count, device=like.device, dtype=like.dtype)

@@ -1,0 +1,132 @@
+"""SPEED/SPEED+ poses to ultralytics' pose labels: images/, labels/ and data.yaml, whole or not at all.
+
+The result grows in ``NAME.partial`` beside its place, so an interrupted conversion goes on there, and gets its name when
+it is done. Keypoints outside the image have visibility 0; boxes are cut at the border; an image without a target in it
+has an empty label (background).
+"""
+
+import os
+import shutil
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from visaug.errors import InputError
+from visaug.files import write_bytes, write_json, write_text, write_yaml
+from visaug_train.geometry import Keypoints, Pinhole, project_targets, read_json
+from visaug_train.speed import PoseSet
+
+Progress = Callable[[str, int, int], None]
+
+
+def convert(
+    parts: dict[str, PoseSet],
+    keypoints: Keypoints,
+    destination: str | Path,
+    size: tuple[int, int] | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Write the parts (``train``, ``val``, ...) as a dataset for ultralytics and return its data.yaml.
+
+    Args:
+        size: width and height of resized copies; left out, the images are linked (copied where links are not to be had).
+    """
+    destination = Path(destination)
+    described = _describe(parts, keypoints, size)
+    data_yaml = destination / "data.yaml"
+    if data_yaml.is_file():
+        if read_json(destination / "conversion.json") != described:
+            raise InputError("was converted with other settings or images", file=destination, expected="a new folder")
+        return data_yaml
+    partial_folder = destination.with_name(destination.name + ".partial")
+    stamp = partial_folder / "conversion.json"
+    if partial_folder.exists() and not (stamp.is_file() and read_json(stamp) == described):
+        shutil.rmtree(partial_folder)
+    write_json(stamp, described)
+    total, done = sum(map(len, parts.values())), 0
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        for name, poses in parts.items():
+            labels = label_lines(poses, keypoints)
+            folder = partial_folder / "images" / name
+            folder.mkdir(parents=True, exist_ok=True)
+            copy = partial(_copy, folder=folder, camera=poses.camera, size=size)
+            for file, target, line in zip(poses.files, pool.map(copy, poses.files), labels):
+                write_text(partial_folder / "labels" / name / f"{target.stem}.txt", line)
+                if not target.is_file():
+                    raise InputError("could not be copied", file=file)
+                done += 1
+                if progress:
+                    progress("converting", done, total)
+    # Written before the rename, so with the final place in it.
+    write_yaml(
+        partial_folder / "data.yaml",
+        {
+            "path": str(destination.resolve()),
+            **{name: f"images/{name}" for name in parts},
+            "names": {0: keypoints.name},
+            "kpt_shape": [len(keypoints), 3],
+        },
+    )
+    if destination.exists():
+        raise InputError("exists and is no converted dataset", file=destination, expected="a new folder")
+    partial_folder.rename(destination)
+    return data_yaml
+
+
+def label_lines(poses: PoseSet, keypoints: Keypoints) -> list[str]:
+    """One line of an ultralytics pose label per image, empty where no target is seen; all numbers as shares."""
+    targets = project_targets(poses.camera, keypoints, poses.quaternions, poses.translations)
+    size = np.array([poses.camera.width, poses.camera.height], float)
+    low, high = targets.boxes[:, :2] / size, targets.boxes[:, 2:] / size
+    boxes = np.concatenate([(low + high) / 2, high - low], axis=1)
+    points = np.where(targets.inside[..., None], targets.points / size, 0.0)
+    rows = np.concatenate([points, 2.0 * targets.inside[..., None]], axis=2).reshape(len(poses), -1)
+    return [
+        " ".join(["0", *(f"{value:.6f}" for value in (*box, *row))]) + "\n" if seen else ""
+        for seen, box, row in zip(targets.seen, boxes, rows)
+    ]
+
+
+def _copy(file: Path, folder: Path, camera: Pinhole, size: tuple[int, int] | None) -> Path:
+    target = folder / file.name
+    if target.is_file():
+        return target
+    if size is None:
+        try:
+            target.symlink_to(file.resolve())
+        except OSError:  # a file system or an account without links
+            write_bytes(target, file.read_bytes())
+        return target
+    image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise InputError("cannot be read", file=file, expected="an image")
+    if image.shape[:2] != (camera.height, camera.width):
+        raise InputError(
+            f"wrong camera: the image has {image.shape[1]} x {image.shape[0]} pixels",
+            file=file,
+            expected=f"{camera.width} x {camera.height}, as camera.json says",
+        )
+    resized = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    write_bytes(target, cv2.imencode(file.suffix, resized)[1].tobytes())
+    return target
+
+
+def _describe(parts: dict[str, PoseSet], keypoints: Keypoints, size: tuple[int, int] | None) -> dict:
+    return {
+        "keypoints": keypoints.points_m.tolist(),
+        "size": list(size) if size else None,
+        "parts": {
+            name: {
+                "images": len(poses),
+                "folder": str(poses.files[0].parent.resolve()),
+                "first": poses.files[0].name,
+                "last": poses.files[-1].name,
+                "poses": float(np.abs(poses.quaternions).sum() + poses.translations.sum()).hex(),
+            }
+            for name, poses in parts.items()
+        },
+    }

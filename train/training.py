@@ -1,0 +1,249 @@
+"""Train the arms of a config with ultralytics: one run is one arm with one seed in a folder of its own.
+
+A run's folder carries a hash of all that decides its outcome. A finished run (``run.json``) is never run again, an
+interrupted one goes on from its last epoch, and a changed config trains beside the old runs.
+"""
+
+import csv
+import hashlib
+import json
+import os
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from torch import nn
+
+from visaug.errors import InputError
+from visaug.files import write_json
+from visaug_train.batch_noise import GaussianBlur, GaussianNoise, WhiteSensorNoise
+from visaug_train.config import Arm, Config, Vis
+from visaug_train.convert import convert
+from visaug_train.geometry import Keypoints, read_json
+from visaug_train.quiet import quiet_ultralytics
+from visaug_train.render.dataset import RenderSettings, read_back, render_dataset
+from visaug_train.speed import PoseSet, read_poses
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A config whose data are ready: ultralytics' data.yaml and the test sets by domain."""
+
+    config: Config
+    data_yaml: Path
+    keypoints: Keypoints
+    tests: dict[str, PoseSet]
+    data_seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run: its weights, the seconds it took, its curves (column -> values by epoch)."""
+
+    arm: str
+    seed: int
+    folder: Path
+    weights: Path
+    seconds: float
+    curves: dict[str, list[float]]
+
+
+def prepare(config: Config, progress: Progress | None = None) -> Study:
+    """Render (where the config says so), check and convert the data."""
+    began = time.monotonic()
+    data = config.data
+    root = data.root
+    if data.rendered is not None:
+        given = data.rendered.model_dump(exclude_none=True)
+        settings = RenderSettings(**given)
+        root = config.output / f"data-{_digest(read_back(settings))}"
+        render_dataset(root, settings, progress)
+    assert root is not None  # check_config saw to it
+
+    def read(source: Any) -> PoseSet:
+        return read_poses(source.root or root, source.domain, source.split, data.split_seed)
+
+    keypoints = Keypoints.load(data.keypoints)
+    parts = {"train": read(data.train), "val": read(data.validation)}
+    tests = {name: read(source) for name, source in data.test.items()}
+    destination = root.resolve() / "ultralytics" if data.rendered else config.output / f"{root.name}-ultralytics"
+    data_yaml = convert(parts, keypoints, destination, data.image_size, progress)
+    return Study(config, data_yaml, keypoints, tests, time.monotonic() - began)
+
+
+def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None = None) -> Run:
+    """Train one arm with one seed, or what is left of it; a finished run is only read."""
+    config = study.config
+    arm = config.arm(arm_name)
+    arguments = {**config.training, **arm.training}
+    folder = run_folder(study, arm_name, seed)
+    if not (folder / "run.json").is_file():
+        began = time.monotonic()
+        earlier = _seconds_so_far(folder)
+        _train(config, batch_noise(arm), arguments, study.data_yaml, folder, seed, f"training {arm_name} seed {seed}", progress)
+        write_json(
+            folder / "run.json",
+            {
+                "arm": arm_name,
+                "seed": seed,
+                "model": config.model,
+                "training": arguments,
+                "noise": arm.model_dump(mode="json", exclude={"training", "why", "like"}),
+                "seconds": earlier + time.monotonic() - began,
+            },
+        )
+    record = read_json(folder / "run.json")
+    return Run(arm_name, seed, folder, folder / "weights" / "best.pt", record["seconds"], read_curves(folder / "results.csv"))
+
+
+def run_folder(study: Study, arm_name: str, seed: int) -> Path:
+    """Where a run lies: arm, seed and a hash of model, arguments, noise (with its camera files) and data."""
+    config, arm = study.config, study.config.arm(arm_name)
+    cameras = [Path(part.camera) for part in (arm.white, arm.vis) if part is not None]
+    decides = {
+        "model": config.model,
+        "training": {**config.training, **arm.training},
+        "noise": arm.model_dump(mode="json", exclude={"training", "why", "like"}),
+        "cameras": [camera.read_text() for camera in cameras if camera.is_file()],
+        "data": read_json(study.data_yaml.with_name("conversion.json")),
+    }
+    return config.output / "runs" / f"{arm_name}-seed{seed}-{_digest(decides)}"
+
+
+def batch_noise(arm: Arm) -> nn.Module:
+    """The arm's noise on a batch in the order of physics: blur by the optics, then the sensor, then what is added."""
+    parts: list[nn.Module] = []
+    if arm.blur is not None:
+        parts.append(GaussianBlur(arm.blur.p, arm.blur.sigma_px))
+    if arm.vis is not None:
+        parts.append(vis_noise(arm.vis))
+    if arm.white is not None:
+        from visaug.camera import Camera
+
+        parts.append(WhiteSensorNoise(Camera.load(arm.white.camera), arm.white.p))
+    if arm.gaussian is not None:
+        parts.append(GaussianNoise(arm.gaussian.p, arm.gaussian.std))
+    return nn.Sequential(*parts)
+
+
+def vis_noise(vis: Vis) -> nn.Module:
+    """The sensor noise with the arm's changes to its camera."""
+    import visaug
+
+    camera = visaug.Camera.load(vis.camera)
+    values = dict(vis.set)
+    if vis.white_std_present:
+        full_scale_e = (2**camera.bit_depth - 1) * camera.spec.gain_e_per_dn
+        sigma_e = values.get("read_noise.sigma_e", camera.spec.read_noise.sigma_e)
+        left = sigma_e**2 - (vis.white_std_present * full_scale_e) ** 2
+        values["read_noise.sigma_e"] = max(left, 0.0) ** 0.5
+    camera = camera.replace(values)
+    content = camera.to_dict()
+    content["randomize"] = {k: v for k, v in content.get("randomize", {}).items() if k not in vis.set}
+    camera = visaug.Camera.load(content)
+    for effect in vis.effects:
+        camera = camera.with_effect(**effect)
+    return visaug.VISNoise(
+        camera,
+        p=vis.p,
+        resolution=vis.resolution,
+        fixed_pattern=vis.fixed_pattern,
+        transfer=vis.transfer,
+        black_level=vis.black_level,
+    )
+
+
+def read_curves(path: Path) -> dict[str, list[float]]:
+    """Columns of ultralytics' results.csv: losses and validation scores by epoch."""
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file, skipinitialspace=True))
+    return {key.strip(): [float(row[key]) for row in rows] for key in rows[0]} if rows else {}
+
+
+def _train(
+    config: Config,
+    noise: nn.Module,
+    arguments: dict[str, Any],
+    data_yaml: Path,
+    folder: Path,
+    seed: int,
+    title: str,
+    progress: Progress | None,
+) -> None:
+    quiet_ultralytics(config.output / "ultralytics-settings")
+    from ultralytics import YOLO, settings
+
+    from visaug.ultralytics import vis_trainer
+
+    for name in ("tensorboard", "mlflow", "wandb", "comet", "clearml", "dvc"):
+        if settings.get(name) != (name in config.tracking):
+            settings.update({name: name in config.tracking})
+    last = folder / "weights" / "last.pt"
+    trainer = vis_trainer(noise)
+    if last.is_file():
+        model = YOLO(str(last))
+        _follow(model, title, progress)
+        model.train(resume=True, trainer=trainer)
+        return
+    shutil.rmtree(folder, ignore_errors=True)
+    model = YOLO(config.model, task="pose", verbose=False)
+    _follow(model, title, progress)
+    try:
+        model.train(
+            trainer=trainer,
+            data=str(data_yaml),
+            project=str(folder.parent.resolve()),
+            name=folder.name,
+            exist_ok=True,
+            pretrained=False,
+            plots=False,
+            verbose=False,
+            seed=seed,
+            **arguments,
+        )
+    except (SyntaxError, TypeError, KeyError) as error:  # how ultralytics refuses an argument
+        if not last.is_file() and not (folder / "results.csv").is_file():
+            raise InputError(str(error), field="training") from error
+        raise
+
+
+def _follow(model: Any, title: str, progress: Progress | None) -> None:
+    def use_all_cores(trainer: Any) -> None:
+        # ultralytics leaves one core idle on a CPU, which costs a fifth of the speed on two.
+        if trainer.device.type == "cpu" and "OMP_NUM_THREADS" not in os.environ:
+            import torch
+
+            torch.set_num_threads(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+
+    model.add_callback("on_train_start", use_all_cores)
+    if progress is None:
+        return
+    count = {"batches": 0}
+
+    def started(trainer: Any) -> None:
+        count["batches"] = trainer.start_epoch * len(trainer.train_loader)
+
+    def advance(trainer: Any) -> None:
+        count["batches"] += 1
+        progress(title, count["batches"], trainer.epochs * len(trainer.train_loader))
+
+    model.add_callback("on_train_start", started)
+    model.add_callback("on_train_batch_end", advance)
+
+
+def _seconds_so_far(folder: Path) -> float:
+    """Seconds of the epochs that an interrupted run has behind it."""
+    results = folder / "results.csv"
+    if not (folder / "weights" / "last.pt").is_file() or not results.is_file():
+        return 0.0
+    times = read_curves(results).get("time", [])
+    return times[-1] if times else 0.0
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:8]
