@@ -1,0 +1,105 @@
+"""Make the camera files of five photographic cameras from the noise fits published with ELD.
+
+    python scripts/make_photographic_cameras.py eld_camera_params visaug/camera/data
+
+The folder holds one JSON a camera: `camera_params/release/*.npy` of the public repository Vandermode/ELD
+(MIT, Copyright (c) 2020 Kaixuan Wei), commit 53d5408dec3a33e5ca304bb49682d7b6b6dc79c2, converted to JSON.
+The fits are those of K. Wei, Y. Fu, Y. Zheng, J. Yang, "Physics-based noise modeling for extreme low-light
+photography", IEEE TPAMI 44 (2022) 8520.
+
+What is converted, and how:
+
+- K, DN of 14 bit per electron. Kmax is 64 times Kmin in every file: six stops. The files name no ISO. ISO
+  100 at Kmin is our reading of them: 15583 DN / Kmin is then a full well of 35 to 166 ke-, right for pixels
+  of 4 to 8 um. The camera is made for K = 8 Kmin, three stops up, where read noise matters.
+- Read noise: log of the Tukey-lambda scale in DN is slope * log(K) + bias (G_scale). The scale is that of
+  the plain quantile function, as SciPy has it, so the standard deviation is the scale times that of the
+  unit law of the same shape. The Gaussian fits in the same files (g_scale) bear this out: they agree with
+  it within 1 to 17 %.
+- Shape: G_shape lists two values a stop; those of the third stop above the lowest are averaged.
+- Row noise, Gaussian, fresh in every frame: log sigma in DN = slope * log(K) + bias (R_scale).
+- Black level and saturation: the authors' own simulation takes 16383 - 800 DN between black and white for
+  all five.
+- Spreads: `sigma` of G_scale and R_scale, the scatter of the logarithms about their lines, is a relative
+  standard deviation.
+
+Not in the files: quantum efficiency, dark current, PRNU, DSNU. The colour filter is not modelled: each
+pixel is taken as one of a gray sensor.
+"""
+
+import json
+import math
+import sys
+from pathlib import Path
+
+from scipy.stats import tukeylambda
+
+from visaug.files import write_text
+
+STOPS = 3  # above the lowest gain: ISO 800 where that is ISO 100
+CAMERAS = {  # file, name, rows and columns of the raw image (the makers' specifications), file of the fit
+    "canon_5d4_iso800": ("Canon EOS 5D Mark IV", 4480, 6720, "CanonEOS5D4"),
+    "canon_70d_iso800": ("Canon EOS 70D", 3648, 5472, "CanonEOS70D"),
+    "canon_700d_iso800": ("Canon EOS 700D", 3456, 5184, "CanonEOS700D"),
+    "nikon_d850_iso800": ("Nikon D850", 5504, 8256, "NikonD850"),
+    "sony_a7s2_iso800": ("Sony alpha 7S II", 2832, 4240, "SonyA7S2"),
+}
+
+TEMPLATE = """\
+# Made by scripts/make_photographic_cameras.py, which tells how each figure follows from the published fits.
+# A gray sensor without its colour filter. The fits name no ISO: 800 takes Kmin = {kmin:.4f} DN/e- for 100,
+# and 0 dB is this ISO.
+name: {name}, ISO 800
+source:
+  resolution: the maker's specification, pixels of the raw image
+  bit_depth: ELD, raw values of 14 bit
+  gain_e_per_dn: ELD, K = 8 Kmin = {k:.4f} DN/e- of 14 bit
+  black_level_dn: ELD, noise.py takes 16383 - 800 DN from black to white
+  read_noise: ELD, G_scale at this K ({scale:.3f} DN) times the unit law's deviation ({unit:.4f}); G_shape
+  row_noise: ELD, R_scale at this K ({row_dn:.3f} DN)
+  ELD: https://github.com/Vandermode/ELD at 53d5408, and K. Wei et al., IEEE TPAMI 44 (2022) 8520
+assumed: [quantum_efficiency]     # not in the fits, which count electrons
+licence: MIT, Copyright (c) 2020 Kaixuan Wei (the fitted parameters)
+resolution: [{rows}, {columns}]
+bit_depth: 14
+quantum_efficiency: 0.5
+gain_e_per_dn: {gain:.5f}
+black_level_dn: 800
+read_noise: {{sigma_e: {sigma:.3f}, shape: {shape:.4f}}}
+effects:
+  - {{name: row_noise, sigma_e: {row:.4f}}}
+randomize:
+  gain_db: {{std: 1.0}}           # a third of a stop: the read noise in electrons is that of one gain
+  read_noise.sigma_e: {spread:.2f}        # scatter of the fits about their line
+  read_noise.shape: {{std: 0.05}}   # scatter of the fitted shapes
+  row_noise.sigma_e: {row_spread:.2f}
+"""
+
+
+def camera_file(fit: dict, name: str, rows: int, columns: int) -> str:
+    """The text of a camera.yaml from one camera's published fits."""
+    k = fit["Kmin"] * 2**STOPS
+    lines = fit["Profile-1"]
+
+    def at_k(law: str) -> float:
+        return math.exp(lines[law]["slope"] * math.log(k) + lines[law]["bias"])
+
+    shape = sum(fit["G_shape"][2 * STOPS : 2 * STOPS + 2]) / 2
+    unit = float(tukeylambda.std(shape))
+    return TEMPLATE.format(
+        name=name, rows=rows, columns=columns, kmin=fit["Kmin"], k=k, gain=1 / k, shape=shape, unit=unit,
+        scale=at_k("G_scale"), sigma=at_k("G_scale") * unit / k, spread=lines["G_scale"]["sigma"],
+        row_dn=at_k("R_scale"), row=at_k("R_scale") / k, row_spread=lines["R_scale"]["sigma"],
+    )  # fmt: skip
+
+
+def main(source: Path, target: Path) -> None:
+    for stem, (name, rows, columns, fit) in CAMERAS.items():
+        content = json.loads((source / f"{fit}_params.json").read_text())
+        write_text(target / f"{stem}.yaml", camera_file(content, name, rows, columns))
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        sys.exit(__doc__)
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
