@@ -119,10 +119,11 @@ def _read_tiff(path: Path) -> Picture:
         compressed = page.compression != 1
         try:
             pixels = page.asarray()
-        except ValueError:  # a codec that is not installed, LZW most often; Pillow brings its own
-            picture = _read_with_pillow(path)
-            return Picture(picture.pixels, {"compression": "zlib"})
-        if page.axes == "SYX":  # planes apart
+        except ValueError:  # a codec that tifffile lacks, LZW most often
+            pixels = _read_packed_tiff(path, page.dtype, page.samplesperpixel)
+        if (
+            pixels.ndim == 3 and page.axes == "SYX" and pixels.shape[0] == page.samplesperpixel
+        ):  # planes apart
             pixels = np.moveaxis(pixels, 0, -1)
         pixels = _three_axes(pixels)
         if pixels.dtype not in (np.uint8, np.uint16) or pixels.shape[2] > 4:
@@ -132,6 +133,17 @@ def _read_tiff(path: Path) -> Picture:
                 expected="gray or colour of uint8 or uint16",
             )
         return Picture(pixels, {"compression": "zlib" if compressed else None})
+
+
+def _read_packed_tiff(path: Path, dtype: np.dtype | None, channels: int) -> np.ndarray:
+    """A compressed TIFF by other decoders; Pillow would cut colour of 16 bit to 8."""
+    if dtype == np.uint8:
+        return _read_with_pillow(path).pixels
+    if dtype == np.uint16 and channels in (1, 3):
+        import kornia_rs.io
+
+        return np.asarray(kornia_rs.io.read_image_tiff_u16(str(path), CHANNELS_BY_MODE[channels]))
+    raise InputError("has a compression that cannot be read", file=path, expected="none, or deflate")
 
 
 def _write_tiff(path: Path, picture: Picture) -> None:

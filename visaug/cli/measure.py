@@ -13,7 +13,6 @@ from visaug.cli.options import (
     load_camera,
     output_option,
     report_option,
-    save_camera,
     written,
 )
 from visaug.cli.progress import progress_bars
@@ -49,7 +48,7 @@ def characterize(
         progress("characterizing", 1, 1)
     summaries.print_characterization(result.to_json())
     if output:
-        save_camera(output, result.camera)
+        result.camera.save(output)
     if json_path:
         write_json(json_path, result.to_json())
     if report_path:
@@ -131,7 +130,7 @@ def diagnose(
         )
     summaries.print_diagnosis(result.to_json())
     if output:
-        save_camera(output, result.camera)
+        result.camera.save(output)
     if json_path:
         write_json(json_path, result.to_json())
     if report_path:

@@ -75,12 +75,6 @@ def load_camera(name: str) -> "Camera":
     return Camera.load(name)
 
 
-def save_camera(path: Path, camera: "Camera") -> None:
-    from visaug.files import write_text
-
-    write_text(path, camera.to_yaml())
-
-
 def written(path: Path | None) -> None:
     """Say where a result lies."""
     if path is not None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from visaug.cli.options import camera_option, command, load_camera, output_option, save_camera, written
+from visaug.cli.options import camera_option, command, load_camera, output_option, written
 from visaug.cli.progress import progress_bars
 
 
@@ -85,7 +85,7 @@ def simulate(plan_path: Path, camera_name: str, output: Path, seed: int) -> None
     with progress_bars() as progress:
         frames = simulate(camera, plan, seed=seed, progress=progress)
         frames.save(output, keep_names=True)
-    save_camera(output / "camera.yaml", camera)
+    camera.save(output / "camera.yaml")
     click.echo(f"wrote {len(frames)} frames to {output}")
 
 
