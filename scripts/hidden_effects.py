@@ -5,7 +5,8 @@
     python scripts/hidden_effects.py run bench
     python scripts/hidden_effects.py report bench
 
-The cameras come from scripts/independent, which shares no code with visaug; the program is called as a user would.
+The cameras come from scripts/independent, which shares no code with visaug; the program is called as a user
+would.
 """
 
 from __future__ import annotations
@@ -16,9 +17,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from independent import cameras, effects, judge, recipes  # noqa: E402
-from independent.sets import write_set  # noqa: E402
-from independent.strengths import FACTOR  # noqa: E402
+from independent import cameras, effects, foreign, judge, real, recipes
+from independent.sets import write_set
+from independent.strengths import FACTOR
+
+ALL_KINDS = (*recipes.KINDS, "real")
 
 
 def seeds_of(text: str) -> list[int]:
@@ -33,10 +36,15 @@ def seeds_of(text: str) -> list[int]:
 def make(arguments: argparse.Namespace) -> None:
     wanted = set(arguments.only.split(",")) if arguments.only else None
     folder, made = Path(arguments.output), 0
+    if "real" in arguments.kinds:
+        if arguments.frames is None:
+            raise SystemExit("kind real needs --frames, the folder of EMVA1288_Data.txt")
+        answers = judge.beside(folder, "answers")
+        made += real.write_real_sets(arguments.frames, arguments.seeds, arguments.strength, folder, answers)
     for position, seed in enumerate(arguments.seeds):
         listed = arguments.cameras
         camera = listed[position % len(listed)] if listed else cameras.camera_of(seed)
-        for kind in arguments.kinds:
+        for kind in (kind for kind in arguments.kinds if kind != "real"):
             for recipe in recipes.KINDS[kind](seed, camera, arguments.strength):
                 if wanted and not wanted & set(recipe.expect):
                     continue
@@ -47,9 +55,9 @@ def make(arguments: argparse.Namespace) -> None:
 
 def kinds_of(text: str) -> list[str]:
     kinds = text.split(",")
-    unknown = [kind for kind in kinds if kind not in recipes.KINDS]
+    unknown = [kind for kind in kinds if kind not in ALL_KINDS]
     if unknown:
-        raise argparse.ArgumentTypeError(f"unknown kind {unknown[0]}; known: {', '.join(recipes.KINDS)}")
+        raise argparse.ArgumentTypeError(f"unknown kind {unknown[0]}; known: {', '.join(ALL_KINDS)}")
     return kinds
 
 
@@ -58,12 +66,19 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(required=True, metavar="COMMAND")
 
     command = commands.add_parser("make", help="write frame sets and their answers")
-    command.add_argument("seeds", type=seeds_of, help="such as 100-103,110; a seed draws camera, layout and noise")
-    command.add_argument("-o", "--output", required=True, help="folder of the sets; answers go to OUTPUT_answers")
-    command.add_argument("--kinds", type=kinds_of, default=["single"], help=",".join(recipes.KINDS))
+    command.add_argument(
+        "seeds", type=seeds_of, help="such as 100-103,110; a seed draws camera, layout and noise"
+    )
+    command.add_argument(
+        "-o", "--output", required=True, help="folder of the sets; answers go to OUTPUT_answers"
+    )
+    command.add_argument("--kinds", type=kinds_of, default=["single"], help=",".join(ALL_KINDS))
     command.add_argument("--strength", choices=list(FACTOR), default="plain")
     command.add_argument("--cameras", type=seeds_of, help="take these of the ten in turn instead of drawing")
     command.add_argument("--only", help="names of effects, with commas")
+    command.add_argument(
+        "--frames", type=Path, help="for kind real: the folder of the EMVA 1288 reference set"
+    )
     command.set_defaults(go=make)
 
     command = commands.add_parser("run", help="diagnose every set that has no result yet")
@@ -78,7 +93,11 @@ def parser() -> argparse.ArgumentParser:
     command.set_defaults(go=lambda a: print(judge.report(a.folder)))
 
     command = commands.add_parser("effects", help="list what can be hidden, and the forms")
-    command.set_defaults(go=lambda a: [print(k.name, k.unit, k.other_form, sep=" | ") for k in effects.KINDS])
+    command.set_defaults(
+        go=lambda a: [
+            print(k.name, k.unit, k.other_form, sep=" | ") for k in (*effects.KINDS, *foreign.KINDS)
+        ]
+    )
     return top
 
 

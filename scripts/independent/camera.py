@@ -1,13 +1,14 @@
 """The base chain: photons in, DN out, after the EMVA 1288 linear model and Janesick's Photon Transfer.
 
-    photons -> detection (a Bernoulli selection, so electrons are Poisson of mean QE * photons, with PRNU in the mean)
+    photons -> detection (a Bernoulli selection, so electrons are Poisson of mean QE * photons, with PRNU in
+    the mean)
             -> + thermal electrons, Poisson of mean a exp(bT) t -> full well -> + DSNU + read noise
             -> / (e-/DN) + pedestal -> rounding -> clipping to the converter's range.
 
 Hidden effects hook in at five places, named for what the array holds there:
     light    photons per pixel, expected          yield     electrons per pixel, expected (light and dark)
-    charge   electrons in the well, after chance  voltage   electrons, a real number on the way to the converter
-    code     whole DN
+    charge   electrons in the well, after chance  voltage   electrons, a real number on the way to the
+    converter code     whole DN
 """
 
 from __future__ import annotations
@@ -175,7 +176,9 @@ def _expose(
     electrons = np.minimum(electrons, sensor.well_e)
 
     voltage_e = meet("voltage", electrons + specimen.offset_e)
-    voltage_e = voltage_e + tukey_lambda(stream(seed, "read", index), sensor.tail, sensor.read_e, sensor.shape)
+    voltage_e = voltage_e + tukey_lambda(
+        stream(seed, "read", index), sensor.tail, sensor.read_e, sensor.shape
+    )
 
     dn = np.rint(voltage_e / sensor.e_per_dn + sensor.pedestal_dn)
     return meet("code", np.clip(dn, 0, 2**sensor.bits - 1)).astype(np.uint16)

@@ -1,4 +1,4 @@
-"""Ten cameras with their frame plans and targets, drawn once from fixed seeds and rounded as a data sheet would."""
+"""Ten cameras with frame plans and targets, drawn once from fixed seeds and rounded like a data sheet."""
 
 from __future__ import annotations
 
@@ -75,7 +75,10 @@ def plan(number: int) -> tuple[Shot, ...]:
 
 @lru_cache
 def targets(number: int) -> dict[str, np.ndarray]:
-    """Noiseless photons per pixel: a chart of edges, a natural-looking scene, and spots far above full well."""
+    """Noiseless photons per pixel.
+
+    A chart of edges, a natural-looking scene, and spots far above full well.
+    """
     camera, rng = sensor(number), stream(1288, "targets", number)
     full = camera.well_e / camera.efficiency
     rows, columns = camera.shape
@@ -84,7 +87,13 @@ def targets(number: int) -> dict[str, np.ndarray]:
 
     chart = np.full(camera.shape, float(low))
     height, width = rows // 5, columns // 6
-    for top, left, level in ((0.08, 0.06, 0.8), (0.1, 0.4, 0.3), (0.4, 0.7, 0.8), (0.45, 0.1, 0.1), (0.7, 0.42, 0.6)):
+    for top, left, level in (
+        (0.08, 0.06, 0.8),
+        (0.1, 0.4, 0.3),
+        (0.4, 0.7, 0.8),
+        (0.45, 0.1, 0.1),
+        (0.7, 0.42, 0.6),
+    ):
         r, c = int(top * rows), int(left * columns)
         chart[r : r + height, c : c + width] = level * full
     slanted = (x - 0.8 * columns) > 0.09 * (y - 0.2 * rows)

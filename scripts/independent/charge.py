@@ -7,22 +7,30 @@ from scipy.signal import lfilter
 
 from .camera import Moment
 
-# ---- expected electrons --------------------------------------------------------------------------------------------
+# ---- expected electrons ------------------------------------------------------------------------------------
 
 
 def dark_current_nonuniformity(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """Pixels differ in dark current by a log-normal factor of mean 1; other form: gamma, relative width alike."""
+    """Pixels differ in dark current by a log-normal factor of mean 1; other form.
+
+    Gamma, relative width alike.
+    """
     if at.form == "gamma":
         shape = 1 / max(strength, 1e-3) ** 2
         factor = at.once("map", lambda: at.die().gamma(shape, 1 / shape, mean_e.shape))
         factor = factor if strength > 0 else 1.0
     else:
-        factor = np.exp(strength * at.once("map", lambda: at.die().standard_normal(mean_e.shape)) - strength**2 / 2)
+        factor = np.exp(
+            strength * at.once("map", lambda: at.die().standard_normal(mean_e.shape)) - strength**2 / 2
+        )
     return mean_e + at.thermal_e * (factor - 1)
 
 
 def hot_pixels(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """A share `strength` of the pixels leaks far more, with a smaller activation; other form: pairs, power law."""
+    """A share `strength` of the pixels leaks far more, with a smaller activation; other form.
+
+    Pairs, power law.
+    """
 
     def leak() -> tuple[np.ndarray, float]:
         rng = at.die()
@@ -38,11 +46,17 @@ def hot_pixels(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     excess, softer = at.once("leak", leak)
     sensor = at.sensor
     reference = sensor.dark_e_per_s * np.exp(sensor.dark_per_c * 20)
-    return mean_e + excess * reference * np.exp(softer * sensor.dark_per_c * (at.shot.celsius - 20)) * at.shot.seconds
+    return (
+        mean_e
+        + excess * reference * np.exp(softer * sensor.dark_per_c * (at.shot.celsius - 20)) * at.shot.seconds
+    )
 
 
 def amplifier_glow(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """`strength` e-/s in one corner, falling exponentially with distance; other form: from an edge. No activation."""
+    """`strength` e-/s in one corner, falling exponentially with distance; other form: from an edge.
+
+    No activation.
+    """
 
     def glow() -> np.ndarray:
         rng = at.die()
@@ -59,7 +73,10 @@ def amplifier_glow(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarra
 
 
 def clock_induced_charge(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """`strength` e- per pixel and frame made by clocking; other form: in proportion to the row's transfers."""
+    """`strength` e- per pixel and frame made by clocking; other form.
+
+    In proportion to the row's transfers.
+    """
     if at.form == "by transfers":
         return mean_e + strength * 2 * (np.arange(mean_e.shape[0])[:, None] + 1) / mean_e.shape[0]
     return mean_e + strength
@@ -79,11 +96,14 @@ def smear(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     return mean_e + per_row.sum(axis=0, keepdims=True)
 
 
-# ---- electrons in the wells ----------------------------------------------------------------------------------------
+# ---- electrons in the wells --------------------------------------------------------------------------------
 
 
 def cosmic_rays(electrons: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """`strength` straight tracks a second over the frame; other form: short worms with an exponential spectrum."""
+    """`strength` straight tracks a second over the frame; other form.
+
+    Short worms with an exponential spectrum.
+    """
     rng = at.now()
     rows, columns = electrons.shape
     electrons = electrons.copy()
@@ -103,7 +123,10 @@ def cosmic_rays(electrons: np.ndarray, strength: float, at: Moment) -> np.ndarra
 
 
 def image_lag(electrons: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """A share of the charge stays behind and is read with the next frame; other form: traps that empty slowly."""
+    """A share of the charge stays behind and is read with the next frame; other form.
+
+    Traps that empty slowly.
+    """
     left = at.memory.get("left", np.zeros_like(electrons))
     share = min(strength, 1.0)
     held = np.minimum(electrons, at.sensor.well_e).astype(np.int64)

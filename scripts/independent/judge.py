@@ -7,14 +7,11 @@ import json
 import subprocess
 import sys
 import time
-from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-BASE_NAMES = {"prnu", "dsnu", "dark_current", "read_noise"}
 
 
 def beside(folder: Path, what: str) -> Path:
@@ -23,7 +20,10 @@ def beside(folder: Path, what: str) -> Path:
 
 
 def run_all(folder: Path, match: str, effects_file: Path | None, limit_s: float) -> None:
-    """Diagnose each set without a result. A failure is kept too, with what the program said; delete it to try again."""
+    """Diagnose each set without a result. A failure is kept too, with what the program said.
+
+    Delete it to try again.
+    """
     results = beside(folder, "results")
     results.mkdir(parents=True, exist_ok=True)
     for answer_file in sorted(beside(folder, "answers").glob("*.json")):
@@ -49,7 +49,15 @@ def run_all(folder: Path, match: str, effects_file: Path | None, limit_s: float)
         diagnosis = json.loads(report.read_text()) if status == 0 and report.exists() else None
         report.unlink(missing_ok=True)
         kept.write_text(
-            json.dumps({"status": status, "seconds": seconds, "said": said if status else "", "diagnosis": diagnosis})
+            json.dumps(
+                {
+                    "status": status,
+                    "seconds": seconds,
+                    "said": said if status else "",
+                    "diagnosis": diagnosis,
+                    "effects": effects_file and effects_file.name,
+                }
+            )
         )
         told = diagnosis["accepted"] if diagnosis else f"status {status}"
         print(f"{identity}: {told} in {seconds} s", flush=True)
@@ -65,32 +73,42 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
     return max(0.0, middle - half), min(1.0, middle + half)
 
 
-def verdict(answer: dict[str, Any], diagnosis: dict[str, Any] | None) -> dict[str, Any]:
-    """Judge one diagnosis.
+def verdict(answer: dict[str, Any], result: dict[str, Any], usual: Sequence[str] = ()) -> dict[str, Any]:
+    """Judge one diagnosis; `usual` holds names that a real camera has anyway.
 
-    right: exactly the expected names; for a left-out effect, no name, or a name with an honest "does not explain" beside
-    it, and both axis and growth as expected. wrong: a name that should not be there, told without reservation.
+    right: exactly the expected names. Where the effect is in no catalogue: "unexplained", with axis and
+    growth as expected. wrong: a name that should not be there, told without reservation.
     """
+    diagnosis = result["diagnosis"]
     if diagnosis is None:
         return {"right": False, "wrong": False, "after": None, "axis": False, "failed": True}
-    accepted, expected = set(diagnosis["accepted"]), set(answer["expect"])
+    accepted, expected = set(diagnosis["accepted"]) - set(usual), set(answer["expect"])
     unexplained = diagnosis["unexplained"]
     told_axis = set((unexplained or {}).get("axis") or [])
     told_growth = set((unexplained or {}).get("grows_with") or [])
     growth = set(answer["grows"]) <= told_growth <= set(answer["grows"]) | set(answer["may_grow"])
     axis = bool(told_axis & set(answer["axis"])) and growth
-    after = (diagnosis.get("error") or {}).get("after")
-    if answer["without"]:
-        return {
-            "right": unexplained is not None and axis,
-            "wrong": bool(accepted) and unexplained is None,
-            "after": after, "axis": axis, "failed": False,
-        }  # fmt: skip
+    outside = bool(answer["without"]) or (answer["kind"] == "foreign" and not result.get("effects"))
+    if outside:
+        right, wrong = unexplained is not None and axis, bool(accepted) and unexplained is None
+    else:
+        right, wrong = accepted == expected - set(usual), bool(accepted - expected)
     return {
-        "right": accepted == expected,
-        "wrong": bool(accepted - expected),
-        "after": after, "axis": axis, "failed": False,
-    }  # fmt: skip
+        "right": right,
+        "wrong": wrong,
+        "after": (diagnosis.get("error") or {}).get("after"),
+        "axis": axis,
+        "failed": False,
+    }
+
+
+def _usual(folder: Path, answer: dict[str, Any]) -> list[str]:
+    """What the program finds in the untouched frames of the real camera."""
+    if answer["kind"] != "real" or not answer["hidden"]:
+        return []
+    untouched = beside(folder, "results") / f"real-nothing-{answer['seed']}.json"
+    diagnosis = json.loads(untouched.read_text())["diagnosis"] if untouched.exists() else None
+    return diagnosis["accepted"] if diagnosis else []
 
 
 def _share(hits: int, of: int) -> str:
@@ -104,25 +122,27 @@ def _row(label: str, judged: list[dict[str, Any]], seconds: Iterable[float]) -> 
     n = len(judged)
     counts = [sum(bool(j[key]) for j in judged) for key in ("right", "wrong", "axis", "failed")]
     time_s = np.median(list(seconds) or [0])
-    return (
-        f"| {label} | {_share(counts[0], n)} | {counts[1]} | {error} | {counts[2]} | {counts[3]} | {time_s:.0f} |"
-    )
+    cells = [label, _share(counts[0], n), counts[1], error, counts[2], counts[3], f"{time_s:.0f}"]
+    return "| " + " | ".join(map(str, cells)) + " |"
 
 
 def report(folders: list[Path]) -> str:
     """Markdown: for each kind and strength a pooled line and one for each effect."""
-    groups: dict[tuple[str, str], dict[str, list[tuple[dict[str, Any], float]]]] = defaultdict(lambda: defaultdict(list))
+    groups: dict[tuple[str, str], dict[str, list[tuple[dict[str, Any], float]]]] = {}
     for folder in folders:
         for kept in sorted(beside(folder, "results").glob("*.json")):
             answer = json.loads((beside(folder, "answers") / kept.name).read_text())
             result = json.loads(kept.read_text())
             label = " + ".join(answer["expect"]) or "nothing"
-            judged = verdict(answer, result["diagnosis"])
-            groups[answer["kind"], answer["strength"]][label].append((judged, result["seconds"]))
+            judged = verdict(answer, result, _usual(folder, answer))
+            group = groups.setdefault((answer["kind"], answer["strength"]), {})
+            group.setdefault(label, []).append((judged, result["seconds"]))
     lines: list[str] = []
     for (kind, strength), by_label in sorted(groups.items()):
         lines += [f"### {kind}, {strength}", ""]
-        lines += ["| hidden | right (95 %) | wrong name | error after, median / 90 % | axis and growth | failed | s |"]
+        lines += [
+            "| hidden | right (95 %) | wrong name | error after: median / 90 % | axis, growth | failed | s |"
+        ]
         lines += ["| --- | --- | --- | --- | --- | --- | --- |"]
         pooled = [pair for pairs in by_label.values() for pair in pairs]
         lines.append(_row("**all**", [p[0] for p in pooled], [p[1] for p in pooled]))

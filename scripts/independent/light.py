@@ -28,7 +28,9 @@ def vignetting(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     wander = 0.2 if at.form == "off-centre quartic" else 0.02
     centre = (0.5 + wander * rng.uniform(-1, 1), 0.5 + wander * rng.uniform(-1, 1))
     y, x = np.mgrid[0:rows, 0:columns]
-    r2 = ((y - centre[0] * rows) ** 2 + (x - centre[1] * columns) ** 2) / ((rows / 2) ** 2 + (columns / 2) ** 2)
+    r2 = ((y - centre[0] * rows) ** 2 + (x - centre[1] * columns) ** 2) / (
+        (rows / 2) ** 2 + (columns / 2) ** 2
+    )
     if at.form == "off-centre quartic":
         return light * np.clip(1 - strength * r2**2, 0, 1)
     tangent2 = (1 - min(strength, 0.95)) ** -0.5 - 1  # so that cos^4 = 1 - strength at r = 1
@@ -36,7 +38,10 @@ def vignetting(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
 
 
 def point_spread(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """Gaussian blur of standard deviation `strength` pixels, integrated over pixels; other form: exponential."""
+    """Gaussian blur of standard deviation `strength` pixels, integrated over pixels; other form.
+
+    Exponential.
+    """
     if strength == 0 or at.shot.kind != "scene":
         return light
     if at.form == "exponential":
@@ -91,7 +96,10 @@ def lens_flare(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
 
 
 def light_drift(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """The lamp's level, a relative standard deviation, fresh in every frame; other form: a slow random walk."""
+    """The lamp's level, a relative standard deviation, fresh in every frame; other form.
+
+    A slow random walk.
+    """
     if at.form == "slow walk":
         steps = at.die("walk").standard_normal(at.index + 1)
         level = 1 + strength * 0.35 * steps.sum()

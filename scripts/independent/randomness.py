@@ -1,6 +1,7 @@
 """Random numbers by name: each purpose of each frame has a stream of its own.
 
-Two simulations that differ in one effect then share every other random number, so their difference is the effect.
+Two simulations that differ in one effect then share every other random number, so their difference is the
+effect.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ def stream(seed: int, *purpose: str | int) -> np.random.Generator:
 
 
 def tukey_lambda_std(lam: float) -> float:
-    """Standard deviation of Q(u) = (u^lam - (1-u)^lam) / lam (Joiner & Rosenblatt 1971), finite for lam > -1/2."""
+    """Standard deviation of Q(u) = (u^lam - (1-u)^lam) / lam (Joiner & Rosenblatt 1971); lam > -1/2."""
     if abs(lam) < 1e-6:
         return float(np.pi / np.sqrt(3))
     beta = np.exp(2 * gammaln(lam + 1) - gammaln(2 * lam + 2))

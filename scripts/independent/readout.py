@@ -90,7 +90,10 @@ def periodic_banding(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
 
 
 def tap_mismatch(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """The second half has `strength` e- more offset and a gain that differs by 0.1 % per e-; other form: by rows."""
+    """The second half has `strength` e- more offset and a gain that differs by 0.1 % per e-; other form.
+
+    By rows.
+    """
     rng = at.die()
     share, offset, gain = rng.uniform(0.4, 0.6), rng.choice([-1, 1]), rng.choice([-1, 1]) * 1e-3
     y, x_index = np.indices(x.shape, sparse=True)
@@ -113,7 +116,10 @@ def black_level_drift(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
 
 
 def fixed_pattern_structure(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """Column bands of differing height; other form: a slope with a slanted sine. Dark, the same in every frame."""
+    """Column bands of differing height; other form: a slope with a slanted sine.
+
+    Dark, the same in every frame.
+    """
 
     def pattern() -> np.ndarray:
         rng = at.die()
@@ -131,7 +137,7 @@ def fixed_pattern_structure(x: np.ndarray, strength: float, at: Moment) -> np.nd
     return x + strength * at.once("pattern", pattern)
 
 
-# ---- whole DN ------------------------------------------------------------------------------------------------------
+# ---- whole DN ----------------------------------------------------------------------------------------------
 
 
 def bit_truncation(dn: np.ndarray, strength: float, at: Moment) -> np.ndarray:
@@ -147,10 +153,13 @@ def bit_truncation(dn: np.ndarray, strength: float, at: Moment) -> np.ndarray:
 
 
 def missing_codes(dn: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """A share `strength` of the codes never comes, the code below comes instead; other form: at regular places."""
+    """A share `strength` of the codes never comes, the code below comes instead; other form.
+
+    At regular places.
+    """
     codes = 2**at.sensor.bits
     if at.form == "regular" and strength > 0:
-        every = max(int(round(1 / strength)), 2)
+        every = max(round(1 / strength), 2)
         gone = (np.arange(codes) + at.die().integers(every)) % every == 0
     else:
         gone = at.once("gone", lambda: at.die().random(codes) < strength)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from . import cameras, effects
+from . import cameras, effects, foreign
 from .randomness import stream
 from .sets import Recipe
 from .strengths import scaled
@@ -15,7 +15,9 @@ def _hidden(camera: int, kind: effects.Kind, form: str, word: str) -> tuple[str,
     return None if strength is None else (kind.name, strength, form)
 
 
-def _one(seed: int, camera: int, word: str, of: str, form_of: Callable[[effects.Kind], str | None]) -> Iterator[Recipe]:
+def _one(
+    seed: int, camera: int, word: str, of: str, form_of: Callable[[effects.Kind], str | None]
+) -> Iterator[Recipe]:
     for kind in effects.KINDS:
         form = form_of(kind)
         hidden = form and _hidden(camera, kind, form, word)
@@ -71,7 +73,9 @@ def base_left_out(seed: int, camera: int, word: str) -> Iterator[Recipe]:
     }
     for name, (stated, actual) in cases.items():
         identity = f"base_left_out-{name}-{seed}"
-        yield Recipe(identity, "base_left_out", "none", seed, camera, stated=stated, actual=actual, expect=(name,))
+        yield Recipe(
+            identity, "base_left_out", "none", seed, camera, stated=stated, actual=actual, expect=(name,)
+        )
 
 
 def off_parameters(seed: int, camera: int, word: str) -> Iterator[Recipe]:
@@ -84,7 +88,11 @@ def off_parameters(seed: int, camera: int, word: str) -> Iterator[Recipe]:
 
 def small(seed: int, camera: int, word: str) -> Iterator[Recipe]:
     """Bias, dark or flat frames alone, clean and with an effect that shows in them."""
-    shown = {"bias": ("row_noise", "rts_noise"), "dark": ("hot_pixels", "amplifier_glow"), "flat": ("nonlinearity",)}
+    shown = {
+        "bias": ("row_noise", "rts_noise"),
+        "dark": ("hot_pixels", "amplifier_glow"),
+        "flat": ("nonlinearity",),
+    }
     for frames, names in shown.items():
         yield Recipe(f"small_{frames}-clean-{seed}", f"small_{frames}", "none", seed, camera)
         for name in names:
@@ -92,6 +100,17 @@ def small(seed: int, camera: int, word: str) -> Iterator[Recipe]:
             if hidden:
                 identity = f"small_{frames}-{name}-{word}-{seed}"
                 yield Recipe(identity, f"small_{frames}", word, seed, camera, (hidden,), expect=(name,))
+
+
+def unlisted(seed: int, camera: int, word: str) -> Iterator[Recipe]:
+    """An effect that no catalogue has; the user may bring it as a class of the same name."""
+    for kind in foreign.KINDS:
+        hidden = _hidden(camera, kind, "default", word)
+        if hidden:
+            yield Recipe(
+                f"foreign-{kind.name}-{word}-{seed}", "foreign", word, seed, camera, (hidden,),
+                expect=(kind.name,), axis=kind.axis, grows=kind.grows, may_grow=kind.may_grow,
+            )  # fmt: skip
 
 
 KINDS: dict[str, Callable[[int, int, str], Iterator[Recipe]]] = {
@@ -102,5 +121,6 @@ KINDS: dict[str, Callable[[int, int, str], Iterator[Recipe]]] = {
     "base_left_out": base_left_out,
     "off_parameters": off_parameters,
     "leave_out": leave_out,
+    "foreign": unlisted,
     "small": small,
 }

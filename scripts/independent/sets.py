@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import cameras, effects
+from . import cameras, effects, foreign
 from .camera import Sensor, Shot, take
 
 COLUMNS = ("sequence", "file", "kind", "exposure_s", "temperature_c", "gain_db", "photons", "clean")
@@ -18,7 +18,10 @@ COLUMNS = ("sequence", "file", "kind", "exposure_s", "temperature_c", "gain_db",
 
 @dataclass(frozen=True)
 class Recipe:
-    """One set of the benchmark. `hidden` holds (name, strength, form); `stated` changes what camera.yaml says."""
+    """One set of the benchmark. `hidden` holds (name, strength, form).
+
+    `stated` changes what camera.yaml says.
+    """
 
     identity: str
     kind: str
@@ -39,7 +42,9 @@ def with_changes(sensor: Sensor, changes: dict[str, float]) -> Sensor:
     """Return the sensor with entries set; a triple is scaled as a whole where its name is given a factor."""
     for name, value in changes.items():
         old = getattr(sensor, name)
-        sensor = replace(sensor, **{name: tuple(value * part for part in old) if isinstance(old, tuple) else value})
+        sensor = replace(
+            sensor, **{name: tuple(value * part for part in old) if isinstance(old, tuple) else value}
+        )
     return sensor
 
 
@@ -59,7 +64,9 @@ def camera_yaml(sensor: Sensor) -> str:
         f"read_noise: {{sigma_e: {sensor.read_e:.5g}, shape: {sensor.tail:g}}}",
     ]
     if sensor.dark_e_per_s:
-        lines.append(f"dark_current: {{a_e_per_s: {sensor.dark_e_per_s:.5g}, b_per_c: {sensor.dark_per_c:g}}}")
+        lines.append(
+            f"dark_current: {{a_e_per_s: {sensor.dark_e_per_s:.5g}, b_per_c: {sensor.dark_per_c:g}}}"
+        )
     if any(sensor.prnu):
         lines.append("prnu: {{column: {:.5g}, row: {:.5g}, pixel: {:.5g}}}".format(*sensor.prnu))
     if any(sensor.dsnu_e):
@@ -81,7 +88,16 @@ def write_frames(
         for i, shot in enumerate(plan):
             photons = "" if shot.photons is None else f"{shot.photons:g}"
             clean = f"{shot.target}_clean.npy" if shot.target else ""
-            row = [i, f"frames.npz#frames[{i}]", shot.kind, f"{shot.seconds:g}", f"{shot.celsius:g}", 0, photons, clean]
+            row = [
+                i,
+                f"frames.npz#frames[{i}]",
+                shot.kind,
+                f"{shot.seconds:g}",
+                f"{shot.celsius:g}",
+                0,
+                photons,
+                clean,
+            ]
             table.writerow(row)
     (folder / "camera.yaml").write_text(camera_yaml(stated))
 
@@ -100,7 +116,8 @@ def write_set(recipe: Recipe, folder: Path, answers: Path) -> None:
     nominal = cameras.sensor(recipe.camera)
     sensor = with_changes(nominal, recipe.actual)
     targets = cameras.targets(recipe.camera)
-    hidden = effects.in_order([effects.BY_NAME[n].at(s, f) for n, s, f in recipe.hidden])
+    known = effects.BY_NAME | {kind.name: kind for kind in foreign.KINDS}
+    hidden = effects.in_order([known[n].at(s, f) for n, s, f in recipe.hidden])
     plan = plan_of(recipe)
     frames = take(sensor, plan, targets, recipe.seed, hidden)
     write_frames(folder / recipe.identity, frames, plan, targets, with_changes(sensor, recipe.stated))

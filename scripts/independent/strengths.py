@@ -1,4 +1,7 @@
-"""The calibrated plain strengths: how far each effect must be turned up to stand out by eight standard deviations."""
+"""The calibrated plain strengths.
+
+How far each effect must be turned up to stand out by eight standard deviations.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,11 @@ import json
 from functools import lru_cache
 from pathlib import Path
 
-from . import effects
+from . import effects, foreign
 
 TABLE = Path(__file__).with_name("strengths.json")
-FACTOR = {"strong": 2.0, "plain": 1.0, "half": 0.5, "quarter": 0.25, "tenth": 0.1}
+FACTOR = {"strong": 4.0, "plain": 1.0, "half": 0.5, "quarter": 0.25, "tenth": 0.1}
+KNOWN = effects.BY_NAME | {kind.name: kind for kind in foreign.KINDS}
 ROUGH = 4.0  # where nothing was calibrated: a strength that is clearly seen
 
 
@@ -19,8 +23,11 @@ def _table() -> dict[str, dict[str, dict[str, float | None]]]:
 
 
 def plain(camera: int, name: str, form: str = "default") -> float | None:
-    """Plain strength of an effect on one of the ten cameras; None where no strength moves anything that far."""
-    kind = effects.BY_NAME[name]
+    """Plain strength of an effect on one of the ten cameras.
+
+    None where no strength moves anything that far.
+    """
+    kind = KNOWN[name]
     entry = _table().get(str(camera), {}).get(name, {})
     if form in entry:
         return entry[form]
@@ -28,8 +35,11 @@ def plain(camera: int, name: str, form: str = "default") -> float | None:
 
 
 def scaled(camera: int, name: str, form: str, word: str) -> float | None:
-    """Strength for a word such as `half`, inside the parameter's range. Bits come whole, so they stay at one."""
+    """Strength for a word such as `half`, inside the parameter's range.
+
+    Bits come whole, so they stay at one.
+    """
     value = plain(camera, name, form)
     if value is None:
         return None
-    return min(value * FACTOR[word], effects.BY_NAME[name].largest)
+    return min(value * FACTOR[word], KNOWN[name].largest)
