@@ -1,0 +1,156 @@
+"""The measured frames and a model's, through the same fingerprint."""
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import torch
+
+from visaug.camera import Camera
+from visaug.errors import InputError
+from visaug.fingerprint import Fingerprint, Statistic, fingerprint
+from visaug.frames import FrameSet
+from visaug.simulation import simulate
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Folds:
+    """Which frames do what, as positions in the set. Every group of equal conditions is shared out, never single pixels."""
+
+    fit: tuple[int, ...]
+    select: tuple[int, ...]
+    confirm: tuple[int, ...]
+
+    @property
+    def find(self) -> tuple[int, ...]:
+        """Frames that an effect is found on; the others only confirm it."""
+        return tuple(sorted(self.fit + self.select))
+
+
+def share_out(frames: FrameSet) -> Folds:
+    """Of each group two frames in three find (one fits, one selects), the third confirms.
+
+    Groups of one or two frames stay whole, or their temporal noise could not be seen: of a ladder of them every third confirms.
+    A scene taken twice is found once and confirmed once.
+    """
+    fit: list[int] = []
+    select: list[int] = []
+    confirm: list[int] = []
+    small: dict[str, int] = {}
+    groups = frames.groups()
+    ladder = {kind: sum(g.kind == kind and len(g.indices) < 3 for g in groups) for kind in ("dark", "flat")}
+    for group in groups:
+        members = sorted(group.indices)
+        if len(members) >= 3:
+            fit += members[::3]
+            select += members[1::3]
+            confirm += members[2::3]
+        elif group.kind == "scene" and len(members) == 2:
+            fit.append(members[0])
+            confirm.append(members[1])
+        else:
+            place = small.setdefault(group.kind, 0)
+            small[group.kind] += 1
+            middle = 0 < place < ladder.get(group.kind, 0) - 1
+            if middle and place % 3 == 1:
+                confirm += members
+            else:
+                fit.append(members[0])
+                select += members[1:]
+    return Folds(tuple(sorted(fit)), tuple(sorted(select)), tuple(sorted(confirm)))
+
+
+class Laboratory:
+    """Simulates sets of the same plan as the measured one and takes their fingerprints.
+
+    Args:
+        frames: the measured set.
+        camera: fills in what the plan leaves open (the photons of flats with an uncalibrated source).
+        seed: of all simulations; simulation k of one camera shares its random numbers with simulation k of another.
+    """
+
+    def __init__(self, frames: FrameSet, camera: Camera, seed: int = 0):
+        if not any(record.kind != "image" for record in frames.records):
+            raise InputError("only pictures of which nothing is known", field="kind",
+                             expected="bias, dark, flat or scene frames to compare a camera with")
+        self.frames = _with_photons(frames, camera)
+        self.folds = share_out(self.frames)
+        self.seed = seed
+
+    @cached_property
+    def measured(self) -> tuple[Fingerprint, Fingerprint]:
+        """Fingerprints of the measured frames that find, and of those that confirm."""
+        return self._both(self.frames)
+
+    @property
+    def statistics(self) -> tuple[Statistic, ...]:
+        return self.measured[0].statistics
+
+    def simulated(self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None):
+        """Fingerprints of simulated sets.
+
+        Args:
+            cameras: pairs of a camera and the number of the simulation.
+            report: called with the number of sets done.
+
+        Returns:
+            (n, statistics) of the frames that find, and (n, statistics) of those that confirm.
+        """
+        done = 0
+        found: list[tuple[np.ndarray, np.ndarray]] = []
+        with _single_threads(), ThreadPoolExecutor(workers()) as pool:
+            for pair in pool.map(self._one, cameras):
+                found.append(pair)
+                done += 1
+                if report is not None:
+                    report(done)
+        return np.array([a for a, _ in found]), np.array([b for _, b in found])
+
+    def _one(self, job: tuple[Camera, int]) -> tuple[np.ndarray, np.ndarray]:
+        camera, number = job
+        find, confirm = self._both(simulate(camera, self.frames, seed=self.seed * 1_000_003 + number))
+        return find.values, confirm.values
+
+    def _both(self, frames: FrameSet) -> tuple[Fingerprint, Fingerprint]:
+        return fingerprint(frames, self.folds.find), fingerprint(frames, self.folds.confirm)
+
+
+def workers() -> int:
+    """Sets that are simulated at a time."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class _single_threads:
+    """One torch thread a set: whole sets are what runs side by side."""
+
+    def __enter__(self) -> None:
+        self.before = torch.get_num_threads()
+        torch.set_num_threads(1)
+
+    def __exit__(self, *_: object) -> None:
+        torch.set_num_threads(self.before)
+
+
+def _with_photons(frames: FrameSet, camera: Camera) -> FrameSet:
+    """The set with the photons of uncalibrated flats taken from their level and the camera's gain and efficiency."""
+    blank = [i for i, r in enumerate(frames.records) if r.kind == "flat" and r.photons is None]
+    if not blank:
+        return frames
+    levels: dict[int, float] = {}
+    for group in frames.groups():
+        if group.kind == "flat" and group.photons is None:
+            level = float(np.mean([frames.read(i).mean(dtype=np.float64) for i in group.indices]))
+            electrons = max(level - camera.spec.black_level_dn, 0.0) * camera.gain_at(group.gain_db)
+            levels |= dict.fromkeys(group.indices, electrons / camera.spec.quantum_efficiency)
+    records = [replace(r, photons=levels[i]) if i in levels else r for i, r in enumerate(frames.records)]
+    return frames.with_records(records)
+
+
+def ranked(indices: Iterable[int], frames: FrameSet) -> list[int]:
+    """Sequence numbers of positions."""
+    return [frames.records[i].sequence for i in indices]

@@ -1,0 +1,106 @@
+"""Numbers of a camera that a fit may move, in coordinates in which they behave: logarithms of what is positive."""
+
+import math
+from dataclasses import dataclass
+
+from visaug.camera import Camera
+from visaug.camera.paths import place_of
+from visaug.effects import Parameter, catalogue
+from visaug.frames import FrameSet
+
+GAUSSIAN_SHAPE = 0.14
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One free number.
+
+    Args:
+        path: as in camera.yaml.
+        logarithmic: the coordinate is the number's logarithm.
+        step: of finite differences, in the coordinate.
+        prior: standard deviation about the camera file's value, in the coordinate: wide, it only holds what frames cannot tell.
+    """
+
+    path: str
+    logarithmic: bool
+    step: float
+    prior: float
+
+    def read(self, camera: Camera) -> float:
+        value = camera.values()[self.path]
+        return math.log(value) if self.logarithmic else value
+
+    def bounded(self, coordinate: float) -> float:
+        """The number itself, within the parameter's bounds."""
+        parameter = place_of(self.path).parameter
+        value = math.exp(min(coordinate, 60.0)) if self.logarithmic else coordinate
+        return min(max(value, parameter.low), parameter.high)
+
+
+def moved(camera: Camera, coordinates: list[Coordinate], at: list[float]) -> Camera:
+    """The camera with these coordinates."""
+    return camera.replace({c.path: c.bounded(x) for c, x in zip(coordinates, at, strict=True)})
+
+
+def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list[Coordinate]:
+    """What a refit of the camera may move: base terms that are there, and the further effects that the file names.
+
+    A term that the file leaves at zero stays there: if the frames show it, it is a missing effect. The same holds for the
+    shape of Gaussian read noise.
+
+    Args:
+        calibrated: whether the photons of flats are known; without them quantum efficiency is not free.
+    """
+    kinds = {record.kind for record in frames.records}
+    light = bool(kinds & {"flat", "scene"})
+    exposed = {r.exposure_s for r in frames.records if r.kind in ("dark", "bias")}
+    temperatures = {r.temperature_c for r in frames.records if r.kind == "dark"}
+    values = camera.values()
+    free: list[Coordinate] = [Coordinate("black_level_dn", False, 1.0, 30.0)]
+
+    def scale(path: str, step: float = 0.04, prior: float = 0.5) -> None:
+        if 0 < values[path] < math.inf:
+            free.append(Coordinate(path, True, step, prior))
+
+    if light:
+        scale("gain_e_per_dn", 0.02, 0.3)
+        if calibrated:
+            free.append(Coordinate("quantum_efficiency", True, 0.02, 0.3))
+        scale("full_well_e", 0.01, 0.3)
+        for part in ("column", "row", "pixel"):
+            scale(f"prnu.{part}", 0.08, 1.0)
+    for part in ("column_e", "row_e", "pixel_e"):
+        scale(f"dsnu.{part}", 0.08, 1.0)
+    scale("read_noise.sigma_e")
+    if values["read_noise.sigma_e"] > 0 and abs(values["read_noise.shape"] - GAUSSIAN_SHAPE) > 1e-9:
+        free.append(Coordinate("read_noise.shape", False, 0.03, 0.3))
+    if len(exposed) > 1:
+        scale("dark_current.a_e_per_s", 0.08, 1.0)
+        if len(temperatures) > 1 and values["dark_current.a_e_per_s"] > 0:
+            free.append(Coordinate("dark_current.b_per_c", False, 0.004, 0.05))
+    for name in camera.effect_names:
+        free += effect_coordinates(camera, name)
+    return free
+
+
+def effect_coordinates(camera: Camera, name: str) -> list[Coordinate]:
+    """The free numbers of a further effect."""
+    values = camera.values()
+    free = []
+    for key, parameter in catalogue()[name].parameters.items():
+        path = f"{name}.{key}"
+        if parameter.options or parameter.integer or place_is_held(parameter):
+            continue
+        value = values[path]
+        if value > 0 and parameter.low >= 0:
+            free.append(Coordinate(path, True, 0.1 if parameter.strength else 0.06, 1.5))
+        else:
+            reach = parameter.high - parameter.low if math.isfinite(parameter.high - parameter.low) else max(abs(value), 1.0)
+            free.append(Coordinate(path, False, max(0.06 * abs(value), 0.01 * reach), 0.5 * reach))
+    return free
+
+
+def place_is_held(parameter: Parameter) -> bool:
+    """A number that is no strength and gives no values to try is the user's to choose, not a fit's."""
+    return not parameter.strength and not parameter.trials

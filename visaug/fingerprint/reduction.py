@@ -1,0 +1,207 @@
+"""What the views share: each group of frames reduced once to its mean frame, its noise, and their rows and columns."""
+
+from collections.abc import Callable, Iterable
+from functools import cached_property
+
+import numpy as np
+
+from visaug.fingerprint.statistic import Statistic
+from visaug.frames import FrameRecord, FrameSet, Group
+
+MAX_GROUPS = {"bias": 2, "dark": 8, "flat": 9, "scene": 6}  # of each kind, spread evenly over the conditions
+
+
+class GroupData:
+    """Frames of equal conditions: the mean frame and the noise about it, in DN.
+
+    Args:
+        group: the conditions; its indices are the frames in use.
+        frames: (n, H, W) float32.
+        reference: the bias group, whose mean frame is taken off for `pattern`; None for the bias itself.
+    """
+
+    def __init__(self, group: Group, frames: np.ndarray, reference: "GroupData | None"):
+        self.group = group
+        self.kind = group.kind
+        self.frames = frames
+        self.reference = reference
+        self.count = len(frames)
+
+    @property
+    def label(self) -> str:
+        g = self.group
+        parts = [g.kind]
+        if g.kind == "dark":
+            parts.append(f"{g.exposure_s:g} s")
+        if g.kind == "flat":
+            parts.append(f"{g.photons:g} ph" if g.photons is not None else f"{g.exposure_s:g} s")
+        if g.kind == "scene":
+            parts.append(str(g.clean).rsplit("/", 1)[-1].split(".")[0])
+        if g.kind in ("dark", "flat") and g.temperature_c is not None:
+            parts.append(f"{g.temperature_c:g} C")
+        if g.gain_db:
+            parts.append(f"{g.gain_db:g} dB")
+        return " ".join(parts)
+
+    def statistic(self, view: str, name: str, axes: Iterable[str], unit: str = "1") -> Statistic:
+        g = self.group
+        return Statistic(view, name, self.label, tuple(axes), unit, g.kind, g.exposure_s, g.temperature_c or 0.0, self.signal)
+
+    @cached_property
+    def mean(self) -> np.ndarray:
+        """Mean frame, (H, W)."""
+        return self.frames.mean(0)
+
+    @cached_property
+    def level(self) -> float:
+        return float(self.mean.mean(dtype=np.float64))
+
+    @property
+    def signal(self) -> float:
+        """Mean DN above the bias."""
+        return self.level - (self.reference.level if self.reference else 0.0)
+
+    @cached_property
+    def pattern(self) -> np.ndarray:
+        """Fixed pattern, (H, W), mean 0: the mean frame, without the bias' where there is one."""
+        pattern = self.mean - self.reference.mean if self.reference else self.mean
+        return pattern - np.float32(pattern.mean(dtype=np.float64))
+
+    @cached_property
+    def pattern_rows(self) -> np.ndarray:
+        return self.pattern.mean(1)
+
+    @cached_property
+    def pattern_columns(self) -> np.ndarray:
+        return self.pattern.mean(0)
+
+    @cached_property
+    def pattern_pixels(self) -> np.ndarray:
+        """The fixed pattern without its rows, columns and slow parts, (H, W)."""
+        rows, columns = self.pattern_rows, self.pattern_columns
+        flat = self.pattern - rows[:, None] - columns[None, :]
+        return flat - _blocks_expanded(flat)
+
+    @cached_property
+    def residual(self) -> np.ndarray:
+        """Temporal noise, (n, H, W), scaled so that its mean square is the variance of one frame. Needs n > 1."""
+        return (self.frames - self.mean) * np.float32(np.sqrt(self.count / (self.count - 1)))
+
+    @cached_property
+    def frame_means(self) -> np.ndarray:
+        return self.frames.mean((1, 2), dtype=np.float64)
+
+    @cached_property
+    def noise_rows(self) -> np.ndarray:
+        """Row means of the temporal noise, (n, H)."""
+        return self.residual.mean(2)
+
+    @cached_property
+    def noise_columns(self) -> np.ndarray:
+        return self.residual.mean(1)
+
+    @cached_property
+    def noise_pixels(self) -> np.ndarray:
+        """The temporal noise without its row and column means, (n, H, W)."""
+        whole = self.noise_rows.mean(1)[:, None, None]
+        return self.residual - self.noise_rows[:, :, None] - self.noise_columns[:, None, :] + whole
+
+    @cached_property
+    def noise_variance(self) -> float:
+        """Variance of the pixel part of the temporal noise, DN^2; never below a hundredth of quantisation's."""
+        noise = self.noise_pixels.ravel()
+        return max(float(np.dot(noise, noise)) / noise.size, 1 / 1200)
+
+    @cached_property
+    def pattern_variance(self) -> float:
+        pattern = self.pattern_pixels.ravel()
+        return max(float(np.dot(pattern, pattern)) / pattern.size, 1 / 1200)
+
+    @cached_property
+    def pattern_scale(self) -> float:
+        """Robust standard deviation of the pixel part of the fixed pattern, DN."""
+        sample = np.abs(self.pattern_pixels.ravel()[::4])
+        return max(1.4826 * float(np.median(sample)), 0.03)
+
+
+class FrameData:
+    """A frame set reduced group by group.
+
+    Args:
+        frames: the whole set; frames outside `use` are read only as predecessors.
+        use: positions that the statistics may be taken from; all by default.
+    """
+
+    def __init__(self, frames: FrameSet, use: Iterable[int] | None = None):
+        self.frames = frames
+        self.use = frozenset(range(len(frames)) if use is None else use)
+        self.records: tuple[FrameRecord, ...] = frames.records
+        self._loaded: dict[Group, GroupData] = {}
+
+    @cached_property
+    def bias(self) -> GroupData | None:
+        """The shortest dark condition: bias frames, or darks where there are none."""
+        groups = [g for g in self._used_groups if g.kind == "bias"]
+        if not groups:
+            return None
+        return self._load(max(groups, key=lambda g: len(g.indices)), None)
+
+    @cached_property
+    def _used_groups(self) -> list[Group]:
+        return used_groups(self.frames, self.use)
+
+    @cached_property
+    def groups(self) -> list[GroupData]:
+        """The groups that the statistics are taken from."""
+        chosen: list[Group] = []
+        for kind, most in MAX_GROUPS.items():
+            chosen += spread(sorted((g for g in self._used_groups if g.kind == kind), key=_condition), most)
+        bias = self.bias
+        return [bias if bias and g == bias.group else self._load(g, bias) for g in chosen]
+
+    def of(self, kind: str, at_least: int = 1) -> list[GroupData]:
+        return [g for g in self.groups if g.kind == kind and g.count >= at_least]
+
+    def _load(self, group: Group, reference: GroupData | None) -> GroupData:
+        stack = self.frames.read_many(group.indices)
+        if reference is not None and reference.frames.shape[1:] != stack.shape[1:]:
+            reference = None
+        return GroupData(group, stack, reference)
+
+
+def used_groups(frames: FrameSet, use: Iterable[int]) -> list[Group]:
+    """The groups of a set with only the frames in `use`; groups that keep none are left out."""
+    from dataclasses import replace
+
+    allowed = set(use)
+    kept = [replace(g, indices=tuple(i for i in g.indices if i in allowed)) for g in frames.groups()]
+    return [g for g in kept if g.indices]
+
+
+def spread(items: list, most: int) -> list:
+    """At most so many of the items, evenly spread, the first and the last among them."""
+    if len(items) <= most:
+        return items
+    return [items[round(i * (len(items) - 1) / (most - 1))] for i in range(most)]
+
+
+def _condition(group: Group) -> tuple:
+    return (group.temperature_c or 0.0, group.photons or 0.0, group.exposure_s, group.gain_db, group.clean or "")
+
+
+def _blocks_expanded(image: np.ndarray, size: int = 16) -> np.ndarray:
+    """Means of blocks of about `size` pixels, as an image: the slow part of a pattern."""
+    rows, columns = image.shape
+    row_edges = np.linspace(0, rows, max(1, rows // size) + 1).astype(int)
+    column_edges = np.linspace(0, columns, max(1, columns // size) + 1).astype(int)
+    means = block_means(image, row_edges, column_edges)
+    return np.repeat(np.repeat(means, np.diff(row_edges), 0), np.diff(column_edges), 1)
+
+
+def block_means(image: np.ndarray, row_edges: np.ndarray, column_edges: np.ndarray) -> np.ndarray:
+    sums = np.add.reduceat(np.add.reduceat(image, row_edges[:-1], 0), column_edges[:-1], 1)
+    return (sums / np.outer(np.diff(row_edges), np.diff(column_edges))).astype(np.float32)
+
+
+Measured = Iterable[tuple[Statistic, float]]
+Measure = Callable[[FrameData], Measured]

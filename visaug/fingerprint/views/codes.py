@@ -1,0 +1,49 @@
+"""Which DN codes come, and how often."""
+
+import numpy as np
+
+from visaug.fingerprint.view import Curve, Picture, View
+
+
+def histogram(groups) -> np.ndarray:
+    """Counts of DN codes over the frames of groups."""
+    codes = np.concatenate([g.frames.ravel() for g in groups]).astype(np.int64)
+    return np.bincount(np.clip(codes, 0, None))
+
+
+class Codes(View):
+    """Lost bits, codes that never come, the comb of a digital gain."""
+
+    name = "codes"
+    title = "DN codes in use"
+
+    def measure(self, data):
+        dark = [g for g in (data.bias, *data.of("dark")) if g is not None]
+        for kind, groups in (("dark", dark), ("flat", data.of("flat"))):
+            if not groups:
+                continue
+            counts = histogram(groups).astype(np.float64)
+            first, size = groups[-1], counts.sum()
+            for bit in range(4):
+                odd = counts.reshape(-1)[(np.arange(len(counts)) >> bit & 1).astype(bool)].sum() / size
+                yield first.statistic(self.name, f"{kind}: bit {bit} set", ["level"], "share"), odd
+            expected = np.convolve(counts, np.array([1, 2, 3, 0, 3, 2, 1]) / 12, mode="same")
+            filled = expected > 25
+            filled[0] = filled[-1] = False
+            share = np.count_nonzero(filled & (counts < 0.2 * expected)) / max(np.count_nonzero(filled), 1)
+            yield first.statistic(self.name, f"{kind}: codes that never come", ["level"], "share"), np.sqrt(share)
+            uneven = ((counts - expected)[filled] ** 2 / (expected[filled] * 1.2)).mean() if filled.any() else 1.0
+            yield first.statistic(self.name, f"{kind}: unevenness", ["level"], "log ratio"), np.log(uneven + 0.1)
+            if kind == "dark":
+                yield first.statistic(self.name, "dark: at zero", ["level"], "share"), counts[0] / size
+            else:
+                yield first.statistic(self.name, "flat: at the highest code", ["level"], "share"), counts[-1] / size
+
+    def picture(self, data):
+        g = data.bias or next(iter(data.groups), None)
+        if g is None:
+            return None
+        counts = histogram([g])
+        middle = int(np.round(np.median(g.frames[0])))
+        x = np.arange(max(0, middle - 60), min(len(counts), middle + 61))
+        return Picture(self.title, "DN code", "pixels", (Curve(x, np.maximum(counts[x], 0.5), g.label),), log_y=True)

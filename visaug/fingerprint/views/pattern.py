@@ -1,0 +1,150 @@
+"""Fixed patterns: rows, columns, pixels, slow maps, seams, parity, defects."""
+
+import numpy as np
+
+from visaug.fingerprint.reduction import block_means, spread
+from visaug.fingerprint.view import Curve, Picture, View
+from visaug.fingerprint.views.noise import correlation
+
+
+def _detrended(profile: np.ndarray) -> np.ndarray:
+    x = np.linspace(-1, 1, len(profile))
+    return profile - np.polynomial.legendre.Legendre.fit(x, profile, min(3, len(profile) - 1))(x)
+
+
+class FixedPattern(View):
+    name = "fixed_pattern"
+    title = "Fixed pattern: rows, columns and pixels"
+
+    def measure(self, data):
+        for g in data.groups:
+            if g.kind == "scene":
+                continue
+            for name, profile in (("row", g.pattern_rows), ("column", g.pattern_columns)):
+                variance = float(np.mean(_detrended(profile.astype(np.float64)) ** 2))
+                yield g.statistic(self.name, f"{name}s", [name], "log DN^2"), np.log(variance + 1e-4)
+            yield g.statistic(self.name, "pixels", ["pixel"], "log DN^2"), np.log(g.pattern_variance)
+            pixels = g.pattern_pixels[None]
+            for name, lag in (("one column on", (0, 1)), ("one row on", (1, 0)), ("diagonal", (1, 1))):
+                yield g.statistic(self.name, name, ["pixel"], "correlation"), correlation(pixels, lag) / g.pattern_variance
+
+    def picture(self, data):
+        maps = [(f"{g.label}, DN", g.pattern) for g in (data.bias, *data.of("dark")[-1:], *data.of("flat")[-2:-1]) if g]
+        return Picture(self.title, maps=tuple(maps)) if maps else None
+
+
+class SmoothMap(View):
+    """Slow changes over the field."""
+
+    name = "smooth_map"
+    title = "Slow changes over the field"
+
+    def measure(self, data):
+        darks, flats = data.of("dark"), data.of("flat")
+        detailed = {id(g) for g in (data.bias, *darks[-1:], *flats[len(flats) * 5 // 8 : len(flats) * 5 // 8 + 1])}
+        for g in data.groups:
+            if g.kind == "scene":
+                continue
+            unit = 100 / max(g.signal, 1.0) if g.kind == "flat" else 1.0
+            word = "%" if g.kind == "flat" else "DN"
+            parts = 4 if id(g) in detailed else 2
+            blocks = block_means(g.pattern, *(np.linspace(0, n, parts + 1).astype(int) for n in g.pattern.shape)) * unit
+            for (i, j), value in np.ndenumerate(blocks):
+                yield g.statistic(self.name, f"block {i + 1},{j + 1} of {parts}x{parts}", ["smooth"], word), float(value)
+            yield g.statistic(self.name, "middle against rim", ["smooth"], word), _middle(g.pattern) * unit
+
+    def picture(self, data):
+        chosen = [g for g in (data.bias, *data.of("dark")[-1:], *data.of("flat")[-2:-1]) if g is not None]
+        maps = []
+        for g in chosen:
+            edges = [np.linspace(0, n, 17).astype(int) for n in g.pattern.shape]
+            maps.append((f"{g.label}, DN", block_means(g.pattern, *edges)))
+        return Picture(self.title, maps=tuple(maps)) if maps else None
+
+
+def _middle(pattern: np.ndarray) -> float:
+    y, x = (np.linspace(-1, 1, n) for n in pattern.shape)
+    radius = (y[:, None] ** 2 + x[None, :] ** 2) / 2
+    weight = (radius.mean() - radius).astype(np.float32)
+    return float((weight * pattern).sum() / (weight**2).sum())
+
+
+class Seams(View):
+    """Steps between neighbouring lines, wherever they are, and odd against even lines."""
+
+    name = "seams"
+    title = "Steps between halves, odd against even lines"
+
+    def measure(self, data):
+        flats = data.of("flat")
+        for g in (data.bias, *data.of("dark")[-1:], *spread(flats, 4)):
+            if g is None:
+                continue
+            unit = 100 / max(g.signal, 1.0) if g.kind == "flat" else 1.0
+            word = "%" if g.kind == "flat" else "DN"
+            for name, profile in (("row", g.pattern_rows), ("column", g.pattern_columns)):
+                profile = profile.astype(np.float64) * unit
+                step = _steps(profile)
+                yield g.statistic(self.name, f"largest step of {name}s", [name], word), float(np.abs(step).max())
+                half = len(profile) // 2
+                yield g.statistic(self.name, f"halves of {name}s", [name], word), profile[half:].mean() - profile[:half].mean()
+                parity = profile[1::2].mean() - profile[::2].mean()
+                yield g.statistic(self.name, f"odd against even {name}s", [name], word), parity
+            if g.count >= 2:
+                noise = g.noise_pixels**2
+                height, width = g.mean.shape
+                for name, a, b in (
+                    ("columns", noise[:, :, : width // 2], noise[:, :, width // 2 :]),
+                    ("rows", noise[:, : height // 2], noise[:, height // 2 :]),
+                ):
+                    yield (g.statistic(self.name, f"noise of the halves, {name}", ["smooth"], "log ratio"),
+                           float(np.log((b.mean() + 1e-4) / (a.mean() + 1e-4))))
+
+    def picture(self, data):
+        g = data.bias or next(iter(data.of("flat")), None)
+        if g is None:
+            return None
+        curves = [Curve(np.arange(len(p)), p, f"{name}, {g.label}")
+                  for name, p in (("rows", g.pattern_rows), ("columns", g.pattern_columns))]
+        return Picture(self.title, "line", "mean of the line, DN", tuple(curves))
+
+
+def _steps(profile: np.ndarray, reach: int = 12) -> np.ndarray:
+    """Mean of the lines after a place less the mean of those before it."""
+    reach = min(reach, max(1, len(profile) // 4))
+    total = np.concatenate([[0.0], np.cumsum(profile)])
+    place = np.arange(reach, len(profile) - reach + 1)
+    return (total[place + reach] - 2 * total[place] + total[place - reach]) / reach
+
+
+class Defects(View):
+    """Pixels far from their neighbours in the mean frame."""
+
+    name = "defects"
+    title = "Pixels far out in the mean frame"
+
+    def measure(self, data):
+        darks, flats = data.of("dark"), data.of("flat")
+        for g in (data.bias, *darks, *spread(flats, 3)):
+            if g is None:
+                continue
+            ratio = g.pattern_pixels / np.float32(g.pattern_scale)
+            for limit in (4, 7, 15, 50):
+                yield g.statistic(self.name, f"above {limit} scales", ["pixel"], "sqrt count"), np.sqrt(np.count_nonzero(ratio > limit))
+                if limit in (7, 15):
+                    low = np.count_nonzero(ratio < -limit)
+                    yield g.statistic(self.name, f"below {limit} scales", ["pixel"], "sqrt count"), np.sqrt(low)
+            clipped = np.clip(ratio, -4, 4)
+            yield g.statistic(self.name, "skewness within 4 scales", ["pixel"]), float((clipped**3).mean())
+            yield g.statistic(self.name, "scale to deviation", ["pixel"]), g.pattern_scale / np.sqrt(g.pattern_variance)
+
+    def picture(self, data):
+        curves = []
+        for g in (data.bias, *data.of("dark")[-1:], *data.of("flat")[-2:-1]):
+            if g is not None:
+                ratio = np.sort((g.pattern_pixels / g.pattern_scale).ravel())[::-1]
+                rank = np.unique(np.geomspace(1, ratio.size // 4, 200).astype(int))
+                curves.append(Curve(rank, np.maximum(ratio[rank - 1], 0.1), g.label))
+        if not curves:
+            return None
+        return Picture(self.title, "rank of the pixel", "distance in robust standard deviations", tuple(curves), log_x=True, log_y=True)

@@ -1,0 +1,134 @@
+"""How a frame of a known scene differs from the scene: edges, halos, trails, ghosts, spills."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.ndimage import binary_dilation, gaussian_filter
+
+from visaug.fingerprint.view import Picture, View
+
+
+def _shift(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """The image moved down and right, its rim repeated."""
+    height, width = image.shape
+    r = np.clip(np.arange(height) - rows, 0, height - 1)
+    c = np.clip(np.arange(width) - columns, 0, width - 1)
+    return image[r[:, None], c[None, :]]
+
+
+def templates(clean: np.ndarray) -> dict[str, tuple[tuple[str, ...], np.ndarray]]:
+    """Shapes that a scene's residual is held against: axes and image of each. They are geometry, not effects."""
+    rows = np.linspace(0, 1, clean.shape[0], dtype=np.float32)[:, None]
+    columns = np.linspace(0, 1, clean.shape[1], dtype=np.float32)[None, :]
+    shapes: dict[str, tuple[tuple[str, ...], np.ndarray]] = {}
+    for axis, (dr, dc) in (("row", (0, 1)), ("column", (1, 0))):
+        forward, back = _shift(clean, dr, dc), _shift(clean, -dr, -dc)
+        shapes[f"curvature along {axis}s"] = ((axis, "pixel"), forward + back - 2 * clean)
+        shapes[f"trail along {axis}s"] = ((axis, "pixel"), forward - back)
+        far = _shift(clean, 4 * dr, 4 * dc) - _shift(clean, -4 * dr, -4 * dc)
+        shapes[f"long trail along {axis}s"] = ((axis,), far)
+        place = columns if axis == "row" else rows
+        shapes[f"trail along {axis}s growing with the place"] = ((axis,), (forward - back) * (place - 0.5))
+    diagonal = _shift(clean, 1, 1) + _shift(clean, -1, -1) + _shift(clean, 1, -1) + _shift(clean, -1, 1) - 4 * clean
+    shapes["curvature along diagonals"] = (("pixel",), diagonal)
+    for width in (3, 10, 30):
+        shapes[f"halo of {width} px"] = (("smooth",), gaussian_filter(clean, width, mode="constant") - clean)
+    shapes["mean of the column"] = (("column",), np.broadcast_to(clean.mean(0, keepdims=True), clean.shape) - clean.mean())
+    shapes["mean of the row"] = (("row",), np.broadcast_to(clean.mean(1, keepdims=True), clean.shape) - clean.mean())
+    shapes["mirror image"] = (("smooth",), clean[::-1, ::-1] - clean.mean())
+    small = gaussian_filter(clean[::-1, ::-1], 4)
+    shapes["blurred mirror image"] = (("smooth",), small - small.mean())
+    shapes["square"] = (("level",), clean**2 / max(float(clean.max()), 1.0) - clean)
+    return shapes
+
+
+@dataclass(frozen=True)
+class Target:
+    """What is prepared once for a noiseless target: shapes with their norms, bright spots, and rings about them."""
+
+    clean: np.ndarray
+    bright: np.ndarray
+    usable: np.ndarray
+    shapes: dict[str, tuple[tuple[str, ...], np.ndarray, float]]
+    rings: dict[str, tuple[str, np.ndarray]]
+
+
+class _Key:
+    """A target as a key of the cache: by content, cheaply."""
+
+    def __init__(self, clean: np.ndarray):
+        self.clean = clean
+        self.identity = (clean.shape, clean[:: max(1, len(clean) // 16)].tobytes())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self.identity == other.identity
+
+    def __hash__(self) -> int:
+        return hash(self.identity)
+
+
+@lru_cache(maxsize=12)
+def _target(key: _Key) -> Target:
+    clean = key.clean
+    peak, middle = float(clean.max()), float(np.median(clean))
+    bright = clean > 0.9 * peak if peak > 20 * max(middle, 1.0) else np.zeros(clean.shape, bool)
+    shapes = {}
+    for label, (axes, shape) in templates(clean).items():
+        shape = np.where(bright, 0, shape).astype(np.float32)
+        norm = float((shape.astype(np.float64) ** 2).sum())
+        if norm > 1e-9 * peak**2:
+            shapes[label] = (axes, shape, norm)
+    rings = {}
+    for axis, step in (("column", (1, 0)), ("row", (0, 1))):
+        for name, near, far in (("1 to 2", 1, 2), ("3 to 8", 3, 8), ("9 to 30", 9, 30)):
+            ring = _reach(bright, step, far) & ~_reach(bright, step, near - 1)
+            if ring.any():
+                rings[f"{name} px from bright spots along the {axis}"] = (axis, ring)
+    return Target(clean, bright, ~binary_dilation(bright, iterations=2), shapes, rings)
+
+
+def _reach(mask: np.ndarray, step: tuple[int, int], distance: int) -> np.ndarray:
+    reached = mask.copy()
+    rows, columns = step
+    for d in range(1, distance + 1):
+        reached |= _shift(mask, rows * d, columns * d) | _shift(mask, -rows * d, -columns * d)
+    return reached
+
+
+class Scene(View):
+    """The mean frame of each known scene less a straight line through it, held against simple shapes."""
+
+    name = "scene"
+    title = "Known scenes: measured less expected"
+
+    def measure(self, data):
+        for g in data.of("scene"):
+            target = _target(_Key(data.frames.clean(g.group.indices[0])))
+            residual, slope, usable = self._residual(g, target)
+            yield g.statistic(self.name, "slope", ["level"], "DN/photon"), slope
+            kept = np.where(usable, residual, 0)
+            for name, (axes, shape, norm) in target.shapes.items():
+                value = float(np.vdot(shape, kept)) / norm / max(slope, 1e-9)
+                yield g.statistic(self.name, name, axes, "fraction"), value
+            offset = float(kept.sum(dtype=np.float64)) / max(int(usable.sum()), 1)
+            yield g.statistic(self.name, "offset", ["smooth", "level"], "DN"), offset
+            for name, (axis, ring) in target.rings.items():
+                yield g.statistic(self.name, name, [axis], "DN"), float(residual[ring].mean())
+
+    @staticmethod
+    def _residual(g, target):
+        """Mean frame less the target times a slope that is fitted below saturation; the slope; the pixels of the fit."""
+        frame = g.pattern + np.float32(g.signal)
+        usable = target.usable & (frame < 0.9 * float(frame.max()))
+        x = np.where(usable, target.clean, 0)
+        slope = float(np.vdot(x, frame)) / max(float(np.vdot(x, x)), 1e-9)
+        return frame - np.float32(slope) * target.clean, slope, usable
+
+    def picture(self, data):
+        maps = []
+        for g in data.of("scene")[:3]:
+            residual, *_ = self._residual(g, _target(_Key(data.frames.clean(g.group.indices[0]))))
+            limit = np.quantile(np.abs(residual), 0.98)
+            maps.append((f"{g.label}: measured less expected, DN", np.clip(residual, -limit, limit)))
+        return Picture(self.title, maps=tuple(maps)) if maps else None
