@@ -11,7 +11,7 @@ from visaug.sampling import Stream
 
 @pytest.fixture
 def run_effect():
-    """run_effect(name, signal, window=..., resolution=..., known={context field: value}, **parameters) -> signal after it."""
+    """run_effect(name, signal, known={context field: value}, **parameters): the signal after the effect."""
     return _run
 
 

@@ -11,7 +11,7 @@ def test_white_drift_has_the_stated_spread_and_no_memory(run_effect):
     levels = run_effect("light_drift", frames, sequence=True, sigma=0.02)
     assert torch.equal(levels, levels[:, :, :1, :1].expand_as(levels))  # one factor a frame
     x = levels[:, 0, 0, 0].double().numpy() / 1000 - 1
-    # 4000 draws: mean within 4.5 standard errors, spread within 4.5 of its own (1.1 %); false alarms below 1e-4
+    # 4000 draws, each figure within 4.5 of its standard errors: false alarms below 1e-4
     assert abs(x.mean()) < 4.5 * 0.02 / np.sqrt(4000)
     assert abs(x.std() / 0.02 - 1) < 4.5 / np.sqrt(2 * 4000)
     assert abs(np.corrcoef(x[1:], x[:-1])[0, 1]) < 4.5 / np.sqrt(4000)

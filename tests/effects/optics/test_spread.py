@@ -61,7 +61,7 @@ KERNELS = {
 
 @pytest.mark.parametrize("profile", KERNELS)
 def test_halo_of_a_point_has_the_stated_profile(run_effect, profile):
-    """Mirror images of the source at the edges are added to the kernel; pixels at 3 px and further, where it is smooth."""
+    """The kernel and its mirror images at the edges; pixels at 3 px and further, where it is smooth."""
     width, kernel = 6.0, KERNELS[profile]
     assert quad(lambda r: 2 * np.pi * r * kernel(r, width), 0, np.inf)[0] == pytest.approx(1)
     out = (

@@ -32,9 +32,9 @@ class ImageLag(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        before = context.previous(self.name, signal)
-        held = self._held(p.share * before, p.decay, context)
-        return signal + ((1 - p.decay) * held - p.share * signal)
+        charge = torch.minimum(signal, context.full_well_e)  # what a pixel can hold
+        held = self._held(p.share * context.previous(self.name, charge), p.decay, context)
+        return signal + ((1 - p.decay) * held - p.share * charge)
 
     def _held(self, caught, decay, context):
         if not context.sequence:

@@ -1,0 +1,233 @@
+"""Charge while it is stored, shared and transferred."""
+
+import numpy as np
+import pytest
+import torch
+
+
+def poisson(mean, shape=(4, 1, 400, 500), seed=1):
+    return torch.from_numpy(np.random.default_rng(seed).poisson(mean, shape).astype(np.float32))
+
+
+def covariance(frames, down, across):
+    """Mean product of deviations of pixels so far apart."""
+    d = frames.double().numpy() - frames.double().mean().item()
+    rows, columns = d.shape[-2:]
+    return float((d[..., : rows - down, : columns - across] * d[..., down:, across:]).mean())
+
+
+# 800 000 pixels: a covariance's standard error is v / 894, a variance's sqrt(2) times that. 5 of them: 1e-6.
+ERRORS = 5 / 894
+
+
+def test_lag_of_one_frame(run_effect):
+    frames = torch.zeros(4, 1, 3, 5)
+    frames[1] = 1000.0
+    out = run_effect("image_lag", frames, sequence=True, share=0.03)
+    expected = torch.tensor([0.0, 970.0, 30.0, 0.0]).view(4, 1, 1, 1).expand_as(out)
+    torch.testing.assert_close(out, expected)
+
+
+def test_lag_decays_over_frames_and_batches_and_loses_nothing(run_effect):
+    memory, out = {}, []
+    for start in (0, 3, 6):
+        frames = torch.zeros(3, 1, 2, 2)
+        if start == 0:
+            frames[0] = 1000.0
+        out.append(run_effect("image_lag", frames, sequence=True, memory=memory, share=0.1, decay=0.4))
+    out = torch.cat(out)[:, 0, 0, 0]
+    released = 100 * 0.6 * 0.4 ** np.arange(8)
+    np.testing.assert_allclose(out.numpy(), [900.0, *released], rtol=1e-5, atol=1e-6)
+    assert float(out.sum()) + 100 * 0.4**8 == pytest.approx(1000.0, rel=1e-6)  # the rest is still held
+
+
+def test_lag_of_an_unrelated_image_is_that_of_a_steady_scene(run_effect):
+    scene = poisson(300, (2, 1, 20, 20))
+    torch.testing.assert_close(run_effect("image_lag", scene, share=0.05, decay=0.5), scene)
+
+
+def test_cosmic_rays_are_as_many_as_the_exposure_brings(run_effect):
+    """The charge of a track is the product of two exponential numbers, its length and its charge per px."""
+    frames = torch.zeros(8, 1, 500, 500)
+    settings = {"rate_per_mpx_s": 400.0, "length_px": 0.5, "charge_e_per_px": 1000.0}
+    out = run_effect("cosmic_rays", frames, known={"exposure_s": 2.0}, **settings)
+    expected = 8 * 0.25 * 400 * 2.0  # 1600 tracks
+    total = float(out.double().sum()) / (1000.0 * 0.5)
+    # that product has the second moment 4: relative error 2 / sqrt(1600), 4.5 of them 22 %
+    assert total == pytest.approx(expected, rel=0.22)
+    assert (out > 0).flatten(1).any(1).all()
+    assert not torch.equal(out[0], out[1])  # never the same track in the next frame
+
+
+def test_cosmic_rays_are_straight_lines_of_all_directions(run_effect):
+    from scipy.ndimage import label
+
+    frames = torch.zeros(4, 1, 800, 800)
+    out = run_effect("cosmic_rays", frames, known={"exposure_s": 1.0}, rate_per_mpx_s=80.0, length_px=20.0)
+    angles, widths = [], []
+    for image in out[:, 0].numpy():
+        tracks, count = label(image > 0, np.ones((3, 3)))
+        for k in range(1, count + 1):
+            place = np.argwhere(tracks == k)
+            if len(place) < 15:
+                continue
+            spread, axes = np.linalg.eigh(np.cov(place.T))
+            widths.append(np.sqrt(spread[0]))
+            angles.append(np.arctan2(*axes[:, 1]) % np.pi)
+    assert len(angles) > 40
+    assert np.median(widths) < 0.5  # px across
+    doubled = np.exp(2j * np.array(angles))
+    assert abs(doubled.mean()) < 4 / np.sqrt(len(angles))  # Rayleigh's test: exp(-16) is its false-alarm rate
+
+
+def test_cosmic_rays_touch_nothing_else(run_effect):
+    scene = poisson(300, (2, 1, 200, 200))
+    out = run_effect("cosmic_rays", scene, known={"exposure_s": 1.0}, rate_per_mpx_s=100.0)
+    assert (out >= scene).all()
+    assert 0 < (out > scene).float().mean() < 0.01
+
+
+@pytest.mark.parametrize("mean", [1000.0, 8000.0])
+def test_brighter_fatter_in_flats(run_effect, mean):
+    flats = poisson(mean)
+    share = 2e-3
+    out = run_effect("brighter_fatter", flats, share_per_ke=share)
+    assert float(out.double().sum()) == pytest.approx(float(flats.double().sum()), rel=1e-7)
+    a = share / 1000 * mean
+    inner = out[..., 1:-1, 1:-1]
+    assert covariance(inner, 0, 0) == pytest.approx(mean * ((1 - 4 * a) ** 2 + 4 * a**2), rel=1.5 * ERRORS)
+    for down, across in ((0, 1), (1, 0)):
+        assert covariance(inner, down, across) == pytest.approx(mean * 2 * a * (1 - 4 * a), abs=mean * ERRORS)
+
+
+def test_brighter_fatter_widens_bright_stars_alone(run_effect):
+    y, x = np.mgrid[-12:13, -12:13]
+    star = torch.from_numpy(np.exp(-(x**2 + y**2) / (2 * 1.5**2)).astype(np.float32))[None, None]
+
+    def width(peak):
+        out = run_effect("brighter_fatter", peak * star, share_per_ke=2e-3)[0, 0].double().numpy()
+        assert out.min() >= 0
+        return (out * x**2).sum() / out.sum()
+
+    # sum of a (N_i^2 - N_j^2) / 2 over pairs, times the moment each moves: a peak / 2
+    assert width(1.0) == pytest.approx(1.5**2, rel=1e-3)
+    assert width(10000.0) - width(1.0) == pytest.approx(2e-6 * 10000 / 2, rel=0.02)
+
+
+def queue(column, well, share):
+    """Blooming pixel by pixel: each direction carries half of the excess on until it finds room."""
+    column = column.astype(float).copy()
+    excess = share * np.maximum(column - well, 0)
+    column -= excess
+    for order in (range(len(column)), reversed(range(len(column)))):
+        carried = 0.0
+        for i in order:
+            carried += excess[i] / 2
+            taken = min(carried, max(0.0, well - column[i])) if excess[i] == 0 else 0.0
+            column[i] += taken
+            carried -= taken
+    return column
+
+
+@pytest.mark.parametrize("share", [0.4, 1.0])
+def test_blooming_is_the_queue_pixel_by_pixel(run_effect, share):
+    rng = np.random.default_rng(8)
+    scene = rng.uniform(0, 9000, (2, 1, 90, 20)).astype(np.float32)
+    scene[rng.uniform(size=scene.shape) < 0.02] = 60000.0
+    out = run_effect(
+        "blooming", torch.from_numpy(scene), known={"full_well_e": [11000.0, 9500.0]}, share=share
+    )
+    for image, bloomed, well in zip(scene[:, 0], out[:, 0].numpy(), (11000.0, 9500.0)):
+        for k in range(20):
+            np.testing.assert_allclose(bloomed[:, k], queue(image[:, k], well, share), rtol=1e-5, atol=0.02)
+
+
+def test_blooming_keeps_charge_and_is_symmetric(run_effect):
+    scene = torch.full((1, 1, 101, 3), 1000.0)
+    scene[0, 0, 50, 1] = 111000.0
+    out = run_effect("blooming", scene, share=1.0)
+    assert float(out.double().sum()) == pytest.approx(float(scene.double().sum()), rel=1e-7)
+    torch.testing.assert_close(out, out.flip(-2))
+    assert torch.equal(out[..., 0], scene[..., 0])
+    assert int((out[0, 0, :, 1] > 10999).sum()) == 11  # the source, and 50 000 e- of room on either side
+    below = scene.clamp_max(11000.0)
+    assert torch.equal(run_effect("blooming", below, share=1.0), below)
+
+
+def test_transfer_leaves_a_trail_that_grows_with_the_transfers(run_effect):
+    stars = torch.zeros(1, 1, 300, 2)
+    stars[0, 0, 19, 0] = stars[0, 0, 199, 1] = 10000.0  # 20 and 200 transfers from the register at the top
+    out = run_effect("charge_transfer_inefficiency", stars, share_per_transfer=2e-4, trail_px=2.0)[
+        0, 0
+    ].double()
+    q = np.exp(-1 / 2.0)
+    for column, row in ((0, 19), (1, 199)):
+        lost = 10000 * (1 - (1 - 2e-4) ** (row + 1))
+        assert float(out[row, column]) == pytest.approx(10000 - lost, rel=1e-6)
+        expected = lost * (1 - q) * q ** np.arange(10)
+        np.testing.assert_allclose(out[row + 1 : row + 11, column].numpy(), expected, rtol=1e-4)
+        assert (out[:row, column] == 0).all()
+        assert float(out[:, column].sum()) == pytest.approx(10000, rel=1e-6)
+
+
+def test_short_trail_agrees_with_transfers_counted_one_by_one(run_effect):
+    """Binomial: of n transfers each leaves a share c to the next packet; while n c is small, once is enough."""
+    from scipy.stats import binom
+
+    star = torch.zeros(1, 1, 200, 1)
+    star[0, 0, 99, 0] = 1e5
+    out = run_effect("charge_transfer_inefficiency", star, share_per_transfer=1e-4, trail_px=0.1)[
+        0, 0, 99:101, 0
+    ]
+    np.testing.assert_allclose(out.numpy(), 1e5 * binom.pmf([0, 1], 100, 1e-4), rtol=6e-3)  # n c / 2 = 0.5 %
+
+
+@pytest.mark.parametrize("register", ["bottom", "left", "right"])
+def test_transfer_to_any_side_is_the_same_turned(run_effect, register):
+    turns = {"left": 1, "bottom": 2, "right": 3}[register]  # that bring the register to the top
+    scene = poisson(2000, (1, 1, 40, 50))
+    settings = {"share_per_transfer": 5e-4, "trail_px": 1.0}
+    turned = torch.rot90(scene, -turns, (-2, -1)).contiguous()
+    top = run_effect("charge_transfer_inefficiency", turned, **settings)
+    out = run_effect("charge_transfer_inefficiency", scene, register=register, **settings)
+    torch.testing.assert_close(out, torch.rot90(top, turns, (-2, -1)))
+
+
+def test_transfers_are_counted_on_the_sensor(run_effect):
+    scene = torch.full((1, 1, 100, 4), 1000.0)
+    whole = run_effect("charge_transfer_inefficiency", scene, share_per_transfer=1e-3)
+    window = (range(40, 80), range(4))
+    part = run_effect(
+        "charge_transfer_inefficiency",
+        scene[..., 40:80, :],
+        window=window,
+        resolution=(100, 4),
+        share_per_transfer=1e-3,
+    )
+    torch.testing.assert_close(part[..., 20:, :], whole[..., 60:80, :])
+
+
+@pytest.mark.parametrize(("aspect", "diagonal"), [(1.0, 0.0), (0.6, 0.3)])
+def test_crosstalk_correlates_noise_alike_at_every_level(run_effect, aspect, diagonal):
+    a = 0.02
+    kernel = a * np.array([[diagonal, aspect, diagonal], [1, 0, 1], [diagonal, aspect, diagonal]])
+    kernel[1, 1] = 1 - kernel.sum()
+    for mean in (100.0, 5000.0):
+        flats = poisson(mean)
+        out = run_effect("interpixel_crosstalk", flats, share=a, aspect=aspect, diagonal=diagonal)
+        assert float(out.double().sum()) == pytest.approx(float(flats.double().sum()), rel=1e-6)
+        inner = out[..., 1:-1, 1:-1]
+        assert covariance(inner, 0, 0) == pytest.approx(mean * (kernel**2).sum(), rel=1.5 * ERRORS)
+        for down, across in ((0, 1), (1, 0), (1, 1)):
+            overlap = (kernel[down:, across:] * kernel[: 3 - down, : 3 - across]).sum()
+            assert covariance(inner, down, across) == pytest.approx(mean * overlap, abs=mean * ERRORS)
+    if diagonal == 0:  # the rule of thumb: 2 a of the variance, to first order
+        assert (kernel[:, 1:] * kernel[:, :-1]).sum() == pytest.approx(2 * a, rel=8 * a)
+
+
+def test_crosstalk_of_a_point_is_the_kernel(run_effect):
+    point = torch.zeros(1, 1, 5, 5)
+    point[0, 0, 2, 2] = 1000.0
+    out = run_effect("interpixel_crosstalk", point, share=0.02, aspect=0.5, diagonal=0.25)[0, 0, 1:4, 1:4]
+    expected = torch.tensor([[5.0, 10.0, 5.0], [20.0, 920.0, 20.0], [5.0, 10.0, 5.0]])
+    torch.testing.assert_close(out, expected)
