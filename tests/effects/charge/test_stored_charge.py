@@ -41,6 +41,14 @@ def test_lag_decays_over_frames_and_batches_and_loses_nothing(run_effect):
     assert float(out.sum()) + 100 * 0.4**8 == pytest.approx(1000.0, rel=1e-6)  # the rest is still held
 
 
+def test_lag_is_a_share_of_what_a_pixel_can_hold(run_effect):
+    frames = torch.zeros(2, 1, 1, 1)
+    frames[0] = 60000.0
+    out = run_effect("image_lag", frames, known={"full_well_e": 11000.0}, sequence=True, share=0.02)
+    assert float(out[1]) == pytest.approx(220.0)
+    assert float(out[0]) > 11000  # saturated as before
+
+
 def test_lag_of_an_unrelated_image_is_that_of_a_steady_scene(run_effect):
     scene = poisson(300, (2, 1, 20, 20))
     torch.testing.assert_close(run_effect("image_lag", scene, share=0.05, decay=0.5), scene)
@@ -171,7 +179,7 @@ def test_transfer_leaves_a_trail_that_grows_with_the_transfers(run_effect):
 
 
 def test_short_trail_agrees_with_transfers_counted_one_by_one(run_effect):
-    """Binomial: of n transfers each leaves a share c to the next packet; while n c is small, once is enough."""
+    """Binomial: each of n transfers leaves a share c to the next packet; for small n c once is enough."""
     from scipy.stats import binom
 
     star = torch.zeros(1, 1, 200, 1)

@@ -43,7 +43,7 @@ class LensFlare(Effect):
         trials=(0.02, 0.08),
         source="a dusty or scratched lens",
     )
-    ghost_scale = Parameter(1.2, low=0.3, high=5.0, trials=(0.8, 1.5), source="size of the first ghost")
+    ghost_scale = Parameter(1.23, low=0.3, high=5.0, trials=(0.83, 1.57), source="size of the first ghost")
     ghost_blur_px = Parameter(2.0, unit="px", low=0.0, high=50.0, source="ghosts are out of focus")
     halo_width_px = Parameter(8.0, unit="px", low=3.0, high=1e3, trials=(5.0, 15.0), source="decay length")
     threshold_photons = Parameter(0.0, unit="photons", high=1e9, source="light above it flares; 0: all light")
