@@ -30,10 +30,10 @@ def check(frames: FrameSet) -> list[str]:
         frame = frames.read(i)
         means[i], spreads[i] = frame.mean(dtype=np.float64), frame.std(dtype=np.float64)
         hashes.setdefault(hashlib.blake2b(frame.tobytes(), digest_size=16).digest(), []).append(i)
-        if spreads[i] == 0 and record.kind in _CONSTANT_KINDS:
-            constant.append(i)
-        elif record.kind == "flat" and (frame >= (top or frame.max())).mean() > _SATURATED_SHARE:
+        if record.kind == "flat" and (frame >= (top or np.inf)).mean() > _SATURATED_SHARE:
             saturated.append(i)
+        elif spreads[i] == 0 and record.kind in _CONSTANT_KINDS:
+            constant.append(i)
         elif record.kind in ("bias", "dark") and (frame <= 0).mean() > _CLIPPED_SHARE:
             clipped.append(i)
 
@@ -46,7 +46,7 @@ def check(frames: FrameSet) -> list[str]:
     found = [
         f"duplicate_frames: frames {name(same)} are identical to the last bit: copies, not exposures"
         for same in hashes.values()
-        if len(same) > 1 and not set(same) <= set(constant)
+        if len(same) > 1 and not set(same) <= {*constant, *saturated}
     ]
     if constant:
         found.append(f"constant_frame: frames {name(constant)} have one value in all pixels")

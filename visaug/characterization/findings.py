@@ -1,0 +1,51 @@
+"""What the steps of a characterization write into, one after the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from visaug.characterization.result import Estimate
+
+
+@dataclass
+class Gain:
+    """DN per electron at the base gain, its relative standard error, and whether it was measured."""
+
+    dn_per_e: float
+    relative_error: float
+    measured: bool
+
+
+@dataclass
+class Findings:
+    """Parameters found so far, what stays open, warnings, curves and maps."""
+
+    parameters: dict[str, Estimate] = field(default_factory=dict)
+    open: dict[str, str] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    curves: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    maps: dict[str, np.ndarray] = field(default_factory=dict)
+    gain: Gain | None = None
+
+    def add(
+        self, name: str, interval: Sequence[float], unit: str, source: str, most: float = math.inf
+    ) -> None:
+        """Keep an estimate; one that is not finite is kept as not determined."""
+        value, low, high = (float(v) for v in interval)
+        if not all(map(math.isfinite, (value, low, high))):
+            self.miss(name, "more frames: its spread cannot be told from these")
+            return
+        self.open.pop(name, None)
+        self.parameters[name] = Estimate(value, min(low, value), max(min(high, most), value), unit, source)
+
+    def miss(self, name: str, needs: str) -> None:
+        if name not in self.parameters:
+            self.open.setdefault(name, needs)
+
+    def warn(self, text: str) -> None:
+        if text not in self.warnings:
+            self.warnings.append(text)

@@ -1,0 +1,153 @@
+"""Means and variances of a group of frames, in one pass, holding one frame and two maps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from visaug.frames import FrameSet, Group
+
+
+@dataclass(frozen=True)
+class TemporalParts:
+    """Mean squares of the temporal noise about the mean map and their degrees of freedom.
+
+    Expectations: ``frame`` HW s_t^2 + W s_tv^2 + H s_th^2 + s_tvh^2; ``row`` W s_tv^2 + s_tvh^2; ``column``
+    H s_th^2 + s_tvh^2; ``pixel`` s_tvh^2 (t frame, v row, h column). The 3-D noise model: J. D'Agostino and
+    C. Webb, Proc. SPIE 1488 (1991) 110.
+    """
+
+    frame: float
+    row: float
+    column: float
+    pixel: float
+    frame_df: int
+    row_df: int
+    column_df: int
+    pixel_df: int
+
+
+@dataclass(frozen=True)
+class GroupMoments:
+    """First and second moments of one group.
+
+    Attributes:
+        n: number of frames.
+        shape: rows and columns.
+        frame_means: (n,) mean of each frame, DN.
+        row_means: (H,) mean over frames and columns, DN.
+        column_means: (W,) mean over frames and rows, DN.
+        row_variances: (H,) mean over columns of the pixels' variance over frames (n - 1 in it), DN^2; 0 for one frame.
+        spatial_variance: variance of the mean map (HW - 1 in it), DN^2.
+        temporal: mean squares of the temporal noise, None for one frame.
+        clipped_low, clipped_high: share of pixels at 0 and at the converter's top.
+    """
+
+    group: Group
+    n: int
+    shape: tuple[int, int]
+    frame_means: np.ndarray
+    row_means: np.ndarray
+    column_means: np.ndarray
+    row_variances: np.ndarray
+    spatial_variance: float
+    temporal: TemporalParts | None
+    clipped_low: float
+    clipped_high: float
+    columns_by_frame: np.ndarray = field(repr=False)
+    rows_by_frame: np.ndarray = field(repr=False)
+
+    @property
+    def mean(self) -> float:
+        return float(self.row_means.mean())
+
+    @property
+    def variance(self) -> float:
+        """Temporal variance as EMVA 1288 defines it: the change of the frame's mean taken out (DN^2)."""
+        return float(self.row_variances.mean()) - self.frame_variance
+
+    @property
+    def frame_variance(self) -> float:
+        return float(self.frame_means.var(ddof=1)) if self.n > 1 else 0.0
+
+
+def measure(frames: FrameSet, group: Group) -> GroupMoments:
+    """Moments of one group in one pass."""
+    return _finish(frames, group, *_accumulate(frames, group.indices))
+
+
+def mean_map(frames: FrameSet, indices: Iterable[int]) -> np.ndarray:
+    """Mean over frames, (H, W) float64 in DN."""
+    total, count = None, 0
+    for i in indices:
+        frame = frames.read(i)
+        total = frame.astype(np.float64) if total is None else np.add(total, frame, out=total)
+        count += 1
+    assert total is not None
+    return total / count
+
+
+def _accumulate(frames: FrameSet, indices: tuple[int, ...]):
+    first = frames.read(indices[0])
+    total, squares = np.zeros(first.shape), np.zeros(first.shape)
+    rows, columns = np.empty((len(indices), first.shape[0])), np.empty((len(indices), first.shape[1]))
+    low = high = 0
+    top = None if frames.bit_depth is None else (1 << frames.bit_depth) - 1
+    for n, i in enumerate(indices):
+        frame = first if n == 0 else frames.read(i)
+        low += np.count_nonzero(frame <= 0)
+        high += 0 if top is None else np.count_nonzero(frame >= top)
+        difference = frame.astype(np.float64)
+        rows[n], columns[n] = difference.mean(1), difference.mean(0)
+        difference -= first  # small numbers, so that the squares do not swallow the variance
+        total += difference
+        squares += np.square(difference, out=difference)
+    return first, total, squares, rows, columns, low, high
+
+
+def _finish(frames, group, first, total, squares, rows, columns, low, high) -> GroupMoments:
+    n = len(rows)
+    height, width = first.shape
+    total /= n
+    variance = np.zeros_like(total) if n == 1 else (squares - n * total**2) / (n - 1)
+    average = first + total
+    temporal = _temporal_parts(rows, columns, float(variance.mean())) if n > 1 else None
+    return GroupMoments(
+        group=group,
+        n=n,
+        shape=(height, width),
+        frame_means=rows.mean(1),
+        row_means=average.mean(1),
+        column_means=average.mean(0),
+        row_variances=variance.mean(1),
+        spatial_variance=float(average.var(ddof=1)),
+        temporal=temporal,
+        clipped_low=low / (n * height * width),
+        clipped_high=high / (n * height * width),
+        rows_by_frame=rows,
+        columns_by_frame=columns,
+    )
+
+
+def _temporal_parts(rows: np.ndarray, columns: np.ndarray, variance: float) -> TemporalParts:
+    """The sums of squares of a three-way layout, from row and column means of every frame."""
+    n, height = rows.shape
+    width = columns.shape[1]
+    levels = rows.mean(1)
+    t = levels - levels.mean()
+    tv = (rows - levels[:, None]) - (rows - levels[:, None]).mean(0)
+    th = (columns - levels[:, None]) - (columns - levels[:, None]).mean(0)
+    whole = variance * (n - 1) * height * width
+    frame = height * width * (t**2).sum()
+    row, column = width * (tv**2).sum(), height * (th**2).sum()
+    pixel = max(whole - frame - row - column, 0.0)
+    df = (n - 1, (n - 1) * (height - 1), (n - 1) * (width - 1), (n - 1) * (height - 1) * (width - 1))
+    return TemporalParts(
+        frame / df[0],
+        row / max(df[1], 1),
+        column / max(df[2], 1),
+        pixel / max(df[3], 1),
+        *(max(d, 1) for d in df),
+    )

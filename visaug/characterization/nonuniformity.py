@@ -1,0 +1,118 @@
+"""Fixed patterns split into row, column and pixel parts, with intervals for the camera's own parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from visaug.characterization.intervals import variance_combination
+from visaug.characterization.moments import GroupMoments
+
+_DEFECT = 8.0  # robust standard deviations: beyond are defects, no sample of a normal pattern
+Interval = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Variances of the parts of a fixed pattern, each with its interval, and pixels left out as defects."""
+
+    row: Interval
+    column: Interval
+    pixel: Interval
+    total: Interval
+    defects: int
+
+
+def parts(pattern: np.ndarray, noise: Sequence[tuple[float, GroupMoments]], detrend: bool = False) -> Parts:
+    """Row, column and pixel variance of a map, the temporal noise that is left in it taken off.
+
+    Two-way analysis of variance: with rows R, columns C and pixels P independent, the mean squares expect
+    W s_R^2 + s_P^2, H s_C^2 + s_P^2 and s_P^2, each plus its own share of the temporal noise.
+
+    Args:
+        pattern: (H, W) map.
+        noise: what is left of temporal noise: (factor, moments), the variance of a frame's noise times factor.
+        detrend: take out a surface of second order first (light falls off smoothly; a pattern is white).
+    """
+    height, width = pattern.shape
+    row_df, column_df, lost = height - 1, width - 1, 0
+    values = pattern.astype(np.float64)
+    if detrend and min(height, width) > 8:
+        values = values - surface(values)
+        row_df, column_df, lost = row_df - 2, column_df - 2, 1
+    rows, columns, residual, defects = two_way(values)
+    pixel_df = max((height - 1) * (width - 1) - lost - defects, 1)
+    ms_pixel = float((residual**2).sum()) / pixel_df
+    ms_row = width * float((rows**2).sum()) / max(row_df, 1)
+    ms_column = height * float((columns**2).sum()) / max(column_df, 1)
+    terms: dict[str, list[tuple[float, float, float]]] = {
+        "row": [(1.0, ms_row, max(row_df, 1))],
+        "column": [(1.0, ms_column, max(column_df, 1))],
+        "pixel": [(1.0, ms_pixel, pixel_df)],
+    }
+    for factor, m in noise:
+        if m.temporal is None:
+            continue
+        t = m.temporal
+        # The parts' mean squares hold more than the pixel noise only where rows or columns flicker.
+        terms["row"].append((-factor, max(t.row, t.pixel), t.row_df))
+        terms["column"].append((-factor, max(t.column, t.pixel), t.column_df))
+        terms["pixel"].append((-factor, t.pixel, t.pixel_df))
+
+    def scaled(which: str, factor: float) -> list[tuple[float, float, float]]:
+        return [(c * factor, ms, df) for c, ms, df in terms[which]]
+
+    pixel_again = scaled("pixel", 1.0 - 1.0 / width - 1.0 / height)
+    return Parts(
+        row=variance_combination(scaled("row", 1 / width) + scaled("pixel", -1 / width)),
+        column=variance_combination(scaled("column", 1 / height) + scaled("pixel", -1 / height)),
+        pixel=variance_combination(terms["pixel"]),
+        total=variance_combination(scaled("row", 1 / width) + scaled("column", 1 / height) + pixel_again),
+        defects=defects,
+    )
+
+
+def two_way(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Row effects (H,), column effects (W,), residual map with defects set to 0, and their number."""
+    filled = values
+    for _ in range(3):
+        mean = filled.mean()
+        rows, columns = filled.mean(1) - mean, filled.mean(0) - mean
+        fitted = mean + rows[:, None] + columns[None]
+        residual = values - fitted
+        spread = 1.4826 * np.median(np.abs(residual - np.median(residual)))
+        bad = np.abs(residual) > _DEFECT * max(spread, 1e-12)
+        if not bad.any() or bad.mean() > 0.05:
+            bad[:] = False
+            break
+        filled = np.where(bad, fitted, values)
+    return rows, columns, np.where(bad, 0.0, residual), int(bad.sum())
+
+
+def surface(values: np.ndarray) -> np.ndarray:
+    """Least-squares surface of second order without its mean, (H, W)."""
+    r = np.linspace(-1, 1, values.shape[0])[:, None] * np.ones((1, values.shape[1]))
+    c = np.linspace(-1, 1, values.shape[1])[None] * np.ones((values.shape[0], 1))
+    basis = np.stack([np.ones_like(r), r, c, r * r, c * c, r * c]).reshape(6, -1)
+    weights, *_ = np.linalg.lstsq(basis @ basis.T, basis @ values.reshape(-1), rcond=None)
+    weights[0] = 0
+    return (weights @ basis).reshape(values.shape)
+
+
+def release_4(measured: GroupMoments) -> dict[str, float]:
+    """Spatial variances of a stack by EMVA 1288 release 4: total, column, row and pixel, DN^2 (may be negative)."""
+    height, width = measured.shape
+    noise = float(measured.row_variances.mean()) / measured.n
+    total = measured.spatial_variance - noise
+    columns = float(measured.column_means.var(ddof=1)) - noise / height
+    rows = float(measured.row_means.var(ddof=1)) - noise / width
+    size = height * width
+    rest = size - height - width
+    return {
+        "total": total,
+        "column": (size - height) / rest * columns - width / rest * (total - rows),
+        "row": (size - width) / rest * rows - height / rest * (total - columns),
+        "pixel": size / rest * (total - columns - rows),
+    }

@@ -1,0 +1,158 @@
+"""Standard deviation and shape of read noise by maximum likelihood on residuals of the master bias."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize
+
+from visaug.characterization import tukey
+from visaug.characterization.intervals import t_quantile
+from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.frames import FrameSet
+
+_BLOCKS = 20
+_BINS_PER_SIGMA = 8
+_REACH_SIGMA = 40.0
+
+
+@dataclass(frozen=True)
+class ReadNoise:
+    """Read noise of single pixels: standard deviation in DN, shape, errors (one sigma), and the histogram fitted."""
+
+    sigma_dn: float
+    shape: float
+    sigma_error: float
+    shape_error: float
+    df: float
+    centres_dn: np.ndarray
+    counts: np.ndarray
+    model: np.ndarray
+
+    @property
+    def gaussian_likely(self) -> bool:
+        """Whether the interval of the shape holds the Gaussian's."""
+        return abs(self.shape - tukey.GAUSSIAN_SHAPE) <= t_quantile(self.df) * self.shape_error
+
+
+def fit(
+    frames: FrameSet, indices: Sequence[int], moments: GroupMoments, other_variance: float = 0.0
+) -> ReadNoise:
+    """Fit residuals of two or more frames about their own mean map; nothing may clip.
+
+    The residual of n frames is (1 - 1/n) times one draw less 1/n times the n - 1 others, so its law is known from
+    that of one draw through the characteristic function: no approximation for small n. Each draw is Tukey-lambda
+    noise, rounding (uniform over a DN) and a Gaussian of `other_variance` (dark current's shot noise, DN^2).
+    Offsets of whole frames, rows or columns that change from frame to frame are taken out where there are any.
+    The residuals of one pixel are dependent, so errors come from blocks of rows (sandwich estimator).
+    """
+    n = len(indices)
+    assert moments.temporal is not None
+    width, histogram = _histogram(frames, indices, moments)
+    counts = histogram.sum(0)
+    half = counts.size // 2
+    centres = (np.arange(counts.size) - half) * width
+
+    def log_probabilities(p: np.ndarray) -> np.ndarray:
+        return np.log(_bin_probabilities(math.exp(p[0]), p[1], n, width, half, other_variance))
+
+    def loss(p: np.ndarray) -> float:
+        if not tukey.SHAPE_BOUNDS[0] <= p[1] <= tukey.SHAPE_BOUNDS[1]:
+            return math.inf
+        return -float(counts @ log_probabilities(p)) / counts.sum()
+
+    spread = math.sqrt(max(moments.temporal.pixel - 1 / 12 - other_variance, 0.02))
+    best = optimize.minimize(
+        loss,
+        x0=[math.log(spread), 0.05],
+        method="Nelder-Mead",
+        options={"initial_simplex": [[math.log(spread), 0.05], [math.log(spread) + 0.05, 0.05],
+                                     [math.log(spread), -0.15]], "xatol": 2e-5, "fatol": 1e-10},
+    )  # fmt: skip
+    p = best.x
+    errors = _sandwich(p, histogram, log_probabilities)
+    model = np.exp(log_probabilities(p)) * counts.sum()
+    sigma = math.exp(p[0])
+    return ReadNoise(
+        sigma, float(p[1]), sigma * errors[0], errors[1], len(histogram) - 1, centres, counts, model
+    )
+
+
+def _histogram(frames: FrameSet, indices: Sequence[int], moments: GroupMoments) -> tuple[float, np.ndarray]:
+    """Bin width in DN and counts by block of rows and bin; the outermost bins take what lies beyond."""
+    n, t = len(indices), moments.temporal
+    assert t is not None
+    centre = mean_map(frames, indices)
+    sigma = math.sqrt(max(t.pixel, 0.05))
+    points = round(n * sigma / _BINS_PER_SIGMA) // 2 * 2 + 1  # odd, so that none lies on the edge of a bin
+    width = points / n  # residuals of whole DN lie on multiples of 1/n
+    half = math.ceil(_REACH_SIGMA * sigma / width)
+    rows_flicker, columns_flicker = (
+        unsteady(t.row, t.pixel, t.row_df),
+        unsteady(t.column, t.pixel, t.column_df),
+    )
+    frame_flickers = unsteady(t.frame, max(t.row, t.column, t.pixel), t.frame_df)
+    blocks = np.array_split(np.arange(centre.shape[0]), min(_BLOCKS, centre.shape[0]))
+    counts = np.zeros((len(blocks), 2 * half + 1))
+    for i in indices:
+        residual = frames.read(i) - centre
+        if rows_flicker:
+            residual -= residual.mean(1, keepdims=True)
+        if columns_flicker:
+            residual -= residual.mean(0, keepdims=True)
+        if frame_flickers and not (rows_flicker or columns_flicker):
+            residual -= residual.mean()
+        bins = np.clip(np.rint(residual / width).astype(np.int64) + half, 0, 2 * half)
+        for b, rows in enumerate(blocks):
+            counts[b] += np.bincount(bins[rows[0] : rows[-1] + 1].ravel(), minlength=2 * half + 1)
+    return width, counts
+
+
+def unsteady(mean_square: float, noise: float, df: int) -> bool:
+    """Whether a mean square stands four standard deviations above the noise's."""
+    return mean_square > noise * (1 + 4 * math.sqrt(2 / df))
+
+
+def _bin_probabilities(
+    sigma: float, shape: float, n: int, width: float, half: int, other: float
+) -> np.ndarray:
+    """Probability of each bin of the residual of n draws, by Fourier transform of the characteristic function."""
+    size = 1 << (2 * (2 * half + 1) - 1).bit_length()
+    t = 2 * np.pi * np.fft.rfftfreq(size, d=width)
+    law = tukey.standard(round(shape, 5))
+
+    def one(s: np.ndarray) -> np.ndarray:
+        return law.phi(sigma * s) * np.sinc(s / (2 * np.pi)) * np.exp(-0.5 * other * s**2)
+
+    # A bin sums the density at its lattice points; rounding as a uniform part makes that exact.
+    lattice = t / n / 2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        points = np.sin(lattice * n * width) / (n * width * np.sin(lattice))
+    points[np.abs(np.sin(lattice)) < 1e-9] = 1.0
+    spectrum = one((1 - 1 / n) * t) * one(t / n) ** (n - 1) * points
+    density = np.fft.irfft(spectrum, size)
+    inner = np.concatenate([density[-half:], density[: half + 1]])
+    inner = np.maximum(inner, 1e-15)
+    rest = max(1 - inner.sum(), 0.0) / 2
+    inner[0] += rest
+    inner[-1] += rest
+    return inner / inner.sum()
+
+
+def _sandwich(p: np.ndarray, histogram: np.ndarray, log_probabilities) -> tuple[float, float]:
+    steps = np.array([1e-3, 2e-3])
+    counts = histogram.sum(0)
+    up = [log_probabilities(p + s) for s in np.diag(steps)]
+    down = [log_probabilities(p - s) for s in np.diag(steps)]
+    gradient = np.stack([(a - b) / (2 * h) for a, b, h in zip(up, down, steps)])
+    # Fisher's information of one observation, from the model's own probabilities.
+    information = (np.exp(log_probabilities(p)) * gradient) @ gradient.T * counts.sum()
+    scores = histogram @ gradient.T
+    scores -= scores.mean(0)
+    spread = scores.T @ scores * len(scores) / (len(scores) - 1)
+    inverse = np.linalg.inv(information)
+    covariance = inverse @ spread @ inverse
+    return math.sqrt(covariance[0, 0]), math.sqrt(covariance[1, 1])

@@ -1,0 +1,205 @@
+"""What a characterization found: parameters with intervals, what stays open, curves and maps."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from visaug.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from visaug.camera import Camera
+
+CAMERA_KEYS = (
+    "bit_depth",
+    "quantum_efficiency",
+    "gain_e_per_dn",
+    "gain_db",
+    "black_level_dn",
+    "full_well_e",
+    "exposure_s",
+    "temperature_c",
+    "read_noise.sigma_e",
+    "read_noise.shape",
+    "dark_current.a_e_per_s",
+    "dark_current.b_per_c",
+    "prnu.column",
+    "prnu.row",
+    "prnu.pixel",
+    "dsnu.column_e",
+    "dsnu.row_e",
+    "dsnu.pixel_e",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A figure with its 95 % interval for the camera's own parameter, its unit and how it was found."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    source: str
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "value": float(self.value),
+            "low": float(self.low),
+            "high": float(self.high),
+            "unit": self.unit,
+            "from": self.source,
+        }
+
+
+@dataclass(frozen=True)
+class Characterization:
+    """Camera parameters measured from frames.
+
+    Attributes:
+        parameters: by the keys of camera.yaml with dots, and `emva.*`, `temporal.*`, `image.*` beside them.
+        not_determined: parameters that the frames cannot tell, and what it would need.
+        warnings: named sentences about the frames and the fits.
+        curves: arrays for plots, by name (see the `plot_*` methods).
+        maps: (H, W) float32 arrays by name: `master_bias` (DN), `dark_current` (e-/s), `defects` (bits: 1 hot,
+            2 dead, 4 unsteady).
+        assumed: settings of the frames, and what was taken from the camera given.
+        base: content of the camera given, whose further effects stay.
+    """
+
+    parameters: Mapping[str, Estimate]
+    not_determined: Mapping[str, str]
+    warnings: tuple[str, ...] = ()
+    curves: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict, repr=False)
+    maps: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
+    assumed: Mapping[str, float] = field(default_factory=dict, repr=False)
+    base: Mapping[str, Any] | None = field(default=None, repr=False)
+    resolution: tuple[int, int] | None = None
+    method: str = "emva"
+
+    def __repr__(self) -> str:
+        return (
+            f"Characterization({len(self.parameters)} parameters, {len(self.not_determined)} not determined, "
+            f"{len(self.warnings)} warnings)"
+        )
+
+    def __getitem__(self, name: str) -> Estimate:
+        return self.parameters[name]
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of `characterize --json`; every interval is 95 %."""
+        return {
+            "schema": 1,
+            "parameters": {name: e.to_json() for name, e in self.parameters.items()},
+            "not_determined": [{"parameter": p, "needs": n} for p, n in self.not_determined.items()],
+            "warnings": list(self.warnings),
+        }
+
+    def to_camera_dict(self) -> dict[str, Any]:
+        """The content of a camera.yaml with what was measured, and what was assumed where nothing was.
+
+        Raises:
+            InputError: the gain is neither measured nor given, so nothing can be said in electrons.
+        """
+        found = {**self.assumed, **{k: e.value for k, e in self.parameters.items() if k in CAMERA_KEYS}}
+        if "gain_e_per_dn" not in found:
+            raise InputError(
+                "the frames do not tell the gain, so there is no camera in electrons",
+                field="gain_e_per_dn",
+                expected="flats at several levels, or a camera that gives the gain",
+            )
+        fresh = {"name": "characterized camera", "resolution": list(self.resolution or (1, 1))}
+        content: dict[str, Any] = copy.deepcopy(dict(self.base or fresh))
+        for key in CAMERA_KEYS:
+            if key not in found:
+                continue
+            part, _, name = key.partition(".")
+            value = int(found[key]) if key == "bit_depth" else float(f"{found[key]:.6g}")
+            if name:
+                content.setdefault(part, {})[name] = value
+            else:
+                content[key] = value
+        assumed = [k for k in self.assumed if k not in self.parameters and k not in _SETTINGS]
+        if assumed:
+            content["assumed"] = assumed
+        return content
+
+    @cached_property
+    def camera(self) -> Camera:
+        """The camera that was found.
+
+        Raises:
+            InputError: the gain is neither measured nor given.
+        """
+        from visaug.camera import Camera
+
+        return Camera.load(self.to_camera_dict())
+
+    def to_camera_yaml(self) -> str:
+        """The text of a camera.yaml."""
+        import yaml
+
+        return yaml.safe_dump(self.to_camera_dict(), sort_keys=False, default_flow_style=None)
+
+    def save_maps(self, folder: str | Path, suffix: str = ".fits") -> list[Path]:
+        """Write every map as FITS or TIFF; returns the files."""
+        from visaug.files import whole_file
+        from visaug.frames.writers import write_frame
+
+        if suffix not in (".fits", ".tif", ".tiff", ".npy"):
+            raise InputError(
+                f"{suffix!r} is no format of maps", field="suffix", expected=".fits, .tif or .npy"
+            )
+        written = []
+        for name, values in self.maps.items():
+            path = Path(folder) / f"{name}{suffix}"
+            with whole_file(path) as temporary:
+                write_frame(temporary, values)
+            written.append(path)
+        return written
+
+    def plots(self) -> dict[str, Figure]:
+        """Every figure for which there are curves, by name."""
+        from visaug.characterization import plots
+
+        return {name: draw(self) for name, (needs, draw) in plots.FIGURES.items() if needs in self.curves}
+
+    def plot_photon_transfer(self) -> Figure:
+        return self._plot("photon_transfer")
+
+    def plot_linearity(self) -> Figure:
+        return self._plot("linearity")
+
+    def plot_read_noise(self) -> Figure:
+        return self._plot("read_noise")
+
+    def plot_dark_current(self) -> Figure:
+        return self._plot("dark_current")
+
+    def plot_nonuniformity(self) -> Figure:
+        return self._plot("nonuniformity")
+
+    def plot_gain_law(self) -> Figure:
+        return self._plot("gain_law")
+
+    def plot_noise_level(self) -> Figure:
+        return self._plot("noise_level")
+
+    def _plot(self, name: str) -> Figure:
+        from visaug.characterization import plots
+
+        needs, draw = plots.FIGURES[name]
+        if needs not in self.curves:
+            raise InputError("the frames give no such curve", field=name, expected=plots.NEEDS[name])
+        return draw(self)
+
+
+_SETTINGS = ("bit_depth", "gain_db", "exposure_s", "temperature_c")

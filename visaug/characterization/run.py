@@ -1,0 +1,208 @@
+"""The steps of a characterization, in the order in which each needs the ones before."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from visaug.characterization import dark_current, light, still
+from visaug.characterization.emva import emva
+from visaug.characterization.findings import Findings, Gain
+from visaug.characterization.groups import Measured, measure_groups
+from visaug.characterization.intervals import t_quantile
+from visaug.characterization.result import CAMERA_KEYS, Characterization
+from visaug.errors import InputError
+from visaug.frames import FrameSet
+
+if TYPE_CHECKING:
+    from visaug.camera import Camera
+
+_NEEDS_LADDER = "dark frames at two or more exposures and two or more temperatures"
+
+
+def characterize(
+    frames: FrameSet, camera: Camera | None = None, seed: int = 0, method: Literal["emva", "paper"] = "emva"
+) -> Characterization:
+    """Camera parameters with 95 % intervals from measured frames.
+
+    Args:
+        frames: bias, dark and flat frames in any combination, or plain pictures.
+        camera: gives what the frames cannot tell (quantum efficiency of uncalibrated flats, the gain without flats).
+        seed: for what is drawn by chance (bootstrap of plain pictures, subsamples).
+        method: ``emva``, or ``paper`` for the simpler procedure of bias and dark frames alone (regression on means,
+            standard deviation of residuals, histogram match of the shape).
+
+    Returns:
+        What the frames tell; what they do not is listed, not guessed.
+
+    Raises:
+        InputError: frames that cannot be read, or of which nothing can be measured.
+    """
+    if method not in ("emva", "paper"):
+        raise InputError(f"{method!r} is unknown", field="method", expected="emva or paper")
+    found = Findings()
+    found.warnings += frames.warnings
+    kinds = {r.kind for r in frames.records}
+    if not kinds & {"bias", "dark", "flat"}:
+        if "image" not in kinds:
+            raise InputError(
+                "nothing can be measured", field="kind", expected="bias, dark, flat or image frames"
+            )
+        from visaug.characterization.pictures import noise_of_pictures
+
+        noise_of_pictures(found, frames, seed)
+        return _result(found, frames, camera, None, method)
+    for warning in frames.check():
+        found.warn(warning)
+    measured = measure_groups(frames)
+    if method == "paper":
+        from visaug.characterization.paper import procedure
+
+        procedure(found, measured, camera)
+    else:
+        _measure(found, measured, camera, seed)
+    return _result(found, frames, camera, measured, method)
+
+
+def _measure(found: Findings, measured: Measured, camera: Camera | None, seed: int) -> None:
+    transfer = light.gain_and_efficiency(found, measured)
+    if transfer is None and camera is not None:
+        given = camera.gain_at(measured.gain_db)
+        found.gain = Gain(1 / given, 0.0, measured=False)
+        found.warn(f"gain_as_given: no flats tell the gain; {given:.4g} e-/DN of the camera is taken as true")
+    _without_light(found, measured, seed)
+    if transfer is None:
+        for name in ("row", "column", "pixel"):
+            found.miss(f"prnu.{name}", light.NEEDS_FLATS)
+        found.miss("full_well_e", "calibrated flats beyond saturation")
+    else:
+        pattern = light.response_pattern(found, measured, transfer)
+        light.capacity(found, transfer, pattern)
+        light.gain_law(found, measured, transfer)
+    emva(found, measured)
+
+
+def _without_light(found: Findings, measured: Measured, seed: int) -> None:
+    frames = measured.still
+    if frames is None:
+        for name in ("black_level_dn", "read_noise.sigma_e", "read_noise.shape", "dsnu.row_e", "dsnu.column_e",
+                     "dsnu.pixel_e"):  # fmt: skip
+            found.miss(name, still.NEEDS_STILL)
+        dark_law(found, measured)
+        return
+    if frames.clipped_low > still.CLIPPED:
+        from visaug.characterization.clipped import clipped_frames
+
+        clipped_frames(found, measured, frames, seed)
+        return
+    signal = dark_law(found, measured, frames)
+    pattern = still.dark_pattern(found, measured, frames)
+    still.black_level(found, frames, pattern, signal)
+    shot = 0.0 if found.gain is None else max(signal, 0.0) * found.gain.dn_per_e
+    still.noise_of_reading(found, measured, frames, shot)
+    still.temporal_parts(found, frames)
+
+
+def dark_law(found: Findings, measured: Measured, frames=None) -> float:
+    """Dark current and its law; returns the dark signal of `frames` in DN (0 where it is not known)."""
+    lines = dark_current.slopes((*measured.darks, *measured.biases))
+    if not lines:
+        for name in ("dark_current.a_e_per_s", "dark_current.b_per_c"):
+            found.miss(name, _NEEDS_LADDER)
+        return 0.0
+    scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
+    relative = 0.0 if found.gain is None else found.gain.relative_error
+    unit = "DN/s" if found.gain is None else "e-/s"
+    law = dark_current.law(lines)
+    found.curves["dark_current"] = {
+        "temperature_c": np.array([math.nan if s.temperature_c is None else s.temperature_c for s in lines]),
+        "slope": np.array([s.value * scale for s in lines]),
+        "error": np.array([s.error * scale for s in lines]),
+        "law": np.array([] if law is None else [math.exp(law.log_a) * scale, law.b_per_c]),
+        "in_electrons": np.array(found.gain is not None),
+    }
+    if law is not None:
+        t = t_quantile(law.df)
+        error = math.hypot(math.sqrt(law.covariance[0, 0]), relative)
+        a = math.exp(law.log_a) * scale
+        source = f"mean dark signal against exposure at {len(lines)} temperatures"
+        name = "dark_current.a_e_per_s" if found.gain is not None else "dark_current.a_dn_per_s"
+        found.add(name, (a, a * math.exp(-t * error), a * math.exp(t * error)), unit, source)
+        if found.gain is None:
+            found.miss("dark_current.a_e_per_s", light.NEEDS_FLATS)
+        half = t * math.sqrt(law.covariance[1, 1])
+        found.add(
+            "dark_current.b_per_c", (law.b_per_c, law.b_per_c - half, law.b_per_c + half), "1/degC", source
+        )
+        if law.misfit > 4:
+            found.warn("dark_current_law: the dark current does not follow a exp(b T) within its errors")
+    else:
+        needs = "dark frames at two or more known temperatures, warm or long enough for a dark signal"
+        found.miss("dark_current.a_e_per_s", needs)
+        found.miss("dark_current.b_per_c", needs)
+    return _signal_of(frames, lines) if frames is not None else 0.0
+
+
+def _signal_of(frames, lines: list[dark_current.Slope]) -> float:
+    same = [s for s in lines if s.temperature_c == frames.group.temperature_c] or lines
+    line = min(same, key=lambda s: abs((s.temperature_c or 0) - (frames.group.temperature_c or 0)))
+    return line.value * frames.group.exposure_s
+
+
+def _result(
+    found: Findings, frames: FrameSet, camera: Camera | None, measured: Measured | None, method: str
+) -> Characterization:
+    settings: dict[str, float] = {}
+    resolution = None
+    if measured is not None:
+        resolution = _resolution(measured, camera)
+        settings["gain_db"] = measured.gain_db
+        if frames.bit_depth is not None:
+            settings["bit_depth"] = min(frames.bit_depth, 16)
+        flats = [v.flat.group.exposure_s for v in measured.levels]
+        if flats:
+            settings["exposure_s"] = float(np.median(flats))
+        if measured.temperature_c is not None:
+            settings["temperature_c"] = measured.temperature_c
+    base = None
+    if camera is not None:
+        base = camera.to_dict()
+        values = camera.values()
+        for key in CAMERA_KEYS:
+            if (
+                key not in found.parameters
+                and key not in settings
+                and math.isfinite(values.get(key, math.inf))
+            ):
+                settings[key] = values[key]
+        if measured is not None and not measured.levels:
+            settings["gain_e_per_dn"] = camera.gain_at(measured.gain_db)
+        settings["bit_depth"] = camera.bit_depth
+        for key in [k for k in found.open if k in settings]:
+            found.open[key] += "; taken from the camera given"
+    return Characterization(
+        parameters=dict(sorted(found.parameters.items(), key=_order)),
+        not_determined=found.open,
+        warnings=tuple(found.warnings),
+        curves=found.curves,
+        maps=found.maps,
+        assumed=settings,
+        base=base,
+        resolution=resolution,
+        method=method,
+    )
+
+
+def _order(item) -> tuple[bool, int, str]:
+    name = item[0]
+    return name.startswith("emva"), CAMERA_KEYS.index(name) if name in CAMERA_KEYS else len(CAMERA_KEYS), name
+
+
+def _resolution(measured: Measured, camera: Camera | None) -> tuple[int, int]:
+    if camera is not None:
+        return camera.resolution
+    rows = [m.group.window[1] if m.group.window else m.shape[0] for m in measured.moments]
+    columns = [m.group.window[3] if m.group.window else m.shape[1] for m in measured.moments]
+    return max(rows), max(columns)

@@ -1,0 +1,109 @@
+"""From frames without light: black level, read noise, temporal noise of frames, rows and columns, DSNU."""
+
+from __future__ import annotations
+
+import math
+
+from visaug.characterization import read_noise
+from visaug.characterization.findings import Findings
+from visaug.characterization.groups import Measured
+from visaug.characterization.intervals import (
+    mean_error,
+    root,
+    symmetric,
+    t_quantile,
+    variance_combination,
+    widen,
+)
+from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.characterization.nonuniformity import Parts, parts
+
+CLIPPED = 0.002  # share of pixels at 0 above which moments of bias frames are cut
+NEEDS_STILL = "two or more bias frames (lens capped, shortest exposure)"
+
+
+def black_level(found: Findings, still: GroupMoments, pattern: Parts, dark_signal_dn: float) -> None:
+    """Mean of the bias frames less their dark signal; the camera's own offset lies within the pattern's spread."""
+    height, width = still.shape
+    frame_noise = max(still.frame_variance, still.variance / (height * width)) / still.n
+    error, df = mean_error(
+        [
+            (max(pattern.row[0], 0) / height, height - 1),
+            (max(pattern.column[0], 0) / width, width - 1),
+            (max(pattern.pixel[0], 0) / (height * width), height * width),
+            (frame_noise, max(still.n - 1, 1)),
+        ]
+    )
+    source = f"mean of {still.n} {still.group.kind} frames"
+    found.add("black_level_dn", symmetric(still.mean - dark_signal_dn, error, df), "DN", source)
+
+
+def noise_of_reading(
+    found: Findings, measured: Measured, still: GroupMoments, dark_variance_dn2: float
+) -> None:
+    """Read noise by maximum likelihood; in DN where the gain is unknown."""
+    fitted = read_noise.fit(measured.frames, still.group.indices, still, dark_variance_dn2)
+    source = f"maximum likelihood on residuals of {still.n} {still.group.kind} frames"
+    half = t_quantile(fitted.df) * fitted.sigma_error
+    interval = (fitted.sigma_dn, max(fitted.sigma_dn - half, 0.0), fitted.sigma_dn + half)
+    add_in_electrons(found, "read_noise.sigma", interval, source)
+    found.add("read_noise.shape", symmetric(fitted.shape, fitted.shape_error, fitted.df), "1", source)
+    found.curves["read_noise"] = {
+        "residual_dn": fitted.centres_dn,
+        "counts": fitted.counts,
+        "model": fitted.model,
+    }
+
+
+def temporal_parts(found: Findings, still: GroupMoments) -> None:
+    """Noise that whole frames, rows or columns share, from frame to frame."""
+    t = still.temporal
+    if t is None:
+        return
+    height, width = still.shape
+    source = f"three-way analysis of variance of {still.n} {still.group.kind} frames"
+    pixel = (-1.0, t.pixel, t.pixel_df)
+    for name, ms, df, size in (("row", t.row, t.row_df, width), ("column", t.column, t.column_df, height)):
+        terms = [(c / size, m, d) for c, m, d in ((1.0, ms, df), pixel)]
+        add_in_electrons(found, f"temporal.{name}", root(variance_combination(terms)), source)
+        if read_noise.unsteady(ms, t.pixel, df):
+            found.warn(
+                f"{name}_noise: {name}s shift alike from frame to frame; read noise is given without that part"
+            )
+    frame = [
+        (1 / (height * width), t.frame, t.frame_df),
+        (-1 / (height * width), t.row, t.row_df),
+        (-1 / (height * width), t.column, t.column_df),
+        (1 / (height * width), t.pixel, t.pixel_df),
+    ]
+    interval = root(variance_combination(frame))
+    found.add("temporal.frame_dn", interval, "DN", source)
+    if interval[1] > 0.02 * math.sqrt(t.pixel) and read_noise.unsteady(
+        t.frame, max(t.row, t.column), t.frame_df
+    ):
+        found.warn("black_level_drift: the offset of whole frames changes by more than noise explains")
+
+
+def dark_pattern(found: Findings, measured: Measured, still: GroupMoments) -> Parts:
+    """DSNU by row, column and pixel, and the master bias."""
+    master = mean_map(measured.frames, still.group.indices)
+    found.maps["master_bias"] = master.astype("float32")
+    split = parts(master, [(1 / still.n, still)])
+    source = f"analysis of variance of the mean of {still.n} {still.group.kind} frames"
+    for name in ("row", "column", "pixel"):
+        add_in_electrons(found, f"dsnu.{name}", root(getattr(split, name)), source)
+    if split.defects:
+        found.warn(f"defects: {split.defects} pixels of the master bias stand out and are left out of DSNU")
+    return split
+
+
+def add_in_electrons(found: Findings, name: str, interval_dn: tuple[float, ...], source: str) -> None:
+    """`name`_e where the gain is known, else `name`_dn and a word on what it needs."""
+    if found.gain is None:
+        found.add(f"{name}_dn", interval_dn, "DN", source)
+        found.miss(f"{name}_e", "the gain: flats at several levels, or a camera that gives it")
+        return
+    scaled = tuple(v / found.gain.dn_per_e for v in interval_dn)
+    if not found.gain.measured:
+        source += ", gain as given"
+    found.add(f"{name}_e", widen(scaled, found.gain.relative_error), "e-", source)
