@@ -81,7 +81,7 @@ def compare(
     if report_path:
         from visaug.report import write_comparison
 
-        write_comparison(report_path, result)
+        write_comparison(report_path, result, camera, frames, seed)
     for path in (json_path, report_path):
         written(path)
 
@@ -136,7 +136,7 @@ def diagnose(
     if report_path:
         from visaug.report import write_diagnosis
 
-        write_diagnosis(report_path, result)
+        write_diagnosis(report_path, result, camera, frames, seed)
     for path in (output, json_path, report_path):
         written(path)
 

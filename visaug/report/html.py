@@ -86,14 +86,20 @@ def figure(
     """A drawn figure for a page: SVG for curves, PNG (`raster`) where it holds images or many points."""
     buffer = io.BytesIO()
     if raster:
-        drawn.savefig(buffer, format="png", dpi=140)
+        drawn.savefig(buffer, format="png", dpi=140, bbox_inches="tight", pad_inches=0.06)
         mime = "image/png"
     else:
         # No date and fixed ids, so that the same data give the same bytes.
         import matplotlib as mpl
 
         with mpl.rc_context({"svg.hashsalt": "visaug", "svg.fonttype": "path"}):
-            drawn.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+            drawn.savefig(
+                buffer,
+                format="svg",
+                metadata={"Date": None, "Creator": None},
+                bbox_inches="tight",
+                pad_inches=0.06,
+            )
         mime = "image/svg+xml"
     content = base64.b64encode(buffer.getvalue()).decode("ascii")
     return Figure(f"data:{mime};base64,{content}", caption, alt or caption, wide)

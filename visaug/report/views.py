@@ -1,0 +1,61 @@
+"""Every view of measured frames beside the same view of modelled ones."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from visaug.report.html import Figure, figure
+from visaug.report.plots.view import plot_view
+
+if TYPE_CHECKING:
+    from visaug.camera import Camera
+    from visaug.frames import FrameSet
+
+
+class ViewGallery:
+    """Pictures of measured frames beside those that a camera model makes of the same plan.
+
+    Args:
+        frames: the measured set.
+        camera: the model; one set is simulated with it.
+        seed: of that simulation.
+    """
+
+    def __init__(self, frames: "FrameSet", camera: "Camera", seed: int = 0) -> None:
+        from visaug.comparison.laboratory import Laboratory
+        from visaug.fingerprint import FrameData
+        from visaug.simulation import simulate
+
+        plan = Laboratory(frames, camera, seed).frames  # with the photons of uncalibrated flats filled in
+        self.measured: FrameData = FrameData(plan)
+        self.modelled: FrameData = FrameData(simulate(camera, plan, seed=seed))
+
+    def figure(self, name: str, caption: str = "") -> Figure | None:
+        """The picture of a view by its name; None where these frames do not show it."""
+        from visaug.fingerprint import VIEWS
+
+        view = next((view for view in VIEWS if view.name == name), None)
+        if view is None:
+            return None
+        measured, modelled = view.picture(self.measured), view.picture(self.modelled)
+        if measured is None:
+            return None
+        text = f"{view.title}. {caption}".strip()
+        drawn = plot_view(measured, modelled, width=8.0 if measured.maps else 4.7)
+        return figure(
+            drawn, text, wide=bool(measured.maps), raster=bool(measured.maps) or _many_points(measured)
+        )
+
+    def figures(self, names: Sequence[str], captions: dict[str, str] | None = None) -> list[Figure]:
+        """Pictures of several views, those that these frames show."""
+        found = (self.figure(name, (captions or {}).get(name, "")) for name in names)
+        return [picture for picture in found if picture is not None]
+
+
+def all_views() -> list[str]:
+    from visaug.fingerprint import VIEWS
+
+    return [view.name for view in VIEWS]
+
+
+def _many_points(picture) -> bool:
+    return sum(len(curve.x) for curve in picture.curves) > 4000
