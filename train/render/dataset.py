@@ -4,12 +4,18 @@ Every image has its own stream of random numbers, so an interrupted rendering go
 same bytes. A split's json is written last: where it stands, its images do.
 """
 
-from collections.abc import Callable
+import json
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
+import torch
 
 from visaug.errors import InputError
 from visaug.files import write_bytes, write_json
@@ -106,11 +112,13 @@ def render_dataset(root: str | Path, settings: RenderSettings, progress: Progres
             listing = root / domain / f"{split}.json"
             views = [_draw(camera, settings, domain, number) for number in numbers]
             if not listing.is_file():
-                for start in range(0, count, BATCH):
-                    part = slice(start, min(start + BATCH, count))
-                    _render_part(root, settings, domain, caster, views[part], numbers[part])
-                    if progress:
-                        progress("rendering", done + part.stop, total)
+                cuts = [slice(start, min(start + BATCH, count)) for start in range(0, count, BATCH)]
+                render = partial(_render_part, root, settings, domain, caster)
+                with one_torch_thread(), ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+                    jobs = pool.map(render, [views[cut] for cut in cuts], [numbers[cut] for cut in cuts])
+                    for cut, _ in zip(cuts, jobs):
+                        if progress:
+                            progress("rendering", done + cut.stop, total)
                 write_json(listing, [_record(number, view) for number, view in zip(numbers, views)])
             done += count
             first += count
@@ -119,10 +127,19 @@ def render_dataset(root: str | Path, settings: RenderSettings, progress: Progres
     return root
 
 
+@contextmanager
+def one_torch_thread() -> Iterator[None]:
+    """Parts are rendered beside each other; threads inside their many small steps would only wait for each other."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+
+
 def read_back(settings: RenderSettings) -> dict:
     """The settings with the domains as JSON has them."""
-    import json
-
     return json.loads(json.dumps({"settings": asdict(settings), "domains": {k: asdict(v) for k, v in DOMAINS.items()}}))
 
 

@@ -1,0 +1,213 @@
+"""Train the arms of a config with all else equal, score them on all test sets, and say what differs and how surely.
+
+Everything that is finished is kept: runs by their folders, predictions beside them. A run that fails is noted and the
+others go on; the same command tries it again.
+"""
+
+import hashlib
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from visaug.errors import InputError
+from visaug.files import write_json, write_text
+from visaug_train import tables
+from visaug_train.config import Config
+from visaug_train.evaluate import Evaluation, evaluate
+from visaug_train.predictions import load_predictions, predict, save_predictions
+from visaug_train.training import Run, Study, prepare, train_run
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """An arm's mean over seeds less the baseline's, on one domain, with its 95 % bootstrap interval."""
+
+    arm: str
+    domain: str
+    measure: str
+    reference: float
+    difference: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A run that did not end well."""
+
+    arm: str
+    seed: int
+    error: str
+
+
+@dataclass(frozen=True, eq=False)
+class Ablation:
+    """Finished runs and their scores: `scored` is (arm, seed) -> (run, domain -> evaluation)."""
+
+    study: Study
+    scored: Mapping[tuple[str, int], tuple[Run, Mapping[str, Evaluation]]]
+    failures: tuple[Failure, ...]
+
+    @property
+    def config(self) -> Config:
+        """The config it was made by."""
+        return self.study.config
+
+    def seeds(self, arm: str) -> list[int]:
+        """The seeds of an arm that were finished."""
+        return [seed for name, seed in self.scored if name == arm]
+
+    @cached_property
+    def summaries(self) -> dict[tuple[str, int], dict[str, dict[str, Any]]]:
+        """(arm, seed) -> domain -> scores, as `visaug evaluate` gives them."""
+        return {key: {d: e.summary() for d, e in each.items()} for key, (_, each) in self.scored.items()}
+
+    @cached_property
+    def means(self) -> dict[str, dict[str, dict[str, float]]]:
+        """arm -> domain -> measure -> mean over seeds."""
+        return {
+            arm: {
+                domain: {
+                    measure: float(
+                        np.mean([tables.value(self.summaries[arm, s][domain], measure) for s in self.seeds(arm)])
+                    )
+                    for measure in tables.MEASURES
+                }
+                for domain in self.study.tests
+            }
+            for arm in self.config.arms
+            if self.seeds(arm)
+        }
+
+    @cached_property
+    def differences(self) -> list[Difference]:
+        """Every arm against the baseline, paired by seed and image."""
+        if not self.seeds(self.config.baseline):
+            return []
+        others = [arm for arm in self.means if arm != self.config.baseline]
+        return [d for arm in others for domain in self.study.tests for d in self._compared(arm, domain)]
+
+    @property
+    def interval_covers(self) -> str:
+        """What the intervals speak of."""
+        seeds = min((len(self.seeds(arm)) for arm in self.means), default=0)
+        if seeds > 1:
+            return f"the intervals cover test images and {seeds} training seeds"
+        return "the intervals cover the choice of test images only: with one seed, how training varies is not in them"
+
+    def _compared(self, arm: str, domain: str) -> Iterator[Difference]:
+        baseline = self.config.baseline
+        seeds = [s for s in self.seeds(arm) if s in self.seeds(baseline)]
+        if not seeds:
+            return
+        rng = np.random.default_rng([7, list(self.study.tests).index(domain)])
+        count = len(self.study.tests[domain])
+
+        def scores(name: str, weights: np.ndarray | None) -> np.ndarray:
+            found = [self.scored[name, seed][1][domain].summary(weights) for seed in seeds]
+            return np.array([[tables.value(each, m) for m in tables.MEASURES] for each in found])
+
+        reference, own = scores(baseline, None).mean(axis=0), scores(arm, None).mean(axis=0)
+        resampled = []
+        for _ in range(self.config.bootstrap):
+            weights = rng.multinomial(count, np.full(count, 1 / count)).astype(float)
+            pairs = scores(arm, weights) - scores(baseline, weights)
+            resampled.append(pairs[rng.integers(0, len(seeds), len(seeds))].mean(axis=0))
+        low, high = np.quantile(resampled, [0.025, 0.975], axis=0) if resampled else (own * np.nan, own * np.nan)
+        for i, measure in enumerate(tables.MEASURES):
+            yield Difference(
+                arm, domain, measure, float(reference[i]), float(own[i] - reference[i]), float(low[i]), float(high[i])
+            )
+
+    def tables(self) -> dict[str, tables.Table]:
+        """The paper's table 2 (detection) and 3 (keypoints) for these arms, and the differences."""
+        return {
+            "detection": tables.score_table("Object detection", self.means, ["box_ap", "iou"]),
+            "keypoints": tables.score_table(
+                "Keypoint regression",
+                self.means,
+                ["keypoint_ap_paper", "oks_paper", "keypoint_ap_coco", "oks_coco"],
+            ),
+            "differences": tables.difference_table(self.differences, self.config.baseline),
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Scores of every run, differences, failures."""
+        return {
+            "schema": 1,
+            "name": self.config.name,
+            "runs": [
+                {"arm": arm, "seed": seed, "seconds": run.seconds, "scores": self.summaries[arm, seed]}
+                for (arm, seed), (run, _) in self.scored.items()
+            ],
+            "differences": [d.__dict__ for d in self.differences],
+            "intervals": self.interval_covers,
+            "failures": [f.__dict__ for f in self.failures],
+        }
+
+    def write(self, folder: str | Path) -> Path:
+        """Tables as Markdown and CSV, everything as JSON, one CSV of images for each run and domain."""
+        folder = Path(folder)
+        made = self.tables()
+        for name, table in made.items():
+            write_text(folder / f"{name}.csv", table.to_csv())
+        notes = [f"Seeds: {', '.join(map(str, self.config.seeds))}; {self.interval_covers}."]
+        notes += [f"Failed: {f.arm}, seed {f.seed}: {f.error}" for f in self.failures]
+        text = "\n".join([f"# {self.config.name}", "", *(t.to_markdown() for t in made.values()), *notes])
+        write_text(folder / "tables.md", text + "\n")
+        write_json(folder / "ablation.json", self.to_json())
+        for (arm, seed), (_, each) in self.scored.items():
+            for domain, evaluation in each.items():
+                evaluation.write_csv(folder / "images" / f"{arm}-seed{seed}-{domain}.csv")
+        return folder / "tables.md"
+
+
+def ablate(config: Config, progress: Progress | None = None) -> Ablation:
+    """Run what is not finished of a study and score it."""
+    study = prepare(config, progress)
+    scored, failures = {}, []
+    for seed in config.seeds:
+        for arm in config.arms:
+            try:
+                run = train_run(study, arm, seed, progress)
+                scored[arm, seed] = run, evaluate_run(study, run, progress)
+            except InputError:
+                raise
+            except Exception as error:
+                failures.append(Failure(arm, seed, " ".join(f"{type(error).__name__}: {error}".split())))
+                write_text(config.output / "failures" / f"{arm}-seed{seed}.txt", traceback.format_exc())
+    if not scored:
+        first = failures[0].error if failures else "no arm"
+        raise InputError(f"no run ended well ({first})", file=config.output / "failures")
+    return Ablation(study, scored, tuple(failures))
+
+
+def evaluate_run(study: Study, run: Run, progress: Progress | None = None) -> dict[str, Evaluation]:
+    """Score a run's network on every test set; its predictions are kept beside the weights."""
+    arguments = {**study.config.training, **study.config.arm(run.arm).training}
+    found = {}
+    for domain, poses in study.tests.items():
+        names = "\n".join(str(file) for file in poses.files)
+        digest = hashlib.sha256(names.encode()).hexdigest()[:8]
+        path = run.folder / "predictions" / f"{domain}-{digest}.json"
+        if not path.is_file():
+            detections = predict(
+                run.weights,
+                poses,
+                arguments.get("imgsz", 640),
+                study.config.output / "ultralytics-settings",
+                arguments.get("device"),
+                f"evaluating {run.arm} seed {run.seed} on {domain}",
+                progress,
+            )
+            save_predictions(path, poses, detections)
+        detections = load_predictions(path, poses, len(study.keypoints))
+        found[domain] = evaluate(domain, poses, study.keypoints, detections)
+    return found

@@ -1,0 +1,53 @@
+"""What the program's commands of the harness call."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from visaug_train.ablation import ablate as run_ablation
+from visaug_train.ablation import evaluate_run
+from visaug_train.config import Config, load_config
+from visaug_train.evaluate import evaluate_predictions
+from visaug_train.training import prepare, run_folder, train_run
+
+Progress = Callable[[str, int, int], None]
+
+__all__ = ["ablate", "evaluate", "evaluate_predictions", "train"]
+
+
+def train(config_path: Path, seed: int = 0, progress: Progress | None = None) -> str:
+    """Train the last arm of a config (the one it is about) with its first seed; what to print."""
+    config = _seeded(config_path, seed)
+    arm = list(config.arms)[-1]
+    run = train_run(prepare(config, progress), arm, config.seeds[0], progress)
+    return f"{arm}, seed {run.seed}: {run.weights} ({run.seconds:.0f} s)"
+
+
+def ablate(config_path: Path, seed: int = 0, progress: Progress | None = None) -> str:
+    """Train and score all arms; writes tables and report into the config's output; what to print."""
+    from visaug_train.report import write_report
+
+    ablation = run_ablation(_seeded(config_path, seed), progress)
+    written = ablation.write(ablation.config.output)
+    report = write_report(ablation)
+    lines = [table.to_markdown() for table in ablation.tables().values()]
+    lines += [f"failed: {f.arm}, seed {f.seed}: {f.error}" for f in ablation.failures]
+    return "\n".join([*lines, f"{ablation.interval_covers}", f"tables: {written}", f"report: {report}"])
+
+
+def evaluate(config_path: Path, seed: int = 0, progress: Progress | None = None) -> dict[str, dict[str, Any]]:
+    """Scores by domain of the last arm of a config, trained now where it is not yet."""
+    config = _seeded(config_path, seed)
+    study = prepare(config, progress)
+    arm = list(config.arms)[-1]
+    run = train_run(study, arm, config.seeds[0], progress)
+    evaluations = evaluate_run(study, run, progress)
+    for domain, evaluation in evaluations.items():
+        evaluation.write_csv(run_folder(study, arm, run.seed) / f"{domain}.csv")
+    return {domain: evaluation.summary() for domain, evaluation in evaluations.items()}
+
+
+def _seeded(path: Path, seed: int) -> Config:
+    """The config with `seed` added to its seeds, so that --seed 0 is the config as it stands."""
+    config = load_config(path)
+    return config.model_copy(update={"seeds": [s + seed for s in config.seeds]})

@@ -1,0 +1,62 @@
+"""The pose from keypoints (PnP with RANSAC, then refined) and the SPEC score of a pose."""
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from visaug_train.geometry import Pinhole
+
+# Below these a pose is as exact as the reference poses themselves are (SPEC 2021): no error is counted.
+POSITION_FLOOR, ATTITUDE_FLOOR_DEG = 0.002173, 0.169
+
+
+def estimate_pose(
+    points: np.ndarray, confidence: np.ndarray, model_m: np.ndarray, camera: Pinhole, least_confidence: float = 0.5
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Quaternion (4, scalar first) and translation (3, m) of a target from its keypoints (K, 2) in pixels.
+
+    Points below `least_confidence` are left out as long as six remain. Points further than 4 % of the target's size
+    (at least 2 px) from where a pose puts them are outliers. None where no pose before the camera is found.
+    """
+    order = np.argsort(-confidence, kind="stable")
+    used = order[: max(6, int((confidence >= least_confidence).sum()))]
+    used = used[np.isfinite(points[used]).all(axis=1)]
+    if len(used) < 4:
+        return None
+    image, model = points[used].astype(float), model_m[used].astype(float)
+    extent = float(np.ptp(image, axis=0).max())
+    lens = (camera.matrix, camera.distortion)
+    found, turn, shift, inliers = cv2.solvePnPRansac(
+        model, image, *lens, flags=cv2.SOLVEPNP_EPNP, reprojectionError=max(2.0, 0.04 * extent), iterationsCount=300
+    )
+    if not found or inliers is None or len(inliers) < 4:
+        found, turn, shift = cv2.solvePnP(model, image, *lens, flags=cv2.SOLVEPNP_SQPNP)
+        inliers = np.arange(len(used))
+    if not found:
+        return None
+    kept = np.ravel(inliers)
+    turn, shift = cv2.solvePnPRefineLM(model[kept], image[kept], *lens, turn, shift)
+    shift = np.ravel(shift)
+    if not (np.isfinite(turn).all() and np.isfinite(shift).all() and shift[2] > 0):
+        return None
+    x, y, z, w = Rotation.from_rotvec(np.ravel(turn)).as_quat()
+    return np.array([w, x, y, z]), shift
+
+
+def pose_errors(
+    quaternion: np.ndarray, translation: np.ndarray, true_quaternion: np.ndarray, true_translation: np.ndarray
+) -> tuple[float, float]:
+    """e_t = |dr| / |r|, a fraction, and e_q = 2 arccos|<q, q'>| in degrees."""
+    position = float(np.linalg.norm(translation - true_translation) / np.linalg.norm(true_translation))
+    same = abs(float(quaternion @ true_quaternion))
+    opposite = float(np.linalg.norm(quaternion - np.sign(quaternion @ true_quaternion) * true_quaternion))
+    # arccos loses all digits near 1; the chord between the quaternions does not.
+    angle = 2 * np.arccos(min(same, 1.0)) if same < 0.99 else 4 * np.arcsin(min(opposite / 2, 1.0))
+    return position, float(np.degrees(angle))
+
+
+def spec_score(position: np.ndarray, attitude_deg: np.ndarray) -> np.ndarray:
+    """e_t + e_q (radians) of each pose, each 0 below the exactness of the reference."""
+    return np.where(position < POSITION_FLOOR, 0, position) + np.where(
+        attitude_deg < ATTITUDE_FLOOR_DEG, 0, np.radians(attitude_deg)
+    )

@@ -1,0 +1,129 @@
+"""Predictions in a file: COCO's results format with `file_name` in place of `image_id`; and a network's own."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from visaug.errors import InputError
+from visaug.files import write_json
+from visaug_train.geometry import read_json
+from visaug_train.metrics import Detections
+from visaug_train.quiet import quiet_ultralytics
+from visaug_train.speed import PoseSet
+
+Progress = Callable[[str, int, int], None]
+LEAST_SCORE, MOST_PER_IMAGE = 0.001, 20
+
+
+def load_predictions(path: str | Path, poses: PoseSet, keypoints: int) -> list[Detections]:
+    """The detections of each image of `poses`; an image that the file does not name has none."""
+    path = Path(path)
+    records = read_json(path)
+    if not isinstance(records, list):
+        raise InputError("holds no list", file=path, expected="COCO's results format with file_name for image_id")
+    known = {file.name: i for i, file in enumerate(poses.files)}
+    found: list[list[tuple[np.ndarray, np.ndarray, float]]] = [[] for _ in poses.files]
+    for number, record in enumerate(records):
+        field = f"record {number}"
+        if not isinstance(record, dict):
+            raise InputError("is no object", file=path, field=field, expected="file_name, bbox, keypoints and score")
+        name = record.get("file_name")
+        index = known.get(Path(name).name) if isinstance(name, str) else None
+        if index is None:
+            raise InputError(
+                f"{name!r} is no image of {poses.name}",
+                file=path,
+                field=f"{field}.file_name",
+                expected=f"a name such as {poses.files[0].name}",
+            )
+        box = _numbers(record, "bbox", 4, path, field)
+        points = _numbers(record, "keypoints", 3 * keypoints, path, field).reshape(keypoints, 3)
+        score = float(_numbers(record, "score", 0, path, field))
+        if box[2] < 0 or box[3] < 0:
+            raise InputError("a width or height is negative", file=path, field=f"{field}.bbox", expected="x, y, w, h")
+        found[index].append((box, points, score))
+    return [_stack(each, keypoints) for each in found]
+
+
+def save_predictions(path: str | Path, poses: PoseSet, detections: list[Detections]) -> None:
+    """Write detections in the format that `load_predictions` reads."""
+    records: list[dict[str, Any]] = []
+    for file, each in zip(poses.files, detections):
+        for box, points, point_scores, score in zip(each.boxes, each.points, each.point_scores, each.scores):
+            corners = np.concatenate([box[:2], box[2:] - box[:2]])
+            triples = np.concatenate([points, point_scores[:, None]], axis=1)
+            records.append(
+                {
+                    "file_name": file.name,
+                    "category_id": 1,
+                    "bbox": [round(float(v), 4) for v in corners],
+                    "keypoints": [round(float(v), 4) for v in triples.ravel()],
+                    "score": round(float(score), 6),
+                }
+            )
+    write_json(path, records)
+
+
+def predict(
+    weights: str | Path,
+    poses: PoseSet,
+    image_size: int,
+    settings_folder: Path,
+    device: str | None = None,
+    title: str = "evaluating",
+    progress: Progress | None = None,
+) -> list[Detections]:
+    """A trained network's detections; all above a score of 0.001, as AP wants the doubtful ones too."""
+    quiet_ultralytics(settings_folder)
+    from ultralytics import YOLO
+
+    model = YOLO(str(weights))
+    detections = []
+    for first in range(0, len(poses), 64):
+        files = [str(file) for file in poses.files[first : first + 64]]
+        results = model.predict(
+            files,
+            imgsz=image_size,
+            conf=LEAST_SCORE,
+            max_det=MOST_PER_IMAGE,
+            batch=32,
+            verbose=False,
+            save=False,
+            device=device,
+        )
+        for result in results:
+            points = result.keypoints.data.cpu().numpy().astype(float)
+            detections.append(
+                Detections(
+                    result.boxes.xyxy.cpu().numpy().astype(float),
+                    points[..., :2],
+                    points[..., 2],
+                    result.boxes.conf.cpu().numpy().astype(float),
+                )
+            )
+        if progress:
+            progress(title, len(detections), len(poses))
+    return detections
+
+
+def _numbers(record: dict, key: str, count: int, path: Path, field: str) -> np.ndarray:
+    """`count` finite numbers; 0 means a single one."""
+    try:
+        array = np.array(record.get(key), dtype=float)
+    except (TypeError, ValueError):
+        array = np.array(np.nan)
+    if array.shape != ((count,) if count else ()) or not np.isfinite(array).all():
+        expected = f"{count} finite numbers" if count else "a finite number"
+        raise InputError("is missing or malformed", file=path, field=f"{field}.{key}", expected=expected)
+    return array
+
+
+def _stack(found: list[tuple[np.ndarray, np.ndarray, float]], keypoints: int) -> Detections:
+    if not found:
+        return Detections.none(keypoints)
+    boxes = np.stack([box for box, _, _ in found])
+    points = np.stack([points for _, points, _ in found])
+    boxes[:, 2:] += boxes[:, :2]
+    return Detections(boxes, points[..., :2], points[..., 2], np.array([score for _, _, score in found]))
