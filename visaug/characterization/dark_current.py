@@ -37,39 +37,79 @@ class Law:
     misfit: float
 
 
-def slopes(moments: Sequence[GroupMoments], of: str = "mean") -> list[Slope]:
-    """A straight line through `mean` or `variance` against exposure at every temperature with two or more.
+@dataclass(frozen=True)
+class Point:
+    """Level (or variance) of one group of frames; `scatter` is the variance of one frame's share in it."""
 
-    The error comes from how frame means scatter about their groups (black-level drift is in it) or, where lines
-    have three or more exposures, from how groups scatter about the lines, whichever is larger.
+    temperature_c: float | None
+    exposure_s: float
+    frames: int
+    level: float
+    scatter: float
+    df: float
+
+
+def mean_points(moments: Sequence[GroupMoments]) -> list[Point]:
+    """Mean level; its scatter is that of the frames' means, of which the pixels' noise is the least part."""
+    return [
+        Point(m.group.temperature_c, m.group.exposure_s, m.n, m.mean, m.frame_variance, m.n - 1)
+        for m in moments
+    ]
+
+
+def variance_points(moments: Sequence[GroupMoments]) -> list[Point]:
+    """Temporal variance; a variance of df degrees of freedom scatters by 2/df of its square."""
+    return [
+        Point(
+            m.group.temperature_c,
+            m.group.exposure_s,
+            m.n,
+            m.variance,
+            2 * m.variance**2 * m.n / m.temporal.pixel_df,
+            math.inf,
+        )
+        for m in moments
+        if m.temporal is not None
+    ]
+
+
+def slopes(points: Sequence[Point]) -> list[Slope]:
+    """A straight line against exposure at every temperature with two or more exposures.
+
+    The error comes from how frames scatter about their group (black-level drift is in it) or, where lines have
+    three or more exposures, from how groups scatter about the lines, whichever is larger.
     """
-    by_temperature: dict[float | None, list[GroupMoments]] = {}
-    for m in moments:
-        t = m.group.temperature_c
-        key = next((k for k in by_temperature if k is not None and t is not None and abs(k - t) < 0.6), t)
-        by_temperature.setdefault(key, []).append(m)
+    by_temperature: dict[float | None, list[Point]] = {}
+    for p in points:
+        t = p.temperature_c
+        near = (k for k in by_temperature if k is not None and t is not None and abs(k - t) < 0.6)
+        by_temperature.setdefault(next(near, t), []).append(p)
     lines = []
     for temperature, group in by_temperature.items():
-        t = np.array([m.group.exposure_s for m in group])
-        if len(np.unique(t)) < 2:
-            continue
-        y = np.array([m.mean if of == "mean" else m.variance for m in group])
-        lines.append((temperature, t, y, np.array([float(m.n) for m in group])))
-    scatter, df = _scatter(moments, of)
+        t = np.array([p.exposure_s for p in group])
+        if len(np.unique(t)) > 1:
+            lines.append(
+                (
+                    temperature,
+                    t,
+                    np.array([p.level for p in group]),
+                    np.array([float(p.frames) for p in group]),
+                )
+            )
+    scatter, df = _scatter(points)
     misfit, misfit_df = 0.0, 0
     for _, t, y, n in lines:
         value, offset, *_ = _line(t, y, n)
         if len(t) > 2:
             misfit += (n * (y - offset - value * t) ** 2).sum()
             misfit_df += len(t) - 2
-    if misfit_df and misfit / misfit_df > scatter:
+    if misfit_df and not misfit / misfit_df <= scatter:
         scatter, df = misfit / misfit_df, misfit_df
     found = []
     for temperature, t, y, n in lines:
         value, offset, spread, middle = _line(t, y, n)
-        error = math.sqrt(scatter / spread)
         offset_error = math.sqrt(scatter * (1 / n.sum() + middle**2 / spread))
-        found.append(Slope(temperature, value, error, df, offset, offset_error, t, y))
+        found.append(Slope(temperature, value, math.sqrt(scatter / spread), df, offset, offset_error, t, y))
     return sorted(found, key=lambda s: (s.temperature_c is not None, s.temperature_c or 0.0))
 
 
@@ -108,16 +148,9 @@ def _line(t: np.ndarray, y: np.ndarray, n: np.ndarray) -> tuple[float, float, fl
     return value, float((n * y).sum() / n.sum()) - value * middle, spread, middle
 
 
-def _scatter(moments: Sequence[GroupMoments], of: str) -> tuple[float, float]:
-    """Variance of one frame's contribution, and its degrees of freedom."""
-    if of == "variance":
-        # Relative variance 2/df of a variance with df degrees; per frame of a group.
-        values = [2 * m.variance**2 * m.n / m.temporal.pixel_df for m in moments if m.temporal]
-        return float(np.mean(values)) if values else math.nan, math.inf
-    several = [m for m in moments if m.n > 1]
-    df = sum(m.n - 1 for m in several)
-    if not df:
-        return math.nan, math.inf
-    pooled = sum((m.n - 1) * m.frame_variance for m in several) / df
-    least = float(np.median([m.variance / (m.shape[0] * m.shape[1]) for m in several]))
-    return max(pooled, least), df if pooled > least else math.inf
+def _scatter(points: Sequence[Point]) -> tuple[float, float]:
+    """Pooled variance of one frame's share, and its degrees of freedom."""
+    if points and all(math.isinf(p.df) for p in points):
+        return float(np.mean([p.scatter for p in points])), math.inf
+    df = sum(p.df for p in points)
+    return (sum(p.df * p.scatter for p in points) / df, df) if df > 0 else (math.nan, math.inf)

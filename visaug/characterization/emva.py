@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from visaug.characterization.dark_current import slopes
+from visaug.characterization.dark_current import mean_points, slopes, variance_points
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Level, Measured
 from visaug.characterization.intervals import jackknife, root, t_quantile, widen
@@ -123,9 +123,9 @@ def _dark_noise(found: Findings, darks: list[GroupMoments], gain: float | None, 
 
 
 def _dark_current(found: Findings, darks: list[GroupMoments], gain: float, relative: float) -> None:
-    for name, of, power in (("mean", "mean", 1), ("variance", "variance", 2)):
+    for name, of, power in (("mean", mean_points, 1), ("variance", variance_points, 2)):
         key = f"emva.dark_current_{name}_e_per_s"
-        lines = slopes(darks, of) if len({m.group.exposure_s for m in darks}) > 2 else []
+        lines = slopes(of(darks)) if len({m.group.exposure_s for m in darks}) > 2 else []
         if not lines:
             found.miss(key, "dark frames at three or more exposures")
             continue

@@ -51,7 +51,7 @@ def fit(
     """
     n = len(indices)
     assert moments.temporal is not None
-    width, histogram = _histogram(frames, indices, moments)
+    width, histogram, kept = _histogram(frames, indices, moments)
     counts = histogram.sum(0)
     half = counts.size // 2
     centres = (np.arange(counts.size) - half) * width
@@ -75,14 +75,19 @@ def fit(
     p = best.x
     errors = _sandwich(p, histogram, log_probabilities)
     model = np.exp(log_probabilities(p)) * counts.sum()
-    sigma = math.exp(p[0])
+    sigma = math.exp(p[0]) / math.sqrt(kept)
     return ReadNoise(
         sigma, float(p[1]), sigma * errors[0], errors[1], len(histogram) - 1, centres, counts, model
     )
 
 
-def _histogram(frames: FrameSet, indices: Sequence[int], moments: GroupMoments) -> tuple[float, np.ndarray]:
-    """Bin width in DN and counts by block of rows and bin; the outermost bins take what lies beyond."""
+def _histogram(
+    frames: FrameSet, indices: Sequence[int], moments: GroupMoments
+) -> tuple[float, np.ndarray, float]:
+    """Bin width in DN; counts by block of rows and bin (the outermost take what lies beyond); share of variance kept.
+
+    Taking the mean of a row of W pixels out of each takes 1/W of the variance with it.
+    """
     n, t = len(indices), moments.temporal
     assert t is not None
     centre = mean_map(frames, indices)
@@ -108,7 +113,9 @@ def _histogram(frames: FrameSet, indices: Sequence[int], moments: GroupMoments) 
         bins = np.clip(np.rint(residual / width).astype(np.int64) + half, 0, 2 * half)
         for b, rows in enumerate(blocks):
             counts[b] += np.bincount(bins[rows[0] : rows[-1] + 1].ravel(), minlength=2 * half + 1)
-    return width, counts
+    height, columns = centre.shape
+    kept = (1 - 1 / columns if rows_flicker else 1.0) * (1 - 1 / height if columns_flicker else 1.0)
+    return width, counts, kept
 
 
 def unsteady(mean_square: float, noise: float, df: int) -> bool:

@@ -7,19 +7,16 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from visaug.characterization import dark_current, light, still
+from visaug.characterization import dark, light, still
 from visaug.characterization.emva import emva
 from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Measured, measure_groups
-from visaug.characterization.intervals import t_quantile
 from visaug.characterization.result import CAMERA_KEYS, Characterization
 from visaug.errors import InputError
 from visaug.frames import FrameSet
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
-
-_NEEDS_LADDER = "dark frames at two or more exposures and two or more temperatures"
 
 
 def characterize(
@@ -90,65 +87,19 @@ def _without_light(found: Findings, measured: Measured, seed: int) -> None:
         for name in ("black_level_dn", "read_noise.sigma_e", "read_noise.shape", "dsnu.row_e", "dsnu.column_e",
                      "dsnu.pixel_e"):  # fmt: skip
             found.miss(name, still.NEEDS_STILL)
-        dark_law(found, measured)
+        dark.dark_law(found, measured)
         return
     if frames.clipped_low > still.CLIPPED:
         from visaug.characterization.clipped import clipped_frames
 
         clipped_frames(found, measured, frames, seed)
         return
-    signal = dark_law(found, measured, frames)
+    signal = dark.dark_law(found, measured, frames)
     pattern = still.dark_pattern(found, measured, frames)
     still.black_level(found, frames, pattern, signal)
     shot = 0.0 if found.gain is None else max(signal, 0.0) * found.gain.dn_per_e
     still.noise_of_reading(found, measured, frames, shot)
     still.temporal_parts(found, frames)
-
-
-def dark_law(found: Findings, measured: Measured, frames=None) -> float:
-    """Dark current and its law; returns the dark signal of `frames` in DN (0 where it is not known)."""
-    lines = dark_current.slopes((*measured.darks, *measured.biases))
-    if not lines:
-        for name in ("dark_current.a_e_per_s", "dark_current.b_per_c"):
-            found.miss(name, _NEEDS_LADDER)
-        return 0.0
-    scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
-    relative = 0.0 if found.gain is None else found.gain.relative_error
-    unit = "DN/s" if found.gain is None else "e-/s"
-    law = dark_current.law(lines)
-    found.curves["dark_current"] = {
-        "temperature_c": np.array([math.nan if s.temperature_c is None else s.temperature_c for s in lines]),
-        "slope": np.array([s.value * scale for s in lines]),
-        "error": np.array([s.error * scale for s in lines]),
-        "law": np.array([] if law is None else [math.exp(law.log_a) * scale, law.b_per_c]),
-        "in_electrons": np.array(found.gain is not None),
-    }
-    if law is not None:
-        t = t_quantile(law.df)
-        error = math.hypot(math.sqrt(law.covariance[0, 0]), relative)
-        a = math.exp(law.log_a) * scale
-        source = f"mean dark signal against exposure at {len(lines)} temperatures"
-        name = "dark_current.a_e_per_s" if found.gain is not None else "dark_current.a_dn_per_s"
-        found.add(name, (a, a * math.exp(-t * error), a * math.exp(t * error)), unit, source)
-        if found.gain is None:
-            found.miss("dark_current.a_e_per_s", light.NEEDS_FLATS)
-        half = t * math.sqrt(law.covariance[1, 1])
-        found.add(
-            "dark_current.b_per_c", (law.b_per_c, law.b_per_c - half, law.b_per_c + half), "1/degC", source
-        )
-        if law.misfit > 4:
-            found.warn("dark_current_law: the dark current does not follow a exp(b T) within its errors")
-    else:
-        needs = "dark frames at two or more known temperatures, warm or long enough for a dark signal"
-        found.miss("dark_current.a_e_per_s", needs)
-        found.miss("dark_current.b_per_c", needs)
-    return _signal_of(frames, lines) if frames is not None else 0.0
-
-
-def _signal_of(frames, lines: list[dark_current.Slope]) -> float:
-    same = [s for s in lines if s.temperature_c == frames.group.temperature_c] or lines
-    line = min(same, key=lambda s: abs((s.temperature_c or 0) - (frames.group.temperature_c or 0)))
-    return line.value * frames.group.exposure_s
 
 
 def _result(
