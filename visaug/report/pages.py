@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 INTERVALS = "Every interval is 95 %."
 ERROR = (
-    "Error: 1 is the camera file as given, 0 is as close as another set of the accepted camera would come, maps and "
-    "drift drawn anew."
+    "Error: 1 is the camera file as given, 0 is as close as another set of the accepted camera would come,"
+    " maps and drift drawn anew."
 )
 
 
@@ -149,8 +149,9 @@ def finding(content: dict[str, Any]) -> str:
         else "and something is left that is described below"
     )
     return (
-        f"The model lacked {names}. Adding it takes the error from {number(error['before'])} to {number(error['after'])} "
-        f"[{number(low)}, {number(high)}] on frames that were not used for finding it, {left}."
+        f"The model lacked {names}. Adding it takes the error from {number(error['before'])} to "
+        f"{number(error['after'])} [{number(low)}, {number(high)}] on frames that were not used for "
+        f"finding it, {left}."
     )
 
 

@@ -29,7 +29,7 @@ def plot_error_steps(
         y = [point["error"] for point in points]
         for i, point in enumerate(points):
             if point.get("interval"):
-                axes.plot([i, i], point["interval"], color=MEASURED, linewidth=2, alpha=0.45)
+                axes.plot([i, i], point["interval"], color=MEASURED, linewidth=7, alpha=0.3)
         axes.plot(x, y, "o-", color=MEASURED, label="error on frames not used for finding, 95 % interval")
         for i, value in enumerate(y):
             axes.annotate(f"{value:.2f}", (i, value), textcoords="offset points", xytext=(9, 5), fontsize=9)

@@ -32,7 +32,7 @@ def plot_view(measured: "Picture", modelled: "Picture | None" = None, width: flo
             axes.set_xscale("log" if _all_positive(measured, "x") else "symlog")
         if measured.log_y:
             axes.set_yscale("log")
-        axes.set(xlabel=measured.x_label, ylabel=textwrap.fill(measured.y_label, 34))
+        axes.set(xlabel=measured.x_label, ylabel=textwrap.fill(measured.y_label, 28))
         _legend(figure, axes, len(measured.curves))
     return figure
 

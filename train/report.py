@@ -1,0 +1,206 @@
+"""The page of an ablation: tables, images with and without noise, training curves, predictions, times."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from visaug_train.ablation import Ablation
+from visaug_train.evaluate import Evaluation
+from visaug_train.tables import MEASURES
+from visaug_train.training import batch_noise
+
+from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
+from visaug.report.noise import components
+from visaug.report.plots.images import plot_components, plot_images
+from visaug.report.plots.learning import plot_predictions, plot_timing, plot_training
+
+SHOWN_WIDTH = 480  # pixels; larger images are shown smaller
+DETECTION, KEYPOINTS = ("box_ap", "iou"), ("keypoint_ap_paper", "oks_paper")
+KEYPOINTS_COCO = ("keypoint_ap_coco", "oks_coco")
+
+
+def write_report(ablation: Ablation) -> Path:
+    """Write report.html into the config's output; returns its path."""
+    page = Page(
+        f"Ablation: {ablation.config.name}",
+        f"{len(ablation.means)} arms, seeds {', '.join(map(str, ablation.config.seeds))}, all "
+        "hyperparameters equal.",
+        [*ablation_sections(ablation), timing_section(times(ablation))],
+    )
+    return write_page(ablation.config.output / "report.html", page)
+
+
+def ablation_sections(ablation: Ablation) -> list[Section]:
+    """The sections, also part of the demo's page."""
+    return [
+        Section("Trained with and without sensor noise", list(_results(ablation))),
+        Section("Clean beside noised", list(_images(ablation))),
+        Section("Training", [_curves(ablation)]),
+        *_predictions(ablation),
+    ]
+
+
+def times(ablation: Ablation) -> dict[str, float]:
+    """Seconds of the data and of each run."""
+    runs = {f"train {arm}, seed {seed}": run.seconds for (arm, seed), (run, _) in ablation.scored.items()}
+    return {"render and convert the data": ablation.study.data_seconds, **runs}
+
+
+def timing_section(parts: dict[str, float]) -> Section:
+    return Section(
+        "Times", [figure(plot_timing(parts), f"Seconds of each part; {sum(parts.values()):.0f} s in all.")]
+    )
+
+
+def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
+    config = ablation.config
+    for name in config.arms:
+        if why := config.arm(name).why:
+            yield Text(f"{name}: {why}.")
+    for sentence in _findings(ablation):
+        yield Text(sentence, "finding")
+    yield _score_table(ablation, DETECTION, "Target detection, in the form of the paper's table 2.")
+    yield _score_table(
+        ablation,
+        KEYPOINTS,
+        "Keypoint regression, in the form of the paper's table 3; OKS by the paper's definition (sigma "
+        "1/11, area of the box).",
+    )
+    yield _score_table(
+        ablation, KEYPOINTS_COCO, "The same predictions by COCO's definition (2 sigma, 0.53 of the area)."
+    )
+    if ablation.differences:
+        yield _difference_table(ablation)
+        yield Text(f"95 % bootstrap intervals: {ablation.interval_covers}.", "note")
+    for failure in ablation.failures:
+        yield Text(f"Failed: {failure.arm}, seed {failure.seed}: {failure.error}", "note")
+
+
+def _score_table(ablation: Ablation, measures: tuple[str, ...], caption: str) -> Table:
+    domains = list(ablation.study.tests)
+    head = ["arm", *(MEASURES[m][1] for _ in domains for m in measures)]
+    rows = [
+        [arm, *(f"{scores[domain][m]:.4f}" for domain in domains for m in measures)]
+        for arm, scores in ablation.means.items()
+    ]
+    return Table(head, rows, caption, groups=[("", 1), *((domain, len(measures)) for domain in domains)])
+
+
+def _difference_table(ablation: Ablation) -> Table:
+    measures = (*DETECTION, *KEYPOINTS)
+    found = {(d.arm, d.domain, d.measure): d for d in ablation.differences}
+    pairs = list(dict.fromkeys((d.arm, d.domain) for d in ablation.differences))
+    rows = [[arm, domain, *(_signed(found[arm, domain, m]) for m in measures)] for arm, domain in pairs]
+    head = ["arm", "test set", *(MEASURES[m][1] for m in measures)]
+    return Table(head, rows, f"Differences to {ablation.config.baseline}, with 95 % intervals.")
+
+
+def _signed(difference) -> str:
+    return f"{difference.difference:+.3f} [{difference.low:+.3f}, {difference.high:+.3f}]"
+
+
+def _findings(ablation: Ablation) -> Iterator[str]:
+    """What the keypoint AP says, whichever way it comes out."""
+    for arm in ablation.means:
+        said = []
+        for d in ablation.differences:
+            if d.arm == arm and d.measure == "keypoint_ap_paper":
+                verdict = "raised" if d.low > 0 else "lowered" if d.high < 0 else "not clearly changed"
+                said.append(
+                    f"{verdict} on {d.domain} ({d.reference:.3f} to {d.reference + d.difference:.3f}, "
+                    f"{_signed(d)})"
+                )
+        if said:
+            yield f"{arm} against {ablation.config.baseline}: keypoint AP50-95 is {'; '.join(said)}."
+
+
+def _images(ablation: Ablation) -> Iterator[Text | Figure]:
+    config = ablation.config
+    domain, poses = next(iter(ablation.study.tests.items()))
+    files = [poses.files[i] for i in np.linspace(0, len(poses) - 1, 4).astype(int)]
+    clean = np.stack([_gray(file) for file in files])
+    pictures, titles = list(clean), [f"{domain}, clean"] * 4
+    for name in config.arms:
+        arm = config.arm(name)
+        with torch.random.fork_rng(devices=[]), torch.no_grad():
+            torch.manual_seed(0)
+            batch = torch.from_numpy(clean)[:, None].repeat(1, 3, 1, 1)
+            pictures += list(batch_noise(arm)(batch)[:, 0].numpy())
+        titles += [f"as {name} trains on it"] * 4
+    yield figure(
+        plot_images(pictures, titles, limits=(0, 1)),
+        "The same clean images as each arm sees them in training; the noise is drawn anew each time.",
+        raster=True,
+    )
+    others = [(name, each) for name, each in ablation.study.tests.items() if name != domain]
+    if others:
+        shown = [(name, each.files[i]) for name, each in others for i in (0, 1, 2, 3)[: len(each)]]
+        yield figure(
+            plot_images([_gray(file) for _, file in shown], [name for name, _ in shown], limits=(0, 1)),
+            "What the other test sets look like: other light, and cameras that lie outside the training "
+            "noise.",
+            raster=True,
+        )
+    arms = [config.arm(name) for name in config.arms]
+    vis = next((arm.vis for arm in arms if arm.vis), None)
+    if vis is not None:
+        import visaug
+
+        camera = visaug.Camera.load(vis.camera)
+        parts = components(camera, clean[0])
+        yield figure(
+            plot_components(list(parts.values()), list(parts), "DN"),
+            f"Each noise component of {camera.name} alone, on the first of these images: exposures with "
+            "and without it, same random numbers. Colours reach three standard deviations of each.",
+            raster=True,
+        )
+
+
+def _curves(ablation: Ablation) -> Figure:
+    labels = {
+        "train/pose_loss": "training pose loss",
+        "train/box_loss": "training box loss",
+        "metrics/mAP50-95(P)": "validation keypoint AP50-95",
+    }
+    curves = {f"{arm}, seed {seed}": run.curves for (arm, seed), (run, _) in ablation.scored.items()}
+    text = "Losses and the validation score of ultralytics (COCO's OKS, clean images) by epoch."
+    return figure(plot_training(curves, labels), text)
+
+
+def _predictions(ablation: Ablation) -> Iterator[Section]:
+    """Best and worst predictions of the last arm's first seed on each test set."""
+    arm = list(ablation.means)[-1]
+    evaluations = ablation.scored[arm, ablation.seeds(arm)[0]][1]
+    blocks = []
+    for domain, evaluation in evaluations.items():
+        for what, indices in (("best", evaluation.best(4)), ("worst", evaluation.worst(4))):
+            drawn = _draw(evaluation, indices)
+            blocks.append(figure(drawn, f"{domain}: the {what} by OKS (the paper's) of {arm}.", raster=True))
+    yield Section("Predictions", blocks)
+
+
+def _draw(evaluation: Evaluation, indices: np.ndarray):
+    images, truth, found, boxes, found_boxes, titles = [], [], [], [], [], []
+    for i in indices:
+        picture = _gray(evaluation.poses.files[i])
+        scale = min(1.0, SHOWN_WIDTH / picture.shape[1])
+        if scale < 1:
+            picture = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        each = evaluation.detections[i].ranked(1)
+        images.append(picture)
+        truth.append(evaluation.targets.points[i] * scale)
+        boxes.append(evaluation.targets.boxes[i] * scale)
+        found.append(each.points[0] * scale if len(each) else None)
+        found_boxes.append(each.boxes[0] * scale if len(each) else None)
+        titles.append(f"OKS {evaluation.table['oks_paper'][i]:.2f}, IoU {evaluation.table['iou'][i]:.2f}")
+    return plot_predictions(images, truth, found, boxes, found_boxes, titles)
+
+
+def _gray(file: Path) -> np.ndarray:
+    """(H, W) float32 in [0, 1]."""
+    image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+    if image.ndim == 3:
+        image = image[..., 1]
+    return image.astype(np.float32) / np.iinfo(image.dtype).max
