@@ -1,0 +1,241 @@
+"""Bias frames that clip at 0: read noise, DSNU and dark current where means and residuals are cut.
+
+Every pixel's value is its location plus noise, rounded and cut at 0. The likelihood of a pixel's values is known for
+any location; integrated over a normal law of locations it tells read noise and pattern together, with nothing lost
+to the cut but what the cut hides.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize
+
+from visaug.characterization import dark_current, tukey
+from visaug.characterization.dark import found_law
+from visaug.characterization.findings import Findings
+from visaug.characterization.groups import Measured
+from visaug.characterization.intervals import mean_error, root, symmetric, t_quantile, variance_combination
+from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.characterization.still import add_in_electrons
+from visaug.frames import FrameSet
+
+_PIXELS = 4000
+_BINS_PER_SIGMA = 6
+_ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Counts (P, bins) of chosen pixels; bin 0 is the cut; `edges` in DN; `block` of rows and place of each pixel."""
+
+    counts: np.ndarray
+    edges: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+    frames: int
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Logarithm of sigma (DN), shape, shift of the locations (DN), logarithm of their spread (DN); covariance."""
+
+    log_sigma: float
+    shape: float
+    shift: float
+    log_spread: float
+    covariance: np.ndarray
+
+    @property
+    def sigma(self) -> float:
+        return math.exp(self.log_sigma)
+
+    @property
+    def spread(self) -> float:
+        return math.exp(self.log_spread)
+
+
+def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, seed: int) -> None:
+    """Black level, read noise, DSNU and dark current from frames of which a share is cut at 0."""
+    indices = still.group.indices
+    master = mean_map(measured.frames, indices)
+    found.maps["master_bias"] = master.astype("float32")
+    sample = _sample(measured.frames, indices, still, seed)
+    fit = _fit(sample, np.zeros(len(sample.rows)), None)
+    height, width = still.shape
+    total = fit.spread**2
+    rows, columns = np.zeros(height), np.zeros(width)
+    row_var, column_var, row_error, column_error = 0.0, 0.5 * total, 0.0, 0.0
+    mean = fit.shift
+    for _ in range(_ROUNDS):
+        for _ in range(6):  # the parts depend on each other: what one explains, the others need not
+            within = max(total - column_var, 0.02 * total)
+            columns, column_error = _locations(master.mean(0), master.std(0, ddof=1) / math.sqrt(height), fit, within)
+            column_var = max(float(columns.var(ddof=1)) - column_error, 0.0)
+            within = max(total - row_var, 0.02 * total)
+            rows, row_error = _locations(master.mean(1), _row_errors(master), fit, within)
+            row_var = max(float(rows.var(ddof=1)) - row_error, 0.0)
+        mean = float(columns.mean())
+        centre = columns[sample.columns] + rows[sample.rows] - rows.mean()
+        fit = _fit(sample, centre, fit)
+        total = row_var + column_var + fit.spread**2
+    source = f"likelihood of {still.n} {still.group.kind} frames cut at 0"
+    _add(found, still, fit, mean, (rows, row_error), (columns, column_error), len(sample.rows), source)
+    _dark(found, measured, fit, columns, max(total - column_var, 0.0))
+    found.warn(
+        f"clipped_at_zero: {still.clipped_low:.0%} of the pixels of the {still.group.kind} frames are 0; read noise, "
+        "DSNU and dark current come from a likelihood that knows the cut, the emva figures do not"
+    )
+
+
+def _add(found, still, fit, mean, rows, columns, pixels, source) -> None:
+    half = t_quantile(19) * math.sqrt(fit.covariance[0, 0])
+    sigma = (fit.sigma, fit.sigma * math.exp(-half), fit.sigma * math.exp(half))
+    add_in_electrons(found, "read_noise.sigma", sigma, source)
+    found.add("read_noise.shape", symmetric(fit.shape, math.sqrt(fit.covariance[1, 1]), 19), "1", source)
+    height, width = still.shape
+    variances = {}
+    for name, (locations, error), n in (("row", rows, height), ("column", columns, width)):
+        terms = [(1.0, float(locations.var(ddof=1)), n - 1), (-1.0, error, 10 * n)]
+        variances[name] = variance_combination(terms)
+        add_in_electrons(found, f"dsnu.{name}", root(variances[name]), source)
+    half = t_quantile(19) * math.sqrt(fit.covariance[3, 3])
+    pixel = (fit.spread, fit.spread * math.exp(-half), fit.spread * math.exp(half))
+    add_in_electrons(found, "dsnu.pixel", pixel, source)
+    error, df = mean_error(
+        [
+            (max(variances["row"][0], 0) / height, height - 1),
+            (max(variances["column"][0], 0) / width, width - 1),
+            (fit.covariance[2, 2], 19),
+            (still.frame_variance / still.n, still.n - 1),
+        ]
+    )
+    found.add("black_level_dn", symmetric(mean, error, df), "DN", source)
+
+
+def _row_errors(master: np.ndarray) -> np.ndarray:
+    """Standard error of each row's mean: columns are common to all rows and do not count."""
+    return (master - master.mean(0)).std(1, ddof=1) / math.sqrt(master.shape[1])
+
+
+def _sample(frames: FrameSet, indices: tuple[int, ...], still: GroupMoments, seed: int) -> Sample:
+    height, width = still.shape
+    chosen = np.random.default_rng(seed).permutation(height * width)[:_PIXELS]
+    rows, columns = np.divmod(np.sort(chosen), width)
+    values = np.stack([frames.read(i)[rows, columns] for i in indices])
+    positive = values[values > np.median(values)]
+    sigma = 1.4826 * np.median(np.abs(values - values.mean(0))) if positive.size else 1.0
+    step = max(1, round(max(sigma, 1.0) / _BINS_PER_SIGMA))
+    bins = 1 + (np.maximum(values, 0).astype(np.int64) + step - 1) // step  # 0 alone, then `step` DN each
+    bins[values <= 0] = 0
+    n = int(bins.max()) + 1
+    flat = (np.arange(len(rows))[None] * n + bins).ravel()
+    counts = np.bincount(flat, minlength=len(rows) * n).reshape(len(rows), n).astype(np.float64)
+    # Bin 0 ends at 1/2 DN, bin 1 holds nothing (it would be the DN below 1), bin k ends at (k - 1) step + 1/2.
+    edges = np.concatenate([[0.5], 0.5 + step * np.arange(n - 1)])
+    edges[-1] = np.inf
+    return Sample(counts, edges, rows, columns, len(indices))
+
+
+def _fit(sample: Sample, centre: np.ndarray, start: Fit | None) -> Fit:
+    """Maximum likelihood of (log sigma, shape, shift, log spread); pixel p's location is N(centre_p + shift, spread)."""
+    if start is None:
+        mids = np.concatenate([[0.0], 0.5 * (sample.edges[:-1] + np.minimum(sample.edges[1:], sample.edges[-2] + 1))])
+        mean = sample.counts @ mids / sample.frames
+        level, noise = float(np.median(mean)), float(np.sqrt(np.median((sample.counts @ mids**2) / sample.frames - mean**2)))
+        first = np.array([math.log(max(noise, 0.3) * 1.1), 0.0, level - 0.3 * noise, math.log(max(mean.std(), 0.3))])
+    else:
+        first = np.array([start.log_sigma, start.shape, 0.0, start.log_spread - (0.3 if not centre.any() else 0.0)])
+
+    def loss(p: np.ndarray) -> float:
+        if not (tukey.SHAPE_BOUNDS[0] <= p[1] <= tukey.SHAPE_BOUNDS[1] and abs(p[0]) < 12 and -6 < p[3] < 12):
+            return 1e9
+        return -float(_log_likelihood(p, sample, centre).sum()) / len(sample.rows)
+
+    best = optimize.minimize(loss, first, method="BFGS", options={"gtol": 2e-5, "eps": 1e-4, "maxiter": 60})
+    p = best.x
+    return Fit(*map(float, p), covariance=_sandwich(p, sample, centre))
+
+
+def _log_likelihood(p: np.ndarray, sample: Sample, centre: np.ndarray) -> np.ndarray:
+    """(P,) logarithm of each pixel's likelihood, its location integrated out on a grid."""
+    sigma, shape, shift, spread = math.exp(p[0]), p[1], p[2], math.exp(p[3])
+    law = tukey.standard(round(float(shape), 5))
+    step = min(0.8 * sigma / math.sqrt(sample.frames), 0.5 * spread)
+    low, high = centre.min() + shift - 5 * spread, centre.max() + shift + 5 * spread
+    nodes = np.linspace(low, high, int(np.clip((high - low) / step, 24, 500)))
+    inner = np.interp((sample.edges[:-1, None] - nodes[None]) / sigma, law.x, law.distribution)
+    cumulative = np.concatenate([np.zeros((1, nodes.size)), inner, np.ones((1, nodes.size))])
+    logs = np.log(np.maximum(np.diff(cumulative, axis=0), 1e-12))
+    joint = sample.counts @ logs - 0.5 * ((nodes[None] - (centre + shift)[:, None]) / spread) ** 2
+    top = joint.max(1, keepdims=True)
+    scale = (nodes[1] - nodes[0]) / (spread * math.sqrt(2 * math.pi))
+    return top[:, 0] + np.log(np.exp(joint - top).sum(1) * scale)
+
+
+def _sandwich(p: np.ndarray, sample: Sample, centre: np.ndarray, blocks: int = 20) -> np.ndarray:
+    """Covariance from scores summed over blocks of rows."""
+    steps = np.array([2e-3, 4e-3, 0.02 * math.exp(p[0]), 4e-3])
+    scores = np.stack(
+        [(_log_likelihood(p + s, sample, centre) - _log_likelihood(p - s, sample, centre)) / (2 * s.sum())
+         for s in np.diag(steps)]
+    )  # fmt: skip
+    information = scores @ scores.T
+    which = np.minimum(sample.rows * blocks // (sample.rows.max() + 1), blocks - 1)
+    sums = np.stack([np.bincount(which, s, minlength=blocks) for s in scores])
+    sums -= sums.mean(1, keepdims=True)
+    inverse = np.linalg.pinv(information)
+    return inverse @ (sums @ sums.T * blocks / (blocks - 1)) @ inverse
+
+
+def _locations(means: np.ndarray, errors: np.ndarray, fit: Fit, within: float) -> tuple[np.ndarray, float]:
+    """Locations whose cut mean is as measured, and the mean variance of their error.
+
+    `within`: variance of locations inside one row or column, which smooths the cut.
+    """
+    x, cut = _cut_mean(fit, within)
+    floor = cut[np.searchsorted(cut, 1e-5 * fit.sigma)]
+    places = np.interp(np.maximum(means, floor), cut, x)
+    slope = np.interp(places, x, np.gradient(cut, x))
+    return places, float(np.mean((errors / np.maximum(slope, 0.02)) ** 2))
+
+
+def _cut_mean(fit: Fit, within: float) -> tuple[np.ndarray, np.ndarray]:
+    """Grid of locations (DN) and mean of max(0, location + noise + N(0, within)) there."""
+    law = tukey.standard(round(fit.shape, 5))
+    frequencies = 2 * np.pi * np.fft.rfftfreq(law.x.size, d=law.x[1] - law.x[0])
+    spectrum = law.phi(frequencies) * np.exp(-0.5 * within / fit.sigma**2 * frequencies**2)
+    step = law.x[1] - law.x[0]
+    density = np.fft.fftshift(np.fft.irfft(spectrum, law.x.size)) / step
+    below = np.cumsum(density) * step
+    x = law.x * fit.sigma
+    cut = np.cumsum(below) * step * fit.sigma  # the integral of the distribution function of -noise
+    keep = np.concatenate([[True], np.diff(cut) > 0]) & (np.abs(x) < 60 * fit.sigma)
+    return x[keep], np.maximum.accumulate(cut[keep])
+
+
+def _dark(found: Findings, measured: Measured, fit: Fit, columns: np.ndarray, within: float) -> None:
+    """Dark signal of every group as the shift of all columns that explains its cut mean."""
+    points = []
+    per_electron = 0.0 if found.gain is None else found.gain.dn_per_e
+    for m in (*measured.darks, *measured.biases):
+        if m.shape[1] != columns.size:
+            continue
+
+        def mean_at(shift: float, target: float = 0.0) -> float:
+            x, cut = _cut_mean(fit, within + max(shift, 0.0) * per_electron)
+            places = columns + shift
+            return float(np.where(places > x[-1], places, np.interp(places, x, cut)).mean()) - target
+
+        reach = 10 * fit.sigma + 2 * m.mean + float(np.ptp(columns))
+        if mean_at(-reach, m.mean) > 0 or mean_at(reach, m.mean) < 0:
+            continue
+        shift = float(optimize.brentq(mean_at, -reach, reach, args=(m.mean,), xtol=1e-4 * fit.sigma))
+        h = 0.05 * fit.sigma
+        slope = (mean_at(shift + h) - mean_at(shift - h)) / (2 * h)
+        scatter = m.frame_variance / max(slope, 0.02) ** 2
+        group = m.group
+        points.append(dark_current.Point(group.temperature_c, group.exposure_s, m.n, shift, scatter, m.n - 1))
+    found_law(found, dark_current.slopes(points))
