@@ -1,6 +1,6 @@
 """The page of an ablation: tables, images with and without noise, training curves, predictions, times."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import cv2
@@ -27,7 +27,7 @@ def write_report(ablation: Ablation) -> Path:
         f"Ablation: {ablation.config.name}",
         f"{len(ablation.means)} arms, seeds {', '.join(map(str, ablation.config.seeds))}, all "
         "hyperparameters equal.",
-        [*ablation_sections(ablation), timing_section(times(ablation))],
+        [*ablation_sections(ablation), timing_section(ablation)],
     )
     return write_page(ablation.config.output / "report.html", page)
 
@@ -42,16 +42,17 @@ def ablation_sections(ablation: Ablation) -> list[Section]:
     ]
 
 
-def times(ablation: Ablation) -> dict[str, float]:
-    """Seconds of the data and of each run."""
+def timing_section(ablation: Ablation, seconds: Mapping[str, float] | None = None) -> Section:
+    """How long each part took: data, runs, and what else is given in `seconds`."""
     runs = {f"train {arm}, seed {seed}": run.seconds for (arm, seed), (run, _) in ablation.scored.items()}
-    return {"render and convert the data": ablation.study.data_seconds, **runs}
+    parts = {"render and convert the data": ablation.study.data_seconds, **runs, **(seconds or {})}
+    text = f"Seconds of each part; {sum(parts.values()):.0f} s in all."
+    return Section("Times", [figure(plot_timing(parts), text)])
 
 
-def timing_section(parts: dict[str, float]) -> Section:
-    return Section(
-        "Times", [figure(plot_timing(parts), f"Seconds of each part; {sum(parts.values()):.0f} s in all.")]
-    )
+def finding(ablation: Ablation) -> str:
+    """What the keypoint AP says, whichever way it comes out."""
+    return " ".join(_findings(ablation)) or f"{ablation.config.baseline} alone: nothing to compare it with."
 
 
 def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
