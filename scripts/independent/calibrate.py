@@ -29,8 +29,8 @@ TARGET, TOLERANCE, TRIES = 8.0, 0.08, 12
 _FIRST_SEED = 500_000  # far from the seeds that sets are made with
 NOTE = (
     f"Strength at which the strongest statistic of statistics.py stands {TARGET:g} standard deviations off "
-    f"the refitted base model; {BASE_SETS} base sets for the spread, root mean square over {EFFECT_SEEDS} specimens, found to "
-    f"{100 * TOLERANCE:g} % by calibrate.py. null: not reached anywhere in the parameter's range."
+    f"the refitted base model; {BASE_SETS} base sets for the spread, root mean square over {EFFECT_SEEDS} "
+    f"specimens, found to {100 * TOLERANCE:g} % by calibrate.py. null: not reached in the parameter's range."
 )
 
 

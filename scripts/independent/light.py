@@ -45,9 +45,10 @@ def point_spread(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     if strength == 0 or at.shot.kind != "scene":
         return light
     if at.form == "exponential":
-        fine, reach = 9, 8
+        fine, reach = 9, 12
         edge = np.arange(-(reach * fine + fine // 2), reach * fine + fine // 2 + 1) / fine
-        profile = np.exp(-np.hypot(edge[:, None], edge[None, :]) / (strength / np.sqrt(6)) * np.sqrt(2))
+        # exp(-r / l) in the plane has variance 3 l^2 along each axis
+        profile = np.exp(-np.hypot(edge[:, None], edge[None, :]) * np.sqrt(3) / strength)
         kernel = profile.reshape(2 * reach + 1, fine, 2 * reach + 1, fine).sum((1, 3))
         kernel = kernel / kernel.sum()
     else:

@@ -41,7 +41,7 @@ def measure(
     bias_map = np.full(sensor.shape, float(sensor.pedestal_dn))
     for key, stack in stacks.items():
         if key[0] == "bias":
-            bias_map = stack.mean(0)
+            bias_map = _tame(stack.mean(0), 10)
             stats |= _bias(stack)
     stats |= _darks({k: s for k, s in stacks.items() if k[0] == "dark"}, bias_map)
     stats |= _flats({k: s for k, s in stacks.items() if k[0] == "flat"}, bias_map)
@@ -98,10 +98,11 @@ def _peak(series: np.ndarray) -> float:
 def _map(label: str, image: np.ndarray) -> Stats:
     """A fixed pattern: rows, columns, pixels, parity, seams, coarse shape."""
     image = image - image.mean()
-    rows, columns = image.mean(1), image.mean(0)
-    white = image - rows[:, None] - columns[None, :]
+    rows = np.median(image, axis=1, keepdims=True)
+    columns = np.median(image - rows, axis=0, keepdims=True)
+    white = image - rows - columns
     high, low = white > 6 * _robust(white), white < -6 * _robust(white)
-    image = rows[:, None] + columns[None, :] + _tame(white, 6)
+    image = rows + columns + _tame(white, 6)
     image = image - image.mean()
     rows, columns = image.mean(1), image.mean(0)
     white = image - rows[:, None] - columns[None, :]
@@ -237,8 +238,8 @@ def _scene(target: str, image: np.ndarray, clean: np.ndarray, sensor: Sensor) ->
     """Measured minus predicted, around bright structure."""
     electrons = np.minimum(sensor.efficiency * clean, sensor.well_e)
     rest = image - electrons / sensor.e_per_dn - sensor.pedestal_dn
-    if target != "spot":
-        rest = _tame(rest, 60)
+    noise = np.sqrt(electrons + sensor.read_e**2 + (sensor.prnu[2] * electrons) ** 2) / sensor.e_per_dn
+    rest = _tame(rest / noise, 15) * noise
     full = sensor.well_e / sensor.efficiency
     bright = clean > (0.25 if target != "spot" else 1.0) * full
     dark = clean < 0.05 * full
@@ -299,7 +300,7 @@ def _residue(target: str, image: np.ndarray, clean: np.ndarray) -> Stats:
     """What a dark frame remembers of the scene before it."""
     bright = clean > np.percentile(clean, 99)
     x = clean - clean.mean()
-    image = _tame(image, 30)
+    image = _tame(image, 12)
     return {
         f"after {target} slope": float((image * x).sum() / (x * x).sum() * clean.max()),
         f"after {target} bright": float(image[bright].mean() - np.median(image)) if bright.any() else 0.0,

@@ -1,0 +1,128 @@
+"""Sets are written as a user would bring them; answers are counted as they should be."""
+
+import csv
+import json
+
+import hidden_effects
+import numpy as np
+import pytest
+from independent import judge, recipes, strengths
+from independent.sets import write_set
+from scipy.stats import binomtest
+
+
+def test_seed_lists():
+    assert hidden_effects.seeds_of("3,10-12") == [3, 10, 11, 12]
+
+
+@pytest.mark.parametrize(("hits", "of"), [(0, 5), (3, 7), (100, 100), (95, 100)])
+def test_wilson_is_scipys(hits, of):
+    expected = binomtest(hits, of).proportion_ci(method="wilson")
+    assert judge.wilson(hits, of) == pytest.approx((expected.low, expected.high), abs=1e-6)
+
+
+def test_set_is_complete_and_answers_lie_elsewhere(tmp_path):
+    recipe = next(iter(recipes.single(5, 2, "plain")))
+    write_set(recipe, tmp_path / "sets", tmp_path / "answers")
+    folder = tmp_path / "sets" / recipe.identity
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "camera.yaml", "chart_clean.npy", "frames.csv", "frames.npz", "scene_clean.npy", "spot_clean.npy",
+    ]  # fmt: skip
+    frames = np.load(folder / "frames.npz")["frames"]
+    with open(folder / "frames.csv", newline="") as handle:
+        rows = list(csv.DictReader(handle))
+    assert len(rows) == len(frames)
+    assert [int(row["sequence"]) for row in rows] == list(range(len(rows)))
+    assert all((row["photons"] != "") == (row["kind"] == "flat") for row in rows)
+    assert all((row["clean"] != "") == (row["kind"] == "scene") for row in rows)
+    told = (folder / "camera.yaml").read_text()
+    assert recipe.expect[0] not in told
+    assert json.loads((tmp_path / "answers" / f"{recipe.identity}.json").read_text())["expect"] == [
+        recipe.expect[0]
+    ]
+
+
+@pytest.mark.parametrize("name", recipes.KINDS)
+def test_every_kind_gives_recipes_and_repeats_them(name):
+    first, again = (list(recipes.KINDS[name](4, 1, "plain")) for _ in range(2))
+    assert first
+    assert first == again
+    assert len({recipe.identity for recipe in first}) == len(first)
+
+
+def test_left_out_base_terms_are_hidden_from_the_file(tmp_path):
+    for recipe in recipes.base_left_out(3, 2, "plain"):
+        write_set(recipe, tmp_path / "sets", tmp_path / "answers")
+        told = (tmp_path / "sets" / recipe.identity / "camera.yaml").read_text()
+        gone = "shape: 0.14" if recipe.expect == ("read_noise",) else recipe.expect[0]
+        assert (gone in told) == (recipe.expect == ("read_noise",))
+
+
+def test_strength_words_scale_the_parameter():
+    plain = strengths.scaled(0, "row_noise", "default", "plain")
+    assert plain
+    assert strengths.scaled(0, "row_noise", "default", "half") == pytest.approx(plain / 2)
+    assert strengths.scaled(0, "row_noise", "default", "quarter") == pytest.approx(plain / 4)
+
+
+def diagnosis(accepted, unexplained=None, after=0.05):
+    return {"diagnosis": {"accepted": accepted, "unexplained": unexplained, "error": {"after": after}}}
+
+
+ANSWER = {
+    "kind": "single",
+    "expect": ["smear"],
+    "without": None,
+    "axis": ["column"],
+    "grows": ["signal"],
+    "may_grow": [],
+}
+
+
+@pytest.mark.parametrize(
+    ("answer", "said", "right", "wrong"),
+    [
+        ({}, diagnosis(["smear"]), True, False),
+        ({}, diagnosis(["smear", "row_noise"]), False, True),
+        ({}, diagnosis([]), False, False),
+        ({"expect": []}, diagnosis([]), True, False),
+        ({"expect": []}, diagnosis(["prnu"]), False, True),
+        ({"without": "smear"}, diagnosis(["blooming"]), False, True),
+        ({"without": "smear"}, diagnosis([], {"axis": ["column"], "grows_with": ["signal"]}), True, False),
+        ({"without": "smear"}, diagnosis([], {"axis": ["row"], "grows_with": ["signal"]}), False, False),
+        (
+            {"without": "smear"},
+            diagnosis(["tap_mismatch"], {"axis": ["column"], "grows_with": ["signal"]}),
+            True,
+            False,
+        ),
+        ({"kind": "foreign"}, diagnosis([], {"axis": ["column"], "grows_with": ["signal"]}), True, False),
+        ({"kind": "foreign"}, diagnosis(["smear"]) | {"effects": "mine.py"}, True, False),
+        ({}, {"diagnosis": None}, False, False),
+    ],
+)
+def test_verdicts(answer, said, right, wrong):
+    judged = judge.verdict(ANSWER | answer, said)
+    assert (judged["right"], judged["wrong"]) == (right, wrong)
+
+
+def test_report_counts(tmp_path):
+    for folder in ("sets_answers", "sets_results"):
+        (tmp_path / folder).mkdir()
+    for i, accepted in enumerate((["smear"], ["smear"], ["row_noise"])):
+        (tmp_path / "sets_answers" / f"{i}.json").write_text(
+            json.dumps(ANSWER | {"strength": "plain", "seed": i, "hidden": [1]})
+        )
+        (tmp_path / "sets_results" / f"{i}.json").write_text(
+            json.dumps(diagnosis(accepted) | {"seconds": 2, "status": 0})
+        )
+    text = judge.report([tmp_path / "sets"])
+    low, high = judge.wilson(2, 3)
+    assert f"| smear | 2/3 ({100 * low:.0f}-{100 * high:.0f} %) | 1 | 0.05 / 0.05 | 0 | 0 | 2 |" in text
+
+
+def test_unknown_kind_is_one_line(capsys):
+    with pytest.raises(SystemExit) as stop:
+        hidden_effects.parser().parse_args(["make", "1", "-o", "x", "--kinds", "sngle"])
+    assert stop.value.code == 2
+    assert "unknown kind sngle" in capsys.readouterr().err

@@ -1,0 +1,52 @@
+"""The camera that visaug is judged on shares no code with visaug."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+FILES = [*sorted((SCRIPTS / "independent").glob("**/*.py")), SCRIPTS / "hidden_effects.py"]
+ALLOWED = set(sys.stdlib_module_names) | {"numpy", "scipy", "PIL", "independent"}
+
+
+def imported(tree: ast.AST) -> set[str]:
+    """Top-level names of every import, wherever in the file it stands."""
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            names.add((node.module or "").split(".")[0])
+    return names
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_imports_numpy_scipy_and_itself_only(path):
+    tree = ast.parse(path.read_text())
+    assert imported(tree) <= ALLOWED
+    calls = {
+        node.func.id
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    }
+    assert not calls & {"__import__", "exec", "eval"}
+    assert "importlib" not in imported(tree)
+
+
+def test_scan_sees_every_kind_of_import():
+    code = "import visaug.effects as e\ndef f():\n    from visaug import camera\n"
+    assert imported(ast.parse(code)) == {"visaug"}
+
+
+def test_nothing_of_visaug_is_loaded():
+    code = (
+        "import sys; sys.argv = ['x']\n"
+        f"sys.path.insert(0, {str(SCRIPTS)!r})\n"
+        "import hidden_effects, independent.calibrate\n"
+        "print([name for name in sys.modules if name.split('.')[0] in ('visaug', 'visaug_train', 'torch')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
