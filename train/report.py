@@ -6,15 +6,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 import torch
-from visaug_train.ablation import Ablation
-from visaug_train.evaluate import Evaluation
-from visaug_train.tables import MEASURES
-from visaug_train.training import batch_noise
 
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
 from visaug.report.noise import components
 from visaug.report.plots.images import plot_components, plot_images
 from visaug.report.plots.learning import plot_predictions, plot_timing, plot_training
+from visaug_train.ablation import Ablation
+from visaug_train.evaluate import Evaluation
+from visaug_train.tables import MEASURES
+from visaug_train.training import batch_noise
 
 SHOWN_WIDTH = 480  # pixels; larger images are shown smaller
 DETECTION, KEYPOINTS = ("box_ap", "iou"), ("keypoint_ap_paper", "oks_paper")
