@@ -1,7 +1,8 @@
-"""Train the arms of a config with all else equal, score them on all test sets, and say what differs and how surely.
+"""Train the arms of a config with all else equal, score them on all test sets, and say what differs and how
+surely.
 
-Everything that is finished is kept: runs by their folders, predictions beside them. A run that fails is noted and the
-others go on; the same command tries it again.
+Everything that is finished is kept: runs by their folders, predictions beside them. A run that fails is noted
+and the others go on; the same command tries it again.
 """
 
 import hashlib
@@ -13,14 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from visaug.errors import InputError
-from visaug.files import write_json, write_text
 from visaug_train import tables
 from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation, evaluate
 from visaug_train.predictions import load_predictions, predict, save_predictions
 from visaug_train.training import Run, Study, prepare, train_run
+
+from visaug.errors import InputError
+from visaug.files import write_json, write_text
 
 Progress = Callable[[str, int, int], None]
 
@@ -76,7 +77,9 @@ class Ablation:
             arm: {
                 domain: {
                     measure: float(
-                        np.mean([tables.value(self.summaries[arm, s][domain], measure) for s in self.seeds(arm)])
+                        np.mean(
+                            [tables.value(self.summaries[arm, s][domain], measure) for s in self.seeds(arm)]
+                        )
                     )
                     for measure in tables.MEASURES
                 }
@@ -120,10 +123,18 @@ class Ablation:
             weights = rng.multinomial(count, np.full(count, 1 / count)).astype(float)
             pairs = scores(arm, weights) - scores(baseline, weights)
             resampled.append(pairs[rng.integers(0, len(seeds), len(seeds))].mean(axis=0))
-        low, high = np.quantile(resampled, [0.025, 0.975], axis=0) if resampled else (own * np.nan, own * np.nan)
+        low, high = (
+            np.quantile(resampled, [0.025, 0.975], axis=0) if resampled else (own * np.nan, own * np.nan)
+        )
         for i, measure in enumerate(tables.MEASURES):
             yield Difference(
-                arm, domain, measure, float(reference[i]), float(own[i] - reference[i]), float(low[i]), float(high[i])
+                arm,
+                domain,
+                measure,
+                float(reference[i]),
+                float(own[i] - reference[i]),
+                float(low[i]),
+                float(high[i]),
             )
 
     def tables(self) -> dict[str, tables.Table]:

@@ -1,7 +1,7 @@
 """What the arms do to a batch of training images besides ultralytics' own: modules on (B, C, H, W) in [0, 1].
 
-Random numbers come from torch's global generator, which ultralytics seeds by seed and rank. Gray images have equal
-channels, and one draw goes to all channels, as a gray camera would.
+Random numbers come from torch's global generator, which ultralytics seeds by seed and rank. Gray images have
+equal channels, and one draw goes to all channels, as a gray camera would.
 """
 
 import numpy as np
@@ -45,10 +45,11 @@ class GaussianNoise(nn.Module):
 
 
 class WhiteSensorNoise(nn.Module):
-    """White Gaussian noise of a camera's variance, the paper's eq. 6: one standard deviation for the whole image.
+    """White Gaussian noise of a camera's variance, the paper's eq. 6: one standard deviation for the whole
+    image.
 
-    Its variance in electrons is that of the photons at the image's mean level, the dark current and the read noise;
-    fixed patterns have no part in it. Camera parameters are drawn per image as for the sensor noise.
+    Its variance in electrons is that of the photons at the image's mean level, the dark current and the read
+    noise; fixed patterns have no part in it. Camera parameters are drawn per image as for the sensor noise.
     """
 
     def __init__(self, camera: Camera, p: float = 1.0) -> None:
@@ -58,7 +59,10 @@ class WhiteSensorNoise(nn.Module):
     def forward(self, images: Tensor) -> Tensor:
         spec = self.camera.spec
         seed = int(torch.randint(2**31, (1,)))
-        values = {k: v.numpy().astype(float) for k, v in draw(self.camera, len(images), np.random.default_rng(seed)).items()}
+        values = {
+            k: v.numpy().astype(float)
+            for k, v in draw(self.camera, len(images), np.random.default_rng(seed)).items()
+        }
         full_scale = 2**spec.bit_depth - 1
         gain = values["gain_e_per_dn"] * 10 ** ((spec.gain_db - values["gain_db"]) / 20)
         mean_e = images.mean(dim=(1, 2, 3)).double().cpu().numpy() * full_scale * gain

@@ -27,7 +27,10 @@ class Rendered(_Part):
 
 
 class Source(_Part):
-    """A domain and split of the data's folder, or (with `root`) of another: SPEED and SPEED+ are two folders."""
+    """A domain and split of the data's folder, or (with `root`) of another:
+
+    SPEED and SPEED+ are two folders.
+    """
 
     domain: str
     split: Literal["train", "validation", "test"] | None = None
@@ -69,10 +72,11 @@ class White(_Part):
 
 
 class Vis(_Part):
-    """The sensor noise. `set` changes values of the camera, which are then not randomised; `effects` are added to it.
+    """The sensor noise. `set` changes values of the camera, which are then not randomised; `effects` are
+    added to it.
 
-    `white_std_present` is what white noise the images carry already (1 is full scale): its variance is taken off the
-    read noise.
+    `white_std_present` is what white noise the images carry already (1 is full scale): its variance is taken
+    off the read noise.
     """
 
     camera: str
@@ -87,7 +91,10 @@ class Vis(_Part):
 
 
 class Arm(_Part):
-    """What a run does to its training images. `like` names an arm to take everything from that is not said here."""
+    """What a run does to its training images.
+
+    `like` names an arm to take everything from that is not said here.
+    """
 
     like: str | None = None
     why: str | None = None
@@ -120,7 +127,9 @@ class Config(_Part):
         current: str | None = name
         while current is not None:
             if current in seen or current not in self.arms:
-                raise InputError(f"{current} cannot be built on", field=f"arms.{name}.like", expected="another arm")
+                raise InputError(
+                    f"{current} cannot be built on", field=f"arms.{name}.like", expected="another arm"
+                )
             seen.append(current)
             arm = self.arms[current]
             given = arm.model_dump(exclude_unset=True)
@@ -132,7 +141,19 @@ class Config(_Part):
 
 
 # Arguments that the harness sets itself, so that runs can be found again, compared and kept off the network.
-RESERVED = {"data", "project", "name", "exist_ok", "seed", "resume", "task", "mode", "model", "pretrained", "plots"}
+RESERVED = {
+    "data",
+    "project",
+    "name",
+    "exist_ok",
+    "seed",
+    "resume",
+    "task",
+    "mode",
+    "model",
+    "pretrained",
+    "plots",
+}
 
 
 def load_config(path: str | Path) -> Config:
@@ -141,7 +162,9 @@ def load_config(path: str | Path) -> Config:
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise InputError("no such file", file=path, expected="a YAML config such as configs/demo.yaml") from None
+        raise InputError(
+            "no such file", file=path, expected="a YAML config such as configs/demo.yaml"
+        ) from None
     except (yaml.YAMLError, UnicodeDecodeError, IsADirectoryError) as error:
         raise InputError(f"is not YAML: {error}", file=path) from None
     config = check_config(content, path)
@@ -167,7 +190,9 @@ def check_config(content: Any, path: Path | None = None) -> Config:
     arguments |= {f"arms.{name}.training": arm.training for name, arm in config.arms.items()}
     for where, given in arguments.items():
         for key in RESERVED & given.keys():
-            raise InputError("is set by the harness", file=path, field=f"{where}.{key}", expected="another argument")
+            raise InputError(
+                "is set by the harness", file=path, field=f"{where}.{key}", expected="another argument"
+            )
     if config.baseline not in config.arms:
         raise InputError(f"{config.baseline} is no arm", file=path, field="baseline")
     if not config.seeds:

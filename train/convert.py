@@ -1,8 +1,8 @@
 """SPEED/SPEED+ poses to ultralytics' pose labels: images/, labels/ and data.yaml, whole or not at all.
 
-The result grows in ``NAME.partial`` beside its place, so an interrupted conversion goes on there, and gets its name when
-it is done. Keypoints outside the image have visibility 0; boxes are cut at the border; an image without a target in it
-has an empty label (background).
+The result grows in ``NAME.partial`` beside its place, so an interrupted conversion goes on there, and gets
+its name when it is done. Keypoints outside the image have visibility 0; boxes are cut at the border; an image
+without a target in it has an empty label (background).
 """
 
 import os
@@ -14,11 +14,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from visaug_train.geometry import Keypoints, Pinhole, project_targets, read_json
+from visaug_train.speed import PoseSet
 
 from visaug.errors import InputError
 from visaug.files import write_bytes, write_json, write_text, write_yaml
-from visaug_train.geometry import Keypoints, Pinhole, project_targets, read_json
-from visaug_train.speed import PoseSet
 
 Progress = Callable[[str, int, int], None]
 
@@ -33,14 +33,17 @@ def convert(
     """Write the parts (``train``, ``val``, ...) as a dataset for ultralytics and return its data.yaml.
 
     Args:
-        size: width and height of resized copies; left out, the images are linked (copied where links are not to be had).
+        size: width and height of resized copies; left out, the images are linked (copied where links are not
+        to be had).
     """
     destination = Path(destination)
     described = _describe(parts, keypoints, size)
     data_yaml = destination / "data.yaml"
     if data_yaml.is_file():
         if read_json(destination / "conversion.json") != described:
-            raise InputError("was converted with other settings or images", file=destination, expected="a new folder")
+            raise InputError(
+                "was converted with other settings or images", file=destination, expected="a new folder"
+            )
         return data_yaml
     partial_folder = destination.with_name(destination.name + ".partial")
     stamp = partial_folder / "conversion.json"

@@ -6,8 +6,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-
-from visaug.files import write_text
 from visaug_train.geometry import Keypoints, Targets, project_targets, rotation_matrix
 from visaug_train.metrics import (
     BOXES_PER_IMAGE,
@@ -22,6 +20,8 @@ from visaug_train.pose import estimate_pose, pose_errors, spec_score
 from visaug_train.predictions import load_predictions
 from visaug_train.speed import PoseSet, read_poses
 
+from visaug.files import write_text
+
 # A target without a pose counts as one wholly wrong, so a network cannot better its score by silence.
 NO_POSE = (1.0, 180.0)
 
@@ -30,9 +30,10 @@ NO_POSE = (1.0, 180.0)
 class Evaluation:
     """Scores of one network on one test set.
 
-    `table` holds one array (N) a column: iou, oks_paper, oks_coco (the likeliest detection's; 0 where there is none),
-    score, pose_found, position_error, attitude_error_deg, spec_score, and what they may hang on: distance_m, aspect_deg
-    (angle between the line of sight and the body's z axis), brightness (mean of the target's box, 0 to 1).
+    `table` holds one array (N) a column: iou, oks_paper, oks_coco (the likeliest detection's; 0 where there
+    is none), score, pose_found, position_error, attitude_error_deg, spec_score, and what they may hang on:
+    distance_m, aspect_deg (angle between the line of sight and the body's z axis), brightness (mean of the
+    target's box, 0 to 1).
     """
 
     domain: str
@@ -92,7 +93,11 @@ class Evaluation:
 
 
 def evaluate_predictions(
-    predictions: str | Path, data: str | Path, domain: str, keypoints: str | Path = "tango", split: str | None = None
+    predictions: str | Path,
+    data: str | Path,
+    domain: str,
+    keypoints: str | Path = "tango",
+    split: str | None = None,
 ) -> dict[str, Any]:
     """Scores of any network's predictions on a domain of a SPEED or SPEED+ folder: {domain: summary}."""
     poses = read_poses(data, domain, split)
@@ -110,7 +115,16 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
         similarities["box"].append(box_iou(each.boxes, box))
         for name in DEFINITIONS:
             similarities[name].append(keypoint_similarity(each.points, points, inside, box, name))
-        rows.append(_row(i, each, {name: values[-1] for name, values in similarities.items()}, targets, poses, keypoints))
+        rows.append(
+            _row(
+                i,
+                each,
+                {name: values[-1] for name, values in similarities.items()},
+                targets,
+                poses,
+                keypoints,
+            )
+        )
     table = {column: np.array([row[column] for row in rows]) for column in rows[0]}
     scores = [each.scores for each in detections]
     unseen = ~targets.inside.any(axis=1)

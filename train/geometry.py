@@ -1,7 +1,7 @@
 """From a pose to pixels: cameras with lens distortion, keypoints, boxes, what of them lies in the image.
 
-Pixel coordinates count from the outer corner of the first pixel, so the image covers [0, width] x [0, height] and
-resizing by s multiplies them by s; SPEED's principal point (960, 600) of a 1920 x 1200 image is meant so.
+Pixel coordinates count from the outer corner of the first pixel, so the image covers [0, width] x [0, height]
+and resizing by s multiplies them by s; SPEED's principal point (960, 600) of a 1920 x 1200 image is meant so.
 """
 
 import json
@@ -43,12 +43,18 @@ class Pinhole:
         distortion = np.zeros(5)
         given = np.ravel(content.get("distCoeffs", []))
         if given.size not in (0, 4, 5):
-            raise InputError(f"{path}: distCoeffs: expected 4 or 5 numbers (k1 k2 p1 p2 k3), got {given.size}")
+            raise InputError(
+                f"{path}: distCoeffs: expected 4 or 5 numbers (k1 k2 p1 p2 k3), got {given.size}"
+            )
         distortion[: given.size] = _array(given, (given.size,), f"{path}: distCoeffs")
         if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and np.allclose(matrix[2], [0, 0, 1])):
-            raise InputError(f"{path}: cameraMatrix: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0")
+            raise InputError(
+                f"{path}: cameraMatrix: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0"
+            )
         if not (0 < matrix[0, 2] < width and 0 < matrix[1, 2] < height):
-            raise InputError(f"{path}: cameraMatrix: expected a principal point inside {width} x {height} pixels")
+            raise InputError(
+                f"{path}: cameraMatrix: expected a principal point inside {width} x {height} pixels"
+            )
         return cls(int(width), int(height), matrix, distortion)
 
     def to_json(self) -> dict[str, Any]:

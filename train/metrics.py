@@ -1,8 +1,9 @@
 """IoU, OKS and average precision of boxes and keypoints, one target an image, by COCO's procedure.
 
-Independent of ultralytics and of pycocotools (which the tests compare it with). Two definitions of OKS stand side by side:
-the paper's, exp(-d^2 / (2 s^2 A)) with s = 1 / K for K keypoints and A the area of the box; and COCO's as ultralytics has
-it, with 2 s in the place of s and 0.53 A in the place of A. On the same predictions the paper's is far stricter.
+Independent of ultralytics and of pycocotools (which the tests compare it with). Two definitions of OKS stand
+side by side: the paper's, exp(-d^2 / (2 s^2 A)) with s = 1 / K for K keypoints and A the area of the box; and
+COCO's as ultralytics has it, with 2 s in the place of s and 0.53 A in the place of A. On the same predictions
+the paper's is far stricter.
 """
 
 from dataclasses import dataclass
@@ -17,7 +18,10 @@ BOXES_PER_IMAGE, KEYPOINT_SETS_PER_IMAGE = 100, 20  # COCO's maxDets
 
 @dataclass(frozen=True, eq=False)
 class Detections:
-    """What a network found in one image: boxes (D, 4) x0 y0 x1 y1, points (D, K, 2), point scores (D, K), scores (D)."""
+    """What a network found in one image:
+
+    boxes (D, 4) x0 y0 x1 y1, points (D, K, 2), point scores (D, K), scores (D).
+    """
 
     boxes: np.ndarray
     points: np.ndarray
@@ -49,7 +53,8 @@ def box_iou(boxes: np.ndarray, target: np.ndarray) -> np.ndarray:
 def keypoint_similarity(
     points: np.ndarray, target: np.ndarray, visible: np.ndarray, box: np.ndarray, definition: str
 ) -> np.ndarray:
-    """OKS (D) of points (D, K, 2) with a target's (K, 2), over those visible (K); `definition` is paper or coco.
+    """OKS (D) of points (D, K, 2) with a target's (K, 2), over those visible (K); `definition` is paper or
+    coco.
 
     Where no keypoint is visible, COCO measures how far the points lie from the box enlarged threefold.
     """
@@ -67,13 +72,13 @@ def keypoint_similarity(
 class PrecisionTable:
     """Average precision over IoU (or OKS) thresholds 0.5 ... 0.95 of images with at most one target each.
 
-    Matching and sorting are done once; `average(weights)` then gives the AP of any weighting of the images, such as
-    how often a bootstrap resample holds each.
+    Matching and sorting are done once; `average(weights)` then gives the AP of any weighting of the images,
+    such as how often a bootstrap resample holds each.
 
     Args:
-        scores, similarities: of each image, (D) both: the detections' scores and their similarity to the target.
-        present: (N) whether the image has a target.
-        ignored: (N) whether the target, and the detection that matches it, count neither way.
+        scores, similarities: of each image, (D) both: the detections' scores and their similarity to the
+        target. present: (N) whether the image has a target. ignored: (N) whether the target, and the
+        detection that matches it, count neither way.
     """
 
     def __init__(

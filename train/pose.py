@@ -3,7 +3,6 @@
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
-
 from visaug_train.geometry import Pinhole
 
 # Below these a pose is as exact as the reference poses themselves are (SPEC 2021): no error is counted.
@@ -11,12 +10,17 @@ POSITION_FLOOR, ATTITUDE_FLOOR_DEG = 0.002173, 0.169
 
 
 def estimate_pose(
-    points: np.ndarray, confidence: np.ndarray, model_m: np.ndarray, camera: Pinhole, least_confidence: float = 0.5
+    points: np.ndarray,
+    confidence: np.ndarray,
+    model_m: np.ndarray,
+    camera: Pinhole,
+    least_confidence: float = 0.5,
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Quaternion (4, scalar first) and translation (3, m) of a target from its keypoints (K, 2) in pixels.
 
-    Points below `least_confidence` are left out as long as six remain. Points further than 4 % of the target's size
-    (at least 2 px) from where a pose puts them are outliers. None where no pose before the camera is found.
+    Points below `least_confidence` are left out as long as six remain. Points further than 4 % of the
+    target's size (at least 2 px) from where a pose puts them are outliers. None where no pose before the
+    camera is found.
     """
     order = np.argsort(-confidence, kind="stable")
     used = order[: max(6, int((confidence >= least_confidence).sum()))]
@@ -27,7 +31,12 @@ def estimate_pose(
     extent = float(np.ptp(image, axis=0).max())
     lens = (camera.matrix, camera.distortion)
     found, turn, shift, inliers = cv2.solvePnPRansac(
-        model, image, *lens, flags=cv2.SOLVEPNP_EPNP, reprojectionError=max(2.0, 0.04 * extent), iterationsCount=300
+        model,
+        image,
+        *lens,
+        flags=cv2.SOLVEPNP_EPNP,
+        reprojectionError=max(2.0, 0.04 * extent),
+        iterationsCount=300,
     )
     if not found or inliers is None or len(inliers) < 4:
         found, turn, shift = cv2.solvePnP(model, image, *lens, flags=cv2.SOLVEPNP_SQPNP)

@@ -1,17 +1,20 @@
-"""Predictions in a file: COCO's results format with `file_name` in place of `image_id`; and a network's own."""
+"""Predictions in a file:
+
+COCO's results format with `file_name` in place of `image_id`; and a network's own.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from visaug.errors import InputError
-from visaug.files import write_json
 from visaug_train.geometry import read_json
 from visaug_train.metrics import Detections
 from visaug_train.quiet import quiet_ultralytics
 from visaug_train.speed import PoseSet
+
+from visaug.errors import InputError
+from visaug.files import write_json
 
 Progress = Callable[[str, int, int], None]
 LEAST_SCORE, MOST_PER_IMAGE = 0.001, 20
@@ -22,13 +25,17 @@ def load_predictions(path: str | Path, poses: PoseSet, keypoints: int) -> list[D
     path = Path(path)
     records = read_json(path)
     if not isinstance(records, list):
-        raise InputError("holds no list", file=path, expected="COCO's results format with file_name for image_id")
+        raise InputError(
+            "holds no list", file=path, expected="COCO's results format with file_name for image_id"
+        )
     known = {file.name: i for i, file in enumerate(poses.files)}
     found: list[list[tuple[np.ndarray, np.ndarray, float]]] = [[] for _ in poses.files]
     for number, record in enumerate(records):
         field = f"record {number}"
         if not isinstance(record, dict):
-            raise InputError("is no object", file=path, field=field, expected="file_name, bbox, keypoints and score")
+            raise InputError(
+                "is no object", file=path, field=field, expected="file_name, bbox, keypoints and score"
+            )
         name = record.get("file_name")
         index = known.get(Path(name).name) if isinstance(name, str) else None
         if index is None:
@@ -42,7 +49,9 @@ def load_predictions(path: str | Path, poses: PoseSet, keypoints: int) -> list[D
         points = _numbers(record, "keypoints", 3 * keypoints, path, field).reshape(keypoints, 3)
         score = float(_numbers(record, "score", 0, path, field))
         if box[2] < 0 or box[3] < 0:
-            raise InputError("a width or height is negative", file=path, field=f"{field}.bbox", expected="x, y, w, h")
+            raise InputError(
+                "a width or height is negative", file=path, field=f"{field}.bbox", expected="x, y, w, h"
+            )
         found[index].append((box, points, score))
     return [_stack(each, keypoints) for each in found]
 

@@ -6,7 +6,9 @@ from pathlib import Path
 
 
 def quiet_ultralytics(folder: str | Path) -> None:
-    """Set what ultralytics reads when it is first imported; its settings go to `folder` unless a place is set."""
+    """Set what ultralytics reads when it is first imported; its settings go to `folder` unless a place is
+    set.
+    """
     os.environ.setdefault("YOLO_OFFLINE", "1")
     os.environ.setdefault("YOLO_AUTOINSTALL", "0")
     os.environ.setdefault("YOLO_VERBOSE", "false")

@@ -3,20 +3,18 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import cv2
 import numpy as np
 import torch
 
+import visaug
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
-from visaug.report.noise import components
-from visaug.report.plots.images import plot_components, plot_images
-from visaug.report.plots.learning import plot_predictions, plot_timing, plot_training
+from visaug.report.plots.images import plot_images
+from visaug.report.plots.learning import plot_timing, plot_training
 from visaug_train.ablation import Ablation
-from visaug_train.evaluate import Evaluation
+from visaug_train.plots import plot_dependence, plot_gallery, plot_noise_parts, read_gray
 from visaug_train.tables import MEASURES
 from visaug_train.training import batch_noise
 
-SHOWN_WIDTH = 480  # pixels; larger images are shown smaller
 DETECTION, KEYPOINTS = ("box_ap", "iou"), ("keypoint_ap_paper", "oks_paper")
 KEYPOINTS_COCO = ("keypoint_ap_coco", "oks_coco")
 
@@ -38,7 +36,8 @@ def ablation_sections(ablation: Ablation) -> list[Section]:
         Section("Trained with and without sensor noise", list(_results(ablation))),
         Section("Clean beside noised", list(_images(ablation))),
         Section("Training", [_curves(ablation)]),
-        *_predictions(ablation),
+        _predictions(ablation),
+        _dependence(ablation),
     ]
 
 
@@ -58,7 +57,7 @@ def finding(ablation: Ablation) -> str:
 def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
     config = ablation.config
     for name in config.arms:
-        if why := config.arm(name).why:
+        if why := config.arms[name].why:
             yield Text(f"{name}: {why}.")
     for sentence in _findings(ablation):
         yield Text(sentence, "finding")
@@ -81,7 +80,8 @@ def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
 
 def _score_table(ablation: Ablation, measures: tuple[str, ...], caption: str) -> Table:
     domains = list(ablation.study.tests)
-    head = ["arm", *(MEASURES[m][1] for _ in domains for m in measures)]
+    # The caption says whose definition it is.
+    head = ["arm", *(MEASURES[m][1].split(" (")[0] for _ in domains for m in measures)]
     rows = [
         [arm, *(f"{scores[domain][m]:.4f}" for domain in domains for m in measures)]
         for arm, scores in ablation.means.items()
@@ -121,7 +121,7 @@ def _images(ablation: Ablation) -> Iterator[Text | Figure]:
     config = ablation.config
     domain, poses = next(iter(ablation.study.tests.items()))
     files = [poses.files[i] for i in np.linspace(0, len(poses) - 1, 4).astype(int)]
-    clean = np.stack([_gray(file) for file in files])
+    clean = np.stack([read_gray(str(file)) for file in files]).astype(np.float32) / 255
     pictures, titles = list(clean), [f"{domain}, clean"] * 4
     for name in config.arms:
         arm = config.arm(name)
@@ -139,22 +139,20 @@ def _images(ablation: Ablation) -> Iterator[Text | Figure]:
     if others:
         shown = [(name, each.files[i]) for name, each in others for i in (0, 1, 2, 3)[: len(each)]]
         yield figure(
-            plot_images([_gray(file) for _, file in shown], [name for name, _ in shown], limits=(0, 1)),
+            plot_images(
+                [read_gray(str(file)) / 255 for _, file in shown], [name for name, _ in shown], limits=(0, 1)
+            ),
             "What the other test sets look like: other light, and cameras that lie outside the training "
             "noise.",
             raster=True,
         )
-    arms = [config.arm(name) for name in config.arms]
-    vis = next((arm.vis for arm in arms if arm.vis), None)
+    vis = next((arm.vis for arm in map(config.arm, config.arms) if arm.vis), None)
     if vis is not None:
-        import visaug
-
         camera = visaug.Camera.load(vis.camera)
-        parts = components(camera, clean[0])
         yield figure(
-            plot_components(list(parts.values()), list(parts), "DN"),
-            f"Each noise component of {camera.name} alone, on the first of these images: exposures with "
-            "and without it, same random numbers. Colours reach three standard deviations of each.",
+            plot_noise_parts(str(files[0]), camera),
+            f"Each noise component of {camera.name} alone, on the first of these images; colours reach three "
+            "standard deviations of each.",
             raster=True,
         )
 
@@ -170,38 +168,28 @@ def _curves(ablation: Ablation) -> Figure:
     return figure(plot_training(curves, labels), text)
 
 
-def _predictions(ablation: Ablation) -> Iterator[Section]:
+def _predictions(ablation: Ablation) -> Section:
     """Best and worst predictions of the last arm's first seed on each test set."""
     arm = list(ablation.means)[-1]
     evaluations = ablation.scored[arm, ablation.seeds(arm)[0]][1]
+    blocks = [
+        figure(
+            plot_gallery(each, indices), f"{domain}: the {what} of {arm} by OKS (the paper's).", raster=True
+        )
+        for domain, each in evaluations.items()
+        for what, indices in (("best", each.best(4)), ("worst", each.worst(4)))
+    ]
+    return Section("Predictions", blocks)
+
+
+def _dependence(ablation: Ablation) -> Section:
+    """What the scores hang on."""
     blocks = []
-    for domain, evaluation in evaluations.items():
-        for what, indices in (("best", evaluation.best(4)), ("worst", evaluation.worst(4))):
-            drawn = _draw(evaluation, indices)
-            blocks.append(figure(drawn, f"{domain}: the {what} by OKS (the paper's) of {arm}.", raster=True))
-    yield Section("Predictions", blocks)
-
-
-def _draw(evaluation: Evaluation, indices: np.ndarray):
-    images, truth, found, boxes, found_boxes, titles = [], [], [], [], [], []
-    for i in indices:
-        picture = _gray(evaluation.poses.files[i])
-        scale = min(1.0, SHOWN_WIDTH / picture.shape[1])
-        if scale < 1:
-            picture = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-        each = evaluation.detections[i].ranked(1)
-        images.append(picture)
-        truth.append(evaluation.targets.points[i] * scale)
-        boxes.append(evaluation.targets.boxes[i] * scale)
-        found.append(each.points[0] * scale if len(each) else None)
-        found_boxes.append(each.boxes[0] * scale if len(each) else None)
-        titles.append(f"OKS {evaluation.table['oks_paper'][i]:.2f}, IoU {evaluation.table['iou'][i]:.2f}")
-    return plot_predictions(images, truth, found, boxes, found_boxes, titles)
-
-
-def _gray(file: Path) -> np.ndarray:
-    """(H, W) float32 in [0, 1]."""
-    image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-    if image.ndim == 3:
-        image = image[..., 1]
-    return image.astype(np.float32) / np.iinfo(image.dtype).max
+    for domain in ablation.study.tests:
+        found = {
+            arm: [ablation.scored[arm, s][1][domain] for s in ablation.seeds(arm)] for arm in ablation.means
+        }
+        blocks.append(
+            figure(plot_dependence(found), f"{domain}: OKS against distance, attitude and brightness.")
+        )
+    return Section("What the scores hang on", blocks)

@@ -1,8 +1,9 @@
 """SPEED and SPEED+ folders, read from their own layout and checked on opening.
 
-SPEED+: ``camera.json``, ``synthetic/{train,validation}.json`` with ``synthetic/images/``, ``lightbox/test.json`` and
-``sunlamp/test.json`` with their ``images/``. SPEED: ``train.json`` with ``images/train/`` (and ``real.json``). A folder
-of one's own in the SPEED+ layout is read the same way; its domains may have any name.
+SPEED+: ``camera.json``, ``synthetic/{train,validation}.json`` with ``synthetic/images/``,
+``lightbox/test.json`` and ``sunlamp/test.json`` with their ``images/``. SPEED: ``train.json`` with
+``images/train/`` (and ``real.json``). A folder of one's own in the SPEED+ layout is read the same way; its
+domains may have any name.
 """
 
 from dataclasses import dataclass
@@ -10,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from visaug_train.geometry import Keypoints, Pinhole, project_targets, read_json
 
 from visaug.errors import InputError
-from visaug_train.geometry import Keypoints, Pinhole, project_targets, read_json
 
 # The paper splits SPEED's 12,000 labelled synthetic images so (it does not say which image goes where).
 SPEED_SPLIT = {"train": 7680, "validation": 1920, "test": 2400}
@@ -64,7 +65,9 @@ def domains(root: str | Path) -> dict[str, tuple[str, ...]]:
     }
     found = {name: splits for name, splits in found.items() if splits}
     if not found:
-        raise InputError(f"{root}: expected train.json and images/, or folders like synthetic/ with train.json")
+        raise InputError(
+            f"{root}: expected train.json and images/, or folders like synthetic/ with train.json"
+        )
     return found
 
 
@@ -79,8 +82,9 @@ def read_camera(root: str | Path) -> Pinhole:
 def read_poses(root: str | Path, domain: str, split: str | None = None, seed: int = 0) -> PoseSet:
     """The images of a domain with poses, checked.
 
-    `split` is train, validation or test; left out, it is the domain's test split, else validation, else train. SPEED
-    has one list, which is split at random by `seed` in the paper's proportions 7680 : 1920 : 2400.
+    `split` is train, validation or test; left out, it is the domain's test split, else validation, else
+    train. SPEED has one list, which is split at random by `seed` in the paper's proportions 7680 : 1920 :
+    2400.
     """
     root = Path(root)
     found = domains(root)
@@ -104,7 +108,10 @@ def read_poses(root: str | Path, domain: str, split: str | None = None, seed: in
 
 
 def split_indices(count: int, seed: int) -> dict[str, np.ndarray]:
-    """Which of `count` images train, validate and test: a permutation cut as 7680 : 1920 : 2400, each sorted."""
+    """Which of `count` images train, validate and test:
+
+    a permutation cut as 7680 : 1920 : 2400, each sorted.
+    """
     order = np.random.default_rng([20250711, seed]).permutation(count)
     total = sum(SPEED_SPLIT.values())
     first = round(count * SPEED_SPLIT["train"] / total)
@@ -154,7 +161,9 @@ def _check_images(poses: PoseSet, listing: Path) -> None:
         present[folder] = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
     missing = [file for file in poses.files if file.name not in present[file.parent]]
     if missing:
-        raise InputError(f"{listing}: {len(missing)} of {len(poses)} images are missing, the first is {missing[0]}")
+        raise InputError(
+            f"{listing}: {len(missing)} of {len(poses)} images are missing, the first is {missing[0]}"
+        )
     for file in poses.files[:: max(1, len(poses) // 32)]:  # the rest is checked when it is read
         check_size(file, poses.camera)
 

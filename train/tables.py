@@ -1,4 +1,6 @@
-"""Tables of an ablation, in the form of the paper's 2 and 3, as Markdown and CSV; and the differences with intervals."""
+"""Tables of an ablation, in the form of the paper's 2 and 3, as Markdown and CSV; and the differences with
+intervals.
+"""
 
 import csv
 import io
@@ -47,8 +49,13 @@ def value(summary: Mapping[str, Any], measure: str) -> float:
     return float(found)
 
 
-def score_table(title: str, means: Mapping[str, Mapping[str, Mapping[str, float]]], measures: Sequence[str]) -> Table:
-    """Arms as rows; for each domain the measures as columns. `means` is arm -> domain -> measure -> mean over seeds."""
+def score_table(
+    title: str, means: Mapping[str, Mapping[str, Mapping[str, float]]], measures: Sequence[str]
+) -> Table:
+    """Arms as rows; for each domain the measures as columns.
+
+    `means` is arm -> domain -> measure -> mean over seeds.
+    """
     domains = list(dict.fromkeys(domain for scores in means.values() for domain in scores))
     head = ["arm", *(f"{domain}: {MEASURES[measure][1]}" for domain in domains for measure in measures)]
     rows = [

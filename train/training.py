@@ -1,7 +1,7 @@
 """Train the arms of a config with ultralytics: one run is one arm with one seed in a folder of its own.
 
-A run's folder carries a hash of all that decides its outcome. A finished run (``run.json``) is never run again, an
-interrupted one goes on from its last epoch, and a changed config trains beside the old runs.
+A run's folder carries a hash of all that decides its outcome. A finished run (``run.json``) is never run
+again, an interrupted one goes on from its last epoch, and a changed config trains beside the old runs.
 """
 
 import csv
@@ -16,9 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from torch import nn
-
-from visaug.errors import InputError
-from visaug.files import write_json
 from visaug_train.batch_noise import GaussianBlur, GaussianNoise, WhiteSensorNoise
 from visaug_train.config import Arm, Config, Vis
 from visaug_train.convert import convert
@@ -26,6 +23,9 @@ from visaug_train.geometry import Keypoints, read_json
 from visaug_train.quiet import quiet_ultralytics
 from visaug_train.render.dataset import RenderSettings, read_back, render_dataset
 from visaug_train.speed import PoseSet, read_poses
+
+from visaug.errors import InputError
+from visaug.files import write_json
 
 Progress = Callable[[str, int, int], None]
 
@@ -71,7 +71,9 @@ def prepare(config: Config, progress: Progress | None = None) -> Study:
     keypoints = Keypoints.load(data.keypoints)
     parts = {"train": read(data.train), "val": read(data.validation)}
     tests = {name: read(source) for name, source in data.test.items()}
-    destination = root.resolve() / "ultralytics" if data.rendered else config.output / f"{root.name}-ultralytics"
+    destination = (
+        root.resolve() / "ultralytics" if data.rendered else config.output / f"{root.name}-ultralytics"
+    )
     data_yaml = convert(parts, keypoints, destination, data.image_size, progress)
     return Study(config, data_yaml, keypoints, tests, time.monotonic() - began)
 
@@ -85,7 +87,16 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
     if not (folder / "run.json").is_file():
         began = time.monotonic()
         earlier = _seconds_so_far(folder)
-        _train(config, batch_noise(arm), arguments, study.data_yaml, folder, seed, f"training {arm_name} seed {seed}", progress)
+        _train(
+            config,
+            batch_noise(arm),
+            arguments,
+            study.data_yaml,
+            folder,
+            seed,
+            f"training {arm_name} seed {seed}",
+            progress,
+        )
         write_json(
             folder / "run.json",
             {
@@ -98,7 +109,14 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
             },
         )
     record = read_json(folder / "run.json")
-    return Run(arm_name, seed, folder, folder / "weights" / "best.pt", record["seconds"], read_curves(folder / "results.csv"))
+    return Run(
+        arm_name,
+        seed,
+        folder,
+        folder / "weights" / "best.pt",
+        record["seconds"],
+        read_curves(folder / "results.csv"),
+    )
 
 
 def run_folder(study: Study, arm_name: str, seed: int) -> Path:
@@ -116,7 +134,10 @@ def run_folder(study: Study, arm_name: str, seed: int) -> Path:
 
 
 def batch_noise(arm: Arm) -> nn.Module:
-    """The arm's noise on a batch in the order of physics: blur by the optics, then the sensor, then what is added."""
+    """The arm's noise on a batch in the order of physics:
+
+    blur by the optics, then the sensor, then what is added.
+    """
     parts: list[nn.Module] = []
     if arm.blur is not None:
         parts.append(GaussianBlur(arm.blur.p, arm.blur.sigma_px))
@@ -218,7 +239,9 @@ def _follow(model: Any, title: str, progress: Progress | None) -> None:
         if trainer.device.type == "cpu" and "OMP_NUM_THREADS" not in os.environ:
             import torch
 
-            torch.set_num_threads(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+            torch.set_num_threads(
+                len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+            )
 
     model.add_callback("on_train_start", use_all_cores)
     if progress is None:

@@ -1,17 +1,20 @@
-"""Sensor noise in ultralytics' training: a trainer class, or a callback, that noises the batches of training alone.
+"""Sensor noise in ultralytics' training: a trainer class, or a callback, that noises the batches of training
+alone.
 
     YOLO("yolov8s-pose.yaml").train(data=..., trainer=visaug.ultralytics.vis_trainer("camera.yaml"))
 
-Validation keeps its clean images: the validator has its own preprocessing. Both ways give the same bits. They reach the
-workers of distributed training, as ultralytics (8.4.140 and newer) sends trainer class and callbacks there by
-cloudpickle. ultralytics is under AGPL-3.0; only this file and the training harness know it.
+Validation keeps its clean images: the validator has its own preprocessing. Both ways give the same bits. They
+reach the workers of distributed training, as ultralytics (8.4.140 and newer) sends trainer class and
+callbacks there by cloudpickle. ultralytics is under AGPL-3.0; only this file and the training harness know
+it.
 """
 
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-# ultralytics asks the network and installs packages unless told otherwise, and reads this when it is imported.
+# ultralytics asks the network and installs packages unless told otherwise, and reads this when it is
+# imported.
 os.environ.setdefault("YOLO_OFFLINE", "1")
 os.environ.setdefault("YOLO_AUTOINSTALL", "0")
 
@@ -30,9 +33,9 @@ def vis_trainer(camera: "Camera | str | Path | nn.Module", base: type | None = N
     """A trainer class for ``YOLO(...).train(trainer=...)`` that noises the training batches.
 
     Args:
-        camera: a camera, its file or shipped name; or any module that maps images (B, C, H, W) in [0, 1] to such.
-        base: the trainer to build on; ultralytics' PoseTrainer where left out (DetectionTrainer and others work too).
-        options: go to `visaug.VISNoise`, for example ``p=0.5`` or ``resolution="sensor"``.
+        camera: a camera, its file or shipped name; or any module that maps images (B, C, H, W) in [0, 1] to
+        such. base: the trainer to build on; ultralytics' PoseTrainer where left out (DetectionTrainer and
+        others work too). options: go to `visaug.VISNoise`, for example ``p=0.5`` or ``resolution="sensor"``.
     """
     from ultralytics.models.yolo.pose import PoseTrainer
 
@@ -50,11 +53,16 @@ def vis_trainer(camera: "Camera | str | Path | nn.Module", base: type | None = N
 
 
 def add_callback(model: "YOLO", camera: "Camera | str | Path | nn.Module", **options: Any) -> None:
-    """The same for a model whose trainer one does not choose: ``add_callback(model, camera); model.train(...)``."""
+    """The same for a model whose trainer one does not choose:
+
+    ``add_callback(model, camera); model.train(...)``.
+    """
     module = noise_of(camera, **options)
 
     def wrap(trainer: Any) -> None:
-        clean = trainer.preprocess_batch  # callbacks never see a batch, so the method that makes it is wrapped
+        clean = (
+            trainer.preprocess_batch
+        )  # callbacks never see a batch, so the method that makes it is wrapped
         trainer.preprocess_batch = lambda batch: noised(clean(batch), module, trainer.args.hsv_v)
 
     model.add_callback("on_train_start", wrap)
@@ -83,9 +91,9 @@ def noised(batch: dict, noise: nn.Module, value_jitter: float = 0.0) -> dict:
 def padding_mask(images: Tensor, value_jitter: float = 0.0) -> Tensor:
     """Where images (B, C, H, W) in [0, 1] are padding, (B, 1, H, W): no sensor ever saw it.
 
-    Padding is gray of one value that an image's border shows, near 114 (exactly, but for ultralytics' brightness jitter
-    `hsv_v`, which scales it by up to 1 +- value_jitter), in one run from there on along a row or a column. For an upright
-    or turned image and for mosaics such runs reach every padded pixel.
+    Padding is gray of one value that an image's border shows, near 114 (exactly, but for ultralytics'
+    brightness jitter `hsv_v`, which scales it by up to 1 +- value_jitter), in one run from there on along a
+    row or a column. For an upright or turned image and for mosaics such runs reach every padded pixel.
     """
     levels = (images * 255).round().to(torch.int16)
     gray = (levels == levels[:, :1]).all(dim=1)

@@ -1,14 +1,13 @@
 """A batched ray-caster in torch: linear radiance of a spacecraft in sunlight and in light from the Earth.
 
-Radiance 1 is a white matt surface that the unit sun hits at a right angle. The sun is a point far away (hard shadow,
-one shadow ray); the Earth and its like are a half sky of even light around a direction.
+Radiance 1 is a white matt surface that the unit sun hits at a right angle. The sun is a point far away (hard
+shadow, one shadow ray); the Earth and its like are a half sky of even light around a direction.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-
 from visaug_train.geometry import Keypoints, Pinhole, project_targets, rotation_matrix
 from visaug_train.render.spacecraft import Scene, spacecraft
 
@@ -18,7 +17,8 @@ FAR = 1e9
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """What to render, B images. Directions point from the target to the light, in the camera's frame, unit length.
+    """What to render, B images. Directions point from the target to the light, in the camera's frame, unit
+    length.
 
     quaternions (B, 4), translations (B, 3) m, sun (B, 3), sun_level (B), fill (B, 3), fill_level (B).
     """
@@ -68,7 +68,10 @@ class RayCaster:
         return radiance.reshape(shape), covered.reshape(shape)
 
     def _rays_at_targets(self, views: Views) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Rays that may meet the target, in the body frame: directions, origins by image, image and pixel of each."""
+        """Rays that may meet the target, in the body frame:
+
+        directions, origins by image, image and pixel of each.
+        """
         camera, s = self.camera, self.samples
         keypoints = Keypoints.load("tango")
         boxes = project_targets(camera, keypoints, views.quaternions, views.translations).boxes
@@ -114,7 +117,8 @@ class RayCaster:
         direct = level * lit * reflect(albedo, f0, roughness, shading_normal, view, light)
         sky = fill[hit].norm(dim=1).clamp_min(1e-12)
         toward = (shading_normal * fill[hit]).sum(1) / sky
-        # Half a sky of even light: (1 + cos) / 2 of it is seen; what it mirrors in smooth parts is taken as its mean.
+        # Half a sky of even light: (1 + cos) / 2 of it is seen; what it mirrors in smooth parts is taken as
+        # its mean.
         indirect = sky * (albedo + f0) * (0.5 + 0.5 * toward)
         return direct + indirect, hit
 
@@ -122,7 +126,10 @@ class RayCaster:
 def nearest(
     scene: Scene, origin: torch.Tensor, direction: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """First box that each ray (N, 3) meets: distance (N) (FAR where none), its index (N), its normal (N, 3)."""
+    """First box that each ray (N, 3) meets:
+
+    distance (N) (FAR where none), its index (N), its normal (N, 3).
+    """
     turns = scene.axes.reshape(-1, 3)  # all boxes in one matrix product, laid out (box, axis, ray)
     shift = (scene.axes @ scene.centres[:, :, None]).reshape(-1, 1)
     shape = (len(scene.axes), 3, len(origin))
@@ -149,15 +156,21 @@ def reflect(
     view: torch.Tensor,
     light: torch.Tensor,
 ) -> torch.Tensor:
-    """Radiance under a unit sun: Lambert and GGX with Smith's shadowing (Walter et al. 2007) and Schlick's Fresnel."""
+    """Radiance under a unit sun:
+
+    Lambert and GGX with Smith's shadowing (Walter et al. 2007) and Schlick's Fresnel.
+    """
     nl = (normal * light).sum(1).clamp_min(0)
     nv = (normal * view).sum(1).clamp_min(1e-3)
     half = torch.nn.functional.normalize(light + view, dim=1)
     nh = (normal * half).sum(1).clamp(0, 1)
     a2 = roughness**4
     spread = a2 / (nh**2 * (a2 - 1) + 1) ** 2  # GGX times pi, as the sun's irradiance is pi
-    shadowing = 2 * nl * nv / (nv * (a2 + (1 - a2) * nl**2).sqrt() + nl * (a2 + (1 - a2) * nv**2).sqrt()).clamp_min(
-        1e-6
+    shadowing = (
+        2
+        * nl
+        * nv
+        / (nv * (a2 + (1 - a2) * nl**2).sqrt() + nl * (a2 + (1 - a2) * nv**2).sqrt()).clamp_min(1e-6)
     )
     fresnel = f0 + (1 - f0) * (1 - (view * half).sum(1).clamp(0, 1)) ** 5
     return albedo * nl + spread * shadowing * fresnel / (4 * nv)
@@ -172,7 +185,11 @@ def crinkle(normal: torch.Tensor, point: torch.Tensor, amount: torch.Tensor) -> 
 
 
 def solar_cells(
-    point: torch.Tensor, normal: torch.Tensor, cells: torch.Tensor, albedo: torch.Tensor, roughness: torch.Tensor
+    point: torch.Tensor,
+    normal: torch.Tensor,
+    cells: torch.Tensor,
+    albedo: torch.Tensor,
+    roughness: torch.Tensor,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Bright gaps between the cells of the panel's upper side."""
     across = torch.frac((point[:, :2] + 10.0) / torch.tensor([0.1233, 0.0963]))

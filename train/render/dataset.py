@@ -1,7 +1,7 @@
 """Write a rendered dataset in SPEED+'s layout: camera.json, synthetic/, lightbox/, sunlamp/.
 
-Every image has its own stream of random numbers, so an interrupted rendering goes on where it stopped and gives the
-same bytes. A split's json is written last: where it stands, its images do.
+Every image has its own stream of random numbers, so an interrupted rendering goes on where it stopped and
+gives the same bytes. A split's json is written last: where it stands, its images do.
 """
 
 import json
@@ -16,13 +16,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import torch
-
-from visaug.errors import InputError
-from visaug.files import write_bytes, write_json
 from visaug_train.geometry import Pinhole, read_json
 from visaug_train.render.caster import RayCaster, Views
 from visaug_train.render.independent_camera import LIGHTBOX_CAMERA, SUNLAMP_CAMERA, IndependentCamera
 from visaug_train.render.views import LIGHTBOX, SUNLAMP, SYNTHETIC, Lighting, draw_earth, draw_views
+
+from visaug.errors import InputError
+from visaug.files import write_bytes, write_json
 
 Progress = Callable[[str, int, int], None]
 
@@ -39,7 +39,8 @@ BATCH = 16
 
 @dataclass(frozen=True)
 class Domain:
-    """How a domain is lit and by which camera it is seen; `brightness` is the target's mean, a share of full scale.
+    """How a domain is lit and by which camera it is seen; `brightness` is the target's mean, a share of full
+    scale.
 
     Without a camera the image is the noiseless 8-bit one that a renderer gives.
     """
@@ -81,9 +82,13 @@ class RenderSettings:
                 raise InputError(f"render: images: expected one of {', '.join(DOMAINS)}, got {domain}")
             for split, count in splits.items():
                 if split not in ("train", "validation", "test") or not count > 0:
-                    raise InputError(f"render: images.{domain}: expected train, validation or test: a number > 0")
+                    raise InputError(
+                        f"render: images.{domain}: expected train, validation or test: a number > 0"
+                    )
         if not 0.5 <= self.distance_m[0] <= self.distance_m[1]:
-            raise InputError(f"render: distance_m: expected [near, far] with near >= 0.5 m, got {self.distance_m}")
+            raise InputError(
+                f"render: distance_m: expected [near, far] with near >= 0.5 m, got {self.distance_m}"
+            )
         if not 0 <= self.attitude_deg <= 180:
             raise InputError(f"render: attitude_deg: expected 0 to 180, got {self.attitude_deg}")
 
@@ -91,8 +96,8 @@ class RenderSettings:
 def render_dataset(root: str | Path, settings: RenderSettings, progress: Progress | None = None) -> Path:
     """Render what is not there yet into `root` and return it.
 
-    With `linear_frames` each image has a noiseless partner in ``images_linear/``: 16 bit, the same exposure, full
-    scale at twice the 8-bit image's white, so highlights that clip in 8 bit are kept.
+    With `linear_frames` each image has a noiseless partner in ``images_linear/``: 16 bit, the same exposure,
+    full scale at twice the 8-bit image's white, so highlights that clip in 8 bit are kept.
     """
     root = Path(root)
     stamp = root / "render.json"
@@ -129,7 +134,9 @@ def render_dataset(root: str | Path, settings: RenderSettings, progress: Progres
 
 @contextmanager
 def one_torch_thread() -> Iterator[None]:
-    """Parts are rendered beside each other; threads inside their many small steps would only wait for each other."""
+    """Parts are rendered beside each other; threads inside their many small steps would only wait for each
+    other.
+    """
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -140,7 +147,9 @@ def one_torch_thread() -> Iterator[None]:
 
 def read_back(settings: RenderSettings) -> dict:
     """The settings with the domains as JSON has them."""
-    return json.loads(json.dumps({"settings": asdict(settings), "domains": {k: asdict(v) for k, v in DOMAINS.items()}}))
+    return json.loads(
+        json.dumps({"settings": asdict(settings), "domains": {k: asdict(v) for k, v in DOMAINS.items()}})
+    )
 
 
 def _draw(camera: Pinhole, settings: RenderSettings, domain: str, number: int) -> Views:
@@ -155,7 +164,9 @@ def _render_part(
     files = [root / domain / "images" / _name(number) for number in numbers]
     if all(file.is_file() for file in files):
         return
-    joined = Views(*(np.concatenate([getattr(v, name) for v in views]) for name in Views.__dataclass_fields__))
+    joined = Views(
+        *(np.concatenate([getattr(v, name) for v in views]) for name in Views.__dataclass_fields__)
+    )
     radiance, covered = (tensor.numpy() for tensor in caster.render(joined))
     for file, number, image, cover in zip(files, numbers, radiance, covered):
         clean, picture = _expose(settings, domain, number, image, cover, caster.camera)
@@ -166,7 +177,12 @@ def _render_part(
 
 
 def _expose(
-    settings: RenderSettings, domain: str, number: int, radiance: np.ndarray, cover: np.ndarray, camera: Pinhole
+    settings: RenderSettings,
+    domain: str,
+    number: int,
+    radiance: np.ndarray,
+    cover: np.ndarray,
+    camera: Pinhole,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Noiseless image (1 is white) and the 8-bit one, exposed for the target as an automatic exposure would."""
     kind = DOMAINS[domain]

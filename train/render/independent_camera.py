@@ -1,8 +1,9 @@
 """The cameras of the test domains, in plain NumPy, sharing no code with the noise that is under test.
 
-A network trained with the package's sensor noise is judged on frames of these cameras. Would they come from the same
-code, the test would only show that training and test noise are alike. So this file imports nothing but NumPy (a test
-holds it), and its numbers are chosen outside what the shipped training cameras' randomisation reaches.
+A network trained with the package's sensor noise is judged on frames of these cameras. Would they come from
+the same code, the test would only show that training and test noise are alike. So this file imports nothing
+but NumPy (a test holds it), and its numbers are chosen outside what the shipped training cameras'
+randomisation reaches.
 """
 
 from dataclasses import dataclass, replace
@@ -12,14 +13,15 @@ import numpy as np
 
 @dataclass(frozen=True)
 class IndependentCamera:
-    """A 12-bit camera: photons in, DN out. A level of 0 turns an effect off; the fixed pattern hangs on `serial`.
+    """A 12-bit camera: photons in, DN out. A level of 0 turns an effect off; the fixed pattern hangs on
+    `serial`.
 
-    Beyond a base chain (quantum efficiency, shot noise, read noise with heavy tails, pixel and column patterns) it has
-    row_banding_e        amplitude of a sine along the rows, whose phase changes from frame to frame
-    tap_gain, tap_offset_e   the right half is read with this much more gain and offset
-    bloom_share          of the charge above full well that spills into the neighbours of the column
-    flare_share          of the light of bright spots that comes again as a halo and as ghosts
-    bend                 response e (1 - bend e / full well): the share of signal missing at full well
+    Beyond a base chain (quantum efficiency, shot noise, read noise with heavy tails, pixel and column
+    patterns) it has row_banding_e        amplitude of a sine along the rows, whose phase changes from frame
+    to frame tap_gain, tap_offset_e   the right half is read with this much more gain and offset bloom_share
+    of the charge above full well that spills into the neighbours of the column flare_share          of the
+    light of bright spots that comes again as a halo and as ghosts bend                 response e (1 - bend e
+    / full well): the share of signal missing at full well
     """
 
     serial: int = 1
@@ -60,7 +62,10 @@ class IndependentCamera:
         return np.clip(np.rint(signal / self.e_per_dn + self.black_level_dn), 0, 4095).astype(np.uint16)
 
     def to_8bit(self, dn: np.ndarray) -> np.ndarray:
-        """The 8-bit gray image that is published: black level taken off, full well (or the converter's end) is 255."""
+        """The 8-bit gray image that is published:
+
+        black level taken off, full well (or the converter's end) is 255.
+        """
         top = min(self.full_well_e * (1 - self.bend) / self.e_per_dn, 4095 - self.black_level_dn)
         level = (dn.astype(float) - self.black_level_dn) / top * 255
         return np.clip(np.rint(level), 0, 255).astype(np.uint8)
@@ -68,7 +73,13 @@ class IndependentCamera:
     def without_effects(self) -> "IndependentCamera":
         """The same camera with its base chain alone."""
         return replace(
-            self, row_banding_e=0.0, tap_gain=0.0, tap_offset_e=0.0, bloom_share=0.0, flare_share=0.0, bend=0.0
+            self,
+            row_banding_e=0.0,
+            tap_gain=0.0,
+            tap_offset_e=0.0,
+            bloom_share=0.0,
+            flare_share=0.0,
+            bend=0.0,
         )
 
 
@@ -98,7 +109,9 @@ SUNLAMP_CAMERA = IndependentCamera(
 
 
 def _bloom(charge: np.ndarray, full_well_e: float, share: float) -> np.ndarray:
-    """Half of the excess goes up the column, half down; `share` of it survives each step; the rest is drained."""
+    """Half of the excess goes up the column, half down; `share` of it survives each step; the rest is
+    drained.
+    """
     if share <= 0:
         return np.minimum(charge, full_well_e)
     excess = np.maximum(charge - full_well_e, 0)

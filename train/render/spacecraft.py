@@ -1,14 +1,13 @@
 """The spacecraft that is rendered: boxes with materials, drawn so that its corners are Tango's 11 keypoints.
 
-The shape is our own. Only the corners of the solar panel and of the body and the tips of the antennas coincide with
-the keypoints; nothing is taken from a model of the real spacecraft.
+The shape is our own. Only the corners of the solar panel and of the body and the tips of the antennas
+coincide with the keypoints; nothing is taken from a model of the real spacecraft.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-
 from visaug_train.geometry import Keypoints
 
 # Gray reflectances. `facets` tilts the normals of crinkled foil, `cells` draws the grid of solar cells.
@@ -25,7 +24,9 @@ MATERIALS = {
 
 @dataclass(frozen=True)
 class Box:
-    """An oriented box: `centre` and `half` sizes in metres, `axes` its unit vectors as rows, in the body frame."""
+    """An oriented box: `centre` and `half` sizes in metres, `axes` its unit vectors as rows, in the body
+    frame.
+    """
 
     centre: tuple[float, float, float]
     half: tuple[float, float, float]

@@ -1,11 +1,13 @@
-"""Draw what is rendered: attitude, position, sun, fill light and the Earth behind, each by its own stream of numbers."""
+"""Draw what is rendered:
+
+attitude, position, sun, fill light and the Earth behind, each by its own stream of numbers.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import zoom
 from scipy.spatial.transform import Rotation
-
 from visaug_train.geometry import Pinhole
 from visaug_train.render.caster import Views
 
@@ -41,7 +43,9 @@ def draw_views(
     attitude_deg: float,
     rng: np.random.Generator,
 ) -> Views:
-    """`count` views: distance uniform in its logarithm, centre anywhere inside, attitude at most `attitude_deg` off."""
+    """`count` views: distance uniform in its logarithm, centre anywhere inside, attitude at most
+    `attitude_deg` off.
+    """
     z = np.exp(rng.uniform(*np.log(distance_m), count))
     # The target's centre keeps 0.45 m from the border where there is room, so that few targets are cut.
     focal = camera.matrix[[0, 1], [0, 1]]
@@ -64,14 +68,19 @@ def draw_views(
 
 
 def draw_earth(camera: Pinhole, share: float, rng: np.random.Generator) -> np.ndarray | None:
-    """The Earth behind the target as radiance (height, width), in `share` of the images: a limb, clouds, a sea."""
+    """The Earth behind the target as radiance (height, width), in `share` of the images:
+
+    a limb, clouds, a sea.
+    """
     if rng.uniform() >= share:
         return None
     shape = (camera.height, camera.width)
     clouds = np.zeros(shape)
     for octave in range(2, 7):
         coarse = rng.normal(size=(2**octave, 2**octave))
-        fine = zoom(coarse, (shape[0] / 2**octave, shape[1] / 2**octave), order=3, grid_mode=True, mode="nearest")
+        fine = zoom(
+            coarse, (shape[0] / 2**octave, shape[1] / 2**octave), order=3, grid_mode=True, mode="nearest"
+        )
         clouds += fine[: shape[0], : shape[1]] * 0.5 ** (octave - 2)
     clouds = np.clip((clouds - clouds.mean()) / clouds.std() * 0.5 + 0.3, 0, 1)
     angle, offset = rng.uniform(0, 2 * np.pi), rng.uniform(-0.6, 0.8) * camera.width / 2
@@ -93,7 +102,9 @@ def _turns(count: int, largest: float, rng: np.random.Generator) -> Rotation:
 
 
 def _towards(phase: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
-    """Unit vectors at the angle `phase` from the direction target -> camera, which is -z of the camera's frame."""
+    """Unit vectors at the angle `phase` from the direction target -> camera, which is -z of the camera's
+    frame.
+    """
     return np.stack(
         [np.sin(phase) * np.cos(azimuth), np.sin(phase) * np.sin(azimuth), -np.cos(phase)], axis=1
     )

@@ -1,0 +1,66 @@
+"""ultralytics' labels: values, visibility, whole or not at all, going on."""
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from visaug.errors import InputError
+from visaug_train.convert import convert, label_lines
+from visaug_train.geometry import Keypoints
+from visaug_train.render.dataset import SPEED_PLUS_CAMERA
+from visaug_train.speed import PoseSet, read_poses
+
+TANGO = Keypoints.load("tango")
+
+
+def test_label_holds_box_and_points_as_shares_and_hides_what_is_outside(tmp_path):
+    q = np.array([[1.0, 0, 0, 0]] * 3)
+    r = np.array([[0, 0, 4.0], [-1.3, 0, 4.0], [-6.0, 0, 4.0]])
+    poses = PoseSet("p", SPEED_PLUS_CAMERA, tuple(tmp_path / f"{i}.png" for i in range(3)), q, r)
+    whole, cut, gone = label_lines(poses, TANGO)
+    assert gone == ""
+    numbers = np.array(whole.split(), float)
+    assert numbers[0] == 0
+    assert len(numbers) == 5 + 33
+    points = SPEED_PLUS_CAMERA.project(TANGO.points_m + r[0]) / [1920, 1200]
+    np.testing.assert_allclose(numbers[5:].reshape(11, 3)[:, :2], points, atol=1e-6)
+    np.testing.assert_allclose(numbers[1:3], (points.min(0) + points.max(0)) / 2, atol=1e-6)
+    hidden = np.array(cut.split(), float)[5:].reshape(11, 3)
+    assert set(hidden[:, 2]) == {0.0, 2.0}
+    assert (hidden[hidden[:, 2] == 0, :2] == 0).all()
+
+
+def parts(rendered):
+    return {"train": read_poses(rendered, "synthetic", "train"), "val": read_poses(rendered, "synthetic", "test")}
+
+
+def test_converted_dataset_is_complete_and_resized(rendered, tmp_path):
+    data_yaml = convert(parts(rendered), TANGO, tmp_path / "out", size=(80, 50))
+    content = yaml.safe_load(data_yaml.read_text())
+    assert content["kpt_shape"] == [11, 3]
+    images = sorted((tmp_path / "out" / "images" / "train").iterdir())
+    assert len(images) == 8
+    assert cv2.imread(str(images[0]), cv2.IMREAD_UNCHANGED).shape == (50, 80)
+    assert {f.stem for f in images} == {f.stem for f in (tmp_path / "out" / "labels" / "train").iterdir()}
+    assert not (tmp_path / "out.partial").exists()
+
+
+def test_interrupted_conversion_goes_on(rendered, tmp_path):
+    def stop(_title, done, _total):
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        convert(parts(rendered), TANGO, tmp_path / "out", size=(80, 50), progress=stop)
+    assert not (tmp_path / "out").exists()
+    kept = tmp_path / "out.partial" / "images" / "train" / "img000001.png"
+    made = kept.stat().st_mtime_ns
+    convert(parts(rendered), TANGO, tmp_path / "out", size=(80, 50))
+    assert (tmp_path / "out" / "images" / "train" / kept.name).stat().st_mtime_ns == made
+
+
+def test_other_settings_do_not_mix(rendered, tmp_path):
+    convert(parts(rendered), TANGO, tmp_path / "out", size=(80, 50))
+    with pytest.raises(InputError, match="other settings"):
+        convert(parts(rendered), TANGO, tmp_path / "out", size=(40, 25))
