@@ -24,12 +24,14 @@ from visaug.frames import FrameSet
 
 _PIXELS = 4000
 _BINS_PER_SIGMA = 6
-_ROUNDS = 3
+_ROUNDS = 2
+_ITERATIONS = 12
+_GAIN = 0.02  # log-likelihood that a further step would gain: a seventh of a standard error
 
 
 @dataclass(frozen=True)
 class Sample:
-    """Counts (P, bins) of chosen pixels; bin 0 is the cut; `edges` in DN; `block` of rows and place of each pixel."""
+    """Counts (P, bins) of chosen pixels, the edges between bins (DN; bin 0 is the cut), and the pixels' places."""
 
     counts: np.ndarray
     edges: np.ndarray
@@ -72,7 +74,9 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
     for _ in range(_ROUNDS):
         for _ in range(6):  # the parts depend on each other: what one explains, the others need not
             within = max(total - column_var, 0.02 * total)
-            columns, column_error = _locations(master.mean(0), master.std(0, ddof=1) / math.sqrt(height), fit, within)
+            columns, column_error = _locations(
+                master.mean(0), master.std(0, ddof=1) / math.sqrt(height), fit, within
+            )
             column_var = max(float(columns.var(ddof=1)) - column_error, 0.0)
             within = max(total - row_var, 0.02 * total)
             rows, row_error = _locations(master.mean(1), _row_errors(master), fit, within)
@@ -128,34 +132,62 @@ def _sample(frames: FrameSet, indices: tuple[int, ...], still: GroupMoments, see
     positive = values[values > np.median(values)]
     sigma = 1.4826 * np.median(np.abs(values - values.mean(0))) if positive.size else 1.0
     step = max(1, round(max(sigma, 1.0) / _BINS_PER_SIGMA))
-    bins = 1 + (np.maximum(values, 0).astype(np.int64) + step - 1) // step  # 0 alone, then `step` DN each
-    bins[values <= 0] = 0
-    n = int(bins.max()) + 1
+    edges = _edges(float(np.median(values)) + 5 * max(sigma, 1.0), float(values.max()), step)
+    bins = np.searchsorted(edges, values)
+    n = len(edges) + 1
     flat = (np.arange(len(rows))[None] * n + bins).ravel()
     counts = np.bincount(flat, minlength=len(rows) * n).reshape(len(rows), n).astype(np.float64)
-    # Bin 0 ends at 1/2 DN, bin 1 holds nothing (it would be the DN below 1), bin k ends at (k - 1) step + 1/2.
-    edges = np.concatenate([[0.5], 0.5 + step * np.arange(n - 1)])
-    edges[-1] = np.inf
     return Sample(counts, edges, rows, columns, len(indices))
+
+
+def _edges(dense: float, top: float, step: int) -> np.ndarray:
+    """Edges between bins, half-way between DN: at the cut, every `step` DN up to `dense`, then ever wider."""
+    edges = [0.5]
+    while edges[-1] < top:
+        wide = step if edges[-1] < dense else max(step, int(0.15 * (edges[-1] - dense)) + step)
+        edges.append(edges[-1] + wide)
+    return np.array(edges)
 
 
 def _fit(sample: Sample, centre: np.ndarray, start: Fit | None) -> Fit:
     """Maximum likelihood of (log sigma, shape, shift, log spread); pixel p's location is N(centre_p + shift, spread)."""
     if start is None:
-        mids = np.concatenate([[0.0], 0.5 * (sample.edges[:-1] + np.minimum(sample.edges[1:], sample.edges[-2] + 1))])
+        mids = np.concatenate([[0.0], 0.5 * (sample.edges[:-1] + sample.edges[1:]), sample.edges[-1:]])
         mean = sample.counts @ mids / sample.frames
-        level, noise = float(np.median(mean)), float(np.sqrt(np.median((sample.counts @ mids**2) / sample.frames - mean**2)))
-        first = np.array([math.log(max(noise, 0.3) * 1.1), 0.0, level - 0.3 * noise, math.log(max(mean.std(), 0.3))])
+        level, noise = (
+            float(np.median(mean)),
+            float(np.sqrt(np.median((sample.counts @ mids**2) / sample.frames - mean**2))),
+        )
+        first = np.array(
+            [math.log(max(noise, 0.3) * 1.1), 0.0, level - 0.3 * noise, math.log(max(mean.std(), 0.3))]
+        )
     else:
-        first = np.array([start.log_sigma, start.shape, 0.0, start.log_spread - (0.3 if not centre.any() else 0.0)])
+        first = np.array(
+            [start.log_sigma, start.shape, 0.0, start.log_spread - (0.3 if not centre.any() else 0.0)]
+        )
 
-    def loss(p: np.ndarray) -> float:
-        if not (tukey.SHAPE_BOUNDS[0] <= p[1] <= tukey.SHAPE_BOUNDS[1] and abs(p[0]) < 12 and -6 < p[3] < 12):
-            return 1e9
-        return -float(_log_likelihood(p, sample, centre).sum()) / len(sample.rows)
-
-    best = optimize.minimize(loss, first, method="BFGS", options={"gtol": 2e-5, "eps": 1e-4, "maxiter": 60})
-    p = best.x
+    p = first
+    value = _log_likelihood(p, sample, centre).sum()
+    for _ in range(_ITERATIONS):  # Fisher scoring: the information is the scores' outer product
+        scores = _scores(p, sample, centre)
+        gradient = scores.sum(1)
+        step = np.linalg.solve(scores @ scores.T + 1e-9 * np.eye(4), gradient)
+        if gradient @ step < _GAIN:
+            break
+        step *= min(
+            1.0, *(most / max(abs(s), 1e-12) for s, most in zip(step, (0.3, 0.1, math.exp(p[0]), 0.5)))
+        )
+        for _ in range(6):
+            trial = p + step
+            trial[1] = np.clip(trial[1], *tukey.SHAPE_BOUNDS)
+            trial[3] = max(trial[3], p[0] - 6)
+            new = _log_likelihood(trial, sample, centre).sum()
+            if new > value:
+                p, value = trial, new
+                break
+            step *= 0.4
+        else:
+            break
     return Fit(*map(float, p), covariance=_sandwich(p, sample, centre))
 
 
@@ -166,7 +198,7 @@ def _log_likelihood(p: np.ndarray, sample: Sample, centre: np.ndarray) -> np.nda
     step = min(0.8 * sigma / math.sqrt(sample.frames), 0.5 * spread)
     low, high = centre.min() + shift - 5 * spread, centre.max() + shift + 5 * spread
     nodes = np.linspace(low, high, int(np.clip((high - low) / step, 24, 500)))
-    inner = np.interp((sample.edges[:-1, None] - nodes[None]) / sigma, law.x, law.distribution)
+    inner = np.interp((sample.edges[:, None] - nodes[None]) / sigma, law.x, law.distribution)
     cumulative = np.concatenate([np.zeros((1, nodes.size)), inner, np.ones((1, nodes.size))])
     logs = np.log(np.maximum(np.diff(cumulative, axis=0), 1e-12))
     joint = sample.counts @ logs - 0.5 * ((nodes[None] - (centre + shift)[:, None]) / spread) ** 2
@@ -175,13 +207,18 @@ def _log_likelihood(p: np.ndarray, sample: Sample, centre: np.ndarray) -> np.nda
     return top[:, 0] + np.log(np.exp(joint - top).sum(1) * scale)
 
 
-def _sandwich(p: np.ndarray, sample: Sample, centre: np.ndarray, blocks: int = 20) -> np.ndarray:
-    """Covariance from scores summed over blocks of rows."""
+def _scores(p: np.ndarray, sample: Sample, centre: np.ndarray) -> np.ndarray:
+    """(4, P) derivatives of each pixel's log-likelihood."""
     steps = np.array([2e-3, 4e-3, 0.02 * math.exp(p[0]), 4e-3])
-    scores = np.stack(
+    return np.stack(
         [(_log_likelihood(p + s, sample, centre) - _log_likelihood(p - s, sample, centre)) / (2 * s.sum())
          for s in np.diag(steps)]
     )  # fmt: skip
+
+
+def _sandwich(p: np.ndarray, sample: Sample, centre: np.ndarray, blocks: int = 20) -> np.ndarray:
+    """Covariance from scores summed over blocks of rows."""
+    scores = _scores(p, sample, centre)
     information = scores @ scores.T
     which = np.minimum(sample.rows * blocks // (sample.rows.max() + 1), blocks - 1)
     sums = np.stack([np.bincount(which, s, minlength=blocks) for s in scores])
