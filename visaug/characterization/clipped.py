@@ -129,8 +129,7 @@ def _sample(frames: FrameSet, indices: tuple[int, ...], still: GroupMoments, see
     chosen = np.random.default_rng(seed).permutation(height * width)[:_PIXELS]
     rows, columns = np.divmod(np.sort(chosen), width)
     values = np.stack([frames.read(i)[rows, columns] for i in indices])
-    positive = values[values > np.median(values)]
-    sigma = 1.4826 * np.median(np.abs(values - values.mean(0))) if positive.size else 1.0
+    sigma = 1.4826 * np.median(np.abs(values - values.mean(0)))
     step = max(1, round(max(sigma, 1.0) / _BINS_PER_SIGMA))
     edges = _edges(float(np.median(values)) + 5 * max(sigma, 1.0), float(values.max()), step)
     bins = np.searchsorted(edges, values)

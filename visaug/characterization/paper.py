@@ -1,0 +1,151 @@
+"""The simpler procedure of bias and dark frames alone: means, standard deviations, regressions.
+
+Master bias by averaging, column and row noise as standard deviations of its column and row means, the pixel part as
+what they leave; read noise as the mean standard deviation of the residual frames, its shape by matching their
+histogram; dark current as the slope of frame means, the smallest and the largest of each batch dropped; an
+exponential through the slopes. No finite-sample corrections, so few frames bias it; the default method has them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import optimize, stats
+
+from visaug.characterization import tukey
+from visaug.characterization.findings import Findings, Gain
+from visaug.characterization.groups import Measured
+from visaug.characterization.intervals import t_quantile
+from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
+from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.characterization.still import NEEDS_STILL, add_in_electrons
+
+if TYPE_CHECKING:
+    from visaug.camera import Camera
+
+_DROPPED_FROM = 4  # batches of fewer frames keep their smallest and largest mean
+
+
+def procedure(found: Findings, measured: Measured, camera: Camera | None) -> None:
+    """Read noise, DSNU and dark current; the gain comes from the camera, or figures stay in DN."""
+    if camera is not None:
+        found.gain = Gain(1 / camera.gain_at(measured.gain_db), 0.0, measured=False)
+    for name, needs in (
+        ("gain_e_per_dn", NEEDS_FLATS + "; this procedure has none"),
+        ("quantum_efficiency", NEEDS_PHOTONS + "; this procedure has none"),
+    ):
+        found.miss(name, needs)
+    still = measured.still
+    if still is None:
+        found.miss("read_noise.sigma_e", NEEDS_STILL)
+    else:
+        _bias(found, measured, still)
+    _dark(found, measured)
+
+
+def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
+    indices = still.group.indices
+    master = mean_map(measured.frames, indices)
+    found.maps["master_bias"] = master.astype("float32")
+    source = f"standard deviations of the mean of {still.n} {still.group.kind} frames"
+    columns, rows = master.mean(0).std(), master.mean(1).std()
+    pixel = math.sqrt(max(master.var() - columns**2 - rows**2, 0.0))
+    height, width = still.shape
+    for name, value, df in (
+        ("column", columns, width - 1),
+        ("row", rows, height - 1),
+        ("pixel", pixel, height * width),
+    ):
+        low, high = (value * math.sqrt(df / stats.chi2.ppf(q, df)) for q in (0.975, 0.025))
+        add_in_electrons(found, f"dsnu.{name}", (value, low, high), source)
+    _add_level(found, still, math.hypot(columns / math.sqrt(width), rows / math.sqrt(height)))
+    deviations = []
+    edges = None
+    histogram = np.zeros(0)
+    for i in indices:
+        residual = measured.frames.read(i) - master
+        deviations.append(float(residual.std()))
+        if edges is None:
+            edges = np.linspace(-8, 8, 161) * deviations[0]
+        counts = np.histogram(residual, edges)[0]
+        histogram = counts if not histogram.size else histogram + counts
+    sigma = float(np.mean(deviations))
+    assert edges is not None
+    error = float(np.std(deviations, ddof=1)) / math.sqrt(still.n) if still.n > 1 else math.nan
+    half = t_quantile(still.n - 1) * error
+    source = f"mean standard deviation of {still.n} residual frames"
+    add_in_electrons(found, "read_noise.sigma", (sigma, sigma - half, sigma + half), source)
+    shares = histogram / histogram.sum()
+
+    def mismatch(shape: float) -> float:
+        law = tukey.standard(round(float(shape), 5))
+        model = np.diff(np.interp(edges / sigma, law.x, law.distribution))
+        return float(((shares - model / model.sum()) ** 2).sum())
+
+    best = optimize.minimize_scalar(
+        mismatch, bounds=tukey.SHAPE_BOUNDS, method="bounded", options={"xatol": 1e-4}
+    )
+    # The curvature of a sum of squares of shares: each has the variance of a share.
+    h, variance = 0.02, float((shares * (1 - shares)).mean() / histogram.sum())
+    curvature = (mismatch(best.x + h) - 2 * best.fun + mismatch(best.x - h)) / h**2
+    shape_error = math.sqrt(2 * variance / curvature) if curvature > 0 else math.nan
+    shape = float(best.x)
+    interval = (shape, shape - 1.96 * shape_error, shape + 1.96 * shape_error)
+    found.add("read_noise.shape", interval, "1", f"histogram of {still.n} residual frames")
+
+
+def _add_level(found: Findings, still: GroupMoments, error: float) -> None:
+    half = t_quantile(min(still.shape) - 1) * error
+    found.add(
+        "black_level_dn", (still.mean, still.mean - half, still.mean + half), "DN", "mean of the master bias"
+    )
+
+
+def _dark(found: Findings, measured: Measured) -> None:
+    scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
+    unit, suffix = ("DN/s", "dn") if found.gain is None else ("e-/s", "e")
+    by_temperature: dict[float, list[tuple[float, float]]] = {}
+    for m in measured.darks:
+        if m.group.temperature_c is None:
+            continue
+        means = np.sort(m.frame_means)
+        kept = means[1:-1] if len(means) >= _DROPPED_FROM else means
+        by_temperature.setdefault(m.group.temperature_c, []).append(
+            (m.group.exposure_s, float(kept.mean()) * scale)
+        )
+    lines = {
+        t: stats.linregress(*np.array(points).T)
+        for t, points in by_temperature.items()
+        if len({e for e, _ in points}) > 1
+    }
+    if len(lines) < 2:
+        for name in ("dark_current.a_e_per_s", "dark_current.b_per_c"):
+            found.miss(name, "dark frames at two or more exposures and two or more temperatures")
+        return
+    temperatures, rates = np.array(list(lines)), np.array([line.slope for line in lines.values()])
+    if (rates > 0).sum() < 2:
+        found.miss("dark_current.a_e_per_s", "longer exposures or warmer dark frames")
+        return
+    start = np.polyfit(temperatures[rates > 0], np.log(rates[rates > 0]), 1)
+    (a, b), covariance = optimize.curve_fit(
+        lambda t, a, b: a * np.exp(b * t),
+        temperatures,
+        rates,
+        p0=(math.exp(start[1]), start[0]),
+        maxfev=10000,
+    )
+    t = t_quantile(len(lines) - 2) if len(lines) > 2 else math.nan
+    source = f"exponential through the slopes at {len(lines)} temperatures"
+    error = t * math.sqrt(covariance[0, 0])
+    found.add(f"dark_current.a_{suffix}_per_s", (a, max(a - error, 0.0), a + error), unit, source)
+    error = t * math.sqrt(covariance[1, 1])
+    found.add("dark_current.b_per_c", (b, b - error, b + error), "1/degC", source)
+    found.curves["dark_current"] = {
+        "temperature_c": temperatures,
+        "slope": rates,
+        "error": np.array([line.stderr for line in lines.values()]),
+        "law": np.array([a, b]),
+        "in_electrons": np.array(found.gain is not None),
+    }

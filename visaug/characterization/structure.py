@@ -1,0 +1,98 @@
+"""Accurate DSNU: rows and columns as they are spread and ordered, not as white normal noise.
+
+A profile of row or column means is described by the bands its values fall into (a Gaussian mixture) and by its slow
+course (a polynomial); what is left keeps its spectrum. From the three a new pattern of the same kind can be drawn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_MOST_BANDS = 4
+_MOST_ORDER = 6
+
+
+@dataclass(frozen=True)
+class Profile:
+    """One profile: values, mixture (weight, mean, standard deviation of each band), polynomial, power spectrum."""
+
+    values: np.ndarray
+    weights: np.ndarray
+    means: np.ndarray
+    deviations: np.ndarray
+    polynomial: np.ndarray
+    frequency: np.ndarray
+    power: np.ndarray
+
+    @property
+    def peaks(self) -> np.ndarray:
+        """Frequencies (cycles per line) whose power no white pattern of this strength would show (1 % in all)."""
+        white = np.median(self.power[1:]) / np.log(2)
+        return self.frequency[1:][self.power[1:] > white * np.log(100 * (len(self.power) - 1))]
+
+
+def describe(values: np.ndarray) -> Profile:
+    """The profile of rows or columns, (n,) in any unit, about its mean."""
+    values = np.asarray(values, np.float64) - np.mean(values)
+    weights, means, deviations = mixture(values)
+    power = np.abs(np.fft.rfft(values)) ** 2 / len(values)
+    return Profile(
+        values, weights, means, deviations, polynomial(values), np.fft.rfftfreq(len(values)), power
+    )
+
+
+def draw(profile: Profile, seed: int) -> np.ndarray:
+    """Another profile of the same values' distribution and the same spectrum.
+
+    Amplitudes of the spectrum with phases by chance, then the profile's own values in that order.
+    """
+    rng = np.random.default_rng(seed)
+    n = len(profile.values)
+    phases = np.exp(2j * np.pi * rng.random(len(profile.power)))
+    ordered = np.fft.irfft(np.sqrt(profile.power * n) * phases, n)
+    bands = rng.choice(len(profile.weights), size=n, p=profile.weights)
+    values = np.sort(rng.normal(profile.means[bands], profile.deviations[bands]))
+    return values[np.argsort(np.argsort(ordered))]
+
+
+def mixture(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gaussian mixture by expectation maximisation; as many bands, up to four, as the Bayesian criterion keeps."""
+    best, least = None, np.inf
+    floor = 1e-3 * values.std() + 1e-12
+    for k in range(1, _MOST_BANDS + 1):
+        weights = np.full(k, 1 / k)
+        means = np.quantile(values, (np.arange(k) + 0.5) / k)
+        deviations = np.full(k, values.std() / k + floor)
+        for _ in range(200):
+            logs = np.log(weights) - 0.5 * ((values[:, None] - means) / deviations) ** 2 - np.log(deviations)
+            top = logs.max(1, keepdims=True)
+            shares = np.exp(logs - top)
+            total = shares.sum(1, keepdims=True)
+            shares /= total
+            counts = shares.sum(0) + 1e-9
+            weights = counts / counts.sum()
+            means = shares.T @ values / counts
+            spread = (shares * (values[:, None] - means) ** 2).sum(0) / counts
+            deviations = np.sqrt(np.maximum(spread, (0.05 * values.std() + floor) ** 2))
+        likelihood = float((top + np.log(total)).sum()) - 0.5 * len(values) * np.log(2 * np.pi)
+        criterion = (3 * k - 1) * np.log(len(values)) - 2 * likelihood
+        if criterion < least:
+            best, least = (weights, means, deviations), criterion
+    assert best is not None
+    return best
+
+
+def polynomial(values: np.ndarray) -> np.ndarray:
+    """Coefficients on [-1, 1], highest order first; as many orders as the Bayesian criterion keeps."""
+    n = len(values)
+    x = np.linspace(-1, 1, n)
+    best, least = np.zeros(1), np.inf
+    for order in range(min(_MOST_ORDER, n - 2) + 1):
+        coefficients = np.polyfit(x, values, order)
+        rest = float(((values - np.polyval(coefficients, x)) ** 2).mean()) + 1e-12
+        criterion = n * np.log(rest) + (order + 1) * np.log(n)
+        if criterion < least:
+            best, least = coefficients, criterion
+    return best
