@@ -31,7 +31,7 @@ class BitTruncation(Effect):
     mode = Parameter("cut", options=("cut", "round"), source="most links cut; scaling in software rounds")
 
     def apply(self, signal, p, stream, context):
-        step = 2.0**p.bits
+        step = 2.0 ** p.bits.round()  # a random draw may lie between
         kept = torch.floor(signal / step + (0.5 if p.mode == "round" else 0)) * step
         kept = torch.where(p.bits > 0, kept.clamp_max(context.max_dn), signal)
         return signal + (kept - signal).detach()
