@@ -8,10 +8,11 @@ import torch
 
 import visaug
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
-from visaug.report.plots.images import plot_images
+from visaug.report.noise import components
+from visaug.report.plots.images import plot_components, plot_images
 from visaug.report.plots.learning import plot_timing, plot_training
 from visaug_train.ablation import Ablation
-from visaug_train.plots import plot_dependence, plot_gallery, plot_noise_parts, read_gray
+from visaug_train.plots import plot_dependence, plot_gallery, read_gray
 from visaug_train.tables import MEASURES
 from visaug_train.training import batch_noise
 
@@ -149,10 +150,12 @@ def _images(ablation: Ablation) -> Iterator[Text | Figure]:
     vis = next((arm.vis for arm in map(config.arm, config.arms) if arm.vis), None)
     if vis is not None:
         camera = visaug.Camera.load(vis.camera)
+        parts = components(camera, clean[0])
         yield figure(
-            plot_noise_parts(str(files[0]), camera),
-            f"Each noise component of {camera.name} alone, on the first of these images; colours reach three "
-            "standard deviations of each.",
+            plot_components(list(parts.values()), list(parts), "DN", columns=3),
+            f"Each noise component of {camera.name} alone, on the first of these images: the difference of"
+            " two exposures, with it and without it, with the same random numbers. Colours reach three "
+            "standard deviations.",
             raster=True,
         )
 
