@@ -19,7 +19,7 @@ from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
 from visaug.characterization.intervals import mean_error, root, symmetric, t_quantile, variance_combination
 from visaug.characterization.moments import GroupMoments, mean_map
-from visaug.characterization.still import add_in_electrons
+from visaug.characterization.still import add_in_electrons, add_profiles
 from visaug.frames import FrameSet
 
 _PIXELS = 4000
@@ -64,6 +64,7 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
     indices = still.group.indices
     master = mean_map(measured.frames, indices)
     found.maps["master_bias"] = master.astype("float32")
+    add_profiles(found, master)
     sample = _sample(measured.frames, indices, still, seed)
     fit = _fit(sample, np.zeros(len(sample.rows)), None)
     height, width = still.shape

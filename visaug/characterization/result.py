@@ -166,6 +166,23 @@ class Characterization:
             written.append(path)
         return written
 
+    def draw_dsnu(self, seed: int) -> np.ndarray:
+        """Another sensor's dark pattern with this one's bands and spatial spectrum, (H, W) float32 in DN.
+
+        The accurate DSNU: rows and columns drawn from the mixture of the measured profiles in an order of the
+        measured spectrum; pixels white, of the measured strength.
+
+        Raises:
+            InputError: the frames gave no master bias.
+        """
+        from visaug.characterization.structure import synthesize
+
+        if "master_bias" not in self.maps:
+            raise InputError(
+                "the frames gave no master bias", field="dsnu", expected="two or more bias frames"
+            )
+        return synthesize(self.maps["master_bias"], seed)
+
     def plots(self) -> dict[str, Figure]:
         """Every figure for which there are curves, by name."""
         from visaug.characterization import plots

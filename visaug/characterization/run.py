@@ -11,6 +11,7 @@ from visaug.characterization import dark, light, still
 from visaug.characterization.emva import emva
 from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Measured, measure_groups
+from visaug.characterization.maps import add_maps
 from visaug.characterization.result import CAMERA_KEYS, Characterization
 from visaug.errors import InputError
 from visaug.frames import FrameSet
@@ -79,6 +80,7 @@ def _measure(found: Findings, measured: Measured, camera: Camera | None, seed: i
         light.capacity(found, transfer, pattern)
         light.gain_law(found, measured, transfer)
     emva(found, measured)
+    add_maps(found, measured)
 
 
 def _without_light(found: Findings, measured: Measured, seed: int) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 
-from visaug.characterization import read_noise
+import numpy as np
+
+from visaug.characterization import read_noise, structure
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
 from visaug.characterization.intervals import (
@@ -88,6 +90,7 @@ def dark_pattern(found: Findings, measured: Measured, still: GroupMoments) -> Pa
     """DSNU by row, column and pixel, and the master bias."""
     master = mean_map(measured.frames, still.group.indices)
     found.maps["master_bias"] = master.astype("float32")
+    add_profiles(found, master)
     split = parts(master, [(1 / still.n, still)])
     source = f"analysis of variance of the mean of {still.n} {still.group.kind} frames"
     for name in ("row", "column", "pixel"):
@@ -95,6 +98,23 @@ def dark_pattern(found: Findings, measured: Measured, still: GroupMoments) -> Pa
     if split.defects:
         found.warn(f"defects: {split.defects} pixels of the master bias stand out and are left out of DSNU")
     return split
+
+
+def add_profiles(found: Findings, master: np.ndarray) -> None:
+    """Row and column profiles, their spectra, bands and slow course: the accurate description of DSNU."""
+    curves: dict[str, np.ndarray] = {}
+    for name, axis in (("row", 1), ("column", 0)):
+        profile = structure.describe(master.mean(axis))
+        curves[f"{name}_profile_dn"] = profile.values
+        curves[f"{name}_frequency"], curves[f"{name}_power"] = profile.frequency, profile.power
+        curves[f"{name}_bands"] = np.stack([profile.weights, profile.means, profile.deviations])
+        curves[f"{name}_polynomial"] = profile.polynomial
+        if profile.peaks.size:
+            peaks = ", ".join(f"{f:.3f}" for f in profile.peaks[:4])
+            found.warn(
+                f"{name}_structure: the {name} profile of the master bias has power at {peaks} cycles per {name}"
+            )
+    found.curves["nonuniformity"] = curves
 
 
 def add_in_electrons(found: Findings, name: str, interval_dn: tuple[float, ...], source: str) -> None:

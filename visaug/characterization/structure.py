@@ -57,6 +57,16 @@ def draw(profile: Profile, seed: int) -> np.ndarray:
     return values[np.argsort(np.argsort(ordered))]
 
 
+def synthesize(master: np.ndarray, seed: int) -> np.ndarray:
+    """A pattern like a master bias: its mean, rows and columns drawn like its own, white pixels; (H, W) float32."""
+    rows, columns = describe(master.mean(1)), describe(master.mean(0))
+    residual = master - master.mean(1, keepdims=True) - master.mean(0, keepdims=True) + master.mean()
+    pixel = 1.4826 * float(np.median(np.abs(residual)))
+    rng = np.random.default_rng([seed, 2])
+    pattern = master.mean() + draw(rows, seed)[:, None] + draw(columns, seed + 1)[None]
+    return (pattern + rng.normal(0, pixel, master.shape)).astype(np.float32)
+
+
 def mixture(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gaussian mixture by expectation maximisation; as many bands, up to four, as the Bayesian criterion keeps."""
     best, least = None, np.inf

@@ -1,0 +1,151 @@
+"""One function, one figure: what a characterization rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from visaug.characterization.result import Characterization
+
+_POINT, _LINE, _SOFT = "#c2410c", "#0b5cad", "#7a8594"
+
+
+def _figure(width: float = 6.4, height: float = 4.0, columns: int = 1):
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)  # belongs to no window
+    axes = figure.subplots(1, columns)
+    for one in np.atleast_1d(axes):
+        one.spines[["top", "right"]].set_visible(False)
+        one.grid(color="#e6eaef", linewidth=0.7)
+        one.set_axisbelow(True)
+    return figure, axes
+
+
+def photon_transfer(result: Characterization) -> Figure:
+    """Temporal variance against mean signal, both above dark, with the gain's line."""
+    c = result.curves["photon_transfer"]
+    figure, axes = _figure()
+    x, y, used = c["signal_dn"], c["variance_dn2"], c["used"].astype(bool)
+    axes.loglog(x[used], y[used], "o", color=_POINT, label="measured, used")
+    if (~used).any():
+        axes.loglog(
+            x[~used], np.maximum(y[~used], 1e-3), "o", color=_SOFT, mfc="none", label="measured, left out"
+        )
+    line = np.geomspace(max(x[x > 0].min(), 1e-3), x.max(), 50)
+    axes.loglog(
+        line, c["gain_dn_per_e"][0] * line, color=_LINE, label=f"{1 / c['gain_dn_per_e'][0]:.4g} e-/DN"
+    )
+    axes.set(xlabel="mean signal above dark (DN)", ylabel="temporal variance above dark (DN²)")
+    axes.legend(frameon=False)
+    return figure
+
+
+def linearity(result: Characterization) -> Figure:
+    """Relative deviation of the mean signal from a straight line in photons."""
+    c = result.curves["linearity"]
+    figure, axes = _figure()
+    axes.semilogx(c["photons"], 100 * c["deviation"], "o-", color=_POINT)
+    axes.axhline(0, color=_LINE, linewidth=1)
+    axes.set(xlabel="photons per pixel", ylabel="deviation from a line (%)")
+    return figure
+
+
+def read_noise(result: Characterization) -> Figure:
+    """Histogram of the residuals of bias frames with the fitted law, tails on a logarithmic axis."""
+    c = result.curves["read_noise"]
+    figure, axes = _figure()
+    x, counts, model = c["residual_dn"], c["counts"], c["model"]
+    seen = counts > 0
+    axes.semilogy(x[seen], counts[seen], ".", color=_POINT, label="measured")
+    inside = model > 0.3
+    axes.semilogy(x[inside], model[inside], color=_LINE, label="Tukey lambda, fitted")
+    deviation = np.sqrt((counts * x**2).sum() / counts.sum())
+    normal = (
+        counts.sum() * (x[1] - x[0]) * np.exp(-0.5 * (x / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
+    )
+    likely = normal > 0.3
+    axes.semilogy(x[likely], normal[likely], "--", color=_SOFT, label="normal of the same deviation")
+    axes.set(xlabel="residual from the master bias (DN)", ylabel="pixels per bin")
+    axes.legend(frameon=False)
+    return figure
+
+
+def dark_current(result: Characterization) -> Figure:
+    """Dark current against temperature with its exponential law."""
+    c = result.curves["dark_current"]
+    figure, axes = _figure()
+    t, y, e = c["temperature_c"], c["slope"], c["error"]
+    if np.isfinite(t).all():
+        axes.errorbar(t, y, 1.96 * e, fmt="o", color=_POINT, capsize=3, label="slopes, 95 %")
+        if len(c["law"]):
+            line = np.linspace(t.min(), t.max(), 80)
+            axes.plot(line, c["law"][0] * np.exp(c["law"][1] * line), color=_LINE, label="a exp(b T)")
+        axes.legend(frameon=False)
+        axes.set_xlabel("sensor temperature (°C)")
+    else:
+        axes.errorbar(np.arange(len(y)), y, 1.96 * e, fmt="o", color=_POINT, capsize=3)
+        axes.set_xlabel("temperature not known")
+    axes.set_ylabel("dark current (e-/s)" if c["in_electrons"] else "dark current (DN/s)")
+    return figure
+
+
+def nonuniformity(result: Characterization) -> Figure:
+    """Row and column profiles of the master bias and their power spectra."""
+    c = result.curves["nonuniformity"]
+    figure, axes = _figure(9.0, 3.6, 2)
+    for name, colour in (("column", _POINT), ("row", _LINE)):
+        axes[0].plot(c[f"{name}_profile_dn"], color=colour, linewidth=0.9, label=f"{name} means")
+        axes[1].semilogy(c[f"{name}_frequency"][1:], c[f"{name}_power"][1:], color=colour, linewidth=0.9)
+    axes[0].set(xlabel="row or column", ylabel="offset from the mean (DN)")
+    axes[0].legend(frameon=False)
+    axes[1].set(xlabel="cycles per row or column", ylabel="power (DN²)")
+    return figure
+
+
+def gain_law(result: Characterization) -> Figure:
+    """Measured gain against the setting."""
+    c = result.curves["gain_law"]
+    figure, axes = _figure()
+    axes.errorbar(c["gain_db"], c["measured_db"], 1.96 * c["error_db"], fmt="o", color=_POINT, capsize=3)
+    line = np.array([c["gain_db"].min(), c["gain_db"].max()])
+    axes.plot(line, line, color=_LINE, label="as set")
+    axes.set(xlabel="gain setting (dB)", ylabel="gain measured (dB)")
+    axes.legend(frameon=False)
+    return figure
+
+
+def noise_level(result: Characterization) -> Figure:
+    """Noise of flat picture regions against their level."""
+    c = result.curves["noise_level"]
+    figure, axes = _figure()
+    axes.errorbar(c["level_dn"], c["noise_dn"], 1.96 * c["error_dn"], fmt="o-", color=_POINT, capsize=3)
+    axes.set(xlabel="level (DN)", ylabel="noise (DN)")
+    return figure
+
+
+FIGURES: dict[str, tuple[str, Callable[[Characterization], Figure]]] = {
+    "photon_transfer": ("photon_transfer", photon_transfer),
+    "linearity": ("linearity", linearity),
+    "read_noise": ("read_noise", read_noise),
+    "dark_current": ("dark_current", dark_current),
+    "nonuniformity": ("nonuniformity", nonuniformity),
+    "gain_law": ("gain_law", gain_law),
+    "noise_level": ("noise_level", noise_level),
+}
+NEEDS = {
+    "photon_transfer": "flats at several levels and dark frames",
+    "linearity": "calibrated flats at three or more levels",
+    "read_noise": "two or more bias frames that do not clip",
+    "dark_current": "dark frames at two or more exposures",
+    "nonuniformity": "two or more bias frames",
+    "gain_law": "flats at two or more gain settings",
+    "noise_level": "pictures with flat regions",
+}
