@@ -11,9 +11,9 @@ from .camera import Moment
 
 
 def dark_current_nonuniformity(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """Pixels differ in dark current by a log-normal factor of mean 1; other form.
+    """Pixels differ in dark current by a log-normal factor of mean 1.
 
-    Gamma, relative width alike.
+    Other form: gamma, relative width alike.
     """
     if at.form == "gamma":
         shape = 1 / max(strength, 1e-3) ** 2
@@ -27,9 +27,9 @@ def dark_current_nonuniformity(mean_e: np.ndarray, strength: float, at: Moment) 
 
 
 def hot_pixels(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """A share `strength` of the pixels leaks far more, with a smaller activation; other form.
+    """A share `strength` of the pixels leaks far more, with a smaller activation.
 
-    Pairs, power law.
+    Other form: pairs, power law.
     """
 
     def leak() -> tuple[np.ndarray, float]:
@@ -73,9 +73,9 @@ def amplifier_glow(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarra
 
 
 def clock_induced_charge(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """`strength` e- per pixel and frame made by clocking; other form.
+    """`strength` e- per pixel and frame made by clocking.
 
-    In proportion to the row's transfers.
+    Other form: in proportion to the row's transfers.
     """
     if at.form == "by transfers":
         return mean_e + strength * 2 * (np.arange(mean_e.shape[0])[:, None] + 1) / mean_e.shape[0]
@@ -100,9 +100,9 @@ def smear(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarray:
 
 
 def cosmic_rays(electrons: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """`strength` straight tracks a second over the frame; other form.
+    """`strength` straight tracks a second over the frame.
 
-    Short worms with an exponential spectrum.
+    Other form: short worms with an exponential spectrum.
     """
     rng = at.now()
     rows, columns = electrons.shape
@@ -123,9 +123,9 @@ def cosmic_rays(electrons: np.ndarray, strength: float, at: Moment) -> np.ndarra
 
 
 def image_lag(electrons: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """A share of the charge stays behind and is read with the next frame; other form.
+    """A share of the charge stays behind and is read with the next frame.
 
-    Traps that empty slowly.
+    Other form: traps that empty slowly.
     """
     left = at.memory.get("left", np.zeros_like(electrons))
     share = min(strength, 1.0)

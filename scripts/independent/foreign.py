@@ -37,17 +37,17 @@ def patchwork(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
 
 
 KINDS: tuple[Kind, ...] = (
-    Kind("slanted_pickup", "voltage", slanted_pickup, "e-", 0.5, 100, None, ("time",)),
+    Kind("slanted_pickup", "voltage", slanted_pickup, "e-", 0.2, 100, None, ("time",)),
     Kind(
         "row_gain_noise",
         "voltage",
         row_gain_noise,
         "relative rms",
-        2e-3,
+        4e-4,
         0.2,
         None,
         ("row", "time"),
         ("signal",),
     ),
-    Kind("patchwork", "voltage", patchwork, "e- rms", 0.5, 100, None, ("time", "smooth")),
+    Kind("patchwork", "voltage", patchwork, "e- rms", 0.2, 100, None, ("time", "smooth")),
 )

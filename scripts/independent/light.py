@@ -38,9 +38,9 @@ def vignetting(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
 
 
 def point_spread(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """Gaussian blur of standard deviation `strength` pixels, integrated over pixels; other form.
+    """Gaussian blur of standard deviation `strength` pixels, integrated over pixels.
 
-    Exponential.
+    Other form: exponential.
     """
     if strength == 0 or at.shot.kind != "scene":
         return light
@@ -97,9 +97,9 @@ def lens_flare(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
 
 
 def light_drift(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """The lamp's level, a relative standard deviation, fresh in every frame; other form.
+    """The lamp's level, a relative standard deviation, fresh in every frame.
 
-    A slow random walk.
+    Other form: a slow random walk.
     """
     if at.form == "slow walk":
         steps = at.die("walk").standard_normal(at.index + 1)

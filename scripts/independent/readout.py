@@ -90,9 +90,9 @@ def periodic_banding(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
 
 
 def tap_mismatch(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """The second half has `strength` e- more offset and a gain that differs by 0.1 % per e-; other form.
+    """The second half has `strength` e- more offset and a gain that differs by 0.1 % per e-.
 
-    By rows.
+    Other form: by rows.
     """
     rng = at.die()
     share, offset, gain = rng.uniform(0.4, 0.6), rng.choice([-1, 1]), rng.choice([-1, 1]) * 1e-3
@@ -153,9 +153,9 @@ def bit_truncation(dn: np.ndarray, strength: float, at: Moment) -> np.ndarray:
 
 
 def missing_codes(dn: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """A share `strength` of the codes never comes, the code below comes instead; other form.
+    """A share `strength` of the codes never comes, the code below comes instead.
 
-    At regular places.
+    Other form: at regular places.
     """
     codes = 2**at.sensor.bits
     if at.form == "regular" and strength > 0:

@@ -8,13 +8,13 @@ from __future__ import annotations
 import json
 from functools import lru_cache
 from pathlib import Path
+from statistics import median
 
 from . import effects, foreign
 
 TABLE = Path(__file__).with_name("strengths.json")
 FACTOR = {"strong": 4.0, "plain": 1.0, "half": 0.5, "quarter": 0.25, "tenth": 0.1}
 KNOWN = effects.BY_NAME | {kind.name: kind for kind in foreign.KINDS}
-ROUGH = 4.0  # where nothing was calibrated: a strength that is clearly seen
 
 
 @lru_cache
@@ -28,10 +28,11 @@ def plain(camera: int, name: str, form: str = "default") -> float | None:
     None where no strength moves anything that far.
     """
     kind = KNOWN[name]
-    entry = _table().get(str(camera), {}).get(name, {})
-    if form in entry:
-        return entry[form]
-    return min(kind.start * ROUGH, kind.largest) if kind.unit != "bits" else kind.start
+    own = _table().get(str(camera), {}).get(name, {})
+    if form in own:
+        return own[form]
+    others = [found for table in _table().values() if (found := table.get(name, {}).get(form))]
+    return median(others) if others else kind.start
 
 
 def scaled(camera: int, name: str, form: str, word: str) -> float | None:
