@@ -88,6 +88,13 @@ def test_cosmic_rays_are_straight_lines_of_all_directions(run_effect):
     assert abs(doubled.mean()) < 4 / np.sqrt(len(angles))  # Rayleigh's test: exp(-16) is its false-alarm rate
 
 
+def test_a_short_frame_meets_cosmic_rays_while_it_is_read(run_effect):
+    frames = torch.zeros(2, 1, 300, 300)
+    known = {"exposure_s": 1e-5}
+    assert not run_effect("cosmic_rays", frames, known=known, rate_per_mpx_s=500.0).any()
+    assert run_effect("cosmic_rays", frames, known=known, rate_per_mpx_s=500.0, readout_s=1.0).any()
+
+
 def test_cosmic_rays_touch_nothing_else(run_effect):
     scene = poisson(300, (2, 1, 200, 200))
     out = run_effect("cosmic_rays", scene, known={"exposure_s": 1.0}, rate_per_mpx_s=100.0)

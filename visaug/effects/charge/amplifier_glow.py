@@ -33,7 +33,7 @@ class AmplifierGlow(Effect):
         unit="e-/s",
         high=1e6,
         strength=True,
-        trials=(8.0, 40.0),
+        trials=(5.0, 25.0),
         source="at the brightest place, at 20 C",
     )
     place = Parameter(

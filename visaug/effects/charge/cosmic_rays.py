@@ -19,7 +19,9 @@ class CosmicRays(Effect):
     stage = Stage.CHARGE
     order = 20
     summary = "Particles leave tracks of charge in single frames."
-    equation = "tracks ~ Poisson(rate t per 10^6 px), charge per px ~ Exp(charge), length ~ Exp(length)"
+    equation = (
+        "tracks ~ Poisson(rate (t + readout) per 10^6 px), charge per px ~ Exp(charge), length ~ Exp(length)"
+    )
     source = "D. Groom, Experimental Astronomy 14 (2002) 45; 80 e- per um of silicon"
     differentiable = False
     why_not = "a pixel is hit or not: the count of tracks, and the pixels they cross, are whole numbers"
@@ -38,20 +40,21 @@ class CosmicRays(Effect):
     length_px = Parameter(
         6.0, unit="px", low=0.5, high=50.0, trials=(2.0, 8.0), source="depth over pixel, by the slant"
     )
+    readout_s = Parameter(
+        0.0, unit="s", high=1e3, trials=(0.0, 0.2), source="rays hit while a frame waits to be read, too"
+    )
 
     def apply(self, signal, p, stream, context):
-        expected = (p.rate_per_mpx_s * context.exposure_s * 1e-6).detach()
+        expected = (p.rate_per_mpx_s * (context.exposure_s + p.readout_s) * 1e-6).detach()
         image, channel, row, column = torch.nonzero(stream.poisson(expected), as_tuple=True)
         if len(image) == 0:
             return signal
 
-        def uniform(
-            what,
-        ):  # of a track: the sum of its row's and its column's number, modulo 1, is uniform again
+        def uniform(what):
+            """Of each track: the numbers of its row and its column add up, modulo 1, to a uniform one."""
             own = stream.fork(what)
-            return (
-                own.uniform("row")[image, channel, row, 0] + own.uniform("column")[image, channel, 0, column]
-            ) % 1
+            by_row, by_column = own.uniform("row"), own.uniform("column")
+            return (by_row[image, channel, row, 0] + by_column[image, channel, 0, column]) % 1
 
         def each(parameter):
             return parameter.detach().expand(len(signal), 1, 1, 1)[image, 0, 0, 0]

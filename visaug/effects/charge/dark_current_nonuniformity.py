@@ -25,7 +25,7 @@ class DarkCurrentNonuniformity(Effect):
         unit="fraction",
         high=10.0,
         strength=True,
-        trials=(0.3, 1.0),
+        trials=(0.4, 1.2),
         source="standard deviation to mean: 0.1 to 1",
     )
     distribution = Parameter(
@@ -49,4 +49,6 @@ class DarkCurrentNonuniformity(Effect):
         return spread * torch.sqrt(torch.log1p(square) / square)
 
     def moments(self, mean, p, context):
+        if p.distribution != "lognormal":
+            return None  # wide spreads are cut where dark current would be negative
         return mean, (context.dark_current_e * p.spread) ** 2

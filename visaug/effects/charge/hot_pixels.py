@@ -33,7 +33,7 @@ class HotPixels(Effect):
         source="1e-5 new to 1e-2 after radiation",
     )
     rate_e_per_s = Parameter(
-        500.0, unit="e-/s", high=1e7, trials=(150.0, 1000.0), source="mean of the hot pixels, at 20 C"
+        500.0, unit="e-/s", high=1e7, trials=(80.0, 600.0), source="mean of the hot pixels, at 20 C"
     )
     b_per_c = Parameter(0.06, unit="1/C", high=0.3, source="below 0.0866 of silicon: field-assisted")
     tail = Parameter(

@@ -4,7 +4,7 @@ import torch
 import torch.nn.functional as F
 
 from visaug.effects.effect import Effect, Parameter, Stage
-from visaug.effects.optics.spread import gaussian_blur, halo
+from visaug.effects.optics.spread import PROFILES, gaussian_blur, halo
 
 GHOSTS = ((1.0, 0.7), (1.8, 0.3))  # size relative to `ghost_scale`, and share of the ghosts' light
 
@@ -44,13 +44,14 @@ class LensFlare(Effect):
         source="a dusty or scratched lens",
     )
     ghost_scale = Parameter(1.23, low=0.3, high=5.0, trials=(0.83, 1.57), source="size of the first ghost")
-    ghost_blur_px = Parameter(2.0, unit="px", low=0.0, high=50.0, source="ghosts are out of focus")
+    ghost_blur_px = Parameter(2.0, unit="px", high=50.0, trials=(2.0, 8.0), source="ghosts are out of focus")
     halo_width_px = Parameter(8.0, unit="px", low=3.0, high=1e3, trials=(5.0, 15.0), source="decay length")
+    halo_profile = Parameter("exponential", options=PROFILES, source="as of veiling_glare")
     threshold_photons = Parameter(0.0, unit="photons", high=1e9, source="light above it flares; 0: all light")
 
     def apply(self, signal, p, stream, context):
         source = (signal - p.threshold_photons).clamp_min(0)
-        flare = p.halo_share * (halo(source, p.halo_width_px, "exponential") - source)
+        flare = p.halo_share * (halo(source, p.halo_width_px, p.halo_profile) - source)
         flare = flare - p.ghost_share * source
         blurred = gaussian_blur(source, p.ghost_blur_px, p.ghost_blur_px)
         for size, share in GHOSTS:
