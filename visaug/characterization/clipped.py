@@ -1,8 +1,8 @@
 """Bias frames that clip at 0: read noise, DSNU and dark current where means and residuals are cut.
 
-Every pixel's value is its location plus noise, rounded and cut at 0. The likelihood of a pixel's values is known for
-any location; integrated over a normal law of locations it tells read noise and pattern together, with nothing lost
-to the cut but what the cut hides.
+Every pixel's value is its location plus noise, rounded and cut at 0. The likelihood of a pixel's values is
+known for any location; integrated over a normal law of locations it tells read noise and pattern together,
+with nothing lost to the cut but what the cut hides.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _GAIN = 0.02  # log-likelihood that a further step would gain: a seventh of a st
 
 @dataclass(frozen=True)
 class Sample:
-    """Counts (P, bins) of chosen pixels, the edges between bins (DN; bin 0 is the cut), and the pixels' places."""
+    """Counts (P, bins) of chosen pixels, edges between bins (DN; bin 0 is the cut), and places of the pixels."""
 
     counts: np.ndarray
     edges: np.ndarray
@@ -42,7 +42,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Fit:
-    """Logarithm of sigma (DN), shape, shift of the locations (DN), logarithm of their spread (DN); covariance."""
+    """Log sigma (DN), shape, shift of the locations (DN), log of their spread (DN), and their covariance."""
 
     log_sigma: float
     shape: float
@@ -90,8 +90,8 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
     _add(found, still, fit, mean, (rows, row_error), (columns, column_error), len(sample.rows), source)
     _dark(found, measured, fit, columns, max(total - column_var, 0.0))
     found.warn(
-        f"clipped_at_zero: {still.clipped_low:.0%} of the pixels of the {still.group.kind} frames are 0; read noise, "
-        "DSNU and dark current come from a likelihood that knows the cut, the emva figures do not"
+        f"clipped_at_zero: {still.clipped_low:.0%} of the pixels of the {still.group.kind} frames are 0; "
+        "read noise, DSNU and dark current come from a likelihood that knows the cut, the emva figures do not"
     )
 
 
@@ -150,7 +150,7 @@ def _edges(dense: float, top: float, step: int) -> np.ndarray:
 
 
 def _fit(sample: Sample, centre: np.ndarray, start: Fit | None) -> Fit:
-    """Maximum likelihood of (log sigma, shape, shift, log spread); pixel p's location is N(centre_p + shift, spread)."""
+    """Maximum likelihood, the location of pixel p being N(centre_p + shift, spread)."""
     if start is None:
         mids = np.concatenate([[0.0], 0.5 * (sample.edges[:-1] + sample.edges[1:]), sample.edges[-1:]])
         mean = sample.counts @ mids / sample.frames

@@ -76,8 +76,8 @@ def variance_points(moments: Sequence[GroupMoments]) -> list[Point]:
 def slopes(points: Sequence[Point]) -> list[Slope]:
     """A straight line against exposure at every temperature with two or more exposures.
 
-    The error comes from how frames scatter about their group (black-level drift is in it) or, where lines have
-    three or more exposures, from how groups scatter about the lines, whichever is larger.
+    The error comes from how frames scatter about their group (black-level drift is in it) or, where lines
+    have three or more exposures, from how groups scatter about the lines, whichever is larger.
     """
     by_temperature: dict[float | None, list[Point]] = {}
     for p in points:
@@ -114,7 +114,7 @@ def slopes(points: Sequence[Point]) -> list[Slope]:
 
 
 def law(found: Sequence[Slope]) -> Law | None:
-    """Exponential law through slopes at two or more temperatures, by weighted least squares; None if none is."""
+    """Exponential law through slopes at two or more temperatures, by weighted least squares, if there is one."""
     points = [s for s in found if s.temperature_c is not None]
     if len(points) < 2 or sum(s.value > 0 for s in points) < 2:
         return None

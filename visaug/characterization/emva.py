@@ -63,7 +63,7 @@ def _around(result: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 def _dark_sweep(measured: Measured) -> list[GroupMoments]:
-    """Dark frames at the flats' temperature with temporal noise; stacks of many frames stand apart from a sweep."""
+    """Dark frames at the flats' temperature; stacks of many frames stand apart from a sweep."""
     same = [
         m
         for m in (*measured.darks, *measured.biases)

@@ -47,8 +47,8 @@ class Level:
 class Measured:
     """A frame set's groups, measured and sorted by their part.
 
-    `levels` (by photons or signal) are the flats at the base gain that have a dark partner; `stack` is the one level
-    for spatial figures; `darks` and `biases` are those at the base gain.
+    `levels` (by photons or signal) are the flats at the base gain that have a dark partner, `other_gains` those
+    at other gains; `darks` and `biases` are those at the base gain.
     """
 
     frames: FrameSet
@@ -63,7 +63,7 @@ class Measured:
 
     @property
     def sweep(self) -> tuple[Level, ...]:
-        """Levels of the photon transfer: with temporal noise, without big stacks where a sweep stands beside them."""
+        """Levels of the photon transfer, without big stacks where a sweep stands beside them."""
         levels = [v for v in self.levels if v.flat.n > 1 and v.dark.n > 1]
         usual = np.median([v.flat.n for v in levels]) if levels else 0
         small = [v for v in levels if v.flat.n <= _STACK * usual]

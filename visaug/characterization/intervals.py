@@ -21,8 +21,8 @@ def t_quantile(df: float) -> float:
 def variance_combination(terms: Sequence[tuple[float, float, float]]) -> tuple[float, float, float]:
     """Estimate and interval of a sum of c * E[MS], mean squares with chi-square spread.
 
-    The modified large-sample method (Graybill and Wang, J. Am. Stat. Assoc. 75 (1980) 869; for differences Ting
-    et al., J. Stat. Comput. Simul. 35 (1990) 135): right for one term, conservative by little for several.
+    The modified large-sample method (Graybill and Wang, J. Am. Stat. Assoc. 75 (1980) 869; for differences
+    Ting et al., J. Stat. Comput. Simul. 35 (1990) 135): exact for one term, nearly so for several.
 
     Args:
         terms: (coefficient, mean square, degrees of freedom) of each.
@@ -66,14 +66,14 @@ def symmetric(value: float, error: float, df: float = math.inf) -> tuple[float, 
 
 
 def mean_error(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Standard error and Satterthwaite degrees of freedom of a mean with (variance, degrees of freedom) parts."""
+    """Standard error and Satterthwaite degrees of freedom from (variance, degrees of freedom) of parts."""
     total = sum(v for v, _ in parts)
     spread = sum(v**2 / df for v, df in parts if df > 0)
     return math.sqrt(max(total, 0.0)), (total**2 / spread if spread > 0 else math.inf)
 
 
 def row_blocks(rows: int, most: int = 20) -> np.ndarray:
-    """(blocks, rows) weights, each row of which leaves one block of rows out: 1 where kept, 0 where left out."""
+    """(blocks, rows) weights: each leaves one block of rows out, 1 where kept and 0 where left out."""
     blocks = min(most, rows)
     keep = np.ones((blocks, rows))
     for b, members in enumerate(np.array_split(np.arange(rows), blocks)):
@@ -86,7 +86,7 @@ def jackknife(
 ) -> dict[str, tuple[float, float, float]]:
     """Every figure of `compute` with its standard error and degrees of freedom, leaving blocks of rows out.
 
-    Pixels of different rows have independent temporal noise, so this needs no assumption about its distribution.
+    Pixels of different rows have independent temporal noise; its distribution need not be known.
 
     Args:
         compute: called with weights (rows,) of 0 and 1; returns figures by name.

@@ -13,7 +13,7 @@ _ODD = 8.0  # robust standard deviations
 
 
 def add_maps(found: Findings, measured: Measured) -> None:
-    """Add `dark_current` (e-/s, or DN/s where the gain is unknown) and `defects` (bits: HOT, DEAD, UNSTEADY)."""
+    """Add `dark_current` (e-/s; DN/s where the gain is unknown) and `defects` (bits HOT, DEAD, UNSTEADY)."""
     defects: np.ndarray | None = None
 
     def mark(which: np.ndarray, bit: int) -> None:
@@ -52,7 +52,7 @@ def _stands_out(values: np.ndarray) -> np.ndarray:
 
 
 def _warmest(measured: Measured) -> list[GroupMoments]:
-    """Dark groups of two or more exposures at the highest temperature that has them, on the largest window."""
+    """Dark groups at the highest temperature that has two exposures, on the largest window."""
     shapes = [m.shape for m in measured.darks]
     if not shapes:
         return []
@@ -77,7 +77,7 @@ def _rates(measured: Measured, groups: list[GroupMoments]) -> np.ndarray:
 
 
 def _deviation(measured: Measured, still: GroupMoments) -> np.ndarray:
-    """Logarithm of every pixel's standard deviation over the still frames, the rounding of steady pixels evened."""
+    """Logarithm of every pixel's standard deviation over the still frames, rounding added."""
     total, squares = np.zeros(still.shape), np.zeros(still.shape)
     first = measured.frames.read(still.group.indices[0])
     for i in still.group.indices:

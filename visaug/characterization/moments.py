@@ -39,7 +39,8 @@ class GroupMoments:
         frame_means: (n,) mean of each frame, DN.
         row_means: (H,) mean over frames and columns, DN.
         column_means: (W,) mean over frames and rows, DN.
-        row_variances: (H,) mean over columns of the pixels' variance over frames (n - 1 in it), DN^2; 0 for one frame.
+        row_variances: (H,) mean over columns of the pixels' variance over frames (n - 1 in it), DN^2; 0 for
+            one frame.
         spatial_variance: variance of the mean map (HW - 1 in it), DN^2.
         temporal: mean squares of the temporal noise, None for one frame.
         clipped_low, clipped_high: share of pixels at 0 and at the converter's top.

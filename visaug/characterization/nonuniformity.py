@@ -33,7 +33,8 @@ def parts(pattern: np.ndarray, noise: Sequence[tuple[float, GroupMoments]], detr
 
     Args:
         pattern: (H, W) map.
-        noise: what is left of temporal noise: (factor, moments), the variance of a frame's noise times factor.
+        noise: what is left of temporal noise: (factor, moments), the variance of a frame's noise times
+            factor.
         detrend: take out a surface of second order first (light falls off smoothly; a pattern is white).
     """
     height, width = pattern.shape
@@ -102,7 +103,7 @@ def surface(values: np.ndarray) -> np.ndarray:
 
 
 def release_4(measured: GroupMoments) -> dict[str, float]:
-    """Spatial variances of a stack by EMVA 1288 release 4: total, column, row and pixel, DN^2 (may be negative)."""
+    """Spatial variances of a stack by EMVA 1288 release 4, DN^2 (may be negative)."""
     height, width = measured.shape
     noise = float(measured.row_variances.mean()) / measured.n
     total = measured.spatial_variance - noise

@@ -1,10 +1,10 @@
 """The simpler procedure of bias and dark frames alone: means, standard deviations, regressions.
 
-Master bias by averaging, column and row noise as standard deviations of its column and row means, the pixel part as
-what they leave; read noise as the mean standard deviation of the residual frames, its shape by matching their
-histogram; dark current as the slope of frame means, the smallest and the largest of each batch dropped; an
-exponential through the slopes. Its values have no finite-sample corrections, so few frames bias them; the intervals
-know the bias and reach over it. The default method has no such bias.
+Master bias by averaging, column and row noise as standard deviations of its column and row means, the pixel
+part as what they leave; read noise as the mean standard deviation of the residual frames, its shape by matching
+their histogram; dark current as the slope of frame means, the smallest and the largest of each batch dropped;
+an exponential through the slopes. Its values have no finite-sample corrections, so few frames bias them; the
+intervals know the bias and reach over it. The default method has no such bias.
 """
 
 from __future__ import annotations
@@ -94,7 +94,8 @@ def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
     curvature = (mismatch(best.x + h) - 2 * best.fun + mismatch(best.x - h)) / h**2
     shape_error = math.sqrt(2 * variance / curvature) if curvature > 0 else math.nan
     shape = float(best.x)
-    # The mean that is taken out of n frames draws residuals nearer to the normal law, by about 1.5 / n of the way.
+    # The mean that is taken out of n frames draws residuals nearer to the normal law, by about 1.5 / n of
+    # the way.
     hidden = 2 * (shape - tukey.GAUSSIAN_SHAPE) / still.n
     interval = (
         shape,

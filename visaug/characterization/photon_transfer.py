@@ -64,7 +64,9 @@ def transfer(levels: Sequence[Level]) -> PhotonTransfer | None:
 
 
 def saturated_level(levels: Sequence[Level]) -> int | None:
-    """Position of the largest temporal variance, if brighter levels show that it falls again or pixels clip."""
+    """Position of the largest temporal variance, if brighter levels show that it falls again or pixels
+    clip.
+    """
     variances = np.array([v.flat.variance for v in levels])
     top = int(variances.argmax())
     # Near saturation single levels may stand out; EMVA 1288 looks for the last rise.
@@ -88,7 +90,8 @@ def safe_levels(levels: Sequence[Level], saturation: int | None) -> tuple[int, .
 def _response(levels: Sequence[Level]) -> tuple[float | None, float]:
     """Signal per photon, and its relative standard error as an estimate of the camera's own.
 
-    Parts of the error: pixels and rows (blocks of rows left out), columns (blocks of columns left out), and what
+    Parts of the error: pixels and rows (blocks of rows left out), columns (blocks of columns left out), and
+        what
     the lamp does from frame to frame and from level to level.
     """
     if any(v.photons is None or v.photons <= 0 for v in levels):
@@ -118,7 +121,9 @@ def _response(levels: Sequence[Level]) -> tuple[float | None, float]:
 def emva_sensitivity(
     levels: Sequence[Level], saturation: int | None
 ) -> dict[str, tuple[float, float, float]]:
-    """Release 3: system gain and responsivity by unweighted fits through the origin up to 70 % of saturation."""
+    """Release 3: system gain and responsivity by unweighted fits through the origin up to 70 % of
+    saturation.
+    """
     top = len(levels) - 1 if saturation is None else saturation
     limit = (_FIT_SHARE if saturation is not None else 1.0) * levels[top].signal
     last = max((i for i, v in enumerate(levels[: top + 1]) if v.signal <= limit), default=top)
@@ -140,7 +145,9 @@ def emva_sensitivity(
 def emva_linearity(
     levels: Sequence[Level], saturation: int | None
 ) -> dict[str, tuple[float, float, float]] | None:
-    """Release 3: least and largest relative deviation from a line fitted to relative deviations, 5 to 95 %."""
+    """Release 3: least and largest relative deviation from a line fitted to relative deviations, 5 to 95
+    %.
+    """
     top = levels[-1 if saturation is None else saturation].signal
     chosen = [
         v
@@ -167,7 +174,8 @@ def relative_deviations(levels: Sequence[Level], rows: np.ndarray) -> np.ndarray
 def full_well(found: PhotonTransfer, nonuniformity: float) -> tuple[float, float] | None:
     """Full well in electrons and its standard error, from the brightest level that charge clips; else None.
 
-    The mean of a normal signal (shot noise and PRNU) clipped at F is known; F is where it meets the measured mean.
+    The mean of a normal signal (shot noise and PRNU) clipped at F is known; F is where it meets the measured
+    one.
     """
     if found.response_dn_per_photon is None:
         return None

@@ -1,4 +1,6 @@
-"""From ordinary pictures, of which nothing is known: noise against level, and row and column noise, where flat."""
+"""From ordinary pictures, of which nothing is known: noise against level, and row and column noise, where
+flat.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ _LEVELS = 8
 _LEAST = 12  # blocks for one point of the curve
 _DRAWS = 400
 _PICTURE_NEEDS = {
-    "gain_e_per_dn": "flats at several levels: a picture's noise may be that of processing, and its scale is unknown",
+    "gain_e_per_dn": "flats at several levels: a picture's noise may be that of processing, its scale is unknown",
     "quantum_efficiency": "flats with known photons per pixel",
     "read_noise.sigma_e": "two or more bias frames, and the gain",
     "dsnu.pixel_e": "several frames of one scene: one picture does not part fixed pattern from noise",
@@ -28,7 +30,9 @@ _PICTURE_NEEDS = {
 
 @dataclass(frozen=True)
 class Blocks:
-    """Flat blocks of pictures: level, residual variance, row and column mean squares, and the picture of each."""
+    """Flat blocks of pictures: level, residual variance, row and column mean squares, and the picture of
+    each.
+    """
 
     level: np.ndarray
     variance: np.ndarray
@@ -67,8 +71,8 @@ def noise_of_pictures(found: Findings, frames: FrameSet, seed: int) -> None:
     add("image.column_noise_dn", "DN", lambda b: _shared(b.column, b.variance))
     _noise_level(found, blocks, draws, source)
     found.warn(
-        "pictures_alone: noise and fixed pattern are not told apart, nor is the camera's noise from what processing "
-        "(compression, sharpening, tone curve) made of it"
+        "pictures_alone: noise and fixed pattern are not told apart, nor is the camera's noise from what "
+        "processing (compression, sharpening, tone curve) made of it"
     )
 
 
@@ -119,8 +123,8 @@ def _running(blocks: Blocks) -> np.ndarray:
 def flat_blocks(frames: FrameSet, i: int) -> Blocks:
     """Blocks of picture `i` that hold noise and no structure.
 
-    A plane is taken out of each block. Structure shows in the means of its cells, which vary more than the pixels'
-    variance explains (F test at 1 %), or in outlying variance; clipped blocks say nothing.
+    A plane is taken out of each block. Structure shows in the means of its cells, which vary more than the
+    pixels' variance explains (F test at 1 %), or in outlying variance; clipped blocks say nothing.
     """
     frame = frames.read(i).astype(np.float64)
     top = frame.max() if frames.bit_depth is None else (1 << frames.bit_depth) - 1

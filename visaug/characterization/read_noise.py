@@ -21,7 +21,9 @@ _REACH_SIGMA = 40.0
 
 @dataclass(frozen=True)
 class ReadNoise:
-    """Read noise of single pixels: standard deviation in DN, shape, errors (one sigma), and the histogram fitted."""
+    """Read noise of single pixels: standard deviation in DN, shape, errors (one sigma), and the histogram
+    fitted.
+    """
 
     sigma_dn: float
     shape: float
@@ -43,11 +45,13 @@ def fit(
 ) -> ReadNoise:
     """Fit residuals of two or more frames about their own mean map; nothing may clip.
 
-    The residual of n frames is (1 - 1/n) times one draw less 1/n times the n - 1 others, so its law is known from
-    that of one draw through the characteristic function: no approximation for small n. Each draw is Tukey-lambda
+    The residual of n frames is (1 - 1/n) times one draw less 1/n times the n - 1 others, so its law is known
+    from
+    that of one draw through the characteristic function: no approximation for small n. Each draw is
+        Tukey-lambda
     noise, rounding (uniform over a DN) and a Gaussian of `other_variance` (dark current's shot noise, DN^2).
-    Offsets of whole frames, rows or columns that change from frame to frame are taken out where there are any.
-    The residuals of one pixel are dependent, so errors come from blocks of rows (sandwich estimator).
+    Offsets of whole frames, rows or columns that change from frame to frame are taken out where there are
+    any. The residuals of one pixel are dependent, so errors come from blocks of rows (sandwich estimator).
     """
     n = len(indices)
     assert moments.temporal is not None
@@ -84,7 +88,7 @@ def fit(
 def _histogram(
     frames: FrameSet, indices: Sequence[int], moments: GroupMoments
 ) -> tuple[float, np.ndarray, float]:
-    """Bin width in DN; counts by block of rows and bin (the outermost take what lies beyond); share of variance kept.
+    """Bin width in DN, counts by block of rows and bin (the outermost take the rest), share of variance kept.
 
     Taking the mean of a row of W pixels out of each takes 1/W of the variance with it.
     """
@@ -126,7 +130,9 @@ def unsteady(mean_square: float, noise: float, df: int) -> bool:
 def _bin_probabilities(
     sigma: float, shape: float, n: int, width: float, half: int, other: float
 ) -> np.ndarray:
-    """Probability of each bin of the residual of n draws, by Fourier transform of the characteristic function."""
+    """Probability of each bin of the residual of n draws, by Fourier transform of the characteristic
+    function.
+    """
     size = 1 << (2 * (2 * half + 1) - 1).bit_length()
     t = 2 * np.pi * np.fft.rfftfreq(size, d=width)
     law = tukey.standard(round(shape, 5))

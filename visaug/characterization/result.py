@@ -69,8 +69,8 @@ class Characterization:
         not_determined: parameters that the frames cannot tell, and what it would need.
         warnings: named sentences about the frames and the fits.
         curves: arrays for plots, by name (see the `plot_*` methods).
-        maps: (H, W) float32 arrays by name: `master_bias` (DN), `dark_current` (e-/s), `defects` (bits: 1 hot,
-            2 dead, 4 unsteady).
+        maps: (H, W) float32 arrays by name: `master_bias` (DN), `dark_current` (e-/s), `defects` (bits: 1
+            hot, 2 dead, 4 unsteady).
         assumed: settings of the frames, and what was taken from the camera given.
         base: content of the camera given, whose further effects stay.
     """

@@ -27,9 +27,11 @@ def characterize(
 
     Args:
         frames: bias, dark and flat frames in any combination, or plain pictures.
-        camera: gives what the frames cannot tell (quantum efficiency of uncalibrated flats, the gain without flats).
+        camera: gives what the frames cannot tell (quantum efficiency of uncalibrated flats, the gain without
+            flats).
         seed: for what is drawn by chance (bootstrap of plain pictures, subsamples).
-        method: ``emva``, or ``paper`` for the simpler procedure of bias and dark frames alone (regression on means,
+        method: ``emva``, or ``paper`` for the simpler procedure of bias and dark frames alone (regression on
+        means,
             standard deviation of residuals, histogram match of the shape).
 
     Returns:
@@ -86,7 +88,8 @@ def _measure(found: Findings, measured: Measured, camera: Camera | None, seed: i
 def _without_light(found: Findings, measured: Measured, seed: int) -> None:
     frames = measured.still
     if frames is None:
-        for name in ("black_level_dn", "read_noise.sigma_e", "read_noise.shape", "dsnu.row_e", "dsnu.column_e",
+        for name in ("black_level_dn", "read_noise.sigma_e", "read_noise.shape", "dsnu.row_e",
+        "dsnu.column_e",
                      "dsnu.pixel_e"):  # fmt: skip
             found.miss(name, still.NEEDS_STILL)
         dark.dark_law(found, measured)

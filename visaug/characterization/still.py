@@ -25,7 +25,9 @@ NEEDS_STILL = "two or more bias frames (lens capped, shortest exposure)"
 
 
 def black_level(found: Findings, still: GroupMoments, pattern: Parts, dark_signal_dn: float) -> None:
-    """Mean of the bias frames less their dark signal; the camera's own offset lies within the pattern's spread."""
+    """Mean of the bias frames less their dark signal; the camera's own offset lies within the pattern's
+    spread.
+    """
     height, width = still.shape
     frame_noise = max(still.frame_variance, still.variance / (height * width)) / still.n
     error, df = mean_error(
@@ -70,7 +72,7 @@ def temporal_parts(found: Findings, still: GroupMoments) -> None:
         add_in_electrons(found, f"temporal.{name}", root(variance_combination(terms)), source)
         if read_noise.unsteady(ms, t.pixel, df):
             found.warn(
-                f"{name}_noise: {name}s shift alike from frame to frame; read noise is given without that part"
+                f"{name}_noise: {name}s shift alike from frame to frame; read noise is given without it"
             )
     frame = [
         (1 / (height * width), t.frame, t.frame_df),
@@ -112,7 +114,7 @@ def add_profiles(found: Findings, master: np.ndarray) -> None:
         if profile.peaks.size:
             peaks = ", ".join(f"{f:.3f}" for f in profile.peaks[:4])
             found.warn(
-                f"{name}_structure: the {name} profile of the master bias has power at {peaks} cycles per {name}"
+                f"{name}_structure: the master bias's {name} means have power at {peaks} cycles per {name}"
             )
     found.curves["nonuniformity"] = curves
 

@@ -1,7 +1,8 @@
 """Accurate DSNU: rows and columns as they are spread and ordered, not as white normal noise.
 
-A profile of row or column means is described by the bands its values fall into (a Gaussian mixture) and by its slow
-course (a polynomial); what is left keeps its spectrum. From the three a new pattern of the same kind can be drawn.
+A profile of row or column means is described by the bands its values fall into (a Gaussian mixture) and by
+its slow course (a polynomial); what is left keeps its spectrum. From the three a new pattern of the same
+kind can be drawn.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ _MOST_ORDER = 6
 
 @dataclass(frozen=True)
 class Profile:
-    """One profile: values, mixture (weight, mean, standard deviation of each band), polynomial, power spectrum."""
+    """One profile: values, mixture (weight, mean, standard deviation of each band), polynomial, power
+    spectrum.
+    """
 
     values: np.ndarray
     weights: np.ndarray
@@ -28,7 +31,9 @@ class Profile:
 
     @property
     def peaks(self) -> np.ndarray:
-        """Frequencies (cycles per line) whose power no white pattern of this strength would show (1 % in all)."""
+        """Frequencies (cycles per line) whose power no white pattern of this strength would show (1 % in
+        all).
+        """
         white = np.median(self.power[1:]) / np.log(2)
         return self.frequency[1:][self.power[1:] > white * np.log(100 * (len(self.power) - 1))]
 
@@ -58,7 +63,9 @@ def draw(profile: Profile, seed: int) -> np.ndarray:
 
 
 def synthesize(master: np.ndarray, seed: int) -> np.ndarray:
-    """A pattern like a master bias: its mean, rows and columns drawn like its own, white pixels; (H, W) float32."""
+    """A pattern like a master bias: its mean, rows and columns drawn like its own, white pixels; (H, W)
+    float32.
+    """
     rows, columns = describe(master.mean(1)), describe(master.mean(0))
     residual = master - master.mean(1, keepdims=True) - master.mean(0, keepdims=True) + master.mean()
     pixel = 1.4826 * float(np.median(np.abs(residual)))
@@ -68,7 +75,9 @@ def synthesize(master: np.ndarray, seed: int) -> np.ndarray:
 
 
 def mixture(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gaussian mixture by expectation maximisation; as many bands, up to four, as the Bayesian criterion keeps."""
+    """Gaussian mixture by expectation maximisation; as many bands, up to four, as the Bayesian criterion
+    keeps.
+    """
     best, least = None, np.inf
     floor = 1e-3 * values.std() + 1e-12
     for k in range(1, _MOST_BANDS + 1):

@@ -33,7 +33,9 @@ def quantile(u: np.ndarray, v: np.ndarray, shape: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Standard:
-    """The distribution at standard deviation 1: `x` grid, distribution function there, characteristic function."""
+    """The distribution at standard deviation 1: `x` grid, distribution function there, characteristic
+    function.
+    """
 
     x: np.ndarray
     distribution: np.ndarray
