@@ -91,7 +91,9 @@ class Laboratory:
     def statistics(self) -> tuple[Statistic, ...]:
         return self.measured[0].statistics
 
-    def simulated(self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None):
+    def simulated(
+        self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Fingerprints of simulated sets.
 
         Args:
@@ -101,20 +103,25 @@ class Laboratory:
         Returns:
             (n, statistics) of the frames that find, and (n, statistics) of those that confirm.
         """
-        done = 0
-        found: list[tuple[np.ndarray, np.ndarray]] = []
-        with _single_threads(), ThreadPoolExecutor(workers()) as pool:
-            for pair in pool.map(self._one, cameras):
-                found.append(pair)
-                done += 1
-                if report is not None:
-                    report(done)
-        return np.array([a for a, _ in found]), np.array([b for _, b in found])
+        pairs = self._run(cameras, report, lambda frames: [f.values for f in self._both(frames)])
+        return np.array([a for a, _ in pairs]), np.array([b for _, b in pairs])
 
-    def _one(self, job: tuple[Camera, int]) -> tuple[np.ndarray, np.ndarray]:
-        camera, number = job
-        find, confirm = self._both(simulate(camera, self.frames, seed=self.seed * 1_000_003 + number))
-        return find.values, confirm.values
+    def finding(self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None) -> np.ndarray:
+        """The same for the frames that find alone, in half the time: (n, statistics)."""
+        return np.array(self._run(cameras, report, lambda frames: fingerprint(frames, self.folds.find).values))
+
+    def _run(self, cameras, report, measure) -> list:
+        def one(job: tuple[Camera, int]):
+            camera, number = job
+            return measure(simulate(camera, self.frames, seed=self.seed * 1_000_003 + number))
+
+        results = []
+        with _single_threads(), ThreadPoolExecutor(workers()) as pool:
+            for result in pool.map(one, cameras):
+                results.append(result)
+                if report is not None:
+                    report(len(results))
+        return results
 
     def _both(self, frames: FrameSet) -> tuple[Fingerprint, Fingerprint]:
         return fingerprint(frames, self.folds.find), fingerprint(frames, self.folds.confirm)

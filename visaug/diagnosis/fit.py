@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -9,42 +10,136 @@ from visaug.camera import Camera
 from visaug.comparison.laboratory import Laboratory
 from visaug.diagnosis.parameters import Coordinate, moved
 
-FIRST = 40  # simulated sets for the first scale of every statistic
-PAIRS = 3  # pairs of simulations with common random numbers for each derivative
+TWINS = 8  # simulations with common random numbers that follow the mean from one camera to another
+PAIRS = 3  # the same for each side of a derivative
 OUTLIER = 3.0  # residuals beyond so many standard deviations lose their pull on the fit (Cauchy weights)
+FAR = 6.0  # steps of a coordinate after which the reference is made anew
+
+Report = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
-class Jacobian:
-    """How the mean of every statistic answers each coordinate: (statistics, coordinates), frames that find and confirm."""
+class Reference:
+    """A camera with its own simulated sets: their mean, their spread, and how the mean answers each free number.
 
-    find: np.ndarray
-    confirm: np.ndarray
+    Attributes:
+        sets, confirm_sets: (R, statistics) fingerprints, of the frames that find and those that confirm.
+        slopes, confirm_slopes: (statistics, coordinates), derivatives of the means.
+    """
+
+    camera: Camera
+    coordinates: tuple[Coordinate, ...]
+    sets: np.ndarray
+    confirm_sets: np.ndarray
+    slopes: np.ndarray
+    confirm_slopes: np.ndarray
+    least: np.ndarray
+    confirm_least: np.ndarray
+
+    @cached_property
+    def mean(self) -> np.ndarray:
+        return self.sets.mean(0)
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """Standard deviations; never below what is taken seriously; 0 for a statistic that never varies."""
+        return np.maximum(self.sets.std(0, ddof=1), self.least)
+
+    @cached_property
+    def confirm_scale(self) -> np.ndarray:
+        return np.maximum(self.confirm_sets.std(0, ddof=1), self.confirm_least)
+
+    @property
+    def priors(self) -> np.ndarray:
+        return np.array([c.prior for c in self.coordinates])
+
+    @cached_property
+    def deviations(self) -> np.ndarray:
+        """Each set less the mean of the others."""
+        count = len(self.sets)
+        return (self.sets - self.mean) * (count / (count - 1))
+
+    @cached_property
+    def null_steps(self) -> np.ndarray:
+        """(R, coordinates) how far refitting moves each simulated set: the uncertainty of the coordinates."""
+        return adjust(self.deviations, self.slopes, self.scale, self.priors)
+
+    @cached_property
+    def null(self) -> np.ndarray:
+        """(R, statistics) residuals of the simulated sets, each refitted."""
+        return self.deviations - self.null_steps @ self.slopes.T
+
+    @cached_property
+    def null_scale(self) -> np.ndarray:
+        """Standard deviations of refitted residuals."""
+        spread = np.maximum(self.null.std(0, ddof=1), 0.3 * self.scale)
+        return np.maximum(spread, self.least)
+
+    @cached_property
+    def largest(self) -> np.ndarray:
+        """(R,) the largest standardised residual of each simulated set, refitted."""
+        return np.abs(standardised(self.null, self.null_scale)).max(1)
+
+    @cached_property
+    def largest_as_given(self) -> np.ndarray:
+        return np.abs(standardised(self.deviations, self.scale)).max(1)
 
 
-def jacobian(lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], report=None, pairs: int = PAIRS) -> Jacobian:
-    """Central differences with common random numbers."""
+def standardised(residual: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    return np.divide(residual, scale, out=np.zeros_like(residual), where=scale > 0)
+
+
+def p_value(largest: float, null: np.ndarray) -> float:
+    """p = (1 + #{max|r*| >= max|r|}) / (R + 1)."""
+    return float((1 + np.count_nonzero(null >= largest)) / (len(null) + 1))
+
+
+def make_reference(
+    lab: Laboratory,
+    camera: Camera,
+    coordinates: Sequence[Coordinate],
+    sets: int,
+    report: Report,
+    known: tuple[Sequence[Coordinate], np.ndarray, np.ndarray] | None = None,
+) -> Reference:
+    """Simulates `sets` sets and the derivatives.
+
+    Args:
+        known: coordinates whose derivatives are taken over from a neighbouring camera, and these derivatives.
+    """
+    label = f"simulating {sets} sets of the camera"
+    values, confirm = lab.simulated([(camera, k) for k in range(sets)], lambda n: report(label, n, sets))
+    taken = [] if known is None else [c.path for c in known[0]]
+    new = [c for c in coordinates if c.path not in taken]
+    slopes, confirm_slopes = derivatives(lab, camera, new, report)
+    if known is not None:
+        kept = [k for k, c in enumerate(known[0]) if c.path in {c.path for c in coordinates}]
+        slopes = np.hstack([known[1][:, kept], slopes])
+        confirm_slopes = np.hstack([known[2][:, kept], confirm_slopes])
+        coordinates = [known[0][k] for k in kept] + new
+    least, confirm_least = (np.array([s.least_spread for s in f.statistics]) for f in lab.measured)
+    return Reference(camera, tuple(coordinates), values, confirm, slopes, confirm_slopes, least, confirm_least)
+
+
+def derivatives(
+    lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], report: Report
+) -> tuple[np.ndarray, np.ndarray]:
+    """Central differences of the mean statistics, with common random numbers: two (statistics, coordinates)."""
+    coordinates = list(coordinates)
+    if not coordinates:
+        return np.zeros((len(lab.measured[0].values), 0)), np.zeros((len(lab.measured[1].values), 0))
     at = [c.read(camera) for c in coordinates]
     jobs = []
     for j, coordinate in enumerate(coordinates):
         for sign in (1, -1):
             there = [x + sign * coordinate.step * (k == j) for k, x in enumerate(at)]
-            camera_there = moved(camera, list(coordinates), there)
-            jobs += [(camera_there, number) for number in range(pairs)]
-    if not jobs:
-        return Jacobian(np.zeros((len(lab.statistics), 0)), np.zeros((len(lab.measured[1].values), 0)))
-    both = lab.simulated(jobs, report)
+            jobs += [(moved(camera, coordinates, there), number) for number in range(PAIRS)]
+    both = lab.simulated(jobs, lambda n: report("how statistics answer the camera's numbers", n, len(jobs)))
     slopes = []
     for values in both:
-        means = values.reshape(len(coordinates), 2, pairs, -1).mean(2)
-        steps = np.array([c.step for c in coordinates])[:, None]
-        slopes.append(((means[:, 0] - means[:, 1]) / (2 * steps)).T)
-    return Jacobian(*slopes)
-
-
-def spread_of(values: np.ndarray, least: np.ndarray) -> np.ndarray:
-    """Standard deviation of every statistic, never below what is taken seriously."""
-    return np.maximum(values.std(0, ddof=1), least)
+        means = values.reshape(len(coordinates), 2, PAIRS, -1).mean(2)
+        slopes.append(((means[:, 0] - means[:, 1]) / (2 * np.array([c.step for c in coordinates])[:, None])).T)
+    return slopes[0], slopes[1]
 
 
 def adjust(residuals: np.ndarray, slopes: np.ndarray, scale: np.ndarray, priors: np.ndarray, iterations: int = 12) -> np.ndarray:
@@ -69,7 +164,7 @@ def adjust(residuals: np.ndarray, slopes: np.ndarray, scale: np.ndarray, priors:
     steps = np.zeros((len(z), design.shape[1]))
     weights = np.ones_like(z)
     for _ in range(iterations):
-        normal = np.einsum("ni,ij,ik->njk", weights, design, design, optimize=True) + ridge
+        normal = np.stack([(design * w[:, None]).T @ design for w in weights]) + ridge
         pull = (weights * z) @ design
         steps = np.linalg.solve(normal, pull[:, :, None])[:, :, 0]
         weights = 1 / (1 + ((z - steps @ design.T) / OUTLIER) ** 2)
@@ -78,117 +173,66 @@ def adjust(residuals: np.ndarray, slopes: np.ndarray, scale: np.ndarray, priors:
 
 @dataclass(frozen=True)
 class Fitted:
-    """A camera refitted to the frames that find, with the spread of everything under itself.
+    """A camera refitted to the frames that find.
 
     Attributes:
+        reference: the simulated sets that give the spread.
         camera: the refitted camera.
-        coordinates, steps: what was free, and the last step beyond `camera` that the bootstrap's mean asks for.
-        mean, confirm_mean: mean statistics of its simulated sets, after that step.
-        sets, confirm_sets: (R, statistics) fingerprints of its simulated sets.
-        scale, confirm_scale: their standard deviations.
-        residual: measured less modelled after refitting, frames that find.
-        null: (R, statistics) the same for simulated sets, each refitted.
-        null_steps: (R, coordinates) how far refitting moved each simulated set: the uncertainty of the coordinates.
+        residual, confirm_residual: measured less the refitted camera's mean, per statistic.
     """
 
+    reference: Reference
     camera: Camera
-    coordinates: tuple[Coordinate, ...]
-    slopes: Jacobian
-    mean: np.ndarray
-    confirm_mean: np.ndarray
-    sets: np.ndarray
-    confirm_sets: np.ndarray
-    scale: np.ndarray
-    confirm_scale: np.ndarray
     residual: np.ndarray
-    null: np.ndarray
-    null_steps: np.ndarray
+    confirm_residual: np.ndarray
 
-    @property
+    @cached_property
     def z(self) -> np.ndarray:
         """Residuals in standard deviations of refitted sets of the camera itself; 0 for a statistic that never varies."""
-        return standardised(self.residual, self.null_scale)
-
-    @property
-    def null_scale(self) -> np.ndarray:
-        return np.where(self.scale > 0, np.maximum(self.null.std(0, ddof=1), 0.3 * self.scale), 0.0)
-
-    @property
-    def null_z(self) -> np.ndarray:
-        return standardised(self.null, self.null_scale)
+        return standardised(self.residual, self.reference.null_scale)
 
     @property
     def p_value(self) -> float:
         """Of the largest standardised residual, against that of the camera's own sets."""
-        return p_value(self.z, self.null_z)
+        return p_value(float(np.abs(self.z).max()), self.reference.largest)
+
+    @property
+    def slopes(self) -> np.ndarray:
+        return self.reference.slopes
 
 
-def standardised(residual: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    return np.divide(residual, scale, out=np.zeros_like(residual), where=scale > 0)
+def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int = 3) -> Fitted:
+    """Fits the reference's coordinates to the frames that find.
 
-
-def p_value(z: np.ndarray, null: np.ndarray) -> float:
-    """p = (1 + #{max|r*| >= max|r|}) / (R + 1)."""
-    largest = np.abs(null).max(1)
-    return float((1 + np.count_nonzero(largest >= np.abs(z).max())) / (len(null) + 1))
-
-
-def refit(
-    lab: Laboratory,
-    camera: Camera,
-    coordinates: Sequence[Coordinate],
-    sets: int,
-    report: Callable[[str, int, int], None],
-    iterations: int = 3,
-    label: str = "refitting the camera",
-) -> Fitted:
-    """Fits the coordinates to the frames that find, then simulates and refits `sets` sets of the fitted camera."""
-    coordinates = list(coordinates)
+    The mean follows the camera by simulations that share their random numbers with the reference's first sets.
+    """
     measured, confirm = (f.values for f in lab.measured)
-    least, confirm_least = ([s.least_spread for s in f.statistics] for f in lab.measured)
-    priors = np.array([c.prior for c in coordinates])
-    first, _ = lab.simulated([(camera, k) for k in range(FIRST)], lambda n: report(f"{label}: spread", n, FIRST))
-    scale = spread_of(first, np.array(least))
-    start = np.array([c.read(camera) for c in coordinates])
-    at = start.copy()
-    mean = first.mean(0)
-    count = 2 * PAIRS * len(coordinates)
-    slopes = jacobian(lab, camera, coordinates, lambda n: report(f"{label}: derivatives", n, count))
+    coordinates, priors = list(reference.coordinates), reference.priors
+    steps = np.array([c.step for c in coordinates])
+    start = np.array([c.read(reference.camera) for c in coordinates])
+    twins = min(TWINS, len(reference.sets))
+    at, camera = start.copy(), reference.camera
+    mean, confirm_mean = reference.mean, reference.confirm_sets.mean(0)
     for i in range(iterations):
-        # the prior holds the distance from the file's value, not from the last iterate
-        toward = (measured - mean)[None] + (slopes.find @ (at - start))[None]
-        step = start + adjust(toward, slopes.find, scale, priors)[0] - at
+        # the prior holds the distance from the reference, not from the last iterate
+        toward = (measured - mean)[None] + (reference.slopes @ (at - start))[None]
+        step = start + adjust(toward, reference.slopes, reference.scale, priors)[0] - at
         step = np.clip(step, -0.6 * priors, 0.6 * priors)
+        if i and np.all(np.abs(step) < 0.05 * steps):
+            break
         at = at + step
         camera = moved(camera, coordinates, list(at))
         at = np.array([c.read(camera) for c in coordinates])
-        if np.all(np.abs(step) < 0.02 * np.array([c.step for c in coordinates])) and i:
-            break
-        values, _ = lab.simulated([(camera, k) for k in range(FIRST)], lambda n: report(f"{label}: step {i + 1}", n, FIRST))
-        mean = values.mean(0)
-        scale = spread_of(values, np.array(least))
-        if i == 0 and np.any(np.abs(step) > 4 * np.array([c.step for c in coordinates])):
-            slopes = jacobian(lab, camera, coordinates, lambda n: report(f"{label}: derivatives", n, count))
-    values, confirm_values = lab.simulated([(camera, 1000 + k) for k in range(sets)],
-                                           lambda n: report(f"{label}: bootstrap", n, sets))
-    scale, confirm_scale = spread_of(values, np.array(least)), spread_of(confirm_values, np.array(confirm_least))
-    mean, confirm_mean = values.mean(0), confirm_values.mean(0)
-    residual = measured - mean
-    step = adjust(residual[None], slopes.find, scale, priors)[0]
-    # leave one out: a simulated set is compared with the mean of the others, as the measured one is with the mean of all
-    null = (values - mean) * (sets / (sets - 1))
-    null_steps = adjust(null, slopes.find, scale, priors)
-    return Fitted(
-        camera=moved(camera, coordinates, list(at + step)) if coordinates else camera,
-        coordinates=tuple(coordinates),
-        slopes=slopes,
-        mean=mean + slopes.find @ step,
-        confirm_mean=confirm_mean + slopes.confirm @ step,
-        sets=values,
-        confirm_sets=confirm_values,
-        scale=scale,
-        confirm_scale=confirm_scale,
-        residual=residual - slopes.find @ step,
-        null=null - null_steps @ slopes.find.T,
-        null_steps=null_steps,
-    )
+        found, confirmed = lab.simulated([(camera, k) for k in range(twins)], lambda n: report("refitting the camera", n, twins))
+        mean = reference.mean + found.mean(0) - reference.sets[:twins].mean(0)
+        confirm_mean = reference.confirm_sets.mean(0) + confirmed.mean(0) - reference.confirm_sets[:twins].mean(0)
+    left = measured - mean
+    last = adjust(left[None], reference.slopes, reference.scale, priors)[0]
+    camera = moved(camera, coordinates, list(at + last)) if coordinates else camera
+    return Fitted(reference, camera, left - reference.slopes @ last, confirm - confirm_mean - reference.confirm_slopes @ last)
+
+
+def is_far(reference: Reference, camera: Camera) -> bool:
+    """Whether a refitted camera left the neighbourhood in which the reference's spread and derivatives hold."""
+    moves = [abs(c.read(camera) - c.read(reference.camera)) / c.step for c in reference.coordinates]
+    return max(moves, default=0.0) > FAR

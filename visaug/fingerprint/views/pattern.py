@@ -91,14 +91,14 @@ class Seams(View):
                 parity = profile[1::2].mean() - profile[::2].mean()
                 yield g.statistic(self.name, f"odd against even {name}s", [name], word), parity
             if g.count >= 2:
-                noise = g.noise_pixels**2
+                noise = g.noise_pixels
                 height, width = g.mean.shape
                 for name, a, b in (
                     ("columns", noise[:, :, : width // 2], noise[:, :, width // 2 :]),
                     ("rows", noise[:, : height // 2], noise[:, height // 2 :]),
                 ):
                     yield (g.statistic(self.name, f"noise of the halves, {name}", ["smooth"], "log ratio"),
-                           float(np.log((b.mean() + 1e-4) / (a.mean() + 1e-4))))
+                           float(np.log((_mean_square(b) + 1e-4) / (_mean_square(a) + 1e-4))))
 
     def picture(self, data):
         g = data.bias or next(iter(data.of("flat")), None)
@@ -107,6 +107,10 @@ class Seams(View):
         curves = [Curve(np.arange(len(p)), p, f"{name}, {g.label}")
                   for name, p in (("rows", g.pattern_rows), ("columns", g.pattern_columns))]
         return Picture(self.title, "line", "mean of the line, DN", tuple(curves))
+
+
+def _mean_square(noise: np.ndarray) -> float:
+    return float(np.einsum("nij,nij->", noise, noise)) / noise.size
 
 
 def _steps(profile: np.ndarray, reach: int = 12) -> np.ndarray:

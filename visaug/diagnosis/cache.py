@@ -1,0 +1,69 @@
+"""What a diagnosis keeps for the next one with the same camera and plan: simulated fingerprints, never measured ones."""
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import visaug
+from visaug.camera import Camera
+from visaug.comparison.laboratory import Laboratory
+
+
+def folder() -> Path:
+    """Where it is kept: $VISAUG_CACHE, or the user's cache folder."""
+    base = os.environ.get("VISAUG_CACHE")
+    if base:
+        return Path(base)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "visaug"
+
+
+def key(lab: Laboratory, camera: Camera, *words: object) -> str:
+    """A name for what depends on the camera, the plan, the seed and the program's own code."""
+    digest = hashlib.blake2b(digest_size=12)
+    for part in (camera.to_yaml(), _plan(lab), lab.seed, _code(), words):
+        digest.update(repr(part).encode())
+    return digest.hexdigest()
+
+
+def _plan(lab: Laboratory) -> tuple:
+    frames = lab.frames
+    cleans = {}
+    for i, record in enumerate(frames.records):
+        if record.kind == "scene" and record.clean not in cleans:
+            cleans[record.clean] = hashlib.blake2b(np.ascontiguousarray(frames.clean(i)).tobytes(), digest_size=8).hexdigest()
+    shapes = tuple(frames.shape(i) for i in range(len(frames)))
+    records = tuple((r.sequence, r.kind, r.exposure_s, r.temperature_c, r.gain_db, r.photons, r.clean, r.window)
+                    for r in frames.records)
+    return records, shapes, cleans, lab.folds
+
+
+def _code() -> str:
+    root = Path(visaug.__file__).parent
+    digest = hashlib.blake2b(digest_size=8)
+    for room in ("sampling", "effects", "camera", "fingerprint"):
+        for file in sorted((root / room).rglob("*.py")):
+            digest.update(file.read_bytes())
+    digest.update((root / "simulation.py").read_bytes())
+    return digest.hexdigest()
+
+
+def kept(name: str, make: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Arrays from the cache, or made and kept. A cache that cannot be read or written is done without."""
+    path = folder() / f"{name}.npz"
+    try:
+        with np.load(path) as archive:
+            return dict(archive)
+    except (OSError, ValueError, EOFError, KeyError):
+        pass
+    arrays = make()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        scratch = path.with_name(f".{name}.{os.getpid()}.npz")
+        np.savez(scratch, **arrays)
+        os.replace(scratch, path)
+    except OSError:
+        pass
+    return arrays

@@ -1,0 +1,91 @@
+"""Which effects may be missing, and the points at which each is first tried."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from visaug.camera import Camera
+from visaug.diagnosis.parameters import GAUSSIAN_SHAPE
+from visaug.effects import Effect, Parameter, catalogue
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A camera with one more effect.
+
+    Args:
+        effect: its name.
+        values: the effect's parameters by path, and its words.
+    """
+
+    effect: str
+    values: tuple[tuple[str, Any], ...]
+
+    def on(self, camera: Camera) -> Camera:
+        own = dict(self.values)
+        if catalogue()[self.effect].base:
+            return camera.replace(own)
+        return camera.with_effect(self.effect, **{path.split(".", 1)[1]: value for path, value in own.items()})
+
+
+def missing_base(camera: Camera) -> list[str]:
+    """Base terms that the camera file leaves at zero, and read noise that it has Gaussian."""
+    values = camera.values()
+    absent = []
+    for name in ("prnu", "dsnu", "dark_current", "read_noise"):
+        if all(values[f"{name}.{key}"] == 0 for key in catalogue()[name].strengths()):
+            absent.append(name)
+    if "read_noise" not in absent and abs(values["read_noise.shape"] - GAUSSIAN_SHAPE) < 1e-9:
+        absent.append("read_noise")
+    if values["full_well_e"] == float("inf"):
+        absent.append("saturation")
+    return absent
+
+
+def trials(camera: Camera, without: frozenset[str] = frozenset()) -> list[Trial]:
+    """Every effect that the camera lacks, at several strengths and forms."""
+    found = []
+    for name in missing_base(camera):
+        if name not in without:
+            found += base_trials(camera, name)
+    for name, effect in catalogue().items():
+        if not effect.base and name not in camera.effect_names and name not in without:
+            found += effect_trials(effect)
+    return found
+
+
+def base_trials(camera: Camera, name: str) -> list[Trial]:
+    if name == "saturation":
+        full_scale = 2**camera.bit_depth * camera.spec.gain_e_per_dn
+        return [Trial(name, (("full_well_e", share * full_scale),)) for share in (0.3, 0.6, 0.85)]
+    if name == "read_noise" and camera.spec.read_noise.sigma_e > 0:
+        return [Trial(name, (("read_noise.shape", shape),)) for shape in (0.0, -0.15)]
+    strengths = {key: catalogue()[name].parameters[key] for key in catalogue()[name].strengths()}
+    together = [tuple((f"{name}.{key}", p.trials[i]) for key, p in strengths.items()) for i in (0, -1)]
+    alone = [tuple((f"{name}.{key}", p.trials[-1] if key == one else 1e-3 * p.trials[0]) for key, p in strengths.items())
+             for one in strengths]
+    return [Trial(name, values) for values in (*together, *(alone if len(strengths) > 1 else ()))]
+
+
+def effect_trials(effect: type[Effect]) -> list[Trial]:
+    """Weak and strong, every strength alone and in both signs, then every other form at the strong end."""
+    strengths = {key: p for key, p in effect.parameters.items() if p.strength}
+    points: list[dict[str, Any]] = []
+    for key, p in strengths.items():
+        others = dict.fromkeys(strengths, 0.0)
+        for value in strengths_to_try(p):
+            points.append({**others, key: value})
+    if len(strengths) > 1:
+        points.append({key: strengths_to_try(p)[-1] for key, p in strengths.items()})
+    strong = points[len(strengths_to_try(next(iter(strengths.values())))) - 1] if strengths else {}
+    for key, p in effect.parameters.items():
+        if not p.strength:
+            forms = p.options or p.trials
+            points += [{**strong, key: form} for form in forms if form != p.default]
+    return [Trial(effect.name, tuple((f"{effect.name}.{key}", v) for key, v in point.items())) for point in points]
+
+
+def strengths_to_try(parameter: Parameter) -> tuple:
+    values = parameter.trials or (parameter.default,)
+    if parameter.low < 0 and not any(v < 0 for v in values) or parameter.low < 0 < parameter.high:
+        values = tuple(values) + tuple(-v for v in values)
+    return values
