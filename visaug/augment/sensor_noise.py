@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d
@@ -11,7 +12,7 @@ from torch.utils.data import get_worker_info
 
 from visaug.augment import draws as drawing
 from visaug.augment.light import image_to_photons, linear_to_srgb, srgb_to_linear
-from visaug.camera import Camera
+from visaug.camera import Camera, fast
 from visaug.errors import InputError
 from visaug.sampling import Stream, derive_key
 
@@ -150,12 +151,9 @@ class SensorNoise(nn.Module):
         scale = self._pixels_per_pixel(camera, light)
         if scale > 1:
             light = light.repeat_interleave(scale, 2).repeat_interleave(scale, 3)
-        values = self._values(camera, draws, light)
-        photons = self._photons(camera, light, values)
-        noisy = self._exposed(camera, photons, values, draws)
-        if self.black_level == "subtract":
-            noisy = noisy - values["black_level_dn"]
-        noisy = (noisy * (1 / _max_dn(camera))).clamp(0, 1)
+        noisy = self._fast(camera, light, draws) if self._may_be_fast(light) else None
+        if noisy is None:
+            noisy = self._exact(camera, light, draws)
         return avg_pool2d(noisy, scale) if scale > 1 else noisy
 
     def _pixels_per_pixel(self, camera: Camera, light: Tensor) -> int:
@@ -164,30 +162,64 @@ class SensorNoise(nn.Module):
         rows, columns = camera.resolution
         return max(1, round(max(rows / light.shape[2], columns / light.shape[3])))
 
-    def _values(self, camera: Camera, draws: Mapping[str, Tensor], light: Tensor) -> dict[str, Tensor]:
-        """Every number of the camera by path, (B, 1, 1, 1) or (1, 1, 1, 1)."""
-        own = {path: getattr(self, name) for path, name in self._names.items()}
-        values = {}
-        for path, nominal in camera.values().items():
-            value = own.get(path, draws.get(path, nominal))
-            values[path] = torch.as_tensor(value, dtype=torch.float32, device=light.device).reshape(-1, 1, 1, 1)
-        return values
+    def _may_be_fast(self, light: Tensor) -> bool:
+        if not self.fast or torch.compiler.is_compiling() or light.device.type != "cpu":
+            return False
+        tensors = (light, *(getattr(self, name) for name in self._names.values()))
+        return not torch.is_grad_enabled() or not any(tensor.requires_grad for tensor in tensors)
 
-    def _photons(self, camera: Camera, light: Tensor, values: Mapping[str, Tensor]) -> Tensor:
-        if self.full_scale_photons is not None:
-            return light * self.full_scale_photons
+    def _fast(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor]) -> Tensor | None:
+        """By tables, where they have the camera's law; else None."""
+        given = self._given(camera, draws)
+        values = {
+            path: value.detach().double().numpy().reshape(-1) if isinstance(value, Tensor) else np.array([value])
+            for path, value in given.items()
+        }
+        kept = self.fixed_pattern == "camera"
+        if not fast.suits(camera, values, kept):
+            return None
         gain = values["gain_e_per_dn"] * 10 ** ((camera.spec.gain_db - values["gain_db"]) / 20)
-        return image_to_photons(light, _max_dn(camera), gain, values["quantum_efficiency"])
+        electrons = _max_dn(camera) * gain
+        if self.full_scale_photons is not None:
+            electrons = self.full_scale_photons * values["quantum_efficiency"]
+        return fast.take(
+            camera,
+            light,
+            electrons,
+            values,
+            draws["keys"],
+            draws["pattern_keys"][:1] if kept else draws["pattern_keys"],
+            kept,
+            self.origin or (0, 0),
+            self.black_level == "subtract",
+        )
 
-    def _exposed(
-        self, camera: Camera, photons: Tensor, values: Mapping[str, Tensor], draws: Mapping[str, Tensor]
-    ) -> Tensor:
-        rows, columns = photons.shape[2:]
+    def _exact(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor]) -> Tensor:
+        """By the differentiable chain."""
+        values = {
+            path: torch.as_tensor(value, dtype=torch.float32, device=light.device).reshape(-1, 1, 1, 1)
+            for path, value in self._given(camera, draws).items()
+        }
+        if self.full_scale_photons is None:
+            gain = values["gain_e_per_dn"] * 10 ** ((camera.spec.gain_db - values["gain_db"]) / 20)
+            photons = image_to_photons(light, _max_dn(camera), gain, values["quantum_efficiency"])
+        else:
+            photons = light * self.full_scale_photons
+        rows, columns = light.shape[2:]
         r0, c0 = self.origin or (0, 0)
         window = (range(r0, r0 + rows), range(c0, c0 + columns))
         patterns = draws["pattern_keys"][:1] if self.fixed_pattern == "camera" else draws["pattern_keys"]
-        stream = Stream(draws["keys"], patterns, photons.shape[1], window, photons.device)
-        return self._sized(camera, rows, columns).expose(photons, stream, values)
+        stream = Stream(draws["keys"], patterns, light.shape[1], window, light.device)
+        dn = self._sized(camera, rows, columns).expose(photons, stream, values)
+        if self.black_level == "subtract":
+            dn = dn - values["black_level_dn"]
+        return (dn * (1 / _max_dn(camera))).clamp(0, 1)
+
+    def _given(self, camera: Camera, draws: Mapping[str, Tensor]) -> dict[str, Tensor | float]:
+        """Every number of the camera by path: given by the user, drawn for each image, or nominal."""
+        given: dict[str, Tensor | float] = dict(camera.values())
+        given |= {path: draws[path] for path in given if path in draws}
+        return given | {path: getattr(self, name) for path, name in self._names.items()}
 
     def _sized(self, camera: Camera, rows: int, columns: int) -> Camera:
         """The camera with a sensor of the image's size: what depends on the place, as vignetting, is centred on it."""

@@ -1,0 +1,203 @@
+"""The base chain's fast path on a CPU: the law of `Camera.expose`, other random numbers, no gradients.
+
+Row and column patterns are the exact chain's own numbers, and so are pixel patterns that are kept.
+"""
+
+import logging
+import os
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from visaug.camera import tables
+from visaug.sampling import Stream
+
+if TYPE_CHECKING:
+    from visaug.camera.camera import Camera
+
+Values = Mapping[str, np.ndarray]
+SHIFTS = {"row_noise": "row", "column_noise": "column"}  # further effects that only shift rows or columns
+WIDEST_PRNU = 0.1  # of pixels drawn anew; beyond it the expansion of the count's quantile is not exact
+VISIBLE_COMB = 2e-4
+ROWS_PER_TASK = 64
+
+
+def suits(camera: "Camera", values: Values, kept: bool) -> bool:
+    """Whether the fast path has this camera's law at these values, (B,) or (1,) each.
+
+    `kept`: fixed patterns are one camera's; then their pixel parts must not differ from image to image.
+    """
+    if camera.spec.reading != "physical" or camera.maps or not set(camera.effect_names) <= set(SHIFTS):
+        return False
+    pixel = values["prnu.pixel"]
+    if kept:
+        return pixel.size == values["dsnu.pixel_e"].size == 1 and kernel() is not None
+    return bool((pixel <= WIDEST_PRNU).all()) and kernel() is not None
+
+
+def take(
+    camera: "Camera",
+    images: Tensor,
+    electrons: np.ndarray,
+    values: Values,
+    keys: Tensor,
+    pattern_keys: Tensor,
+    kept: bool = False,
+    origin: tuple[int, int] = (0, 0),
+    subtract_black_level: bool = True,
+) -> Tensor:
+    """Images as the camera takes them, scaled to its range.
+
+    Args:
+        images: (B, C, H, W) float32 on the CPU, in [0, 1], linear in light.
+        electrons: mean photo-electrons of the image's value 1, (B,) or (1,).
+        values: every number of the camera by path, (B,) or (1,).
+        keys: (B,) int64 of the temporal noise.
+        pattern_keys: (B,) int64: patterns of each image; where `kept`, (1,): patterns of one camera.
+        origin: row and column of the sensor at which the images begin.
+        subtract_black_level: whether the camera's offset is taken off again.
+
+    Returns:
+        (B, C, H, W) float32: (DN - black level) / (2^bits - 1), in [0, 1].
+    """
+    batch, channels, height, width = images.shape
+    window = (range(origin[0], origin[0] + height), range(origin[1], origin[1] + width))
+    stream = Stream(keys, pattern_keys, channels, window)
+    lines = [
+        _lines(stream, "prnu", "row", values["prnu.row"]),
+        _lines(stream, "dsnu", "row", values["dsnu.row_e"]),
+        _lines(stream, "prnu", "column", values["prnu.column"]),
+        _lines(stream, "dsnu", "column", values["dsnu.column_e"]),
+    ]
+    for effect in camera.effect_names:
+        place = 1 if SHIFTS[effect] == "row" else 3
+        lines[place] = lines[place] + _lines(stream, effect, SHIFTS[effect], values[f"{effect}.sigma_e"], False)
+    sets = max(len(line) for line in lines)
+    lines = [np.ascontiguousarray(np.broadcast_to(x, (sets, *x.shape[1:]))).reshape(-1, x.shape[2]) for x in lines]
+    maps = [np.zeros((channels, height, 0), np.float32)] * 2
+    if kept:
+        for i, path in enumerate(("prnu.pixel", "dsnu.pixel_e")):
+            if sigma := float(values[path][0]):
+                maps[i] = _kept_map(int(pattern_keys[0]), path.partition(".")[0], sigma, channels, window)
+    numbers = _numbers(camera, batch, electrons, values, kept, subtract_black_level)
+    source = images.detach().contiguous()
+    out = torch.empty_like(source)
+    _in_threads(
+        batch * channels * height,
+        source.numpy().reshape(-1, height, width),
+        out.numpy().reshape(-1, height, width),
+        channels,
+        stream.keys,
+        numbers,
+        *lines,
+        *maps,
+        tables.normal_table(),
+        _tukey_tables(values["read_noise.shape"]),
+        tables.poisson_table().reshape(-1),
+        origin,
+    )
+    return out
+
+
+def _lines(stream: Stream, effect: str, vary: str, sigma: np.ndarray, fixed: bool = True) -> np.ndarray:
+    """A number for each row or column, (1 or B, C, rows or columns) float32."""
+    if not sigma.any():
+        return np.zeros((1, stream.channels, len(stream.window[vary == "column"])), np.float32)
+    own = stream.fork(effect)
+    normal = own.fixed.fork(vary).normal(vary) if fixed else own.normal(vary)
+    return sigma.astype(np.float32)[:, None, None] * normal.numpy().reshape(len(normal), stream.channels, -1)
+
+
+@lru_cache(maxsize=4)
+def _kept_map(key: int, effect: str, sigma: float, channels: int, window: tuple[range, range]) -> np.ndarray:
+    """The pixel part of a camera's pattern, (C, H, W) float32: the exact chain's own."""
+    keys = torch.tensor([key])
+    fixed = Stream(keys, keys, channels, window).fork(effect).fixed
+    return (sigma * fixed.fork("pixel").normal("pixel"))[0].numpy()
+
+
+def _tukey_tables(shapes: np.ndarray) -> np.ndarray:
+    if shapes.size == 1:
+        return _tukey_table(float(shapes[0]))
+    return tables.tukey_tables(shapes)
+
+
+@lru_cache(maxsize=16)
+def _tukey_table(shape: float) -> np.ndarray:
+    return tables.tukey_tables(np.array([shape]))
+
+
+def _numbers(
+    camera: "Camera", batch: int, electrons: np.ndarray, values: Values, kept: bool, subtract: bool
+) -> np.ndarray:
+    """The kernel's table, one row an image."""
+    k = kernel()
+    n = np.zeros((batch, k.NUMBERS), np.float32)
+    gain_db = camera.spec.gain_db - values["gain_db"]
+    sigma, shape = values["read_noise.sigma_e"], values["read_noise.shape"]
+    if camera.spec.read_noise.meaning == "scale":
+        sigma = sigma * tables.tukey_deviation(shape)
+    heat = np.exp(values["dark_current.b_per_c"] * values["temperature_c"])
+    well = values["full_well_e"]
+    prnu, dsnu = (0.0, 0.0) if kept else (values["prnu.pixel"], values["dsnu.pixel_e"])
+    n[:, k.ELECTRONS] = electrons
+    n[:, k.DARK_E] = values["exposure_s"] * values["dark_current.a_e_per_s"] * heat
+    n[:, k.PRNU_PIXEL], n[:, k.DSNU_PIXEL_E] = prnu, dsnu
+    n[:, k.READ_SIGMA_E] = sigma
+    n[:, k.DN_PER_E] = 1 / (values["gain_e_per_dn"] * 10 ** (gain_db / 20))
+    n[:, k.OFFSET_DN] = values["black_level_dn"]
+    n[:, k.SUBTRACT_DN] = values["black_level_dn"] if subtract else 0
+    n[:, k.FULL_WELL_E] = well
+    n[:, k.MAX_DN] = 2**camera.bit_depth - 1
+    # Where pixel offsets are Gaussian and drawn anew, they share the count's draw unless it is near the full well
+    # or its whole numbers would show.
+    gaussian = n[:, k.DSNU_PIXEL_E]
+    n[:, k.LATTICE] = gaussian == 0
+    finite = np.minimum(well, 1e9)
+    below = finite - 6 * np.sqrt(finite + (finite * prnu) ** 2)
+    n[:, k.LIMIT_E] = np.where((gaussian == 0) | np.isinf(well), np.inf, np.maximum(below, 0))
+    few = np.flatnonzero((gaussian > 0) & (gaussian < 1))
+    if few.size:
+        wide = [np.broadcast_to(x, batch)[few] for x in (sigma, shape)]
+        n[few[tables.comb(*wide, gaussian[few]) > VISIBLE_COMB], k.LIMIT_E] = -1
+    return n
+
+
+@cache
+def kernel() -> Any:
+    """The compiled loop's module, or None where numba cannot be imported."""
+    try:
+        from visaug.camera import fast_kernel
+    except ImportError:
+        return None
+    folder = Path(fast_kernel.expose.stats.cache_path)
+    if not any(folder.glob("fast_kernel.expose-*.nbi")):
+        message = "compiling the fast sensor chain: once, about 10 s; kept in %s"
+        logging.getLogger("visaug").warning(message, folder)
+    return fast_kernel
+
+
+def _in_threads(rows: int, *arguments: Any) -> None:
+    """All rows, by as many threads as torch has: one in a DataLoader worker."""
+    expose = kernel().expose
+    source, out, *rest = arguments
+    threads = min(torch.get_num_threads(), max(1, rows // ROWS_PER_TASK))
+    if threads == 1:
+        return expose(source, out, 0, rows, *rest)
+    bounds = np.linspace(0, rows, 2 * threads + 1).astype(int).tolist()
+    tasks = [_pool(os.getpid(), threads).submit(expose, source, out, a, b, *rest) for a, b in zip(bounds, bounds[1:])]
+    for task in tasks:
+        task.result()
+    return None
+
+
+@lru_cache(maxsize=1)
+def _pool(process: int, threads: int) -> ThreadPoolExecutor:
+    """A pool of its own for each process: threads do not survive a fork."""
+    return ThreadPoolExecutor(threads, thread_name_prefix=f"visaug-{process}")
