@@ -31,7 +31,7 @@ _GAIN = 0.02  # log-likelihood that a further step would gain: a seventh of a st
 
 @dataclass(frozen=True)
 class Sample:
-    """Counts (P, bins) of chosen pixels, edges between bins (DN; bin 0 is the cut), and places of the pixels."""
+    """Counts (P, bins) of chosen pixels, edges between bins (DN; bin 0 is the cut), places of the pixels."""
 
     counts: np.ndarray
     edges: np.ndarray

@@ -114,7 +114,9 @@ def slopes(points: Sequence[Point]) -> list[Slope]:
 
 
 def law(found: Sequence[Slope]) -> Law | None:
-    """Exponential law through slopes at two or more temperatures, by weighted least squares, if there is one."""
+    """Exponential law through slopes at two or more temperatures by weighted least squares, if there is
+    one.
+    """
     points = [s for s in found if s.temperature_c is not None]
     if len(points) < 2 or sum(s.value > 0 for s in points) < 2:
         return None

@@ -47,8 +47,8 @@ class Level:
 class Measured:
     """A frame set's groups, measured and sorted by their part.
 
-    `levels` (by photons or signal) are the flats at the base gain that have a dark partner, `other_gains` those
-    at other gains; `darks` and `biases` are those at the base gain.
+    `levels` (by photons or signal) are the flats at the base gain that have a dark partner, `other_gains`
+    those at other gains; `darks` and `biases` are those at the base gain.
     """
 
     frames: FrameSet

@@ -1,9 +1,9 @@
 """The simpler procedure of bias and dark frames alone: means, standard deviations, regressions.
 
-Master bias by averaging, column and row noise as standard deviations of its column and row means, the pixel
-part as what they leave; read noise as the mean standard deviation of the residual frames, its shape by matching
-their histogram; dark current as the slope of frame means, the smallest and the largest of each batch dropped;
-an exponential through the slopes. Its values have no finite-sample corrections, so few frames bias them; the
+Master bias by averaging, column and row noise as standard deviations of its column and row means, the
+pixel part as what they leave; read noise as the mean standard deviation of the residual frames, its shape by
+matching their histogram; dark current as the slope of frame means, the smallest and the largest of each batch
+dropped; an exponential through the slopes. Its values have no finite-sample corrections, so few frames bias them; the
 intervals know the bias and reach over it. The default method has no such bias.
 """
 

@@ -64,9 +64,7 @@ def transfer(levels: Sequence[Level]) -> PhotonTransfer | None:
 
 
 def saturated_level(levels: Sequence[Level]) -> int | None:
-    """Position of the largest temporal variance, if brighter levels show that it falls again or pixels
-    clip.
-    """
+    """Position of the largest temporal variance, if it falls again at brighter levels or pixels clip."""
     variances = np.array([v.flat.variance for v in levels])
     top = int(variances.argmax())
     # Near saturation single levels may stand out; EMVA 1288 looks for the last rise.
@@ -121,9 +119,7 @@ def _response(levels: Sequence[Level]) -> tuple[float | None, float]:
 def emva_sensitivity(
     levels: Sequence[Level], saturation: int | None
 ) -> dict[str, tuple[float, float, float]]:
-    """Release 3: system gain and responsivity by unweighted fits through the origin up to 70 % of
-    saturation.
-    """
+    """Release 3: gain and responsivity by unweighted fits through the origin up to 70 % of saturation."""
     top = len(levels) - 1 if saturation is None else saturation
     limit = (_FIT_SHARE if saturation is not None else 1.0) * levels[top].signal
     last = max((i for i, v in enumerate(levels[: top + 1]) if v.signal <= limit), default=top)

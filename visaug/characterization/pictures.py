@@ -1,6 +1,4 @@
-"""From ordinary pictures, of which nothing is known: noise against level, and row and column noise, where
-flat.
-"""
+"""From ordinary pictures, of which nothing is known: noise against level, and noise of rows and columns."""
 
 from __future__ import annotations
 
@@ -18,7 +16,7 @@ _LEVELS = 8
 _LEAST = 12  # blocks for one point of the curve
 _DRAWS = 400
 _PICTURE_NEEDS = {
-    "gain_e_per_dn": "flats at several levels: a picture's noise may be that of processing, its scale is unknown",
+    "gain_e_per_dn": "flats at several levels: a picture's noise may be that of its processing",
     "quantum_efficiency": "flats with known photons per pixel",
     "read_noise.sigma_e": "two or more bias frames, and the gain",
     "dsnu.pixel_e": "several frames of one scene: one picture does not part fixed pattern from noise",
@@ -30,8 +28,8 @@ _PICTURE_NEEDS = {
 
 @dataclass(frozen=True)
 class Blocks:
-    """Flat blocks of pictures: level, residual variance, row and column mean squares, and the picture of
-    each.
+    """Flat blocks of pictures: level, residual variance, row and column mean squares, number of the
+    picture.
     """
 
     level: np.ndarray

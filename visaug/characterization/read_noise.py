@@ -21,9 +21,7 @@ _REACH_SIGMA = 40.0
 
 @dataclass(frozen=True)
 class ReadNoise:
-    """Read noise of single pixels: standard deviation in DN, shape, errors (one sigma), and the histogram
-    fitted.
-    """
+    """Read noise of single pixels: standard deviation in DN, shape, errors (one sigma), fitted histogram."""
 
     sigma_dn: float
     shape: float
@@ -130,9 +128,7 @@ def unsteady(mean_square: float, noise: float, df: int) -> bool:
 def _bin_probabilities(
     sigma: float, shape: float, n: int, width: float, half: int, other: float
 ) -> np.ndarray:
-    """Probability of each bin of the residual of n draws, by Fourier transform of the characteristic
-    function.
-    """
+    """Probability of each bin of the residual of n draws, from the characteristic function."""
     size = 1 << (2 * (2 * half + 1) - 1).bit_length()
     t = 2 * np.pi * np.fft.rfftfreq(size, d=width)
     law = tukey.standard(round(shape, 5))

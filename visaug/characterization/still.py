@@ -25,9 +25,7 @@ NEEDS_STILL = "two or more bias frames (lens capped, shortest exposure)"
 
 
 def black_level(found: Findings, still: GroupMoments, pattern: Parts, dark_signal_dn: float) -> None:
-    """Mean of the bias frames less their dark signal; the camera's own offset lies within the pattern's
-    spread.
-    """
+    """Mean of the bias frames less their dark signal; the pattern's spread hides the camera's own offset."""
     height, width = still.shape
     frame_noise = max(still.frame_variance, still.variance / (height * width)) / still.n
     error, df = mean_error(
