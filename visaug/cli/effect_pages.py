@@ -3,6 +3,9 @@
 import keyword
 from pathlib import Path
 
+import click
+
+from visaug.cli.tables import print_table
 from visaug.effects.catalogue import catalogue
 from visaug.effects.effect import Effect, Parameter
 from visaug.errors import InputError
@@ -35,34 +38,23 @@ class {class_name}(Effect):
 
 def print_catalogue() -> None:
     """One line for each effect, in the order of the chain."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("effect", "stage", "what it is", box=None)
-    for name, effect in catalogue().items():
-        table.add_row(name, effect.stage.name.lower(), effect.summary)
-    Console().print(table)
+    rows = [[name, effect.stage.name.lower(), effect.summary] for name, effect in catalogue().items()]
+    print_table(["effect", "stage", "what it is"], rows)
 
 
 def print_effect(name: str) -> None:
     """An effect in full: law, parameters with units and bounds, sources."""
-    from rich.console import Console
-    from rich.table import Table
-
     effect = find(name)
-    console = Console()
-    console.print(f"[bold]{name}[/bold]  ({effect.stage.name.lower()})", highlight=False)
+    click.echo(f"{name} ({effect.stage.name.lower()})")
     for line in (effect.summary, effect.equation, effect.source and f"Source: {effect.source}"):
         if line:
-            console.print(line, highlight=False, markup=False)
+            click.echo(line)
     if not effect.differentiable:
-        console.print(f"No gradients: {effect.why_not}", highlight=False, markup=False)
+        click.echo(f"No gradients: {effect.why_not}")
     if effect.parameters:
-        table = Table("parameter", "unit", "default", "range", "source", box=None)
-        for key, parameter in effect.parameters.items():
-            table.add_row(key, parameter.unit, f"{parameter.default}", _range(parameter), parameter.source)
-        console.print()
-        console.print(table)
+        click.echo()
+        rows = [[key, p.unit, f"{p.default}", _range(p), p.source] for key, p in effect.parameters.items()]
+        print_table(["parameter", "unit", "default", "range", "source"], rows)
 
 
 def write_new(name: str, output: Path | None) -> Path:

@@ -9,6 +9,7 @@ import click
 
 from visaug.cli.options import command, json_option, output_option, written
 from visaug.cli.progress import progress_bars
+from visaug.cli.tables import print_table
 from visaug.errors import InputError
 
 config_argument = click.argument("config_path", metavar="CONFIG", type=click.Path(path_type=Path))
@@ -109,10 +110,7 @@ def evaluate(
 
 def print_scores(scores: dict[str, dict[str, Any]]) -> None:
     """One line for each domain."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(
+    head = [
         "domain",
         "images",
         "IoU",
@@ -122,8 +120,8 @@ def print_scores(scores: dict[str, dict[str, Any]]) -> None:
         "keypoint AP (paper)",
         "(COCO)",
         "SPEC",
-        box=None,
-    )
+    ]
+    rows = []
     for domain, s in scores.items():
         values = (
             s["iou"],
@@ -134,8 +132,8 @@ def print_scores(scores: dict[str, dict[str, Any]]) -> None:
             s["keypoint_ap50_95"]["coco"],
             s.get("spec_score"),
         )
-        table.add_row(domain, str(s["images"]), *("" if v is None else f"{v:.4f}" for v in values))
-    Console().print(table)
+        rows.append([domain, str(s["images"]), *("" if v is None else f"{v:.4f}" for v in values)])
+    print_table(head, rows)
 
 
 COMMANDS: list[click.Command] = [demo, train, ablate, evaluate]

@@ -1,6 +1,7 @@
 """Commands that measure: characterize, compare, diagnose."""
 
 from pathlib import Path
+from typing import Literal
 
 import click
 
@@ -21,13 +22,29 @@ from visaug.cli.progress import progress_bars
 @command("characterize", example="visaug characterize frames/ -o camera.yaml --report characterization.html")
 @frames_argument
 @camera_option(required=False)
+@click.option(
+    "--method",
+    type=click.Choice(["emva", "paper"]),
+    default="emva",
+    show_default=True,
+    help="EMVA 1288 with likelihood fits, or the simpler procedure of bias and dark frames alone.",
+)
 @output_option("camera.yaml", "Write the camera that was found.")
+@click.option(
+    "--maps",
+    "maps_path",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Write master bias, dark-current and defect maps as FITS.",
+)
 @json_option
 @report_option
 def characterize(
     frames_path: Path,
     camera_name: str | None,
+    method: Literal["emva", "paper"],
     output: Path | None,
+    maps_path: Path | None,
     json_path: Path | None,
     report_path: Path | None,
     seed: int,
@@ -44,18 +61,20 @@ def characterize(
     frames = visaug.FrameSet.load(frames_path, resolution=camera.resolution if camera else None)
     with progress_bars() as progress:
         progress("characterizing", 0, 1)
-        result = visaug.characterize(frames, camera, seed=seed)
+        result = visaug.characterize(frames, camera, seed=seed, method=method)
         progress("characterizing", 1, 1)
     summaries.print_characterization(result.to_json())
     if output:
         result.camera.save(output)
+    if maps_path:
+        result.save_maps(maps_path)
     if json_path:
         write_json(json_path, result.to_json())
     if report_path:
         from visaug.report import write_characterization
 
         write_characterization(report_path, result, frames)
-    for path in (output, json_path, report_path):
+    for path in (output, maps_path, json_path, report_path):
         written(path)
 
 

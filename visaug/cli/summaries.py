@@ -4,18 +4,18 @@ from typing import Any
 
 import click
 
+from visaug.cli.tables import print_table
+
 MARK = "…"
 
 
 def print_characterization(result: dict[str, Any]) -> None:
     """A table of parameters with intervals, what stays open, and warnings."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("parameter", "value", "95 % interval", "unit", "from", box=None)
-    for name, entry in result["parameters"].items():
-        table.add_row(name, number(entry["value"]), interval(entry), entry["unit"], entry["from"])
-    Console().print(table)
+    rows = [
+        [name, number(entry["value"]), interval(entry), entry["unit"], entry["from"]]
+        for name, entry in result["parameters"].items()
+    ]
+    print_table(["parameter", "value", "95 % interval", "unit", "from"], rows)
     for entry in result["not_determined"]:
         click.echo(f"not determined: {entry['parameter']}; needs {entry['needs']}")
     for warning in result["warnings"]:
@@ -77,15 +77,12 @@ def print_error(error: dict[str, Any], fits: dict[str, Any]) -> None:
 
 
 def print_places(where: list[dict[str, Any]], most: int = 10) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    if not where:
-        return
-    table = Table("view", "share of the misfit", "worst statistic", "standard deviations", box=None)
-    for place in where[:most]:
-        table.add_row(place["view"], f"{place['share']:.0%}", str(place["worst"]), number(place["z"]))
-    Console().print(table)
+    rows = [
+        [place["view"], f"{place['share']:.0%}", str(place["worst"]), number(place["z"])]
+        for place in where[:most]
+    ]
+    if rows:
+        print_table(["view", "share of the misfit", "worst statistic", "standard deviations"], rows)
 
 
 def number(value: float | None) -> str:

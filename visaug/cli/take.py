@@ -6,6 +6,7 @@ import click
 
 from visaug.cli.options import camera_option, command, load_camera, output_option, written
 from visaug.cli.progress import progress_bars
+from visaug.cli.tables import print_table
 
 
 @command("augment", example="visaug augment photos/ portrait.tif -o noisy/ --camera vis_cmos --seed 1")
@@ -108,24 +109,15 @@ def plan(output: Path | None, seed: int) -> None:
 @command("cameras", example="visaug cameras")
 def cameras(seed: int) -> None:
     """The cameras that come with visaug."""
-    from rich.console import Console
-    from rich.table import Table
-
     from visaug.camera import Camera, shipped
 
-    table = Table("name", "camera", "rows x columns", "bit", "e-/DN", "read noise e-", box=None)
+    rows = []
     for name in shipped():
-        camera = Camera.load(name)
-        spec = camera.spec
-        table.add_row(
-            name,
-            spec.name,
-            "{} x {}".format(*spec.resolution),
-            str(spec.bit_depth),
-            f"{spec.gain_e_per_dn:.3g}",
-            f"{spec.read_noise.sigma_e:.3g}",
-        )
-    Console().print(table)
+        spec = Camera.load(name).spec
+        size = "{} x {}".format(*spec.resolution)
+        gain, noise = f"{spec.gain_e_per_dn:.3g}", f"{spec.read_noise.sigma_e:.3g}"
+        rows.append([name, spec.name, size, str(spec.bit_depth), gain, noise])
+    print_table(["name", "camera", "rows x columns", "bit", "e-/DN", "read noise e-"], rows)
 
 
 @command("effects", example="visaug effects row_noise\nvisaug effects new my_effect")

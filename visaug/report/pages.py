@@ -36,12 +36,12 @@ def write_characterization(path: str | Path, result: "Characterization", frames:
         blocks.append(Table(["not determined", "needs"], open_rows, caption="What these frames cannot tell."))
     blocks += [Text(warning, "note") for warning in content["warnings"]]
     pictures = [
-        figure(drawn, CAPTIONS.get(name, name.replace("_", " ")), wide=False)
+        figure(drawn, CAPTIONS.get(name, name.replace("_", " ")), wide=drawn.get_figwidth() > 8)
         for name, drawn in result.plots().items()
     ]
     page = Page(
         "Camera characterization",
-        f"What {frames!r} tells of the camera that took it. {INTERVALS}",
+        f"What {described(frames)} tell of the camera that took them. {INTERVALS}",
         [Section("Parameters", blocks), Section("Measurements", pictures)],
         facts=_headline(content["parameters"]),
     )
@@ -65,7 +65,7 @@ def write_comparison(
     sections.append(Section("The other views", gallery.figures(others)))
     page = Page(
         "Model and measurement",
-        f"{frames!r} beside the same frames simulated with {camera.name}.",
+        f"{described(frames)} beside the same frames simulated with {camera.name}.",
         [section for section in sections if section.blocks],
     )
     return write_page(path, page)
@@ -79,7 +79,7 @@ def write_diagnosis(
     error = content["error"]
     page = Page(
         "Diagnosis",
-        f"{frames!r} against {camera.name}: which physical effect does the model lack?",
+        f"{described(frames)} against {camera.name}: which physical effect does the model lack?",
         diagnosis_sections(content, camera, result.camera, frames, seed),
         facts=[
             (number(error["before"]), "error before"),
@@ -210,6 +210,12 @@ CAPTIONS = {
     "gain_law": "Gain against its setting in dB.",
     "noise_level": "Noise-level function: noise of flat regions of ordinary pictures against their level.",
 }
+
+
+def described(frames: "FrameSet") -> str:
+    """How many frames of which kind, in words."""
+    kinds = [record.kind for record in frames.records]
+    return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds)) + " frames"
 
 
 def number(value: float | None) -> str:
