@@ -49,7 +49,8 @@ class Sensor:
         shape = (self.rows, self.columns)
 
         def pattern(parts: dict[str, float]) -> np.ndarray:
-            return (rng.normal(0, parts["row"], (self.rows, 1)) + rng.normal(0, parts["column"], (1, self.columns))
+            return (rng.normal(0, parts["row"], (self.rows, 1)) + rng.normal(0, parts["column"], (1,
+            self.columns))
                     + rng.normal(0, parts["pixel"], shape))  # fmt: skip
 
         prnu, dsnu = pattern(self.prnu), pattern(self.dsnu)
@@ -58,7 +59,9 @@ class Sensor:
         for record in plan:
             rate = self.a_e_per_s * np.exp(self.b_per_c * record.temperature_c) * record.exposure_s
             light = (record.photons or 0.0) * self.quantum_efficiency * (1 + prnu)
-            charge = np.minimum(rng.poisson(np.maximum(light, 0)) + rng.poisson(rate, shape), self.full_well_e)
+            charge = np.minimum(
+                rng.poisson(np.maximum(light, 0)) + rng.poisson(rate, shape), self.full_well_e
+            )
             u = rng.random(shape)
             noise = (u**self.shape - (1 - u) ** self.shape) / self.shape / law.std() * self.sigma_e
             noise += rng.normal(0, self.row_noise_e, (self.rows, 1))
@@ -68,7 +71,8 @@ class Sensor:
         return FrameSet.from_arrays(plan, frames)
 
 
-def plan(bias=12, dark=2, flat=2, temperatures=(15.0, 22.0, 30.0), exposures=(0.1, 0.5, 2.0), photons=(200, 1000, 3000,
+def plan(bias=12, dark=2, flat=2, temperatures=(15.0, 22.0, 30.0), exposures=(0.1, 0.5, 2.0), photons=(200,
+1000, 3000,
          6000, 9000, 12000, 17000), gains=()) -> list[FrameRecord]:  # fmt: skip
     records: list[FrameRecord] = []
 

@@ -75,16 +75,16 @@ def synthesize(master: np.ndarray, seed: int) -> np.ndarray:
 
 
 def mixture(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gaussian mixture by expectation maximisation; as many bands, up to four, as the Bayesian criterion
-    keeps.
-    """
+    """Gaussian mixture by expectation maximisation, of as many bands (up to four) as Bayes' criterion keeps."""
     best, least = None, np.inf
-    floor = 1e-3 * values.std() + 1e-12
+    spread_of_all = float(values.std())
+    narrowest = 0.05 * spread_of_all + 1e-12  # a band narrower than that is one value
     for k in range(1, _MOST_BANDS + 1):
         weights = np.full(k, 1 / k)
         means = np.quantile(values, (np.arange(k) + 0.5) / k)
-        deviations = np.full(k, values.std() / k + floor)
-        for _ in range(200):
+        deviations = np.full(k, spread_of_all / k + narrowest)
+        before = -np.inf
+        for _ in range(100):
             logs = np.log(weights) - 0.5 * ((values[:, None] - means) / deviations) ** 2 - np.log(deviations)
             top = logs.max(1, keepdims=True)
             shares = np.exp(logs - top)
@@ -94,8 +94,11 @@ def mixture(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             weights = counts / counts.sum()
             means = shares.T @ values / counts
             spread = (shares * (values[:, None] - means) ** 2).sum(0) / counts
-            deviations = np.sqrt(np.maximum(spread, (0.05 * values.std() + floor) ** 2))
-        likelihood = float((top + np.log(total)).sum()) - 0.5 * len(values) * np.log(2 * np.pi)
+            deviations = np.sqrt(np.maximum(spread, narrowest**2))
+            likelihood = float((top + np.log(total)).sum()) - 0.5 * len(values) * np.log(2 * np.pi)
+            if likelihood - before < 1e-3:
+                break
+            before = likelihood
         criterion = (3 * k - 1) * np.log(len(values)) - 2 * likelihood
         if criterion < least:
             best, least = (weights, means, deviations), criterion

@@ -1,0 +1,57 @@
+"""A real 12-bit CCD against its published EMVA 1288 release 3 figures."""
+
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from visaug.characterization import characterize
+from visaug.frames import FrameSet
+
+
+@pytest.fixture(scope="module")
+def measured(shared_data):
+    folder = shared_data / "emva1288_ccd12"
+    tree = ET.parse(folder / "published_reference_results.xml")
+    published = {e.tag: e.find("Value") for section in tree.getroot() for e in section}
+    return characterize(FrameSet.load(folder)), {
+        k: float(v.text) for k, v in published.items() if v is not None
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "tag", "scale", "tolerance"),
+    [
+        ("system_gain_dn_per_e", "K", 1, 0.01),
+        ("quantum_efficiency", "QE", 0.01, 0.01),
+        ("dark_noise_dn", "sigma_y_dark", 1, 0.01),
+        ("dark_noise_e", "sigma_d", 1, 0.01),
+        ("saturation_photons", "u_p_sat", 1, 0.01),
+        ("saturation_e", "u_e_sat", 1, 0.01),
+        ("dsnu_dn", "DSNU1288_DN", 1, 0.01),
+        ("dsnu_e", "DSNU1288", 1, 0.01),
+        ("prnu_fraction", "PRNU1288", 0.01, 0.01),
+        ("linearity_error_min", "LE_min", 0.01, 0.01),
+        ("linearity_error_max", "LE_max", 0.01, 0.01),
+        ("dark_current_mean_e_per_s", "u_I_mean", 1, 0.03),
+        # The published figure is the square root of the slope, in DN per root second.
+        ("dark_current_variance_e_per_s", "u_I_var", None, 0.03),
+    ],
+)
+def test_agrees_with_the_published_figures(measured, name, tag, scale, tolerance):
+    result, published = measured
+    found = result[f"emva.{name}"]
+    expected = published[tag] ** 2 if scale is None else published[tag] * scale
+    assert found.value == pytest.approx(expected, rel=tolerance)
+    assert found.low <= found.value <= found.high
+
+
+@pytest.mark.slow
+def test_names_what_a_plain_model_misses(measured):
+    result, _ = measured
+    names = {w.split(":")[0] for w in result.warnings}
+    assert {"row_noise", "saturated_flat", "shading", "order_assumed"} <= names
+    # Release 4 tells columns from rows and pixels, and its parts make up the whole.
+    parts = [result[f"emva4.dsnu_{p}_e"].value for p in ("row", "column", "pixel")]
+    assert parts[1] == max(parts)
+    assert {"dark_current.b_per_c", "full_well_e"} <= set(result.not_determined)

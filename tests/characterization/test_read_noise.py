@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+from scipy import stats
+
+from visaug.characterization import tukey
+from visaug.characterization.moments import measure
+from visaug.characterization.read_noise import fit
+from visaug.frames import FrameRecord, FrameSet
+
+
+@pytest.mark.parametrize("shape", [-0.35, -0.1, 0.0, 0.14, 0.4])
+def test_tables_agree_with_scipy(shape):
+    law, table = stats.tukeylambda(shape), tukey.standard(shape)
+    assert tukey.standard_deviation(shape) == pytest.approx(law.std(), rel=1e-6)
+    x = np.linspace(-6, 6, 41)
+    expected = law.cdf(x * law.std())
+    np.testing.assert_allclose(np.interp(x, table.x, table.distribution), expected, atol=2e-5)
+    u = (np.arange(100_000) + 0.5) / 100_000
+    for t in (0.3, 1.0, 2.5):
+        assert table.phi(np.array([t]))[0] == pytest.approx(
+            np.cos(t * law.ppf(u) / law.std()).mean(), abs=1e-4
+        )
+
+
+def bias_frames(n, sigma_dn, shape, seed, row_noise_dn=0.0, size=(60, 80)):
+    rng = np.random.default_rng(seed)
+    u = rng.random((n, *size))
+    noise = sigma_dn * stats.tukeylambda.ppf(u, shape) / stats.tukeylambda(shape).std()
+    noise += rng.normal(0, row_noise_dn, (n, size[0], 1))
+    frames = np.rint(2000 + rng.normal(0, 4, size) + noise).astype(np.uint16)
+    return FrameSet.from_arrays([FrameRecord(i, f"{i}", "bias") for i in range(n)], frames)
+
+
+def fitted(frames):
+    return fit(frames, range(len(frames)), measure(frames, frames.groups()[0]))
+
+
+@pytest.mark.parametrize(("n", "sigma", "shape"), [(2, 3.0, -0.2), (3, 1.0, 0.14), (16, 13.0, -0.23)])
+def test_sigma_and_shape_come_back_with_honest_errors(n, sigma, shape):
+    """8 sets: the mean of 8 standard scores beyond 1.4 by chance once in 13,000."""
+    fits = [fitted(bias_frames(n, sigma, shape, seed)) for seed in range(8)]
+    scores = np.array(
+        [[(f.sigma_dn - sigma) / f.sigma_error, (f.shape - shape) / f.shape_error] for f in fits]
+    )
+    assert np.abs(scores.mean(0)).max() < 1.4
+    assert scores.std(0).max() < 2.2
+    assert fits[0].sigma_error < 0.05 * sigma
+
+
+def test_noise_of_rows_is_kept_out_of_the_pixels_noise():
+    """Off by more than 5 standard errors by chance less than once in 100,000."""
+    found = fitted(bias_frames(8, 6.0, 0.0, 1, row_noise_dn=3.0))
+    assert abs(found.sigma_dn - 6.0) < 5 * found.sigma_error
+    assert abs(found.shape) < 5 * found.shape_error
+
+
+def test_normal_noise_is_told_from_heavy_tails():
+    assert fitted(bias_frames(4, 5.0, 0.14, 2)).gaussian_likely
+    assert not fitted(bias_frames(4, 5.0, -0.2, 2)).gaussian_likely
