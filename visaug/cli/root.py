@@ -16,7 +16,7 @@ def program() -> None:
 
     \b
     Example:
-      visaug augment photos/ -o noisy/ --camera vis_cmos --seed 1
+      visaug augment photos/ -o noisy/ --camera sony_imx174 --seed 1
     """
 
 

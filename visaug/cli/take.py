@@ -9,7 +9,7 @@ from visaug.cli.progress import progress_bars
 from visaug.cli.tables import print_table
 
 
-@command("augment", example="visaug augment photos/ portrait.tif -o noisy/ --camera vis_cmos --seed 1")
+@command("augment", example="visaug augment photos/ portrait.tif -o noisy/ --camera sony_imx174 --seed 1")
 @click.argument("inputs", metavar="IN...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @output_option("OUT", "Folder for the copies.", required=True)
 @camera_option()
@@ -68,7 +68,7 @@ def augment(
 
 
 @command(
-    "simulate", example="visaug plan -o frames.csv\nvisaug simulate frames.csv --camera vis_cmos -o frames/"
+    "simulate", example="visaug plan -o frames.csv\nvisaug simulate frames.csv --camera sony_imx174 -o frames/"
 )
 @click.argument("plan_path", metavar="PLAN", type=click.Path(path_type=Path))
 @camera_option()
