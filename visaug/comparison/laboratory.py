@@ -1,7 +1,7 @@
 """The measured frames and a model's, through the same fingerprint."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,8 +14,6 @@ from visaug.errors import InputError
 from visaug.fingerprint import Fingerprint, Statistic, fingerprint
 from visaug.frames import FrameSet
 from visaug.simulation import simulate
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -72,14 +70,18 @@ class Laboratory:
         frames: the measured set.
         camera: fills in what the plan leaves open (the photons of flats with an uncalibrated source).
         seed: of all simulations; simulation k of one camera shares its random numbers with simulation k of another.
+        folds: False takes all frames as ones that find, for a comparison in which nothing is fitted.
     """
 
-    def __init__(self, frames: FrameSet, camera: Camera, seed: int = 0):
+    def __init__(self, frames: FrameSet, camera: Camera, seed: int = 0, folds: bool = True):
         if not any(record.kind != "image" for record in frames.records):
-            raise InputError("only pictures of which nothing is known", field="kind",
-                             expected="bias, dark, flat or scene frames to compare a camera with")
+            raise InputError(
+                "only pictures of which nothing is known",
+                field="kind",
+                expected="bias, dark, flat or scene frames to compare a camera with",
+            )
         self.frames = _with_photons(frames, camera)
-        self.folds = share_out(self.frames)
+        self.folds = share_out(self.frames) if folds else Folds(tuple(range(len(frames))), (), ())
         self.seed = seed
 
     @cached_property
@@ -106,9 +108,13 @@ class Laboratory:
         pairs = self._run(cameras, report, lambda frames: [f.values for f in self._both(frames)])
         return np.array([a for a, _ in pairs]), np.array([b for _, b in pairs])
 
-    def finding(self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None) -> np.ndarray:
+    def finding(
+        self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None
+    ) -> np.ndarray:
         """The same for the frames that find alone, in half the time: (n, statistics)."""
-        return np.array(self._run(cameras, report, lambda frames: fingerprint(frames, self.folds.find).values))
+        return np.array(
+            self._run(cameras, report, lambda frames: fingerprint(frames, self.folds.find).values)
+        )
 
     def _run(self, cameras, report, measure) -> list:
         def one(job: tuple[Camera, int]):
@@ -156,8 +162,3 @@ def _with_photons(frames: FrameSet, camera: Camera) -> FrameSet:
             levels |= dict.fromkeys(group.indices, electrons / camera.spec.quantum_efficiency)
     records = [replace(r, photons=levels[i]) if i in levels else r for i, r in enumerate(frames.records)]
     return frames.with_records(records)
-
-
-def ranked(indices: Iterable[int], frames: FrameSet) -> list[int]:
-    """Sequence numbers of positions."""
-    return [frames.records[i].sequence for i in indices]

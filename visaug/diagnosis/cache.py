@@ -33,10 +33,14 @@ def _plan(lab: Laboratory) -> tuple:
     cleans = {}
     for i, record in enumerate(frames.records):
         if record.kind == "scene" and record.clean not in cleans:
-            cleans[record.clean] = hashlib.blake2b(np.ascontiguousarray(frames.clean(i)).tobytes(), digest_size=8).hexdigest()
+            cleans[record.clean] = hashlib.blake2b(
+                np.ascontiguousarray(frames.clean(i)).tobytes(), digest_size=8
+            ).hexdigest()
     shapes = tuple(frames.shape(i) for i in range(len(frames)))
-    records = tuple((r.sequence, r.kind, r.exposure_s, r.temperature_c, r.gain_db, r.photons, r.clean, r.window)
-                    for r in frames.records)
+    records = tuple(
+        (r.sequence, r.kind, r.exposure_s, r.temperature_c, r.gain_db, r.photons, r.clean, r.window)
+        for r in frames.records
+    )
     return records, shapes, cleans, lab.folds
 
 

@@ -20,11 +20,19 @@ class Trial:
     effect: str
     values: tuple[tuple[str, Any], ...]
 
+    @property
+    def is_fixed(self) -> bool:
+        """Whether its strength is a whole number, which no scale but the tried ones can have."""
+        effect = catalogue()[self.effect]
+        return any(effect.parameters[key].integer for key in effect.strengths())
+
     def on(self, camera: Camera) -> Camera:
         own = dict(self.values)
         if catalogue()[self.effect].base:
             return camera.replace(own)
-        return camera.with_effect(self.effect, **{path.split(".", 1)[1]: value for path, value in own.items()})
+        return camera.with_effect(
+            self.effect, **{path.split(".", 1)[1]: value for path, value in own.items()}
+        )
 
 
 def missing_base(camera: Camera) -> list[str]:
@@ -61,8 +69,13 @@ def base_trials(camera: Camera, name: str) -> list[Trial]:
         return [Trial(name, (("read_noise.shape", shape),)) for shape in (0.0, -0.15)]
     strengths = {key: catalogue()[name].parameters[key] for key in catalogue()[name].strengths()}
     together = [tuple((f"{name}.{key}", p.trials[i]) for key, p in strengths.items()) for i in (0, -1)]
-    alone = [tuple((f"{name}.{key}", p.trials[-1] if key == one else 1e-3 * p.trials[0]) for key, p in strengths.items())
-             for one in strengths]
+    alone = [
+        tuple(
+            (f"{name}.{key}", p.trials[-1] if key == one else 1e-3 * p.trials[0])
+            for key, p in strengths.items()
+        )
+        for one in strengths
+    ]
     return [Trial(name, values) for values in (*together, *(alone if len(strengths) > 1 else ()))]
 
 
@@ -75,17 +88,25 @@ def effect_trials(effect: type[Effect]) -> list[Trial]:
         for value in strengths_to_try(p):
             points.append({**others, key: value})
     if len(strengths) > 1:
-        points.append({key: strengths_to_try(p)[-1] for key, p in strengths.items()})
-    strong = points[len(strengths_to_try(next(iter(strengths.values())))) - 1] if strengths else {}
+        points.append({key: p.trials[-1] for key, p in strengths.items()})
+    strong = {
+        **dict.fromkeys(strengths, 0.0),
+        next(iter(strengths)): next(iter(strengths.values())).trials[-1],
+    }
     for key, p in effect.parameters.items():
         if not p.strength:
             forms = p.options or p.trials
             points += [{**strong, key: form} for form in forms if form != p.default]
-    return [Trial(effect.name, tuple((f"{effect.name}.{key}", v) for key, v in point.items())) for point in points]
+    return [
+        Trial(effect.name, tuple((f"{effect.name}.{key}", v) for key, v in point.items())) for point in points
+    ]
 
 
 def strengths_to_try(parameter: Parameter) -> tuple:
+    """A fifth of the weakest trial, the trials, and the same with the other sign where it may be negative."""
     values = parameter.trials or (parameter.default,)
-    if parameter.low < 0 and not any(v < 0 for v in values) or parameter.low < 0 < parameter.high:
-        values = tuple(values) + tuple(-v for v in values)
+    if not parameter.integer:
+        values = (0.2 * values[0], *values)
+    if parameter.low < 0 < parameter.high:
+        values = (*values, *(-v for v in values))
     return values

@@ -118,7 +118,9 @@ def make_reference(
         confirm_slopes = np.hstack([known[2][:, kept], confirm_slopes])
         coordinates = [known[0][k] for k in kept] + new
     least, confirm_least = (np.array([s.least_spread for s in f.statistics]) for f in lab.measured)
-    return Reference(camera, tuple(coordinates), values, confirm, slopes, confirm_slopes, least, confirm_least)
+    return Reference(
+        camera, tuple(coordinates), values, confirm, slopes, confirm_slopes, least, confirm_least
+    )
 
 
 def derivatives(
@@ -138,11 +140,15 @@ def derivatives(
     slopes = []
     for values in both:
         means = values.reshape(len(coordinates), 2, PAIRS, -1).mean(2)
-        slopes.append(((means[:, 0] - means[:, 1]) / (2 * np.array([c.step for c in coordinates])[:, None])).T)
+        slopes.append(
+            ((means[:, 0] - means[:, 1]) / (2 * np.array([c.step for c in coordinates])[:, None])).T
+        )
     return slopes[0], slopes[1]
 
 
-def adjust(residuals: np.ndarray, slopes: np.ndarray, scale: np.ndarray, priors: np.ndarray, iterations: int = 12) -> np.ndarray:
+def adjust(
+    residuals: np.ndarray, slopes: np.ndarray, scale: np.ndarray, priors: np.ndarray, iterations: int = 12
+) -> np.ndarray:
     """The step of the coordinates that best takes residuals away, robustly.
 
     Args:
@@ -223,13 +229,22 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
         at = at + step
         camera = moved(camera, coordinates, list(at))
         at = np.array([c.read(camera) for c in coordinates])
-        found, confirmed = lab.simulated([(camera, k) for k in range(twins)], lambda n: report("refitting the camera", n, twins))
+        found, confirmed = lab.simulated(
+            [(camera, k) for k in range(twins)], lambda n: report("refitting the camera", n, twins)
+        )
         mean = reference.mean + found.mean(0) - reference.sets[:twins].mean(0)
-        confirm_mean = reference.confirm_sets.mean(0) + confirmed.mean(0) - reference.confirm_sets[:twins].mean(0)
+        confirm_mean = (
+            reference.confirm_sets.mean(0) + confirmed.mean(0) - reference.confirm_sets[:twins].mean(0)
+        )
     left = measured - mean
     last = adjust(left[None], reference.slopes, reference.scale, priors)[0]
     camera = moved(camera, coordinates, list(at + last)) if coordinates else camera
-    return Fitted(reference, camera, left - reference.slopes @ last, confirm - confirm_mean - reference.confirm_slopes @ last)
+    return Fitted(
+        reference,
+        camera,
+        left - reference.slopes @ last,
+        confirm - confirm_mean - reference.confirm_slopes @ last,
+    )
 
 
 def is_far(reference: Reference, camera: Camera) -> bool:

@@ -1,46 +1,74 @@
 """Which effect's signature best matches what the refitted camera leaves over."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import solve_triangular
 
 from visaug.camera import Camera
 from visaug.comparison.laboratory import Laboratory
 from visaug.diagnosis.candidates import Trial, trials
-from visaug.diagnosis.fit import Fitted, Reference, Report
+from visaug.diagnosis.fit import Fitted, Reference, Report, adjust
 from visaug.diagnosis.parameters import Coordinate, base_coordinates, effect_coordinates, moved
 from visaug.effects import catalogue
 
-TWINS = 2  # simulations with and without the effect, with common random numbers, for a first signature
-ROUGH, FINE = 0.3, 0.1  # how far a form may differ from the catalogue's, relative, in first signatures and after refining
+ROUGH, FINE = (
+    0.3,
+    0.1,
+)  # how far a form may differ from the catalogue's, relative, in first signatures and after refining
 
 
 @dataclass(frozen=True)
 class Metric:
-    """Distances between fingerprints: the bootstrap's covariance and, for what stands far out, a share of its own size.
+    """A Gaussian law of the residual of a camera that lacks nothing, with the camera's own numbers left open.
 
-    A real glow or lag never has the catalogue's exact form. With a strong effect every wrong form would be significant, so a
-    statistic counts as explained when its residual falls to a small share of what it was.
+    Its covariance is the bootstrap's, plus what the free numbers can do, plus for what stands far out a share of its own
+    size: a real glow or lag never has the catalogue's exact form, and with a strong effect every wrong form would be
+    significant, so a statistic counts as explained when its residual falls to a small share of what it was.
     """
 
     used: np.ndarray
     scale: np.ndarray
-    factor: np.ndarray  # lower Cholesky factor of the covariance of standardised residuals
+    covariance: np.ndarray  # of standardised residuals
 
-    def white(self, vectors: np.ndarray) -> np.ndarray:
-        """(..., statistics) or (statistics, n) whitened along the statistics; columns for matrices."""
-        z = vectors[self.used] / (self.scale if vectors.ndim == 1 else self.scale[:, None])
-        return solve_triangular(self.factor, z, lower=True, check_finite=False)
+    @cached_property
+    def factor(self) -> np.ndarray:
+        return np.linalg.cholesky(self.covariance)
+
+    def z(self, vector: np.ndarray) -> np.ndarray:
+        """Standardised: (..., statistics)."""
+        return vector[..., self.used] / self.scale
+
+    def white(self, vector: np.ndarray) -> np.ndarray:
+        return solve_triangular(self.factor, self.z(vector).T, lower=True, check_finite=False).T
+
+    def widened(self, variance: np.ndarray) -> "Metric":
+        """With the variance that an effect brings of its own, per statistic: drift, tracks, sparse defects."""
+        return Metric(self.used, self.scale, self.covariance + np.diag(variance[self.used] / self.scale**2))
+
+    def log_likelihood(self, residual: np.ndarray) -> float:
+        """Of a residual, but for a constant."""
+        return float(-0.5 * np.sum(self.white(residual) ** 2) - np.log(np.diag(self.factor)).sum())
 
 
-def metric(fitted: Fitted, form: float) -> Metric:
+def metric(fitted: Fitted, form: float, allowance: np.ndarray | float = 0.0) -> Metric:
+    """Of the residual of a fitted camera.
+
+    Args:
+        form: how far the form of what stands out may differ from the catalogue's, relative.
+        allowance: what the forms of accepted effects may leave over, per statistic.
+    """
     reference = fitted.reference
     used = reference.null_scale > 0
     scale = reference.null_scale[used]
-    null = reference.null[:, used] / scale
-    correlation = shrunk(null) + np.diag((form * fitted.residual[used] / scale) ** 2)
-    return Metric(used, scale, np.linalg.cholesky(correlation))
+    slopes = reference.slopes[used] / scale[:, None] * reference.priors
+    left = np.hypot(form * fitted.residual, allowance)
+    covariance = (
+        shrunk(reference.null[:, used] / scale) + slopes @ slopes.T + np.diag((left[used] / scale) ** 2)
+    )
+    return Metric(used, scale, covariance)
 
 
 def shrunk(samples: np.ndarray) -> np.ndarray:
@@ -60,66 +88,126 @@ def shrunk(samples: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
+class Signatures:
+    """How each trial moves every statistic of the reference camera, and what spread it adds: (trials, statistics) each."""
+
+    trials: tuple[Trial, ...]
+    values: np.ndarray
+    variances: np.ndarray
+
+
+FEW, MORE = 2, 6  # simulations of a trial whose effect brings no spread of its own, and of one that does
+
+
+def signatures(lab: Laboratory, reference: Reference, without: frozenset[str], report: Report) -> Signatures:
+    """Simulates every trial with the random numbers of the reference's first sets.
+
+    An effect that only moves the means shows it in two simulations; one that draws numbers of its own gets more.
+    """
+    tried = trials(reference.camera, without)
+    moves = _moves(lab, reference, tried, range(FEW), report, "trying")
+    spread = np.divide(
+        moves.var(1, ddof=1),
+        reference.null_scale**2,
+        out=np.zeros(moves.shape[::2]),
+        where=reference.null_scale > 0,
+    )
+    random = [i for i in range(len(tried)) if spread[i].max() > 3 or spread[i].mean() > 0.1]
+    means, variances = moves.mean(1), np.zeros_like(moves[:, 0])
+    if random:
+        again = _moves(lab, reference, [tried[i] for i in random], range(FEW, MORE), report, "trying again")
+        whole = np.concatenate([moves[random], again], 1)
+        means[random], variances[random] = whole.mean(1), whole.var(1, ddof=1)
+    return Signatures(tuple(tried), means, variances)
+
+
+def _moves(
+    lab: Laboratory, reference: Reference, tried: list[Trial], numbers: range, report: Report, word: str
+) -> np.ndarray:
+    """(trials, simulations, statistics): how far each trial moves each of the reference's sets."""
+    jobs = [(trial.on(reference.camera), k) for trial in tried for k in numbers]
+
+    def tick(done: int) -> None:
+        report(f"{word} {tried[min((done - 1) // len(numbers), len(tried) - 1)].effect}", done, len(jobs))
+
+    values = lab.finding(jobs, tick).reshape(len(tried), len(numbers), -1)
+    return values - reference.sets[numbers.start : numbers.stop]
+
+
+SCALES = (0.02, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 3.0)
+
+
+@dataclass(frozen=True)
 class Match:
     """An effect's best trial.
 
     Attributes:
-        gain: how much of the residual's squared length in the metric it takes away beyond a refit of the camera.
+        gain: by how much it raises the logarithm of the residual's likelihood.
         scale: by how much the trial's signature wants to be multiplied.
+        variance: what spread it brings at that scale, per statistic.
     """
 
     trial: Trial
     gain: float
     scale: float
-    signature: np.ndarray
+    variance: np.ndarray
 
 
-@dataclass(frozen=True)
-class Signatures:
-    """How each trial moves every statistic of the reference camera: (trials, statistics)."""
-
-    trials: tuple[Trial, ...]
-    values: np.ndarray
-
-
-def signatures(lab: Laboratory, reference: Reference, without: frozenset[str], report: Report) -> Signatures:
-    """Simulates every trial with the random numbers of the reference's first sets."""
-    tried = trials(reference.camera, without)
-    done = [0]
-
-    def tick(_: int) -> None:
-        done[0] += 1
-        name = tried[min((done[0] - 1) // TWINS, len(tried) - 1)].effect
-        report(f"trying {name}", done[0], TWINS * len(tried))
-
-    values = lab.finding([(trial.on(reference.camera), k) for trial in tried for k in range(TWINS)], tick)
-    return Signatures(tuple(tried), values.reshape(len(tried), TWINS, -1).mean(1) - reference.sets[:TWINS].mean(0))
-
-
-def best_of_each(signed: Signatures, fitted: Fitted, without: frozenset[str] = frozenset()) -> list[Match]:
+def best_of_each(
+    signed: Signatures,
+    fitted: Fitted,
+    without: frozenset[str] = frozenset(),
+    allowance: np.ndarray | float = 0.0,
+) -> list[Match]:
     """The best trial of every effect, best first."""
-    m = metric(fitted, ROUGH)
+    m = metric(fitted, ROUGH, allowance)
+    nothing = m.log_likelihood(fitted.residual)
+    residual = m.white(fitted.residual)
     matches: dict[str, Match] = {}
-    priors = np.array([c.prior for c in fitted.reference.coordinates])
-    slopes, residual = m.white(fitted.slopes), m.white(fitted.residual)
-    normal = cho_factor(slopes.T @ slopes + np.diag(1 / priors**2)) if slopes.shape[1] else None
-
-    def projected(v: np.ndarray) -> np.ndarray:
-        return v if normal is None else v - slopes @ cho_solve(normal, slopes.T @ v)
-
-    for trial, signature in zip(signed.trials, signed.values, strict=True):
+    for trial, signature, variance in zip(signed.trials, signed.values, signed.variances, strict=True):
         if trial.effect in without:
             continue
-        d = m.white(signature)
-        own = projected(d)
-        length = float(d @ own)
-        if length < 1e-9:
-            continue
-        scale = max(float(own @ residual) / length, 0.0)
-        match = Match(trial, scale * float(own @ residual), scale, signature)
+        match = _match(m, trial, signature, variance, fitted.residual, residual, nothing)
         if trial.effect not in matches or match.gain > matches[trial.effect].gain:
             matches[trial.effect] = match
     return sorted(matches.values(), key=lambda match: -match.gain)
+
+
+def _match(m: Metric, trial: Trial, signature, variance, residual, white_residual, nothing: float) -> Match:
+    fixed = trial.is_fixed
+    spread = variance[m.used] / m.scale**2
+    if spread.max() < 2 and spread.mean() < 0.1:
+        d = m.white(signature)
+        scale = 1.0 if fixed else max(float(d @ white_residual) / max(float(d @ d), 1e-12), 0.0)
+        gain = scale * float(d @ white_residual) - 0.5 * scale**2 * float(d @ d)
+        return Match(trial, gain, scale, np.zeros_like(variance))
+    tried = [
+        (m.widened(c**2 * variance).log_likelihood(residual - c * signature) - nothing, c)
+        for c in ((1.0,) if fixed else SCALES)
+    ]
+    gain, scale = max(tried)
+    return Match(trial, gain, scale, scale**2 * variance)
+
+
+def test_gain(signed: Signatures, fitted: Fitted, allowance: np.ndarray, accepted: Sequence[str]) -> float:
+    """The most that any trial's mean signature would raise the likelihood of what is left, no form allowed."""
+    m = metric(fitted, 0.0, allowance)
+    return float(_gains(m, signed, m.white(fitted.residual)[None], accepted)[0])
+
+
+def null_gains(signed: Signatures, reference: Reference, accepted: Sequence[str]) -> np.ndarray:
+    """(R,) the same for simulated sets of the camera itself: what chance alone would gain."""
+    nothing = np.zeros(reference.sets.shape[1])
+    m = metric(Fitted(reference, reference.camera, nothing, nothing), 0.0)
+    return _gains(m, signed, m.white(reference.null), accepted)
+
+
+def _gains(m: Metric, signed: Signatures, white: np.ndarray, accepted: Sequence[str]) -> np.ndarray:
+    chosen = [i for i, trial in enumerate(signed.trials) if trial.effect not in accepted]
+    shapes = m.white(signed.values[chosen])
+    length = np.sqrt((shapes**2).sum(1))
+    shapes = shapes[length > 0.5] / length[length > 0.5, None]
+    return 0.5 * np.max(np.maximum(white @ shapes.T, 0) ** 2, axis=1, initial=0.0)
 
 
 @dataclass(frozen=True)
@@ -128,21 +216,19 @@ class Refined:
 
     Attributes:
         camera: the fitted camera with the effect.
-        cost: squared length of what is left, in the metric; `cost_before` of the camera without it.
-        residual: what is left, per statistic.
+        coordinates, at: the effect's free numbers and where they are.
+        gain: by how much it raises the logarithm of the residual's likelihood.
+        residual: what is left of the residual per statistic, the camera's own numbers following.
+        variance: what spread the effect brings, per statistic.
     """
 
     effect: str
     camera: Camera
     coordinates: tuple[Coordinate, ...]
     at: np.ndarray
-    cost: float
-    cost_before: float
+    gain: float
     residual: np.ndarray
-
-    @property
-    def gain(self) -> float:
-        return self.cost_before - self.cost
+    variance: np.ndarray
 
 
 def coordinates_of(effect: str, camera: Camera, lab: Laboratory) -> list[Coordinate]:
@@ -154,65 +240,71 @@ def coordinates_of(effect: str, camera: Camera, lab: Laboratory) -> list[Coordin
 
 
 def refine(
-    lab: Laboratory, fitted: Fitted, match: Match, report: Report, iterations: int = 3, twins: int = 3
+    lab: Laboratory,
+    fitted: Fitted,
+    match: Match,
+    report: Report,
+    allowance: np.ndarray | float = 0.0,
+    iterations: int = 4,
+    twins: int = 4,
 ) -> Refined:
-    """Fits the effect's numbers, the camera's following linearly, by damped Gauss-Newton with common random numbers."""
-    m = metric(fitted, FINE)
-    priors = np.array([c.prior for c in fitted.reference.coordinates])
-    slopes = m.white(fitted.slopes)
-    base = lab.finding([(fitted.camera, k) for k in range(twins)]).mean(0)
+    """Fits the effect's numbers by damped Gauss-Newton with common random numbers; the camera's own stay open."""
+    m = metric(fitted, FINE, allowance)
+    nothing = m.log_likelihood(fitted.residual)
+    m = m.widened(match.variance)
+    base = lab.finding([(fitted.camera, k) for k in range(twins)])
     camera = _scaled(fitted.camera, match)
     coordinates = coordinates_of(match.trial.effect, camera, lab)
     at = np.array([c.read(camera) for c in coordinates])
-    own_priors = np.array([c.prior for c in coordinates])
-    steps = np.array([c.step for c in coordinates])
-
-    def solve(signature: np.ndarray, derivative: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """Step of all coordinates, what is left before it, and its squared length with the camera's own refitted."""
-        left = m.white(fitted.residual - signature)
-        ridge = np.diag(1 / priors**2)
-        alone = np.linalg.solve(slopes.T @ slopes + ridge, slopes.T @ left) if len(priors) else np.zeros(0)
-        cost = float(np.sum((left - slopes @ alone) ** 2) + np.sum((alone / priors) ** 2)) if len(priors) else float(left @ left)
-        design = np.hstack([slopes, derivative])
-        damping = np.diag(np.concatenate([1 / priors**2, 1 / own_priors**2]))
-        step = np.linalg.solve(design.T @ design + damping, design.T @ left)
-        return step[len(priors):], fitted.slopes @ alone, cost
-
-    _, _, cost_before = solve(np.zeros_like(fitted.residual), np.zeros((int(m.used.sum()), 0 * len(at) or len(at))))
-    best: tuple[float, np.ndarray, Camera, np.ndarray] | None = None
-    total = iterations * (len(coordinates) + 1) * twins
-    shrink = 1.0
-    for i in range(iterations):
+    priors, steps = np.array([c.prior for c in coordinates]), np.array([c.step for c in coordinates])
+    best: tuple[float, np.ndarray, np.ndarray, np.ndarray] | None = None
+    step, damping = np.zeros(len(at)), 1.0
+    for i in range(iterations if coordinates else 1):
         points = [at, *(at + steps * (np.arange(len(at)) == j) for j in range(len(at)))]
         jobs = [(moved(camera, coordinates, list(x)), k) for x in points for k in range(twins)]
-        values = lab.finding(jobs, lambda n: report(f"refining {match.trial.effect}", i * len(jobs) + n, total))
-        means = values.reshape(len(points), twins, -1).mean(1)
-        signature = means[0] - base
-        derivative = m.white(((means[1:] - means[0]) / steps[:, None]).T) if len(at) else np.zeros((int(m.used.sum()), 0))
-        step, moved_base, cost = solve(signature, derivative)
-        if best is None or cost < best[0]:
-            best = (cost, at.copy(), moved(camera, coordinates, list(at)), fitted.residual - signature - moved_base)
-            shrink = 1.0
-        else:  # too far: go back half way
-            shrink *= 0.4
-            at = best[1]
-            continue
-        at = at + shrink * np.clip(step, -0.8 * own_priors, 0.8 * own_priors)
-        at = np.array([c.read(moved(camera, coordinates, list(at))) for c in coordinates])
+        total = iterations * len(jobs)
+        values = lab.finding(
+            jobs, lambda n: report(f"refining {match.trial.effect}", i * len(jobs) + n, total)
+        )
+        moves = values.reshape(len(points), twins, -1) - base
+        means = moves.mean(1)
+        gain = m.log_likelihood(fitted.residual - means[0]) - nothing
+        if best is None or gain > best[0]:
+            best = (gain, at.copy(), means[0], moves[0].var(0, ddof=1))
+            damping = 1.0
+            if len(at):
+                design = m.white((means[1:] - means[0]) / steps[:, None]).T
+                left = m.white(fitted.residual - means[0])
+                step = np.linalg.solve(design.T @ design + np.diag(1 / priors**2), design.T @ left)
+                step = np.clip(step, -0.6 * priors, 0.6 * priors)
+        else:  # too far: from the best point a shorter step
+            damping *= 0.35
+        at = np.array(
+            [c.read(moved(camera, coordinates, list(best[1] + damping * step))) for c in coordinates]
+        )
     assert best is not None
-    cost, at, camera, left = best
-    return Refined(match.trial.effect, camera, tuple(coordinates), at, cost, cost_before, left)
+    gain, at, signature, variance = best
+    residual = fitted.residual - signature
+    following = adjust(residual[None], fitted.slopes, fitted.reference.scale, fitted.reference.priors)[0]
+    return Refined(
+        match.trial.effect,
+        moved(camera, coordinates, list(at)),
+        tuple(coordinates),
+        at,
+        gain,
+        residual - fitted.slopes @ following,
+        variance,
+    )
 
 
 def _scaled(camera: Camera, match: Match) -> Camera:
-    """The trial with its strengths scaled as its signature wants; a variance grows as the square, so half way in the log."""
+    """The trial with its strengths scaled as its signature wants; a variance grows as the square, so part of the way."""
     with_effect = match.trial.on(camera)
     effect = catalogue()[match.trial.effect]
-    factor = float(np.clip(match.scale, 0.02, 50)) ** (0.7 if match.scale > 1 else 0.7)
+    factor = float(np.clip(match.scale, 0.02, 50)) ** 0.7
     values = {}
     for path, value in match.trial.values:
-        key = path.split(".", 1)[-1]
-        parameter = effect.parameters.get(key)
+        parameter = effect.parameters.get(path.split(".", 1)[-1])
         if parameter is not None and parameter.strength and not parameter.integer and value:
             values[path] = min(max(value * factor, parameter.low), parameter.high)
     return with_effect.replace(values) if values else with_effect

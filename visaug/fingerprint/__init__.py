@@ -8,10 +8,23 @@ from visaug.fingerprint.view import Curve, Picture, View
 from visaug.fingerprint.views import VIEWS
 from visaug.frames import FrameSet
 
-__all__ = ["AXES", "VIEWS", "Curve", "Fingerprint", "FrameData", "GroupData", "Picture", "Statistic", "View", "fingerprint"]
+__all__ = [
+    "AXES",
+    "VIEWS",
+    "Curve",
+    "Fingerprint",
+    "FrameData",
+    "GroupData",
+    "Picture",
+    "Statistic",
+    "View",
+    "fingerprint",
+]
 
 
-def fingerprint(frames: FrameSet, use: Iterable[int] | None = None, views: Sequence[View] = VIEWS) -> Fingerprint:
+def fingerprint(
+    frames: FrameSet, use: Iterable[int] | None = None, views: Sequence[View] = VIEWS
+) -> Fingerprint:
     """The statistics of the frames at positions `use` (all by default).
 
     Two sets of the same plan have the same statistics in the same order.

@@ -45,7 +45,17 @@ class GroupData:
 
     def statistic(self, view: str, name: str, axes: Iterable[str], unit: str = "1") -> Statistic:
         g = self.group
-        return Statistic(view, name, self.label, tuple(axes), unit, g.kind, g.exposure_s, g.temperature_c or 0.0, self.signal)
+        return Statistic(
+            view,
+            name,
+            self.label,
+            tuple(axes),
+            unit,
+            g.kind,
+            g.exposure_s,
+            g.temperature_c or 0.0,
+            self.signal,
+        )
 
     @cached_property
     def mean(self) -> np.ndarray:
@@ -186,7 +196,13 @@ def spread(items: list, most: int) -> list:
 
 
 def _condition(group: Group) -> tuple:
-    return (group.temperature_c or 0.0, group.photons or 0.0, group.exposure_s, group.gain_db, group.clean or "")
+    return (
+        group.temperature_c or 0.0,
+        group.photons or 0.0,
+        group.exposure_s,
+        group.gain_db,
+        group.clean or "",
+    )
 
 
 def _blocks_expanded(image: np.ndarray, size: int = 16) -> np.ndarray:

@@ -55,7 +55,9 @@ class Fingerprint:
     def of(cls, measured: Iterable[tuple[Statistic, float]]) -> "Fingerprint":
         """From single statistics and their values; a value that is no finite number counts as 0."""
         parts = list(measured)
-        values = np.nan_to_num(np.array([value for _, value in parts], float), nan=0.0, posinf=0.0, neginf=0.0)
+        values = np.nan_to_num(
+            np.array([value for _, value in parts], float), nan=0.0, posinf=0.0, neginf=0.0
+        )
         return cls(tuple(statistic for statistic, _ in parts), values)
 
     @property

@@ -25,7 +25,7 @@ class BitTruncation(Effect):
         high=15.0,
         strength=True,
         integer=True,
-        trials=(2.0, 4.0),
+        trials=(1, 2, 3, 4),
         source="16-bit files of 12-bit cameras: 4",
     )
     mode = Parameter("cut", options=("cut", "round"), source="most links cut; scaling in software rounds")

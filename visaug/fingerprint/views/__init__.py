@@ -4,7 +4,13 @@ from visaug.fingerprint.view import View
 from visaug.fingerprint.views.codes import Codes
 from visaug.fingerprint.views.level import Drift, Level
 from visaug.fingerprint.views.memory import Memory
-from visaug.fingerprint.views.noise import NoiseCovariance, NoiseTails, PhotonTransfer, PixelNoise, TemporalLines
+from visaug.fingerprint.views.noise import (
+    NoiseCovariance,
+    NoiseTails,
+    PhotonTransfer,
+    PixelNoise,
+    TemporalLines,
+)
 from visaug.fingerprint.views.pattern import Defects, FixedPattern, Seams, SmoothMap
 from visaug.fingerprint.views.scene import Scene
 from visaug.fingerprint.views.spectrum import FixedSpectrum, TemporalSpectrum

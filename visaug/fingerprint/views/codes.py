@@ -31,13 +31,24 @@ class Codes(View):
             filled = expected > 25
             filled[0] = filled[-1] = False
             share = np.count_nonzero(filled & (counts < 0.2 * expected)) / max(np.count_nonzero(filled), 1)
-            yield first.statistic(self.name, f"{kind}: codes that never come", ["level"], "share"), np.sqrt(share)
-            uneven = ((counts - expected)[filled] ** 2 / (expected[filled] * 1.2)).mean() if filled.any() else 1.0
-            yield first.statistic(self.name, f"{kind}: unevenness", ["level"], "log ratio"), np.log(uneven + 0.1)
+            yield (
+                first.statistic(self.name, f"{kind}: codes that never come", ["level"], "share"),
+                np.sqrt(share),
+            )
+            uneven = (
+                ((counts - expected)[filled] ** 2 / (expected[filled] * 1.2)).mean() if filled.any() else 1.0
+            )
+            yield (
+                first.statistic(self.name, f"{kind}: unevenness", ["level"], "log ratio"),
+                np.log(uneven + 0.1),
+            )
             if kind == "dark":
                 yield first.statistic(self.name, "dark: at zero", ["level"], "share"), counts[0] / size
             else:
-                yield first.statistic(self.name, "flat: at the highest code", ["level"], "share"), counts[-1] / size
+                yield (
+                    first.statistic(self.name, "flat: at the highest code", ["level"], "share"),
+                    counts[-1] / size,
+                )
 
     def picture(self, data):
         g = data.bias or next(iter(data.groups), None)
@@ -46,4 +57,6 @@ class Codes(View):
         counts = histogram([g])
         middle = int(np.round(np.median(g.frames[0])))
         x = np.arange(max(0, middle - 60), min(len(counts), middle + 61))
-        return Picture(self.title, "DN code", "pixels", (Curve(x, np.maximum(counts[x], 0.5), g.label),), log_y=True)
+        return Picture(
+            self.title, "DN code", "pixels", (Curve(x, np.maximum(counts[x], 0.5), g.label),), log_y=True
+        )

@@ -16,7 +16,10 @@ class Memory(View):
         if pairs:
             slopes = [self._slope(data, i) for i in pairs]
             group = next(g for g in data.groups if g.kind == "dark")
-            yield group.statistic(self.name, "slope on a bright scene before", ["time"], "fraction"), float(np.mean(slopes))
+            yield (
+                group.statistic(self.name, "slope on a bright scene before", ["time"], "fraction"),
+                float(np.mean(slopes)),
+            )
         yield from self._steps(data)
 
     def _steps(self, data):
@@ -33,7 +36,10 @@ class Memory(View):
                 sums += (jump * (mean - others), jump**2)
         if data.of("flat", at_least=2):
             group = data.of("flat", at_least=2)[0]
-            yield group.statistic(self.name, "share of a step between flats", ["time"], "fraction"), sums[0] / max(sums[1], 1.0)
+            yield (
+                group.statistic(self.name, "share of a step between flats", ["time"], "fraction"),
+                sums[0] / max(sums[1], 1.0),
+            )
 
     @staticmethod
     def _pairs(data) -> list[int]:
@@ -41,7 +47,11 @@ class Memory(View):
         pairs = []
         for i in sorted(data.use):
             before = position.get(data.records[i].sequence - 1)
-            if data.records[i].kind in ("dark", "bias") and before is not None and data.records[before].kind == "scene":
+            if (
+                data.records[i].kind in ("dark", "bias")
+                and before is not None
+                and data.records[before].kind == "scene"
+            ):
                 pairs.append(i)
         return pairs
 
@@ -69,7 +79,13 @@ class Memory(View):
             x = np.array([before[place == k].mean() for k in range(len(edges) - 1)])
             y = np.array([frame[place == k].mean() for k in range(len(edges) - 1)])
             curves.append(Curve(x, y, f"dark after {data.records[i - 1].clean}"))
-        return Picture(self.title, "DN in the frame before", "mean DN in the dark frame after it", tuple(curves), log_x=True)
+        return Picture(
+            self.title,
+            "DN in the frame before",
+            "mean DN in the dark frame after it",
+            tuple(curves),
+            log_x=True,
+        )
 
 
 def _level(data, i: int) -> float:

@@ -12,15 +12,24 @@ class PhotonTransfer(View):
     def measure(self, data):
         for g in data.groups:
             if g.count >= 2 and g.kind != "scene":
-                yield g.statistic(self.name, "variance", ["time", "pixel"], "log DN^2"), np.log(g.noise_variance)
+                yield (
+                    g.statistic(self.name, "variance", ["time", "pixel"], "log DN^2"),
+                    np.log(g.noise_variance),
+                )
 
     def picture(self, data):
-        groups = sorted((g for g in data.groups if g.count >= 2 and g.kind in ("bias", "flat")), key=lambda g: g.level)
+        groups = sorted(
+            (g for g in data.groups if g.count >= 2 and g.kind in ("bias", "flat")), key=lambda g: g.level
+        )
         if not groups:
             return None
-        curve = Curve(np.array([max(g.signal, 1.0) if g.reference else 1.0 for g in groups]),
-                      np.array([g.noise_variance for g in groups]))
-        return Picture(self.title, "mean above bias, DN", "temporal variance, DN^2", (curve,), log_x=True, log_y=True)
+        curve = Curve(
+            np.array([max(g.signal, 1.0) if g.reference else 1.0 for g in groups]),
+            np.array([g.noise_variance for g in groups]),
+        )
+        return Picture(
+            self.title, "mean above bias, DN", "temporal variance, DN^2", (curve,), log_x=True, log_y=True
+        )
 
 
 class TemporalLines(View):
@@ -41,11 +50,24 @@ class TemporalLines(View):
 
     def picture(self, data):
         groups = [g for g in (data.bias, *data.of("flat", 2)[-1:]) if g is not None and g.count >= 2]
-        curves = [Curve(np.arange(g.noise_rows.shape[1]), g.noise_rows[0], f"rows of one frame, {g.label}") for g in groups]
-        return Picture(self.title, "row", "row mean less the mean frame's, DN", tuple(curves)) if curves else None
+        curves = [
+            Curve(np.arange(g.noise_rows.shape[1]), g.noise_rows[0], f"rows of one frame, {g.label}")
+            for g in groups
+        ]
+        return (
+            Picture(self.title, "row", "row mean less the mean frame's, DN", tuple(curves))
+            if curves
+            else None
+        )
 
 
-LAGS = {"one column on": (0, 1), "one row on": (1, 0), "diagonal": (1, 1), "two columns on": (0, 2), "two rows on": (2, 0)}
+LAGS = {
+    "one column on": (0, 1),
+    "one row on": (1, 0),
+    "diagonal": (1, 1),
+    "two columns on": (0, 2),
+    "two rows on": (2, 0),
+}
 FAR = {"4 columns on": (0, 4), "12 columns on": (0, 12), "4 rows on": (4, 0)}
 
 
@@ -71,15 +93,20 @@ class NoiseCovariance(View):
             for name, lag in lags.items():
                 axis = "row" if lag[0] else "column"
                 value = correlation(g.noise_pixels, lag) / g.noise_variance
-                yield g.statistic(self.name, name, ["pixel", axis] if 0 in lag else ["pixel"], "correlation"), value
+                yield (
+                    g.statistic(self.name, name, ["pixel", axis] if 0 in lag else ["pixel"], "correlation"),
+                    value,
+                )
 
     def picture(self, data):
         groups = [g for g in data.groups if g.count >= 2 and g.kind in ("bias", "flat")]
         if not groups:
             return None
         x = np.array([max(g.signal, 1.0) if g.reference else 1.0 for g in groups])
-        curves = [Curve(x, np.array([correlation(g.noise_pixels, lag) / g.noise_variance for g in groups]), name)
-                  for name, lag in LAGS.items()]
+        curves = [
+            Curve(x, np.array([correlation(g.noise_pixels, lag) / g.noise_variance for g in groups]), name)
+            for name, lag in LAGS.items()
+        ]
         return Picture(self.title, "mean above bias, DN", "correlation", tuple(curves), log_x=True)
 
 
@@ -90,22 +117,38 @@ class NoiseTails(View):
     title = "Tails of the temporal noise"
 
     def measure(self, data):
-        chosen = [g for g in data.groups if g.count >= 2 and g.kind in ("bias", "dark")] + data.of("flat", 2)[:2]
+        chosen = [g for g in data.groups if g.count >= 2 and g.kind in ("bias", "dark")] + data.of("flat", 2)[
+            :2
+        ]
         for g in chosen:
             noise = g.noise_pixels
             size = np.abs(noise)
             scale = max(1.4826 * float(np.median(size[:, ::2, ::3])), 0.03)
             spread = np.sqrt(g.noise_variance)
-            yield g.statistic(self.name, "mean size to deviation", ["time", "pixel"]), float(size.mean()) / spread
+            yield (
+                g.statistic(self.name, "mean size to deviation", ["time", "pixel"]),
+                float(size.mean()) / spread,
+            )
             yield g.statistic(self.name, "median to deviation", ["time", "pixel"]), scale / spread
             for limit in (3, 5, 8, 20):
                 far = np.count_nonzero(size > limit * scale)
-                yield g.statistic(self.name, f"beyond {limit} scales", ["time", "pixel"], "sqrt count"), np.sqrt(far)
+                yield (
+                    g.statistic(self.name, f"beyond {limit} scales", ["time", "pixel"], "sqrt count"),
+                    np.sqrt(far),
+                )
             far_up = noise > 8 * scale
             up, down = np.count_nonzero(far_up), np.count_nonzero(noise < -8 * scale)
-            yield g.statistic(self.name, "up against down", ["time", "pixel"], "sqrt count"), np.sqrt(up) - np.sqrt(down)
-            touching = np.count_nonzero(far_up[:, :, 1:] & far_up[:, :, :-1]) + np.count_nonzero(far_up[:, 1:] & far_up[:, :-1])
-            yield g.statistic(self.name, "far pixels that touch", ["time", "pixel"], "sqrt count"), np.sqrt(touching)
+            yield (
+                g.statistic(self.name, "up against down", ["time", "pixel"], "sqrt count"),
+                np.sqrt(up) - np.sqrt(down),
+            )
+            touching = np.count_nonzero(far_up[:, :, 1:] & far_up[:, :, :-1]) + np.count_nonzero(
+                far_up[:, 1:] & far_up[:, :-1]
+            )
+            yield (
+                g.statistic(self.name, "far pixels that touch", ["time", "pixel"], "sqrt count"),
+                np.sqrt(touching),
+            )
 
     def picture(self, data):
         g = data.bias if data.bias is not None else next(iter(data.of("dark", 2)), None)
@@ -130,10 +173,16 @@ class PixelNoise(View):
             ratio = np.einsum("nij,nij->ij", g.noise_pixels, g.noise_pixels) / g.count / g.noise_variance
             for limit in (3, 6, 15):
                 count = np.count_nonzero(ratio > limit)
-                yield g.statistic(self.name, f"beyond {limit} times", ["time", "pixel"], "sqrt count"), np.sqrt(count)
+                yield (
+                    g.statistic(self.name, f"beyond {limit} times", ["time", "pixel"], "sqrt count"),
+                    np.sqrt(count),
+                )
             yield g.statistic(self.name, "median", ["time", "pixel"]), float(np.median(ratio))
             recurring = self._recurring(g)
-            yield g.statistic(self.name, "far in many frames", ["time", "pixel"], "sqrt count"), np.sqrt(recurring)
+            yield (
+                g.statistic(self.name, "far in many frames", ["time", "pixel"], "sqrt count"),
+                np.sqrt(recurring),
+            )
 
     @staticmethod
     def _recurring(g) -> int:
@@ -147,5 +196,11 @@ class PixelNoise(View):
             return None
         ratio = np.sort((g.noise_pixels**2).mean(0).ravel() / g.noise_variance)[::-1]
         rank = np.unique(np.geomspace(1, ratio.size, 200).astype(int))
-        return Picture(self.title, "rank of the pixel", "variance over the mean variance",
-                       (Curve(rank, ratio[rank - 1], g.label),), log_x=True, log_y=True)
+        return Picture(
+            self.title,
+            "rank of the pixel",
+            "variance over the mean variance",
+            (Curve(rank, ratio[rank - 1], g.label),),
+            log_x=True,
+            log_y=True,
+        )

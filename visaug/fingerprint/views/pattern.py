@@ -26,10 +26,17 @@ class FixedPattern(View):
             yield g.statistic(self.name, "pixels", ["pixel"], "log DN^2"), np.log(g.pattern_variance)
             pixels = g.pattern_pixels[None]
             for name, lag in (("one column on", (0, 1)), ("one row on", (1, 0)), ("diagonal", (1, 1))):
-                yield g.statistic(self.name, name, ["pixel"], "correlation"), correlation(pixels, lag) / g.pattern_variance
+                yield (
+                    g.statistic(self.name, name, ["pixel"], "correlation"),
+                    correlation(pixels, lag) / g.pattern_variance,
+                )
 
     def picture(self, data):
-        maps = [(f"{g.label}, DN", g.pattern) for g in (data.bias, *data.of("dark")[-1:], *data.of("flat")[-2:-1]) if g]
+        maps = [
+            (f"{g.label}, DN", g.pattern)
+            for g in (data.bias, *data.of("dark")[-1:], *data.of("flat")[-2:-1])
+            if g
+        ]
         return Picture(self.title, maps=tuple(maps)) if maps else None
 
 
@@ -41,16 +48,24 @@ class SmoothMap(View):
 
     def measure(self, data):
         darks, flats = data.of("dark"), data.of("flat")
-        detailed = {id(g) for g in (data.bias, *darks[-1:], *flats[len(flats) * 5 // 8 : len(flats) * 5 // 8 + 1])}
+        detailed = {
+            id(g) for g in (data.bias, *darks[-1:], *flats[len(flats) * 5 // 8 : len(flats) * 5 // 8 + 1])
+        }
         for g in data.groups:
             if g.kind == "scene":
                 continue
             unit = 100 / max(g.signal, 1.0) if g.kind == "flat" else 1.0
             word = "%" if g.kind == "flat" else "DN"
             parts = 4 if id(g) in detailed else 2
-            blocks = block_means(g.pattern, *(np.linspace(0, n, parts + 1).astype(int) for n in g.pattern.shape)) * unit
+            blocks = (
+                block_means(g.pattern, *(np.linspace(0, n, parts + 1).astype(int) for n in g.pattern.shape))
+                * unit
+            )
             for (i, j), value in np.ndenumerate(blocks):
-                yield g.statistic(self.name, f"block {i + 1},{j + 1} of {parts}x{parts}", ["smooth"], word), float(value)
+                yield (
+                    g.statistic(self.name, f"block {i + 1},{j + 1} of {parts}x{parts}", ["smooth"], word),
+                    float(value),
+                )
             yield g.statistic(self.name, "middle against rim", ["smooth"], word), _middle(g.pattern) * unit
 
     def picture(self, data):
@@ -85,9 +100,15 @@ class Seams(View):
             for name, profile in (("row", g.pattern_rows), ("column", g.pattern_columns)):
                 profile = profile.astype(np.float64) * unit
                 step = _steps(profile)
-                yield g.statistic(self.name, f"largest step of {name}s", [name], word), float(np.abs(step).max())
+                yield (
+                    g.statistic(self.name, f"largest step of {name}s", [name], word),
+                    float(np.abs(step).max()),
+                )
                 half = len(profile) // 2
-                yield g.statistic(self.name, f"halves of {name}s", [name], word), profile[half:].mean() - profile[:half].mean()
+                yield (
+                    g.statistic(self.name, f"halves of {name}s", [name], word),
+                    profile[half:].mean() - profile[:half].mean(),
+                )
                 parity = profile[1::2].mean() - profile[::2].mean()
                 yield g.statistic(self.name, f"odd against even {name}s", [name], word), parity
             if g.count >= 2:
@@ -97,15 +118,19 @@ class Seams(View):
                     ("columns", noise[:, :, : width // 2], noise[:, :, width // 2 :]),
                     ("rows", noise[:, : height // 2], noise[:, height // 2 :]),
                 ):
-                    yield (g.statistic(self.name, f"noise of the halves, {name}", ["smooth"], "log ratio"),
-                           float(np.log((_mean_square(b) + 1e-4) / (_mean_square(a) + 1e-4))))
+                    yield (
+                        g.statistic(self.name, f"noise of the halves, {name}", ["smooth"], "log ratio"),
+                        float(np.log((_mean_square(b) + 1e-4) / (_mean_square(a) + 1e-4))),
+                    )
 
     def picture(self, data):
         g = data.bias or next(iter(data.of("flat")), None)
         if g is None:
             return None
-        curves = [Curve(np.arange(len(p)), p, f"{name}, {g.label}")
-                  for name, p in (("rows", g.pattern_rows), ("columns", g.pattern_columns))]
+        curves = [
+            Curve(np.arange(len(p)), p, f"{name}, {g.label}")
+            for name, p in (("rows", g.pattern_rows), ("columns", g.pattern_columns))
+        ]
         return Picture(self.title, "line", "mean of the line, DN", tuple(curves))
 
 
@@ -134,13 +159,22 @@ class Defects(View):
                 continue
             ratio = g.pattern_pixels / np.float32(g.pattern_scale)
             for limit in (4, 7, 15, 50):
-                yield g.statistic(self.name, f"above {limit} scales", ["pixel"], "sqrt count"), np.sqrt(np.count_nonzero(ratio > limit))
+                yield (
+                    g.statistic(self.name, f"above {limit} scales", ["pixel"], "sqrt count"),
+                    np.sqrt(np.count_nonzero(ratio > limit)),
+                )
                 if limit in (7, 15):
                     low = np.count_nonzero(ratio < -limit)
-                    yield g.statistic(self.name, f"below {limit} scales", ["pixel"], "sqrt count"), np.sqrt(low)
+                    yield (
+                        g.statistic(self.name, f"below {limit} scales", ["pixel"], "sqrt count"),
+                        np.sqrt(low),
+                    )
             clipped = np.clip(ratio, -4, 4)
             yield g.statistic(self.name, "skewness within 4 scales", ["pixel"]), float((clipped**3).mean())
-            yield g.statistic(self.name, "scale to deviation", ["pixel"]), g.pattern_scale / np.sqrt(g.pattern_variance)
+            yield (
+                g.statistic(self.name, "scale to deviation", ["pixel"]),
+                g.pattern_scale / np.sqrt(g.pattern_variance),
+            )
 
     def picture(self, data):
         curves = []
@@ -151,4 +185,11 @@ class Defects(View):
                 curves.append(Curve(rank, np.maximum(ratio[rank - 1], 0.1), g.label))
         if not curves:
             return None
-        return Picture(self.title, "rank of the pixel", "distance in robust standard deviations", tuple(curves), log_x=True, log_y=True)
+        return Picture(
+            self.title,
+            "rank of the pixel",
+            "distance in robust standard deviations",
+            tuple(curves),
+            log_x=True,
+            log_y=True,
+        )

@@ -30,12 +30,20 @@ def templates(clean: np.ndarray) -> dict[str, tuple[tuple[str, ...], np.ndarray]
         shapes[f"long trail along {axis}s"] = ((axis,), far)
         place = columns if axis == "row" else rows
         shapes[f"trail along {axis}s growing with the place"] = ((axis,), (forward - back) * (place - 0.5))
-    diagonal = _shift(clean, 1, 1) + _shift(clean, -1, -1) + _shift(clean, 1, -1) + _shift(clean, -1, 1) - 4 * clean
+    diagonal = (
+        _shift(clean, 1, 1) + _shift(clean, -1, -1) + _shift(clean, 1, -1) + _shift(clean, -1, 1) - 4 * clean
+    )
     shapes["curvature along diagonals"] = (("pixel",), diagonal)
     for width in (3, 10, 30):
         shapes[f"halo of {width} px"] = (("smooth",), gaussian_filter(clean, width, mode="constant") - clean)
-    shapes["mean of the column"] = (("column",), np.broadcast_to(clean.mean(0, keepdims=True), clean.shape) - clean.mean())
-    shapes["mean of the row"] = (("row",), np.broadcast_to(clean.mean(1, keepdims=True), clean.shape) - clean.mean())
+    shapes["mean of the column"] = (
+        ("column",),
+        np.broadcast_to(clean.mean(0, keepdims=True), clean.shape) - clean.mean(),
+    )
+    shapes["mean of the row"] = (
+        ("row",),
+        np.broadcast_to(clean.mean(1, keepdims=True), clean.shape) - clean.mean(),
+    )
     shapes["mirror image"] = (("smooth",), clean[::-1, ::-1] - clean.mean())
     small = gaussian_filter(clean[::-1, ::-1], 4)
     shapes["blurred mirror image"] = (("smooth",), small - small.mean())

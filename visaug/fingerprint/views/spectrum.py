@@ -10,7 +10,9 @@ BANDS = 6
 def power(lines: np.ndarray) -> np.ndarray:
     """Mean power spectrum of profiles (n, L) over frequencies 1 .. L/2, 1 for white noise of variance 1."""
     about = lines - lines.mean(-1, keepdims=True)
-    return (np.abs(np.fft.rfft(about, axis=-1)[..., 1:]) ** 2).reshape(-1, lines.shape[-1] // 2).mean(0) / lines.shape[-1]
+    return (np.abs(np.fft.rfft(about, axis=-1)[..., 1:]) ** 2).reshape(-1, lines.shape[-1] // 2).mean(
+        0
+    ) / lines.shape[-1]
 
 
 def band_means(spectrum: np.ndarray) -> np.ndarray:
@@ -24,7 +26,10 @@ def band_statistics(group, view, name, spectrum, axes):
         yield group.statistic(view, f"{name}, band {i + 1}", axes, "log power"), np.log(value + 1e-3)
     middle = np.median(spectrum) + 1e-3
     yield group.statistic(view, f"{name}, peak", axes, "log ratio"), np.log(spectrum.max() / middle + 1e-3)
-    yield group.statistic(view, f"{name}, at half the sampling", axes, "log ratio"), np.log(spectrum[-1] / middle + 1e-3)
+    yield (
+        group.statistic(view, f"{name}, at half the sampling", axes, "log ratio"),
+        np.log(spectrum[-1] / middle + 1e-3),
+    )
 
 
 class TemporalSpectrum(View):
@@ -37,7 +42,9 @@ class TemporalSpectrum(View):
             if groups:
                 first = groups[0] if kind == "bias" else groups[-1]
                 rows = np.mean([power(g.noise_rows) * g.mean.shape[1] / g.noise_variance for g in groups], 0)
-                columns = np.mean([power(g.noise_columns) * g.mean.shape[0] / g.noise_variance for g in groups], 0)
+                columns = np.mean(
+                    [power(g.noise_columns) * g.mean.shape[0] / g.noise_variance for g in groups], 0
+                )
                 yield from band_statistics(first, self.name, f"{kind} rows", rows, ["time", "row"])
                 yield from band_statistics(first, self.name, f"{kind} columns", columns, ["time", "column"])
 
@@ -50,7 +57,9 @@ class TemporalSpectrum(View):
                 curves.append(Curve(np.linspace(0, 0.5, len(rows) + 1)[1:], rows, kind))
         if not curves:
             return None
-        return Picture(self.title, "cycles per row", "power, 1 for white noise", tuple(curves), log_x=True, log_y=True)
+        return Picture(
+            self.title, "cycles per row", "power, 1 for white noise", tuple(curves), log_x=True, log_y=True
+        )
 
 
 class FixedSpectrum(View):
@@ -60,9 +69,15 @@ class FixedSpectrum(View):
     def measure(self, data):
         chosen = [g for g in (data.bias, *data.of("dark")[-1:], *_bright(data)) if g is not None]
         for g in chosen:
-            for name, profile, axis in (("rows", g.pattern_rows, "row"), ("columns", g.pattern_columns, "column")):
-                spectrum = power(profile[None]) / max(abs(g.signal) if g.kind == "flat" else 1.0, 1.0) ** 2 * (
-                    1e6 if g.kind == "flat" else 1.0)
+            for name, profile, axis in (
+                ("rows", g.pattern_rows, "row"),
+                ("columns", g.pattern_columns, "column"),
+            ):
+                spectrum = (
+                    power(profile[None])
+                    / max(abs(g.signal) if g.kind == "flat" else 1.0, 1.0) ** 2
+                    * (1e6 if g.kind == "flat" else 1.0)
+                )
                 yield from band_statistics(g, self.name, name, spectrum, [axis])
 
     def picture(self, data):

@@ -1,0 +1,18 @@
+"""Measured frames beside a model's: how far they differ, and where."""
+
+from visaug.comparison.comparison import Comparison, Place, compare, places, z_scores
+from visaug.comparison.distance import Distance, Error
+from visaug.comparison.laboratory import Folds, Laboratory, share_out
+
+__all__ = [
+    "Comparison",
+    "Distance",
+    "Error",
+    "Folds",
+    "Laboratory",
+    "Place",
+    "compare",
+    "places",
+    "share_out",
+    "z_scores",
+]

@@ -1,0 +1,156 @@
+"""A camera file beside measured frames: whether it holds, how far it is off, and where."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from visaug.camera import Camera
+from visaug.comparison.distance import Distance
+from visaug.comparison.laboratory import Laboratory
+from visaug.fingerprint import Statistic
+from visaug.frames import FrameSet
+
+SETS = 100  # simulated sets of the camera
+SIGNIFICANT = 0.02
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where model and measurement differ: a view, its share of the excess, its worst statistic in standard deviations."""
+
+    view: str
+    share: float
+    worst: str
+    z: float
+
+    def to_json(self) -> dict[str, Any]:
+        return {"view": self.view, "share": round(self.share, 4), "worst": self.worst, "z": round(self.z, 2)}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What `compare` found.
+
+    Attributes:
+        p_value: of the largest standardised residual, against simulated sets of the camera itself.
+        statistics, measured, modelled, spread: each statistic's value, and its mean and standard deviation under the camera.
+        places: views by their share of the excess.
+    """
+
+    camera: Camera
+    p_value: float
+    statistics: tuple[Statistic, ...]
+    measured: np.ndarray
+    modelled: np.ndarray
+    spread: np.ndarray
+    places: tuple[Place, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def adequate(self) -> bool:
+        """Whether the camera explains the frames: no difference beyond chance at a false-alarm rate of 2 %."""
+        return self.p_value > SIGNIFICANT
+
+    def where(self) -> list[dict[str, Any]]:
+        """Views that differ, the largest share of the excess first."""
+        return [place.to_json() for place in self.places]
+
+    def to_json(self) -> dict[str, Any]:
+        before = None if self.adequate else 1.0
+        return {
+            "schema": 1,
+            "error": {"before": before, "after": before, "floor": 0.0, "interval_after": None},
+            "fits": {
+                "p_value": self.p_value,
+                "p_value_before": self.p_value,
+                "adequate": self.adequate,
+                "adequate_before": self.adequate,
+            },
+            "where": self.where(),
+            "differences": self.differences(),
+            "warnings": list(self.warnings),
+        }
+
+    def differences(self, most: int = 40) -> list[dict[str, Any]]:
+        """The statistics that differ most, with what was measured and what the camera gives."""
+        z = z_scores(self.measured - self.modelled, self.spread)
+        rows = []
+        for i in np.argsort(-np.abs(z))[:most]:
+            s = self.statistics[i]
+            rows.append(
+                {
+                    "view": s.view,
+                    "statistic": s.name,
+                    "frames": s.frames,
+                    "unit": s.unit,
+                    "axes": list(s.axes),
+                    "measured": float(self.measured[i]),
+                    "modelled": float(self.modelled[i]),
+                    "standard_deviation": float(self.spread[i]),
+                    "z": round(float(z[i]), 2),
+                }
+            )
+        return rows
+
+    def __repr__(self) -> str:
+        verdict = "holds" if self.adequate else "fails in " + ", ".join(p.view for p in self.places[:3])
+        return f"Comparison({self.camera.name!r} {verdict}, p = {self.p_value:.3g})"
+
+
+def z_scores(residual: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """Residuals in standard deviations; 0 for a statistic that never varies."""
+    return np.divide(residual, spread, out=np.zeros_like(residual), where=spread > 0)
+
+
+def places(distance: Distance, statistics: tuple[Statistic, ...], z: np.ndarray) -> tuple[Place, ...]:
+    """Views by their share of the excess, with their worst statistic."""
+    found = []
+    for view, share in distance.shares().items():
+        here = [i for i, s in enumerate(statistics) if s.view == view]
+        worst = max(here, key=lambda i: abs(z[i]))
+        if abs(z[worst]) > 4:
+            found.append(
+                Place(view, share, f"{statistics[worst].name}, {statistics[worst].frames}", float(z[worst]))
+            )
+    return tuple(sorted(found, key=lambda place: (-place.share, -abs(place.z))))
+
+
+def compare(
+    camera: Camera, frames: FrameSet, seed: int = 0, progress: Callable[[str, int, int], None] | None = None
+) -> Comparison:
+    """Measured frames beside frames that the camera would take.
+
+    Args:
+        camera: as its file has it; nothing is refitted.
+        frames: bias, dark, flat or scene frames.
+        seed: of the simulations.
+        progress: called with (description, done, total).
+
+    Raises:
+        InputError: frames of which nothing is known, a scene without its target, a frame that cannot be read.
+    """
+    lab = Laboratory(frames, camera, seed, folds=False)
+    say = progress or (lambda *_: None)
+    sets = lab.finding(
+        [(camera, k) for k in range(SETS)], lambda n: say("simulating sets of the camera", n, SETS)
+    )
+    fingerprint = lab.measured[0]
+    least = np.array([s.least_spread for s in fingerprint.statistics])
+    spread = np.maximum(sets.std(0, ddof=1), least)
+    mean = sets.mean(0)
+    z = z_scores(fingerprint.values - mean, spread)
+    null = np.abs(z_scores((sets - mean) * SETS / (SETS - 1), spread)).max(1)
+    p = float((1 + np.count_nonzero(null >= np.abs(z).max())) / (SETS + 1))
+    distance = Distance(fingerprint.statistics, fingerprint.values, sets, least)
+    return Comparison(
+        camera,
+        p,
+        fingerprint.statistics,
+        fingerprint.values,
+        mean,
+        spread,
+        places(distance, fingerprint.statistics, z),
+        tuple(frames.warnings),
+    )

@@ -1,0 +1,88 @@
+"""The error: how far a model's frames are from the measured ones, between the camera file as given (1) and a twin (0).
+
+D(A, B) is the mean over views of the mean over a view's statistics of (S_A - S_B)^2 / s^2, where s is the larger of the
+statistic's standard deviations under the file as given and under the model in question: an effect brings a spread of its own.
+D(measured, model) averages over simulated sets. F is the mean D between independent sets of the model, maps and drift drawn
+anew. E = [D(measured, model) - F] / [D(measured, file as given) - F].
+
+It is a distance, not a test: unlike a p-value it does not grow with the number of frames.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from visaug.fingerprint import Statistic
+
+
+@dataclass(frozen=True)
+class Error:
+    """An error with its 95 % interval, which covers the noise of the measured frames and the camera's own maps."""
+
+    value: float
+    low: float
+    high: float
+
+
+class Distance:
+    """Errors of models of one measured set.
+
+    Args:
+        statistics: what was measured.
+        measured: (statistics,) values.
+        given: (R, statistics) of simulated sets of the camera file as given.
+        least: (statistics,) smallest spread that is taken seriously.
+    """
+
+    def __init__(
+        self, statistics: Sequence[Statistic], measured: np.ndarray, given: np.ndarray, least: np.ndarray
+    ):
+        self.views = np.array([statistic.view for statistic in statistics])
+        self.measured, self.given, self.least = measured, given, least
+
+    def error(
+        self, sets: np.ndarray, residual: np.ndarray | None = None, follows: np.ndarray | None = None
+    ) -> Error | None:
+        """Of a model by its simulated sets (R, statistics); None where the file as given shows no excess.
+
+        Args:
+            residual: measured less the model's mean, where the sets are of a neighbouring camera.
+            follows: standard deviations of the model's spread, where they are better known than from `sets`.
+        """
+        weight, usable = self._weights(sets if follows is None else follows[None])
+        given_spread = self.given.var(0, ddof=1)
+        spread = sets.var(0, ddof=1) if follows is None else follows**2
+        center = sets.mean(0) if residual is None else self.measured - residual
+        floor = self._mean(2 * spread * weight, usable)
+        before = self._mean(((self.measured - self.given.mean(0)) ** 2 + given_spread) * weight, usable)
+        after = self._mean(((self.measured - center) ** 2 + spread) * weight, usable)
+        if before - floor <= 0:
+            return None
+        deviations = sets - sets.mean(0)
+        noise = np.array([self._mean((d**2 + spread) * weight, usable) for d in deviations]) - floor
+        value = (after - floor) / (before - floor)
+        low, high = np.quantile(noise, [0.025, 0.975]) / (before - floor)
+        return Error(float(value), float(value - high), float(value - low))
+
+    def shares(self) -> dict[str, float]:
+        """Each view's share of the excess of the camera file as given."""
+        weight, usable = self._weights(self.given)
+        excess = (self.measured - self.given.mean(0)) ** 2 * weight - self.given.var(0, ddof=1) * weight
+        means = {}
+        for view in dict.fromkeys(self.views):
+            here = usable & (self.views == view)
+            if here.any():
+                means[str(view)] = max(float(excess[here].mean()), 0.0)
+        total = sum(means.values())
+        return {view: value / total for view, value in means.items()} if total else means
+
+    def _weights(self, sets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        other = sets.var(0, ddof=1) if len(sets) > 1 else sets[0] ** 2
+        scale = np.maximum(np.maximum(self.given.var(0, ddof=1), other), self.least**2)
+        usable = scale > 0
+        return np.divide(1.0, scale, out=np.zeros_like(scale), where=usable), usable
+
+    def _mean(self, terms: np.ndarray, usable: np.ndarray) -> float:
+        views = self.views[usable]
+        return float(np.mean([terms[usable][views == view].mean() for view in dict.fromkeys(views)]))

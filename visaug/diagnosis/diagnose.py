@@ -1,0 +1,349 @@
+"""Which physical effect is missing: fit, name, add, refit, until nothing is missing or nothing known explains the rest."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from visaug.camera import Camera
+from visaug.camera.paths import place_of
+from visaug.comparison import Distance, Error, Laboratory, places
+from visaug.diagnosis import cache
+from visaug.diagnosis.candidates import trials
+from visaug.diagnosis.fit import (
+    Fitted,
+    Reference,
+    Report,
+    is_far,
+    make_reference,
+    p_value,
+    refit,
+    standardised,
+)
+from visaug.diagnosis.parameters import Coordinate, base_coordinates
+from visaug.diagnosis.rank import Refined, Signatures, best_of_each, null_gains, refine, signatures, test_gain
+from visaug.diagnosis.residue import Residue, describe
+from visaug.diagnosis.result import Diagnosis, Estimate, Ranked, Step
+from visaug.effects import catalogue, load_file
+from visaug.errors import InputError
+from visaug.frames import FrameSet
+
+SETS = 300  # simulated sets of the camera file
+SETS_AFTER = 120  # of a camera with an effect added
+SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
+MOST = 4  # effects that are added one after the other
+TRIED = 4  # candidates whose numbers are refined in a step
+COVERED = 0.75  # share of the statistics an effect moves that it must bring back
+FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
+
+
+@dataclass(frozen=True)
+class State:
+    """Where the search stands: the fitted camera, and what accepted effects' forms may leave over per statistic."""
+
+    fitted: Fitted
+    accepted: tuple[str, ...]
+    allowance: np.ndarray
+
+    @property
+    def z(self) -> np.ndarray:
+        """Residuals in standard deviations, the forms of accepted effects allowed for."""
+        scale = np.sqrt(self.fitted.reference.null_scale**2 + self.allowance**2)
+        return standardised(self.fitted.residual, np.where(self.fitted.reference.null_scale > 0, scale, 0.0))
+
+
+def diagnose(
+    camera: Camera,
+    frames: FrameSet,
+    effects: Sequence[str | Path] = (),
+    without: Sequence[str] = (),
+    seed: int = 0,
+    progress: Callable[[str, int, int], None] | None = None,
+    sets: int = SETS,
+) -> Diagnosis:
+    """Which effect the camera lacks, as far as the frames tell.
+
+    Args:
+        camera: the model, as its file has it.
+        frames: measured bias, dark, flat or scene frames.
+        effects: files with effects of one's own, to be tried beside the catalogue's.
+        without: effects of the catalogue that are not tried.
+        seed: of all simulations: the same seed gives the same answer.
+        progress: called with (description, done, total).
+        sets: simulated sets of the camera; fewer are faster and less sure.
+
+    Raises:
+        InputError: frames of which nothing is known, too few frames, unknown effects.
+    """
+    for file in effects:
+        load_file(file)
+    for name in without:
+        if name not in catalogue():
+            raise InputError(f"{name!r} is no effect", field="without", expected="a name of `visaug effects`")
+    return _Search(camera, frames, frozenset(without), seed, progress or (lambda *_: None), sets).run()
+
+
+class _Search:
+    def __init__(
+        self, camera: Camera, frames: FrameSet, without: frozenset[str], seed: int, report: Report, sets: int
+    ):
+        self.given, self.without, self.report, self.sets = camera, without, report, sets
+        self.calibrated = all(r.photons is not None for r in frames.records if r.kind == "flat")
+        self.lab = Laboratory(frames, camera, seed)
+        if len(self.lab.folds.find) < 2:
+            raise InputError(
+                f"{len(frames)} frames are too few",
+                field="frames",
+                expected="at least 4 under some conditions",
+            )
+        self.steps: list[Step] = []
+        self.ranking: dict[str, Ranked] = {}
+        self.ambiguous: list[dict] = []
+
+    def run(self) -> Diagnosis:
+        first = self._reference()
+        fitted = refit(self.lab, first, self.report)
+        if is_far(
+            first, fitted.camera
+        ):  # the file is far off: spread and derivatives are taken anew where the fit lies
+            near = make_reference(self.lab, fitted.camera, first.coordinates, SETS_AFTER, self.report)
+            fitted = refit(self.lab, near, self.report)
+        self.signs = self._signatures(fitted.reference)
+        self.distance, self.confirming = self._distances(first)
+        p_given = p_value(self._largest_as_given(first), first.largest_as_given)
+        state = State(fitted, (), np.zeros(len(fitted.residual)))
+        p_before = self._p_value(state)
+        self._step("refit", state)
+        nearest: str | None = None
+        p_after = p_before
+        while p_after <= SIGNIFICANT and len(state.accepted) < MOST:
+            found, nearest = self._add(state)
+            if found is None:
+                break
+            state = found
+            self._step(f"add {state.accepted[-1]}", state)
+            p_after = self._p_value(state)
+        missing = bool(p_after <= SIGNIFICANT)
+        excess = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
+        residue = describe(self.lab.statistics, state.z, nearest) if missing else None
+        return Diagnosis(
+            camera=state.fitted.camera,
+            accepted=state.accepted,
+            error_after=self.steps[-1].error if excess else None,
+            p_value_before=p_before,
+            p_value_after=p_after,
+            adequate_before=p_before > SIGNIFICANT,
+            adequate_after=not missing,
+            where=places(self.distance, self.lab.statistics, self._z_as_given(first)),
+            ranking=tuple(sorted(self.ranking.values(), key=lambda r: -r.probability)),
+            steps=tuple(self.steps) if excess else (),
+            frames=self._sequence_numbers(),
+            ambiguous=tuple(self.ambiguous),
+            unexplained=residue,
+            form=self._form(state),
+            cannot_show=self._cannot_show(first),
+        )
+
+    def _reference(self) -> Reference:
+        coordinates = base_coordinates(self.given, self.lab.frames, self.calibrated)
+
+        def make() -> dict[str, np.ndarray]:
+            made = make_reference(self.lab, self.given, coordinates, self.sets, self.report)
+            names = ("sets", "confirm_sets", "slopes", "confirm_slopes", "least", "confirm_least")
+            return {name: getattr(made, name) for name in names}
+
+        return Reference(
+            self.given,
+            tuple(coordinates),
+            **cache.kept(cache.key(self.lab, self.given, "reference", self.sets), make),
+        )
+
+    def _signatures(self, reference: Reference) -> Signatures:
+        tried = trials(reference.camera, self.without)
+        made: list[Signatures] = []
+
+        def make() -> dict[str, np.ndarray]:
+            made.append(signatures(self.lab, reference, self.without, self.report))
+            return {"values": made[0].values, "variances": made[0].variances}
+
+        if reference.camera is not self.given:
+            return signatures(self.lab, reference, self.without, self.report)
+        words = [repr(trial) for trial in tried]
+        kept = cache.kept(cache.key(self.lab, reference.camera, "signatures", self.sets, words), make)
+        return Signatures(tuple(tried), kept["values"], kept["variances"])
+
+    def _distances(self, first: Reference) -> tuple[Distance, Distance]:
+        find, confirm = self.lab.measured
+        return (
+            Distance(find.statistics, find.values, first.sets, first.least),
+            Distance(confirm.statistics, confirm.values, first.confirm_sets, first.confirm_least),
+        )
+
+    def _largest_as_given(self, first: Reference) -> float:
+        return float(np.abs(self._z_as_given(first)).max())
+
+    def _z_as_given(self, first: Reference) -> np.ndarray:
+        return standardised(self.lab.measured[0].values - first.mean, first.scale)
+
+    def _p_value(self, state: State) -> float:
+        """That a camera lacking nothing leaves as much: by its largest residual, or by what some effect would explain."""
+        reference = state.fitted.reference
+        by_size = p_value(float(np.abs(state.z).max()), reference.largest)
+        by_gain = p_value(
+            test_gain(self.signs, state.fitted, state.allowance, state.accepted),
+            null_gains(self.signs, reference, state.accepted),
+        )
+        return min(1.0, 2 * min(by_size, by_gain))
+
+    def _error(self, fitted: Fitted) -> Error | None:
+        """On the frames that confirm, or where there are none, on those that find."""
+        reference = fitted.reference
+        if len(self.confirming.measured):
+            return self.confirming.error(reference.confirm_sets, fitted.confirm_residual)
+        return self.distance.error(reference.sets, fitted.residual)
+
+    def _step(self, action: str, state: State) -> None:
+        self.steps.append(Step(action, self._error(state.fitted)))
+
+    def _add(self, state: State) -> tuple[State | None, str | None]:
+        """The state with one more effect; None, with the nearest effect's name, where none explains what it moves."""
+        matches = best_of_each(
+            self.signs, state.fitted, frozenset(state.accepted) | self.without, state.allowance
+        )
+        worth = [m for m in matches if m.gain > max(2.0, 0.1 * matches[0].gain)][:TRIED] if matches else []
+        refined = sorted(
+            (refine(self.lab, state.fitted, m, self.report, state.allowance) for m in worth),
+            key=lambda r: -r.gain,
+        )
+        if not refined:
+            return None, None
+        self._rank(state, refined)
+        best = refined[0]
+        nearest = best.effect if best.gain > 3 else None
+        reference = make_reference(
+            self.lab,
+            best.camera,
+            [*state.fitted.reference.coordinates, *best.coordinates],
+            SETS_AFTER,
+            self.report,
+            known=self._known(state.fitted.reference),
+        )
+        fitted = refit(self.lab, reference, self.report)
+        allowance = np.hypot(state.allowance, FORM * (state.fitted.residual - fitted.residual))
+        after = State(fitted, (*state.accepted, best.effect), allowance)
+        if not self._explains(state, after, best):
+            return None, nearest
+        self._tell_parameters(after, best)
+        self._note_ambiguous(refined)
+        return after, None
+
+    @staticmethod
+    def _known(reference: Reference) -> tuple[tuple[Coordinate, ...], np.ndarray, np.ndarray]:
+        return reference.coordinates, reference.slopes, reference.confirm_slopes
+
+    def _explains(self, before: State, after: State, best: Refined) -> bool:
+        """Whether the effect brings back what it moves: most of the statistics in which it is seen, by most of their distance.
+
+        An effect of another name may lower the error; but what it moves then stays off, or goes off where it was not.
+        """
+        moved = np.abs(
+            standardised(before.fitted.residual - after.fitted.residual, before.fitted.reference.null_scale)
+        )
+        was, now = np.abs(before.z), np.abs(after.z)
+        seen = (moved > 4) & ((was > 4) | (now > 4))
+        if not seen.any():
+            return float(was.max()) > float(now.max())
+        views = np.array([s.view for s in self.lab.statistics])
+        back = now <= np.maximum(4.0, 0.3 * was)
+        covered = np.mean([back[seen & (views == view)].mean() for view in dict.fromkeys(views[seen])])
+        worsened = (now > 4) & (now > 1.5 * was)
+        return bool(covered >= COVERED and worsened.sum() <= 0.1 * seen.sum() + 1)
+
+    def _rank(self, state: State, refined: list[Refined]) -> None:
+        top = refined[0].gain
+        weights = np.exp([max(r.gain - top, -700.0) for r in refined])
+        for r, weight in zip(refined, weights / weights.sum(), strict=True):
+            if r.effect in self.ranking and r.effect in state.accepted:
+                continue
+            error = self.distance.error(
+                state.fitted.reference.sets,
+                r.residual,
+                np.sqrt(state.fitted.reference.null_scale**2 + r.variance),
+            )
+            own = {
+                c.path.split(".", 1)[-1]: _estimate(c, x, None)
+                for c, x in zip(r.coordinates, r.at, strict=True)
+            }
+            self.ranking[r.effect] = Ranked(
+                r.effect, float(weight), None if error is None else error.value, own
+            )
+
+    def _tell_parameters(self, after: State, best: Refined) -> None:
+        """Intervals of the accepted effect's numbers, from refits of simulated sets of the camera that has it."""
+        reference = after.fitted.reference
+        spread = reference.null_steps.std(0, ddof=1)
+        own = {}
+        for k, c in enumerate(reference.coordinates):
+            if c.path in {x.path for x in best.coordinates}:
+                own[c.path.split(".", 1)[-1]] = _estimate(c, c.read(after.fitted.camera), float(spread[k]))
+        forms = {
+            path.split(".", 1)[1]: word
+            for path, word in after.fitted.camera.choices().items()
+            if path.startswith(f"{best.effect}.")
+        }
+        error = self.steps[-1].error and self._error(after.fitted)
+        self.ranking[best.effect] = replace(
+            self.ranking[best.effect],
+            parameters=own,
+            forms=forms,
+            error_after=None if error is None else error.value,
+        )
+
+    def _note_ambiguous(self, refined: list[Refined]) -> None:
+        close = [r.effect for r in refined if refined[0].gain - r.gain < 3]
+        if len(close) > 1:
+            from visaug.diagnosis.separate import measurement
+
+            cameras = {r.effect: r.camera for r in refined if r.effect in close}
+            self.ambiguous.append({"effects": close, "measure": measurement(self.lab, cameras, self.report)})
+
+    def _form(self, state: State) -> str | None:
+        """What the forms of accepted effects leave over, in words."""
+        if not state.accepted:
+            return None
+        plain = np.abs(state.fitted.z)
+        if float(plain.max()) <= np.quantile(state.fitted.reference.largest, 1 - SIGNIFICANT):
+            return None
+        i = int(plain.argmax())
+        s = self.lab.statistics[i]
+        return (
+            f"What is left belongs to the form of {' and '.join(state.accepted)}, which is not quite the catalogue's: "
+            f"most of all {s.name} of {s.frames} ({s.view.replace('_', ' ')}), {plain[i]:.1f} standard deviations off."
+        )
+
+    def _cannot_show(self, first: Reference) -> tuple[str, ...]:
+        seen: dict[str, float] = {}
+        for trial, signature, variance in zip(
+            self.signs.trials, self.signs.values, self.signs.variances, strict=True
+        ):
+            z = np.abs(standardised(signature, first.null_scale)) + standardised(
+                np.sqrt(variance), first.null_scale
+            )
+            seen[trial.effect] = max(seen.get(trial.effect, 0.0), float(z.max()))
+        return tuple(effect for effect, z in seen.items() if z < 3)
+
+    def _sequence_numbers(self) -> dict[str, list[int]]:
+        records, folds = self.lab.frames.records, self.lab.folds
+        return {
+            name: [records[i].sequence for i in getattr(folds, name)] for name in ("fit", "select", "confirm")
+        }
+
+
+def _estimate(coordinate: Coordinate, at: float, spread: float | None) -> Estimate:
+    parameter = place_of(coordinate.path).parameter
+    low, high = (at, at) if spread is None else (at - 1.96 * spread, at + 1.96 * spread)
+    return Estimate(coordinate.bounded(at), coordinate.bounded(low), coordinate.bounded(high), parameter.unit)
+
+
+__all__ = ["Diagnosis", "Residue", "diagnose"]

@@ -1,0 +1,110 @@
+"""What no effect of the catalogue explains, described as a physicist would: along what it varies and with what it grows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from visaug.fingerprint import AXES, Statistic
+
+FAR = 4.5  # standard deviations from which a statistic is said to be off
+
+
+@dataclass(frozen=True)
+class Residue:
+    """A difference that stays.
+
+    Attributes:
+        description: a sentence.
+        axis: along what it varies, out of `visaug.fingerprint.AXES`, the clearest first.
+        grows_with: a subset of "signal", "exposure", "temperature".
+        worst: the statistics that are furthest off, with their standard deviations.
+        nearest: an effect of the catalogue that lowers the error and yet does not explain it.
+    """
+
+    description: str
+    axis: tuple[str, ...]
+    grows_with: tuple[str, ...]
+    worst: tuple[tuple[str, float], ...]
+    nearest: str | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "description": self.description,
+            "axis": list(self.axis),
+            "grows_with": list(self.grows_with),
+            "worst": [{"statistic": label, "z": round(z, 2)} for label, z in self.worst],
+            "nearest": self.nearest,
+        }
+
+
+def describe(statistics: Sequence[Statistic], z: np.ndarray, nearest: str | None = None) -> Residue:
+    """Describes standardised residuals (statistics,)."""
+    size = np.abs(z)
+    limit = min(FAR, float(size.max()))
+    far = [i for i in np.argsort(-size) if size[i] >= limit]
+    axis = _axes(statistics, size, far)
+    grows = _growth(statistics, size)
+    worst = tuple((statistics[i].label, float(z[i])) for i in far[:8])
+    first = statistics[far[0]]
+    along = " and ".join(axis)
+    growth = (
+        f", growing with {' and '.join(grows)}"
+        if grows
+        else ", whatever the signal, exposure and temperature"
+    )
+    description = (
+        f"A difference along {along}{growth}: most of all {first.name} of {first.frames} ({first.view.replace('_', ' ')}), "
+        f"{size[far[0]]:.1f} standard deviations off."
+    )
+    if nearest:
+        description += f" {nearest} lowers the error but does not explain it."
+    return Residue(description, axis, grows, worst, nearest)
+
+
+def _axes(statistics: Sequence[Statistic], size: np.ndarray, far: list[int]) -> tuple[str, ...]:
+    """Axes by how much of the difference their statistics carry, each view counted once by its worst statistic."""
+    weight = dict.fromkeys(AXES, 0.0)
+    seen: dict[tuple[str, tuple[str, ...]], float] = {}
+    for i in far:
+        key = (statistics[i].view, statistics[i].axes)
+        seen[key] = max(
+            seen.get(key, 0.0), float(np.log1p(size[i] ** 2)) * min(size[i] / size[far[0]] * 4, 1.0)
+        )
+    for (_, axes), value in seen.items():
+        for axis in axes:
+            weight[axis] += value / len(axes)
+    top = max(weight.values())
+    return tuple(axis for axis in sorted(weight, key=lambda a: -weight[a]) if weight[axis] >= 0.5 * top)
+
+
+def _growth(statistics: Sequence[Statistic], size: np.ndarray) -> tuple[str, ...]:
+    """With what it grows, from the same statistics in frames of different conditions."""
+    grows = []
+    by_kind = {
+        kind: [i for i, s in enumerate(statistics) if s.kind == kind]
+        for kind in ("bias", "dark", "flat", "scene")
+    }
+
+    def strength(indices: Sequence[int]) -> float:
+        """Of the furthest tenth of these statistics, at least five of them."""
+        values = np.sort(size[list(indices)])[::-1]
+        return float(values[: max(5, len(values) // 10)].mean()) if len(values) else 0.0
+
+    dark = max(strength(by_kind["bias"]), 0.0)
+    exposures = sorted({statistics[i].exposure_s for i in by_kind["dark"]})
+    light = max(strength(by_kind["flat"]), strength(by_kind["scene"]))
+    if light > 2.5 * max(dark, 1.5) and light > FAR:
+        grows.append("signal")
+    if len(exposures) > 1:
+        longest = [i for i in by_kind["dark"] if statistics[i].exposure_s >= exposures[-1]]
+        shortest = [i for i in by_kind["dark"] if statistics[i].exposure_s <= exposures[0]] + by_kind["bias"]
+        if strength(longest) > 2 * max(strength(shortest), 1.5) and strength(longest) > FAR:
+            grows.append("exposure")
+            temperatures = sorted({statistics[i].temperature_c for i in longest})
+            hot = [i for i in longest if statistics[i].temperature_c == temperatures[-1]]
+            cold = [i for i in longest if statistics[i].temperature_c == temperatures[0]]
+            if len(temperatures) > 1 and strength(hot) > 1.6 * strength(cold):
+                grows.append("temperature")
+    return tuple(grows)

@@ -1,0 +1,123 @@
+"""What a diagnosis found."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from visaug.camera import Camera
+from visaug.comparison import Error, Place
+from visaug.diagnosis.residue import Residue
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+    unit: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit}
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A candidate effect: how probable it is among those tried, what error it would leave, and its fitted numbers."""
+
+    effect: str
+    probability: float
+    error_after: float | None
+    parameters: dict[str, Estimate]
+    forms: dict[str, str] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "effect": self.effect,
+            "probability": self.probability,
+            "error_after": self.error_after,
+            "parameters": {name: estimate.to_json() for name, estimate in self.parameters.items()},
+            "forms": dict(self.forms),
+        }
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of the diagnosis and the error after it, on the frames that confirm."""
+
+    action: str
+    error: Error | None
+
+    def to_json(self) -> dict[str, Any]:
+        if self.error is None:
+            return {"action": self.action, "error": None, "interval": None}
+        return {
+            "action": self.action,
+            "error": self.error.value,
+            "interval": [self.error.low, self.error.high],
+        }
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer of `visaug.diagnose`.
+
+    Attributes:
+        camera: the refitted camera with the accepted effects.
+        accepted: names in the order of adding.
+        error_after: on the frames that confirm; None where the file as given shows no significant excess.
+        p_value_before, p_value_after: of the refitted camera without and with the accepted effects.
+        where: views by their share of the excess of the file as given.
+        form: what an accepted effect's own form leaves over, in words.
+        cannot_show: effects that frames like these could not show even where they are strong.
+        frames: sequence numbers of the frames that fit, select and confirm.
+    """
+
+    camera: Camera
+    accepted: tuple[str, ...]
+    error_after: Error | None
+    p_value_before: float
+    p_value_after: float
+    adequate_before: bool
+    adequate_after: bool
+    where: tuple[Place, ...]
+    ranking: tuple[Ranked, ...]
+    steps: tuple[Step, ...]
+    frames: dict[str, list[int]]
+    ambiguous: tuple[dict[str, Any], ...]
+    unexplained: Residue | None
+    form: str | None
+    cannot_show: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """As `visaug diagnose --json` writes it."""
+        error = self.error_after
+        return {
+            "schema": 1,
+            "error": {
+                "before": None if error is None else 1.0,
+                "after": None if error is None else error.value,
+                "floor": 0.0,
+                "interval_after": None if error is None else [error.low, error.high],
+            },
+            "fits": {
+                "p_value_before": self.p_value_before,
+                "p_value_after": self.p_value_after,
+                "adequate_before": self.adequate_before,
+                "adequate_after": self.adequate_after,
+            },
+            "where": [place.to_json() for place in self.where],
+            "ranking": [entry.to_json() for entry in self.ranking],
+            "accepted": list(self.accepted),
+            "steps": [step.to_json() for step in self.steps],
+            "frames": self.frames,
+            "ambiguous": list(self.ambiguous),
+            "unexplained": self.unexplained.to_json() if self.unexplained else None,
+            "form": self.form,
+            "cannot_show": list(self.cannot_show),
+        }
+
+    def __repr__(self) -> str:
+        found = ", ".join(self.accepted) or "nothing missing"
+        left = f"; unexplained along {', '.join(self.unexplained.axis)}" if self.unexplained else ""
+        return f"Diagnosis({found}{left})"
