@@ -18,7 +18,7 @@ from visaug_train import tables
 from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation, evaluate
 from visaug_train.predictions import load_predictions, predict, save_predictions
-from visaug_train.training import Run, Study, prepare, train_run
+from visaug_train.training import Run, Study, check_arms, prepare, train_run
 
 from visaug.errors import InputError
 from visaug.files import write_json, write_text
@@ -182,6 +182,7 @@ class Ablation:
 
 def ablate(config: Config, progress: Progress | None = None) -> Ablation:
     """Run what is not finished of a study and score it."""
+    check_arms(config)
     study = prepare(config, progress)
     scored, failures = {}, []
     for seed in config.seeds:
@@ -189,8 +190,6 @@ def ablate(config: Config, progress: Progress | None = None) -> Ablation:
             try:
                 run = train_run(study, arm, seed, progress)
                 scored[arm, seed] = run, evaluate_run(study, run, progress)
-            except InputError:
-                raise
             except Exception as error:
                 failures.append(Failure(arm, seed, " ".join(f"{type(error).__name__}: {error}".split())))
                 write_text(config.output / "failures" / f"{arm}-seed{seed}.txt", traceback.format_exc())

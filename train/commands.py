@@ -8,7 +8,7 @@ from visaug_train.ablation import ablate as run_ablation
 from visaug_train.ablation import evaluate_run
 from visaug_train.config import Config, load_config
 from visaug_train.evaluate import evaluate_predictions
-from visaug_train.training import prepare, run_folder, train_run
+from visaug_train.training import check_arms, prepare, run_folder, train_run
 
 Progress = Callable[[str, int, int], None]
 
@@ -50,4 +50,5 @@ def evaluate(config_path: Path, seed: int = 0, progress: Progress | None = None)
 def _seeded(path: Path, seed: int) -> Config:
     """The config with `seed` added to its seeds, so that --seed 0 is the config as it stands."""
     config = load_config(path)
+    check_arms(config)
     return config.model_copy(update={"seeds": [s + seed for s in config.seeds]})

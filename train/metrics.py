@@ -122,4 +122,4 @@ class PrecisionTable:
         for found, best in zip(recall, envelope):
             at = np.searchsorted(found, RECALLS, side="left")
             total += best[at[at < len(best)]].sum()
-        return total / (len(THRESHOLDS) * len(RECALLS))
+        return float(total) / (len(THRESHOLDS) * len(RECALLS))

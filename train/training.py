@@ -8,6 +8,7 @@ import csv
 import hashlib
 import json
 import os
+import re
 import shutil
 import time
 from collections.abc import Callable
@@ -76,6 +77,25 @@ def prepare(config: Config, progress: Progress | None = None) -> Study:
     )
     data_yaml = convert(parts, keypoints, destination, data.image_size, progress)
     return Study(config, data_yaml, keypoints, tests, time.monotonic() - began)
+
+
+def check_arms(config: Config) -> None:
+    """Refuse, before hours of training, what an arm would stumble over: its camera, its training arguments."""
+    quiet_ultralytics(config.output / "ultralytics-settings")
+    from ultralytics.cfg import get_cfg
+
+    for name in config.arms:
+        arm = config.arm(name)
+        batch_noise(arm)
+        try:
+            get_cfg(overrides={**config.training, **arm.training})
+        except (SyntaxError, TypeError, ValueError) as error:  # how ultralytics refuses an argument
+            raise InputError(f"{name}: {_plain(error)}", field="training") from None
+
+
+def _plain(error: Exception) -> str:
+    """An error of ultralytics without colours and lists of all arguments."""
+    return re.sub(r"\x1b\[[0-9;]*m", "", str(error)).strip().split("\n")[0]
 
 
 def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None = None) -> Run:
@@ -214,23 +234,18 @@ def _train(
     shutil.rmtree(folder, ignore_errors=True)
     model = YOLO(config.model, task="pose", verbose=False)
     _follow(model, title, progress)
-    try:
-        model.train(
-            trainer=trainer,
-            data=str(data_yaml),
-            project=str(folder.parent.resolve()),
-            name=folder.name,
-            exist_ok=True,
-            pretrained=False,
-            plots=False,
-            verbose=False,
-            seed=seed,
-            **arguments,
-        )
-    except (SyntaxError, TypeError, KeyError) as error:  # how ultralytics refuses an argument
-        if not last.is_file() and not (folder / "results.csv").is_file():
-            raise InputError(str(error), field="training") from error
-        raise
+    model.train(
+        trainer=trainer,
+        data=str(data_yaml),
+        project=str(folder.parent.resolve()),
+        name=folder.name,
+        exist_ok=True,
+        pretrained=False,
+        plots=False,
+        verbose=False,
+        seed=seed,
+        **arguments,
+    )
 
 
 def _follow(model: Any, title: str, progress: Progress | None) -> None:

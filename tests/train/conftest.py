@@ -7,6 +7,7 @@ import pytest
 
 os.environ.setdefault("YOLO_OFFLINE", "1")
 os.environ.setdefault("YOLO_AUTOINSTALL", "0")
+os.environ.setdefault("YOLO_VERBOSE", "false")
 
 from visaug_train.render.dataset import RenderSettings, render_dataset
 

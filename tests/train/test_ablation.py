@@ -1,0 +1,131 @@
+"""A whole small study: interrupted, gone on with, one arm failing; and the arithmetic of differences."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from torch import nn
+
+from visaug_train import training
+from visaug_train.ablation import Ablation, ablate
+from visaug_train.config import check_config
+from visaug_train.evaluate import evaluate
+from visaug_train.geometry import Keypoints, project_targets
+from visaug_train.metrics import Detections
+from visaug_train.speed import read_poses
+from visaug_train.training import Run, read_curves
+
+CAMERA = str(Path(__file__).resolve().parents[2] / "configs" / "demo_camera.yaml")
+TANGO = Keypoints.load()
+
+
+def study_config(rendered, output, **changes):
+    return check_config(
+        {
+            "name": "small",
+            "output": str(output),
+            "data": {"root": str(rendered)},
+            "training": {
+                "epochs": 2,
+                "imgsz": 64,
+                "batch": 8,
+                "amp": False,
+                "device": "cpu",
+                "mosaic": 0.0,
+                "fliplr": 0.0,
+            },
+            "arms": {
+                "baseline": {"gaussian": {}},
+                "vis": {"like": "baseline", "vis": {"camera": CAMERA}},
+                "broken": {"gaussian": {"p": 0.123}},
+            },
+            "bootstrap": 20,
+        }
+        | changes
+    )
+
+
+class Broken(nn.Module):
+    def forward(self, images):
+        raise RuntimeError("this arm fails")
+
+
+@pytest.mark.slow
+def test_a_study_goes_on_where_it_was_and_outlives_a_failing_arm(rendered, tmp_path, monkeypatch):
+    real = training.batch_noise
+    monkeypatch.setattr(
+        training, "batch_noise", lambda arm: Broken() if arm.gaussian and arm.gaussian.p == 0.123 else real(arm)
+    )
+    config = study_config(rendered, tmp_path / "out")
+
+    def stop(title, done, _total):
+        if title.startswith("training baseline") and done == 2:
+            raise KeyboardInterrupt  # in the second epoch, after the first was saved
+
+    with pytest.raises(KeyboardInterrupt):
+        ablate(config, stop)
+    (half,) = (tmp_path / "out" / "runs").glob("baseline-*")
+    assert (half / "weights" / "last.pt").is_file()
+    assert not (half / "run.json").exists()
+
+    ablation = ablate(config)
+    assert {arm for arm, _ in ablation.scored} == {"baseline", "vis"}
+    assert [f.arm for f in ablation.failures] == ["broken"]
+    assert "this arm fails" in ablation.failures[0].error
+    assert read_curves(half / "results.csv")["epoch"] == [1, 2]
+    assert ablation.interval_covers.startswith("the intervals cover the choice of test images only")
+
+    stamps = {f: f.stat().st_mtime_ns for f in (tmp_path / "out" / "runs").glob("[bv][ai]*/weights/*.pt")}
+    again = ablate(config)
+    assert stamps == {f: f.stat().st_mtime_ns for f in stamps}
+    assert again.to_json()["runs"] == ablation.to_json()["runs"]
+
+    written = again.write(tmp_path / "tables").read_text()
+    assert "| baseline |" in written
+    assert "Failed: broken, seed 0" in written
+    assert len((tmp_path / "tables" / "images" / "vis-seed0-lightbox.csv").read_text().splitlines()) == 5
+
+
+def constructed(rendered, shifts):
+    """An ablation of made-up detections: keypoints off by `shifts[arm][seed]` pixels."""
+    config = study_config(
+        rendered, "unused", seeds=[0, 1], bootstrap=200, arms={"baseline": {}, "better": {}}
+    )
+    poses = read_poses(rendered, "lightbox")
+    targets = project_targets(poses.camera, TANGO, poses.quaternions, poses.translations)
+    scored = {}
+    for arm, by_seed in shifts.items():
+        for seed, shift in enumerate(by_seed):
+            detections = [
+                Detections(box[None] + shift, points[None] + shift, np.ones((1, 11)), np.ones(1))
+                for box, points in zip(targets.boxes, targets.points)
+            ]
+            run = Run(arm, seed, Path("x"), Path("y"), 1.0, {})
+            scored[arm, seed] = run, {"lightbox": evaluate("lightbox", poses, TANGO, detections)}
+    study = SimpleNamespace(config=config, tests={"lightbox": poses}, keypoints=TANGO)
+    return Ablation(study, scored, ())  # type: ignore[arg-type]
+
+
+def test_differences_are_means_over_seeds_and_lie_in_their_intervals(rendered):
+    ablation = constructed(rendered, {"baseline": [3.0, 2.0], "better": [1.0, 0.5]})
+    found = {d.measure: d for d in ablation.differences}
+    means = [
+        np.mean([ablation.summaries[arm, s]["lightbox"]["iou"] for s in (0, 1)]) for arm in ("baseline", "better")
+    ]
+    assert found["iou"].difference == pytest.approx(means[1] - means[0])
+    assert 0 < found["iou"].low <= found["iou"].difference <= found["iou"].high
+    assert "2 training seeds" in ablation.interval_covers
+    assert ablation.tables()["differences"].to_csv().count("yes") >= 3
+
+
+def test_equal_arms_do_not_differ(rendered):
+    ablation = constructed(rendered, {"baseline": [2.0, 2.0], "better": [2.0, 2.0]})
+    assert all(d.difference == d.low == d.high == 0 for d in ablation.differences)
+
+
+def test_tables_have_the_papers_form(rendered):
+    made = constructed(rendered, {"baseline": [3.0, 2.0], "better": [1.0, 0.5]}).tables()
+    assert made["detection"].head == ["arm", "lightbox: box AP50-95", "lightbox: IoU mean"]
+    assert [row[0] for row in made["keypoints"].rows] == ["baseline", "better"]
+    assert made["keypoints"].to_markdown().count("\n") == 6

@@ -1,0 +1,82 @@
+"""Configs: inheritance, complaints with the key's path, the shipped ones."""
+
+from pathlib import Path
+
+import pytest
+
+from visaug.errors import InputError
+from visaug_train.config import check_config, load_config
+from visaug_train.training import batch_noise
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+STUDIES = sorted(p for p in CONFIGS.glob("*.yaml") if "arms:" in p.read_text())
+
+
+def minimal(**changes):
+    return {
+        "name": "n",
+        "output": "o",
+        "data": {"rendered": {}},
+        "arms": {"baseline": {"gaussian": {"p": 0.2}, "training": {"degrees": 5}}, "vis": {"like": "baseline"}},
+    } | changes
+
+
+def test_an_arm_takes_over_what_it_does_not_say():
+    arms = minimal()["arms"] | {"more": {"like": "vis", "training": {"scale": 0.1}, "blur": {}}}
+    arm = check_config(minimal(arms=arms)).arm("more")
+    assert arm.training == {"degrees": 5, "scale": 0.1}
+    assert arm.gaussian.p == 0.2
+    assert arm.blur is not None
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"epochs": 3}, "epochs: is not a key"),
+        ({"data": {}}, "data: give one of root and rendered"),
+        ({"data": {"rendered": {"attitude_deg": 500}}}, "data.rendered.attitude_deg"),
+        ({"training": {"seed": 1}}, "training.seed"),
+        ({"baseline": "none"}, "baseline"),
+        ({"seeds": []}, "seeds"),
+        ({"arms": {"baseline": {"like": "baseline"}}}, "arms.baseline.like"),
+        ({"arms": {"baseline": {"blur": {"p": 2}}}}, "arms.baseline.blur.p"),
+    ],
+)
+def test_what_is_wrong_is_named_by_its_path(changes, message):
+    with pytest.raises(InputError, match=message):
+        check_config(minimal(**changes))
+
+
+def test_missing_file_is_one_line(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        load_config(tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda p: p.stem)
+def test_shipped_configs_are_sound(path):
+    config = load_config(path)
+    for name in config.arms:
+        assert batch_noise(config.arm(name)) is not None
+
+
+def test_arms_of_the_ablation_differ_where_they_say():
+    config = load_config(CONFIGS / "ablation.yaml")
+    camera = {name: batch_noise(config.arm(name)) for name in config.arms if config.arm(name).vis}
+    cameras = {name: noise[1].sensor.cameras[0] for name, noise in camera.items()}
+    assert cameras["vis_gaussian_tails"].spec.read_noise.shape == 0.14
+    assert "read_noise.shape" not in cameras["vis_gaussian_tails"].spec.randomize
+    assert cameras["vis_no_fixed_pattern"].spec.dsnu.column_e == 0
+    assert "row_noise" in cameras["vis_row_noise"].effect_names
+    assert "row_noise" not in cameras["vis"].effect_names
+
+
+def test_white_noise_that_is_there_already_is_taken_off():
+    from visaug.camera import Camera
+    from visaug_train.config import Vis
+    from visaug_train.training import vis_noise
+
+    path = str(CONFIGS / "demo_camera.yaml")
+    spec = Camera.load(path).spec
+    present = 0.5 * spec.read_noise.sigma_e / (4095 * spec.gain_e_per_dn)
+    left = vis_noise(Vis(camera=path, white_std_present=present)).sensor.cameras[0].spec.read_noise.sigma_e
+    assert left == pytest.approx(spec.read_noise.sigma_e * 0.75**0.5)
