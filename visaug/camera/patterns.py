@@ -15,7 +15,6 @@ frequencies as what is to be kept (section 4.1.1). What rows and columns leave o
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import ndtr, ndtri
 
 from visaug.errors import InputError
@@ -42,11 +41,11 @@ class Mixture:
     def variance(self) -> float:
         return float(self.weights @ (self.deviations**2 + (self.means - self.mean) ** 2))
 
-    def cdf(self, x: ArrayLike) -> np.ndarray:
+    def cdf(self, x: np.ndarray) -> np.ndarray:
         """Probability of a value up to x."""
         return ndtr((np.asarray(x)[..., None] - self.means) / self.deviations) @ self.weights
 
-    def quantile(self, probability: ArrayLike) -> np.ndarray:
+    def quantile(self, probability: np.ndarray) -> np.ndarray:
         """The inverse of `cdf`, by interpolation between 4096 nodes."""
         low, high = (self.means - 7 * self.deviations).min(), (self.means + 7 * self.deviations).max()
         spread = np.linspace(-7, 7, 512)
