@@ -6,7 +6,7 @@ import json
 import hidden_effects
 import numpy as np
 import pytest
-from independent import judge, recipes, strengths
+from independent import effects, judge, real, recipes, strengths
 from independent.sets import write_set
 from scipy.stats import binomtest
 
@@ -126,3 +126,55 @@ def test_unknown_kind_is_one_line(capsys):
         hidden_effects.parser().parse_args(["make", "1", "-o", "x", "--kinds", "sngle"])
     assert stop.value.code == 2
     assert "unknown kind sngle" in capsys.readouterr().err
+
+
+STUB = """
+import json, sys
+words = sys.argv[1:]
+assert words[0] == "diagnose", words
+if "bad" in words[1]:
+    sys.exit("frames.csv: no such column")
+without = words[words.index("--without") + 1] if "--without" in words else None
+with open(words[words.index("--json") + 1], "w") as handle:
+    json.dump({"accepted": [without], "unexplained": None, "error": {"after": None}}, handle)
+with open(words[1] + ".calls", "a") as handle:
+    handle.write("x")
+"""
+
+
+def test_run_calls_the_program_keeps_failures_and_resumes(tmp_path, monkeypatch):
+    (tmp_path / "path" / "visaug").mkdir(parents=True)
+    (tmp_path / "path" / "visaug" / "__main__.py").write_text(STUB)
+    monkeypatch.chdir(tmp_path / "path")  # `python -m` looks there first
+    for folder in ("sets", "sets_answers"):
+        (tmp_path / folder).mkdir()
+    for identity, without in (("good", "smear"), ("bad", None)):
+        answer = ANSWER | {"without": without, "strength": "plain", "seed": 1, "hidden": [1]}
+        (tmp_path / "sets_answers" / f"{identity}.json").write_text(json.dumps(answer))
+    for _ in range(2):
+        judge.run_all(tmp_path / "sets", "*", None, 60)
+    assert (tmp_path / "sets" / "good.calls").read_text() == "x"
+    good, bad = (json.loads((tmp_path / "sets_results" / f"{n}.json").read_text()) for n in ("good", "bad"))
+    assert good["diagnosis"]["accepted"] == ["smear"]
+    assert bad["diagnosis"] is None
+    assert "no such column" in bad["said"]
+
+
+def test_effects_go_into_real_frames_and_leave_them_alone_at_zero(shared_data):
+    window = (slice(100, 300), slice(200, 456))
+    plan, frames = real.read(shared_data / "emva1288_ccd12", window, levels=3, stack=4)
+    assert {shot.kind for shot in plan} == {"dark", "flat"}
+    assert len(plan) == len(frames) == 3 * 4 + 2 * 4
+    for name in real.INJECTED:
+        same = real.inject(frames, plan, real.CCD, effects.BY_NAME[name].at(0.0), 1)
+        assert np.array_equal(same, frames)
+    noisy = real.inject(frames, plan, real.CCD, effects.BY_NAME["row_noise"].at(20.0), 1)
+    rows = (noisy.astype(float) - frames).mean(2)
+    # 20 frames of 200 rows know the spread to 1.2 %
+    assert rows.std() == pytest.approx(20.0 / real.CCD.e_per_dn, rel=0.05)
+
+
+def test_real_untouched_answers_are_taken_off():
+    answer = ANSWER | {"kind": "real", "expect": ["smear"]}
+    judged = judge.verdict(answer, diagnosis(["row_noise", "smear"]), usual=["row_noise"])
+    assert (judged["right"], judged["wrong"]) == (True, False)
