@@ -11,8 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from visaug.camera import Camera
-from visaug.camera.randomize import spreads, truncated_normal
+from visaug.camera.randomize import Spread, truncated_normal
 from visaug.sampling import derive_key
 
 KEYS = ("keys", "pattern_keys")
@@ -28,7 +27,7 @@ def random_keys(count: int, generator: torch.Generator | None) -> Tensor:
 
 
 def draw(
-    cameras: Sequence[Camera],
+    spreads_of: Sequence[Mapping[str, Spread]],
     count: int,
     generator: torch.Generator | None = None,
     pattern_key: int | None = None,
@@ -36,7 +35,7 @@ def draw(
     """Draws for `count` images.
 
     Args:
-        cameras: the population; each image gets one of them, all equally likely.
+        spreads_of: what is random about each camera of the population; each image gets one, all equally likely.
         generator: source of the randomness; None is torch's own, which `torch.manual_seed` sets.
         pattern_key: the key of one camera's fixed patterns; None draws them anew for every image.
     """
@@ -45,9 +44,9 @@ def draw(
         draws["pattern_keys"] = random_keys(count, generator)
     else:
         draws["pattern_keys"] = torch.full((count,), signed(pattern_key), dtype=torch.int64)
-    draws["camera"] = torch.randint(0, len(cameras), (count,), generator=generator)
-    for number, camera in enumerate(cameras):
-        for path, spread in spreads(camera).items():
+    draws["camera"] = torch.randint(0, len(spreads_of), (count,), generator=generator)
+    for number, random in enumerate(spreads_of):
+        for path, spread in random.items():
             uniform = torch.rand(count, dtype=torch.float64, generator=generator)
             value = truncated_normal(uniform, spread)
             if path in draws:  # another camera's too

@@ -13,6 +13,7 @@ from torch.utils.data import get_worker_info
 from visaug.augment import draws as drawing
 from visaug.augment.light import image_to_photons, linear_to_srgb, srgb_to_linear
 from visaug.camera import Camera, fast
+from visaug.camera.randomize import spreads
 from visaug.errors import InputError
 from visaug.sampling import Stream, derive_key
 
@@ -69,6 +70,7 @@ class SensorNoise(nn.Module):
     ):
         super().__init__()
         self.cameras = _population(camera)
+        self._spreads = [spreads(camera) for camera in self.cameras]
         options = {"fixed_pattern": fixed_pattern, "transfer": transfer}
         options |= {"black_level": black_level, "resolution": resolution}
         for name, word in options.items():
@@ -78,7 +80,6 @@ class SensorNoise(nn.Module):
         self.resolution, self.fast, self.seed, self.origin = resolution, fast, seed, origin
         self.full_scale_photons = full_scale_photons
         self._generator: tuple[int | None, torch.Generator] | None = None
-        self._sizes: dict[tuple[int, int, int], Camera] = {}
         self._names: dict[str, str] = {}
         for path, value in (values or {}).items():
             self._add_value(path, value)
@@ -96,7 +97,7 @@ class SensorNoise(nn.Module):
     def draw(self, count: int, same_on_batch: bool = False) -> dict[str, Tensor]:
         """Fresh random draws for `count` images; see `visaug.augment.draws`."""
         key = drawing.pattern_key_of(self.seed or 0) if self.fixed_pattern == "camera" else None
-        drawn = drawing.draw(self.cameras, 1 if same_on_batch else count, self._random_source(), key)
+        drawn = drawing.draw(self._spreads, 1 if same_on_batch else count, self._random_source(), key)
         return {name: value.expand(count) for name, value in drawn.items()} if same_on_batch else drawn
 
     def _random_source(self) -> torch.Generator | None:
@@ -210,7 +211,9 @@ class SensorNoise(nn.Module):
         window = (range(r0, r0 + rows), range(c0, c0 + columns))
         patterns = draws["pattern_keys"][:1] if self.fixed_pattern == "camera" else draws["pattern_keys"]
         stream = Stream(draws["keys"], patterns, light.shape[1], window, light.device)
-        dn = self._sized(camera, rows, columns).expose(photons, stream, values)
+        # Unless the image is a crop, it is the whole sensor: vignetting is centred on it.
+        whole = None if self.origin or camera.maps else (rows, columns)
+        dn = camera.expose(photons, stream, values, resolution=whole)
         if self.black_level == "subtract":
             dn = dn - values["black_level_dn"]
         return (dn * (1 / _max_dn(camera))).clamp(0, 1)
@@ -220,15 +223,6 @@ class SensorNoise(nn.Module):
         given: dict[str, Tensor | float] = dict(camera.values())
         given |= {path: draws[path] for path in given if path in draws}
         return given | {path: getattr(self, name) for path, name in self._names.items()}
-
-    def _sized(self, camera: Camera, rows: int, columns: int) -> Camera:
-        """The camera with a sensor of the image's size: what depends on the place, as vignetting, is centred on it."""
-        if self.origin is not None or camera.maps or camera.resolution == (rows, columns):
-            return camera
-        key = (self.cameras.index(camera), rows, columns)
-        if key not in self._sizes:
-            self._sizes[key] = camera.replace({"resolution": [rows, columns]})
-        return self._sizes[key]
 
 
 def _max_dn(camera: Camera) -> int:

@@ -2,7 +2,6 @@
 
 import copy
 from collections.abc import Mapping
-from functools import cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -39,12 +38,19 @@ class Camera:
         spec: the checked content of a camera.yaml.
         folder: where it lies; names of measured maps are relative to it.
         maps: the measured maps by effect, where they are read already.
+
+    Attributes:
+        effects: the chain, base terms and further effects, in the order in which they act.
     """
 
     def __init__(self, spec: CameraSpec, folder: Path | None = None, maps: dict[str, Tensor] | None = None):
         self.spec = spec
         self.folder = folder
         self.maps = load_maps(spec, folder) if maps is None else maps
+        # The rest is worked out here, once, so that `torch.compile` meets only numbers and effects in `expose`.
+        self.effects = _chain_of(spec)
+        self._values = paths.numeric_values(spec)
+        self._choices = paths.words(spec)
 
     @classmethod
     def load(cls, source: "str | Path | Mapping[str, Any] | Camera") -> "Camera":
@@ -82,14 +88,6 @@ class Camera:
     def bit_depth(self) -> int:
         return self.spec.bit_depth
 
-    @cached_property
-    def effects(self) -> list[Effect]:
-        """The chain: base terms and further effects, in the order in which they act."""
-        known = catalogue()
-        names = [name for name, effect in known.items() if effect.base]
-        names += [entry["name"] for entry in self.spec.effects]
-        return chain.ordered([known[name]() for name in names], self.spec.reading)
-
     @property
     def effect_names(self) -> list[str]:
         """Names of the effects beyond the base chain."""
@@ -97,11 +95,11 @@ class Camera:
 
     def values(self) -> dict[str, float]:
         """Every number of the camera by its path in camera.yaml; a full well that is left out is infinite."""
-        return paths.numeric_values(self.spec)
+        return dict(self._values)
 
     def choices(self) -> dict[str, str]:
         """Every choice (no number) by its path."""
-        return paths.words(self.spec)
+        return dict(self._choices)
 
     def replace(self, values: Mapping[str, Any]) -> "Camera":
         """The same camera with other values, given by path.
@@ -183,6 +181,7 @@ class Camera:
         sequence: bool = False,
         memory: dict[str, Tensor] | None = None,
         watch: Any = None,
+        resolution: tuple[int, int] | None = None,
     ) -> Tensor:
         """Frames of this camera: the exact, differentiable chain.
 
@@ -194,6 +193,7 @@ class Camera:
             sequence: the batch is consecutive frames (lag and drift see the frame before); `memory` carries
                 over batches.
             watch: called with (effect, signal) after each effect.
+            resolution: rows and columns of the whole sensor, where they are not this camera's own.
 
         Returns:
             (B, C, H, W) float32, DN in [0, 2^bit_depth - 1].
@@ -216,7 +216,7 @@ class Camera:
             dark_current_e=full["exposure_s"] * full["dark_current.a_e_per_s"] * heat,
             bit_depth=self.bit_depth,
             reading=self.spec.reading,
-            resolution=self.resolution,
+            resolution=resolution or self.resolution,
             window=stream.window,
             sequence=sequence,
             memory={} if memory is None else memory,
@@ -228,6 +228,13 @@ class Camera:
         rows, columns = self.resolution
         further = ", ".join(self.effect_names) or "no further effects"
         return f"Camera({self.name!r}, {rows}x{columns}, {self.bit_depth} bit, {further})"
+
+
+def _chain_of(spec: CameraSpec) -> list[Effect]:
+    known = catalogue()
+    names = [name for name, effect in known.items() if effect.base]
+    names += [entry["name"] for entry in spec.effects]
+    return chain.ordered([known[name]() for name in names], spec.reading)
 
 
 def _as_yaml(content: dict[str, Any]) -> str:
