@@ -1,9 +1,9 @@
 """`import visaug` and `visaug --help` are light."""
 
 import json
+import resource
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -34,19 +34,21 @@ def test_help_touches_nothing_heavy():
 
 
 def test_help_is_quick():
+    """Processor time, so that a busy machine does not fail it."""
     took = []
     for _ in range(3):
-        start = time.perf_counter()
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run([sys.executable, "-m", "visaug", "--help"], check=True, capture_output=True)
-        took.append(time.perf_counter() - start)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        took.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
     assert min(took) < 0.5
 
 
 def test_camera_and_noise_cost_little_beyond_torch():
-    """The names of the README's first lines, less what torch alone costs, in the same process."""
+    """Processor time of the names of the README's first lines, torch already imported."""
     code = (
-        "import time, torch; a = time.perf_counter()\n"
-        "import visaug; visaug.Camera, visaug.VISNoise; print(time.perf_counter() - a)"
+        "import time, torch; before = time.process_time()\n"
+        "import visaug; visaug.Camera, visaug.VISNoise; print(time.process_time() - before)"
     )
     assert min(float(python(code)) for _ in range(3)) < 1.5
 

@@ -94,13 +94,15 @@ def compare(
     frames = visaug.FrameSet.load(frames_path, resolution=camera.resolution)
     with progress_bars() as progress:
         result = visaug.compare(camera, frames, seed=seed, progress=progress)
-    summaries.print_comparison(result.to_json())
-    if json_path:
-        write_json(json_path, result.to_json())
+    content = result.to_json()
+    summaries.print_comparison(content)
     if report_path:
         from visaug.report import write_comparison
 
-        write_comparison(report_path, result, camera, frames, seed)
+        pictures = write_comparison(report_path, result, camera, frames, seed)
+        content["pictures"] = {name: str(path) for name, path in pictures.items()}
+    if json_path:
+        write_json(json_path, content)
     for path in (json_path, report_path):
         written(path)
 

@@ -23,8 +23,8 @@ def print_characterization(result: dict[str, Any]) -> None:
 
 
 def print_comparison(result: dict[str, Any]) -> None:
-    """The error, whether the model holds, and where it fails."""
-    print_error(result["error"], result["fits"])
+    """Whether the model holds, and where it fails."""
+    print_verdict(result["fits"])
     print_places(result["where"])
 
 
@@ -48,6 +48,10 @@ def print_diagnosis(result: dict[str, Any]) -> None:
         click.echo(
             f"cannot be told apart here: {', '.join(group['effects'])}; to tell them: {group['measure']}"
         )
+    if result.get("form"):
+        click.echo(result["form"])
+    if result.get("cannot_show"):
+        click.echo("frames like these could not show: " + ", ".join(result["cannot_show"]))
     if result["unexplained"]:
         click.echo(f"unexplained: {result['unexplained']['description']}")
         click.echo("if you know what it is, write it down: visaug effects new NAME")
@@ -67,13 +71,9 @@ def described(ranking: list[dict[str, Any]]):
     return describe
 
 
-def print_error(error: dict[str, Any], fits: dict[str, Any]) -> None:
-    value = error.get("value", error.get("before"))
-    adequate = fits.get("adequate", fits.get("adequate_before"))
-    p_value = fits.get("p_value", fits.get("p_value_before"))
-    if value is not None:
-        click.echo(f"error {number(value)} {interval_of(error.get('interval'))}".rstrip())
-    click.echo(f"the model {'holds' if adequate else 'does not hold'} (p = {number(p_value)})")
+def print_verdict(fits: dict[str, Any]) -> None:
+    says = "holds" if fits["adequate_before"] else "does not hold"
+    click.echo(f"the model {says} (p = {number(fits['p_value_before'])})")
 
 
 def print_places(where: list[dict[str, Any]], most: int = 10) -> None:

@@ -68,7 +68,8 @@ def augment(
 
 
 @command(
-    "simulate", example="visaug plan -o frames.csv\nvisaug simulate frames.csv --camera sony_imx174 -o frames/"
+    "simulate",
+    example="visaug plan -o frames.csv\nvisaug simulate frames.csv --camera sony_imx174 -o frames/",
 )
 @click.argument("plan_path", metavar="PLAN", type=click.Path(path_type=Path))
 @camera_option()

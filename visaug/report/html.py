@@ -47,6 +47,15 @@ class Figure:
     alt: str = ""
     wide: bool = True
 
+    def save(self, stem: Path) -> Path:
+        """Write the picture itself, whole, as `stem` with .png or .svg; returns the file."""
+        from visaug.files import write_bytes
+
+        head, content = self.uri.split(",", 1)
+        path = stem.with_suffix(".svg" if "svg" in head else ".png")
+        write_bytes(path, base64.b64decode(content))
+        return path
+
 
 @dataclass(frozen=True)
 class Section:

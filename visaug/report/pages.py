@@ -50,25 +50,32 @@ def write_characterization(path: str | Path, result: "Characterization", frames:
 
 def write_comparison(
     path: str | Path, result: "Comparison", camera: "Camera", frames: "FrameSet", seed: int = 0
-) -> Path:
-    """Whether the model holds, where it fails, and every view measured beside modelled."""
+) -> dict[str, Path]:
+    """Whether the model holds, where it fails, and every view measured beside modelled.
+
+    Returns:
+        The file of each view's picture, in a folder beside the page.
+    """
     content = result.to_json()
     gallery = ViewGallery(frames, camera, seed)
     worst = list(dict.fromkeys(place["view"] for place in content["where"]))
     others = [name for name in all_views() if name not in worst]
     fits = content["fits"]
-    verdict = _verdict(
-        fits.get("adequate", fits.get("adequate_before")), fits.get("p_value", fits.get("p_value_before"))
-    )
-    sections = [Section("Where it fails", [Text(verdict, "finding"), where_table(content["where"])])]
-    sections.append(Section("These views differ", gallery.figures(worst, _captions(content["where"]))))
-    sections.append(Section("The other views", gallery.figures(others)))
+    verdict = _verdict(fits["adequate_before"], fits["p_value_before"])
+    pictures = gallery.pictures([*worst, *others], _captions(content["where"]))
+    sections = [
+        Section("Where it fails", [Text(verdict, "finding"), where_table(content["where"])]),
+        Section("These views differ", [pictures[name] for name in worst if name in pictures]),
+        Section("The other views", [pictures[name] for name in others if name in pictures]),
+    ]
     page = Page(
         "Model and measurement",
         f"{described(frames)} beside the same frames simulated with {camera.name}.",
         [section for section in sections if section.blocks],
     )
-    return write_page(path, page)
+    folder = write_page(path, page).with_suffix("")
+    folder = folder.with_name(f"{folder.name}_pictures")
+    return {name: picture.save(folder / name) for name, picture in pictures.items()}
 
 
 def write_diagnosis(
@@ -97,7 +104,7 @@ def diagnosis_sections(
     """The sections of a diagnosis, also part of the demo's page."""
     error = content["error"]
     found: list[Text | Table | Figure] = [Text(finding(content), "finding")]
-    if content["steps"]:
+    if any(step["error"] is not None for step in content["steps"]):
         steps = plot_error_steps(content["steps"], error["before"], error["floor"])
         found.append(figure(steps, f"The error falling, on frames that were not used for finding. {ERROR}"))
     if content["accepted"]:
@@ -108,22 +115,30 @@ def diagnosis_sections(
         sections.append(
             Section(
                 "Before",
-                [where_table(content["where"]), *ViewGallery(frames, camera, seed).figures(views)],
+                [where_table(content["where"]), *ViewGallery(frames, camera, seed).pictures(views).values()],
             )
         )
         if content["accepted"]:
-            sections.append(Section("After", ViewGallery(frames, better, seed).figures(views)))
-    if content["ranking"]:
+            sections.append(
+                Section("After", list(ViewGallery(frames, better, seed).pictures(views).values()))
+            )
+    if any(entry["error_after"] is not None for entry in content["ranking"]):
         picture = figure(plot_ranking(content["ranking"]), "What each effect alone would leave of the error.")
         sections.append(Section("Ranking", [picture]))
     left = [
         Text(f"{', '.join(a['effects'])} cannot be told apart here; {a['measure']}")
         for a in content["ambiguous"]
     ]
+    if content.get("form"):
+        left.append(Text(content["form"]))
     if content["unexplained"]:
         left.append(Text(content["unexplained"]["description"], "finding"))
         left.append(
             Text("If you know what it is, `visaug effects new NAME` writes a file to put it in.", "note")
+        )
+    if content.get("cannot_show"):
+        left.append(
+            Text("Frames like these could not show: " + ", ".join(content["cannot_show"]) + ".", "note")
         )
     if left:
         sections.append(Section("What is left", left))

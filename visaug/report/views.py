@@ -45,10 +45,10 @@ class ViewGallery:
             drawn, text, wide=bool(measured.maps), raster=bool(measured.maps) or _many_points(measured)
         )
 
-    def figures(self, names: Sequence[str], captions: dict[str, str] | None = None) -> list[Figure]:
-        """Pictures of several views, those that these frames show."""
-        found = (self.figure(name, (captions or {}).get(name, "")) for name in names)
-        return [picture for picture in found if picture is not None]
+    def pictures(self, names: Sequence[str], captions: dict[str, str] | None = None) -> dict[str, Figure]:
+        """Pictures of several views by name, those that these frames show."""
+        found = {name: self.figure(name, (captions or {}).get(name, "")) for name in names}
+        return {name: picture for name, picture in found.items() if picture is not None}
 
 
 def all_views() -> list[str]:

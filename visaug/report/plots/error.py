@@ -15,11 +15,12 @@ def plot_error_steps(
     """Error against the steps that a diagnosis took, with 95 % intervals and the floor.
 
     Args:
-        steps: each with `action`, `error` and perhaps `interval`, in the order taken.
+        steps: each with `action`, `error` and perhaps `interval`, in the order taken; those without a known
+            error are left out.
         before: the error of the camera as given; None leaves it out.
         floor: as close as another set of the accepted camera would come.
     """
-    points = list(steps)
+    points = [step for step in steps if step["error"] is not None]
     if before is not None:
         points = [{"action": "camera as given", "error": before}, *points]
     with styled():
@@ -57,7 +58,7 @@ def plot_error_steps(
 
 def plot_ranking(ranking: Sequence[Mapping[str, Any]], most: int = 12) -> "Figure":
     """Error that would be left after adding each effect, the likeliest first, with its probability."""
-    shown = list(ranking[:most])[::-1]
+    shown = [entry for entry in ranking if entry["error_after"] is not None][:most][::-1]
     with styled():
         figure = blank(8.0, 0.9 + 0.27 * max(len(shown), 1))
         axes = figure.subplots()
