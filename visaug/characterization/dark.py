@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy import stats
 
 from visaug.characterization import dark_current
 from visaug.characterization.findings import Findings
@@ -53,7 +54,7 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
         found.add(
             "dark_current.b_per_c", (law.b_per_c, law.b_per_c - half, law.b_per_c + half), "1/degC", source
         )
-        if law.misfit > 4:
+        if law.misfit > stats.f.ppf(0.999, max(len(lines) - 2, 1), min(law.df, 1e6)):
             found.warn("dark_current_law: the dark current does not follow a exp(b T) within its errors")
     else:
         needs = "dark frames at two or more known temperatures, warm or long enough for a dark signal"

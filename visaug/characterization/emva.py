@@ -27,7 +27,7 @@ _R3, _R4 = "EMVA 1288 release 3", "EMVA 1288 release 4"
 def emva(found: Findings, measured: Measured) -> None:
     """Add `emva.*` (release 3) and `emva4.*` (release 4)."""
     levels = measured.sweep
-    darks = _dark_sweep(measured)
+    darks = _dark_sweep(measured, measured.temperature_c)
     if not levels or levels[-1].signal <= 0:
         found.miss("emva.system_gain_dn_per_e", NEEDS_FLATS)
         _dark_noise(found, darks, None, 0.0)
@@ -52,7 +52,7 @@ def emva(found: Findings, measured: Measured) -> None:
         for name in ("quantum_efficiency", "saturation_photons", "saturation_e"):
             found.miss(f"emva.{name}", NEEDS_PHOTONS)
     _dark_noise(found, darks, gain, relative)
-    _dark_current(found, darks, gain, relative)
+    _dark_current(found, _dark_ladder(measured), gain, relative)
     _spatial(found, measured, gain, relative)
 
 
@@ -62,23 +62,35 @@ def _around(result: tuple[float, float, float]) -> tuple[float, float, float]:
     return value, value - half, value + half
 
 
-def _dark_sweep(measured: Measured) -> list[GroupMoments]:
-    """Dark frames at the flats' temperature; stacks of many frames stand apart from a sweep."""
+def _dark_sweep(measured: Measured, temperature_c: float | None) -> list[GroupMoments]:
+    """Dark frames at one temperature, by exposure; stacks of many frames stand apart from a sweep."""
     same = [
         m
         for m in (*measured.darks, *measured.biases)
-        if m.n > 1
-        and (
-            measured.temperature_c is None
-            or m.group.temperature_c is None
-            or abs(m.group.temperature_c - measured.temperature_c) < 0.6
-        )
+        if m.n > 1 and _alike(temperature_c, m.group.temperature_c)
     ]
     usual = np.median([m.n for m in same]) if same else 0
     small = [m for m in same if m.n <= 4 * usual]
     chosen = small if len({m.group.exposure_s for m in small}) > 2 else same
     shape = max((m.shape for m in chosen), key=lambda s: s[0] * s[1], default=None)
     return sorted((m for m in chosen if m.shape == shape), key=lambda m: m.group.exposure_s)
+
+
+def _dark_ladder(measured: Measured) -> list[GroupMoments]:
+    """The sweep of three or more exposures whose temperature is nearest to the flats'."""
+    base = measured.temperature_c
+    temperatures = sorted(
+        {m.group.temperature_c for m in measured.darks}, key=lambda t: abs((t or 0.0) - (base or 0.0))
+    )
+    for t in (base, *temperatures):
+        ladder = _dark_sweep(measured, t)
+        if len({m.group.exposure_s for m in ladder}) > 2:
+            return ladder
+    return []
+
+
+def _alike(a: float | None, b: float | None) -> bool:
+    return a is None or b is None or abs(a - b) < 0.6
 
 
 def _saturation(found: Findings, levels: tuple[Level, ...], saturation: int | None, efficiency) -> None:
@@ -125,18 +137,19 @@ def _dark_noise(found: Findings, darks: list[GroupMoments], gain: float | None, 
 def _dark_current(found: Findings, darks: list[GroupMoments], gain: float, relative: float) -> None:
     for name, of, power in (("mean", mean_points, 1), ("variance", variance_points, 2)):
         key = f"emva.dark_current_{name}_e_per_s"
-        lines = slopes(of(darks)) if len({m.group.exposure_s for m in darks}) > 2 else []
+        lines = slopes(of(darks))
         if not lines:
             found.miss(key, "dark frames at three or more exposures")
             continue
         line = lines[0]
+        at = "" if line.temperature_c is None else f", at {line.temperature_c:g} degC"
         half = t_quantile(line.df) * line.error
         scale = gain**-power
         value, low, high = line.value * scale, (line.value - half) * scale, (line.value + half) * scale
         if value > 0:
-            found.add(key, widen((value, max(low, 0.0), high), power * relative), "e-/s", _R3)
+            found.add(key, widen((value, max(low, 0.0), high), power * relative), "e-/s", _R3 + at)
         elif name == "mean":
-            found.add(key, (value, low, high), "e-/s", _R3)
+            found.add(key, (value, low, high), "e-/s", _R3 + at)
         else:
             found.miss(key, "longer exposures: the dark variance does not grow with exposure")
 

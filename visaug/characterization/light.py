@@ -11,7 +11,13 @@ from visaug.characterization.groups import Level, Measured
 from visaug.characterization.intervals import root, symmetric, t_quantile
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import Parts, parts, surface
-from visaug.characterization.photon_transfer import PhotonTransfer, full_well, relative_deviations, transfer
+from visaug.characterization.photon_transfer import (
+    PhotonTransfer,
+    converter_clips,
+    full_well,
+    relative_deviations,
+    transfer,
+)
 
 NEEDS_FLATS = "flats: two or more frames at each of several light levels, and dark frames beside them"
 NEEDS_PHOTONS = "flats with known photons per pixel"
@@ -102,7 +108,7 @@ def capacity(found: Findings, result: PhotonTransfer, pattern: Parts | None) -> 
     spread = math.sqrt(max(pattern.total[0], 0.0)) if pattern else 0.0
     well = full_well(result, spread)
     if well is None:
-        if result.levels[-1].flat.clipped_high > 0.01:
+        if converter_clips(result.levels[-1]):
             found.miss("full_well_e", "a lower gain: here the converter clips before the pixel is full")
         else:
             found.miss("full_well_e", "calibrated flats beyond saturation")

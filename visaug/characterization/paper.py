@@ -10,12 +10,13 @@ intervals know the bias and reach over it. The default method has no such bias.
 from __future__ import annotations
 
 import math
+import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import optimize, stats
 
-from visaug.characterization import tukey
+from visaug.characterization import dark_current, tukey
 from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Measured
 from visaug.characterization.intervals import t_quantile
@@ -67,9 +68,10 @@ def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
     histogram = np.zeros(0)
     for i in indices:
         residual = measured.frames.read(i) - master
+        residual -= residual.mean()
         deviations.append(float(residual.std()))
         if edges is None:
-            edges = np.linspace(-8, 8, 161) * deviations[0]
+            edges = np.linspace(-8, 8, 161) * max(deviations[0], 1e-6)
         counts = np.histogram(residual, edges)[0]
         histogram = counts if not histogram.size else histogram + counts
     sigma = float(np.mean(deviations))
@@ -79,6 +81,9 @@ def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
     lost = math.sqrt(still.n / (still.n - 1))  # the frames' own mean takes a share of the noise with it
     source = f"mean standard deviation of {still.n} residual frames"
     add_in_electrons(found, "read_noise.sigma", (sigma, (sigma - half), (sigma + half) * lost), source)
+    if not sigma > 0:
+        found.miss("read_noise.shape", "frames whose noise is larger than a DN")
+        return
     shares = histogram / histogram.sum()
 
     def mismatch(shape: float) -> float:
@@ -138,19 +143,28 @@ def _dark(found: Findings, measured: Measured) -> None:
         found.miss("dark_current.a_e_per_s", "longer exposures or warmer dark frames")
         return
     start = np.polyfit(temperatures[rates > 0], np.log(rates[rates > 0]), 1)
-    (a, b), covariance = optimize.curve_fit(
-        lambda t, a, b: a * np.exp(b * t),
-        temperatures,
-        rates,
-        p0=(math.exp(start[1]), start[0]),
-        maxfev=10000,
-    )
-    t = t_quantile(len(lines) - 2) if len(lines) > 2 else math.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", optimize.OptimizeWarning)  # two points leave no covariance
+        (a, b), covariance = optimize.curve_fit(
+            lambda t, a, b: a * np.exp(b * t),
+            temperatures,
+            rates,
+            p0=(math.exp(start[1]), start[0]),
+            maxfev=9999,
+        )
+    errors = np.zeros(2)
+    if len(lines) > 2 and np.isfinite(covariance).all():
+        errors = t_quantile(len(lines) - 2) * np.sqrt(np.diag(covariance))
+    # Few temperatures fit any exponential; how frames scatter then tells the error.
+    law = dark_current.law(dark_current.slopes(dark_current.mean_points(measured.darks)))
+    if law is not None:
+        frame_errors = t_quantile(law.df) * np.sqrt(np.diag(law.covariance)) * np.array([a, 1.0])
+        errors = np.maximum(errors, frame_errors)
+    elif not errors.any():
+        errors[:] = math.nan
     source = f"exponential through the slopes at {len(lines)} temperatures"
-    error = t * math.sqrt(covariance[0, 0])
-    found.add(f"dark_current.a_{suffix}_per_s", (a, max(a - error, 0.0), a + error), unit, source)
-    error = t * math.sqrt(covariance[1, 1])
-    found.add("dark_current.b_per_c", (b, b - error, b + error), "1/degC", source)
+    found.add(f"dark_current.a_{suffix}_per_s", (a, max(a - errors[0], 0.0), a + errors[0]), unit, source)
+    found.add("dark_current.b_per_c", (b, b - errors[1], b + errors[1]), "1/degC", source)
     found.curves["dark_current"] = {
         "temperature_c": temperatures,
         "slope": rates,

@@ -167,6 +167,11 @@ def relative_deviations(levels: Sequence[Level], rows: np.ndarray) -> np.ndarray
     return y / (slope * x + offset) - 1
 
 
+def converter_clips(level: Level) -> bool:
+    """Whether the converter's end cuts a level: it cuts read noise too, which a full pixel keeps."""
+    return level.flat.clipped_high > 0.01 or level.flat.variance < 0.5 * level.dark.variance
+
+
 def full_well(found: PhotonTransfer, nonuniformity: float) -> tuple[float, float] | None:
     """Full well in electrons and its standard error, from the brightest level that charge clips; else None.
 
@@ -180,7 +185,7 @@ def full_well(found: PhotonTransfer, nonuniformity: float) -> tuple[float, float
     expected = float(level.photons) * found.response_dn_per_photon / found.gain_dn_per_e
     spread = math.sqrt(expected + (nonuniformity * expected) ** 2)
     shot = level.variance_of_all / found.gain_dn_per_e**2
-    if shot > _COLLAPSE * expected or level.flat.clipped_high > 0.01 or expected - signal_e < 0.1 * spread:
+    if converter_clips(level) or shot > _COLLAPSE * expected or expected - signal_e < 0.1 * spread:
         return None
 
     def excess(f: float) -> float:
