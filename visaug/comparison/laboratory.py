@@ -11,7 +11,7 @@ import torch
 
 from visaug.camera import Camera
 from visaug.errors import InputError
-from visaug.fingerprint import Fingerprint, Statistic, fingerprint
+from visaug.fingerprint import Fingerprint, Statistic, fingerprint, fingerprint_values
 from visaug.frames import FrameSet
 from visaug.simulation import simulate
 
@@ -105,21 +105,20 @@ class Laboratory:
         Returns:
             (n, statistics) of the frames that find, and (n, statistics) of those that confirm.
         """
-        pairs = self._run(cameras, report, lambda frames: [f.values for f in self._both(frames)])
+        pairs = self._run(cameras, report, (self.folds.find, self.folds.confirm))
         return np.array([a for a, _ in pairs]), np.array([b for _, b in pairs])
 
     def finding(
         self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None
     ) -> np.ndarray:
         """The same for the frames that find alone, in half the time: (n, statistics)."""
-        return np.array(
-            self._run(cameras, report, lambda frames: fingerprint(frames, self.folds.find).values)
-        )
+        return np.array([a for (a,) in self._run(cameras, report, (self.folds.find,))])
 
-    def _run(self, cameras, report, measure) -> list:
-        def one(job: tuple[Camera, int]):
+    def _run(self, cameras, report, uses) -> list[tuple[np.ndarray, ...]]:
+        def one(job: tuple[Camera, int]) -> tuple[np.ndarray, ...]:
             camera, number = job
-            return measure(simulate(camera, self.frames, seed=self.seed * 1_000_003 + number))
+            frames = simulate(camera, self.frames, seed=self.seed * 1_000_003 + number)
+            return tuple(fingerprint_values(frames, use) for use in uses)
 
         results = []
         with _single_threads(), ThreadPoolExecutor(workers()) as pool:

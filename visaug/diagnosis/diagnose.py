@@ -22,7 +22,7 @@ from visaug.diagnosis.fit import (
     standardised,
 )
 from visaug.diagnosis.parameters import Coordinate, base_coordinates
-from visaug.diagnosis.rank import Refined, Signatures, best_of_each, null_gains, refine, signatures, test_gain
+from visaug.diagnosis.rank import Refined, Signatures, best_of_each, gain_against_chance, refine, signatures
 from visaug.diagnosis.residue import Residue, describe
 from visaug.diagnosis.result import Diagnosis, Estimate, Ranked, Step
 from visaug.effects import catalogue, load_file
@@ -190,10 +190,7 @@ class _Search:
         """That a camera lacking nothing leaves as much: by its largest residual, or by what some effect would explain."""
         reference = state.fitted.reference
         by_size = p_value(float(np.abs(state.z).max()), reference.largest)
-        by_gain = p_value(
-            test_gain(self.signs, state.fitted, state.allowance, state.accepted),
-            null_gains(self.signs, reference, state.accepted),
-        )
+        by_gain = p_value(*gain_against_chance(self.signs, state.fitted, state.allowance, state.accepted))
         return min(1.0, 2 * min(by_size, by_gain))
 
     def _error(self, fitted: Fitted) -> Error | None:
@@ -201,7 +198,7 @@ class _Search:
         reference = fitted.reference
         if len(self.confirming.measured):
             return self.confirming.error(reference.confirm_sets, fitted.confirm_residual)
-        return self.distance.error(reference.sets, fitted.residual)
+        return self._found_error(fitted)
 
     def _step(self, action: str, state: State) -> None:
         self.steps.append(Step(action, self._error(state.fitted)))
@@ -211,7 +208,7 @@ class _Search:
         matches = best_of_each(
             self.signs, state.fitted, frozenset(state.accepted) | self.without, state.allowance
         )
-        worth = [m for m in matches if m.gain > max(2.0, 0.1 * matches[0].gain)][:TRIED] if matches else []
+        worth = [m for m in matches if m.gain > max(2.0, 0.25 * matches[0].gain)][:TRIED] if matches else []
         refined = sorted(
             (refine(self.lab, state.fitted, m, self.report, state.allowance) for m in worth),
             key=lambda r: -r.gain,
@@ -232,7 +229,7 @@ class _Search:
         fitted = refit(self.lab, reference, self.report)
         allowance = np.hypot(state.allowance, FORM * (state.fitted.residual - fitted.residual))
         after = State(fitted, (*state.accepted, best.effect), allowance)
-        if not self._explains(state, after, best):
+        if not (self._explains(state, after) and self._improves(state, after)):
             return None, nearest
         self._tell_parameters(after, best)
         self._note_ambiguous(refined)
@@ -242,7 +239,7 @@ class _Search:
     def _known(reference: Reference) -> tuple[tuple[Coordinate, ...], np.ndarray, np.ndarray]:
         return reference.coordinates, reference.slopes, reference.confirm_slopes
 
-    def _explains(self, before: State, after: State, best: Refined) -> bool:
+    def _explains(self, before: State, after: State) -> bool:
         """Whether the effect brings back what it moves: most of the statistics in which it is seen, by most of their distance.
 
         An effect of another name may lower the error; but what it moves then stays off, or goes off where it was not.
@@ -259,6 +256,17 @@ class _Search:
         covered = np.mean([back[seen & (views == view)].mean() for view in dict.fromkeys(views[seen])])
         worsened = (now > 4) & (now > 1.5 * was)
         return bool(covered >= COVERED and worsened.sum() <= 0.1 * seen.sum() + 1)
+
+    def _improves(self, before: State, after: State) -> bool:
+        """Whether the error falls beyond chance on the frames that find, and falls on those that confirm."""
+        found_before, found = self._found_error(before.fitted), self._found_error(after.fitted)
+        confirmed_before, confirmed = self._error(before.fitted), self._error(after.fitted)
+        if found is None or found_before is None or confirmed is None or confirmed_before is None:
+            return True
+        return found.high < found_before.value and confirmed.value < confirmed_before.value
+
+    def _found_error(self, fitted: Fitted) -> Error | None:
+        return self.distance.error(fitted.reference.sets, fitted.residual)
 
     def _rank(self, state: State, refined: list[Refined]) -> None:
         top = refined[0].gain

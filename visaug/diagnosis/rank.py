@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -134,7 +134,7 @@ def _moves(
     return values - reference.sets[numbers.start : numbers.stop]
 
 
-SCALES = (0.02, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 3.0)
+SCALES = (0.03, 0.1, 0.3, 0.6, 1.0, 1.6)
 
 
 @dataclass(frozen=True)
@@ -189,17 +189,18 @@ def _match(m: Metric, trial: Trial, signature, variance, residual, white_residua
     return Match(trial, gain, scale, scale**2 * variance)
 
 
-def test_gain(signed: Signatures, fitted: Fitted, allowance: np.ndarray, accepted: Sequence[str]) -> float:
-    """The most that any trial's mean signature would raise the likelihood of what is left, no form allowed."""
+def gain_against_chance(
+    signed: Signatures, fitted: Fitted, allowance: np.ndarray, accepted: Sequence[str]
+) -> tuple[float, np.ndarray]:
+    """The most that any trial's mean signature would raise the likelihood of what is left, no further form allowed.
+
+    Returns:
+        It, and (R,) the same for simulated sets of the camera itself: what chance alone gains.
+    """
     m = metric(fitted, 0.0, allowance)
-    return float(_gains(m, signed, m.white(fitted.residual)[None], accepted)[0])
-
-
-def null_gains(signed: Signatures, reference: Reference, accepted: Sequence[str]) -> np.ndarray:
-    """(R,) the same for simulated sets of the camera itself: what chance alone would gain."""
-    nothing = np.zeros(reference.sets.shape[1])
-    m = metric(Fitted(reference, reference.camera, nothing, nothing), 0.0)
-    return _gains(m, signed, m.white(reference.null), accepted)
+    both = np.vstack([fitted.residual, fitted.reference.null])
+    gains = _gains(m, signed, m.white(both), accepted)
+    return float(gains[0]), gains[1:]
 
 
 def _gains(m: Metric, signed: Signatures, white: np.ndarray, accepted: Sequence[str]) -> np.ndarray:
@@ -246,12 +247,12 @@ def refine(
     report: Report,
     allowance: np.ndarray | float = 0.0,
     iterations: int = 4,
-    twins: int = 4,
 ) -> Refined:
     """Fits the effect's numbers by damped Gauss-Newton with common random numbers; the camera's own stay open."""
     m = metric(fitted, FINE, allowance)
     nothing = m.log_likelihood(fitted.residual)
     m = m.widened(match.variance)
+    twins = MORE if match.variance.any() else FEW
     base = lab.finding([(fitted.camera, k) for k in range(twins)])
     camera = _scaled(fitted.camera, match)
     coordinates = coordinates_of(match.trial.effect, camera, lab)
@@ -263,9 +264,7 @@ def refine(
         points = [at, *(at + steps * (np.arange(len(at)) == j) for j in range(len(at)))]
         jobs = [(moved(camera, coordinates, list(x)), k) for x in points for k in range(twins)]
         total = iterations * len(jobs)
-        values = lab.finding(
-            jobs, lambda n: report(f"refining {match.trial.effect}", i * len(jobs) + n, total)
-        )
+        values = lab.finding(jobs, partial(_tick, report, match.trial.effect, i * len(jobs), total))
         moves = values.reshape(len(points), twins, -1) - base
         means = moves.mean(1)
         gain = m.log_likelihood(fitted.residual - means[0]) - nothing
@@ -295,6 +294,10 @@ def refine(
         residual - fitted.slopes @ following,
         variance,
     )
+
+
+def _tick(report: Report, effect: str, before: int, total: int, done: int) -> None:
+    report(f"refining {effect}", before + done, total)
 
 
 def _scaled(camera: Camera, match: Match) -> Camera:

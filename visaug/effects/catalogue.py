@@ -52,7 +52,8 @@ def load_file(path: str | Path) -> list[type[Effect]]:
         raise InputError(f"{path}: no such file; expected a Python file that defines an Effect")
     tag = hashlib.blake2b(str(path.resolve()).encode(), digest_size=4).hexdigest()
     spec = importlib.util.spec_from_file_location(f"visaug_user_{path.stem}_{tag}", path)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)

@@ -2,8 +2,10 @@
 
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
 from visaug.fingerprint.reduction import FrameData, GroupData
-from visaug.fingerprint.statistic import AXES, Fingerprint, Statistic
+from visaug.fingerprint.statistic import AXES, Fingerprint, Statistic, finite
 from visaug.fingerprint.view import Curve, Picture, View
 from visaug.fingerprint.views import VIEWS
 from visaug.frames import FrameSet
@@ -19,6 +21,7 @@ __all__ = [
     "Statistic",
     "View",
     "fingerprint",
+    "fingerprint_values",
 ]
 
 
@@ -31,3 +34,11 @@ def fingerprint(
     """
     data = FrameData(frames, use)
     return Fingerprint.of(pair for view in views for pair in view.measure(data))
+
+
+def fingerprint_values(
+    frames: FrameSet, use: Iterable[int] | None = None, views: Sequence[View] = VIEWS
+) -> np.ndarray:
+    """The values of `fingerprint` alone, (n,) float64, in half the time."""
+    data = FrameData(frames, use, named=False)
+    return finite([value for view in views for _, value in view.measure(data)])

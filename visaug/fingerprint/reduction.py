@@ -1,6 +1,6 @@
 """What the views share: each group of frames reduced once to its mean frame, its noise, and their rows and columns."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,9 @@ from visaug.frames import FrameRecord, FrameSet, Group
 MAX_GROUPS = {"bias": 2, "dark": 8, "flat": 9, "scene": 6}  # of each kind, spread evenly over the conditions
 
 
+UNNAMED = Statistic("", "", "", ())
+
+
 class GroupData:
     """Frames of equal conditions: the mean frame and the noise about it, in DN.
 
@@ -18,9 +21,11 @@ class GroupData:
         group: the conditions; its indices are the frames in use.
         frames: (n, H, W) float32.
         reference: the bias group, whose mean frame is taken off for `pattern`; None for the bias itself.
+        named: False leaves statistics without their descriptions, where only their values are wanted.
     """
 
-    def __init__(self, group: Group, frames: np.ndarray, reference: "GroupData | None"):
+    def __init__(self, group: Group, frames: np.ndarray, reference: "GroupData | None", named: bool = True):
+        self.named = named
         self.group = group
         self.kind = group.kind
         self.frames = frames
@@ -44,6 +49,9 @@ class GroupData:
         return " ".join(parts)
 
     def statistic(self, view: str, name: str, axes: Iterable[str], unit: str = "1") -> Statistic:
+        """The description of a statistic of these frames."""
+        if not self.named:
+            return UNNAMED
         g = self.group
         return Statistic(
             view,
@@ -140,9 +148,11 @@ class FrameData:
     Args:
         frames: the whole set; frames outside `use` are read only as predecessors.
         use: positions that the statistics may be taken from; all by default.
+        named: False leaves statistics without their descriptions.
     """
 
-    def __init__(self, frames: FrameSet, use: Iterable[int] | None = None):
+    def __init__(self, frames: FrameSet, use: Iterable[int] | None = None, named: bool = True):
+        self.named = named
         self.frames = frames
         self.use = frozenset(range(len(frames)) if use is None else use)
         self.records: tuple[FrameRecord, ...] = frames.records
@@ -176,7 +186,7 @@ class FrameData:
         stack = self.frames.read_many(group.indices)
         if reference is not None and reference.frames.shape[1:] != stack.shape[1:]:
             reference = None
-        return GroupData(group, stack, reference)
+        return GroupData(group, stack, reference, self.named)
 
 
 def used_groups(frames: FrameSet, use: Iterable[int]) -> list[Group]:
@@ -217,7 +227,3 @@ def _blocks_expanded(image: np.ndarray, size: int = 16) -> np.ndarray:
 def block_means(image: np.ndarray, row_edges: np.ndarray, column_edges: np.ndarray) -> np.ndarray:
     sums = np.add.reduceat(np.add.reduceat(image, row_edges[:-1], 0), column_edges[:-1], 1)
     return (sums / np.outer(np.diff(row_edges), np.diff(column_edges))).astype(np.float32)
-
-
-Measured = Iterable[tuple[Statistic, float]]
-Measure = Callable[[FrameData], Measured]

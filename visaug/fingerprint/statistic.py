@@ -1,6 +1,6 @@
 """A named number of a frame set, and many of them in a fixed order."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -55,10 +55,7 @@ class Fingerprint:
     def of(cls, measured: Iterable[tuple[Statistic, float]]) -> "Fingerprint":
         """From single statistics and their values; a value that is no finite number counts as 0."""
         parts = list(measured)
-        values = np.nan_to_num(
-            np.array([value for _, value in parts], float), nan=0.0, posinf=0.0, neginf=0.0
-        )
-        return cls(tuple(statistic for statistic, _ in parts), values)
+        return cls(tuple(statistic for statistic, _ in parts), finite([value for _, value in parts]))
 
     @property
     def views(self) -> tuple[str, ...]:
@@ -70,3 +67,8 @@ class Fingerprint:
 
     def __getitem__(self, label: str) -> float:
         return float(self.values[self.labels.index(label)])
+
+
+def finite(values: Sequence[float]) -> np.ndarray:
+    """The values as an array; one that is no finite number counts as 0."""
+    return np.nan_to_num(np.array(values, float), nan=0.0, posinf=0.0, neginf=0.0)

@@ -1,5 +1,7 @@
 """Spectra of rows and columns, temporal and fixed."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from visaug.fingerprint.view import Curve, Picture, View
@@ -18,7 +20,7 @@ def power(lines: np.ndarray) -> np.ndarray:
 def band_means(spectrum: np.ndarray) -> np.ndarray:
     """Means over octaves of frequency, low to high."""
     edges = np.unique(np.round(np.geomspace(1, len(spectrum) + 1, BANDS + 1)).astype(int)) - 1
-    return np.array([spectrum[a:b].mean() for a, b in zip(edges[:-1], edges[1:], strict=True)])
+    return np.array([spectrum[a:b].mean() for a, b in pairwise(edges)])
 
 
 def band_statistics(group, view, name, spectrum, axes):

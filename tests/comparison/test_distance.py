@@ -1,0 +1,49 @@
+"""The error's own law: 1 for the file as given, 0 for a twin, whatever the number of statistics a view has."""
+
+import numpy as np
+import pytest
+
+from visaug.comparison import Distance
+from visaug.fingerprint import Statistic
+
+STATISTICS = tuple(Statistic("a" if i < 20 else "b", f"s{i}", "bias", ("row",)) for i in range(30))
+
+
+def sets(mean, spread=1.0, count=400, seed=0):
+    return mean + spread * np.random.default_rng(seed).standard_normal((count, 30))
+
+
+def test_a_twin_has_error_zero_and_the_given_file_one():
+    given, model = sets(0.0), sets(5.0, seed=1)
+    errors = []
+    for k in range(200):
+        measured = sets(5.0, count=1, seed=10 + k)[0]
+        distance = Distance(STATISTICS, measured, given, np.zeros(30))
+        assert distance.error(given).value == pytest.approx(1, abs=0.01)
+        errors.append(distance.error(model))
+    values = np.array([e.value for e in errors])
+    # 200 errors of spread about 0.01: their mean is within 5 standard errors of 0, false alarm 6e-7
+    assert abs(values.mean()) < 5 * values.std() / np.sqrt(200) + 0.002
+    inside = np.mean([e.low <= 0 <= e.high for e in errors])
+    assert 0.90 <= inside <= 0.99  # binomial(200, 0.95): outside this in 1 of 300 runs
+
+
+def test_views_count_alike():
+    measured = np.zeros(30)
+    measured[25] = 10
+    shares = Distance(STATISTICS, measured, sets(0.0), np.zeros(30)).shares()
+    assert shares["b"] > 0.95
+
+
+def test_a_spread_of_its_own_is_no_error():
+    """An effect that draws anew in every camera widens the statistics: s is the larger spread."""
+    given = sets(0.0)
+    wide = sets(0.0, spread=6.0, seed=2)
+    measured = sets(0.0, spread=6.0, count=1, seed=3)[0]
+    error = Distance(STATISTICS, measured, given, np.zeros(30)).error(wide)
+    assert error is None or error.low <= 0 <= error.high
+
+
+def test_nothing_to_lower():
+    given = sets(0.0)
+    assert Distance(STATISTICS, given.mean(0), given, np.zeros(30)).error(given) is None

@@ -1,0 +1,41 @@
+"""Small frame sets of a camera that shares nothing with the package: the benchmark's NumPy camera."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
+
+from independent.camera import Hidden, Sensor, Shot, take
+
+from visaug import FrameSet
+from visaug.frames import FrameRecord
+
+SENSOR = Sensor(
+    name="small", rows=64, columns=80, bits=14, efficiency=0.55, e_per_dn=0.7, pedestal_dn=120.0, well_e=9000.0,
+    integration_s=0.01, celsius=20.0, read_e=3.0, tail=-0.1, dark_e_per_s=0.2, dark_per_c=0.1,
+    prnu=(0.002, 0.0015, 0.006), dsnu_e=(1.0, 0.4, 1.2),
+)  # fmt: skip
+
+PLAN = (
+    [Shot("bias", 1e-5, 20.0)] * 12
+    + [Shot("dark", t, c) for c in (20.0, 30.0) for t in (0.2, 2.0) for _ in range(3)]
+    + [Shot("flat", 0.01, 20.0, float(p)) for p in (100, 1000, 4000, 9000, 14000) for _ in range(3)]
+)  # fmt: skip
+
+
+def frame_set(seed: int, hidden=(), sensor: Sensor = SENSOR, plan=tuple(PLAN)) -> FrameSet:
+    frames = take(sensor, plan, {}, seed, hidden)
+    records = [
+        FrameRecord(i, f"{i}.npy", s.kind, s.seconds, s.celsius, 0.0, s.photons) for i, s in enumerate(plan)
+    ]
+    return FrameSet.from_arrays(records, list(frames), bit_depth=sensor.bits)
+
+
+def rows_that_shift(x: np.ndarray, strength: float, moment) -> np.ndarray:
+    return x + moment.now().normal(0, strength, (x.shape[0], 1))
+
+
+def row_noise(strength: float) -> Hidden:
+    return Hidden("shifting rows", "voltage", rows_that_shift, strength)

@@ -1,0 +1,92 @@
+"""End to end on small sets of an independent camera. Seeds are fixed, so each of these either holds or does not."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from tests.diagnosis.small import PLAN, SENSOR, frame_set, row_noise
+from visaug import Camera, InputError
+from visaug.diagnosis import diagnose
+
+SETS = 120
+
+
+@pytest.fixture(scope="module")
+def with_row_noise(stated):
+    return diagnose(stated, frame_set(3, [row_noise(2.0)]), sets=SETS)
+
+
+def test_a_clean_camera_lacks_nothing(stated):
+    found = diagnose(stated, frame_set(1), sets=SETS)
+    assert found.accepted == ()
+    assert found.adequate_before
+    assert found.unexplained is None
+
+
+def test_row_noise_is_named_and_measured(with_row_noise):
+    found = with_row_noise
+    assert found.accepted == ("row_noise",)
+    assert not found.adequate_before
+    assert found.adequate_after
+    sigma = found.ranking[0].parameters["sigma_e"]
+    assert sigma.low < 2.0 < sigma.high
+    assert found.error_after.value < 0.1
+    assert found.camera.values()["row_noise.sigma_e"] == pytest.approx(2.0, rel=0.15)
+    assert found.where[0].view in ("temporal_lines", "temporal_spectrum")
+
+
+def test_the_answer_as_json(with_row_noise):
+    content = json.loads(json.dumps(with_row_noise.to_json()))
+    assert content["schema"] == 1
+    assert content["error"]["before"] == 1.0
+    assert [step["action"] for step in content["steps"]] == ["refit", "add row_noise"]
+    folds = content["frames"]
+    shared = set(folds["fit"]) & set(folds["select"]) | set(
+        folds["find" if "find" in folds else "fit"]
+    ) & set(folds["confirm"])
+    assert not shared
+    assert sum(map(len, folds.values())) == len(PLAN)
+
+
+def test_the_same_seed_gives_the_same_answer(stated, with_row_noise):
+    again = diagnose(stated, frame_set(3, [row_noise(2.0)]), sets=SETS)
+    assert again.to_json() == with_row_noise.to_json()
+
+
+def test_left_out_of_the_catalogue_it_is_not_given_another_name(stated):
+    found = diagnose(stated, frame_set(3, [row_noise(2.0)]), without=["row_noise"], sets=SETS)
+    assert found.accepted == ()
+    assert found.unexplained is not None
+    assert "row" in found.unexplained.axis
+    assert "signal" not in found.unexplained.grows_with
+
+
+def test_numbers_that_are_off_are_refitted_and_no_missing_effect(stated):
+    wrong = stated.replace(
+        {"gain_e_per_dn": SENSOR.e_per_dn * 1.04, "read_noise.sigma_e": SENSOR.read_e * 0.95}
+    )
+    found = diagnose(wrong, frame_set(4), sets=SETS)
+    assert found.accepted == ()
+    assert found.camera.values()["gain_e_per_dn"] == pytest.approx(SENSOR.e_per_dn, rel=0.02)
+    assert found.camera.values()["read_noise.sigma_e"] == pytest.approx(SENSOR.read_e, rel=0.03)
+    assert found.to_json()["steps"][0]["error"] < 0.2
+
+
+def test_a_base_term_left_out_is_named(stated):
+    content = stated.to_dict()
+    del content["dark_current"]
+    found = diagnose(Camera.load(content), frame_set(5), sets=SETS)
+    assert found.accepted == ("dark_current",)
+
+
+def test_bias_frames_alone(stated):
+    sensor = replace(SENSOR)
+    found = diagnose(stated, frame_set(6, sensor=sensor, plan=tuple(PLAN[:12])), sets=SETS)
+    assert found.accepted == ()
+    assert {"nonlinearity", "vignetting", "amplifier_glow"} <= set(found.cannot_show)
+
+
+def test_a_wrong_name_is_refused(stated):
+    with pytest.raises(InputError, match="no_such_effect"):
+        diagnose(stated, frame_set(1), without=["no_such_effect"])

@@ -1,0 +1,82 @@
+"""The pieces of the diagnosis against linear algebra that is done by hand."""
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.small import frame_set
+from visaug import Camera
+from visaug.diagnosis.candidates import missing_base, trials
+from visaug.diagnosis.fit import adjust, p_value, standardised
+from visaug.diagnosis.parameters import base_coordinates, moved
+from visaug.diagnosis.rank import shrunk
+from visaug.diagnosis.residue import describe
+from visaug.effects import catalogue
+from visaug.fingerprint import Statistic
+
+
+def test_adjust_solves_the_linear_problem_and_ignores_outliers():
+    rng = np.random.default_rng(0)
+    slopes = rng.normal(size=(200, 3)) * 10
+    truth = np.array([0.3, -0.2, 0.1])
+    residual = slopes @ truth + rng.normal(size=200)
+    wide = np.full(3, 100.0)
+    step = adjust(residual[None], slopes, np.ones(200), wide)[0]
+    # standard error 1/(10 sqrt(200)) = 0.007: five of them
+    np.testing.assert_allclose(step, truth, atol=0.036)
+    residual[:20] += 1000
+    np.testing.assert_allclose(adjust(residual[None], slopes, np.ones(200), wide)[0], truth, atol=0.06)
+
+
+def test_p_value_counts_the_larger_ones():
+    assert p_value(2.5, np.array([1.0, 2.0, 3.0, 4.0])) == pytest.approx(3 / 5)
+
+
+def test_a_statistic_that_never_varies_is_no_evidence():
+    np.testing.assert_array_equal(standardised(np.array([5.0, 2.0]), np.array([0.0, 1.0])), [0.0, 2.0])
+
+
+def test_shrinkage_keeps_strong_correlations_and_drops_chance():
+    rng = np.random.default_rng(1)
+    base = rng.normal(size=(300, 40))
+    base[:, 1] = base[:, 0]
+    correlation = shrunk(base)
+    assert correlation[0, 1] > 5 * np.abs(correlation[2:, 2:] - np.eye(38)).max() or correlation[0, 1] > 0.4
+    assert np.linalg.eigvalsh(correlation).min() > 0
+    np.testing.assert_allclose(np.diag(correlation), 1)
+
+
+def test_every_effect_is_tried_within_its_bounds(stated):
+    tried = trials(stated)
+    assert {t.effect for t in tried} == {name for name, effect in catalogue().items() if not effect.base}
+    for trial in tried:
+        trial.on(stated)  # a value out of bounds would be refused
+
+
+def test_base_terms_at_zero_are_candidates_and_not_free(stated):
+    content = stated.to_dict()
+    del content["prnu"]
+    content["read_noise"]["shape"] = 0.14
+    bare = Camera.load(content)
+    assert missing_base(bare) == ["prnu", "read_noise"]
+    free = {c.path for c in base_coordinates(bare, frame_set(0), True)}
+    assert not any(path.startswith("prnu.") for path in free)
+    assert "read_noise.shape" not in free
+    assert {"gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "dark_current.b_per_c"} <= free
+
+
+def test_coordinates_round_trip(stated):
+    free = base_coordinates(stated, frame_set(0), True)
+    same = moved(stated, free, [c.read(stated) for c in free])
+    for path, value in stated.values().items():
+        assert same.values()[path] == pytest.approx(value, rel=1e-9)
+
+
+def test_what_is_left_is_described_along_its_axis_and_growth():
+    statistics = [
+        Statistic("level", f"s{i}", f"dark {t} s {c} C", ("column",), "DN", "dark", t, c)
+        for i in range(6) for t in (0.1, 2.0) for c in (20.0, 30.0)
+    ] + [Statistic("noise", f"n{i}", "bias", ("time",), "1", "bias") for i in range(6)]  # fmt: skip
+    z = np.array([12.0 * (s.exposure_s > 1) * (1 + (s.temperature_c > 25)) for s in statistics])
+    residue = describe(statistics, z)
+    assert residue.axis == ("column",)
+    assert set(residue.grows_with) == {"exposure", "temperature"}

@@ -1,0 +1,111 @@
+"""Views measure what they say: white noise against theory, and one planted difference each."""
+
+import numpy as np
+import pytest
+
+from visaug.fingerprint import VIEWS, FrameData, fingerprint
+from visaug.frames import FrameRecord, FrameSet
+
+ROWS, COLUMNS = 60, 80
+
+
+def frames_of(make, count=12, kind="bias", **record):
+    """A set in memory: `make(rng, i)` gives frame i."""
+    rng = np.random.default_rng(7)
+    records = [
+        FrameRecord(i, f"{i}.npy", kind, record.get("exposure_s", 0.0), 20.0, 0.0, record.get("photons"))
+        for i in range(count)
+    ]
+    return FrameSet.from_arrays(records, [make(rng, i).astype(np.float32) for i in range(count)])
+
+
+def white(rng, _):
+    return rng.normal(100, 10, (ROWS, COLUMNS))
+
+
+def test_white_noise_has_no_structure():
+    """Tolerances are five standard errors: a false alarm in about one run of a million of seeds."""
+    f = fingerprint(frames_of(white))
+    assert f["level/mean/bias"] == pytest.approx(100, abs=5 * 10 / np.sqrt(12 * ROWS * COLUMNS))
+    free = 11 * (ROWS - 1) * (COLUMNS - 1)
+    # the pixel part lacks rows and columns: its mean square is lower by their share
+    expected = 100 * (1 - 1 / ROWS) * (1 - 1 / COLUMNS)
+    assert np.exp(f["photon_transfer/variance/bias"]) == pytest.approx(expected, rel=5 * np.sqrt(2 / free))
+    for lag in ("one column on", "one row on", "diagonal"):
+        assert f[f"noise_covariance/{lag}/bias"] == pytest.approx(-1 / 60, abs=5 / np.sqrt(free) + 0.02)
+    rows = np.exp(f["temporal_lines/rows/bias"]) - 0.01
+    assert rows == pytest.approx(1, abs=5 * np.sqrt(2 / (11 * ROWS)))
+
+
+def test_row_noise_shows_in_rows_alone():
+    def with_rows(rng, i):
+        return white(rng, i) + rng.normal(0, 3, (ROWS, 1))
+
+    f = fingerprint(frames_of(with_rows))
+    ratio = 1 + 9 / 100 * COLUMNS  # row variance over what white noise gives a mean of COLUMNS pixels
+    assert np.exp(f["temporal_lines/rows/bias"]) == pytest.approx(ratio, rel=0.25)
+    assert np.exp(f["temporal_lines/columns/bias"]) == pytest.approx(1, abs=0.3)
+
+
+def test_neighbours_that_share_noise():
+    def shared(rng, _):
+        noise = rng.normal(0, 10, (ROWS, COLUMNS))
+        return 100 + 0.9 * noise + 0.1 * np.roll(noise, 1, 1)
+
+    f = fingerprint(frames_of(shared))
+    assert f["noise_covariance/one column on/bias"] == pytest.approx(0.09 / 0.82, abs=0.03)
+    assert f["noise_covariance/one row on/bias"] == pytest.approx(-1 / 60, abs=0.03)
+
+
+def test_parity_and_halves():
+    def uneven(rng, i):
+        frame = white(rng, i)
+        frame[1::2] += 4
+        frame[:, COLUMNS // 2 :] += 2
+        return frame
+
+    f = fingerprint(frames_of(uneven))
+    assert f["seams/odd against even rows/bias"] == pytest.approx(4, abs=0.5)
+    assert f["seams/halves of columns/bias"] == pytest.approx(2, abs=0.5)
+
+
+def test_lost_bits():
+    f = fingerprint(frames_of(lambda rng, i: np.round(white(rng, i)).astype(int) & ~1))
+    assert f["codes/dark: bit 0 set/bias"] == 0
+    assert f["codes/dark: bit 1 set/bias"] == pytest.approx(0.5, abs=0.05)
+
+
+def test_memory_is_the_share_of_the_frame_before():
+    rng = np.random.default_rng(3)
+    target = np.zeros((ROWS, COLUMNS), np.float32)
+    target[20:30, 30:50] = 1000
+    records, frames = [], []
+    for i in range(8):
+        records.append(FrameRecord(i, f"{i}.npy", "bias", 0.0, 20.0))
+        frames.append(rng.normal(100, 3, (ROWS, COLUMNS)))
+    for i in range(8, 16, 2):
+        records.append(FrameRecord(i, f"{i}.npy", "scene", 0.01, 20.0, clean="spot.npy"))
+        records.append(FrameRecord(i + 1, f"{i + 1}.npy", "dark", 0.01, 20.0))
+        frames.append(rng.normal(100, 3, (ROWS, COLUMNS)) + target)
+        frames.append(rng.normal(100, 3, (ROWS, COLUMNS)) + 0.02 * target)
+    kept = FrameSet.from_arrays(records, [f.astype(np.float32) for f in frames], {"spot.npy": target})
+    f = fingerprint(kept)
+    assert f["memory/slope on a bright scene before/dark 0.01 s 20 C"] == pytest.approx(0.02, abs=0.001)
+
+
+def test_statistics_depend_on_the_plan_alone():
+    a = fingerprint(frames_of(white))
+    b = fingerprint(frames_of(lambda rng, i: np.zeros((ROWS, COLUMNS))))
+    assert a.statistics == b.statistics
+    assert np.isfinite(b.values).all()
+    assert len(set(a.labels)) == len(a.labels)
+
+
+@pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
+def test_every_view_has_a_picture_or_says_what_it_needs(view):
+    data = FrameData(frames_of(white))
+    picture = view.picture(data)
+    if picture is not None:
+        assert picture.maps or (picture.curves and picture.x_label and picture.y_label)
+        for curve in picture.curves:
+            assert len(curve.x) == len(curve.y) > 0
