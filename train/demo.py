@@ -1,15 +1,17 @@
-"""The main job: a real camera beside its model, then the ablation on rendered data, in one report."""
+"""The main job: a real camera beside its model, the ablation on rendered data, a hidden effect; one report."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+from visaug.errors import InputError
+from visaug.report.html import Page, write_page
+from visaug.report.real_camera import real_camera_section
 from visaug_train.ablation import Ablation, ablate
 from visaug_train.config import Config, load_config
 from visaug_train.report import ablation_sections, finding, timing_section
-
-from visaug.errors import InputError
-from visaug.report.html import Page, Section, write_page
+from visaug_train.story import hidden_effect_sections
 
 Progress = Callable[[str, int, int], None]
 CONFIG = Path(__file__).resolve().parents[1] / "configs" / "demo.yaml"
@@ -32,27 +34,27 @@ def run_ablation(output: str | Path, seed: int = 0, progress: Progress | None = 
     return ablation
 
 
-def run_demo(
-    output: str | Path,
-    seed: int = 0,
-    progress: Progress | None = None,
-    more: Callable[[Ablation], list[Section]] | None = None,
-) -> Path:
-    """The whole job; returns the report's path. `more` gives sections to put behind the ablation's."""
-    from visaug.report.real_camera import real_camera_section
-
+def run_demo(output: str | Path, seed: int = 0, progress: Progress | None = None) -> Path:
+    """The whole job: a real camera, the ablation, a hidden effect; returns the report's path."""
     output = Path(output)
-    began = time.monotonic()
-    real = real_camera_section(seed)
-    seconds = {"real camera": time.monotonic() - began}
-    ablation = run_ablation(output, seed, progress)
-    began = time.monotonic()
-    sections = [real, *ablation_sections(ablation)]
-    seconds["pictures and intervals"] = time.monotonic() - began
-    if more is not None:
+    say = progress or (lambda *_: None)
+    seconds: dict[str, float] = {}
+
+    @contextmanager
+    def timed(part: str) -> Iterator[None]:
         began = time.monotonic()
-        sections += more(ablation)
-        seconds["hidden effect"] = time.monotonic() - began
+        say(part, 0, 1)
+        yield
+        seconds[part] = time.monotonic() - began
+        say(part, 1, 1)
+
+    with timed("a real camera beside its model"):
+        sections = [real_camera_section(seed)]
+    ablation = run_ablation(output, seed, progress)
+    with timed("pictures and intervals"):
+        sections += ablation_sections(ablation)
+    with timed("a hidden effect"):
+        sections += hidden_effect_sections(output / "hidden_effect", seed, progress)
     sections.append(timing_section(ablation, seconds))
     return write_page(
         output / "report.html",
