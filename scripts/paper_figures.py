@@ -2,6 +2,7 @@
 
 import io
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -32,7 +33,7 @@ from visaug.sampling import Stream
 plt.rcParams.update(
     {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False}
 )
-GRAY = {"cmap": "gray", "interpolation": "nearest", "aspect": "equal"}
+GRAY: dict[str, Any] = {"cmap": "gray", "interpolation": "nearest", "aspect": "equal"}
 
 
 def save(figure: Figure, path: Path) -> None:

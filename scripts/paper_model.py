@@ -36,7 +36,7 @@ def accurate_pattern() -> FixedPattern:
     return FixedPattern(Profile(LEVELS, TREND, np.full(641, rest)), rows, 1.1)
 
 
-def paper_camera(dsnu_map: Path | None = None, **values: object) -> Camera:
+def paper_camera(dsnu_map: Path | None = None, /, **values: object) -> Camera:
     """The shipped camera, with a measured DSNU map instead of the drawn one, or other values by path."""
     content = Camera.load("flir_cm3_u3_13y3c").to_dict()
     if dsnu_map is not None:
