@@ -1,6 +1,7 @@
 """From a downloaded archive of SPEED or SPEED+ to a ready dataset: unpacked, checked, converted where asked.
 
-Unpacking goes on where it was stopped, into ``NAME.partial``, which gets its name when all is there and checked.
+Unpacking goes on where it was stopped, into ``NAME.partial``, which gets its name when all is there and
+checked.
 """
 
 import argparse
@@ -45,7 +46,9 @@ def unpack(archive: Path, folder: Path, progress: Progress | None = None) -> Non
     for done, (name, size, total, read) in enumerate(_members(archive), start=1):
         path = PurePosixPath(name)
         if path.is_absolute() or ".." in path.parts:
-            raise InputError(f"holds {name}, which would lie outside", file=archive, expected="a SPEED archive")
+            raise InputError(
+                f"holds {name}, which would lie outside", file=archive, expected="a SPEED archive"
+            )
         target = folder / path
         if not target.is_file() or target.stat().st_size != size:
             with whole_file(target) as temporary, temporary.open("wb") as out, read() as content:
@@ -56,7 +59,10 @@ def unpack(archive: Path, folder: Path, progress: Progress | None = None) -> Non
 
 def find_root(folder: Path) -> Path:
     """The folder inside `folder`, at most three levels down, that has SPEED's or SPEED+'s layout."""
-    candidates = [folder, *sorted(p for depth in ("*", "*/*", "*/*/*") for p in folder.glob(depth) if p.is_dir())]
+    candidates = [
+        folder,
+        *sorted(p for depth in ("*", "*/*", "*/*/*") for p in folder.glob(depth) if p.is_dir()),
+    ]
     for candidate in candidates:
         listed = (candidate / "camera.json").is_file() or (candidate / "train.json").is_file()
         if listed and candidate.name != "synthetic":
@@ -86,7 +92,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--size", help="also write ultralytics labels with copies of WIDTHxHEIGHT beside it")
     parser.add_argument("--keypoints", default="tango", help="a keypoints file; Tango's where left out")
     given = parser.parse_args(arguments)
-    from visaug.cli.progress import progress_bars
+    from visaug.progress import progress_bars
 
     try:
         size = _size(given.size)

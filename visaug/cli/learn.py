@@ -8,9 +8,9 @@ from typing import Any
 import click
 
 from visaug.cli.options import command, json_option, output_option, written
-from visaug.cli.progress import progress_bars
 from visaug.cli.tables import print_table
 from visaug.errors import InputError
+from visaug.progress import progress_bars
 
 config_argument = click.argument("config_path", metavar="CONFIG", type=click.Path(path_type=Path))
 

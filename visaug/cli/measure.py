@@ -16,7 +16,7 @@ from visaug.cli.options import (
     report_option,
     written,
 )
-from visaug.cli.progress import progress_bars
+from visaug.progress import progress_bars
 
 
 @command("characterize", example="visaug characterize frames/ -o camera.yaml --report characterization.html")

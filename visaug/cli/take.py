@@ -5,8 +5,8 @@ from pathlib import Path
 import click
 
 from visaug.cli.options import camera_option, command, load_camera, output_option, written
-from visaug.cli.progress import progress_bars
 from visaug.cli.tables import print_table
+from visaug.progress import progress_bars
 
 
 @command("augment", example="visaug augment photos/ portrait.tif -o noisy/ --camera sony_imx174 --seed 1")
