@@ -14,14 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from visaug.errors import InputError
+from visaug.files import write_json, write_text
 from visaug_train import tables
 from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation, evaluate
 from visaug_train.predictions import load_predictions, predict, save_predictions
 from visaug_train.training import Run, Study, check_arms, prepare, train_run
-
-from visaug.errors import InputError
-from visaug.files import write_json, write_text
 
 Progress = Callable[[str, int, int], None]
 

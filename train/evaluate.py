@@ -6,6 +6,8 @@ from typing import Any
 
 import cv2
 import numpy as np
+
+from visaug.files import write_text
 from visaug_train.geometry import Keypoints, Targets, project_targets, rotation_matrix
 from visaug_train.metrics import (
     BOXES_PER_IMAGE,
@@ -19,8 +21,6 @@ from visaug_train.metrics import (
 from visaug_train.pose import estimate_pose, pose_errors, spec_score
 from visaug_train.predictions import load_predictions
 from visaug_train.speed import PoseSet, read_poses
-
-from visaug.files import write_text
 
 # A target without a pose counts as one wholly wrong, so a network cannot better its score by silence.
 NO_POSE = (1.0, 180.0)

@@ -58,13 +58,13 @@ def keypoint_similarity(
 
     Where no keypoint is visible, COCO measures how far the points lie from the box enlarged threefold.
     """
-    width, height = box[2:] - box[:2]
-    area = width * height * (1.0 if definition == "paper" else 0.53)
+    span = box[2:] - box[:2]
+    area = span[0] * span[1] * (1.0 if definition == "paper" else 0.53)
     sigma = (1.0 if definition == "paper" else 2.0) / len(target)
     if visible.any():
         offset = (points - target)[:, visible]
     else:
-        low, high = box[:2] - [width, height], box[:2] + [2 * width, 2 * height]
+        low, high = box[:2] - span, box[:2] + 2 * span
         offset = np.clip(low - points, 0, None) + np.clip(points - high, 0, None)
     return np.exp(-(offset**2).sum(axis=2) / (2 * sigma**2 * (area + np.spacing(1)))).mean(axis=1)
 

@@ -1,19 +1,14 @@
-"""Pictures of an ablation beyond the package's own: scores against what they hang on, noise part by part."""
+"""Pictures of an ablation beyond the package's own: scores against what they hang on, predictions good and bad."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-import torch
-from torch import nn
-from visaug_train.evaluate import Evaluation
 
-from visaug.camera import Camera
-from visaug.report.plots.images import plot_components, plot_images
 from visaug.report.plots.learning import ARM_COLOURS, plot_predictions
 from visaug.report.plots.style import blank, styled
-from visaug.sampling import Stream
+from visaug_train.evaluate import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,7 +18,6 @@ CAUSES = {
     "aspect_deg": "line of sight to body axis, deg",
     "brightness": "brightness of the target's box",
 }
-SHOWN_PARTS = ("photon_shot_noise", "prnu", "dsnu", "dark_current", "read_noise", "quantization")
 
 
 def plot_dependence(
@@ -68,38 +62,6 @@ def plot_gallery(evaluation: Evaluation, indices: Sequence[int] | np.ndarray, co
         found_boxes.append(None if best is None else each.boxes[best])
         titles.append(f"{evaluation.domain} {i + 1}: OKS {evaluation.table['oks_paper'][i]:.2f}")
     return plot_predictions(images, points, found, boxes, found_boxes, titles, columns)
-
-
-def plot_clean_and_noised(files: Sequence[str], noise: nn.Module, seed: int = 0) -> "Figure":
-    """Training images above, the same as the network sees them below."""
-    clean = [read_gray(file) for file in files]
-    batch = torch.tensor(np.stack(clean), dtype=torch.float32)[:, None] / 255
-    with torch.random.fork_rng():
-        torch.manual_seed(seed)
-        noised = noise(batch.repeat(1, 3, 1, 1))[:, 0].numpy() * 255
-    titles = ["clean"] * len(clean) + ["with sensor noise"] * len(clean)
-    return plot_images([*clean, *noised], titles, columns=len(clean), limits=(0, 130))
-
-
-def plot_noise_parts(file: str, camera: Camera, seed: int = 0) -> "Figure":
-    """What each effect of a camera adds to an image, alone, in electrons (the converter's rounding in DN)."""
-    level = torch.tensor(read_gray(file), dtype=torch.float32)[None, None] / 255
-    spec = camera.spec
-    full_scale_e = (2**spec.bit_depth - 1 - spec.black_level_dn) * spec.gain_e_per_dn
-    rows, columns = level.shape[-2:]
-    parts: dict[str, np.ndarray] = {}
-    before: list[torch.Tensor] = [torch.zeros(1)]
-
-    def watch(effect, signal: torch.Tensor) -> None:
-        if effect.name in SHOWN_PARTS or effect.name in camera.effect_names:
-            parts[effect.name] = (signal - before[0])[0, 0].numpy()
-        before[0] = signal.clone()
-
-    stream = Stream([seed + 1], [seed + 2], 1, (range(rows), range(columns)))
-    camera.expose(level * full_scale_e / spec.quantum_efficiency, stream, watch=watch)
-    units = ["DN" if name == "quantization" else "e-" for name in parts]
-    titles = [name.replace("_", " ") + (", DN" if unit == "DN" else "") for name, unit in zip(parts, units)]
-    return plot_components(list(parts.values()), titles, "e-", columns=3)
 
 
 def read_gray(file: str) -> np.ndarray:

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
+
 from visaug_train.geometry import Pinhole
 
 # Below these a pose is as exact as the reference poses themselves are (SPEC 2021): no error is counted.

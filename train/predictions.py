@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from visaug.errors import InputError
+from visaug.files import write_json
 from visaug_train.geometry import read_json
 from visaug_train.metrics import Detections
 from visaug_train.quiet import quiet_ultralytics
 from visaug_train.speed import PoseSet
-
-from visaug.errors import InputError
-from visaug.files import write_json
 
 Progress = Callable[[str, int, int], None]
 LEAST_SCORE, MOST_PER_IMAGE = 0.001, 20

@@ -17,6 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from torch import nn
+
+from visaug.errors import InputError
+from visaug.files import write_json
 from visaug_train.batch_noise import GaussianBlur, GaussianNoise, WhiteSensorNoise
 from visaug_train.config import Arm, Config, Vis
 from visaug_train.convert import convert
@@ -24,9 +27,6 @@ from visaug_train.geometry import Keypoints, read_json
 from visaug_train.quiet import quiet_ultralytics
 from visaug_train.render.dataset import RenderSettings, read_back, render_dataset
 from visaug_train.speed import PoseSet, read_poses
-
-from visaug.errors import InputError
-from visaug.files import write_json
 
 Progress = Callable[[str, int, int], None]
 
@@ -80,7 +80,10 @@ def prepare(config: Config, progress: Progress | None = None) -> Study:
 
 
 def check_arms(config: Config) -> None:
-    """Refuse, before hours of training, what an arm would stumble over: its camera, its training arguments."""
+    """Refuse, before hours of training, what an arm would stumble over:
+
+    its camera, its training arguments.
+    """
     quiet_ultralytics(config.output / "ultralytics-settings")
     from ultralytics.cfg import get_cfg
 

@@ -55,7 +55,9 @@ class Broken(nn.Module):
 def test_a_study_goes_on_where_it_was_and_outlives_a_failing_arm(rendered, tmp_path, monkeypatch):
     real = training.batch_noise
     monkeypatch.setattr(
-        training, "batch_noise", lambda arm: Broken() if arm.gaussian and arm.gaussian.p == 0.123 else real(arm)
+        training,
+        "batch_noise",
+        lambda arm: Broken() if arm.gaussian and arm.gaussian.p == 0.123 else real(arm),
     )
     config = study_config(rendered, tmp_path / "out")
 
@@ -111,7 +113,8 @@ def test_differences_are_means_over_seeds_and_lie_in_their_intervals(rendered):
     ablation = constructed(rendered, {"baseline": [3.0, 2.0], "better": [1.0, 0.5]})
     found = {d.measure: d for d in ablation.differences}
     means = [
-        np.mean([ablation.summaries[arm, s]["lightbox"]["iou"] for s in (0, 1)]) for arm in ("baseline", "better")
+        np.mean([ablation.summaries[arm, s]["lightbox"]["iou"] for s in (0, 1)])
+        for arm in ("baseline", "better")
     ]
     assert found["iou"].difference == pytest.approx(means[1] - means[0])
     assert 0 < found["iou"].low <= found["iou"].difference <= found["iou"].high

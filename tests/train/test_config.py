@@ -17,7 +17,10 @@ def minimal(**changes):
         "name": "n",
         "output": "o",
         "data": {"rendered": {}},
-        "arms": {"baseline": {"gaussian": {"p": 0.2}, "training": {"degrees": 5}}, "vis": {"like": "baseline"}},
+        "arms": {
+            "baseline": {"gaussian": {"p": 0.2}, "training": {"degrees": 5}},
+            "vis": {"like": "baseline"},
+        },
     } | changes
 
 

@@ -32,7 +32,10 @@ def test_label_holds_box_and_points_as_shares_and_hides_what_is_outside(tmp_path
 
 
 def parts(rendered):
-    return {"train": read_poses(rendered, "synthetic", "train"), "val": read_poses(rendered, "synthetic", "test")}
+    return {
+        "train": read_poses(rendered, "synthetic", "train"),
+        "val": read_poses(rendered, "synthetic", "test"),
+    }
 
 
 def test_converted_dataset_is_complete_and_resized(rendered, tmp_path):

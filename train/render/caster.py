@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+
 from visaug_train.geometry import Keypoints, Pinhole, project_targets, rotation_matrix
 from visaug_train.render.spacecraft import Scene, spacecraft
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+
 from visaug_train.geometry import Keypoints
 
 # Gray reflectances. `facets` tilts the normals of crinkled foil, `cells` draws the grid of solar cells.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import zoom
 from scipy.spatial.transform import Rotation
+
 from visaug_train.geometry import Pinhole
 from visaug_train.render.caster import Views
 
