@@ -1,0 +1,252 @@
+"""VISNoise: what goes in and comes out, draws and their replay, ways in.
+
+False alarms: bounds are five standard errors or more, below 1e-5 for each test.
+"""
+
+import json
+
+import pytest
+import torch
+from scipy import constants
+
+from visaug import Camera, InputError, VISNoise
+from visaug.augment import (
+    SensorNoise,
+    draws_from_json,
+    draws_to_json,
+    irradiance_to_photons,
+    linear_to_srgb,
+    srgb_to_linear,
+)
+from visaug.sampling import Stream, derive_key
+
+CONTENT = {
+    "name": "test camera",
+    "resolution": [48, 64],
+    "gain_e_per_dn": 0.19,
+    "quantum_efficiency": 0.61,
+    "black_level_dn": 240,
+    "read_noise": {"sigma_e": 2.37, "shape": -0.1},
+    "prnu": {"column": 0.002, "row": 0.0015, "pixel": 0.006},
+    "dsnu": {"column_e": 1.4, "row_e": 0.3, "pixel_e": 1.1},
+}
+RANDOM = {"gain_db": {"std": 2.0}, "read_noise.sigma_e": 0.2}
+
+
+def camera(**changes) -> Camera:
+    return Camera.load({**CONTENT, **changes})
+
+
+def eight_bit(*shape: int) -> torch.Tensor:
+    return torch.randint(20, 200, shape, generator=torch.Generator().manual_seed(3)) / 255
+
+
+@pytest.fixture(params=[True, False], ids=["fast", "exact"])
+def fast(request):
+    return request.param
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16, torch.float32, torch.float64])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_shape_and_type_are_kept(dtype, channels, fast):
+    images = eight_bit(2, channels, 20, 30).to(dtype)
+    noisy = VISNoise(camera(), fast=fast)(images)
+    assert (noisy.shape, noisy.dtype, noisy.device) == (images.shape, images.dtype, images.device)
+    assert noisy.min() >= 0
+    assert noisy.max() <= 1
+    assert not torch.equal(noisy, images)
+
+
+def test_single_image_keeps_its_axes():
+    image = eight_bit(1, 20, 30)
+    assert VISNoise(camera())(image).shape == (1, 20, 30)
+    assert VISNoise(camera(), keepdim=False)(image).shape == (1, 1, 20, 30)
+
+
+@pytest.mark.parametrize("gain_db", [-6.0, 0.0, 6.0])
+@pytest.mark.parametrize("quantum_efficiency", [0.2, 0.9])
+def test_gain_and_quantum_efficiency_leave_the_mean(gain_db, quantum_efficiency, fast):
+    flat = torch.full((1, 1, 400, 400), 0.4)
+    quiet = {"prnu": {}, "dsnu": {}}
+    cam = camera(gain_db=gain_db, quantum_efficiency=quantum_efficiency, **quiet)
+    noisy = VISNoise(cam, fast=fast)(flat)
+    assert abs(noisy.mean() - 0.4) < 5 * noisy.std() / 400
+
+
+def test_variance_is_that_of_the_linear_model(fast):
+    # EMVA 1288: sigma_y^2 = K^2 (sigma_d^2 + mu_e) + 1/12; five standard errors of a variance are 5 sqrt(2/N)
+    flat = torch.full((1, 1, 500, 500), 0.3)
+    noisy = VISNoise(camera(prnu={}, dsnu={}), fast=fast)(flat) * 65535
+    electrons = 0.3 * 65535 * 0.19
+    expected = (2.37**2 + electrons) / 0.19**2 + 1 / 12
+    assert noisy.double().var().item() == pytest.approx(expected, rel=5 * (2 / 500**2) ** 0.5)
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
+def test_any_input_depth_has_the_same_noise(bits):
+    levels = torch.round(torch.full((1, 1, 300, 300), 0.5) * (2**bits - 1)) / (2**bits - 1)
+    noisy = VISNoise(camera(prnu={}, dsnu={}))(levels)
+    assert abs(noisy.mean() - levels.mean()) < 5 * noisy.std() / 300
+    expected = (2.37**2 + levels.mean() * 65535 * 0.19) ** 0.5 / 0.19 / 65535
+    assert noisy.std().item() == pytest.approx(expected.item(), rel=5 * (0.5 / 300**2) ** 0.5)
+
+
+def test_gray_images_get_the_same_noise_in_all_channels(fast):
+    gray, colour = eight_bit(1, 1, 40, 50).expand(1, 3, 40, 50), eight_bit(1, 3, 40, 50)
+    noisy = VISNoise(camera(), fast=fast)(torch.cat([gray, colour]))
+    assert torch.equal(noisy[0, 0], noisy[0, 1])
+    assert torch.equal(noisy[0, 0], noisy[0, 2])
+    noise = noisy[1] - colour[0]
+    assert abs(torch.corrcoef(noise.flatten(1))[0, 1]) < 5 / 2000**0.5
+    alone = VISNoise(camera(), fast=fast)
+    assert torch.equal(alone(gray)[0, 0], alone(gray, params=alone._params)[0, 1])
+
+
+def test_black_level_is_taken_off_or_kept(fast):
+    dark = torch.zeros(1, 1, 100, 100)
+    cam = camera(dsnu={}, prnu={})
+    kept = VISNoise(cam, black_level="keep", fast=fast)(dark) * 65535
+    assert kept.mean().item() == pytest.approx(240, abs=5 * 12.5 / 100)
+    assert VISNoise(cam, fast=fast)(dark).mean() * 65535 < 10
+
+
+def test_srgb_images_are_noisy_in_linear_light():
+    flat = torch.full((1, 1, 300, 300), 0.5)
+    cam = camera(prnu={}, dsnu={})
+    noisy = srgb_to_linear(VISNoise(cam, transfer="srgb")(flat))
+    linear = srgb_to_linear(torch.tensor(0.5))
+    assert abs(noisy.mean() - linear) < 5 * noisy.std() / 300
+    assert linear_to_srgb(srgb_to_linear(flat)).allclose(flat, atol=1e-6)
+
+
+def test_sensor_resolution_averages_the_noise():
+    flat = torch.full((1, 1, 64, 64), 0.4)
+    quiet = {"prnu": {}, "dsnu": {}, "resolution": [256, 256]}
+    network = VISNoise(camera(**quiet))(flat).std()
+    sensor = VISNoise(camera(**quiet), resolution="sensor")(flat).std()
+    assert (network / sensor).item() == pytest.approx(4, rel=5 * 2 * (0.5 / 64**2) ** 0.5)
+
+
+def test_seed_reproduces_and_images_differ(fast):
+    images = torch.full((2, 1, 30, 30), 0.3)
+    noise = VISNoise(camera(randomize=RANDOM), fast=fast)
+    torch.manual_seed(5)
+    first = noise(images)
+    torch.manual_seed(5)
+    assert torch.equal(noise(images), first)
+    assert not torch.equal(noise(images), first)
+    assert not torch.equal(first[0], first[1])
+    own = [VISNoise(camera(), fast=fast, seed=7)(images) for _ in range(2)]
+    assert torch.equal(*own)
+
+
+def test_draws_replay_through_json_bit_by_bit(fast):
+    images = eight_bit(3, 1, 30, 40)
+    noise = VISNoise(camera(randomize=RANDOM), fast=fast)
+    noisy = noise(images)
+    text = json.dumps(draws_to_json(noise._params))
+    assert {"gain_db", "read_noise.sigma_e"} <= json.loads(text).keys()
+    assert torch.equal(noise(images, params=draws_from_json(json.loads(text))), noisy)
+
+
+def test_a_batch_is_its_images(fast):
+    images = eight_bit(3, 1, 30, 40)
+    noise = VISNoise(camera(randomize=RANDOM), fast=fast)
+    noisy, draws = noise(images), noise._params
+    for i in range(3):
+        one = {name: value[i : i + 1] for name, value in draws.items()}
+        assert torch.equal(noise(images[i : i + 1], params=one), noisy[i : i + 1])
+
+
+def test_random_values_have_their_spread():
+    noise = SensorNoise(camera(randomize={"gain_db": {"std": 2.0}, "prnu.pixel": 1.0}))
+    draws = noise.draw(4000)
+    assert draws["gain_db"].std().item() == pytest.approx(2.0, rel=5 * (0.5 / 4000) ** 0.5)
+    assert draws["prnu.pixel"].min() > 0  # truncated: none piles up at the bound
+
+
+def test_population_uses_every_camera(fast):
+    bright, dim = camera(black_level_dn=500), camera(black_level_dn=5000)
+    noise = VISNoise([bright, dim], black_level="keep", fast=fast)
+    noisy = noise(torch.zeros(40, 1, 16, 16)) * 65535
+    level = torch.where(noise._params["camera"] == 0, 500.0, 5000.0)
+    assert (noisy.mean((1, 2, 3)) - level).abs().max() < 100
+    assert 5 < noise._params["camera"].sum() < 35  # 1e-6 outside
+
+
+def test_same_on_batch_and_probability(fast):
+    images = torch.full((200, 1, 8, 8), 0.5)
+    same = VISNoise(camera(randomize=RANDOM), same_on_batch=True, fast=fast)(images[:4])
+    assert torch.equal(same, same[:1].expand_as(same))
+    half = VISNoise(camera(), p=0.5, fast=fast)(images)
+    changed = (half != images).flatten(1).any(1).sum().item()
+    assert 60 < changed < 140  # 2e-8 outside
+    assert torch.equal(VISNoise(camera(), p=0.0, fast=fast)(images), images)
+
+
+def test_kept_pattern_is_the_cameras_and_its_crop(fast):
+    cam = camera(read_noise={"sigma_e": 0.5}, dsnu={"pixel_e": 40.0, "row_e": 30.0, "column_e": 20.0}, gain_e_per_dn=1.0)
+    dark = torch.zeros(60, 1, 40, 50)
+    whole = VISNoise(cam, fixed_pattern="camera", seed=4, fast=fast, black_level="keep")(dark).mean(0)
+    again = VISNoise(cam, fixed_pattern="camera", seed=4, fast=not fast, black_level="keep")(dark).mean(0)
+    other = VISNoise(cam, fixed_pattern="camera", seed=5, fast=fast, black_level="keep")(dark).mean(0)
+    options = {"fixed_pattern": "camera", "seed": 4, "fast": fast, "black_level": "keep"}
+    crop = VISNoise(cam, origin=(10, 20), **options)(dark[..., :30, :30]).mean(0)
+    assert (whole - again).abs().max() * 65535 < 1.0
+    assert (whole - other).std() * 65535 > 40
+    assert (whole[..., 10:, 20:] - crop).abs().max() * 65535 < 1.0
+
+
+def test_kept_pattern_is_that_of_simulated_frames():
+    cam = camera(read_noise={"sigma_e": 0.1}, gain_e_per_dn=1.0, dsnu={"pixel_e": 40.0})
+    noise = SensorNoise(cam, fixed_pattern="camera", black_level="keep")
+    image = noise(torch.zeros(1, 1, 48, 64)) * 65535
+    stream = Stream([1], [derive_key(0, "camera")], 1, (range(48), range(64)))
+    frame = cam.expose(torch.zeros(1, 1, 48, 64), stream)
+    assert (image - frame).abs().max() < 1.5
+
+
+def test_full_scale_photons_make_brightness_depend_on_the_gain(fast):
+    flat = torch.full((1, 1, 100, 100), 0.5)
+    cam = camera(prnu={}, dsnu={})
+    mean = VISNoise(cam, full_scale_photons=10_000.0, fast=fast)(flat).mean().item()
+    assert mean == pytest.approx(5000 * 0.61 / 0.19 / 65535, rel=1e-3)
+
+
+def test_irradiance_is_the_relation_of_emva_1288():
+    # Release 4 Linear, eq. 4: mu_p = 50.34 A[um^2] t[ms] lambda[um] E[uW/cm^2]
+    photons = irradiance_to_photons(2.0e-2, 0.525e-6, (3.45e-6) ** 2, 4e-3)  # 2 uW/cm^2
+    assert photons == pytest.approx(50.34 * 3.45**2 * 4 * 0.525 * 2, rel=2e-4)
+    energy = constants.h * constants.c / 0.525e-6
+    assert photons == pytest.approx(2.0e-2 * (3.45e-6) ** 2 * 4e-3 / energy)
+
+
+def test_wrong_options_are_refused():
+    with pytest.raises(InputError, match="transfer"):
+        VISNoise(camera(), transfer="gamma")
+    with pytest.raises(InputError, match="population"):
+        VISNoise([])
+    with pytest.raises(InputError, match="no parameter"):
+        VISNoise(camera(), values={"gain": 1.0})
+
+
+def test_gradients_take_the_exact_chain():
+    images = eight_bit(1, 1, 20, 20).requires_grad_()
+    VISNoise(camera())(images).sum().backward()
+    assert images.grad is not None
+    assert images.grad.mean().item() == pytest.approx(1.0, abs=0.05)
+
+
+def test_an_optimiser_recovers_the_read_noise():
+    flat = torch.full((4, 1, 64, 64), 0.002)
+    target = VISNoise(camera(prnu={}, dsnu={}), fast=False, black_level="keep")(flat).var()
+    sigma = torch.nn.Parameter(torch.tensor(6.0))
+    noise = VISNoise(camera(prnu={}, dsnu={}), values={"read_noise.sigma_e": sigma}, black_level="keep")
+    optimiser = torch.optim.Adam(noise.parameters(), lr=0.3)
+    for _ in range(60):
+        optimiser.zero_grad()
+        loss = (noise(flat).var() / target).log() ** 2
+        loss.backward()
+        optimiser.step()
+    # The variance also holds 25 e-^2 of shot noise: 5 standard errors of it are 1.2 e-^2, hence 0.25 e- of sigma
+    assert sigma.item() == pytest.approx(2.37, abs=0.6)
