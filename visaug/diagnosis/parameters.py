@@ -96,12 +96,8 @@ def effect_coordinates(camera: Camera, name: str) -> list[Coordinate]:
         if value > 0 and parameter.low >= 0:
             free.append(Coordinate(path, True, 0.1 if parameter.strength else 0.06, 1.5))
         else:
-            reach = (
-                parameter.high - parameter.low
-                if math.isfinite(parameter.high - parameter.low)
-                else max(abs(value), 1.0)
-            )
-            free.append(Coordinate(path, False, max(0.06 * abs(value), 0.01 * reach), 0.5 * reach))
+            reach = max(abs(value), *(abs(t) for t in parameter.trials or (parameter.default or 1.0,)))
+            free.append(Coordinate(path, False, 0.06 * reach, 5 * reach))
     return free
 
 

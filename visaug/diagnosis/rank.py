@@ -106,13 +106,10 @@ def signatures(lab: Laboratory, reference: Reference, without: frozenset[str], r
     """
     tried = trials(reference.camera, without)
     moves = _moves(lab, reference, tried, range(FEW), report, "trying")
-    spread = np.divide(
-        moves.var(1, ddof=1),
-        reference.null_scale**2,
-        out=np.zeros(moves.shape[::2]),
-        where=reference.null_scale > 0,
-    )
-    random = [i for i in range(len(tried)) if spread[i].max() > 3 or spread[i].mean() > 0.1]
+    scale = reference.null_scale
+    z = np.divide(moves, scale, out=np.zeros_like(moves), where=scale > 0)
+    own = z.var(1, ddof=1).mean(1)
+    random = [i for i in range(len(tried)) if own[i] > max(0.15, 0.02 * (z[i].mean(0) ** 2).mean())]
     means, variances = moves.mean(1), np.zeros_like(moves[:, 0])
     if random:
         again = _moves(lab, reference, [tried[i] for i in random], range(FEW, MORE), report, "trying again")
