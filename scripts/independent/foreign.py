@@ -18,7 +18,7 @@ def slanted_pickup(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     """
     rng = at.die()
     slant, period = rng.uniform(0.5, 1.0), rng.uniform(7, 15)
-    y, x_index = np.indices(x.shape, sparse=True)
+    y, x_index = np.ogrid[: x.shape[0], : x.shape[1]]
     return x + strength * np.sin(
         2 * np.pi * ((y * np.cos(slant) + x_index * np.sin(slant)) / period + at.now().random())
     )

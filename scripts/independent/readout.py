@@ -96,7 +96,7 @@ def tap_mismatch(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     """
     rng = at.die()
     share, offset, gain = rng.uniform(0.4, 0.6), rng.choice([-1, 1]), rng.choice([-1, 1]) * 1e-3
-    y, x_index = np.indices(x.shape, sparse=True)
+    y, x_index = np.ogrid[: x.shape[0], : x.shape[1]]
     second = y >= share * x.shape[0] if at.form == "upper and lower" else x_index >= share * x.shape[1]
     return np.where(second, x * (1 + gain * strength) + offset * strength, x)
 

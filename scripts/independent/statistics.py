@@ -281,16 +281,16 @@ def _scene(target: str, image: np.ndarray, clean: np.ndarray, sensor: Sensor) ->
             stats[f"{target} trail {name}"] = float(rest[trail & dark].mean())
     if target == "spot":
         stats["spot top"] = float(np.median(image[bright]))
-    inside = bright
+    inside: np.ndarray = bright
     for reach in (4, 9, 18, 36):
-        wider = binary_dilation(bright, iterations=reach)
+        wider = np.array(binary_dilation(bright, iterations=reach), dtype=bool)
         ring = wider & ~inside & dark
         if ring.any():
             stats[f"{target} ring {reach}"] = float(rest[ring].mean())
         inside = wider
     if (dark & ~inside).any():
         stats[f"{target} far"] = float(rest[dark & ~inside].mean())
-    mirror = binary_dilation(bright[::-1, ::-1], iterations=3) & dark
+    mirror = np.array(binary_dilation(bright[::-1, ::-1], iterations=3), dtype=bool) & dark
     if mirror.any():
         stats[f"{target} mirror"] = float(rest[mirror].mean() - np.median(rest[dark]))
     return stats
