@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from visaug.camera import Camera
+from visaug.comparison.selection import manageable
 from visaug.errors import InputError
 from visaug.fingerprint import Fingerprint, Statistic, fingerprint, fingerprint_values
 from visaug.frames import FrameSet
@@ -66,6 +67,8 @@ def share_out(frames: FrameSet) -> Folds:
 class Laboratory:
     """Simulates sets of the same plan as the measured one and takes their fingerprints.
 
+    Of a large set it takes a share, see `manageable`; `selection` says which, None where it takes all.
+
     Args:
         frames: the measured set.
         camera: fills in what the plan leaves open (the photons of flats with an uncalibrated source).
@@ -80,8 +83,9 @@ class Laboratory:
                 field="kind",
                 expected="bias, dark, flat or scene frames to compare a camera with",
             )
-        self.frames = _with_photons(frames, camera)
-        self.folds = share_out(self.frames) if folds else Folds(tuple(range(len(frames))), (), ())
+        small, self.selection = manageable(frames)
+        self.frames = _with_photons(small, camera)
+        self.folds = share_out(self.frames) if folds else Folds(tuple(range(len(self.frames))), (), ())
         self.seed = seed
 
     @cached_property

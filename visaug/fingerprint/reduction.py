@@ -162,9 +162,10 @@ class FrameData:
     def bias(self) -> GroupData | None:
         """The shortest dark condition: bias frames, or darks where there are none."""
         groups = [g for g in self._used_groups if g.kind == "bias"]
-        if not groups:
-            return None
-        return self._load(max(groups, key=lambda g: len(g.indices)), None)
+        if groups:
+            return self._load(max(groups, key=lambda g: len(g.indices)), None)
+        darks = sorted((g for g in self._used_groups if g.kind == "dark"), key=by_condition)
+        return self._load(darks[0], None) if darks else None
 
     @cached_property
     def _used_groups(self) -> list[Group]:
@@ -175,7 +176,7 @@ class FrameData:
         """The groups that the statistics are taken from."""
         chosen: list[Group] = []
         for kind, most in MAX_GROUPS.items():
-            chosen += spread(sorted((g for g in self._used_groups if g.kind == kind), key=_condition), most)
+            chosen += choose([g for g in self._used_groups if g.kind == kind], most)
         bias = self.bias
         return [bias if bias and g == bias.group else self._load(g, bias) for g in chosen]
 
@@ -205,7 +206,22 @@ def spread(items: list, most: int) -> list:
     return [items[round(i * (len(items) - 1) / (most - 1))] for i in range(most)]
 
 
-def _condition(group: Group) -> tuple:
+def choose(groups: list[Group], most: int) -> list[Group]:
+    """At most so many groups, evenly spread over the conditions, the one with the most frames among them."""
+    ordered = sorted(groups, key=by_condition)
+    chosen = spread(ordered, most)
+    if len(chosen) < len(ordered):
+        fullest = max(ordered, key=lambda g: len(g.indices))
+        if fullest not in chosen:
+            near = min(
+                range(len(chosen)), key=lambda k: abs(ordered.index(chosen[k]) - ordered.index(fullest))
+            )
+            chosen[near] = fullest
+    return chosen
+
+
+def by_condition(group: Group) -> tuple:
+    """Sorts groups of a kind: by temperature, light, exposure."""
     return (
         group.temperature_c or 0.0,
         group.photons or 0.0,

@@ -35,9 +35,10 @@ class BrighterFatter(Effect):
 
     def apply(self, signal, p, stream, context):
         share = p.share_per_ke / 1000
-        left, right = signal[..., :-1], signal[..., 1:]
+        held = torch.minimum(signal, context.full_well_e)  # what is above the full well is on its way elsewhere
+        left, right = held[..., :-1], held[..., 1:]
         across = (share * (left + right) / 2).clamp_max(LIMIT) * (right - left)
-        up, down = signal[..., :-1, :], signal[..., 1:, :]
+        up, down = held[..., :-1, :], held[..., 1:, :]
         along = (p.aspect * share * (up + down) / 2).clamp_max(LIMIT) * (down - up)
         gained = torch.diff(F.pad(across, (1, 1)), dim=-1) + torch.diff(F.pad(along, (0, 0, 1, 1)), dim=-2)
         return signal + gained
