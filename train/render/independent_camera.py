@@ -88,12 +88,12 @@ LIGHTBOX_CAMERA = IndependentCamera(
     serial=11,
     full_well_e=900.0,
     e_per_dn=0.25,
-    read_noise_e=22.0,
+    read_noise_e=14.0,
     pixel_offset_e=6.0,
-    column_offset_e=14.0,
-    row_banding_e=28.0,
-    tap_gain=0.15,
-    tap_offset_e=35.0,
+    column_offset_e=9.0,
+    row_banding_e=18.0,
+    tap_gain=0.12,
+    tap_offset_e=22.0,
 )
 # Hard light on a sensor with a small well: saturation, and what saturation brings.
 SUNLAMP_CAMERA = IndependentCamera(
