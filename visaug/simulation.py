@@ -1,6 +1,7 @@
 """Frame sets as a camera would take them."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -41,6 +42,43 @@ def simulate(
             progress("simulating frames", positions[-1] + 1, len(plan))
     cleans = {r.clean: plan.clean(i) for i, r in enumerate(plan.records) if r.kind == "scene" and r.clean}
     return FrameSet.from_arrays(plan.records, frames, cleans, bit_depth=camera.bit_depth)
+
+
+def with_chart(camera: Camera, plan: FrameSet) -> FrameSet:
+    """The plan with a chart of edges and one small bright spot wherever a scene names no target.
+
+    Levels are shares of the camera's saturation, 0.02 to 0.8; the spot is 5 times saturation.
+    """
+    open_scenes = [i for i, r in enumerate(plan.records) if r.kind == "scene" and not r.clean]
+    if not open_scenes:
+        return plan
+    records = list(plan.records)
+    cleans = {r.clean: plan.clean(i) for i, r in enumerate(records) if r.kind == "scene" and r.clean}
+    for i in open_scenes:
+        r0, r1, c0, c1 = _window(camera, records[i])
+        name = f"chart_{r1 - r0}x{c1 - c0}.npy"
+        cleans.setdefault(name, _chart(r1 - r0, c1 - c0) * np.float32(_saturation_photons(camera)))
+        records[i] = replace(records[i], clean=name)
+    unread = np.broadcast_to(np.uint16(0), (len(records), *camera.resolution))
+    return FrameSet.from_arrays(records, unread, cleans, bit_depth=camera.bit_depth)
+
+
+def _chart(rows: int, columns: int) -> np.ndarray:
+    """Squares of rising level on a dim ground, a slanted edge below, a spot, as shares of saturation."""
+    y, x = np.mgrid[:rows, :columns]
+    chart = np.full((rows, columns), 0.02, np.float32)
+    side = max(columns // 8, 1)
+    square = (y >= rows // 8) & (y < rows // 8 + side) & (x % side >= side // 3)
+    chart[square] = 0.1 + 0.7 * (x[square] // side) / 7
+    chart[(y > rows // 2) & (x > columns // 2 + (y - rows // 2) / 10)] = 0.5
+    chart[3 * rows // 4 : 3 * rows // 4 + 3, columns // 4 : columns // 4 + 3] = 5.0
+    return chart
+
+
+def _saturation_photons(camera: Camera) -> float:
+    spec = camera.spec
+    top_e = (2**spec.bit_depth - 1 - spec.black_level_dn) * spec.gain_e_per_dn
+    return min(top_e, spec.full_well_e or top_e) / spec.quantum_efficiency
 
 
 def exposures(camera: Camera, plan: FrameSet, seed: int) -> Iterator[tuple[Sequence[int], Tensor]]:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
+import visaug
 from visaug.cli import main
 from visaug.cli.root import program
 
@@ -130,6 +131,21 @@ def test_simulate_writes_what_the_plan_names(program_run, tmp_path):
     assert again == 0, err
     first, second = ((tmp_path / name / "f/f0.png").read_bytes() for name in ("frames", "again"))
     assert first == second
+
+
+def test_the_plan_that_is_written_can_be_simulated(program_run, tmp_path):
+    assert program_run("plan", "-o", "mine.csv")[0] == 0
+    status, _, err = program_run("simulate", "mine.csv", "--camera", "camera.yaml", "-o", "frames")
+    assert status == 0, err
+    frames = visaug.FrameSet.load(tmp_path / "frames")
+    scenes = [i for i, record in enumerate(frames.records) if record.kind == "scene"]
+    assert scenes
+    clean = frames.clean(scenes[0])
+    assert clean.shape == (24, 32)
+    # the spot is beyond saturation, the rest below it
+    measured = frames.read(scenes[0])
+    assert measured[clean == clean.max()].min() == 4095
+    assert (measured == 4095).mean() < 0.05
 
 
 def test_same_seed_same_frames_other_seed_others(program_run, tmp_path):

@@ -77,13 +77,14 @@ def augment(
 def simulate(plan_path: Path, camera_name: str, output: Path, seed: int) -> None:
     """A frame set as a camera would take it.
 
-    PLAN is a frames.csv, whose `file` names what to write, or a frame set to take again.
+    PLAN is a frames.csv, whose `file` names what to write, or a frame set to take again. A scene whose
+    `clean` is blank shows a chart of edges and a bright spot, which is written beside the frames.
     """
     from visaug.frames import FrameSet
-    from visaug.simulation import simulate
+    from visaug.simulation import simulate, with_chart
 
     camera = load_camera(camera_name)
-    plan = FrameSet.load(plan_path, resolution=camera.resolution)
+    plan = with_chart(camera, FrameSet.load(plan_path, resolution=camera.resolution))
     with progress_bars() as progress:
         frames = simulate(camera, plan, seed=seed, progress=progress)
         frames.save(output, keep_names=True)
