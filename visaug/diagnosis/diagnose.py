@@ -314,7 +314,7 @@ class _Search:
             from visaug.diagnosis.separate import measurement
 
             cameras = {r.effect: r.camera for r in refined if r.effect in close}
-            self.ambiguous.append({"effects": close, "measure": measurement(self.lab, cameras, self.report)})
+            self.ambiguous.append({"effects": close, "measure": measurement(cameras, self.report)})
 
     def _form(self, state: State) -> str | None:
         """What the forms of accepted effects leave over, in words."""
