@@ -122,6 +122,23 @@ def test_uncalibrated_flats_tell_the_gain_but_no_efficiency():
     assert "emva.quantum_efficiency" in result.not_determined
 
 
+def test_light_and_temperature_measured_for_each_frame_make_levels():
+    frames = Sensor().expose(plan(), 3)
+    rng = np.random.default_rng(0)
+    records = [
+        dataclasses.replace(
+            r,
+            temperature_c=r.temperature_c + float(rng.uniform(-0.2, 0.2)) if r.kind != "flat" else 20.0,
+            photons=r.photons * float(rng.uniform(0.998, 1.002)) if r.kind == "flat" else None,
+        )
+        for r in frames.records
+    ]
+    wandering = FrameSet.from_arrays(records, [frames.read(i).astype(np.uint16) for i in range(len(frames))])
+    found, steady = characterize(wandering), characterize(frames)
+    for name in ("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "dark_current.b_per_c"):
+        assert found[name].value == pytest.approx(steady[name].value, rel=0.02), name
+
+
 def test_converter_that_clips_hides_the_full_well():
     result = characterize(dataclasses.replace(Sensor(), top_dn=40000, full_well_e=1e9).expose(plan(), 4))
     assert "full_well_e" not in result.parameters

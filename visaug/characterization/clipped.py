@@ -269,7 +269,8 @@ def _dark(found: Findings, measured: Measured, fit: Fit, columns: np.ndarray, wi
         reach = 10 * fit.sigma + 2 * m.mean + float(np.ptp(columns))
         if mean_at(-reach, m.mean) > 0 or mean_at(reach, m.mean) < 0:
             continue
-        shift = float(optimize.brentq(mean_at, -reach, reach, args=(m.mean,), xtol=1e-4 * fit.sigma))
+        found_root = optimize.root_scalar(mean_at, (m.mean,), bracket=(-reach, reach), xtol=1e-4 * fit.sigma)
+        shift = float(found_root.root)
         h = 0.05 * fit.sigma
         slope = (mean_at(shift + h) - mean_at(shift - h)) / (2 * h)
         scatter = m.frame_variance / max(slope, 0.02) ** 2

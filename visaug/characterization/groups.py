@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,8 @@ import numpy as np
 from visaug.characterization.moments import GroupMoments, measure
 from visaug.frames import FrameSet, Group
 
-_SAME_TEMPERATURE_C = 0.6
+_SAME_C = 0.6
+_SAME_LIGHT = 0.01
 _STACK = 4  # a flat with that many times more frames than the sweep's is a stack for spatial figures
 
 
@@ -121,15 +123,35 @@ def merged_groups(frames: FrameSet) -> list[Group]:
     for same in found.values():
         known = sorted((g for g in same if g.temperature_c is not None), key=lambda g: g.temperature_c or 0.0)
         merged += [g for g in same if g.temperature_c is None]
-        cluster: list[Group] = []
-        for group in known:
-            if cluster and group.temperature_c - cluster[0].temperature_c > _SAME_TEMPERATURE_C:
-                merged.append(_join(cluster))
-                cluster = []
-            cluster.append(group)
-        if cluster:
-            merged.append(_join(cluster))
-    return sorted(merged, key=lambda g: g.indices[0])
+        merged += _clusters(
+            known, lambda a, b: (b.temperature_c or 0.0) - (a.temperature_c or 0.0) <= _SAME_C
+        )
+    return sorted(_merge_lone_flats(merged), key=lambda g: g.indices[0])
+
+
+def _merge_lone_flats(groups: list[Group]) -> list[Group]:
+    """Flats whose light was measured for each frame are one level where it differs by a percent at most."""
+    lone = [g for g in groups if g.kind == "flat" and len(g.indices) == 1 and g.photons]
+    found: dict[tuple, list[Group]] = {}
+    for g in sorted(lone, key=lambda g: g.photons or 0.0):
+        found.setdefault((g.exposure_s, g.gain_db, g.temperature_c, g.window), []).append(g)
+    joined = [
+        g
+        for same in found.values()
+        for g in _clusters(same, lambda a, b: (b.photons or 0.0) <= (1 + _SAME_LIGHT) * (a.photons or 0.0))
+    ]
+    return [g for g in groups if g not in lone] + joined
+
+
+def _clusters(ordered: list[Group], alike: Callable[[Group, Group], bool]) -> list[Group]:
+    """Neighbours that are alike to the first of their cluster, joined."""
+    clusters: list[list[Group]] = []
+    for group in ordered:
+        if clusters and alike(clusters[-1][0], group):
+            clusters[-1].append(group)
+        else:
+            clusters.append([group])
+    return [_join(cluster) for cluster in clusters]
 
 
 def _split_after_light(frames: FrameSet) -> list[Group]:
@@ -161,9 +183,16 @@ def _join(cluster: list[Group]) -> Group:
     if len(cluster) == 1:
         return cluster[0]
     counts = [len(g.indices) for g in cluster]
-    temperature = float(np.average([g.temperature_c for g in cluster], weights=counts))
-    indices = tuple(sorted(i for g in cluster for i in g.indices))
-    return replace(cluster[0], temperature_c=temperature, indices=indices)
+
+    def mean(values: list[float | None]) -> float | None:
+        return None if values[0] is None else float(np.average([v or 0.0 for v in values], weights=counts))
+
+    return replace(
+        cluster[0],
+        temperature_c=mean([g.temperature_c for g in cluster]),
+        photons=mean([g.photons for g in cluster]),
+        indices=tuple(sorted(i for g in cluster for i in g.indices)),
+    )
 
 
 def _of(moments, kind: str, gain_db: float) -> tuple[GroupMoments, ...]:

@@ -78,7 +78,7 @@ def safe_levels(levels: Sequence[Level], saturation: int | None) -> tuple[int, .
     chosen = [
         i
         for i, v in enumerate(levels)
-        if 0 < v.signal <= limit and v.flat.clipped_high == 0 and v.variance_of_all > 0
+        if 0 < v.signal <= limit and v.flat.clipped_high == 0 and v.variance_of_all > 0 and v.photons != 0
     ]
     if not chosen and saturation is not None:
         chosen = [i for i in range(saturation + 1) if levels[i].signal > 0]
@@ -182,7 +182,7 @@ def full_well(found: PhotonTransfer, nonuniformity: float) -> tuple[float, float
         return None
     level = found.levels[-1]
     signal_e = level.signal / found.gain_dn_per_e
-    expected = float(level.photons) * found.response_dn_per_photon / found.gain_dn_per_e
+    expected = float(level.photons or 0.0) * found.response_dn_per_photon / found.gain_dn_per_e
     spread = math.sqrt(expected + (nonuniformity * expected) ** 2)
     shot = level.variance_of_all / found.gain_dn_per_e**2
     if converter_clips(level) or shot > _COLLAPSE * expected or expected - signal_e < 0.1 * spread:
@@ -190,12 +190,12 @@ def full_well(found: PhotonTransfer, nonuniformity: float) -> tuple[float, float
 
     def excess(f: float) -> float:
         z = (expected - f) / spread
-        return expected - (expected - f) * stats.norm.cdf(z) - spread * stats.norm.pdf(z) - signal_e
+        return float(expected - (expected - f) * stats.norm.cdf(z) - spread * stats.norm.pdf(z) - signal_e)
 
     low, high = signal_e * 0.8, expected + 6 * spread
     if excess(low) * excess(high) > 0:
         return None
-    well = float(optimize.brentq(excess, low, high))
+    well = float(optimize.root_scalar(excess, bracket=(low, high)).root)
     clipped = float(stats.norm.cdf((expected - well) / spread))
     gain = found.gain_error / found.gain_dn_per_e
     response = (1 - clipped) / clipped * expected * math.hypot(found.response_relative_error, gain)
