@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from visaug.camera.randomize import Spread, truncated_normal
+from visaug.camera.randomize import Spreads
 from visaug.sampling import derive_key
 
 KEYS = ("keys", "pattern_keys")
@@ -27,7 +27,7 @@ def random_keys(count: int, generator: torch.Generator | None) -> Tensor:
 
 
 def draw(
-    spreads_of: Sequence[Mapping[str, Spread]],
+    spreads_of: Sequence[Spreads],
     count: int,
     generator: torch.Generator | None = None,
     pattern_key: int | None = None,
@@ -46,12 +46,10 @@ def draw(
         draws["pattern_keys"] = torch.full((count,), signed(pattern_key), dtype=torch.int64)
     draws["camera"] = torch.randint(0, len(spreads_of), (count,), generator=generator)
     for number, random in enumerate(spreads_of):
-        for path, spread in random.items():
-            uniform = torch.rand(count, dtype=torch.float64, generator=generator)
-            value = truncated_normal(uniform, spread)
-            if path in draws:  # another camera's too
-                value = torch.where(draws["camera"] == number, value, draws[path])
-            draws[path] = value
+        uniform = torch.rand(count, len(random.paths), dtype=torch.float64, generator=generator)
+        for path, value in random.values(uniform).items():
+            other = draws.get(path)  # of another camera that has it too
+            draws[path] = value if other is None else torch.where(draws["camera"] == number, value, other)
     return draws
 
 

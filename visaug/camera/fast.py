@@ -16,7 +16,8 @@ import torch
 from torch import Tensor
 
 from visaug.camera import tables
-from visaug.sampling import Stream
+from visaug.sampling import Stream, derive_key
+from visaug.sampling.stream import kernels
 
 if TYPE_CHECKING:
     from visaug.camera.camera import Camera
@@ -68,16 +69,18 @@ def take(
     """
     batch, channels, height, width = images.shape
     window = (range(origin[0], origin[0] + height), range(origin[1], origin[1] + width))
-    stream = Stream(keys, pattern_keys, channels, window)
+    frames, cameras = (np.ascontiguousarray(k.numpy()).view(np.uint64) for k in (keys, pattern_keys))
     lines = [
-        _lines(stream, "prnu", "row", values["prnu.row"]),
-        _lines(stream, "dsnu", "row", values["dsnu.row_e"]),
-        _lines(stream, "prnu", "column", values["prnu.column"]),
-        _lines(stream, "dsnu", "column", values["dsnu.column_e"]),
+        _lines(cameras, ("prnu", "row"), "row", values["prnu.row"], channels, window),
+        _lines(cameras, ("dsnu", "row"), "row", values["dsnu.row_e"], channels, window),
+        _lines(cameras, ("prnu", "column"), "column", values["prnu.column"], channels, window),
+        _lines(cameras, ("dsnu", "column"), "column", values["dsnu.column_e"], channels, window),
     ]
     for effect in camera.effect_names:
-        place = 1 if SHIFTS[effect] == "row" else 3
-        lines[place] = lines[place] + _lines(stream, effect, SHIFTS[effect], values[f"{effect}.sigma_e"], False)
+        vary = SHIFTS[effect]
+        place = 1 if vary == "row" else 3
+        sigma = values[f"{effect}.sigma_e"]
+        lines[place] = lines[place] + _lines(frames, (effect,), vary, sigma, channels, window)
     sets = max(len(line) for line in lines)
     lines = [np.ascontiguousarray(np.broadcast_to(x, (sets, *x.shape[1:]))).reshape(-1, x.shape[2]) for x in lines]
     maps = [np.zeros((channels, height, 0), np.float32)] * 2
@@ -93,7 +96,7 @@ def take(
         source.numpy().reshape(-1, height, width),
         out.numpy().reshape(-1, height, width),
         channels,
-        stream.keys,
+        frames,
         numbers,
         *lines,
         *maps,
@@ -105,13 +108,26 @@ def take(
     return out
 
 
-def _lines(stream: Stream, effect: str, vary: str, sigma: np.ndarray, fixed: bool = True) -> np.ndarray:
-    """A number for each row or column, (1 or B, C, rows or columns) float32."""
+def _lines(
+    keys: np.ndarray,
+    names: tuple[str, ...],
+    vary: str,
+    sigma: np.ndarray,
+    channels: int,
+    window: tuple[range, range],
+) -> np.ndarray:
+    """A number for each row or column, (1 or B, C, rows or columns) float32: those of the exact chain's streams."""
+    rows, columns = (window[0], range(1)) if vary == "row" else (range(1), window[1])
     if not sigma.any():
-        return np.zeros((1, stream.channels, len(stream.window[vary == "column"])), np.float32)
-    own = stream.fork(effect)
-    normal = own.fixed.fork(vary).normal(vary) if fixed else own.normal(vary)
-    return sigma.astype(np.float32)[:, None, None] * normal.numpy().reshape(len(normal), stream.channels, -1)
+        return np.zeros((1, channels, len(rows) * len(columns)), np.float32)
+    normal = np.empty((len(keys), channels, len(rows), len(columns)), np.float32)
+    kernels.fill_normal(kernel().forked(keys, _fork_names(names)), rows.start, columns.start, normal)
+    return sigma.astype(np.float32)[:, None, None] * normal.reshape(len(keys), channels, -1)
+
+
+@cache
+def _fork_names(names: tuple[str, ...]) -> np.ndarray:
+    return np.array([derive_key(name) for name in names], np.uint64)
 
 
 @lru_cache(maxsize=4)

@@ -67,6 +67,18 @@ def _mix(x):
 
 
 @njit(**_options)
+def forked(keys, names):
+    """The keys of `Stream.fork` for one name after another, (B,) uint64."""
+    out = np.empty(len(keys), np.uint64)
+    for i in range(len(keys)):
+        key = keys[i]
+        for name in names:
+            key = _mix(key ^ name)
+        out[i] = key
+    return out
+
+
+@njit(**_options)
 def _bits(key, columns, one, other):
     """Two words of 32 random bits for each column of the sensor."""
     for x in range(columns.size):

@@ -13,17 +13,29 @@ if TYPE_CHECKING:
     from visaug.camera.camera import Camera
 
 
-class Spread(NamedTuple):
-    """A Gaussian truncated, not clipped, at [low, high], so no value piles up there. Units are the parameter's."""
+class Spreads(NamedTuple):
+    """Gaussians truncated, not clipped, at [low, high], so that no value piles up there; tensors (P,), float64.
 
-    nominal: float
-    deviation: float
-    low: float
-    high: float
+    `below` and `above` are the probabilities of the Gaussian up to the bounds. Units are the parameters'.
+    """
+
+    paths: tuple[str, ...]
+    nominal: Tensor
+    deviation: Tensor
+    low: Tensor
+    high: Tensor
+    below: Tensor
+    above: Tensor
+
+    def values(self, uniform: Tensor) -> dict[str, Tensor]:
+        """Values by path, (N,) float32 each, from uniform numbers (N, P) in [0, 1), float64."""
+        normal = torch.special.ndtri(self.below + (self.above - self.below) * uniform)
+        values = torch.clamp(self.nominal + self.deviation * normal, self.low, self.high).float()
+        return dict(zip(self.paths, values.unbind(1)))
 
 
-def spreads(camera: "Camera") -> dict[str, Spread]:
-    """Which numbers of a camera differ from image to image, and how, by path.
+def spreads(camera: "Camera") -> Spreads:
+    """Which numbers of a camera differ from image to image, and how.
 
     A spread s in `randomize` is a standard deviation relative to the nominal value, `{std: s}` an absolute one.
     """
@@ -34,21 +46,14 @@ def spreads(camera: "Camera") -> dict[str, Spread]:
         deviation = spread["std"] if isinstance(spread, Mapping) else spread * abs(nominal)
         if deviation > 0 and np.isfinite(nominal):
             parameter = place_of(path).parameter
-            found[path] = Spread(nominal, deviation, parameter.low, parameter.high)
-    return found
-
-
-def truncated_normal(uniform: Tensor, spread: Spread) -> Tensor:
-    """Values of the spread's law from uniform numbers in [0, 1), float64 in, float32 out."""
-    nominal, deviation, low, high = (torch.tensor(number, dtype=torch.float64) for number in spread)
+            found[path] = nominal, deviation, parameter.low, parameter.high
+    nominal, deviation, low, high = torch.tensor(list(found.values()), dtype=torch.float64).reshape(-1, 4).T
     below, above = torch.special.ndtr((low - nominal) / deviation), torch.special.ndtr((high - nominal) / deviation)
-    value = nominal + deviation * torch.special.ndtri(below + (above - below) * uniform)
-    return torch.minimum(torch.maximum(value, low), high).float()
+    return Spreads(tuple(found), nominal, deviation, low, high, below, above)
 
 
 def draw(camera: "Camera", count: int, rng: np.random.Generator) -> dict[str, Tensor]:
     """Every number of the camera for `count` images, (count,) float32 each, by path."""
     values = {path: torch.full((count,), nominal) for path, nominal in camera.values().items()}
-    for path, spread in spreads(camera).items():
-        values[path] = truncated_normal(torch.from_numpy(rng.random(count)), spread)
-    return values
+    drawn = spreads(camera)
+    return values | drawn.values(torch.from_numpy(rng.random((count, len(drawn.paths)))))

@@ -70,11 +70,6 @@ class Stream:
         self._keys = _as_tensor(keys, self.device).expand(len(keys))
         self._camera_keys = _as_tensor(camera_keys, self.device)
 
-    @property
-    def keys(self) -> np.ndarray:
-        """The images' keys, (B,) uint64 in memory of their own."""
-        return self._keys.cpu().contiguous().numpy().view(np.uint64)
-
     def fork(self, *words: object) -> "Stream":
         """An independent stream for the same images and cameras."""
         name = _signed_key(words)
