@@ -17,4 +17,4 @@ def quiet_ultralytics(folder: str | Path) -> None:
         os.environ["YOLO_CONFIG_DIR"] = str(Path(folder).resolve())
     from ultralytics.utils import LOGGER
 
-    LOGGER.setLevel(logging.ERROR)
+    LOGGER.setLevel(logging.CRITICAL)  # what matters is raised too

@@ -83,3 +83,13 @@ def test_white_noise_that_is_there_already_is_taken_off():
     present = 0.5 * spec.read_noise.sigma_e / (4095 * spec.gain_e_per_dn)
     left = vis_noise(Vis(camera=path, white_std_present=present)).sensor.cameras[0].spec.read_noise.sigma_e
     assert left == pytest.approx(spec.read_noise.sigma_e * 0.75**0.5)
+
+
+def test_unknown_training_argument_is_one_line_before_any_training(tmp_path, capfd):
+    from visaug_train.training import check_arms
+
+    config = check_config(minimal(output=str(tmp_path), training={"epoch": 3}))
+    with pytest.raises(InputError, match=r"training: baseline: 'epoch' is not a valid") as caught:
+        check_arms(config)
+    assert "\n" not in str(caught.value)
+    assert "yolo TASK" not in capfd.readouterr().out
