@@ -35,6 +35,7 @@ SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 MOST = 4  # effects that are added one after the other
 TRIED = 4  # candidates whose numbers are refined in a step
 COVERED = 0.75  # share of the statistics an effect moves that it must bring back
+TRACE = 0.03  # error below which what an accepted effect leaves over is not called unexplained
 FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
 
 
@@ -126,7 +127,7 @@ class _Search:
             p_after = self._p_value(state)
         missing = bool(p_after <= SIGNIFICANT)
         excess = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
-        residue = describe(self.lab.statistics, state.z, nearest) if missing else None
+        residue = describe(self.lab.statistics, state.z, nearest) if missing and self._is_worth_telling(state) else None
         return Diagnosis(
             camera=state.fitted.camera,
             accepted=state.accepted,
@@ -194,11 +195,13 @@ class _Search:
         return min(1.0, 2 * min(by_size, by_gain))
 
     def _error(self, fitted: Fitted) -> Error | None:
-        """On the frames that confirm, or where there are none, on those that find."""
-        reference = fitted.reference
-        if len(self.confirming.measured):
-            return self.confirming.error(reference.confirm_sets, fitted.confirm_residual)
-        return self._found_error(fitted)
+        """On the frames that confirm; where these are too few to show an excess, on those that find."""
+        return self._confirmed_error(fitted) or self._found_error(fitted)
+
+    def _confirmed_error(self, fitted: Fitted) -> Error | None:
+        if not len(self.confirming.measured):
+            return None
+        return self.confirming.error(fitted.reference.confirm_sets, fitted.confirm_residual)
 
     def _step(self, action: str, state: State) -> None:
         self.steps.append(Step(action, self._error(state.fitted)))
@@ -258,12 +261,21 @@ class _Search:
         return bool(covered >= COVERED and worsened.sum() <= 0.1 * seen.sum() + 1)
 
     def _improves(self, before: State, after: State) -> bool:
-        """Whether the error falls beyond chance on the frames that find, and falls on those that confirm."""
+        """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
+
+        A first effect whose own spread covers what it explains has no error to lower; a second one then has no case.
+        """
         found_before, found = self._found_error(before.fitted), self._found_error(after.fitted)
-        confirmed_before, confirmed = self._error(before.fitted), self._error(after.fitted)
-        if found is None or found_before is None or confirmed is None or confirmed_before is None:
-            return True
-        return found.high < found_before.value and confirmed.value < confirmed_before.value
+        confirmed_before, confirmed = self._confirmed_error(before.fitted), self._confirmed_error(after.fitted)
+        if found is None or found_before is None:
+            return not before.accepted
+        agrees = confirmed is None or confirmed_before is None or confirmed.value < confirmed_before.value
+        return found.high < found_before.value and agrees
+
+    def _is_worth_telling(self, state: State) -> bool:
+        """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding."""
+        error = self._found_error(state.fitted)
+        return not state.accepted or error is None or error.low > TRACE
 
     def _found_error(self, fitted: Fitted) -> Error | None:
         return self.distance.error(fitted.reference.sets, fitted.residual)

@@ -189,23 +189,23 @@ def _match(m: Metric, trial: Trial, signature, variance, residual, white_residua
 def gain_against_chance(
     signed: Signatures, fitted: Fitted, allowance: np.ndarray, accepted: Sequence[str]
 ) -> tuple[float, np.ndarray]:
-    """The most that any trial's mean signature would raise the likelihood of what is left, no further form allowed.
+    """How well the best trial's mean signature matches what is left, no further form allowed.
+
+    Statistics are weighted by their spread alone: a covariance would fit the very sets that chance is judged by.
 
     Returns:
-        It, and (R,) the same for simulated sets of the camera itself: what chance alone gains.
+        The match, and (R,) the same for simulated sets of the camera itself: what chance alone gains.
     """
-    m = metric(fitted, 0.0, allowance)
-    both = np.vstack([fitted.residual, fitted.reference.null])
-    gains = _gains(m, signed, m.white(both), accepted)
-    return float(gains[0]), gains[1:]
-
-
-def _gains(m: Metric, signed: Signatures, white: np.ndarray, accepted: Sequence[str]) -> np.ndarray:
+    reference = fitted.reference
+    used = reference.null_scale > 0
+    scale = np.hypot(reference.null_scale, allowance)[used]
+    both = np.vstack([fitted.residual, reference.null])[:, used] / scale
     chosen = [i for i, trial in enumerate(signed.trials) if trial.effect not in accepted]
-    shapes = m.white(signed.values[chosen])
+    shapes = signed.values[chosen][:, used] / scale
     length = np.sqrt((shapes**2).sum(1))
     shapes = shapes[length > 0.5] / length[length > 0.5, None]
-    return 0.5 * np.max(np.maximum(white @ shapes.T, 0) ** 2, axis=1, initial=0.0)
+    gains = 0.5 * np.max(np.maximum(both @ shapes.T, 0) ** 2, axis=1, initial=0.0)
+    return float(gains[0]), gains[1:]
 
 
 @dataclass(frozen=True)
