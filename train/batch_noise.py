@@ -17,11 +17,11 @@ class GaussianBlur(nn.Module):
 
     def __init__(self, p: float, sigma_px: tuple[float, float]) -> None:
         super().__init__()
-        self.p, self.sigma_px = p, tuple(sigma_px)
+        self.p, self.sigma_px = p, sigma_px
 
     def forward(self, images: Tensor) -> Tensor:
         b, c, h, w = images.shape
-        sigma = uniform(b, *self.sigma_px, images).clamp_min(1e-3)
+        sigma = uniform(b, self.sigma_px, images).clamp_min(1e-3)
         reach = max(1, int(3 * self.sigma_px[1] + 0.5))
         x = torch.arange(-reach, reach + 1, device=images.device)
         kernel = torch.exp(-0.5 * (x[None, :] / sigma[:, None]) ** 2)
@@ -37,10 +37,10 @@ class GaussianNoise(nn.Module):
 
     def __init__(self, p: float, std: tuple[float, float]) -> None:
         super().__init__()
-        self.p, self.std = p, tuple(std)
+        self.p, self.std = p, std
 
     def forward(self, images: Tensor) -> Tensor:
-        std = uniform(len(images), *self.std, images)
+        std = uniform(len(images), self.std, images)
         return torch.where(chosen(self.p, images), add_white(images, std), images)
 
 
@@ -85,6 +85,7 @@ def chosen(p: float, images: Tensor) -> Tensor:
     return (torch.rand(len(images), device=images.device) < p)[:, None, None, None]
 
 
-def uniform(count: int, low: float, high: float, like: Tensor) -> Tensor:
-    """`count` numbers uniform in [low, high]."""
+def uniform(count: int, between: tuple[float, float], like: Tensor) -> Tensor:
+    """`count` numbers, uniform between two."""
+    low, high = between
     return low + (high - low) * torch.rand(count, device=like.device, dtype=like.dtype)

@@ -44,7 +44,7 @@ def estimate_pose(
         inliers = np.arange(len(used))
     if not found:
         return None
-    kept = np.ravel(inliers)
+    kept = np.ravel(inliers).astype(int)
     turn, shift = cv2.solvePnPRefineLM(model[kept], image[kept], *lens, turn, shift)
     shift = np.ravel(shift)
     if not (np.isfinite(turn).all() and np.isfinite(shift).all() and shift[2] > 0):

@@ -103,6 +103,8 @@ def predict(
             device=device,
         )
         for result in results:
+            assert result.boxes is not None
+            assert result.keypoints is not None
             points = result.keypoints.data.cpu().numpy().astype(float)
             detections.append(
                 Detections(

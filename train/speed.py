@@ -56,7 +56,7 @@ def domains(root: str | Path) -> dict[str, tuple[str, ...]]:
     if not root.is_dir():
         raise InputError(f"{root}: no such folder; expected a SPEED or SPEED+ folder")
     if is_speed(root):
-        found = {"speed": SPLITS}
+        found: dict[str, tuple[str, ...]] = {"speed": SPLITS}
         return found | ({"real": ("test",)} if (root / "real.json").is_file() else {})
     found = {
         folder.name: tuple(split for split in SPLITS if (folder / f"{split}.json").is_file())

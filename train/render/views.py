@@ -47,7 +47,7 @@ def draw_views(
     """`count` views: distance uniform in its logarithm, centre anywhere inside, attitude at most
     `attitude_deg` off.
     """
-    z = np.exp(rng.uniform(*np.log(distance_m), count))
+    z = np.exp(rng.uniform(np.log(distance_m[0]), np.log(distance_m[1]), count))
     # The target's centre keeps 0.45 m from the border where there is room, so that few targets are cut.
     focal = camera.matrix[[0, 1], [0, 1]]
     room = np.array([camera.width, camera.height]) / 2
@@ -82,7 +82,7 @@ def draw_earth(camera: Pinhole, share: float, rng: np.random.Generator) -> np.nd
         fine = zoom(
             coarse, (shape[0] / 2**octave, shape[1] / 2**octave), order=3, grid_mode=True, mode="nearest"
         )
-        clouds += fine[: shape[0], : shape[1]] * 0.5 ** (octave - 2)
+        clouds = clouds + np.asarray(fine)[: shape[0], : shape[1]] * 0.5 ** (octave - 2)
     clouds = np.clip((clouds - clouds.mean()) / clouds.std() * 0.5 + 0.3, 0, 1)
     angle, offset = rng.uniform(0, 2 * np.pi), rng.uniform(-0.6, 0.8) * camera.width / 2
     y, x = np.mgrid[: shape[0], : shape[1]]
