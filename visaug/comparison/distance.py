@@ -46,16 +46,29 @@ class Distance:
     ) -> Error | None:
         """Of a model by its simulated sets (R, statistics); None where the file as given shows no excess.
 
+        Where an effect's own spread is so wide that no excess would be left in its units (a handful of tracks in a few
+        frames), s is the spread under the file as given alone.
+
         Args:
             residual: measured less the model's mean, where the sets are of a neighbouring camera.
             follows: standard deviations of the model's spread, where they are better known than from `sets`.
         """
-        weight, usable = self._weights(sets if follows is None else follows[None])
-        given_spread = self.given.var(0, ddof=1)
         spread = sets.var(0, ddof=1) if follows is None else follows**2
+        given = self.given.var(0, ddof=1)
+        return self._error(sets, residual, spread, np.maximum(given, spread)) or self._error(
+            sets, residual, spread, given
+        )
+
+    def _error(
+        self, sets: np.ndarray, residual: np.ndarray | None, spread: np.ndarray, scale: np.ndarray
+    ) -> Error | None:
+        scale = np.maximum(scale, self.least**2)
+        usable = scale > 0
+        weight = np.divide(1.0, scale, out=np.zeros_like(scale), where=usable)
         center = sets.mean(0) if residual is None else self.measured - residual
         floor = self._mean(2 * spread * weight, usable)
-        before = self._mean(((self.measured - self.given.mean(0)) ** 2 + given_spread) * weight, usable)
+        far = (self.measured - self.given.mean(0)) ** 2 + self.given.var(0, ddof=1)
+        before = self._mean(far * weight, usable)
         after = self._mean(((self.measured - center) ** 2 + spread) * weight, usable)
         if before - floor <= 0:
             return None
@@ -67,8 +80,10 @@ class Distance:
 
     def shares(self) -> dict[str, float]:
         """Each view's share of the excess of the camera file as given."""
-        weight, usable = self._weights(self.given)
-        excess = (self.measured - self.given.mean(0)) ** 2 * weight - self.given.var(0, ddof=1) * weight
+        scale = np.maximum(self.given.var(0, ddof=1), self.least**2)
+        usable = scale > 0
+        excess = (self.measured - self.given.mean(0)) ** 2 - self.given.var(0, ddof=1)
+        excess = np.divide(excess, scale, out=np.zeros_like(scale), where=usable)
         means = {}
         for view in dict.fromkeys(self.views):
             here = usable & (self.views == view)
@@ -76,12 +91,6 @@ class Distance:
                 means[str(view)] = max(float(excess[here].mean()), 0.0)
         total = sum(means.values())
         return {view: value / total for view, value in means.items()} if total else means
-
-    def _weights(self, sets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        other = sets.var(0, ddof=1) if len(sets) > 1 else sets[0] ** 2
-        scale = np.maximum(np.maximum(self.given.var(0, ddof=1), other), self.least**2)
-        usable = scale > 0
-        return np.divide(1.0, scale, out=np.zeros_like(scale), where=usable), usable
 
     def _mean(self, terms: np.ndarray, usable: np.ndarray) -> float:
         views = self.views[usable]

@@ -29,7 +29,7 @@ from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
 from visaug.frames import FrameSet
 
-SETS = 300  # simulated sets of the camera file
+SETS = 200  # simulated sets of the camera file
 SETS_AFTER = 120  # of a camera with an effect added
 SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 MOST = 4  # effects that are added one after the other
