@@ -22,7 +22,7 @@ from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.still import add_in_electrons, add_profiles
 from visaug.frames import FrameSet
 
-_PIXELS = 4000
+_PIXELS = 3000
 _BINS_PER_SIGMA = 6
 _ROUNDS = 2
 _ITERATIONS = 12
@@ -85,7 +85,9 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
         mean = float(columns.mean())
         centre = columns[sample.columns] + rows[sample.rows] - rows.mean()
         fit = _fit(sample, centre, fit)
-        total = row_var + column_var + fit.spread**2
+        # Measured rows and columns hold their share of the pixels' own pattern.
+        pixel_var = fit.spread**2 / (1 - 1 / height - 1 / width)
+        total = row_var + column_var + pixel_var
     source = f"likelihood of {still.n} {still.group.kind} frames cut at 0"
     _add(found, still, fit, mean, (rows, row_error), (columns, column_error), len(sample.rows), source)
     _dark(found, measured, fit, columns, max(total - column_var, 0.0))
@@ -107,7 +109,8 @@ def _add(found, still, fit, mean, rows, columns, pixels, source) -> None:
         variances[name] = variance_combination(terms)
         add_in_electrons(found, f"dsnu.{name}", root(variances[name]), source)
     half = t_quantile(19) * math.sqrt(fit.covariance[3, 3])
-    pixel = (fit.spread, fit.spread * math.exp(-half), fit.spread * math.exp(half))
+    spread = fit.spread / math.sqrt(1 - 1 / height - 1 / width)
+    pixel = (spread, spread * math.exp(-half), spread * math.exp(half))
     add_in_electrons(found, "dsnu.pixel", pixel, source)
     error, df = mean_error(
         [
@@ -239,16 +242,22 @@ def _locations(means: np.ndarray, errors: np.ndarray, fit: Fit, within: float) -
     return places, float(np.mean((errors / np.maximum(slope, 0.02)) ** 2))
 
 
-def _cut_mean(fit: Fit, within: float) -> tuple[np.ndarray, np.ndarray]:
-    """Grid of locations (DN) and mean of max(0, location + noise + N(0, within)) there."""
+def _cut_mean(fit: Fit, within: float, electrons: float = 0.0, dn_per_e: float = 0.0):
+    """Grid of mean levels (DN) and the mean of max(0, level + noise) there.
+
+    The noise: read noise, N(0, within) of locations, and the Poisson spread (its skewness too) of `electrons`.
+    """
     law = tukey.standard(round(fit.shape, 5))
-    frequencies = 2 * np.pi * np.fft.rfftfreq(law.x.size, d=law.x[1] - law.x[0])
-    spectrum = law.phi(frequencies) * np.exp(-0.5 * within / fit.sigma**2 * frequencies**2)
     step = law.x[1] - law.x[0]
-    density = np.fft.fftshift(np.fft.irfft(spectrum, law.x.size)) / step
-    below = np.cumsum(density) * step
+    t = 2 * np.pi * np.fft.rfftfreq(law.x.size, d=step)
+    jump = 1j * t * dn_per_e / fit.sigma
+    spectrum = law.phi(t) * np.exp(
+        -0.5 * within / fit.sigma**2 * t**2 + electrons * (np.exp(jump) - 1 - jump)
+    )
+    density = np.fft.fftshift(np.fft.irfft(spectrum, law.x.size)) / step  # of the noise with its sign turned
+    below = (np.cumsum(density) - 0.5 * density) * step
+    cut = (np.cumsum(below) - 0.5 * below) * step * fit.sigma  # the mean of max(0, x + noise), by parts
     x = law.x * fit.sigma
-    cut = np.cumsum(below) * step * fit.sigma  # the integral of the distribution function of -noise
     keep = np.concatenate([[True], np.diff(cut) > 0]) & (np.abs(x) < 60 * fit.sigma)
     return x[keep], np.maximum.accumulate(cut[keep])
 
@@ -256,13 +265,14 @@ def _cut_mean(fit: Fit, within: float) -> tuple[np.ndarray, np.ndarray]:
 def _dark(found: Findings, measured: Measured, fit: Fit, columns: np.ndarray, within: float) -> None:
     """Dark signal of every group as the shift of all columns that explains its cut mean."""
     points = []
-    per_electron = 0.0 if found.gain is None else found.gain.dn_per_e
+    dn_per_e = 0.0 if found.gain is None else found.gain.dn_per_e
+    per_dn = 0.0 if found.gain is None else 1 / found.gain.dn_per_e
     for m in (*measured.darks, *measured.biases):
         if m.shape[1] != columns.size:
             continue
 
         def mean_at(shift: float, target: float = 0.0) -> float:
-            x, cut = _cut_mean(fit, within + max(shift, 0.0) * per_electron)
+            x, cut = _cut_mean(fit, within, max(shift, 0.0) * per_dn, dn_per_e)
             places = columns + shift
             return float(np.where(places > x[-1], places, np.interp(places, x, cut)).mean()) - target
 
