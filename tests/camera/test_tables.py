@@ -11,7 +11,8 @@ import pytest
 import torch
 from scipy import special, stats
 
-from visaug.camera import Camera, fast
+from visaug.camera import Camera, fast, tables
+from visaug.sampling import Stream
 
 pytest.importorskip("numba")
 
@@ -22,7 +23,7 @@ def camera(**changes) -> Camera:
     content = {
         "resolution": [64, 64],
         "gain_e_per_dn": 0.5,
-        "black_level_dn": 400,
+        "black_level_dn": 600,
         "read_noise": {"sigma_e": 2.0, "shape": -0.2},
         **changes,
     }
@@ -46,7 +47,7 @@ def added_noise(sigma: float, shape: float, gaussian: float) -> tuple[np.ndarray
     q, p = np.concatenate([q, -q[-2::-1]]), np.concatenate([p, 1 - p[-2::-1]])
     if gaussian == 0:
         return q, p
-    noise = np.linspace(-80, 80, 8001)
+    noise = np.linspace(-190, 190, 12_001)
     cdf = np.zeros_like(noise)
     for value, part in zip((q[1:] + q[:-1]) / 2, np.diff(p)):
         cdf += part * special.ndtr((noise - value) / gaussian)
@@ -66,8 +67,8 @@ def law(cam: Camera, level: float) -> tuple[int, np.ndarray]:
     pmf = (weights / weights.sum()) @ stats.poisson.pmf(counts, means[:, None])
     well = spec.full_well_e or np.inf
     noise, cdf = added_noise(spec.read_noise.sigma_e, spec.read_noise.shape, spec.dsnu.pixel_e)
-    least = math.floor((counts[0] - 60) / spec.gain_e_per_dn + spec.black_level_dn)
-    most = math.ceil((min(counts[-1], well) + 60) / spec.gain_e_per_dn + spec.black_level_dn)
+    least = math.floor((min(counts[0], well) - 190) / spec.gain_e_per_dn + spec.black_level_dn)
+    most = math.ceil((min(counts[-1], well) + 190) / spec.gain_e_per_dn + spec.black_level_dn)
     dn = np.arange(max(least, 0), most)
     boundary = (dn + 0.5 - spec.black_level_dn) * spec.gain_e_per_dn
     electrons = np.minimum(counts, well)
@@ -85,6 +86,116 @@ def chi_square(drawn: np.ndarray, first: int, probabilities: np.ndarray) -> floa
     observed, wanted = np.bincount(bins, counts), np.bincount(bins, expected)
     keep = wanted > 5
     return stats.chisquare(observed[keep], wanted[keep] * observed[keep].sum() / wanted[keep].sum()).pvalue
+
+
+def quantiles_beyond(first: int, probabilities: np.ndarray, p: float) -> tuple[int, float, int, float]:
+    """The DN beyond which at most p of either tail lies, and how much does."""
+    cdf = np.cumsum(probabilities)
+    low = int(np.searchsorted(cdf, p)) - 1
+    high = int(np.searchsorted(-(1 - cdf), -p))
+    return first + low, float(cdf[low]), first + high, float(1 - cdf[high])
+
+
+@pytest.mark.parametrize("level", [0.0, 10.0, 60.0, 3000.0])
+@pytest.mark.parametrize("p", [1e-4, 1e-5, 1e-6])
+def test_tails(level, p):
+    cam = camera(dsnu={"pixel_e": 1.1}, prnu={"pixel": 0.006}, read_noise={"sigma_e": 2.37, "shape": -0.23})
+    first, probabilities = law(cam, level)
+    low, below, high, above = quantiles_beyond(first, probabilities, p)
+    drawn = shoot(cam, level, (2048, 4096), seed=3)
+    for count, expected in (((drawn <= low).sum(), below), ((drawn > high).sum(), above)):
+        assert stats.poisson.cdf(count, expected * drawn.size) > ALARM
+        assert stats.poisson.sf(count - 1, expected * drawn.size) > ALARM
+
+
+@pytest.mark.parametrize("level", [3700.0, 3990.0, 4300.0, 6000.0])
+def test_full_well(level):
+    cam = camera(full_well_e=4000.0, dsnu={"pixel_e": 1.1}, prnu={"pixel": 0.006})
+    assert chi_square(shoot(cam, level), *law(cam, level)) > ALARM
+
+
+@pytest.mark.parametrize("level", [0.0, 30.0, 3000.0])
+def test_moments_are_the_exact_chains(level):
+    cam = camera(
+        prnu={"column": 0.01, "row": 0.02, "pixel": 0.006},
+        dsnu={"column_e": 1.0, "row_e": 2.0, "pixel_e": 1.1},
+        effects=[{"name": "row_noise", "sigma_e": 1.5}, {"name": "column_noise", "sigma_e": 0.7}],
+    )
+    shape = (64, 1, 64, 64)
+    stream = Stream(range(64), range(100, 164), 1, (range(64), range(64)))
+    exact = cam.expose(torch.full(shape, level), stream).double()
+    values = {path: np.array([value]) for path, value in cam.values().items()}
+    image, keys = torch.full(shape, level / 5000), torch.arange(64)
+    quick = fast.take(cam, image, np.array([5000.0]), values, keys, keys + 100, subtract_black_level=False)
+    quick = quick.double() * 65535
+    # Row and column parts are the same fixed patterns in both; the rest differs by its own noise alone.
+    for axis in (2, 3):
+        difference = exact.mean(axis) - quick.mean(axis)
+        assert difference.abs().max() < 6 * (exact - quick).std() / 8 + 6 * 2**0.5 * 1.5 / 0.5
+    error = 6 * (2 / exact.numel()) ** 0.5
+    assert abs((exact.mean() - quick.mean()) / (exact - quick).std()) < 6 * (2 / 64**2) ** 0.5
+    temporal = [x - x.mean(2, keepdim=True) - x.mean(3, keepdim=True) for x in (exact, quick)]
+    assert (temporal[1].var() / temporal[0].var()).item() == pytest.approx(1, abs=4 * error)
+
+
+def test_rows_and_threads_do_not_change_a_pixel():
+    cam = camera(dsnu={"pixel_e": 1.1}, prnu={"pixel": 0.006})
+    values = {path: np.array([value]) for path, value in cam.values().items()}
+    images = torch.rand(3, 2, 80, 90)
+    images[1, :, :40] = 0  # rows of small means take the other way through the loop
+    images[2, :, ::3, ::7] = 0
+    keys = torch.arange(3) + 5
+    before = torch.get_num_threads()
+    taken = []
+    for threads in (1, 2, 3):
+        torch.set_num_threads(threads)
+        taken.append(fast.take(cam, images, np.array([9000.0]), values, keys, keys + 9))
+    torch.set_num_threads(before)
+    assert torch.equal(taken[0], taken[1])
+    assert torch.equal(taken[0], taken[2])
+    crop = fast.take(cam, images[1:2], np.array([9000.0]), values, keys[1:2], keys[1:2] + 9)
+    assert torch.equal(crop, taken[0][1:2])
+
+
+@pytest.mark.parametrize("shape", [-0.4, -0.1, 0.14, 1.0])
+def test_quantile_tables(shape):
+    p = stats.uniform.rvs(size=2000, random_state=1) * 0.5
+    p = np.concatenate([p, 10.0 ** -np.linspace(1, 9, 200)])
+    place = np.float32(p).view(np.uint32)
+    node, fraction = (place >> tables.FRACTION_BITS) - tables.FIRST, place & (2**tables.FRACTION_BITS - 1)
+    for table, exact in (
+        (tables.normal_table(), stats.norm.ppf(p)),
+        (
+            tables.tukey_tables(np.array([shape]))[0],
+            stats.tukeylambda.ppf(p, shape) / stats.tukeylambda.std(shape),
+        ),
+    ):
+        found = table[node, 0] + table[node, 1] * fraction
+        assert np.abs(found - exact)[p >= 0.3].max() < 1e-4
+        assert np.abs(found / exact - 1)[p < 0.3].max() < 3e-4
+
+
+@pytest.mark.parametrize("mean", [0.0, 0.02, 1.0, 9.0, 24.0])
+def test_poisson_table(mean):
+    row = round(mean**0.5 * tables.MEANS_PER_ROOT)
+    exact_mean = (row / tables.MEANS_PER_ROOT) ** 2
+    nodes = tables.nodes()
+    p = nodes[:-2] + 0.37 * np.diff(nodes)[:-1]
+    entry = tables.poisson_table()[row]
+    count, threshold = entry >> (tables.FRACTION_BITS + 1), entry & (2 ** (tables.FRACTION_BITS + 1) - 1)
+    passed = (0.37 * 2**tables.FRACTION_BITS > threshold).astype(int)
+    below, above = (count + passed)[: tables.SIDE][: len(p)], (count - passed)[tables.SIDE :][: len(p)]
+    assert np.array_equal(below, stats.poisson.ppf(p, exact_mean))
+    assert np.array_equal(above, stats.poisson.isf(p, exact_mean))
+
+
+def test_comb_is_the_characteristic_function():
+    u = (np.arange(400_000) + 0.5) / 400_000
+    q = stats.tukeylambda.ppf(u, -0.2) / stats.tukeylambda.std(-0.2)
+    for sigma, gaussian in ((0.2, 0.0), (0.5, 0.1), (1.5, 0.2)):
+        expected = 2 * abs(np.cos(2 * np.pi * sigma * q).mean()) * np.exp(-2 * (np.pi * gaussian) ** 2)
+        found = tables.comb(np.array([sigma]), np.array([-0.2]), np.array([gaussian]))[0]
+        assert found == pytest.approx(expected, abs=1e-3)
 
 
 CASES = {

@@ -16,6 +16,8 @@ from numba.extending import intrinsic
 
 from visaug.camera.tables import FIRST, FRACTION_BITS, LARGE_MEAN, MEANS_PER_ROOT, SIDE
 
+# (numba keeps compiled code by the date of this file alone: touch it after a change to the constants of tables.py.)
+
 # Columns of the table of numbers, one row an image.
 ELECTRONS = 0  # mean electrons of the image's value 1
 DARK_E = 1

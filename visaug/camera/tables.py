@@ -14,7 +14,7 @@ from scipy.special import gammaln, ndtri, pdtr, pdtrc
 SUB = 5  # 2^5 nodes an octave
 FRACTION_BITS = 23 - SUB
 FIRST = (127 - 33) << SUB  # the place of 2^-33, the least p
-SIDE = (33 << SUB) + 1  # nodes of one side: the last one is p = 1/2, and a guard
+SIDE = (32 << SUB) + 1  # nodes of one side, the last one at p = 1/2
 LARGE_MEAN = 25.0  # from here on the Poisson's expansion is within 1e-5 of its distribution function
 MEANS_PER_ROOT = (
     128  # rows of the Poisson table lie evenly in sqrt(mean): a mixture of two has 1e-4 more variance
@@ -23,7 +23,7 @@ MEANS_PER_ROOT = (
 
 @cache
 def nodes() -> np.ndarray:
-    """Probabilities of the nearer tail at the nodes, (SIDE + 1,) float64, from 2^-33 to beyond 1/2."""
+    """Probabilities of the nearer tail at the nodes, (SIDE + 1,) float64, from 2^-33 to 1/2 and one beyond."""
     bits = (np.arange(SIDE + 1) + FIRST).astype(np.uint32) << FRACTION_BITS
     return bits.view(np.float32).astype(np.float64)
 
@@ -45,14 +45,14 @@ def both_sides(lower: np.ndarray) -> np.ndarray:
 @cache
 def normal_table() -> np.ndarray:
     """Of the standard normal, (2 SIDE, 2) float32."""
-    return both_sides(ndtri(np.minimum(nodes()[:SIDE], 0.5)))
+    return both_sides(ndtri(nodes()[:SIDE]))
 
 
 def tukey_tables(shapes: np.ndarray) -> np.ndarray:
     """Of Tukey's lambda of standard deviation 1, (N, 2 SIDE, 2) float32, for N shapes."""
     shapes = shapes.astype(np.float64)[:, None]
     shapes = np.where(np.abs(shapes) < 1e-4, 1e-4, shapes)  # a relative error of 1e-4 in the far tails
-    p = np.minimum(nodes()[:SIDE], 0.5)
+    p = nodes()[:SIDE]
     quantiles = (np.exp(shapes * np.log(p)) - np.exp(shapes * np.log1p(-p))) / shapes
     return both_sides(quantiles / tukey_deviation(shapes))
 

@@ -1,0 +1,283 @@
+"""What the noise costs: against Gaussian noise by others, and against the chain as one would write it.
+
+    python scripts/bench.py -o docs/speed.md --machine "two cores of a shared x86-64 virtual machine"
+
+Every rival runs in turn, over and over in one process, so a busy machine slows all alike: only ratios count.
+A ratio is the median over rounds of (time / time of kornia's RandomGaussianNoise in the same round); its spread
+is the range from the 25th to the 75th percentile.
+"""
+
+import argparse
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+
+import visaug
+
+SIZES = {"640 x 640": (640, 640), "1920 x 1200": (1200, 1920)}
+BASE = "kornia RandomGaussianNoise"
+CAMERA = {
+    "resolution": [1200, 1920],
+    "bit_depth": 16,
+    "gain_e_per_dn": 0.19,
+    "quantum_efficiency": 0.61,
+    "black_level_dn": 240,
+    "exposure_s": 0.01,
+    "temperature_c": 20,
+    "read_noise": {"sigma_e": 2.37, "shape": -0.1},
+    "dark_current": {"a_e_per_s": 0.136, "b_per_c": 0.14},
+    "prnu": {"column": 0.002, "row": 0.0015, "pixel": 0.006},
+    "dsnu": {"column_e": 1.4, "row_e": 0.3, "pixel_e": 1.1},
+    "randomize": {"gain_db": {"std": 2.0}, "read_noise.sigma_e": 0.2, "read_noise.shape": {"std": 0.05}},
+}
+Rival = Callable[[], object]
+
+
+def numpy_chain(images: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """The same chain as a paper's code has it: float64 arrays, one step a line, one camera an image."""
+    from scipy.stats import tukeylambda
+
+    out = np.empty_like(images)
+    for i, image in enumerate(images[:, 0]):
+        gain = 0.19 * 10 ** (rng.normal(0, 2.0) / 20)
+        sigma, shape = 2.37 * (1 + 0.2 * rng.normal()), -0.1 + 0.05 * rng.normal()
+        height, width = image.shape
+        k = 0.002 * rng.normal(size=(1, width)) + 0.0015 * rng.normal(size=(height, 1))
+        k = k + 0.006 * rng.normal(size=image.shape)
+        electrons = rng.poisson(np.maximum(image * 65535 * gain * (1 + k), 0) + 0.02)
+        offset = 1.4 * rng.normal(size=(1, width)) + 0.3 * rng.normal(size=(height, 1))
+        offset = offset + 1.1 * rng.normal(size=image.shape)
+        read = tukeylambda.ppf(rng.random(image.shape), shape)
+        volts = electrons + offset + sigma * read / tukeylambda.std(shape)
+        dn = np.clip(np.round(volts / gain + 240), 0, 65535)
+        out[i, 0] = np.clip(dn - 240, 0, None) / 65535
+    return out
+
+
+def torch_chain(images: torch.Tensor) -> torch.Tensor:
+    """The same chain in plain torch operators, all images at once."""
+    batch, _, height, width = images.shape
+
+    def normal(*shape: int) -> torch.Tensor:
+        return torch.randn(batch, 1, *shape, device=images.device)
+
+    gain = 0.19 * 10 ** (2.0 * normal(1, 1) / 20)
+    sigma, shape = 2.37 * (1 + 0.2 * normal(1, 1)), -0.1 + 0.05 * normal(1, 1)
+    k = 0.002 * normal(1, width) + 0.0015 * normal(height, 1) + 0.006 * normal(height, width)
+    electrons = torch.poisson((images * 65535 * gain * (1 + k)).clamp_min(0) + 0.02)
+    offset = 1.4 * normal(1, width) + 0.3 * normal(height, 1) + 1.1 * normal(height, width)
+    u = torch.rand_like(images).clamp(1e-7, 1 - 1e-7)
+    gamma = torch.exp(2 * torch.lgamma(shape + 1) - torch.lgamma(2 * shape + 2))
+    deviation = (2 / shape**2 * (1 / (1 + 2 * shape) - gamma)).sqrt()
+    read = (u**shape - (1 - u) ** shape) / shape / deviation
+    dn = ((electrons + offset + sigma * read) / gain + 240).round().clamp(0, 65535)
+    return (dn - 240).clamp_min(0) / 65535
+
+
+def inputs(batch: int, size: tuple[int, int], device: str) -> dict[str, torch.Tensor]:
+    """A scene between dark sky and highlights, of 8 bit and of 16 bit; and black sky with a small bright body."""
+    rng = np.random.default_rng(0)
+    y, x = np.mgrid[0 : size[0], 0 : size[1]] / max(size)
+    scene = 0.45 + 0.4 * np.sin(9 * x) * np.cos(7 * y) + 0.05 * rng.normal(size=(batch, 1, *size))
+    body = np.where((x - 0.5) ** 2 + (y - 0.3) ** 2 < 0.02, scene, 0)
+    eight = {"8 bit": scene, "8 bit, black sky": body}
+    pictures = {name: (value * 255).round().clip(0, 255) / 255 for name, value in eight.items()}
+    pictures["16 bit"] = (scene * 65535).round().clip(0, 65535) / 65535
+    return {name: torch.from_numpy(value.astype(np.float32)).to(device) for name, value in pictures.items()}
+
+
+def rivals(images: dict[str, torch.Tensor], slow: bool) -> dict[str, Rival]:
+    import kornia.augmentation
+
+    scene = images["8 bit"]
+    noise = visaug.VISNoise(visaug.Camera.load(CAMERA))
+    gaussian = kornia.augmentation.RandomGaussianNoise(0.0, 0.05, p=1.0)
+    found: dict[str, Rival] = {f"visaug, {name}": lambda x=x: noise(x) for name, x in images.items()}
+    found[BASE] = lambda: gaussian(scene)
+    found["torch.randn"] = lambda: torch.randn(scene.shape, device=scene.device)
+    found["copy"] = lambda: scene.clone()
+    if slow:
+        exact = visaug.VISNoise(visaug.Camera.load(CAMERA), fast=False)
+        found["visaug, exact chain"] = lambda: exact(scene)
+        found["the chain in plain torch"] = lambda: torch_chain(scene)
+    if scene.device.type == "cpu":
+        if slow:
+            array, rng = scene.numpy(), np.random.default_rng(0)
+            found["the chain in NumPy"] = lambda: numpy_chain(array, rng)
+        found |= albumentations_rivals(scene)
+    return found
+
+
+def albumentations_rivals(scene: torch.Tensor) -> dict[str, Rival]:
+    try:
+        import albumentations
+    except ImportError:
+        return {}
+    bytes_ = [np.ascontiguousarray((image[0].numpy() * 255).astype(np.uint8)[..., None]) for image in scene]
+    gaussian, shot = albumentations.GaussNoise(p=1.0), albumentations.ShotNoise(p=1.0)
+    return {
+        "albumentations GaussNoise (uint8)": lambda: [gaussian(image=image) for image in bytes_],
+        "albumentations ShotNoise (uint8)": lambda: [shot(image=image) for image in bytes_],
+    }
+
+
+def timed(call: Rival, device: str) -> float:
+    start = time.perf_counter()
+    call()
+    if device == "cuda":
+        torch.cuda.synchronize()
+    return time.perf_counter() - start
+
+
+def measure(contestants: dict[str, Rival], rounds: int, device: str) -> dict[str, np.ndarray]:
+    """Seconds of each rival in each round."""
+    for call in contestants.values():
+        timed(call, device)
+    times: dict[str, list[float]] = {name: [] for name in contestants}
+    for _ in range(rounds):
+        for name, call in contestants.items():
+            times[name].append(timed(call, device))
+    return {name: np.array(values) for name, values in times.items()}
+
+
+def table(times: dict[str, np.ndarray], megapixels: float) -> list[str]:
+    base = times[BASE]
+    lines = ["| what | time over kornia's | spread | Mpx/s in this run |", "| --- | --- | --- | --- |"]
+    for name, seconds in sorted(times.items(), key=lambda item: np.median(item[1] / base)):
+        low, middle, high = np.percentile(seconds / base, [25, 50, 75])
+        bold = "**" if name.startswith("visaug, 8 bit") or name == "visaug, 16 bit" else ""
+        speed = megapixels / np.median(seconds)
+        lines.append(f"| {bold}{name}{bold} | {middle:.2f} | {low:.2f} to {high:.2f} | {speed:.0f} |")
+    return lines
+
+
+def peak_memory(kind: str) -> float:
+    """MB above the images and the result that eight images of 640 x 640 take, in a process of its own."""
+    code = f"""
+import resource, sys, torch
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+import bench
+images = bench.inputs(8, (640, 640), "cpu")
+call = bench.rivals(images, True)[{kind!r}]
+small = bench.rivals(bench.inputs(1, (64, 64), "cpu"), True)[{kind!r}]
+small()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+kept = call()
+print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024 - 8 * 640 * 640 * 4 / 2**20)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return max(0.0, float(done.stdout.split()[-1]))
+
+
+def seconds_of(*command: str, times: int = 5) -> float:
+    """User and system time of a command, the least of several: what a busy machine adds is not its cost."""
+    spent = []
+    for _ in range(times):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run(command, check=True, capture_output=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent.append(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime)
+    return min(spent)
+
+
+def start_up() -> list[str]:
+    python = sys.executable
+    bare = seconds_of(python, "-c", "import torch")
+    rows = {
+        "`import visaug`": seconds_of(python, "-c", "import visaug"),
+        "`visaug --help`": seconds_of(python, "-m", "visaug", "--help"),
+        "`visaug.Camera`, beyond `import torch`": seconds_of(python, "-c", "import torch, visaug; visaug.Camera") - bare,
+        "`visaug.VISNoise`, beyond `import torch`": seconds_of(python, "-c", "import torch, visaug; visaug.VISNoise") - bare,
+    }
+    lines = ["| what | processor seconds |", "| --- | --- |"]
+    return lines + [f"| {name} | {value:.2f} |" for name, value in rows.items()]
+
+
+def bandwidth(device: str) -> list[str]:
+    """On a GPU: the share of the measured copy bandwidth that the augmentation reaches."""
+    images = inputs(32, SIZES["1920 x 1200"], device)
+    times = measure(rivals(images, False), 20, device)
+    share = np.median(times["copy"]) / np.median(times["visaug, 8 bit"])
+    return [f"32 images of 1920 x 1200: {share:.0%} of the measured copy bandwidth."]
+
+
+def training_step() -> list[str]:
+    """Share of a step of yolov8n-pose at 160 on the CPU, 16 images a batch."""
+    try:
+        from ultralytics.nn.tasks import PoseModel
+    except ImportError:
+        return []
+    model = PoseModel("yolov8n-pose.yaml", data_kpt_shape=(11, 3), nc=1, verbose=False)
+    images = torch.rand(16, 3, 160, 160).mul(255).round().div(255).mean(1, keepdim=True).expand(-1, 3, -1, -1)
+    images = (images * 255).round().div(255).contiguous()
+    noise = visaug.VISNoise(visaug.Camera.load(CAMERA))
+
+    def step() -> None:
+        model.zero_grad()
+        outputs = model(images)
+        sum(t.float().square().mean() for t in _tensors(outputs)).backward()
+
+    times = measure({"step": step, "noise": lambda: noise(images)}, 8, "cpu")
+    low, middle, high = np.percentile(times["noise"] / times["step"], [25, 50, 75])
+    return [
+        f"Forward and backward of yolov8n-pose, 16 images of 160 x 160 in three gray channels: the noise takes "
+        f"{middle:.1%} of the step's time on top ({low:.1%} to {high:.1%})."
+    ]
+
+
+def _tensors(value: object) -> list[torch.Tensor]:
+    if isinstance(value, torch.Tensor):
+        return [value] if value.requires_grad else []
+    parts = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
+    return [tensor for part in parts for tensor in _tensors(part)]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path, help="write the page here; printed where left out")
+    parser.add_argument("--machine", default="a machine that nobody described", help="in words")
+    parser.add_argument("--batches", type=int, nargs="+", default=[1, 8, 64])
+    parser.add_argument("--rounds", type=int, default=15)
+    parser.add_argument("--threads", type=int, default=torch.get_num_threads())
+    options = parser.parse_args()
+    torch.set_num_threads(options.threads)
+    devices = ["cpu", *(["cuda"] if torch.cuda.is_available() else [])]
+    page = [
+        "# What the noise costs",
+        "",
+        f"Measured by `scripts/bench.py` on {options.machine}, {options.threads} threads, torch {torch.__version__}. "
+        "All rivals ran in turn in one process; only ratios within a table mean something. "
+        "The camera has shot noise, PRNU, DSNU, dark current, Tukey-lambda read noise, a black level and 16 bit, "
+        "and is drawn anew for every image (gain, read noise and its shape).",
+    ]
+    for device in devices:
+        for name, size in SIZES.items():
+            for batch in options.batches:
+                if batch * size[0] * size[1] > 8e7 and device == "cpu":
+                    continue  # more than a laptop's memory should have to give
+                slow = batch * size[0] * size[1] < 4e6
+                rounds = options.rounds if batch < 32 else max(5, options.rounds // 2)
+                times = measure(rivals(inputs(batch, size, device), slow), rounds, device)
+                title = f"{device.upper()}, {batch} {'image' if batch == 1 else 'images'} of {name}"
+                page += ["", f"## {title}", "", *table(times, batch * size[0] * size[1] / 1e6)]
+    memory = {name: peak_memory(name) for name in ("visaug, 8 bit", BASE, "visaug, exact chain")}
+    page += ["", "## Memory", "", "Beyond the images and the result, eight images of 640 x 640:", ""]
+    page += [f"- {name}: {value:.0f} MB" for name, value in memory.items()]
+    page += ["", "## Start", "", *start_up()]
+    page += ["", "## Training", "", *training_step()]
+    if "cuda" in devices:
+        page += ["", "## Bandwidth", "", *bandwidth("cuda")]
+    text = "\n".join(page) + "\n"
+    if options.output:
+        options.output.write_text(text)
+    print(text)
+
+
+if __name__ == "__main__":
+    main()
