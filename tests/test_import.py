@@ -45,12 +45,16 @@ def test_help_is_quick():
 
 
 def test_camera_and_noise_cost_little_beyond_torch():
-    """Processor time of the names of the README's first lines, torch already imported."""
+    """Processor time of the names of the README's first lines beside that of torch itself, in one process.
+
+    1.5 s on a quiet machine; on a busy one, where torch alone takes longer than that, as long as torch.
+    """
     code = (
-        "import time, torch; before = time.process_time()\n"
-        "import visaug; visaug.Camera, visaug.VISNoise; print(time.process_time() - before)"
+        "import time; start = time.process_time(); import torch; between = time.process_time()\n"
+        "import visaug; visaug.Camera, visaug.VISNoise; print(between - start, time.process_time() - between)"
     )
-    assert min(float(python(code)) for _ in range(3)) < 1.5
+    runs = [tuple(map(float, python(code).split())) for _ in range(3)]
+    assert any(own < max(1.5, torch_alone) for torch_alone, own in runs), runs
 
 
 @pytest.mark.parametrize("name", visaug.__all__)
