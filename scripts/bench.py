@@ -19,6 +19,7 @@ import numpy as np
 import torch
 
 import visaug
+from visaug.files import write_text
 
 SIZES = {"640 x 640": (640, 640), "1920 x 1200": (1200, 1920)}
 BASE = "kornia RandomGaussianNoise"
@@ -192,8 +193,14 @@ def start_up() -> list[str]:
     rows = {
         "`import visaug`": seconds_of(python, "-c", "import visaug"),
         "`visaug --help`": seconds_of(python, "-m", "visaug", "--help"),
-        "`visaug.Camera`, beyond `import torch`": seconds_of(python, "-c", "import torch, visaug; visaug.Camera") - bare,
-        "`visaug.VISNoise`, beyond `import torch`": seconds_of(python, "-c", "import torch, visaug; visaug.VISNoise") - bare,
+        "`visaug.Camera`, beyond `import torch`": seconds_of(
+            python, "-c", "import torch, visaug; visaug.Camera"
+        )
+        - bare,
+        "`visaug.VISNoise`, beyond `import torch`": seconds_of(
+            python, "-c", "import torch, visaug; visaug.VISNoise"
+        )
+        - bare,
     }
     lines = ["| what | processor seconds |", "| --- | --- |"]
     return lines + [f"| {name} | {value:.2f} |" for name, value in rows.items()]
@@ -226,8 +233,10 @@ def training_step() -> list[str]:
     times = measure({"step": step, "noise": lambda: noise(images)}, 8, "cpu")
     low, middle, high = np.percentile(times["noise"] / times["step"], [25, 50, 75])
     return [
-        f"Forward and backward of yolov8n-pose, 16 images of 160 x 160 in three gray channels: the noise takes "
-        f"{middle:.1%} of the step's time on top ({low:.1%} to {high:.1%})."
+        (
+            f"Forward and backward of yolov8n-pose, 16 images of 160 x 160 in three gray channels: the noise takes "
+            f"{middle:.1%} of the step's time on top ({low:.1%} to {high:.1%})."
+        )
     ]
 
 
@@ -238,10 +247,18 @@ def _tensors(value: object) -> list[torch.Tensor]:
     return [tensor for part in parts for tensor in _tensors(part)]
 
 
+def publish(page: list[str], output: Path | None) -> None:
+    if output:
+        write_text(output, "\n".join(page) + "\n")
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("-o", "--output", type=Path, help="write the page here; printed where left out")
     parser.add_argument("--machine", default="a machine that nobody described", help="in words")
+    parser.add_argument("--sizes", nargs="+", default=list(SIZES), choices=list(SIZES))
     parser.add_argument("--batches", type=int, nargs="+", default=[1, 8, 64])
     parser.add_argument("--rounds", type=int, default=15)
     parser.add_argument("--threads", type=int, default=torch.get_num_threads())
@@ -251,13 +268,15 @@ def main() -> None:
     page = [
         "# What the noise costs",
         "",
-        f"Measured by `scripts/bench.py` on {options.machine}, {options.threads} threads, torch {torch.__version__}. "
-        "All rivals ran in turn in one process; only ratios within a table mean something. "
-        "The camera has shot noise, PRNU, DSNU, dark current, Tukey-lambda read noise, a black level and 16 bit, "
-        "and is drawn anew for every image (gain, read noise and its shape).",
+        (
+            f"Measured by `scripts/bench.py` on {options.machine}, {options.threads} threads, torch {torch.__version__}. "
+            "All rivals ran in turn in one process; only ratios within a table mean something. "
+            "The camera has shot noise, PRNU, DSNU, dark current, Tukey-lambda read noise, a black level and 16 bit, "
+            "and is drawn anew for every image (gain, read noise and its shape)."
+        ),
     ]
     for device in devices:
-        for name, size in SIZES.items():
+        for name, size in ((name, SIZES[name]) for name in options.sizes):
             for batch in options.batches:
                 if batch * size[0] * size[1] > 8e7 and device == "cpu":
                     continue  # more than a laptop's memory should have to give
@@ -266,17 +285,18 @@ def main() -> None:
                 times = measure(rivals(inputs(batch, size, device), slow), rounds, device)
                 title = f"{device.upper()}, {batch} {'image' if batch == 1 else 'images'} of {name}"
                 page += ["", f"## {title}", "", *table(times, batch * size[0] * size[1] / 1e6)]
+                publish(page, options.output)  # what is measured is kept, should the rest be interrupted
+    page += ["", "## Start", "", *start_up()]
+    publish(page, options.output)
     memory = {name: peak_memory(name) for name in ("visaug, 8 bit", BASE, "visaug, exact chain")}
     page += ["", "## Memory", "", "Beyond the images and the result, eight images of 640 x 640:", ""]
     page += [f"- {name}: {value:.0f} MB" for name, value in memory.items()]
-    page += ["", "## Start", "", *start_up()]
+    publish(page, options.output)
     page += ["", "## Training", "", *training_step()]
     if "cuda" in devices:
         page += ["", "## Bandwidth", "", *bandwidth("cuda")]
-    text = "\n".join(page) + "\n"
-    if options.output:
-        options.output.write_text(text)
-    print(text)
+    publish(page, options.output)
+    print("\n".join(page))
 
 
 if __name__ == "__main__":

@@ -72,7 +72,9 @@ def test_albumentations_follows_the_pipelines_seed():
     assert not np.array_equal(first, image)
 
 
-@pytest.mark.parametrize(("dtype", "bits", "top"), [(np.uint8, None, 200), (np.uint16, None, 60000), (np.uint16, 10, 900)])
+@pytest.mark.parametrize(
+    ("dtype", "bits", "top"), [(np.uint8, None, 200), (np.uint16, None, 60000), (np.uint16, 10, 900)]
+)
 @pytest.mark.parametrize("channels", [1, 3])
 def test_arrays_keep_their_depth(dtype, bits, top, channels):
     image = picture(channels, dtype, top)
@@ -115,7 +117,12 @@ def test_workers_differ_and_reproduce(seed_given):
 
 
 def test_adapters_can_be_pickled():
-    for noise in (ImageNoise(CAMERA), TorchvisionNoise(CAMERA), VISNoise(CAMERA), AlbumentationsNoise(CAMERA)):
+    for noise in (
+        ImageNoise(CAMERA),
+        TorchvisionNoise(CAMERA),
+        VISNoise(CAMERA),
+        AlbumentationsNoise(CAMERA),
+    ):
         assert type(pickle.loads(pickle.dumps(noise))).__name__ == type(noise).__name__
 
 

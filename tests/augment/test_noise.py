@@ -185,7 +185,11 @@ def test_same_on_batch_and_probability(fast):
 
 
 def test_kept_pattern_is_the_cameras_and_its_crop(fast):
-    cam = camera(read_noise={"sigma_e": 0.5}, dsnu={"pixel_e": 40.0, "row_e": 30.0, "column_e": 20.0}, gain_e_per_dn=1.0)
+    cam = camera(
+        read_noise={"sigma_e": 0.5},
+        dsnu={"pixel_e": 40.0, "row_e": 30.0, "column_e": 20.0},
+        gain_e_per_dn=1.0,
+    )
     dark = torch.zeros(60, 1, 40, 50)
     whole = VISNoise(cam, fixed_pattern="camera", seed=4, fast=fast, black_level="keep")(dark).mean(0)
     again = VISNoise(cam, fixed_pattern="camera", seed=4, fast=not fast, black_level="keep")(dark).mean(0)

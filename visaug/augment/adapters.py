@@ -46,7 +46,9 @@ class ImageNoise:
         tensor (C, H, W), or NumPy array (H, W) or (H, W, C); uint8, uint16 or float in [0, 1] -> the same.
     """
 
-    def __init__(self, camera: Source | Sequence[Source], p: float = 1.0, bits: int | None = None, **options: Any):
+    def __init__(
+        self, camera: Source | Sequence[Source], p: float = 1.0, bits: int | None = None, **options: Any
+    ):
         self.noise = SensorNoise(camera, **options)
         self.p, self.bits = p, bits
 

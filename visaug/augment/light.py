@@ -27,7 +27,9 @@ def irradiance_to_photons(
     return irradiance_w_per_m2 * pixel_area_m2 * exposure_s / photon_energy_j
 
 
-def image_to_photons(image: Tensor, max_dn: float, gain_e_per_dn: Tensor, quantum_efficiency: Tensor) -> Tensor:
+def image_to_photons(
+    image: Tensor, max_dn: float, gain_e_per_dn: Tensor, quantum_efficiency: Tensor
+) -> Tensor:
     """Mean photons per pixel of which a camera without offset would make this image, mu_p = I max_dn G / QE.
 
     Whatever the gain and the quantum efficiency, the mean of the camera's image is then `image` again.

@@ -87,7 +87,9 @@ class SensorNoise(nn.Module):
     def _add_value(self, path: str, value: Tensor | float) -> None:
         known = self.cameras[0].values()
         if path not in known:
-            raise InputError("is no parameter of this camera", field=path, expected=f"one of {', '.join(known)}")
+            raise InputError(
+                "is no parameter of this camera", field=path, expected=f"one of {', '.join(known)}"
+            )
         name = self._names[path] = "value_" + path.replace(".", "_")
         if isinstance(value, nn.Parameter):
             self.register_parameter(name, value)
@@ -132,7 +134,11 @@ class SensorNoise(nn.Module):
         noisy = torch.empty_like(light)
         for number in draws["camera"].unique().tolist():
             chosen = (draws["camera"] == number).nonzero().squeeze(1)
-            own = {name: value[chosen] for name, value in draws.items() if value.shape[:1] == draws["camera"].shape}
+            own = {
+                name: value[chosen]
+                for name, value in draws.items()
+                if value.shape[:1] == draws["camera"].shape
+            }
             here = chosen.to(light.device)
             noisy = noisy.index_copy(0, here, self._gray_or_colour(self.cameras[number], light[here], own))
         return noisy
@@ -173,7 +179,9 @@ class SensorNoise(nn.Module):
         """By tables, where they have the camera's law; else None."""
         given = self._given(camera, draws)
         values = {
-            path: value.detach().double().numpy().reshape(-1) if isinstance(value, Tensor) else np.array([value])
+            path: value.detach().double().numpy().reshape(-1)
+            if isinstance(value, Tensor)
+            else np.array([value])
             for path, value in given.items()
         }
         kept = self.fixed_pattern == "camera"

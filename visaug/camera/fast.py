@@ -3,6 +3,7 @@
 Row and column patterns are the exact chain's own numbers, and so are pixel patterns that are kept.
 """
 
+import itertools
 import logging
 import os
 from collections.abc import Mapping
@@ -82,7 +83,9 @@ def take(
         sigma = values[f"{effect}.sigma_e"]
         lines[place] = lines[place] + _lines(frames, (effect,), vary, sigma, channels, window)
     sets = max(len(line) for line in lines)
-    lines = [np.ascontiguousarray(np.broadcast_to(x, (sets, *x.shape[1:]))).reshape(-1, x.shape[2]) for x in lines]
+    lines = [
+        np.ascontiguousarray(np.broadcast_to(x, (sets, *x.shape[1:]))).reshape(-1, x.shape[2]) for x in lines
+    ]
     maps = [np.zeros((channels, height, 0), np.float32)] * 2
     if kept:
         for i, path in enumerate(("prnu.pixel", "dsnu.pixel_e")):
@@ -207,7 +210,10 @@ def _in_threads(rows: int, *arguments: Any) -> None:
     if threads == 1:
         return expose(source, out, 0, rows, *rest)
     bounds = np.linspace(0, rows, 2 * threads + 1).astype(int).tolist()
-    tasks = [_pool(os.getpid(), threads).submit(expose, source, out, a, b, *rest) for a, b in zip(bounds, bounds[1:])]
+    tasks = [
+        _pool(os.getpid(), threads).submit(expose, source, out, a, b, *rest)
+        for a, b in itertools.pairwise(bounds)
+    ]
     for task in tasks:
         task.result()
     return None

@@ -30,7 +30,9 @@ SUBTRACT_DN = 7  # what is taken off again
 FULL_WELL_E = 8
 LIMIT_E = 9  # means above it draw each part on its own: they may meet the full well
 MAX_DN = 10
-LATTICE = 11  # 1: the count is a whole number and meets the full well; 0: Gaussian parts are drawn together with it
+LATTICE = (
+    11  # 1: the count is a whole number and meets the full well; 0: Gaussian parts are drawn together with it
+)
 NUMBERS = 12
 
 f32, i32, u32, u64 = np.float32, np.int32, np.uint32, np.uint64
@@ -144,7 +146,13 @@ def _count(m, v, added, w, lattice):
 def _together(light, w, t, offset, n, out):
     """Values in [0, 1] of pixels whose count and fixed patterns make one draw."""
     dark, prnu, sigma, added = n[DARK_E], n[PRNU_PIXEL], n[READ_SIGMA_E], n[DSNU_PIXEL_E] * n[DSNU_PIXEL_E]
-    scale, black, top, less, per_dn = n[DN_PER_E], n[OFFSET_DN] + HALF, n[MAX_DN], n[SUBTRACT_DN], ONE / n[MAX_DN]
+    scale, black, top, less, per_dn = (
+        n[DN_PER_E],
+        n[OFFSET_DN] + HALF,
+        n[MAX_DN],
+        n[SUBTRACT_DN],
+        ONE / n[MAX_DN],
+    )
     lattice, well = n[LATTICE], n[FULL_WELL_E] if n[LATTICE] > ZERO else f32(np.inf)
     for x in range(light.size):
         v = light[x] * prnu
@@ -175,7 +183,13 @@ def _apart(light, w, t, z, offset, nodes, fractions, entries, n, prnu, out):
     """Values in [0, 1] of pixels whose count is drawn as a whole number, on its own."""
     dark, sigma, well, deviation = n[DARK_E], n[READ_SIGMA_E], n[FULL_WELL_E], n[DSNU_PIXEL_E]
     hidden = n[PRNU_PIXEL] - prnu  # small means whose gain is not in the count have it in the Gaussian part
-    scale, black, top, less, per_dn = n[DN_PER_E], n[OFFSET_DN] + HALF, n[MAX_DN], n[SUBTRACT_DN], ONE / n[MAX_DN]
+    scale, black, top, less, per_dn = (
+        n[DN_PER_E],
+        n[OFFSET_DN] + HALF,
+        n[MAX_DN],
+        n[SUBTRACT_DN],
+        ONE / n[MAX_DN],
+    )
     for x in range(light.size):
         m = light[x] + dark
         v = light[x] * n[PRNU_PIXEL]
@@ -211,7 +225,12 @@ def _sum(one, row, maps, out):
 def _draw_apart(seeds, light, w, t, offset, nodes, fractions, n, normal, poisson, words, floats, out):
     """`_apart` with the further random numbers that it takes; all arrays of pixels have one length."""
     size = seeds.size
-    one, other, places, entries = words[0, :size], words[1, :size], words[2, :size], words[3, :size].view(np.int32)
+    one, other, places, entries = (
+        words[0, :size],
+        words[1, :size],
+        words[2, :size],
+        words[3, :size].view(np.int32),
+    )
     c, fraction, z, k = words[4, :size], floats[0, :size], floats[1, :size], floats[2, :size]
     prnu = n[PRNU_PIXEL] if n[LIMIT_E] < ZERO else ZERO
     z[:], k[:] = ZERO, ZERO
@@ -273,7 +292,17 @@ def expose(
         own = plane if len(row_gain) > channels else channel  # patterns drawn for each image, or kept
         if aside > 0 and (image != aside_image or aside + width > room):
             _draw_packed(
-                aside, seeds, aside_a, packed, to, numbers[aside_image], normal, poisson, words[5:], floats[14:], flat
+                aside,
+                seeds,
+                aside_a,
+                packed,
+                to,
+                numbers[aside_image],
+                normal,
+                poisson,
+                words[5:],
+                floats[14:],
+                flat,
             )
             aside = 0
         n, source, target = numbers[image], images[plane, y], out[plane, y]
@@ -305,11 +334,25 @@ def expose(
         for x in range(width):  # put aside, so that their further steps run over long arrays too
             m = light[x] + n[DARK_E]
             if (m < LARGE) | (m > n[LIMIT_E]):
-                seeds[aside], to[aside], aside_a[aside] = key + u64(columns[x]) * STEP, number * width + x, a[x]
+                seeds[aside], to[aside], aside_a[aside] = (
+                    key + u64(columns[x]) * STEP,
+                    number * width + x,
+                    a[x],
+                )
                 packed[0, aside], packed[1, aside], packed[2, aside] = light[x], w[x], t[x]
                 packed[3, aside], packed[4, aside] = offset[x], fa[x]
                 aside += 1
     if aside > 0:
         _draw_packed(
-            aside, seeds, aside_a, packed, to, numbers[aside_image], normal, poisson, words[5:], floats[14:], flat
+            aside,
+            seeds,
+            aside_a,
+            packed,
+            to,
+            numbers[aside_image],
+            normal,
+            poisson,
+            words[5:],
+            floats[14:],
+            flat,
         )

@@ -48,7 +48,10 @@ def spreads(camera: "Camera") -> Spreads:
             parameter = place_of(path).parameter
             found[path] = nominal, deviation, parameter.low, parameter.high
     nominal, deviation, low, high = torch.tensor(list(found.values()), dtype=torch.float64).reshape(-1, 4).T
-    below, above = torch.special.ndtr((low - nominal) / deviation), torch.special.ndtr((high - nominal) / deviation)
+    below, above = (
+        torch.special.ndtr((low - nominal) / deviation),
+        torch.special.ndtr((high - nominal) / deviation),
+    )
     return Spreads(tuple(found), nominal, deviation, low, high, below, above)
 
 
