@@ -88,6 +88,9 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
         # Measured rows and columns hold their share of the pixels' own pattern.
         pixel_var = fit.spread**2 / (1 - 1 / height - 1 / width)
         total = row_var + column_var + pixel_var
+    columns, column_error = _locations(
+        master.mean(0), master.std(0, ddof=1) / math.sqrt(height), fit, max(total - column_var, 0.02 * total)
+    )
     source = f"likelihood of {still.n} {still.group.kind} frames cut at 0"
     _add(found, still, fit, mean, (rows, row_error), (columns, column_error), len(sample.rows), source)
     _dark(found, measured, fit, columns, max(total - column_var, 0.0))
