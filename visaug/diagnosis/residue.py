@@ -69,14 +69,12 @@ def _axes(statistics: Sequence[Statistic], size: np.ndarray, far: list[int]) -> 
     seen: dict[tuple[str, tuple[str, ...]], float] = {}
     for i in far:
         key = (statistics[i].view, statistics[i].axes)
-        seen[key] = max(
-            seen.get(key, 0.0), float(np.log1p(size[i] ** 2)) * min(size[i] / size[far[0]] * 4, 1.0)
-        )
+        seen[key] = max(seen.get(key, 0.0), float(size[i]))
     for (_, axes), value in seen.items():
         for axis in axes:
             weight[axis] += value / len(axes)
     top = max(weight.values())
-    return tuple(axis for axis in sorted(weight, key=lambda a: -weight[a]) if weight[axis] >= 0.5 * top)
+    return tuple(axis for axis in sorted(weight, key=lambda a: -weight[a]) if weight[axis] >= 0.6 * top)
 
 
 def _growth(statistics: Sequence[Statistic], size: np.ndarray) -> tuple[str, ...]:

@@ -1,0 +1,79 @@
+"""Compare on small sets of an independent camera, and the share of large sets."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.small import SENSOR, frame_set, row_noise
+from visaug import Camera, FrameSet, InputError
+from visaug.comparison import compare, share_out
+from visaug.comparison.selection import manageable
+from visaug.frames import FrameRecord
+
+
+@pytest.fixture(scope="module")
+def stated() -> Camera:
+    s = SENSOR
+    return Camera.load(
+        {
+            "resolution": [s.rows, s.columns],
+            "bit_depth": s.bits,
+            "quantum_efficiency": s.efficiency,
+            "gain_e_per_dn": s.e_per_dn,
+            "black_level_dn": s.pedestal_dn,
+            "full_well_e": s.well_e,
+            "read_noise": {"sigma_e": s.read_e, "shape": s.tail},
+            "dark_current": {"a_e_per_s": s.dark_e_per_s, "b_per_c": s.dark_per_c},
+            "prnu": dict(zip(("column", "row", "pixel"), s.prnu, strict=True)),
+            "dsnu": dict(zip(("column_e", "row_e", "pixel_e"), s.dsnu_e, strict=True)),
+        }
+    )
+
+
+def test_the_true_camera_holds(stated):
+    """At the tested seed; over seeds the false-alarm rate is 2 %."""
+    result = compare(stated, frame_set(11))
+    assert result.adequate
+    assert result.to_json()["error"]["before"] is None
+
+
+def test_a_hidden_effect_is_seen_where_it_is(stated):
+    result = compare(stated, frame_set(11, [row_noise(2.0)]))
+    assert not result.adequate
+    where = result.where()
+    assert where[0]["view"] in ("temporal_lines", "temporal_spectrum")
+    assert sum(place["share"] for place in where) <= 1 + 1e-6
+    assert json.loads(json.dumps(result.to_json()))["fits"]["adequate_before"] is False
+    assert result.differences()[0]["z"] > 10
+
+
+def test_pictures_of_which_nothing_is_known_are_refused(stated):
+    frames = FrameSet.from_arrays([FrameRecord(0, "a.png", "image")], [np.zeros((64, 80), np.uint8)])
+    with pytest.raises(InputError, match="kind"):
+        compare(stated, frames)
+
+
+def test_folds_share_no_frame_and_every_group_is_in_two():
+    frames = frame_set(0)
+    folds = share_out(frames)
+    parts = [set(folds.fit), set(folds.select), set(folds.confirm)]
+    assert sum(map(len, parts)) == len(set.union(*parts)) == len(frames)
+    for group in frames.groups():
+        assert set(group.indices) & set(folds.find)
+        assert set(group.indices) & set(folds.confirm)
+
+
+def test_a_large_set_is_taken_in_part():
+    records = [FrameRecord(i, f"{i}.npy", "flat", 0.01, 20.0, 0.0, float(100 * (i // 2))) for i in range(100)]
+    pixels = np.arange(300 * 400, dtype=np.float32).reshape(300, 400)
+    frames = FrameSet.from_arrays(records, [pixels] * 100)
+    small, said = manageable(frames, budget=1_000_000)
+    height, width = small.shape(0)
+    assert len(small) * height * width <= 1_000_000
+    assert said is not None
+    r0, r1, c0, c1 = small.records[0].window
+    np.testing.assert_array_equal(small.read(0), pixels[r0:r1, c0:c1])
+    levels = {r.photons for r in small.records}
+    assert {0.0, 4900.0} <= levels
+    assert manageable(frames, budget=10**9) == (frames, None)
