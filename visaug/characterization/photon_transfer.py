@@ -110,7 +110,7 @@ def _response(levels: Sequence[Level]) -> tuple[float | None, float]:
     error += left_out([v.flat.column_means - v.dark.column_means for v in levels])
     relative = [v.flat.frame_variance / v.signal**2 for v in levels]
     lamp = np.median(relative) / sum(v.flat.n for v in levels)
-    bright = [v.signal / v.photons for v in levels if v.signal > 0.2 * levels[-1].signal]
+    bright = [v.signal / float(v.photons or 1.0) for v in levels if v.signal > 0.2 * levels[-1].signal]
     if len(bright) > 1:
         lamp += (np.std(bright, ddof=1) / value) ** 2 / len(bright)
     return value, math.sqrt(error / value**2 + lamp)
