@@ -12,7 +12,7 @@ from torch.utils.data import get_worker_info
 
 from visaug.augment import draws as drawing
 from visaug.augment.light import image_to_photons, linear_to_srgb, srgb_to_linear
-from visaug.camera import Camera, fast
+from visaug.camera import Camera, fast, fast_gpu
 from visaug.camera.randomize import spreads
 from visaug.errors import InputError
 from visaug.sampling import Stream, derive_key
@@ -170,7 +170,9 @@ class SensorNoise(nn.Module):
         return max(1, round(max(rows / light.shape[2], columns / light.shape[3])))
 
     def _may_be_fast(self, light: Tensor) -> bool:
-        if not self.fast or torch.compiler.is_compiling() or light.device.type != "cpu":
+        if not self.fast or torch.compiler.is_compiling() or light.device.type not in ("cpu", "cuda"):
+            return False
+        if light.device.type == "cpu" and fast.kernel() is None:
             return False
         tensors = (light, *(getattr(self, name) for name in self._names.values()))
         return not torch.is_grad_enabled() or not any(tensor.requires_grad for tensor in tensors)
@@ -191,7 +193,8 @@ class SensorNoise(nn.Module):
         electrons = _max_dn(camera) * gain
         if self.full_scale_photons is not None:
             electrons = self.full_scale_photons * values["quantum_efficiency"]
-        return fast.take(
+        take = fast.take if light.device.type == "cpu" else fast_gpu.take
+        return take(
             camera,
             light,
             electrons,

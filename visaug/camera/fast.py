@@ -39,8 +39,8 @@ def suits(camera: "Camera", values: Values, kept: bool) -> bool:
         return False
     pixel = values["prnu.pixel"]
     if kept:
-        return pixel.size == values["dsnu.pixel_e"].size == 1 and kernel() is not None
-    return bool((pixel <= WIDEST_PRNU).all()) and kernel() is not None
+        return pixel.size == values["dsnu.pixel_e"].size == 1
+    return bool((pixel <= WIDEST_PRNU).all())
 
 
 def take(
