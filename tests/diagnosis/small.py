@@ -9,7 +9,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 
 from independent.camera import Hidden, Sensor, Shot, take
 
-from visaug import FrameSet
+from visaug import Camera, FrameSet
 from visaug.frames import FrameRecord
 
 SENSOR = Sensor(
@@ -31,6 +31,26 @@ def frame_set(seed: int, hidden=(), sensor: Sensor = SENSOR, plan=tuple(PLAN)) -
         FrameRecord(i, f"{i}.npy", s.kind, s.seconds, s.celsius, 0.0, s.photons) for i, s in enumerate(plan)
     ]
     return FrameSet.from_arrays(records, list(frames), bit_depth=sensor.bits)
+
+
+def stated_camera() -> Camera:
+    """The camera as its maker tells it, without what is hidden."""
+    s = SENSOR
+    return Camera.load(
+        {
+            "name": s.name,
+            "resolution": [s.rows, s.columns],
+            "bit_depth": s.bits,
+            "quantum_efficiency": s.efficiency,
+            "gain_e_per_dn": s.e_per_dn,
+            "black_level_dn": s.pedestal_dn,
+            "full_well_e": s.well_e,
+            "read_noise": {"sigma_e": s.read_e, "shape": s.tail},
+            "dark_current": {"a_e_per_s": s.dark_e_per_s, "b_per_c": s.dark_per_c},
+            "prnu": dict(zip(("column", "row", "pixel"), s.prnu, strict=True)),
+            "dsnu": dict(zip(("column_e", "row_e", "pixel_e"), s.dsnu_e, strict=True)),
+        }
+    )
 
 
 def rows_that_shift(x: np.ndarray, strength: float, moment) -> np.ndarray:

@@ -168,14 +168,16 @@ def adjust(
     z = residuals[:, used] / scale[used]
     ridge = np.diag(1 / priors**2)
     steps = np.zeros((len(z), design.shape[1]))
-    weights = np.ones_like(z)
     for _ in range(iterations):
+        left = np.abs(z - steps @ design.T)
+        # where most statistics are off it is the camera's numbers that are; where few are, it is something else
+        limit = np.maximum(OUTLIER, OUTLIER * np.median(left, axis=1, keepdims=True))
+        weights = 1 / (1 + (left / limit) ** 2)
         normal = np.stack([(design * w[:, None]).T @ design for w in weights]) + ridge
         diagonal = np.einsum("nii->ni", normal)
         diagonal += 1e-9 * diagonal.max(1, keepdims=True)  # numbers that these frames answer alike
         pull = (weights * z) @ design
         steps = np.linalg.solve(normal, pull[:, :, None])[:, :, 0]
-        weights = 1 / (1 + ((z - steps @ design.T) / OUTLIER) ** 2)
     return steps
 
 

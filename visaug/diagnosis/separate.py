@@ -45,7 +45,11 @@ def _plan(camera: Camera) -> FrameSet:
     r0, c0 = (rows - height) // 2, (columns - width) // 2
     full_well = camera.spec.full_well_e or camera.spec.gain_e_per_dn * 2**camera.bit_depth
     records = [
-        replace(record, window=(r0, r0 + height, c0, c0 + width), photons=record.photons and record.photons * share)
+        replace(
+            record,
+            window=(r0, r0 + height, c0, c0 + width),
+            photons=record.photons and record.photons * share,
+        )
         for share in [full_well / camera.spec.quantum_efficiency / 20000.0]
         for record in default_plan()
         if record.kind in WORDS and record.gain_db == 0

@@ -36,6 +36,7 @@ MOST = 4  # effects that are added one after the other
 TRIED = 4  # candidates whose numbers are refined in a step
 COVERED = 0.75  # share of the statistics an effect moves that it must bring back
 TRACE = 0.03  # error below which what an accepted effect leaves over is not called unexplained
+POOREST = 0.65  # the same share in the view that it explains least
 FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
 
 
@@ -127,7 +128,11 @@ class _Search:
             p_after = self._p_value(state)
         missing = bool(p_after <= SIGNIFICANT)
         excess = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
-        residue = describe(self.lab.statistics, state.z, nearest) if missing and self._is_worth_telling(state) else None
+        residue = (
+            describe(self.lab.statistics, state.z, nearest)
+            if missing and self._is_worth_telling(state)
+            else None
+        )
         return Diagnosis(
             camera=state.fitted.camera,
             accepted=state.accepted,
@@ -256,9 +261,11 @@ class _Search:
             return float(was.max()) > float(now.max())
         views = np.array([s.view for s in self.lab.statistics])
         back = now <= np.maximum(4.0, 0.3 * was)
-        covered = np.mean([back[seen & (views == view)].mean() for view in dict.fromkeys(views[seen])])
+        shares = {v: back[seen & (views == v)] for v in dict.fromkeys(views[seen])}
+        covered = np.mean([share.mean() for share in shares.values()])
+        poorest = min((share.mean() for share in shares.values() if len(share) > 2), default=1.0)
         worsened = (now > 4) & (now > 1.5 * was)
-        return bool(covered >= COVERED and worsened.sum() <= 0.1 * seen.sum() + 1)
+        return bool(covered >= COVERED and poorest >= POOREST and worsened.sum() <= 0.1 * seen.sum() + 1)
 
     def _improves(self, before: State, after: State) -> bool:
         """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
@@ -266,7 +273,10 @@ class _Search:
         A first effect whose own spread covers what it explains has no error to lower; a second one then has no case.
         """
         found_before, found = self._found_error(before.fitted), self._found_error(after.fitted)
-        confirmed_before, confirmed = self._confirmed_error(before.fitted), self._confirmed_error(after.fitted)
+        confirmed_before, confirmed = (
+            self._confirmed_error(before.fitted),
+            self._confirmed_error(after.fitted),
+        )
         if found is None or found_before is None:
             return not before.accepted
         agrees = confirmed is None or confirmed_before is None or confirmed.value < confirmed_before.value
