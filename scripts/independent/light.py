@@ -84,7 +84,7 @@ def lens_flare(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     reach = int(3 * radius)
     r = _radius(reach)
     if at.form == "ring and small ghost":
-        small: np.ndarray = zoom(light[::-1, ::-1], 0.5, order=1)
+        small = np.asarray(zoom(light[::-1, ::-1], 0.5, order=1))
         ghost = np.zeros_like(light)
         top, left = (light.shape[0] - small.shape[0]) // 2, (light.shape[1] - small.shape[1]) // 2
         ghost[top : top + small.shape[0], left : left + small.shape[1]] = 4 * small

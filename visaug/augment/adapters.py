@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from visaug.augment.sensor_noise import SensorNoise, Source
 from visaug.errors import InputError
@@ -95,7 +95,7 @@ def _torchvision_noise() -> type:
             self, camera: Source | Sequence[Source], p: float = 1.0, bits: int | None = None, **options: Any
         ):
             super().__init__()
-            self.noise: nn.Module = SensorNoise(camera, **options)
+            self.noise = SensorNoise(camera, **options)
             self.p, self.bits = p, bits
 
         def make_params(self, flat_inputs: list[Any]) -> dict[str, Any]:
@@ -115,7 +115,8 @@ def _torchvision_noise() -> type:
                 draws = {name: value.expand(len(batch)) for name, value in draws.items()} | {"keys": keys}
             with torch.no_grad():
                 noisy = self.noise.apply_draws(to_unit(batch, self.bits), draws)
-            return tv_tensors.wrap(from_unit(noisy, images.dtype, self.bits).reshape(images.shape), like=inpt)
+            whole = from_unit(noisy, images.dtype, self.bits).reshape(images.shape)
+            return tv_tensors.wrap(whole, like=inpt)  # pyright: ignore[reportCallIssue]
 
     return _at_home(TorchvisionNoise)
 

@@ -241,8 +241,8 @@ def _max_dn(camera: Camera) -> int:
 
 
 def _population(camera: Source | Sequence[Source]) -> tuple[Camera, ...]:
-    several = isinstance(camera, Sequence) and not isinstance(camera, str)
-    cameras = tuple(Camera.load(one) for one in (camera if several else [camera]))
+    several = camera if isinstance(camera, Sequence) and not isinstance(camera, str) else [camera]
+    cameras = tuple(Camera.load(one) for one in several)
     if not cameras:
         raise InputError("the population is empty", field="camera", expected="one camera or more")
     return cameras

@@ -183,8 +183,8 @@ def _numbers(
     n[:, k.LIMIT_E] = np.where((gaussian == 0) | np.isinf(well), np.inf, np.maximum(below, 0))
     few = np.flatnonzero((gaussian > 0) & (gaussian < 1))
     if few.size:
-        wide = [np.broadcast_to(x, batch)[few] for x in (sigma, shape)]
-        n[few[tables.comb(*wide, gaussian[few]) > VISIBLE_COMB], k.LIMIT_E] = -1
+        wide_sigma, wide_shape = (np.broadcast_to(x, batch)[few] for x in (sigma, shape))
+        n[few[tables.comb(wide_sigma, wide_shape, gaussian[few]) > VISIBLE_COMB], k.LIMIT_E] = -1
     return n
 
 
@@ -195,7 +195,7 @@ def kernel() -> Any:
         from visaug.camera import fast_kernel
     except ImportError:
         return None
-    folder = Path(fast_kernel.expose.stats.cache_path)
+    folder = Path(str(fast_kernel.expose.stats.cache_path))
     if not any(folder.glob("fast_kernel.expose-*.nbi")):
         message = "compiling the fast sensor chain: once, about 10 s; kept in %s"
         logging.getLogger("visaug").warning(message, folder)

@@ -103,7 +103,7 @@ def _places(bits, nodes, fractions):
     """Node of a table and fraction to the next one; see tables.py."""
     for x in range(bits.size):
         p = f32(i32(bits[x] & u32(0x7FFFFFFF))) * PER_BIT + HALF_BIT
-        place = _float_bits(p)
+        place = _float_bits(p)  # pyright: ignore[reportCallIssue]
         side = (bits[x] >> u32(31)) * u32(SIDE)
         nodes[x] = u32((place >> u32(FRACTION_BITS)) - u32(FIRST) + side)
         fractions[x] = f32(i32(place & FRACTION))

@@ -32,16 +32,16 @@ class DarkCurrent(_Part):
 
     @model_validator(mode="after")
     def _from_datasheet(self) -> "DarkCurrent":
-        datasheet = (self.reference_e_per_s, self.reference_temperature_c, self.doubling_c)
-        if all(value is None for value in datasheet):
+        rate, reference, doubling = self.reference_e_per_s, self.reference_temperature_c, self.doubling_c
+        if rate is None and reference is None and doubling is None:
             return self
-        if any(value is None for value in datasheet) or "a_e_per_s" in self.model_fields_set:
+        if rate is None or reference is None or doubling is None or "a_e_per_s" in self.model_fields_set:
             raise ValueError(
                 "expected either a_e_per_s and b_per_c, "
                 "or all of reference_e_per_s, reference_temperature_c and doubling_c"
             )
-        self.b_per_c = math.log(2) / self.doubling_c
-        self.a_e_per_s = self.reference_e_per_s * math.exp(-self.b_per_c * self.reference_temperature_c)
+        self.b_per_c = math.log(2) / doubling
+        self.a_e_per_s = rate * math.exp(-self.b_per_c * reference)
         return self
 
 
@@ -80,10 +80,10 @@ class CameraSpec(_Part):
     full_well_e: float | None = Field(None, ge=1, le=1e9)
     exposure_s: float = Field(0.01, ge=0, le=1e5)
     temperature_c: float = Field(20.0, ge=-150, le=150)
-    read_noise: ReadNoise = Field(default_factory=ReadNoise)
-    dark_current: DarkCurrent = Field(default_factory=DarkCurrent)
-    prnu: PRNU = Field(default_factory=PRNU)
-    dsnu: DSNU = Field(default_factory=DSNU)
+    read_noise: ReadNoise = Field(default_factory=lambda: ReadNoise.model_validate({}))
+    dark_current: DarkCurrent = Field(default_factory=lambda: DarkCurrent.model_validate({}))
+    prnu: PRNU = Field(default_factory=lambda: PRNU.model_validate({}))
+    dsnu: DSNU = Field(default_factory=lambda: DSNU.model_validate({}))
     effects: list[dict[str, Any]] = Field(default_factory=list)
     randomize: dict[str, float | dict[str, float]] = Field(default_factory=dict)
 

@@ -66,7 +66,7 @@ def kept(name: str, make: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.n
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         scratch = path.with_name(f".{name}.{os.getpid()}.npz")
-        np.savez(scratch, **arrays)
+        np.savez(scratch, allow_pickle=False, **arrays)
         os.replace(scratch, path)
     except OSError:
         pass

@@ -65,7 +65,7 @@ def describe(statistics: Sequence[Statistic], z: np.ndarray, nearest: str | None
 
 def _axes(statistics: Sequence[Statistic], size: np.ndarray, far: list[int]) -> tuple[str, ...]:
     """Axes by how much of the difference their statistics carry, each view counted once by its worst statistic."""
-    weight = dict.fromkeys(AXES, 0.0)
+    weight: dict[str, float] = dict.fromkeys(AXES, 0.0)
     seen: dict[tuple[str, tuple[str, ...]], float] = {}
     for i in far:
         key = (statistics[i].view, statistics[i].axes)

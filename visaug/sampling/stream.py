@@ -1,7 +1,9 @@
 """Streams of random numbers for a batch of images."""
 
+import contextlib
 import hashlib
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -10,10 +12,9 @@ from torch import Tensor
 from visaug.sampling import distributions
 from visaug.sampling.philox import mix, sensor_bits
 
-try:
+kernels: Any = None  # without numba: same law and, but for rounding, same numbers from torch, slower
+with contextlib.suppress(ImportError):
     from visaug.sampling import kernels
-except ImportError:  # numba is not to be had: same law and, but for rounding, same numbers from torch, slower
-    kernels = None
 
 
 def derive_key(*words: object) -> int:

@@ -93,7 +93,7 @@ def _target(key: _Key) -> Target:
             ring = _reach(bright, step, far) & ~_reach(bright, step, near - 1)
             if ring.any():
                 rings[f"{name} px from bright spots along the {axis}"] = (axis, ring)
-    return Target(clean, bright, ~binary_dilation(bright, iterations=2), shapes, rings)
+    return Target(clean, bright, np.logical_not(binary_dilation(bright, iterations=2)), shapes, rings)
 
 
 def _reach(mask: np.ndarray, step: tuple[int, int], distance: int) -> np.ndarray:

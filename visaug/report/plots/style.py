@@ -41,7 +41,7 @@ def styled() -> Iterator[None]:
     """The look, for what is drawn inside; matplotlib's own settings are left as they were."""
     import matplotlib as mpl
 
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(_STYLE):  # pyright: ignore[reportArgumentType]
         yield
 
 
