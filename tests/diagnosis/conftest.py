@@ -1,6 +1,7 @@
 """The small camera as its maker tells it, and a cache of its own."""
 
 import os
+import sys
 
 import pytest
 
@@ -17,3 +18,11 @@ def stated() -> Camera:
 def own_cache(tmp_path_factory):
     """What one test simulates of the camera the next may use, and nothing of an earlier run."""
     os.environ["VISAUG_CACHE"] = str(tmp_path_factory.mktemp("cache"))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def shipped_effects_alone():
+    """Effects that other tests load from files are no candidates here."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys.modules["visaug.effects.catalogue"], "_loaded", {})
+        yield

@@ -1,7 +1,7 @@
 """Which physical effect is missing: fit, name, add, refit, until nothing is missing or nothing known explains the rest."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ from visaug.camera import Camera
 from visaug.camera.paths import place_of
 from visaug.comparison import Distance, Error, Laboratory, places
 from visaug.diagnosis import cache
+from visaug.diagnosis.acceptance import State, explains, improves
 from visaug.diagnosis.candidates import trials
 from visaug.diagnosis.fit import (
     Fitted,
@@ -34,25 +35,8 @@ SETS_AFTER = 120  # of a camera with an effect added
 SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 MOST = 4  # effects that are added one after the other
 TRIED = 4  # candidates whose numbers are refined in a step
-COVERED = 0.75  # share of the statistics an effect moves that it must bring back
 TRACE = 0.03  # error below which what an accepted effect leaves over is not called unexplained
-POOREST = 0.65  # the same share in the view that it explains least
 FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
-
-
-@dataclass(frozen=True)
-class State:
-    """Where the search stands: the fitted camera, and what accepted effects' forms may leave over per statistic."""
-
-    fitted: Fitted
-    accepted: tuple[str, ...]
-    allowance: np.ndarray
-
-    @property
-    def z(self) -> np.ndarray:
-        """Residuals in standard deviations, the forms of accepted effects allowed for."""
-        scale = np.sqrt(self.fitted.reference.null_scale**2 + self.allowance**2)
-        return standardised(self.fitted.residual, np.where(self.fitted.reference.null_scale > 0, scale, 0.0))
 
 
 def diagnose(
@@ -237,7 +221,7 @@ class _Search:
         fitted = refit(self.lab, reference, self.report)
         allowance = np.hypot(state.allowance, FORM * (state.fitted.residual - fitted.residual))
         after = State(fitted, (*state.accepted, best.effect), allowance)
-        if not (self._explains(state, after) and self._improves(state, after)):
+        if not (explains(self.lab.statistics, state, after) and self._improves(state, after)):
             return None, nearest
         self._tell_parameters(after, best)
         self._note_ambiguous(refined)
@@ -247,40 +231,9 @@ class _Search:
     def _known(reference: Reference) -> tuple[tuple[Coordinate, ...], np.ndarray, np.ndarray]:
         return reference.coordinates, reference.slopes, reference.confirm_slopes
 
-    def _explains(self, before: State, after: State) -> bool:
-        """Whether the effect brings back what it moves: most of the statistics in which it is seen, by most of their distance.
-
-        An effect of another name may lower the error; but what it moves then stays off, or goes off where it was not.
-        """
-        moved = np.abs(
-            standardised(before.fitted.residual - after.fitted.residual, before.fitted.reference.null_scale)
-        )
-        was, now = np.abs(before.z), np.abs(after.z)
-        seen = (moved > 4) & ((was > 4) | (now > 4))
-        if not seen.any():
-            return float(was.max()) > float(now.max())
-        views = np.array([s.view for s in self.lab.statistics])
-        back = now <= np.maximum(4.0, 0.3 * was)
-        shares = {v: back[seen & (views == v)] for v in dict.fromkeys(views[seen])}
-        covered = np.mean([share.mean() for share in shares.values()])
-        poorest = min((share.mean() for share in shares.values() if len(share) > 2), default=1.0)
-        worsened = (now > 4) & (now > 1.5 * was)
-        return bool(covered >= COVERED and poorest >= POOREST and worsened.sum() <= 0.1 * seen.sum() + 1)
-
     def _improves(self, before: State, after: State) -> bool:
-        """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
-
-        A first effect whose own spread covers what it explains has no error to lower; a second one then has no case.
-        """
-        found_before, found = self._found_error(before.fitted), self._found_error(after.fitted)
-        confirmed_before, confirmed = (
-            self._confirmed_error(before.fitted),
-            self._confirmed_error(after.fitted),
-        )
-        if found is None or found_before is None:
-            return not before.accepted
-        agrees = confirmed is None or confirmed_before is None or confirmed.value < confirmed_before.value
-        return found.high < found_before.value and agrees
+        pairs = [(self._found_error(x.fitted), self._confirmed_error(x.fitted)) for x in (before, after)]
+        return improves(pairs[0], pairs[1], first=not before.accepted)
 
     def _is_worth_telling(self, state: State) -> bool:
         """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding."""

@@ -1,0 +1,71 @@
+"""When an effect is accepted: it brings back what it moves, and the error falls."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from visaug.comparison import Error
+from visaug.diagnosis.fit import Fitted, standardised
+from visaug.fingerprint import Statistic
+
+COVERED = 0.75  # share of the statistics an effect moves that it must bring back, mean over views
+SHARE = 0.01  # error that a further effect must take away
+POOREST = 0.65  # the same share in the view that it explains least
+
+
+@dataclass(frozen=True)
+class State:
+    """Where the search stands: the fitted camera, and what accepted effects' forms may leave over per statistic."""
+
+    fitted: Fitted
+    accepted: tuple[str, ...]
+    allowance: np.ndarray
+
+    @property
+    def z(self) -> np.ndarray:
+        """Residuals in standard deviations, the forms of accepted effects allowed for."""
+        scale = np.sqrt(self.fitted.reference.null_scale**2 + self.allowance**2)
+        return standardised(self.fitted.residual, np.where(self.fitted.reference.null_scale > 0, scale, 0.0))
+
+
+def explains(statistics: Sequence[Statistic], before: State, after: State) -> bool:
+    """Whether the effect brings back what it moves: most of the statistics in which it is seen, by most of their distance.
+
+    An effect of another name may lower the error; but what it moves then stays off, or goes off where it was not.
+    """
+    moved = np.abs(
+        standardised(before.fitted.residual - after.fitted.residual, before.fitted.reference.null_scale)
+    )
+    was, now = np.abs(before.z), np.abs(after.z)
+    seen = (moved > 4) & ((was > 4) | (now > 4))
+    if not seen.any():
+        return float(was.max()) > float(now.max())
+    views = np.array([s.view for s in statistics])
+    back = now <= np.maximum(4.0, 0.3 * was)
+    shares = {v: back[seen & (views == v)] for v in dict.fromkeys(views[seen])}
+    covered = np.mean([share.mean() for share in shares.values()])
+    poorest = min((share.mean() for share in shares.values() if len(share) > 2), default=1.0)
+    worsened = (now > 4) & (now > 1.5 * was)
+    return bool(covered >= COVERED and poorest >= POOREST and worsened.sum() <= 0.1 * seen.sum() + 1)
+
+
+def improves(
+    before: tuple[Error | None, Error | None], after: tuple[Error | None, Error | None], first: bool
+) -> bool:
+    """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
+
+    A further effect must take a share of the first excess: what a form leaves over is not mopped up by another name.
+    A first effect whose own spread covers what it explains has no error to lower; a second one then has no case.
+
+    Args:
+        before, after: errors on the frames that find and on those that confirm.
+        first: whether it is the first effect.
+    """
+    (found_before, confirmed_before), (found, confirmed) = before, after
+    if found is None or found_before is None:
+        return first
+    if not first and found_before.value - found.value < SHARE:
+        return False
+    agrees = confirmed is None or confirmed_before is None or confirmed.value < confirmed_before.value
+    return found.high < found_before.value and agrees
