@@ -11,6 +11,7 @@ from visaug.fingerprint import Statistic
 
 COVERED = 0.75  # share of the statistics an effect moves that it must bring back, mean over views
 SHARE = 0.01  # error that a further effect must take away
+WORSE = 0.15  # statistics that may go off, as a share of those that it explains
 POOREST = 0.65  # the same share in the view that it explains least
 
 
@@ -38,7 +39,7 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
         standardised(before.fitted.residual - after.fitted.residual, before.fitted.reference.null_scale)
     )
     was, now = np.abs(before.z), np.abs(after.z)
-    seen = (moved > 4) & ((was > 4) | (now > 4))
+    seen = (moved > 4) & (was > 4)
     if not seen.any():
         return float(was.max()) > float(now.max())
     views = np.array([s.view for s in statistics])
@@ -47,7 +48,7 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     covered = np.mean([share.mean() for share in shares.values()])
     poorest = min((share.mean() for share in shares.values() if len(share) > 2), default=1.0)
     worsened = (now > 4) & (now > 1.5 * was)
-    return bool(covered >= COVERED and poorest >= POOREST and worsened.sum() <= 0.1 * seen.sum() + 1)
+    return bool(covered >= COVERED and poorest >= POOREST and worsened.sum() <= WORSE * seen.sum() + 1)
 
 
 def improves(

@@ -211,7 +211,7 @@ class Fitted:
         return self.reference.slopes
 
 
-def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int = 3) -> Fitted:
+def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int = 4) -> Fitted:
     """Fits the reference's coordinates to the frames that find.
 
     The mean follows the camera by simulations that share their random numbers with the reference's first sets.
@@ -223,11 +223,13 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
     twins = min(TWINS, len(reference.sets))
     at, camera = start.copy(), reference.camera
     mean, confirm_mean = reference.mean, reference.confirm_sets.mean(0)
+    best = (_misfit(measured - mean, reference.scale), at, camera, mean, confirm_mean)
+    shorter = 1.0
     for i in range(iterations):
         # the prior holds the distance from the reference, not from the last iterate
         toward = (measured - mean)[None] + (reference.slopes @ (at - start))[None]
         step = start + adjust(toward, reference.slopes, reference.scale, priors)[0] - at
-        step = np.clip(step, -0.6 * priors, 0.6 * priors)
+        step = shorter * np.clip(step, -0.6 * priors, 0.6 * priors)
         if i and np.all(np.abs(step) < 0.05 * steps):
             break
         at = at + step
@@ -240,8 +242,15 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
         confirm_mean = (
             reference.confirm_sets.mean(0) + confirmed.mean(0) - reference.confirm_sets[:twins].mean(0)
         )
+        misfit = _misfit(measured - mean, reference.scale)
+        if misfit < best[0]:
+            best = (misfit, at, camera, mean, confirm_mean)
+        else:  # too far where statistics bend, as at the full well: back, and a shorter step
+            _, at, camera, mean, confirm_mean = best
+            shorter *= 0.4
+    _, at, camera, mean, confirm_mean = best
     left = measured - mean
-    last = adjust(left[None], reference.slopes, reference.scale, priors)[0]
+    last = shorter * adjust(left[None], reference.slopes, reference.scale, priors)[0]
     camera = moved(camera, coordinates, list(at + last)) if coordinates else camera
     return Fitted(
         reference,
@@ -249,6 +258,11 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
         left - reference.slopes @ last,
         confirm - confirm_mean - reference.confirm_slopes @ last,
     )
+
+
+def _misfit(residual: np.ndarray, scale: np.ndarray) -> float:
+    """What the robust fit lowers."""
+    return float(np.log1p((standardised(residual, scale) / OUTLIER) ** 2).sum())
 
 
 def is_far(reference: Reference, camera: Camera) -> bool:

@@ -111,7 +111,7 @@ class _Search:
             self._step(f"add {state.accepted[-1]}", state)
             p_after = self._p_value(state)
         missing = bool(p_after <= SIGNIFICANT)
-        excess = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
+        excess = (p_given <= SIGNIFICANT or p_before <= SIGNIFICANT) and self._is_clear(self.steps[-1].error)
         residue = (
             describe(self.lab.statistics, state.z, nearest)
             if missing and self._is_worth_telling(state)
@@ -234,6 +234,11 @@ class _Search:
     def _improves(self, before: State, after: State) -> bool:
         pairs = [(self._found_error(x.fitted), self._confirmed_error(x.fitted)) for x in (before, after)]
         return improves(pairs[0], pairs[1], first=not before.accepted)
+
+    @staticmethod
+    def _is_clear(error: Error | None) -> bool:
+        """Whether there is an excess to speak of: one in which noise alone is as large as the whole is none."""
+        return error is not None and error.high - error.low < 1
 
     def _is_worth_telling(self, state: State) -> bool:
         """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding."""
