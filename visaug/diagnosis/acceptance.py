@@ -9,10 +9,10 @@ from visaug.comparison import Error
 from visaug.diagnosis.fit import Fitted, standardised
 from visaug.fingerprint import Statistic
 
-COVERED = 0.75  # share of the statistics an effect moves that it must bring back, mean over views
+COVERED = 0.8  # share of the statistics an effect moves that it must bring back, mean over views
 SHARE = 0.01  # error that a further effect must take away
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
-POOREST = 0.65  # the same share in the view that it explains least
+POOREST = 0.75  # the same share in the view that it explains least
 
 
 @dataclass(frozen=True)
