@@ -52,7 +52,7 @@ def plot_error_steps(
         )
         axes.set_ylabel("error (1: camera as given, 0: floor)")
         axes.grid(axis="x", visible=False)
-        axes.legend(loc="upper right")
+        axes.legend(loc="center left")
     return figure
 
 
