@@ -24,7 +24,7 @@ from visaug.diagnosis.fit import (
 )
 from visaug.diagnosis.parameters import Coordinate, base_coordinates
 from visaug.diagnosis.rank import Refined, Signatures, best_of_each, gain_against_chance, refine, signatures
-from visaug.diagnosis.residue import Residue, describe
+from visaug.diagnosis.residue import describe
 from visaug.diagnosis.result import Diagnosis, Estimate, Ranked, Step
 from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
@@ -332,6 +332,3 @@ def _estimate(coordinate: Coordinate, at: float, spread: float | None) -> Estima
     parameter = place_of(coordinate.path).parameter
     low, high = (at, at) if spread is None else (at - 1.96 * spread, at + 1.96 * spread)
     return Estimate(coordinate.bounded(at), coordinate.bounded(low), coordinate.bounded(high), parameter.unit)
-
-
-__all__ = ["Diagnosis", "Residue", "diagnose"]
