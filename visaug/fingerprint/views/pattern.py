@@ -169,8 +169,9 @@ class Defects(View):
                         g.statistic(self.name, f"below {limit} scales", ["pixel"], "sqrt count"),
                         np.sqrt(low),
                     )
-            clipped = np.clip(ratio, -4, 4)
-            yield g.statistic(self.name, "skewness within 4 scales", ["pixel"]), float((clipped**3).mean())
+            near = np.clip(ratio, -4, 4)
+            cubes = near * near * near  # a power of 3 would cost twenty times as much
+            yield g.statistic(self.name, "skewness within 4 scales", ["pixel"]), float(cubes.mean())
             yield (
                 g.statistic(self.name, "scale to deviation", ["pixel"]),
                 g.pattern_scale / np.sqrt(g.pattern_variance),
