@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.comparison.distance import Distance
+from visaug.comparison.distance import Distance, variance
 from visaug.comparison.laboratory import Laboratory
 from visaug.fingerprint import Statistic
 from visaug.frames import FrameSet
@@ -138,7 +138,7 @@ def compare(
     )
     fingerprint = lab.measured[0]
     least = np.array([s.least_spread for s in fingerprint.statistics])
-    spread = np.maximum(sets.std(0, ddof=1), least)
+    spread = np.maximum(np.sqrt(variance(sets)), least)
     mean = sets.mean(0)
     z = z_scores(fingerprint.values - mean, spread)
     null = np.abs(z_scores((sets - mean) * SETS / (SETS - 1), spread)).max(1)

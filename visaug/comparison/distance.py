@@ -25,6 +25,12 @@ class Error:
     high: float
 
 
+def variance(sets: np.ndarray) -> np.ndarray:
+    """Over simulated sets (R, statistics); exactly 0 for a statistic that differs by rounding alone."""
+    spread = sets.var(0, ddof=1)
+    return np.where(spread > (1e-9 * sets.mean(0)) ** 2, spread, 0.0)
+
+
 class Distance:
     """Errors of models of one measured set.
 
@@ -53,8 +59,8 @@ class Distance:
             residual: measured less the model's mean, where the sets are of a neighbouring camera.
             follows: standard deviations of the model's spread, where they are better known than from `sets`.
         """
-        spread = sets.var(0, ddof=1) if follows is None else follows**2
-        given = self.given.var(0, ddof=1)
+        spread = variance(sets) if follows is None else follows**2
+        given = variance(self.given)
         return self._error(sets, residual, spread, np.maximum(given, spread)) or self._error(
             sets, residual, spread, given
         )
@@ -67,7 +73,7 @@ class Distance:
         weight = np.divide(1.0, scale, out=np.zeros_like(scale), where=usable)
         center = sets.mean(0) if residual is None else self.measured - residual
         floor = self._mean(2 * spread * weight, usable)
-        far = (self.measured - self.given.mean(0)) ** 2 + self.given.var(0, ddof=1)
+        far = (self.measured - self.given.mean(0)) ** 2 + variance(self.given)
         before = self._mean(far * weight, usable)
         after = self._mean(((self.measured - center) ** 2 + spread) * weight, usable)
         if before - floor <= 0:
@@ -80,9 +86,9 @@ class Distance:
 
     def shares(self) -> dict[str, float]:
         """Each view's share of the excess of the camera file as given."""
-        scale = np.maximum(self.given.var(0, ddof=1), self.least**2)
+        scale = np.maximum(variance(self.given), self.least**2)
         usable = scale > 0
-        excess = (self.measured - self.given.mean(0)) ** 2 - self.given.var(0, ddof=1)
+        excess = (self.measured - self.given.mean(0)) ** 2 - variance(self.given)
         excess = np.divide(excess, scale, out=np.zeros_like(scale), where=usable)
         means = {}
         for view in dict.fromkeys(self.views):

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from visaug.camera import Camera
+from visaug.comparison.distance import variance
 from visaug.comparison.laboratory import Laboratory
 from visaug.diagnosis.parameters import Coordinate, moved
 
@@ -43,11 +44,11 @@ class Reference:
     @cached_property
     def scale(self) -> np.ndarray:
         """Standard deviations; never below what is taken seriously; 0 for a statistic that never varies."""
-        return np.maximum(self.sets.std(0, ddof=1), self.least)
+        return np.maximum(np.sqrt(variance(self.sets)), self.least)
 
     @cached_property
     def confirm_scale(self) -> np.ndarray:
-        return np.maximum(self.confirm_sets.std(0, ddof=1), self.confirm_least)
+        return np.maximum(np.sqrt(variance(self.confirm_sets)), self.confirm_least)
 
     @property
     def priors(self) -> np.ndarray:
@@ -73,7 +74,7 @@ class Reference:
     def null_scale(self) -> np.ndarray:
         """Standard deviations of refitted residuals."""
         spread = np.maximum(self.null.std(0, ddof=1), 0.3 * self.scale)
-        return np.maximum(spread, self.least)
+        return np.where(self.scale > 0, np.maximum(spread, self.least), 0.0)
 
     @cached_property
     def largest(self) -> np.ndarray:

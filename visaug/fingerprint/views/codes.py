@@ -43,12 +43,13 @@ class Codes(View):
                 np.log(uneven + 0.1),
             )
             if kind == "dark":
-                yield first.statistic(self.name, "dark: at zero", ["level"], "share"), counts[0] / size
-            else:
                 yield (
-                    first.statistic(self.name, "flat: at the highest code", ["level"], "share"),
-                    counts[-1] / size,
+                    first.statistic(self.name, "dark: at zero", ["level"], "sqrt count"),
+                    np.sqrt(counts[0]),
                 )
+            else:
+                highest = first.statistic(self.name, "flat: at the highest code", ["level"], "sqrt count")
+                yield highest, np.sqrt(counts[-1])
 
     def picture(self, data):
         g = data.bias or next(iter(data.groups), None)
