@@ -151,6 +151,8 @@ class Stream:
             "column": (self.channels, one, columns),
             "frame": (1, one, one),
         }
+        if vary not in extents:
+            raise ValueError(f"vary is {vary!r}; known: {', '.join(extents)}")
         return extents[vary]
 
     def _bits(self, vary: str) -> Tensor:
