@@ -1,12 +1,13 @@
 """The noise of a camera, or of a population of cameras, on batches of images. Knows torch alone, no image library."""
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor, distributed, nn
 from torch.nn.functional import avg_pool2d
 from torch.utils.data import get_worker_info
 
@@ -40,7 +41,8 @@ class SensorNoise(nn.Module):
             1). The noise acts on these and is averaged, so it is about k times weaker.
         fast: True takes the table-driven path where it has the same law: base chain, physical reading, no gradient
             wanted, CPU. False always runs the exact chain.
-        seed: of the kept fixed pattern, and of the random numbers; None follows `torch.manual_seed`.
+        seed: of the kept fixed pattern, and of the random numbers; None follows `torch.manual_seed`. Ranks of a
+            distributed training share the kept pattern and have random numbers of their own.
         full_scale_photons: mean photons per pixel that the image's value 1 stands for. None: as many as make DN
             of the camera's full range at the gain and quantum efficiency of each image (the paper's eq. 7), so
             that these change the noise and not the brightness.
@@ -79,7 +81,7 @@ class SensorNoise(nn.Module):
         self.fixed_pattern, self.transfer, self.black_level = fixed_pattern, transfer, black_level
         self.resolution, self.fast, self.seed, self.origin = resolution, fast, seed, origin
         self.full_scale_photons = full_scale_photons
-        self._generator: tuple[int | None, torch.Generator] | None = None
+        self._generator: tuple[tuple[int | None, int], torch.Generator] | None = None
         self._names: dict[str, str] = {}
         for path, value in (values or {}).items():
             self._add_value(path, value)
@@ -103,13 +105,17 @@ class SensorNoise(nn.Module):
         return {name: value.expand(count) for name, value in drawn.items()} if same_on_batch else drawn
 
     def _random_source(self) -> torch.Generator | None:
-        """Torch's own generator, which differs from DataLoader worker to worker, or one of the seed and worker."""
+        """Torch's own generator, or one of the seed and DataLoader worker; another on each rank of a training."""
+        rank = 0 if torch.compiler.is_compiling() else _rank()
         if self.seed is None:
-            return None
+            if rank == 0:
+                return None
+            word = int(torch.randint(2**62, ()))  # ranks that are seeded alike still part here
+            return torch.Generator().manual_seed(derive_key(word, "rank", rank) >> 1)
         worker = get_worker_info()
-        place = None if worker is None else worker.seed
+        place = (None if worker is None else worker.seed, rank)
         if self._generator is None or self._generator[0] != place:
-            seed = derive_key(self.seed, "draws", place) >> 1
+            seed = derive_key(self.seed, "draws", *(place if rank else place[:1])) >> 1
             self._generator = (place, torch.Generator().manual_seed(seed))
         return self._generator[1]
 
@@ -234,6 +240,13 @@ class SensorNoise(nn.Module):
         given: dict[str, Tensor | float] = dict(camera.values())
         given |= {path: draws[path] for path in given if path in draws}
         return given | {path: getattr(self, name) for path, name in self._names.items()}
+
+
+def _rank() -> int:
+    """Of this process in a distributed training, 0 outside; workers know it from what they inherit."""
+    if distributed.is_available() and distributed.is_initialized():
+        return distributed.get_rank()
+    return max(int(os.environ.get("RANK", 0)), 0)
 
 
 def _max_dn(camera: Camera) -> int:
