@@ -71,3 +71,15 @@ def test_a_seed_repeats_its_draws_and_another_does_not():
     first, again, other = (drawn("gain_db", {"std": 1.0}, seed=seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first, again)
     assert abs(np.corrcoef(first, other)[0, 1]) < 5 / np.sqrt(COUNT)
+
+
+def test_what_comes_in_whole_numbers_is_rounded():
+    """Shares of lost bits against the truncated normal's over half a bit to either side: chi-square at 1e-4."""
+    effect = {"name": "bit_truncation", "bits": 2}
+    values = drawn("bit_truncation.bits", {"std": 1.5}, effects=[effect])
+    law = stats.truncnorm(-2 / 1.5, (15 - 2) / 1.5, 2, 1.5)
+    counts = np.bincount(values.astype(int), minlength=16)[:8]
+    np.testing.assert_array_equal(values, np.round(values))
+    edges = np.array([0, 0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5])
+    expected = COUNT * np.diff(law.cdf([*edges, 15]))
+    assert stats.chisquare([*counts[:7], COUNT - counts[:7].sum()], expected).pvalue > 1e-4

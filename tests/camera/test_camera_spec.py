@@ -73,6 +73,12 @@ def test_a_full_file_is_read(tmp_path: Path):
         (with_values(dark_current={"a_e_per_s": 1, "doubling_c": 8}), "dark_current"),
         (with_values(dark_current={"reference_e_per_s": 1, "doubling_c": 8}), "dark_current"),
         (with_values(prnu={"pixel": 0.9}), "prnu.pixel"),
+        (with_values(gain_db=True), "gain_db"),  # which a lax reader takes for 1
+        (with_values(bit_depth=True), "bit_depth"),
+        (with_values(read_noise={"sigma_e": False}), "read_noise.sigma_e"),
+        (with_values(resolution=[True, 30]), "resolution.0"),
+        (with_values(randomize={"gain_db": {"std": True}}), "randomize.gain_db.std"),
+        (with_values(effects=[{"name": "row_noise", "sigma_e": True}]), "effects.0.sigma_e"),
         (with_values(effects=[{"name": "no_such_thing"}]), "effects.0.name"),
         (with_values(effects=[{"sigma_e": 1}]), "effects.0.name"),
         (with_values(effects=[{"name": "read_noise"}]), "effects.0.name"),  # a base term is no further effect

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 class Spreads(NamedTuple):
     """Gaussians truncated, not clipped, at [low, high], so that no value piles up there; tensors (P,), float64.
 
-    `below` and `above` are the probabilities of the Gaussian up to the bounds. Units are the parameters'.
+    `below` and `above` are the probabilities of the Gaussian up to the bounds. Units are the parameters'. `step`
+    is 1 where a draw is rounded, as only whole numbers make sense, else 0.
     """
 
     paths: tuple[str, ...]
@@ -26,11 +27,13 @@ class Spreads(NamedTuple):
     high: Tensor
     below: Tensor
     above: Tensor
+    step: Tensor
 
     def values(self, uniform: Tensor) -> dict[str, Tensor]:
         """Values by path, (N,) float32 each, from uniform numbers (N, P) in [0, 1), float64."""
         normal = torch.special.ndtri(self.below + (self.above - self.below) * uniform)
-        values = torch.clamp(self.nominal + self.deviation * normal, self.low, self.high).float()
+        values = torch.clamp(self.nominal + self.deviation * normal, self.low, self.high)
+        values = torch.where(self.step > 0, values.round(), values).float()
         return dict(zip(self.paths, values.unbind(1)))
 
 
@@ -46,13 +49,14 @@ def spreads(camera: "Camera") -> Spreads:
         deviation = spread["std"] if isinstance(spread, Mapping) else spread * abs(nominal)
         if deviation > 0 and np.isfinite(nominal):
             parameter = place_of(path).parameter
-            found[path] = nominal, deviation, parameter.low, parameter.high
-    nominal, deviation, low, high = torch.tensor(list(found.values()), dtype=torch.float64).reshape(-1, 4).T
+            found[path] = nominal, deviation, parameter.low, parameter.high, float(parameter.integer)
+    table = torch.tensor(list(found.values()), dtype=torch.float64).reshape(-1, 5)
+    nominal, deviation, low, high, step = table.T
     below, above = (
         torch.special.ndtr((low - nominal) / deviation),
         torch.special.ndtr((high - nominal) / deviation),
     )
-    return Spreads(tuple(found), nominal, deviation, low, high, below, above)
+    return Spreads(tuple(found), nominal, deviation, low, high, below, above, step)
 
 
 def draw(camera: "Camera", count: int, rng: np.random.Generator) -> dict[str, Tensor]:
