@@ -64,9 +64,8 @@ def page(effect: type[Effect], span: str) -> str:
         "To the image and to every number." if effect.differentiable else f"None: {effect.why_not}.",
         "",
     ]
-    separates = getattr(effect, "separates", "")
-    if separates:
-        lines += ["## What tells it from its look-alikes", "", f"{separates[0].upper()}{separates[1:]}.", ""]
+    if text := effect.separates:
+        lines += ["## What tells it from its look-alikes", "", f"{text[0].upper()}{text[1:]}.", ""]
     settings = ", ".join(f"{name} {value:g}" for name, value in pictures.shown(effect).items())
     at = f" ({settings})" if settings and not effect.base else ""
     lines += [
@@ -100,6 +99,9 @@ def _parameters(effect: type[Effect]) -> list[str]:
         default = p.default if p.options else f"{p.default:g}"
         path = path_of(effect.name, name) if effect.base else name
         lines.append(f"| `{path}` | {p.unit if not p.options else ''} | {default} | {allowed} | {p.source} |")
+    if effect.map_unit:
+        path = f"{effect.name}.map" if effect.base else "map"
+        lines.append(f"| `{path}` | {effect.map_unit} | | a file | measured; .npy, TIFF or FITS |")
     lines.append("")
     zeros = " and ".join(f"`{strength}`" for strength in effect.strengths())
     if zeros:

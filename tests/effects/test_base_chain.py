@@ -224,23 +224,27 @@ GRADIENT = {
 }  # fmt: skip
 
 
-# Their gradient is far below the spread of this sum; the laws of each effect hold it to account.
+# Their gradient is far below the spread of this sum; the test after next holds it to account.
 FAINT = ("read_noise.", "dsnu.", "prnu.row")
 
 
-@pytest.mark.parametrize("path", [*GRADIENT, "photons"])
+@pytest.mark.parametrize("path", [*GRADIENT, "photons", "image"])
 @pytest.mark.parametrize("reading", ["physical", "paper"])
 def test_gradient_through_the_chain(path, reading):
-    """Of the expected image, a weighted mean of it and of its square, against differences of 4 %."""
+    """Of the expected image, a weighted mean of it and of its square, against differences of 4 %.
+
+    `photons` scales all light; `image` tilts it, so that every pixel's share counts.
+    """
     frames, side = 30, 60
     one = camera(resolution=[side, side], reading=reading)
     stream = Stream(range(frames), range(frames), 1, (range(side), range(side)))
     light = torch.linspace(200, 2600, side).expand(frames, 1, side, side)
-    start = {**GRADIENT, "photons": 1.0}[path]
+    tilt = torch.linspace(-1, 1, side)
+    start = {**GRADIENT, "photons": 1.0, "image": 0.2}[path]
 
     def loss(value):
         values = {**GRADIENT, path: value}
-        photons = light * values.pop("photons", torch.ones(()))
+        photons = light * values.pop("photons", 1.0) * (1 + values.pop("image", 0.2) * tilt)
         dn = one.expose(photons, stream, values).double() / 1000
         return (dn * torch.linspace(0.5, 1.5, side) + dn**2).mean((1, 2, 3))
 
@@ -254,3 +258,35 @@ def test_gradient_through_the_chain(path, reading):
     assert abs(gap.mean()) < 5 * error + 0.01 * abs(difference.mean())
     if not path.startswith(FAINT):
         assert error < 0.1 * abs(difference.mean())  # else agreement would say little
+
+
+@pytest.mark.parametrize(
+    "path", [path for path in GRADIENT if path.startswith(("read_noise.", "dsnu.", "prnu."))]
+)
+@pytest.mark.parametrize("reading", ["physical", "paper"])
+def test_gradient_of_the_scatter(path, reading):
+    """Of the mean square of pixels, rows or columns about their level (for the shape: of the fourth power).
+
+    With common random numbers noise is a number times its sigma, so the two sides differ by rounding alone.
+    """
+    frames, side, start = 20, 40, GRADIENT[path]
+    fraction = path.startswith("prnu.")
+    one = camera(resolution=[side, side], reading=reading, gain_e_per_dn=0.1, black_level_dn=5000)
+    stream = Stream(range(frames), range(frames), 1, (range(side), range(side)))
+    light = torch.full((frames, 1, side, side), 3000.0 if fraction else 0.0)
+
+    def loss(value):
+        values = {"read_noise.sigma_e": 8.0, path: value}
+        electrons = (one.expose(light, stream, values).double() - 5000) * 0.1 - light.double()
+        lines = {"row": -1, "column": -2}.get(path.split(".")[1].removesuffix("_e"))
+        scatter = electrons if lines is None else electrons.mean(lines, keepdim=True)
+        return (scatter ** (4 if path == "read_noise.shape" else 2)).mean((1, 2, 3))
+
+    value = torch.full((frames, 1, 1, 1), start, requires_grad=True)
+    (slope,) = torch.autograd.grad(loss(value).sum(), value)
+    step = 0.02 * abs(start)
+    with torch.no_grad():
+        difference = (loss(value + step) - loss(value - step)) / (2 * step)
+    gap = slope.flatten() - difference
+    assert abs(gap.mean()) < 5 * gap.std() / frames**0.5 + 0.01 * abs(difference.mean())
+    assert gap.std() / frames**0.5 < 0.1 * abs(difference.mean())  # else agreement would say little

@@ -11,7 +11,7 @@ import yaml
 from torch import Tensor
 
 from visaug.camera import chain, paths
-from visaug.camera.maps import PATTERNS, load_maps, moved
+from visaug.camera.maps import load_maps, moved, named_maps
 from visaug.camera.spec import CameraSpec, check_spec, read_spec
 from visaug.effects import Context, Effect, catalogue
 from visaug.errors import InputError
@@ -145,10 +145,9 @@ class Camera:
 
     def _changed(self, content: dict[str, Any]) -> "Camera":
         spec = check_spec(content)
-        same_maps = all(getattr(spec, part).map == getattr(self.spec, part).map for part in PATTERNS)
-        return Camera(
-            spec, self.folder, self.maps if same_maps and spec.resolution == self.resolution else None
-        )
+        names, old = ({e: name for e, (name, _) in named_maps(s).items()} for s in (spec, self.spec))
+        same = names == old and spec.resolution == self.resolution
+        return Camera(spec, self.folder, self.maps if same else None)
 
     def to_dict(self) -> dict[str, Any]:
         """What a camera.yaml holds, only the keys that differ from the defaults."""
@@ -164,9 +163,10 @@ class Camera:
         """
         path = Path(path)
         content = self.to_dict()
-        for effect in PATTERNS:
-            if "map" in content.get(effect, {}):
-                content[effect]["map"] = moved(content[effect]["map"], self.folder, path.parent)
+        parts = [content[part] for part in ("prnu", "dsnu") if part in content]
+        for part in [*parts, *content.get("effects", ())]:
+            if "map" in part:
+                part["map"] = moved(part["map"], self.folder, path.parent)
         write_text(path, _as_yaml(content))
 
     def gain_at(self, gain_db: float) -> float:

@@ -1,4 +1,4 @@
-"""Measured fixed patterns: files that `prnu.map` and `dsnu.map` name."""
+"""Measured maps: files that `prnu.map`, `dsnu.map` and the `map` of further effects name."""
 
 import os
 from pathlib import Path
@@ -8,16 +8,24 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from visaug.effects import catalogue
 from visaug.errors import InputError
 
 if TYPE_CHECKING:
     from visaug.camera.spec import CameraSpec
 
-PATTERNS = ("prnu", "dsnu")
+
+def named_maps(spec: "CameraSpec") -> dict[str, tuple[str, str]]:
+    """Which effects have a measured map: its file's name, and the key that gives it, by effect."""
+    found = {part: (getattr(spec, part).map, f"{part}.map") for part in ("prnu", "dsnu")}
+    found |= {entry["name"]: (entry.get("map"), f"effects.{i}.map") for i, entry in enumerate(spec.effects)}
+    return {effect: (name, key) for effect, (name, key) in found.items() if name is not None}
 
 
 def load_maps(spec: "CameraSpec", folder: Path | None) -> dict[str, Tensor]:
-    """The camera's measured maps by effect, each (rows, columns) float32: K as a fraction, offsets in e-.
+    """The camera's measured maps by effect, each (rows, columns) float32 in the effect's `map_unit`.
+
+    A profile, (1, columns) or (rows, 1), holds for all rows or columns.
 
     Args:
         spec: the camera; a map's name is relative to `folder` unless it is absolute.
@@ -25,13 +33,14 @@ def load_maps(spec: "CameraSpec", folder: Path | None) -> dict[str, Tensor]:
 
     Raises:
         InputError: a missing or unreadable file, another shape than the sensor's, or a value that is not
-            finite.
+            finite or, of what cannot be below 0, negative.
     """
     found = {}
-    for effect in PATTERNS:
-        name = getattr(spec, effect).map
-        if name is not None:
-            found[effect] = torch.from_numpy(_read(name, f"{effect}.map", folder or Path(), spec.resolution))
+    for effect, (name, key) in named_maps(spec).items():
+        pixels = _read(name, key, folder or Path(), spec.resolution)
+        if catalogue()[effect].map_low > pixels.min():
+            raise InputError("holds negative values", file=(folder or Path()) / name, field=key)
+        found[effect] = torch.from_numpy(np.broadcast_to(pixels, spec.resolution).copy())
     return found
 
 
@@ -52,8 +61,8 @@ def _read(name: str, field: str, folder: Path, resolution: tuple[int, int]) -> n
         pixels = PixelReader(folder).read(name).astype(np.float32)
     except InputError as error:
         raise InputError(error.problem, file=error.file, field=field, expected=error.expected) from error
-    if pixels.shape != tuple(resolution):
-        expected = f"{resolution[0]} x {resolution[1]}, the camera's resolution"
+    if any(size not in (1, whole) for size, whole in zip(pixels.shape, resolution)):
+        expected = f"{resolution[0]} x {resolution[1]}, the camera's resolution, or 1 for a profile"
         raise InputError(
             f"is {pixels.shape[0]} x {pixels.shape[1]}", file=folder / name, field=field, expected=expected
         )

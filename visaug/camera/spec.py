@@ -112,6 +112,7 @@ def read_spec(path: Path) -> CameraSpec:
 
 def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
     """A checked CameraSpec, or an InputError that names the first key at fault by its path."""
+    _refuse_switches(content, "", file)
     try:
         spec = CameraSpec.model_validate(content)
     except ValidationError as error:
@@ -130,6 +131,21 @@ def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
     return spec
 
 
+def _refuse_switches(content: Any, path: str, file: Path | None) -> None:
+    """No key of a camera takes true or false, which pydantic would read as 1 or 0."""
+    if isinstance(content, bool):
+        raise InputError(f"{content} is no value", file=file, field=path, expected="a number or a word")
+    parts = (
+        content.items()
+        if isinstance(content, dict)
+        else enumerate(content)
+        if isinstance(content, list)
+        else ()
+    )
+    for key, value in parts:
+        _refuse_switches(value, f"{path}.{key}" if path else str(key), file)
+
+
 def _check_effect(entry: dict[str, Any], path: str, file: Path | None) -> None:
     name = entry.get("name")
     known = {key: effect for key, effect in catalogue().items() if not effect.base}
@@ -138,6 +154,15 @@ def _check_effect(entry: dict[str, Any], path: str, file: Path | None) -> None:
         raise InputError(f"{name!r} is not an effect", file=file, field=f"{path}.name", expected=expected)
     for key, value in list(entry.items()):
         if key == "name":
+            continue
+        if key == "map" and known[name].map_unit:
+            if not isinstance(value, str):
+                raise InputError(
+                    f"{value!r} is no file",
+                    file=file,
+                    field=f"{path}.map",
+                    expected=f"a map in {known[name].map_unit}",
+                )
             continue
         if key not in known[name].parameters:
             expected = f"one of {', '.join(known[name].parameters)}"

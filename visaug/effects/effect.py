@@ -35,7 +35,7 @@ class Parameter:
         strength: True if the effect vanishes where this parameter is zero.
         trials: values at which a diagnosis first tries it, from weak to strong for a strength, all over the range for others.
         options: for a choice (no number): the allowed words. A choice has no bounds and is not randomised.
-        integer: True where only whole numbers make sense.
+        integer: True where only whole numbers make sense; a random draw is rounded.
     """
 
     default: Any = 0.0
@@ -123,6 +123,9 @@ class Effect:
         differentiable: whether gradients pass to the image and all continuous parameters; if not, `why_not` says why.
         base: True for the terms of the base chain, whose values stand at the top level of a camera file.
         separates: what to measure to tell this effect from its look-alikes, in words (optional).
+        map_unit: unit of a measured map that may take the place of the effect's own spatial profile and strength
+            (`map: file` in a camera file, `context.measured_map` in `apply`); empty where it takes none.
+        map_low: least value that such a map may hold.
     """
 
     name: ClassVar[str] = ""
@@ -134,6 +137,9 @@ class Effect:
     differentiable: ClassVar[bool] = True
     why_not: ClassVar[str] = ""
     base: ClassVar[bool] = False
+    separates: ClassVar[str] = ""
+    map_unit: ClassVar[str] = ""
+    map_low: ClassVar[float] = float("-inf")
     parameters: ClassVar[dict[str, Parameter]] = {}
 
     def __init_subclass__(cls, **kwargs: Any) -> None:

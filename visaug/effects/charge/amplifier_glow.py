@@ -19,7 +19,10 @@ PLACES = {
 
 
 class AmplifierGlow(Effect):
-    """Circuits beside the pixels shine in the near infrared during the exposure, hardly changed by heat."""
+    """Circuits beside the pixels shine in the near infrared during the exposure, hardly changed by heat.
+
+    A measured glow (`map`, a file) takes the place of the profile and its rate; heat still changes it.
+    """
 
     name = "amplifier_glow"
     stage = Stage.GENERATION
@@ -28,6 +31,8 @@ class AmplifierGlow(Effect):
     equation = "mu_e <- mu_e + t rate exp(b (T - 20 C)) exp(-(d / width)^shape), d: distance to the place"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on amplifier luminescence"
     separates = "darks with and without the lens covered: a light leak goes, glow stays"
+    map_unit = "e-/s at 20 C"
+    map_low = 0.0
     rate_e_per_s = Parameter(
         20.0,
         unit="e-/s",
@@ -55,11 +60,17 @@ class AmplifierGlow(Effect):
     )
 
     def apply(self, signal, p, stream, context):
+        rate = context.measured_map(self.name, signal)
+        if rate is None:
+            rate = p.rate_e_per_s * self._profile(signal, p, context)
+        heating = torch.exp(p.b_per_c * (context.temperature_c - REFERENCE_C))
+        return add_dark_electrons(signal, context.exposure_s * rate * heating, stream, context)
+
+    @staticmethod
+    def _profile(signal, p, context):
         height, width = context.resolution
         y, x = PLACES[p.place]
         down = 0.0 if y is None else context.rows(signal) + 0.5 - y * height
         across = 0.0 if x is None else context.columns(signal) + 0.5 - x * width
         distance = torch.sqrt(torch.as_tensor(down**2 + across**2)) / max(height, width)
-        rate = p.rate_e_per_s * torch.exp(p.b_per_c * (context.temperature_c - REFERENCE_C))
-        glow = context.exposure_s * rate * torch.exp(-((distance / p.width) ** p.shape))
-        return add_dark_electrons(signal, glow, stream, context)
+        return torch.exp(-((distance / p.width) ** p.shape))

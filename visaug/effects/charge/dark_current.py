@@ -16,8 +16,16 @@ class DarkCurrent(Effect):
     summary = "Heat frees electrons in every pixel, in proportion to the exposure."
     equation = "mu_e <- mu_e + t a exp(b T)"
     source = "the paper, eqs. 3 and 15; EMVA 1288 release 4 Linear, section 7"
-    a_e_per_s = Parameter(0.0, unit="e-/s", high=1e7, strength=True, source="dark current at 0 C", trials=(0.05, 0.2))
-    b_per_c = Parameter(0.0866, unit="1/C", high=0.5, source="0.0866 doubles it every 8 C, usual for silicon (EMVA 1288)")
+    separates = (
+        "darks at several exposures and temperatures: this grows with both; clock_induced_charge is there without "
+        "exposure, a light leak hardly changes with temperature"
+    )
+    a_e_per_s = Parameter(
+        0.0, unit="e-/s", high=1e7, strength=True, source="dark current at 0 C", trials=(0.05, 0.2)
+    )
+    b_per_c = Parameter(
+        0.0866, unit="1/C", high=0.5, source="0.0866 doubles it every 8 C, usual for silicon (EMVA 1288)"
+    )
 
     def apply(self, signal, p, stream, context):
         if context.reading == "paper":  # electrons are counted already: eq. 11 adds a Poisson draw of its own

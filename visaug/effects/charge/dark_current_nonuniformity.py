@@ -8,7 +8,8 @@ from visaug.effects.effect import Effect, Parameter, Stage
 class DarkCurrentNonuniformity(Effect):
     """Each pixel has the camera's dark current times a factor of mean 1, drawn once a camera.
 
-    Without dark current in the camera there is nothing to differ.
+    Without dark current in the camera there is nothing to differ. Measured factors (`map`, a file: a map of
+    the dark current over its mean) take the place of the drawn ones.
     """
 
     name = "dark_current_nonuniformity"
@@ -20,6 +21,8 @@ class DarkCurrentNonuniformity(Effect):
         "R. D. Gow et al., IEEE Trans. Electron Devices 54 (2007) 1321; EMVA 1288 release 4 Linear, section 7"
     )
     separates = "darks at two exposures: this pattern grows with them, dsnu stays"
+    map_unit = "factor K"
+    map_low = 0.0
     spread = Parameter(
         0.3,
         unit="fraction",
@@ -33,7 +36,10 @@ class DarkCurrentNonuniformity(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        if p.distribution == "lognormal":
+        measured = context.measured_map(self.name, signal)
+        if measured is not None:
+            excess = measured - 1
+        elif p.distribution == "lognormal":
             s = self._log_sigma(p.spread)
             excess = torch.expm1(s * stream.fixed.normal() - s**2 / 2)
         elif p.distribution == "gaussian":
@@ -49,6 +55,9 @@ class DarkCurrentNonuniformity(Effect):
         return spread * torch.sqrt(torch.log1p(square) / square)
 
     def moments(self, mean, p, context):
+        measured = context.measured_map(self.name, mean)
+        if measured is not None:
+            return mean + context.dark_current_e * (measured - 1), 0 * mean
         if p.distribution != "lognormal":
             return None  # wide spreads are cut where dark current would be negative
         return mean, (context.dark_current_e * p.spread) ** 2

@@ -16,15 +16,25 @@ class PRNU(Effect):
     summary = "Pixels, rows and columns differ in how well they respond to light."
     equation = "mu_e <- mu_e (1 + K_column + K_row + K_pixel)"
     source = "EMVA 1288 release 4 Linear, section 4; the paper, eq. 10"
-    column = Parameter(0.0, unit="fraction", high=0.5, strength=True, source="EMVA 1288: PRNU_col", trials=(0.001, 0.003))
-    row = Parameter(0.0, unit="fraction", high=0.5, strength=True, source="EMVA 1288: PRNU_row", trials=(0.001, 0.003))
-    pixel = Parameter(0.0, unit="fraction", high=0.5, strength=True, source="EMVA 1288: PRNU_pix", trials=(0.003, 0.008))
+    separates = "noise of single flats grows with the root of the light, this with the light; differences of two lack it"
+    map_unit = "fraction"
+    column = Parameter(
+        0.0, unit="fraction", high=0.5, strength=True, source="EMVA 1288: PRNU_col", trials=(0.001, 0.003)
+    )
+    row = Parameter(
+        0.0, unit="fraction", high=0.5, strength=True, source="EMVA 1288: PRNU_row", trials=(0.001, 0.003)
+    )
+    pixel = Parameter(
+        0.0, unit="fraction", high=0.5, strength=True, source="EMVA 1288: PRNU_pix", trials=(0.003, 0.008)
+    )
 
     def apply(self, signal, p, stream, context):
         pattern = context.measured_map(self.name, signal)
         if pattern is None:
             fixed = stream.fixed
-            pattern = p.column * fixed.fork("column").normal("column") + p.row * fixed.fork("row").normal("row")
+            pattern = p.column * fixed.fork("column").normal("column") + p.row * fixed.fork("row").normal(
+                "row"
+            )
             pattern = pattern + p.pixel * fixed.fork("pixel").normal("pixel")
         return (signal * (1 + pattern)).clamp_min(0)
 

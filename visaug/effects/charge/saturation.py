@@ -15,6 +15,9 @@ class Saturation(Effect):
     summary = "A pixel holds no more electrons than its full well."
     equation = "N_e <- min(N_e, full well)"
     source = "EMVA 1288 release 4 Linear, saturation capacity"
+    separates = (
+        "flats beyond saturation: read noise is left where the charge clips, none where the converter does"
+    )
     full_well_e = Parameter(float("inf"), unit="e-", low=1.0, source="EMVA 1288: saturation capacity")
 
     def apply(self, signal, p, stream, context):

@@ -17,6 +17,10 @@ class BitTruncation(Effect):
         "B. Widrow and I. Kollar, Quantization Noise (Cambridge 2008); adds 4^bits / 12 DN^2 where "
         "noise is wide"
     )
+    separates = (
+        "the histogram of codes: all are multiples of a power of two; missing_codes leaves gaps that "
+        "keep no such step"
+    )
     differentiable = False
     why_not = "the number of bits is whole; the image's gradient passes straight through, as in rounding"
     bits = Parameter(
@@ -31,7 +35,7 @@ class BitTruncation(Effect):
     mode = Parameter("cut", options=("cut", "round"), source="most links cut; scaling in software rounds")
 
     def apply(self, signal, p, stream, context):
-        step = 2.0 ** p.bits.round()  # a random draw may lie between
+        step = 2.0 ** p.bits.round()  # what a fit gives may lie between
         kept = torch.floor(signal / step + (0.5 if p.mode == "round" else 0)) * step
         kept = torch.where(p.bits > 0, kept.clamp_max(context.max_dn), signal)
         return signal + (kept - signal).detach()

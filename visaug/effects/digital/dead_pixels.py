@@ -14,6 +14,10 @@ class DeadPixels(Effect):
     summary = "A few pixels stick at a level, whatever the light."
     equation = "y <- L_pixel, L = round(range * clip(level + spread n_pixel, 0, 1)), where the pixel is dead"
     source = "EMVA 1288 release 4 Linear, defect pixels"
+    separates = (
+        "flats at several levels: a dead pixel never moves; hot_pixels give light and dark added, prnu "
+        "scales with the light"
+    )
     differentiable = False
     why_not = "whether a pixel is dead is yes or no; image and level carry no gradient through a stuck pixel"
     density = Parameter(

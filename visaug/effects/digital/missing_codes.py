@@ -20,6 +20,10 @@ class MissingCodes(Effect):
         "1/density-th place"
     )
     source = "IEEE Std 1241-2010, missing codes"
+    separates = (
+        "the histogram of codes over a ramp of light: the same codes stay empty at every level; "
+        "bit_truncation leaves multiples of a power of two"
+    )
     differentiable = False
     why_not = "which codes exist is yes or no; the image's gradient passes straight through, as in rounding"
     density = Parameter(

@@ -19,6 +19,8 @@ class Quantization(Effect):
     equation = "y <- clip(round(y), 0, 2^bits - 1); adds a variance of 1/12 DN^2"
     source = "EMVA 1288 release 4 Linear, eq. 8; the paper, eq. 13"
 
+    separates = "codes: whole, each at its place; bit_truncation and missing_codes leave some empty"
+
     def apply(self, signal, p, stream, context):
         if context.reading == "paper":
             signal = signal + stream.uniform() - 0.5

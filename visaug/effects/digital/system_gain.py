@@ -14,9 +14,16 @@ class SystemGain(Effect):
     summary = "The converter has a gain and a black level."
     equation = "y = V / G(dB) + black level, G(dB) = G 10^((dB_0 - dB) / 20)"
     source = "EMVA 1288 release 4 Linear, eq. 7 (K = 1/G); the paper, eq. 12"
-    gain_e_per_dn = Parameter(1.0, unit="e-/DN", low=1e-6, high=1e6, source="EMVA 1288: inverse of the system gain K")
+    separates = (
+        "variance over mean of flats at several levels (photon transfer) is the gain, whatever the light is"
+    )
+    gain_e_per_dn = Parameter(
+        1.0, unit="e-/DN", low=1e-6, high=1e6, source="EMVA 1288: inverse of the system gain K"
+    )
     gain_db = Parameter(0.0, unit="dB", low=-60.0, high=120.0, source="20 dB are a factor of ten")
-    black_level_dn = Parameter(0.0, unit="DN", high=65535.0, source="offset of the converter, the same at every gain")
+    black_level_dn = Parameter(
+        0.0, unit="DN", high=65535.0, source="offset of the converter, the same at every gain"
+    )
 
     def apply(self, signal, p, stream, context):
         if context.reading == "paper":

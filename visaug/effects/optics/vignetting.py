@@ -7,7 +7,8 @@ class Vignetting(Effect):
     """Transmission falls from 1 at the axis as a power of the distance in half diagonals of the sensor.
 
     The power 2 is the first term of the natural cos^4 law; lens barrels cut off more steeply, towards 4 and
-    above.
+    above. A measured transmission (`map`, a file: a mean flat of an even source over its brightest part) takes
+    the place of the law.
     """
 
     name = "vignetting"
@@ -17,6 +18,8 @@ class Vignetting(Effect):
     equation = "mu_p <- mu_p max(0, 1 - corner_loss (r / r_corner)^power)"
     source = "D. B. Goldman, IEEE TPAMI 32 (2010) 2276; cos^4 law"
     separates = "flats with the camera turned before the source: vignetting stays, uneven light does not"
+    map_unit = "fraction of the light that passes"
+    map_low = 0.0
     corner_loss = Parameter(
         0.2,
         unit="fraction",
@@ -36,6 +39,9 @@ class Vignetting(Effect):
     )
 
     def apply(self, signal, p, stream, context):
+        measured = context.measured_map(self.name, signal)
+        if measured is not None:
+            return signal * measured
         height, width = context.resolution
         y = context.rows(signal) + 0.5 - height * (0.5 + p.centre_row)
         x = context.columns(signal) + 0.5 - width * (0.5 + p.centre_column)

@@ -21,6 +21,10 @@ class BlackLevelDrift(Effect):
     source = (
         "EMVA 1288 release 4 Linear, stability of the dark signal; J. Janesick, Photon Transfer (SPIE 2007)"
     )
+    separates = (
+        "the mean of each frame of a dark series: the whole frame moves, light or not; light_drift is "
+        "gone with the light"
+    )
     sigma_e = Parameter(
         1.0, unit="e-", high=1e4, strength=True, trials=(0.3, 1.5), source="0.1 to 1 times the read noise"
     )

@@ -16,15 +16,28 @@ class DSNU(Effect):
     summary = "Pixels, rows and columns differ in their offset, with and without light."
     equation = "V <- V + D_column + D_row + D_pixel"
     source = "EMVA 1288 release 4 Linear, section 4; the paper, eq. 11"
-    column_e = Parameter(0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: DSNU_col", trials=(0.5, 2.0))
-    row_e = Parameter(0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: DSNU_row", trials=(0.3, 1.0))
-    pixel_e = Parameter(0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: DSNU_pix", trials=(0.5, 2.0))
+    separates = (
+        "the mean of many bias frames: noise of rows, columns and pixels averages away, this stays; "
+        "dark_current_nonuniformity is not there yet, and grows with the exposure"
+    )
+    map_unit = "e-"
+    column_e = Parameter(
+        0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: DSNU_col", trials=(0.5, 2.0)
+    )
+    row_e = Parameter(
+        0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: DSNU_row", trials=(0.3, 1.0)
+    )
+    pixel_e = Parameter(
+        0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: DSNU_pix", trials=(0.5, 2.0)
+    )
 
     def apply(self, signal, p, stream, context):
         pattern = context.measured_map(self.name, signal)
         if pattern is None:
             fixed = stream.fixed
-            pattern = p.column_e * fixed.fork("column").normal("column") + p.row_e * fixed.fork("row").normal("row")
+            pattern = p.column_e * fixed.fork("column").normal("column") + p.row_e * fixed.fork("row").normal(
+                "row"
+            )
             pattern = pattern + p.pixel_e * fixed.fork("pixel").normal("pixel")
         return signal + pattern
 

@@ -14,7 +14,8 @@ class FixedPatternStructure(Effect):
     levels: the same with one of three levels -1, 0, 1 (the paper's columns lie near 11, 6 and 1 e-);
     wave: a sine of period `period_px`, its phase a property of the camera;
     slope: a parabola across the sensor, from one edge to the other.
-    A whole measured pattern is given as `dsnu.map` instead.
+    A measured structure (`map`, a file: a whole pattern, or the profile of columns or rows) takes the place
+    of the shape and its amplitude, and adds to what `dsnu` draws; `dsnu.map` takes the place of that too.
     """
 
     name = "fixed_pattern_structure"
@@ -26,6 +27,11 @@ class FixedPatternStructure(Effect):
         "- 1), u from -1 to 1"
     )
     source = "the paper, figs. 2 and 4 (columns in three bands); EMVA 1288 release 4 Linear, spectrograms"
+    separates = (
+        "row and column profiles of the mean of many bias frames, and their spectra: dsnu is white there; "
+        "periodic_banding and flicker_noise average away; dark current's patterns grow with the exposure"
+    )
+    map_unit = "e-"
     amplitude_e = Parameter(
         2.0, unit="e-", high=1e4, strength=True, trials=(1.0, 4.0), source="5 e- for the paper's columns"
     )
@@ -46,9 +52,15 @@ class FixedPatternStructure(Effect):
     direction = Parameter("columns", options=("columns", "rows"), source="columns: alike along a column")
 
     def apply(self, signal, p, stream, context):
+        measured = context.measured_map(self.name, signal)
+        if measured is not None:
+            return signal + measured
         return signal + p.amplitude_e * self._pattern(signal, p, stream.fixed, context)
 
     def moments(self, mean, p, context):
+        measured = context.measured_map(self.name, mean)
+        if measured is not None:
+            return mean + measured, torch.zeros_like(mean)
         if p.shape == "slope":
             return mean + p.amplitude_e * self._slope(mean, p, context), torch.zeros_like(mean)
         if p.shape == "wave":

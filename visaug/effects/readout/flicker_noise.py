@@ -25,6 +25,10 @@ class FlickerNoise(Effect):
         "J. Janesick, Photon Transfer (SPIE 2007), read noise: flicker noise; shaping as in Timmer "
         "and Koenig, A&A 300 (1995) 707"
     )
+    separates = (
+        "the spectrum of single dark frames along the readout: this one rises to low frequencies, "
+        "row_noise is white from row to row and constant in a row"
+    )
     sigma_e = Parameter(
         1.0, unit="e-", high=1e4, strength=True, trials=(0.5, 1.5), source="0.1 to 1 times the read noise"
     )

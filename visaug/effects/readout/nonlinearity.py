@@ -21,6 +21,10 @@ class Nonlinearity(Effect):
     source = (
         "EMVA 1288 release 4 Linear, linearity error; J. Janesick, Photon Transfer (SPIE 2007), nonlinearity"
     )
+    separates = (
+        "a sweep of exposures at steady light: the mean bends while dark frames stay; blooming and a "
+        "full well act near saturation alone"
+    )
     quadratic = Parameter(
         -0.02,
         unit="fraction",

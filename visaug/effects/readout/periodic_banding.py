@@ -28,6 +28,10 @@ class PeriodicBanding(Effect):
         "K. Wei et al., IEEE TPAMI 44 (2022) 8520 (banding pattern noise); EMVA 1288 release 4 "
         "Linear, spectrograms"
     )
+    separates = (
+        "the spectrum of row means of single dark frames: a line at one frequency; in the mean of many "
+        "it is gone, a wave of fixed_pattern_structure stays"
+    )
     amplitude_e = Parameter(
         1.0, unit="e-", high=1e4, strength=True, trials=(0.5, 1.5), source="0.1 to 1 times the read noise"
     )

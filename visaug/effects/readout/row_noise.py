@@ -12,7 +12,13 @@ class RowNoise(Effect):
     summary = "One random offset for each row and frame."
     equation = "V <- V + r_row, r ~ N(0, sigma^2), new in every frame"
     source = "EMVA 1288 release 4 Linear, temporal row noise; K. Wei et al., IEEE TPAMI 44 (2022) 8520, eq. 7"
-    sigma_e = Parameter(1.0, unit="e-", high=1e4, strength=True, source="0.1 to 1 times the read noise", trials=(0.5, 1.5))
+    separates = (
+        "two frames subtracted: fixed patterns cancel, this stays; its spectrum along the rows is "
+        "white, periodic_banding has a line, flicker_noise rises to low frequencies"
+    )
+    sigma_e = Parameter(
+        1.0, unit="e-", high=1e4, strength=True, source="0.1 to 1 times the read noise", trials=(0.5, 1.5)
+    )
 
     def apply(self, signal, p, stream, context):
         return signal + p.sigma_e * stream.normal("row")

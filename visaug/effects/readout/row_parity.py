@@ -20,6 +20,10 @@ class RowParity(Effect):
         "J. Nakamura (ed.), Image Sensors and Signal Processing for Digital Still Cameras (CRC 2006), "
         "fixed-pattern noise"
     )
+    separates = (
+        "the mean of many frames, odd rows less even ones: a constant in the dark (offset), growing "
+        "with the light (gain); seen by no seam"
+    )
     offset_e = Parameter(
         1.0,
         unit="e-",

@@ -21,6 +21,10 @@ class RTSNoise(Effect):
         "X. Wang et al., Random telegraph signal in CMOS image sensor pixels, IEDM 2006; EMVA 1288 "
         "release 4 General"
     )
+    separates = (
+        "a long series of dark frames: single pixels jump between levels; hot_pixels and dsnu stay "
+        "where they are; cosmic_rays come once"
+    )
     differentiable = False
     why_not = (
         "whether a pixel has a trap, and which state a frame finds it in, are yes or no; image and "

@@ -18,6 +18,10 @@ class TapMismatch(Effect):
     summary = "Two halves are read with different gain and offset, which shows as a step at the seam."
     equation = "V <- V (1 + s gain / 2) + s offset / 2, s = -1 before the seam and +1 behind it"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE 2001), multiple output amplifiers"
+    separates = (
+        "the mean of many dark frames and of many flats: a step at the seam, in the dark (offset) and "
+        "growing with the light (gain); vignetting has no step"
+    )
     offset_e = Parameter(
         2.0,
         unit="e-",
