@@ -212,7 +212,7 @@ class Fitted:
         return self.reference.slopes
 
 
-def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int = 4) -> Fitted:
+def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int = 8) -> Fitted:
     """Fits the reference's coordinates to the frames that find.
 
     The mean follows the camera by simulations that share their random numbers with the reference's first sets.

@@ -1,7 +1,15 @@
-"""Numbers of a camera that a fit may move, in coordinates in which they behave: logarithms of what is positive."""
+"""Numbers of a camera that a fit may move, in coordinates in which they behave.
+
+What is positive goes by its logarithm. What is counted in electrons goes by its size in DN, as frames show it: then a step of
+the system gain leaves every level, pattern and read noise in DN where it was and moves shot noise alone, and no step has to
+cancel against ten others.
+"""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from visaug.camera import Camera
 from visaug.camera.paths import place_of
@@ -9,6 +17,7 @@ from visaug.effects import Parameter, catalogue
 from visaug.frames import FrameSet
 
 GAUSSIAN_SHAPE = 0.14
+GAIN = "gain_e_per_dn"
 
 
 @dataclass(frozen=True)
@@ -20,27 +29,56 @@ class Coordinate:
         logarithmic: the coordinate is the number's logarithm.
         step: of finite differences, in the coordinate.
         prior: standard deviation about the camera file's value, in the coordinate: wide, it only holds what frames cannot tell.
+        in_dn: the number is in electrons (or electrons per something), the coordinate in DN.
     """
 
     path: str
     logarithmic: bool
     step: float
     prior: float
+    in_dn: bool = False
 
     def read(self, camera: Camera) -> float:
-        value = camera.values()[self.path]
+        values = camera.values()
+        value = values[self.path] / (values[GAIN] if self.in_dn else 1.0)
         return math.log(value) if self.logarithmic else value
 
-    def bounded(self, coordinate: float) -> float:
+    def number(self, coordinate: float, gain_e_per_dn: float) -> float:
         """The number itself, within the parameter's bounds."""
         parameter = place_of(self.path).parameter
         value = math.exp(min(coordinate, 60.0)) if self.logarithmic else coordinate
+        value *= gain_e_per_dn if self.in_dn else 1.0
         return min(max(value, parameter.low), parameter.high)
 
 
-def moved(camera: Camera, coordinates: list[Coordinate], at: list[float]) -> Camera:
+def moved(camera: Camera, coordinates: Sequence[Coordinate], at: Sequence[float]) -> Camera:
     """The camera with these coordinates."""
-    return camera.replace({c.path: c.bounded(x) for c, x in zip(coordinates, at, strict=True)})
+    gain = camera.values()[GAIN]
+    for c, x in zip(coordinates, at, strict=True):
+        if c.path == GAIN:
+            gain = c.number(x, 1.0)
+    return camera.replace({c.path: c.number(x, gain) for c, x in zip(coordinates, at, strict=True)})
+
+
+def intervals(
+    coordinates: Sequence[Coordinate], camera: Camera, steps: np.ndarray
+) -> dict[str, tuple[float, float, float]]:
+    """Each number of a fitted camera by path, with its 95 % interval: value, low, high.
+
+    Args:
+        steps: (R, coordinates), how far refitting moved simulated sets of the camera; (1, coordinates) zeros for no interval.
+    """
+    gain = camera.values()[GAIN]
+    wavers = next(
+        (steps[:, [k]] for k, c in enumerate(coordinates) if c.path == GAIN), np.zeros((len(steps), 1))
+    )
+    found = {}
+    for k, c in enumerate(coordinates):
+        at = c.read(camera)
+        own = steps[:, [k]] + (wavers * (1.0 if c.logarithmic else at) if c.in_dn else 0.0)
+        reach = 1.96 * float(own.std(ddof=1)) if len(steps) > 1 else 0.0
+        found[c.path] = (c.number(at, gain), c.number(at - reach, gain), c.number(at + reach, gain))
+    return found
 
 
 def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list[Coordinate]:
@@ -61,12 +99,12 @@ def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list
 
     def scale(path: str, step: float = 0.04, prior: float = 0.5) -> None:
         if 0 < values[path] < math.inf:
-            free.append(Coordinate(path, True, step, prior))
+            free.append(Coordinate(path, True, step, prior, in_dn=_is_in_electrons(path)))
 
     if light:
-        scale("gain_e_per_dn", 0.02, 0.3)
+        scale(GAIN, 0.02, 0.3)
         if calibrated:
-            free.append(Coordinate("quantum_efficiency", True, 0.02, 0.3))
+            scale("quantum_efficiency", 0.02, 0.3)
         scale("full_well_e", 0.01, 0.3)
         for part in ("column", "row", "pixel"):
             scale(f"prnu.{part}", 0.08, 1.0)
@@ -93,12 +131,19 @@ def effect_coordinates(camera: Camera, name: str) -> list[Coordinate]:
         if parameter.options or parameter.integer or place_is_held(parameter):
             continue
         value = values[path]
+        in_dn = _is_in_electrons(path)
         if value > 0 and parameter.low >= 0:
-            free.append(Coordinate(path, True, 0.1 if parameter.strength else 0.06, 1.5))
+            free.append(Coordinate(path, True, 0.1 if parameter.strength else 0.06, 1.5, in_dn))
         else:
             reach = max(abs(value), *(abs(t) for t in parameter.trials or (parameter.default or 1.0,)))
-            free.append(Coordinate(path, False, 0.06 * reach, 5 * reach))
+            reach /= values[GAIN] if in_dn else 1.0
+            free.append(Coordinate(path, False, 0.06 * reach, 5 * reach, in_dn))
     return free
+
+
+def _is_in_electrons(path: str) -> bool:
+    """Quantum efficiency too: electrons per photon, seen as DN per photon."""
+    return path == "quantum_efficiency" or place_of(path).parameter.unit in ("e-", "e-/s", "e-/px/s")
 
 
 def place_is_held(parameter: Parameter) -> bool:

@@ -1,10 +1,15 @@
 """What a diagnosis found."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from visaug.camera import Camera
+from visaug.camera.paths import place_of
 from visaug.comparison import Error, Place
+from visaug.diagnosis.parameters import Coordinate, intervals
 from visaug.diagnosis.residue import Residue
 
 
@@ -19,6 +24,23 @@ class Estimate:
 
     def to_json(self) -> dict[str, Any]:
         return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit}
+
+
+def estimates(
+    effect: str, camera: Camera, coordinates: Sequence[Coordinate], steps: np.ndarray
+) -> dict[str, Estimate]:
+    """The fitted numbers of one effect, by name.
+
+    Args:
+        coordinates: free numbers, some of them the effect's.
+        steps: (R, coordinates), how far refitting moved simulated sets; a single row gives no interval.
+    """
+    prefix = "full_well_e" if effect == "saturation" else f"{effect}."
+    return {
+        path.split(".", 1)[-1]: Estimate(*numbers, place_of(path).parameter.unit)
+        for path, numbers in intervals(coordinates, camera, steps).items()
+        if path.startswith(prefix)
+    }
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.camera.paths import place_of
 from visaug.comparison import Distance, Error, Laboratory, places
 from visaug.diagnosis import cache
 from visaug.diagnosis.acceptance import State, explains, improves
@@ -23,9 +22,17 @@ from visaug.diagnosis.fit import (
     standardised,
 )
 from visaug.diagnosis.parameters import Coordinate, base_coordinates
-from visaug.diagnosis.rank import Refined, Signatures, best_of_each, gain_against_chance, refine, signatures
+from visaug.diagnosis.rank import (
+    Refined,
+    Signatures,
+    best_of_each,
+    gain_against_chance,
+    log_density,
+    refine,
+    signatures,
+)
 from visaug.diagnosis.residue import describe
-from visaug.diagnosis.result import Diagnosis, Estimate, Ranked, Step
+from visaug.diagnosis.result import Diagnosis, Ranked, Step, estimates
 from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
 from visaug.frames import FrameSet
@@ -36,6 +43,11 @@ SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 MOST = 4  # effects that are added one after the other
 TRIED = 4  # candidates whose numbers are refined in a step
 TRACE = 0.03  # error below which what an accepted effect leaves over is not called unexplained
+CLOSE, RIVALS = (
+    6.0,
+    3,
+)  # log likelihood within which candidates are rivals; so many of them are simulated in full
+EXACT = 0.03  # what a form may leave over where rivals are compared
 FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
 
 
@@ -90,11 +102,7 @@ class _Search:
     def run(self) -> Diagnosis:
         first = self._reference()
         fitted = refit(self.lab, first, self.report)
-        if is_far(
-            first, fitted.camera
-        ):  # the file is far off: spread and derivatives are taken anew where the fit lies
-            near = make_reference(self.lab, fitted.camera, first.coordinates, SETS_AFTER, self.report)
-            fitted = refit(self.lab, near, self.report)
+        fitted = self._settled(fitted)
         self.signs = self._signatures(fitted.reference)
         self.distance, self.confirming = self._distances(first)
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
@@ -111,7 +119,9 @@ class _Search:
             self._step(f"add {state.accepted[-1]}", state)
             p_after = self._p_value(state)
         missing = bool(p_after <= SIGNIFICANT)
-        excess = (p_given <= SIGNIFICANT or p_before <= SIGNIFICANT) and self._is_clear(self.steps[-1].error)
+        excess = (p_given <= SIGNIFICANT or p_before <= SIGNIFICANT) and (
+            bool(state.accepted) or self._is_clear(self.steps[-1].error)
+        )
         residue = (
             describe(self.lab.statistics, state.z, nearest)
             if missing and self._is_worth_telling(state)
@@ -208,24 +218,54 @@ class _Search:
         if not refined:
             return None, None
         self._rank(state, refined)
-        best = refined[0]
-        nearest = best.effect if best.gain > 3 else None
+        nearest = refined[0].effect if refined[0].gain > 3 else None
+        rivals = [r for r in refined if r.gain > refined[0].gain - max(CLOSE, 0.1 * refined[0].gain)][:RIVALS]
+        decided = self._decided(state, [(r, self._with(state, r)) for r in rivals])
+        for r, after in decided:
+            if explains(self.lab.statistics, state, after) and self._improves(state, after):
+                self._rank(state, [r for r, _ in decided] + refined[len(rivals) :])
+                self._tell_parameters(after, r)
+                self._note_ambiguous([r for r, _ in decided])
+                return after, None
+        return None, nearest
+
+    def _with(self, state: State, candidate: Refined) -> State:
+        """The state with a candidate added: simulated, refitted."""
         reference = make_reference(
             self.lab,
-            best.camera,
-            [*state.fitted.reference.coordinates, *best.coordinates],
+            candidate.camera,
+            [*state.fitted.reference.coordinates, *candidate.coordinates],
             SETS_AFTER,
             self.report,
             known=self._known(state.fitted.reference),
         )
-        fitted = refit(self.lab, reference, self.report)
+        fitted = self._settled(refit(self.lab, reference, self.report))
         allowance = np.hypot(state.allowance, FORM * (state.fitted.residual - fitted.residual))
-        after = State(fitted, (*state.accepted, best.effect), allowance)
-        if not (explains(self.lab.statistics, state, after) and self._improves(state, after)):
-            return None, nearest
-        self._tell_parameters(after, best)
-        self._note_ambiguous(refined)
-        return after, None
+        return State(fitted, (*state.accepted, candidate.effect), allowance)
+
+    def _settled(self, fitted: Fitted) -> Fitted:
+        """Where a fit has gone far from its reference, spread and derivatives are taken anew where it lies."""
+        if not is_far(fitted.reference, fitted.camera):
+            return fitted
+        near = make_reference(self.lab, fitted.camera, fitted.reference.coordinates, SETS_AFTER, self.report)
+        return refit(self.lab, near, self.report)
+
+    @staticmethod
+    def _decided(state: State, rivals: list[tuple[Refined, State]]) -> list[tuple[Refined, State]]:
+        """Rivals in the order of how well their own simulated sets account for what was measured."""
+        if len(rivals) == 1:
+            return rivals
+        used = np.all([after.fitted.reference.null_scale > 0 for _, after in rivals], axis=0)
+        evidence = []
+        for _, after in rivals:
+            form = EXACT * (state.fitted.residual - after.fitted.residual)
+            evidence.append(log_density(after.fitted, np.hypot(state.allowance, form), used))
+        top = rivals[0][0].gain
+        judged = [
+            (replace(r, gain=top + e - max(evidence)), after)
+            for (r, after), e in zip(rivals, evidence, strict=True)
+        ]
+        return sorted(judged, key=lambda pair: -pair[0].gain)
 
     @staticmethod
     def _known(reference: Reference) -> tuple[tuple[Coordinate, ...], np.ndarray, np.ndarray]:
@@ -259,10 +299,7 @@ class _Search:
                 r.residual,
                 np.sqrt(state.fitted.reference.null_scale**2 + r.variance),
             )
-            own = {
-                c.path.split(".", 1)[-1]: _estimate(c, x, None)
-                for c, x in zip(r.coordinates, r.at, strict=True)
-            }
+            own = estimates(r.effect, r.camera, r.coordinates, np.zeros((1, len(r.coordinates))))
             self.ranking[r.effect] = Ranked(
                 r.effect, float(weight), None if error is None else error.value, own
             )
@@ -270,11 +307,7 @@ class _Search:
     def _tell_parameters(self, after: State, best: Refined) -> None:
         """Intervals of the accepted effect's numbers, from refits of simulated sets of the camera that has it."""
         reference = after.fitted.reference
-        spread = reference.null_steps.std(0, ddof=1)
-        own = {}
-        for k, c in enumerate(reference.coordinates):
-            if c.path in {x.path for x in best.coordinates}:
-                own[c.path.split(".", 1)[-1]] = _estimate(c, c.read(after.fitted.camera), float(spread[k]))
+        own = estimates(best.effect, after.fitted.camera, reference.coordinates, reference.null_steps)
         forms = {
             path.split(".", 1)[1]: word
             for path, word in after.fitted.camera.choices().items()
@@ -326,9 +359,3 @@ class _Search:
         return {
             name: [records[i].sequence for i in getattr(folds, name)] for name in ("fit", "select", "confirm")
         }
-
-
-def _estimate(coordinate: Coordinate, at: float, spread: float | None) -> Estimate:
-    parameter = place_of(coordinate.path).parameter
-    low, high = (at, at) if spread is None else (at - 1.96 * spread, at + 1.96 * spread)
-    return Estimate(coordinate.bounded(at), coordinate.bounded(low), coordinate.bounded(high), parameter.unit)
