@@ -6,9 +6,8 @@ and the others go on; the same command tries it again.
 """
 
 import hashlib
-import traceback
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,11 +16,12 @@ import numpy as np
 
 from visaug.errors import InputError
 from visaug.files import write_json, write_text
-from visaug_train import tables
+from visaug_train import proof, tables
+from visaug_train.cluster import spread
 from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation, evaluate
 from visaug_train.predictions import load_predictions, predict, save_predictions
-from visaug_train.training import Run, Study, check_arms, prepare, train_run
+from visaug_train.training import Run, Study, check_arms, note_failure, prepare, train_run
 
 Progress = Callable[[str, int, int], None]
 
@@ -55,6 +55,9 @@ class Ablation:
     study: Study
     scored: Mapping[tuple[str, int], tuple[Run, Mapping[str, Evaluation]]]
     failures: tuple[Failure, ...]
+    _known: dict[tuple, np.ndarray] = field(
+        default_factory=dict, repr=False
+    )  # resampled scores, which cost most
 
     @property
     def config(self) -> Config:
@@ -106,40 +109,56 @@ class Ablation:
         return "the intervals cover the choice of test images only: with one seed, how training varies is not in them"
 
     def _compared(self, arm: str, domain: str) -> Iterator[Difference]:
-        baseline = self.config.baseline
-        seeds = [s for s in self.seeds(arm) if s in self.seeds(baseline)]
+        found = self.compare((arm, domain), (self.config.baseline, domain))
+        for measure, (reference, difference, low, high) in found.items():
+            yield Difference(arm, domain, measure, reference, difference, low, high)
+
+    def compare(
+        self, own: tuple[str, str], other: tuple[str, str]
+    ) -> dict[str, tuple[float, float, float, float]]:
+        """One (arm, domain) less another, paired by seed and image: measure -> the other's mean over seeds, the
+        difference, and its 95 % bootstrap interval over images and seeds.
+
+        Domains of two cameras that took the same views are paired by view.
+        """
+        seeds = [s for s in self.seeds(own[0]) if s in self.seeds(other[0])]
         if not seeds:
-            return
-        rng = np.random.default_rng([7, list(self.study.tests).index(domain)])
-        count = len(self.study.tests[domain])
+            return {}
+        reference = self._scores(other, seeds).mean(axis=0)
+        mean = self._scores(own, seeds).mean(axis=0) - reference
+        pairs = self._resampled(own, seeds) - self._resampled(other, seeds)  # (bootstrap, seeds, measures)
+        drawn = np.random.default_rng(8).integers(0, len(seeds), pairs.shape[:2])
+        resampled = np.take_along_axis(pairs, drawn[..., None], axis=1).mean(axis=1)
+        low, high = np.quantile(resampled, [0.025, 0.975], axis=0) if len(pairs) else (mean * np.nan,) * 2
+        columns = zip(reference.tolist(), mean.tolist(), low.tolist(), high.tolist())
+        return dict(zip(tables.MEASURES, columns))
 
-        def scores(name: str, weights: np.ndarray | None) -> np.ndarray:
-            found = [self.scored[name, seed][1][domain].summary(weights) for seed in seeds]
-            return np.array([[tables.value(each, m) for m in tables.MEASURES] for each in found])
+    def _scores(
+        self, place: tuple[str, str], seeds: list[int], weights: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Scores of an (arm, domain), (seeds, measures); `weights` are how often each image counts."""
+        found = [self.scored[place[0], seed][1][place[1]].summary(weights) for seed in seeds]
+        return np.array([[tables.value(each, m) for m in tables.MEASURES] for each in found])
 
-        reference, own = scores(baseline, None).mean(axis=0), scores(arm, None).mean(axis=0)
-        resampled = []
-        for _ in range(self.config.bootstrap):
-            weights = rng.multinomial(count, np.full(count, 1 / count)).astype(float)
-            pairs = scores(arm, weights) - scores(baseline, weights)
-            resampled.append(pairs[rng.integers(0, len(seeds), len(seeds))].mean(axis=0))
-        low, high = (
-            np.quantile(resampled, [0.025, 0.975], axis=0) if resampled else (own * np.nan, own * np.nan)
-        )
-        for i, measure in enumerate(tables.MEASURES):
-            yield Difference(
-                arm,
-                domain,
-                measure,
-                float(reference[i]),
-                float(own[i] - reference[i]),
-                float(low[i]),
-                float(high[i]),
-            )
+    def _resampled(self, place: tuple[str, str], seeds: list[int]) -> np.ndarray:
+        """Scores for each resample of the images, (bootstrap, seeds, measures): the same images for all arms,
+        and for all domains with as many.
+        """
+        key = (*place, *seeds)
+        if key not in self._known:
+            count = len(self.study.tests[place[1]])
+            rng = np.random.default_rng([7, count])
+            shape = (self.config.bootstrap, len(seeds), len(tables.MEASURES))
+            self._known[key] = np.empty(shape)
+            for i in range(self.config.bootstrap):
+                weights = rng.multinomial(count, np.full(count, 1 / count)).astype(float)
+                self._known[key][i] = self._scores(place, seeds, weights)
+        return self._known[key]
 
     def tables(self) -> dict[str, tables.Table]:
         """The paper's table 2 (detection) and 3 (keypoints) for these arms, and the differences."""
-        return {
+        effects = {"effects": proof.effect_table(self)} if self.study.hidden else {}
+        return effects | {
             "detection": tables.score_table("Object detection", self.means, ["box_ap", "iou"]),
             "keypoints": tables.score_table(
                 "Keypoint regression",
@@ -161,6 +180,7 @@ class Ablation:
             "differences": [d.__dict__ for d in self.differences],
             "intervals": self.interval_covers,
             "failures": [f.__dict__ for f in self.failures],
+            "hidden_effects": [outcome.to_json() for outcome in proof.outcomes(self)],
         }
 
     def write(self, folder: str | Path) -> Path:
@@ -184,19 +204,30 @@ def ablate(config: Config, progress: Progress | None = None) -> Ablation:
     """Run what is not finished of a study and score it."""
     check_arms(config)
     study = prepare(config, progress)
+    config = study.config
+    runs = [(arm, seed) for seed in config.seeds for arm in config.arms]
+    lost = spread(study, runs, run_and_score, config.cluster, progress) if config.cluster else {}
     scored, failures = {}, []
-    for seed in config.seeds:
-        for arm in config.arms:
-            try:
-                run = train_run(study, arm, seed, progress)
-                scored[arm, seed] = run, evaluate_run(study, run, progress)
-            except Exception as error:
-                failures.append(Failure(arm, seed, " ".join(f"{type(error).__name__}: {error}".split())))
-                write_text(config.output / "failures" / f"{arm}-seed{seed}.txt", traceback.format_exc())
+    for arm, seed in runs:
+        if (arm, seed) in lost:
+            failures.append(Failure(arm, seed, lost[arm, seed]))
+            continue
+        try:
+            scored[arm, seed] = run_and_score(study, arm, seed, progress)
+        except Exception as error:
+            failures.append(Failure(arm, seed, note_failure(study, arm, seed, error)))
     if not scored:
         first = failures[0].error if failures else "no arm"
         raise InputError(f"no run ended well ({first})", file=config.output / "failures")
     return Ablation(study, scored, tuple(failures))
+
+
+def run_and_score(
+    study: Study, arm: str, seed: int, progress: Progress | None = None
+) -> tuple[Run, dict[str, Evaluation]]:
+    """A run with its scores, from files as far as they are there."""
+    run = train_run(study, arm, seed, progress)
+    return run, evaluate_run(study, run, progress)
 
 
 def evaluate_run(study: Study, run: Run, progress: Progress | None = None) -> dict[str, Evaluation]:

@@ -17,9 +17,9 @@ __all__ = ["ablate", "evaluate", "evaluate_predictions", "train"]
 
 def train(config_path: Path, seed: int = 0, progress: Progress | None = None) -> str:
     """Train the last arm of a config (the one it is about) with its first seed; what to print."""
-    config = _seeded(config_path, seed)
-    arm = list(config.arms)[-1]
-    run = train_run(prepare(config, progress), arm, config.seeds[0], progress)
+    study = prepare(_seeded(config_path, seed), progress)
+    arm = list(study.config.arms)[-1]
+    run = train_run(study, arm, study.config.seeds[0], progress)
     return f"{arm}, seed {run.seed}: {run.weights} ({run.seconds:.0f} s)"
 
 
@@ -37,10 +37,9 @@ def ablate(config_path: Path, seed: int = 0, progress: Progress | None = None) -
 
 def evaluate(config_path: Path, seed: int = 0, progress: Progress | None = None) -> dict[str, dict[str, Any]]:
     """Scores by domain of the last arm of a config, trained now where it is not yet."""
-    config = _seeded(config_path, seed)
-    study = prepare(config, progress)
-    arm = list(config.arms)[-1]
-    run = train_run(study, arm, config.seeds[0], progress)
+    study = prepare(_seeded(config_path, seed), progress)
+    arm = list(study.config.arms)[-1]
+    run = train_run(study, arm, study.config.seeds[0], progress)
     evaluations = evaluate_run(study, run, progress)
     for domain, evaluation in evaluations.items():
         evaluation.write_csv(run_folder(study, arm, run.seed) / f"{domain}.csv")

@@ -1,7 +1,7 @@
 """The harness's YAML: data, network, arms, seeds; checked, with the key's path in every complaint."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -105,6 +105,27 @@ class Arm(_Part):
     training: dict[str, Any] = {}
 
 
+class Hidden(_Part):
+    """Effects that a test camera has and its file leaves out, each with a test set and an arm of its own.
+
+    The camera is that of the baseline's `vis`; `views` is the test set whose noiseless images it takes.
+    """
+
+    effects: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$")], dict[str, Any]] = Field(min_length=1)
+    views: str = "synthetic"
+
+
+class Cluster(_Part):
+    """Runs spread by Ray: on this machine, or with an `address` on a cluster whose nodes share the output folder."""
+
+    address: str | None = Field(
+        None, description="as ray.init takes it: auto, or host:port; none is this machine"
+    )
+    cpus_per_run: float = Field(2, gt=0)
+    gpus_per_run: float = Field(0, ge=0)
+    retries: int = Field(3, ge=0, description="of a run whose node or process was lost")
+
+
 class Config(_Part):
     """One study."""
 
@@ -117,6 +138,8 @@ class Config(_Part):
     baseline: str = "baseline"
     seeds: list[int] = [0]
     bootstrap: int = Field(2000, ge=0)
+    hidden: Hidden | None = None
+    cluster: Cluster | None = Field(None, description="`{}` spreads the runs over this machine")
     tracking: list[Literal["tensorboard", "mlflow", "wandb", "comet", "clearml", "dvc"]] = []
 
     def arm(self, name: str) -> Arm:

@@ -70,3 +70,27 @@ def read_gray(file: str) -> np.ndarray:
     if image is None:
         raise FileNotFoundError(file)
     return image
+
+
+def plot_recovery(points: Mapping[str, Mapping[str, Sequence[float]]]) -> "Figure":
+    """Bars of the mean with a dot for each seed: effect -> training -> scores; trainings in one order."""
+    trainings = list(dict.fromkeys(name for bars in points.values() for name in bars))
+    width = 0.8 / len(trainings)
+    with styled():
+        figure = blank(8.0, 3.4)
+        axes = figure.subplots()
+        for j, (training, colour) in enumerate(zip(trainings, ARM_COLOURS * 4)):
+            for i, bars in enumerate(points.values()):
+                values = list(bars.get(training, ()))
+                if values:
+                    x = i + (j - (len(trainings) - 1) / 2) * width
+                    axes.bar(
+                        x, np.mean(values), width * 0.92, color=colour, alpha=0.8, label="" if i else training
+                    )
+                    axes.plot([x] * len(values), values, "o", color="#1c2430", markersize=3.5)
+        axes.set_xticks(range(len(points)), [name.replace("_", " ") for name in points])
+        axes.set_ylabel("keypoint AP50-95 (COCO)")
+        axes.set_ylim(0, 1)
+        axes.grid(axis="x", visible=False)
+        axes.legend(ncols=2, loc="upper right")
+    return figure

@@ -13,6 +13,7 @@ from visaug.report.plots.images import plot_components, plot_images
 from visaug.report.plots.learning import plot_timing, plot_training
 from visaug_train.ablation import Ablation
 from visaug_train.plots import plot_dependence, plot_gallery, read_gray
+from visaug_train.proof import proof_sections
 from visaug_train.tables import MEASURES
 from visaug_train.training import batch_noise
 
@@ -26,7 +27,7 @@ def write_report(ablation: Ablation) -> Path:
         f"Ablation: {ablation.config.name}",
         f"{len(ablation.means)} arms, seeds {', '.join(map(str, ablation.config.seeds))}, all "
         "hyperparameters equal.",
-        [*ablation_sections(ablation), timing_section(ablation)],
+        [*proof_sections(ablation), *ablation_sections(ablation), timing_section(ablation)],
     )
     return write_page(ablation.config.output / "report.html", page)
 

@@ -11,6 +11,7 @@ import os
 import re
 import shutil
 import time
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,11 +20,12 @@ from typing import Any
 from torch import nn
 
 from visaug.errors import InputError
-from visaug.files import write_json
+from visaug.files import write_json, write_text
 from visaug_train.batch_noise import GaussianBlur, GaussianNoise, WhiteSensorNoise
 from visaug_train.config import Arm, Config, Vis
 from visaug_train.convert import convert
 from visaug_train.geometry import Keypoints, read_json
+from visaug_train.hidden import HiddenEffect, check_hidden, hide_effects
 from visaug_train.quiet import quiet_ultralytics
 from visaug_train.render.dataset import RenderSettings, read_back, render_dataset
 from visaug_train.speed import PoseSet, read_poses
@@ -40,6 +42,7 @@ class Study:
     keypoints: Keypoints
     tests: dict[str, PoseSet]
     data_seconds: float = 0.0
+    hidden: tuple[HiddenEffect, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ class Run:
 
 
 def prepare(config: Config, progress: Progress | None = None) -> Study:
-    """Render (where the config says so), check and convert the data."""
+    """Render (where the config says so), check and convert the data; take and diagnose what is hidden."""
     began = time.monotonic()
     data = config.data
     root = data.root
@@ -76,7 +79,10 @@ def prepare(config: Config, progress: Progress | None = None) -> Study:
         root.resolve() / "ultralytics" if data.rendered else config.output / f"{root.name}-ultralytics"
     )
     data_yaml = convert(parts, keypoints, destination, data.image_size, progress)
-    return Study(config, data_yaml, keypoints, tests, time.monotonic() - began)
+    hidden: list[HiddenEffect] = []
+    if config.hidden is not None:
+        config, tests, hidden = hide_effects(config, tests, progress)
+    return Study(config, data_yaml, keypoints, tests, time.monotonic() - began, tuple(hidden))
 
 
 def check_arms(config: Config) -> None:
@@ -84,6 +90,7 @@ def check_arms(config: Config) -> None:
 
     its camera, its training arguments.
     """
+    check_hidden(config)
     quiet_ultralytics(config.output / "ultralytics-settings")
     from ultralytics.cfg import get_cfg
 
@@ -140,6 +147,13 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
         record["seconds"],
         read_curves(folder / "results.csv"),
     )
+
+
+def note_failure(study: Study, arm: str, seed: int, error: Exception) -> str:
+    """Keep how a run failed beside the runs; the error in one line."""
+    text = "".join(traceback.format_exception(error))
+    write_text(study.config.output / "failures" / f"{arm}-seed{seed}.txt", text)
+    return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def run_folder(study: Study, arm_name: str, seed: int) -> Path:

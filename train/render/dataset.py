@@ -35,6 +35,7 @@ SPEED_PLUS_CAMERA = Pinhole(
               -0.13124227429077406]),
 )  # fmt: skip
 BATCH = 16
+LINEAR_WHITE_DN = 32767.5  # of 65535 in images_linear/: twice the 8-bit image's white fits in
 
 
 @dataclass(frozen=True)
@@ -172,7 +173,7 @@ def _render_part(
         clean, picture = _expose(settings, domain, number, image, cover, caster.camera)
         write_bytes(file, _png(picture))
         if settings.linear_frames:
-            frame = np.clip(np.rint(clean * 32767.5), 0, 65535).astype(np.uint16)
+            frame = np.clip(np.rint(clean * LINEAR_WHITE_DN), 0, 65535).astype(np.uint16)
             write_bytes(root / domain / "images_linear" / file.name, _png(frame))
 
 

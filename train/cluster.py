@@ -1,0 +1,137 @@
+"""Runs of a study spread by Ray over the cores of this machine, or over the nodes of a cluster.
+
+Ray only says where a run takes place. What it leaves behind is in files, as without Ray, so the nodes of a
+cluster need the output folder, the data and the cameras under the same paths. A run whose node or process is lost
+is tried again elsewhere and goes on from its last epoch; a run that fails by itself is not.
+"""
+
+import os
+import socket
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from visaug.errors import InputError
+from visaug_train.config import Cluster
+from visaug_train.training import Study, note_failure
+
+Progress = Callable[[str, int, int], None]
+Work = Callable[[Study, str, int], Any]
+
+
+def spread(
+    study: Study,
+    runs: Sequence[tuple[str, int]],
+    work: Work,
+    cluster: Cluster,
+    progress: Progress | None = None,
+) -> dict[tuple[str, int], str]:
+    """Do `work(study, arm, seed)` for all runs; returns what went wrong, by run.
+
+    Args:
+        work: leaves its results in files; a function that can be imported, or pickled by value.
+        progress: called when a run has ended.
+    """
+    try:
+        import ray
+    except ModuleNotFoundError:
+        raise InputError(
+            "Ray is not installed",
+            field="cluster",
+            expected="the extra `cluster`: pip install 'visaug[cluster]'",
+        ) from None
+    ours = not ray.is_initialized()
+    if ours:
+        _connect(ray, cluster)
+    try:
+        return _spread(ray, study, runs, work, cluster, progress)
+    finally:
+        if ours:
+            ray.shutdown()
+
+
+def _connect(ray: Any, cluster: Cluster) -> None:
+    os.environ.setdefault(
+        "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0"
+    )  # or Ray says what a future release will do
+    _knock(cluster.address)
+    try:
+        ray.init(
+            address=cluster.address,
+            logging_level="ERROR",
+            include_dashboard=False if not cluster.address else None,
+        )
+    except (ConnectionError, ValueError, RuntimeError) as error:
+        raise _no_answer(cluster.address, error) from None
+
+
+def _knock(address: str | None) -> None:
+    """Refuse an address where nobody listens at once: Ray itself tries for minutes."""
+    host, _, port = (address or "").removeprefix("ray://").rpartition(":")
+    if not (host and port.isdigit()):
+        return  # this machine, or a word that Ray knows
+    try:
+        socket.create_connection((host, int(port)), timeout=10).close()
+    except (OSError, OverflowError) as error:
+        raise _no_answer(address, error) from None
+
+
+def _no_answer(address: str | None, error: Exception) -> InputError:
+    return InputError(
+        f"no Ray cluster answers at {address}: {' '.join(str(error).split())[:200]}",
+        field="cluster.address",
+        expected="the address that `ray start --head` printed, auto, or nothing for this machine",
+    )
+
+
+def _spread(
+    ray: Any,
+    study: Study,
+    runs: Sequence[tuple[str, int]],
+    work: Work,
+    cluster: Cluster,
+    progress: Progress | None,
+) -> dict[tuple[str, int], str]:
+    total = ray.cluster_resources()
+    for name, wanted in (("CPU", cluster.cpus_per_run), ("GPU", cluster.gpus_per_run)):
+        if wanted > total.get(name, 0):
+            raise InputError(
+                f"a run wants {wanted:g}, all nodes together have {total.get(name, 0):g}",
+                field=f"cluster.{name.lower()}s_per_run",
+                expected="no more than a node has",
+            )
+    task = ray.remote(
+        num_cpus=cluster.cpus_per_run,
+        num_gpus=cluster.gpus_per_run,
+        max_retries=cluster.retries,  # of lost workers and nodes alone: an exception is no reason to try again
+        scheduling_strategy="SPREAD",
+    )(_in_folder)
+    study_ref, here = ray.put(study), str(Path.cwd())
+    waiting = {task.remote(study_ref, work, arm, seed, here): (arm, seed) for arm, seed in runs}
+    wrong: dict[tuple[str, int], str] = {}
+    while waiting:
+        (ready,), _ = ray.wait(list(waiting), num_returns=1)
+        run = waiting.pop(ready)
+        try:
+            error = ray.get(ready)
+        except ray.exceptions.RayError as lost:  # the node went away more often than it may be tried again
+            error = note_failure(study, *run, lost)
+        if error is not None:
+            wrong[run] = error
+        if progress:
+            progress(f"runs on {_nodes(ray)} nodes", len(runs) - len(waiting), len(runs))
+    return wrong
+
+
+def _in_folder(study: Study, work: Work, arm: str, seed: int, folder: str) -> str | None:
+    """On a node: the work, in the driver's working folder, as a config's paths are relative to it; what failed."""
+    os.chdir(folder)
+    try:
+        work(study, arm, seed)
+    except Exception as error:
+        return note_failure(study, arm, seed, error)
+    return None
+
+
+def _nodes(ray: Any) -> int:
+    return sum(bool(node["Alive"]) for node in ray.nodes())

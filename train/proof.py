@@ -1,0 +1,264 @@
+"""What a hidden effect costs a network, and what naming it gives back: the outcome of a study with `hidden`."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from visaug.report.html import Figure, Section, Table, Text, figure
+from visaug.report.plots.error import plot_error_steps
+from visaug.report.plots.images import plot_images
+from visaug_train import tables
+from visaug_train.hidden import PLAIN, HiddenEffect
+from visaug_train.plots import plot_recovery, read_gray
+
+if TYPE_CHECKING:
+    from visaug_train.ablation import Ablation
+
+MEASURE = "keypoint_ap_coco"
+COST = 0.15  # keypoint AP that an effect should cost, so that a few seeds can show what is won back
+
+
+@dataclass(frozen=True)
+class Change:
+    """A difference of keypoint AP50-95 (COCO's) with its 95 % bootstrap interval over images and seeds."""
+
+    before: float
+    after: float
+    low: float
+    high: float
+
+    @property
+    def clear(self) -> int:
+        """1 or -1 where the interval leaves out 0, else 0."""
+        return int(self.low > 0) - int(self.high < 0)
+
+    def __str__(self) -> str:
+        return f"{self.after - self.before:+.3f} [{self.low:+.3f}, {self.high:+.3f}]"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One hidden effect: what it costs the baseline; what each other training changes on its test set.
+
+    `named`, `wrong` and `known` are against the baseline, `over_wrong` is named against wrong; None where there
+    is no such arm, or not yet.
+    """
+
+    hidden: HiddenEffect
+    cost: Change
+    named: Change | None
+    wrong: Change | None
+    known: Change | None
+    over_wrong: Change | None
+
+    def finding(self) -> str:
+        """What came out, whichever way, in a few sentences."""
+        name, domain = self.hidden.effect["name"], self.hidden.domain
+        cost = self.cost
+        said = [
+            f"{domain} ({name}): the effect "
+            + (
+                f"costs the network {-(cost.after - cost.before):.3f}"
+                if cost.clear < 0
+                else "costs nothing clear:"
+            )
+            + f" keypoint AP ({cost.before:.3f} without it, {cost.after:.3f} with it; {cost})."
+        ]
+        accepted = ", ".join(self.hidden.answer["accepted"]) or "nothing"
+        said.append(
+            f"The diagnosis named {accepted}"
+            + (", which is right." if self.hidden.right else ", which is wrong.")
+        )
+        if self.named is not None:
+            verdict = {1: "raises", 0: "does not clearly change", -1: "lowers"}[self.named.clear]
+            said.append(
+                f"Training with it {verdict} the AP ({self.named.before:.3f} to {self.named.after:.3f}; {self.named})."
+            )
+        if self.wrong is not None and self.over_wrong is not None:
+            better = {1: "better than", 0: "not clearly other than", -1: "worse than"}[self.over_wrong.clear]
+            said.append(
+                f"The control, {self.hidden.wrong}, changes it by {self.wrong}: the named effect is {better} that "
+                f"({self.over_wrong})."
+            )
+        if self.hidden.known == self.hidden.named:
+            said.append("Who knew the effect would have trained the same way.")
+        elif self.known is not None:
+            said.append(f"Who knew the effect gains {self.known}.")
+        if cost.before - cost.after < COST:
+            said.append(f"It costs less than {COST}, so there is little to win back.")
+        return " ".join(said)
+
+    def to_json(self) -> dict[str, Any]:
+        """Numbers of the outcome."""
+        changes = {name: getattr(self, name) for name in ("cost", "named", "wrong", "known", "over_wrong")}
+        return {
+            "domain": self.hidden.domain,
+            "effect": self.hidden.effect,
+            "accepted": self.hidden.answer["accepted"],
+            "found": self.hidden.found,
+            "arms": {"named": self.hidden.named, "known": self.hidden.known, "wrong": self.hidden.wrong},
+            **{name: None if change is None else asdict(change) for name, change in changes.items()},
+        }
+
+
+def outcomes(ablation: "Ablation") -> list[Outcome]:
+    """The outcome of each hidden effect whose baseline was trained."""
+    baseline = ablation.config.baseline
+
+    def change(arm: str | None, domain: str, other: tuple[str | None, str]) -> Change | None:
+        if arm is None or other[0] is None:
+            return None
+        found = ablation.compare((arm, domain), (other[0], other[1])).get(MEASURE)
+        return found and Change(found[0], found[0] + found[1], found[2], found[3])
+
+    made = []
+    for each in ablation.study.hidden:
+        before = (baseline, each.domain)
+        cost = change(baseline, each.domain, (baseline, PLAIN))
+        if cost is not None:
+            arms = (each.named, each.wrong, each.known)
+            named, wrong, known = (change(arm, each.domain, before) for arm in arms)
+            over = change(each.named, each.domain, (each.wrong, each.domain))
+            made.append(Outcome(each, cost, named, wrong, known, over))
+    return made
+
+
+def effect_table(ablation: "Ablation") -> tables.Table:
+    """A row for each hidden effect: what was named, what it costs, what each training gives back."""
+    head = [
+        "hidden effect",
+        "named",
+        "AP without it",
+        "AP with it",
+        "cost",
+        "trained with what was named",
+        "change",
+        "change by a wrong effect",
+        "named over wrong",
+        "change by who knew",
+    ]
+    rows = []
+    for o in outcomes(ablation):
+        same = o.hidden.known == o.hidden.named
+        rows.append(
+            [
+                o.hidden.effect["name"],
+                ", ".join(o.hidden.answer["accepted"]) or "nothing",
+                f"{o.cost.before:.3f}",
+                f"{o.cost.after:.3f}",
+                str(o.cost),
+                "" if o.named is None else f"{o.named.after:.3f}",
+                "" if o.named is None else str(o.named),
+                "" if o.wrong is None else f"{o.wrong} ({o.hidden.wrong})",
+                "" if o.over_wrong is None else str(o.over_wrong),
+                "the same run" if same else "" if o.known is None else str(o.known),
+            ]
+        )
+    return tables.Table("Hidden effects: keypoint AP50-95 (COCO's) on the camera that has them", head, rows)
+
+
+def proof_sections(ablation: "Ablation") -> list[Section]:
+    """The sections of a report: the outcome, what the cameras see, and each diagnosis."""
+    if not ablation.study.hidden:
+        return []
+    return [
+        Section("What a hidden effect costs, and what naming it gives back", list(_outcome(ablation))),
+        Section("What the cameras see", [_views(ablation)]),
+        Section("How the effects were found", list(_diagnoses(ablation))),
+    ]
+
+
+def _outcome(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
+    made = outcomes(ablation)
+    yield Text(
+        "A camera has an effect that its file leaves out. The network was trained with the noise of the file; frames"
+        " of the camera were diagnosed, starting from that file; and the same network was trained again with the"
+        " noise of the diagnosed camera. The control was trained with an effect that this camera does not have."
+    )
+    for outcome in made:
+        yield Text(outcome.finding(), "finding")
+    if made:
+        yield figure(
+            plot_recovery(_points(ablation, made)),
+            "Keypoint AP50-95 (COCO's) on the same views, taken by the camera without and with the effect. Bars: mean"
+            " over seeds; dots: seeds.",
+        )
+    table = effect_table(ablation)
+    yield Table(
+        table.head, table.rows, f"{table.title}. 95 % bootstrap intervals: {ablation.interval_covers}."
+    )
+    yield Text(
+        "The strengths were chosen beforehand on one baseline network alone, so that each effect costs it something;"
+        " nothing was chosen by what the other networks score.",
+        "note",
+    )
+
+
+def _points(ablation: "Ablation", made: list[Outcome]) -> dict[str, dict[str, list[float]]]:
+    """effect -> training -> AP of each seed."""
+    baseline = ablation.config.baseline
+
+    def values(arm: str | None, domain: str) -> list[float]:
+        seeds = ablation.seeds(arm) if arm else []
+        return [tables.value(ablation.summaries[arm or "", s][domain], MEASURE) for s in seeds]
+
+    found = {}
+    for o in made:
+        domain = o.hidden.domain
+        bars = {
+            "camera without the effect": values(baseline, PLAIN),
+            "with it, trained without": values(baseline, domain),
+            "trained with a wrong effect": values(o.hidden.wrong, domain),
+            "trained with what was named": values(o.hidden.named, domain),
+        }
+        if o.hidden.known != o.hidden.named:
+            bars["trained knowing it"] = values(o.hidden.known, domain)
+        found[o.hidden.effect["name"]] = bars
+    return found
+
+
+def _views(ablation: "Ablation") -> Figure:
+    shown = [PLAIN, *(each.domain for each in ablation.study.hidden)]
+    count = len(ablation.study.tests[PLAIN])
+    chosen = np.linspace(0, count - 1, 4).astype(int)
+    files = [(domain, ablation.study.tests[domain].files[i]) for domain in shown for i in chosen]
+    pictures = [read_gray(str(file)) / 255 for _, file in files]
+    return figure(
+        plot_images(pictures, [domain for domain, _ in files], limits=(0, 1)),
+        "The same views by the camera without an effect (plain) and with each.",
+        raster=True,
+    )
+
+
+def _diagnoses(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
+    rows = []
+    for each in ablation.study.hidden:
+        name = each.effect["name"]
+        found = next((e for e in each.found if e["name"] == name), {})
+        for key, value in each.effect.items():
+            if key != "name":
+                rows.append(
+                    [
+                        name,
+                        key,
+                        _shown(value),
+                        _shown(found.get(key, "not named" if not found else "default")),
+                    ]
+                )
+    yield Table(
+        ["effect", "parameter", "hidden", "found"], rows, "What was hidden, and what the diagnosis found."
+    )
+    for each in ablation.study.hidden:
+        steps = [step for step in each.answer["steps"] if step["error"] is not None]
+        if steps:
+            error = each.answer["error"]
+            yield figure(
+                plot_error_steps(steps, error["before"], error["floor"]),
+                f"{each.domain}: the error of the camera's file falling, on frames that were not used for finding.",
+            )
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, int | float) else str(value)
