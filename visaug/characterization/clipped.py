@@ -59,6 +59,18 @@ class Fit:
         return math.exp(self.log_spread)
 
 
+@dataclass(frozen=True)
+class Lines:
+    """Locations of columns or of rows (DN), and the mean variance of their error (DN^2)."""
+
+    places: np.ndarray
+    error: float
+
+    @property
+    def variance(self) -> float:
+        return max(float(self.places.var(ddof=1)) - self.error, 0.0)
+
+
 def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, seed: int) -> None:
     """Black level, read noise, DSNU and dark current from frames of which a share is cut at 0."""
     indices = still.group.indices
@@ -67,48 +79,51 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
     add_profiles(found, master)
     sample = _sample(measured.frames, indices, still, seed)
     fit = _fit(sample, np.zeros(len(sample.rows)), None)
-    height, width = still.shape
-    total = fit.spread**2
-    rows, columns = np.zeros(height), np.zeros(width)
-    row_var, column_var, row_error, column_error = 0.0, 0.5 * total, 0.0, 0.0
-    mean = fit.shift
+    rows, columns = Lines(np.zeros(still.shape[0]), 0.0), Lines(np.zeros(still.shape[1]), 0.0)
+    pixel_var = None
     for _ in range(_ROUNDS):
-        for _ in range(6):  # the parts depend on each other: what one explains, the others need not
-            within = max(total - column_var, 0.02 * total)
-            columns, column_error = _locations(
-                master.mean(0), master.std(0, ddof=1) / math.sqrt(height), fit, within
-            )
-            column_var = max(float(columns.var(ddof=1)) - column_error, 0.0)
-            within = max(total - row_var, 0.02 * total)
-            rows, row_error = _locations(master.mean(1), _row_errors(master), fit, within)
-            row_var = max(float(rows.var(ddof=1)) - row_error, 0.0)
-        mean = float(columns.mean())
-        centre = columns[sample.columns] + rows[sample.rows] - rows.mean()
+        columns, rows, pixel_var = _lines(master, fit, columns, rows, pixel_var)
+        centre = columns.places[sample.columns] + rows.places[sample.rows] - rows.places.mean()
         fit = _fit(sample, centre, fit)
         # Measured rows and columns hold their share of the pixels' own pattern.
-        pixel_var = fit.spread**2 / (1 - 1 / height - 1 / width)
-        total = row_var + column_var + pixel_var
-    columns, column_error = _locations(
-        master.mean(0), master.std(0, ddof=1) / math.sqrt(height), fit, max(total - column_var, 0.02 * total)
-    )
+        pixel_var = fit.spread**2 / (1 - 1 / still.shape[0] - 1 / still.shape[1])
+    columns, rows, pixel_var = _lines(master, fit, columns, rows, pixel_var)
     source = f"likelihood of {still.n} {still.group.kind} frames cut at 0"
-    _add(found, still, fit, mean, (rows, row_error), (columns, column_error), len(sample.rows), source)
-    _dark(found, measured, fit, columns, max(total - column_var, 0.0))
+    _add(found, still, fit, rows, columns, source)
+    _dark(found, measured, fit, columns.places, pixel_var + rows.variance)
     found.warn(
         f"clipped_at_zero: {still.clipped_low:.0%} of the pixels of the {still.group.kind} frames are 0; "
         "read noise, DSNU and dark current come from a likelihood that knows the cut, the emva figures do not"
     )
 
 
-def _add(found, still, fit, mean, rows, columns, pixels, source) -> None:
+def _lines(
+    master: np.ndarray, fit: Fit, columns: Lines, rows: Lines, pixel_var: float | None
+) -> tuple[Lines, Lines, float]:
+    """Locations of columns and rows, by turns, and the pixels' variance (DN^2): as given, or what the two leave.
+
+    Without a value the fit's spread is that of all three together.
+    """
+    column_errors = master.std(0, ddof=1) / math.sqrt(len(master))
+    row_errors = _row_errors(master)
+    share = 0.5 * fit.spread**2 if pixel_var is None else pixel_var
+    for _ in range(6 if pixel_var is None else 2):  # each depends on the others
+        columns = _locations(master.mean(0), column_errors, fit, share, rows.places)
+        rows = _locations(master.mean(1), row_errors, fit, share, columns.places)
+        if pixel_var is None:
+            share = fit.spread**2 - min(columns.variance + rows.variance, 0.98 * fit.spread**2)
+    return columns, rows, share
+
+
+def _add(found: Findings, still: GroupMoments, fit: Fit, rows: Lines, columns: Lines, source: str) -> None:
     half = t_quantile(19) * math.sqrt(fit.covariance[0, 0])
     sigma = (fit.sigma, fit.sigma * math.exp(-half), fit.sigma * math.exp(half))
     add_in_electrons(found, "read_noise.sigma", sigma, source)
     found.add("read_noise.shape", symmetric(fit.shape, math.sqrt(fit.covariance[1, 1]), 19), "1", source)
     height, width = still.shape
     variances = {}
-    for name, (locations, error), n in (("row", rows, height), ("column", columns, width)):
-        terms = [(1.0, float(locations.var(ddof=1)), n - 1), (-1.0, error, 10 * n)]
+    for name, lines, n in (("row", rows, height), ("column", columns, width)):
+        terms = [(1.0, float(lines.places.var(ddof=1)), n - 1), (-1.0, lines.error, 10 * n)]
         variances[name] = variance_combination(terms)
         add_in_electrons(found, f"dsnu.{name}", root(variances[name]), source)
     half = t_quantile(19) * math.sqrt(fit.covariance[3, 3])
@@ -123,7 +138,7 @@ def _add(found, still, fit, mean, rows, columns, pixels, source) -> None:
             (still.frame_variance / still.n, still.n - 1),
         ]
     )
-    found.add("black_level_dn", symmetric(mean, error, df), "DN", source)
+    found.add("black_level_dn", symmetric(float(columns.places.mean()), error, df), "DN", source)
 
 
 def _row_errors(master: np.ndarray) -> np.ndarray:
@@ -223,26 +238,49 @@ def _scores(p: np.ndarray, sample: Sample, centre: np.ndarray) -> np.ndarray:
 
 
 def _sandwich(p: np.ndarray, sample: Sample, centre: np.ndarray, blocks: int = 20) -> np.ndarray:
-    """Covariance from scores summed over blocks of rows."""
+    """Covariance from scores summed over blocks of rows and over columns.
+
+    Pixels of a column share the error of its centre, which near the cut moves the spread at first order. Sums
+    over rows and over columns, less what both count, hold either dependence (A. C. Cameron, J. B. Gelbach and
+    D. L. Miller, J. Bus. Econ. Stat. 29 (2011) 238).
+    """
     scores = _scores(p, sample, centre)
     information = scores @ scores.T
-    which = np.minimum(sample.rows * blocks // (sample.rows.max() + 1), blocks - 1)
-    sums = np.stack([np.bincount(which, s, minlength=blocks) for s in scores])
-    sums -= sums.mean(1, keepdims=True)
     inverse = np.linalg.pinv(information)
-    return inverse @ (sums @ sums.T * blocks / (blocks - 1)) @ inverse
+    by_row = _clustered(scores, np.minimum(sample.rows * blocks // (sample.rows.max() + 1), blocks - 1))
+    by_both = by_row + _clustered(scores, sample.columns) - information
+    rows_alone, both = (inverse @ spread @ inverse for spread in (by_row, by_both))
+    return both if (np.diag(both) > np.diag(rows_alone)).all() else np.maximum(both, rows_alone) * np.eye(4)
 
 
-def _locations(means: np.ndarray, errors: np.ndarray, fit: Fit, within: float) -> tuple[np.ndarray, float]:
-    """Locations whose cut mean is as measured, and the mean variance of their error.
+def _clustered(scores: np.ndarray, cluster: np.ndarray) -> np.ndarray:
+    """Spread of the sum of scores (4, P), from sums over clusters, each independent of the others."""
+    _, cluster = np.unique(cluster, return_inverse=True)
+    sums = np.stack([np.bincount(cluster, s) for s in scores])
+    sums -= sums.mean(1, keepdims=True)
+    return sums @ sums.T * sums.shape[1] / (sums.shape[1] - 1)
 
-    `within`: variance of locations inside one row or column, which smooths the cut.
+
+def _locations(
+    means: np.ndarray, errors: np.ndarray, fit: Fit, pixel_var: float, across: np.ndarray
+) -> Lines:
+    """Locations of columns (rows) whose cut mean is as measured.
+
+    Args:
+        means, errors: mean of each column and its standard error, DN.
+        pixel_var: variance of the pixels' own locations, DN^2.
+        across: locations of the rows, over which a column's mean runs: as they are, for few follow no law.
     """
-    x, cut = _cut_mean(fit, within)
-    floor = cut[np.searchsorted(cut, 1e-5 * fit.sigma)]
-    places = np.interp(np.maximum(means, floor), cut, x)
-    slope = np.interp(places, x, np.gradient(cut, x))
-    return places, float(np.mean((errors / np.maximum(slope, 0.02)) ** 2))
+    x, cut = _cut_mean(fit, pixel_var)
+    offsets = across - across.mean()
+    reach = 12 * fit.sigma + np.abs(offsets).max()
+    grid = np.linspace(-reach, means.max() + reach, 800)
+    levels = grid[:, None] + offsets
+    curve = np.where(levels > x[-1], levels, np.interp(levels, x, cut)).mean(1)
+    floor = curve[min(np.searchsorted(curve, 1e-5 * fit.sigma), len(curve) - 1)]
+    places = np.interp(np.maximum(means, floor), curve, grid)
+    slope = np.interp(places, grid, np.gradient(curve, grid))
+    return Lines(places, float(np.mean((errors / np.maximum(slope, 0.02)) ** 2)))
 
 
 def _cut_mean(fit: Fit, within: float, electrons: float = 0.0, dn_per_e: float = 0.0):
