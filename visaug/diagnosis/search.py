@@ -43,6 +43,7 @@ SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 MOST = 4  # effects that are added one after the other
 TRIED = 4  # candidates whose numbers are refined in a step
 TRACE = 0.03  # error below which what an accepted effect leaves over is not called unexplained
+LEAST_GAIN = 5.0  # in log likelihood: with thirty effects to choose from less is chance
 CLOSE, RIVALS = (
     6.0,
     3,
@@ -105,6 +106,7 @@ class _Search:
         fitted = self._settled(fitted)
         self.signs = self._signatures(fitted.reference)
         self.distance, self.confirming = self._distances(first)
+        self.confirms = _is_clear(self._confirmed_error(fitted)) or not _is_clear(self._found_error(fitted))
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
         state = State(fitted, (), np.zeros(len(fitted.residual)))
         p_before = self._p_value(state)
@@ -119,9 +121,7 @@ class _Search:
             self._step(f"add {state.accepted[-1]}", state)
             p_after = self._p_value(state)
         missing = bool(p_after <= SIGNIFICANT)
-        excess = (p_given <= SIGNIFICANT or p_before <= SIGNIFICANT) and (
-            bool(state.accepted) or self._is_clear(self.steps[-1].error)
-        )
+        excess = (p_given <= SIGNIFICANT or p_before <= SIGNIFICANT) and _is_clear(self.steps[-1].error)
         residue = (
             describe(self.lab.statistics, state.z, nearest)
             if missing and self._is_worth_telling(state)
@@ -194,8 +194,8 @@ class _Search:
         return min(1.0, 2 * min(by_size, by_gain))
 
     def _error(self, fitted: Fitted) -> Error | None:
-        """On the frames that confirm; where these are too few to show an excess, on those that find."""
-        return self._confirmed_error(fitted) or self._found_error(fitted)
+        """On the frames that confirm; where these are too few to show the excess clearly, on those that find."""
+        return (self._confirmed_error(fitted) if self.confirms else None) or self._found_error(fitted)
 
     def _confirmed_error(self, fitted: Fitted) -> Error | None:
         if not len(self.confirming.measured):
@@ -219,7 +219,8 @@ class _Search:
             return None, None
         self._rank(state, refined)
         nearest = refined[0].effect if refined[0].gain > 3 else None
-        rivals = [r for r in refined if r.gain > refined[0].gain - max(CLOSE, 0.1 * refined[0].gain)][:RIVALS]
+        least = max(LEAST_GAIN, refined[0].gain - max(CLOSE, 0.1 * refined[0].gain))
+        rivals = [r for r in refined if r.gain > least][:RIVALS]
         decided = self._decided(state, [(r, self._with(state, r)) for r in rivals])
         for r, after in decided:
             if explains(self.lab.statistics, state, after) and self._improves(state, after):
@@ -253,7 +254,7 @@ class _Search:
     @staticmethod
     def _decided(state: State, rivals: list[tuple[Refined, State]]) -> list[tuple[Refined, State]]:
         """Rivals in the order of how well their own simulated sets account for what was measured."""
-        if len(rivals) == 1:
+        if len(rivals) < 2:
             return rivals
         used = np.all([after.fitted.reference.null_scale > 0 for _, after in rivals], axis=0)
         evidence = []
@@ -274,11 +275,6 @@ class _Search:
     def _improves(self, before: State, after: State) -> bool:
         pairs = [(self._found_error(x.fitted), self._confirmed_error(x.fitted)) for x in (before, after)]
         return improves(pairs[0], pairs[1], first=not before.accepted)
-
-    @staticmethod
-    def _is_clear(error: Error | None) -> bool:
-        """Whether there is an excess to speak of: one in which noise alone is as large as the whole is none."""
-        return error is not None and error.high - error.low < 1
 
     def _is_worth_telling(self, state: State) -> bool:
         """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding."""
@@ -359,3 +355,8 @@ class _Search:
         return {
             name: [records[i].sequence for i in getattr(folds, name)] for name in ("fit", "select", "confirm")
         }
+
+
+def _is_clear(error: Error | None) -> bool:
+    """Whether there is an excess to speak of: one in which noise alone is as large as the whole is none."""
+    return error is not None and error.high - error.low < 1

@@ -67,6 +67,11 @@ class SmoothMap(View):
                     float(value),
                 )
             yield g.statistic(self.name, "middle against rim", ["smooth"], word), _middle(g.pattern) * unit
+            for name, profile in (("rows", g.pattern_rows), ("columns", g.pattern_columns)):
+                yield (
+                    g.statistic(self.name, f"slope over the {name}", ["smooth"], word),
+                    _slope(profile) * unit,
+                )
 
     def picture(self, data):
         chosen = [g for g in (data.bias, *data.of("dark")[-1:], *data.of("flat")[-2:-1]) if g is not None]
@@ -75,6 +80,12 @@ class SmoothMap(View):
             edges = [np.linspace(0, n, 17).astype(int) for n in g.pattern.shape]
             maps.append((f"{g.label}, DN", block_means(g.pattern, *edges)))
         return Picture(self.title, maps=tuple(maps)) if maps else None
+
+
+def _slope(profile: np.ndarray) -> float:
+    """Of a straight line through it, from the middle to the end."""
+    x = np.linspace(-1, 1, len(profile))
+    return float((x * profile).sum() / (x * x).sum())
 
 
 def _middle(pattern: np.ndarray) -> float:
