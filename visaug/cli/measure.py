@@ -1,4 +1,4 @@
-"""Commands that measure: characterize, compare, diagnose."""
+"""Commands that measure: characterize, compare, diagnose, lab."""
 
 from pathlib import Path
 from typing import Literal
@@ -162,4 +162,55 @@ def diagnose(
         written(path)
 
 
-COMMANDS: list[click.Command] = [characterize, compare, diagnose]
+@command("lab", example="visaug lab frames/ --camera camera.yaml")
+@frames_argument
+@camera_option()
+@click.option(
+    "--effects",
+    "effects",
+    metavar="my.py",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Effects of your own; the page can load more. May be repeated.",
+)
+@output_option("camera2.yaml", "Where the page's Save camera writes it, beside the download.")
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=0, show_default="a free one", help="Port on 127.0.0.1."
+)
+@click.option("--open/--no-browser", "browser", default=False, help="Open the page in a browser.")
+def lab(
+    frames_path: Path,
+    camera_name: str,
+    effects: tuple[Path, ...],
+    output: Path | None,
+    port: int,
+    browser: bool,
+    seed: int,
+) -> None:
+    """Compare and diagnose on an interactive page: add and remove effects by hand and watch the error.
+
+    Prints the page's address, on this machine only, and serves it until Ctrl-C. Who has the address can use
+    the page, and load effects, whose Python code is then run.
+    """
+    import visaug
+    from visaug.errors import InputError
+
+    try:
+        from visaug.lab import Bench, load_own, serve
+    except ModuleNotFoundError as error:
+        if error.name and error.name.split(".")[0] in ("starlette", "uvicorn"):
+            raise InputError(
+                f"{error.name} is not installed", expected="the extra `lab`: pip install 'visaug[lab]'"
+            ) from None
+        raise
+    own = [name for file in effects for name in load_own(file)]  # first: the camera may name one of them
+    camera = load_camera(camera_name)
+    frames = visaug.FrameSet.load(frames_path, resolution=camera.resolution)
+    bench = Bench(camera, frames, own, seed=seed, output=output)
+    try:
+        serve(bench, port, say=click.echo, ready=click.launch if browser else None)
+    except KeyboardInterrupt:
+        click.echo("the lab is closed")
+
+
+COMMANDS: list[click.Command] = [characterize, compare, diagnose, lab]

@@ -1,0 +1,280 @@
+"""Who may use the page, what it shows, and that what its buttons ask is done."""
+
+import re
+import socket
+import sys
+import threading
+
+import pytest
+import yaml
+from click.testing import CliRunner
+from starlette.testclient import TestClient
+
+from tests.diagnosis.small import SENSOR
+from visaug import Camera, InputError
+from visaug.cli.measure import lab as lab_command
+from visaug.comparison import Error
+from visaug.diagnosis import Diagnosis, Estimate, Ranked, Step
+from visaug.lab import application, serve
+from visaug.lab import bench as bench_module
+
+TOKEN = "a-token-of-this-test"
+OWN = """
+from visaug import Effect, Parameter, Stage
+
+
+class Mine(Effect):
+    name = "mine"
+    stage = Stage.READOUT
+    summary = "what I think it is"
+    sigma_e = Parameter(0.0, unit="e-", low=0.0, strength=True, trials=(0.5, 3.0))
+
+    def apply(self, signal, p, stream, context):
+        return signal + p.sigma_e * stream.normal("row")
+"""
+
+
+@pytest.fixture
+def client(bench):
+    app = application(bench, TOKEN)
+    with TestClient(app, base_url="http://127.0.0.1:8000") as client:
+        client.params = {"token": TOKEN}
+        app.state.jobs.wait()
+        client.wait = app.state.jobs.wait
+        yield client
+
+
+def found(bench) -> Diagnosis:
+    """A diagnosis as it would be, without the minutes."""
+    sigma = {"sigma_e": Estimate(2.0, 1.9, 2.1, "e-")}
+    better = bench.given.with_effect("row_noise", sigma_e=2.0)
+    after = Error(0.01, -0.02, 0.04)
+    return Diagnosis(
+        camera=better, accepted=("row_noise",), error_after=after, p_value_before=0.005, p_value_after=0.4,
+        adequate_before=False, adequate_after=True, where=bench.comparison.places,
+        ranking=(Ranked("row_noise", 0.99, 0.01, sigma), Ranked("flicker_noise", 0.01, 0.4, {})),
+        steps=(Step("refit", Error(0.98, 0.95, 1.01)), Step("add row_noise", after)),
+        frames={"fit": [0], "select": [1], "confirm": [2]}, ambiguous=(), unexplained=None, form=None,
+        cannot_show=("smear",),
+    )  # fmt: skip
+
+
+@pytest.fixture
+def diagnosed(client, bench, monkeypatch):
+    monkeypatch.setattr(bench_module, "diagnose", lambda *_, **__: found(bench))
+    assert client.post("/diagnose").status_code == 202
+    client.wait()
+    return client
+
+
+def shown(page: str, mark: str) -> str:
+    return re.search(rf'data-testid="{mark}"[^>]*>([^<]*)<', page)[1]
+
+
+def buttons(page: str) -> list[str]:
+    return re.findall(r"<button[^>]*>([^<]*)</button>", page)
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/bench", "/state", "/camera.yaml", "/lab.js", "/picture/x/level", "/no"]
+)
+@pytest.mark.parametrize("params", [{"token": ""}, {"token": TOKEN + "x"}, {"token": "ä"}])
+def test_without_the_token_there_is_nothing(client, path, params):
+    answer = client.get(path, params=params)
+    assert answer.status_code == 403
+    assert TOKEN not in answer.text
+
+
+@pytest.mark.parametrize("path", ["/diagnose", "/stop", "/add/row_noise", "/load/a.py", "/save"])
+def test_without_the_token_nothing_is_done(client, bench, path):
+    assert client.post(path, params={"token": "guess"}).status_code == 403
+    client.wait()
+    assert bench.diagnosis is None
+    assert bench.now.fit is None
+
+
+@pytest.mark.parametrize("host", ["example.org", "127.0.0.1.example.org:8000", "lab.local"])
+def test_another_host_name_is_refused(client, host):
+    assert client.get("/", headers={"host": host}).status_code == 400
+
+
+def test_the_page_loads_nothing_from_elsewhere(client):
+    answer = client.get("/")
+    assert "default-src 'none'" in answer.headers["content-security-policy"]
+    assert answer.headers["referrer-policy"] == "no-referrer"
+    everything = answer.text + client.get("/lab.css").text + client.get("/lab.js").text
+    assert not re.findall(r"https?://", everything)
+
+
+def test_the_first_look(client):
+    page = client.get("/").text
+    assert {"Diagnose", "Save camera", "Save report", "Load effect"} <= set(buttons(page))
+    assert shown(page, "error") == "1.00"
+    assert "does not explain these frames" in shown(page, "verdict")
+    assert "Row and column noise" in page
+
+
+def test_pictures(client):
+    page = client.get("/").text
+    addresses = [a.replace("&amp;", "&") for a in re.findall(r'src="(picture/[^"]+)"', page)]
+    first = client.get(f"/{addresses[0]}")
+    assert first.headers["content-type"].startswith("image/")
+    assert len(first.content) > 5000
+    scene = next(a for a in addresses if "/scene?" in a)  # there are no scenes among the frames
+    assert client.get(f"/{scene}").status_code == 404
+
+
+def test_a_diagnosis_is_shown_and_its_effects_can_be_added(diagnosed, bench):
+    page = diagnosed.get("/").text
+    assert {"Add row_noise", "Add flicker_noise"} <= set(buttons(page))
+    assert "row_noise" in shown(page, "verdict")
+    assert shown(page, "error") == "1.00"  # the camera on the bench is still the file as given
+    diagnosed.post("/add/row_noise")
+    diagnosed.wait()
+    page = diagnosed.get("/").text
+    assert shown(page, "error") == "0.01"
+    assert "Remove row_noise" in buttons(page)
+    assert "Add row_noise" not in buttons(page)
+    assert "row_noise" in diagnosed.get("/camera.yaml").text
+    diagnosed.post("/remove/row_noise")
+    diagnosed.wait()
+    assert shown(diagnosed.get("/bench").text, "error") == "1.00"
+    assert bench.camera is bench.given
+
+
+def test_save_camera(diagnosed, bench):
+    diagnosed.post("/add/row_noise")
+    diagnosed.wait()
+    answer = diagnosed.get("/camera.yaml")
+    assert 'filename="camera.yaml"' in answer.headers["content-disposition"]
+    assert yaml.safe_load(answer.text)["effects"] == [{"name": "row_noise", "sigma_e": 2.0}]
+    saved = diagnosed.post("/save").json()["saved"]
+    assert Camera.load(saved).effect_names == ["row_noise"]
+
+
+def test_save_report(diagnosed):
+    compared = diagnosed.get("/report.html")
+    assert "attachment" in compared.headers["content-disposition"]
+    diagnosed.post("/add/row_noise")
+    diagnosed.wait()
+    by_hand = diagnosed.get("/report.html").text
+    assert "The camera with row_noise" in by_hand
+    assert by_hand.count("data:image/") >= 2
+    assert by_hand != compared.text
+
+
+def test_an_effect_of_ones_own(client, bench):
+    answer = client.post("/load/mine.py", content=OWN)
+    assert answer.status_code == 202
+    client.wait()
+    assert "Add mine" in buttons(client.get("/bench").text)
+    assert bench.loaded == ["mine"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("mine.txt", OWN, "mine.txt"),
+        ("mine.py", "import sys; sys.exit(3)", "SystemExit"),
+        ("mine.py", "1/0", "mine.py: cannot be imported"),
+        ("mine.py", "a = 1", "mine.py: defines no Effect"),
+        ("mine.py", OWN.replace("strength=True, ", ""), "mine.py: mine has no strength"),
+        ("..%2Fmine.py", "a = 1", "mine.py: defines no Effect"),
+    ],
+)
+def test_a_file_that_is_no_effect_is_told_in_one_line(client, bench, name, text, said):
+    client.post(f"/load/{name}", content=text)
+    client.wait()
+    message = client.get("/state").json()["message"]
+    if message is None:  # the name holds a slash: no such address
+        assert "%2F" in name
+    else:
+        assert said in message
+        assert "\n" not in message
+        assert "visaug-lab-" not in message
+    assert bench.loaded == []
+
+
+def test_mistakes_are_told_in_one_line(client):
+    answer = client.post("/add/no_such_effect")
+    assert answer.status_code == 400
+    assert "no_such_effect" in answer.json()["error"]
+    client.post("/add/saturation")  # the file has a full well already
+    client.wait()
+    assert "saturation cannot be added" in client.get("/state").json()["message"]
+    assert client.post("/load/big.py", content=b"#" * 1_000_001).status_code == 400
+
+
+def test_work_is_shown_while_it_goes_on_and_can_be_stopped(client, monkeypatch):
+    begun, go_on = threading.Event(), threading.Event()
+
+    def diagnose(*_, progress, **__):
+        progress("trying row_noise", 3, 10)
+        begun.set()
+        go_on.wait(10)
+        progress("trying smear", 4, 10)
+        raise AssertionError("it was not stopped")
+
+    monkeypatch.setattr(bench_module, "diagnose", diagnose)
+    client.post("/diagnose")
+    assert begun.wait(10)
+    job = client.get("/state").json()["job"]
+    assert (job["title"], job["step"], job["done"], job["total"]) == ("diagnosing", "trying row_noise", 3, 10)
+    assert client.post("/diagnose").status_code == 400  # under way already
+    assert client.get("/bench").status_code == 200
+    client.post("/stop")
+    go_on.set()
+    client.wait()
+    state = client.get("/state").json()
+    assert state["job"] is None
+    assert "stopped" in state["message"]
+
+
+def test_a_port_in_use_is_a_users_mistake(bench):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        with pytest.raises(InputError, match="--port"):
+            serve(bench, other.getsockname()[1], say=lambda _: None)
+
+
+def test_the_first_line_is_the_address(bench, tmp_path, monkeypatch):
+    """The command with its server left out: what it prints, and on which address it listens."""
+    listened = []
+    monkeypatch.setattr("uvicorn.Server.run", lambda self, sockets: listened.extend(sockets))
+    said = []
+    serve(bench, say=said.append)
+    host, port = listened[0].getsockname()
+    listened[0].close()
+    assert host == "127.0.0.1"
+    assert re.fullmatch(rf"http://127\.0\.0\.1:{port}/\?token=[\w-]{{20,}}", said[0])
+
+
+def test_the_extra_that_is_missing_is_named(monkeypatch, tmp_path):
+    for name in [
+        name for name in sys.modules if name.split(".")[0] == "starlette" or name.startswith("visaug.lab")
+    ]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "starlette", None)
+    result = CliRunner().invoke(lab_command, [str(tmp_path), "--camera", "sony_imx174"])
+    assert isinstance(result.exception, InputError)
+    assert "visaug[lab]" in str(result.exception)
+
+
+def test_row_noise_added_by_hand_is_fitted_and_lowers_the_error(bench):
+    """The real fit: 2 e- of row noise on 64 rows in each of 27 frames are known to a few per cent."""
+    bench.compare(lambda *_: None)
+    told = []
+    bench.add("row_noise", lambda *step: told.append(step))
+    assert any(step[0].startswith("refining row_noise") for step in told)
+    sigma = bench.now.fit.parameters["row_noise"]["sigma_e"]
+    assert sigma.low < 2.0 < sigma.high
+    assert bench.now.fit.error.value < 0.15
+    assert [step.action for step in bench.now.steps] == ["refit", "add row_noise"]
+    assert bench.camera.values()["gain_e_per_dn"] == pytest.approx(SENSOR.e_per_dn, rel=0.05)
+    assert bench.to_json()["accepted"] == ["row_noise"]
+    bench.remove("row_noise", lambda *_: None)
+    assert bench.camera is bench.given
+    told.clear()
+    bench.add("row_noise", lambda *step: told.append(step))
+    assert not told  # kept

@@ -1,0 +1,168 @@
+"""A camera with effects added or taken away by hand, each time refitted to the frames that find."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from visaug.camera import Camera
+from visaug.comparison import Distance, Error, Laboratory, Place, places
+from visaug.diagnosis import Estimate, cache
+from visaug.diagnosis.acceptance import State
+from visaug.diagnosis.candidates import trials
+from visaug.diagnosis.fit import Reference, Report, is_far, make_reference, p_value, refit
+from visaug.diagnosis.parameters import base_coordinates
+from visaug.diagnosis.rank import best_of_each, refine, signatures
+from visaug.diagnosis.result import estimates
+from visaug.diagnosis.search import FORM, SETS, SETS_AFTER, SIGNIFICANT
+from visaug.effects import catalogue
+from visaug.errors import InputError
+from visaug.frames import FrameSet
+
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A refitted camera and how far it is from the frames.
+
+    Attributes:
+        error: on the frames that confirm; None where the camera file as given has no excess over chance.
+        p_value: of the largest residual, against that of the camera's own simulated sets.
+        places: views by their share of what is left.
+        parameters: of the effects that were added, by effect and name.
+    """
+
+    camera: Camera
+    error: Error | None
+    p_value: float
+    places: tuple[Place, ...]
+    parameters: dict[str, dict[str, Estimate]]
+
+    @property
+    def adequate(self) -> bool:
+        return self.p_value > SIGNIFICANT
+
+
+class ByHand:
+    """Fits of one camera file to one frame set. What was fitted once is kept.
+
+    Args:
+        given: the camera as its file has it; errors are relative to it.
+        sets: simulated sets of the camera file; with an effect added at most `SETS_AFTER`.
+
+    Raises:
+        InputError: frames of which nothing is known, too few frames.
+    """
+
+    def __init__(self, given: Camera, frames: FrameSet, seed: int = 0, sets: int = SETS):
+        self.given, self.sets = given, sets
+        self.lab = Laboratory(frames, given, seed)
+        if len(self.lab.folds.find) < 2:
+            raise InputError(
+                f"{len(frames)} frames are too few",
+                field="frames",
+                expected="at least 4 under some conditions",
+            )
+        self.calibrated = all(r.photons is not None for r in frames.records if r.kind == "flat")
+        self._references: dict[Names, Reference] = {}
+        self._states: dict[tuple[Names, Names], State] = {}
+
+    def fit(self, without: Names, added: Names, report: Report) -> Fit:
+        """The camera file without some of its own effects and with others added, in this order."""
+        state = self._state(without, added, report)
+        find, confirm = self._distances(self._reference((), report))
+        fitted, reference = state.fitted, state.fitted.reference
+        error = confirm and confirm.error(reference.confirm_sets, fitted.confirm_residual)
+        error = error or find.error(reference.sets, fitted.residual)
+        left = Distance(
+            self.lab.statistics, reference.mean + fitted.residual, reference.sets, reference.least
+        )
+        return Fit(
+            fitted.camera,
+            error,
+            p_value(float(np.abs(state.z).max()), reference.largest),
+            places(left, self.lab.statistics, state.z),
+            {
+                name: estimates(name, fitted.camera, reference.coordinates, reference.null_steps)
+                for name in added
+            },
+        )
+
+    def can_add(self, camera: Camera) -> list[str]:
+        """Effects that a camera lacks and that have a strength to fit, in the order of the chain."""
+        fittable = {name for name, effect in catalogue().items() if effect.base or effect.strengths()}
+        without = frozenset(catalogue()) - fittable
+        names = {trial.effect for trial in trials(camera, without)}
+        return [name for name in catalogue() if name in names]
+
+    def forget(self, name: str) -> None:
+        """Drops fits with an effect whose file was loaded anew."""
+        self._states = {key: state for key, state in self._states.items() if name not in key[1]}
+
+    def _state(self, without: Names, added: Names, report: Report) -> State:
+        key = (without, added)
+        if key not in self._states:
+            if added:
+                self._states[key] = self._with(self._state(without, added[:-1], report), added[-1], report)
+            else:
+                self._states[key] = self._plain(without, report)
+        return self._states[key]
+
+    def _plain(self, without: Names, report: Report) -> State:
+        """The camera refitted, nothing added."""
+        first = self._reference(without, report)
+        fitted = refit(self.lab, first, report)
+        if is_far(first, fitted.camera):
+            near = make_reference(self.lab, fitted.camera, first.coordinates, self._after, report)
+            fitted = refit(self.lab, near, report)
+        return State(fitted, (), np.zeros(len(fitted.residual)))
+
+    def _with(self, before: State, name: str, report: Report) -> State:
+        """One more effect: its best trial, its numbers refined, then everything refitted together."""
+        known = before.fitted.reference
+        others = frozenset(catalogue()) - {name}
+        signs = signatures(self.lab, known, others, report)
+        match = best_of_each(signs, before.fitted, others, before.allowance)[0]
+        best = refine(self.lab, before.fitted, match, report, before.allowance)
+        reference = make_reference(
+            self.lab,
+            best.camera,
+            [*known.coordinates, *best.coordinates],
+            self._after,
+            report,
+            known=(known.coordinates, known.slopes, known.confirm_slopes),
+        )
+        fitted = refit(self.lab, reference, report)
+        allowance = np.hypot(before.allowance, FORM * (before.fitted.residual - fitted.residual))
+        return State(fitted, (*before.accepted, name), allowance)
+
+    @property
+    def _after(self) -> int:
+        return min(self.sets, SETS_AFTER)
+
+    def _reference(self, without: Names, report: Report) -> Reference:
+        """Simulated sets of the camera file; those of the whole file are shared with `visaug.diagnose`."""
+        if without not in self._references:
+            camera = self.given
+            for name in without:
+                camera = camera.without_effect(name)
+            coordinates = base_coordinates(camera, self.lab.frames, self.calibrated)
+            sets = self._after if without else self.sets
+
+            def make() -> dict[str, np.ndarray]:
+                made = make_reference(self.lab, camera, coordinates, sets, report)
+                names = ("sets", "confirm_sets", "slopes", "confirm_slopes", "least", "confirm_least")
+                return {name: getattr(made, name) for name in names}
+
+            kept = cache.kept(cache.key(self.lab, camera, "reference", sets), make)
+            self._references[without] = Reference(camera, tuple(coordinates), **kept)
+        return self._references[without]
+
+    def _distances(self, first: Reference) -> tuple[Distance, Distance | None]:
+        find, confirm = self.lab.measured
+        return (
+            Distance(find.statistics, find.values, first.sets, first.least),
+            Distance(confirm.statistics, confirm.values, first.confirm_sets, first.confirm_least)
+            if len(confirm.values)
+            else None,
+        )

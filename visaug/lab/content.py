@@ -1,0 +1,228 @@
+"""What the page says, in words and plain values, from what is on the bench."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from visaug.camera.paths import place_of
+from visaug.comparison import Error, Place
+from visaug.diagnosis import Diagnosis, Estimate
+from visaug.diagnosis.acceptance import SHARE
+from visaug.fingerprint import VIEWS
+from visaug.lab.bench import Bench, summary
+from visaug.report.pages import described, finding, number
+
+FIRST = 4  # views that are shown before the others
+
+
+def content(bench: Bench) -> dict[str, Any]:
+    """Everything that changes on the page."""
+    views = _views(bench)
+    candidates = _candidates(bench)
+    listed = {entry["name"] for entry in candidates}
+    return {
+        "camera": bench.given.name,
+        "frames": described(bench.frames),
+        "part": bench.by_hand.lab.selection,
+        "warnings": bench.frames.warnings,
+        "output": str(bench.output) if bench.output else None,
+        "error": _error(bench),
+        "verdict": verdict(bench),
+        "notes": _notes(bench),
+        "compared": bench.comparison is not None,
+        "diagnosed": bench.diagnosis is not None,
+        "changed": bench.now.fit is not None,
+        "effects": _effects(bench),
+        "candidates": candidates,
+        "addable": [name for name in bench.can_add() if name not in listed],
+        "where": [_place(place) for place in _places(bench)],
+        "views": views[:FIRST],
+        "other_views": views[FIRST:],
+        "numbers": _numbers(bench),
+    }
+
+
+def verdict(bench: Bench) -> str:
+    """Whether the camera on the bench explains the frames, and what is missing, in a few sentences."""
+    fit = bench.now.fit
+    if fit:
+        said = _judged(_changes(bench), fit.adequate, fit.p_value, fit.places)
+        return f"{said} Its error is {_with_interval(fit.error)}." if fit.error and bench.has_excess else said
+    if bench.diagnosis:
+        return _diagnosed(bench.diagnosis)
+    if bench.comparison:
+        c = bench.comparison
+        return _judged("The camera as given", c.adequate, c.p_value, c.places) + (
+            "" if c.adequate else " Diagnose finds out which effect is missing."
+        )
+    return "The same frames are being simulated with this camera, many times over, to compare them with the measured ones."
+
+
+def _diagnosed(found: Diagnosis) -> str:
+    if not found.accepted:
+        return finding(found.to_json())
+    names, error = " and ".join(found.accepted), found.error_after
+    falls = f"takes the error from 1 to {_with_interval(error)}" if error else "explains what differs"
+    left = "nothing significant is left" if found.adequate_after else "something is left, described below"
+    return f"Missing: {names}. Adding it {falls} on frames that were not used for finding it; {left}."
+
+
+def _with_interval(error: Error) -> str:
+    return f"{error.value:.2f} [{error.low:.2f}, {error.high:.2f}]"
+
+
+def _judged(subject: str, holds: bool, p: float, places: tuple[Place, ...]) -> str:
+    if holds:
+        return f"{subject} explains these frames: nothing differs beyond chance (p = {p:.2g})."
+    worst = [_title(place.view).lower() for place in places[:2]]
+    said = f"{subject} does not explain these frames (p = {p:.2g})."
+    return f"{said} It differs most in: {'; '.join(worst)}." if worst else said
+
+
+def _changes(bench: Bench) -> str:
+    """The camera on the bench as the subject of a sentence."""
+    parts = []
+    if bench.now.added:
+        parts.append(f"with {' and '.join(bench.now.added)}")
+    if bench.now.without:
+        parts.append(f"without {' and '.join(bench.now.without)}")
+    return f"The camera {' and '.join(parts)}"
+
+
+def _error(bench: Bench) -> dict[str, Any]:
+    """The error of the camera on the bench: a number, its interval, and what it means."""
+    if bench.comparison is None:
+        return {"text": "…", "interval": None, "value": None, "note": "not compared yet"}
+    if not bench.has_excess:
+        return {
+            "text": "–",
+            "interval": None,
+            "value": None,
+            "note": "the camera as given shows no excess over chance that could be lowered",
+        }
+    if not bench.now.fit:
+        return {"text": "1.00", "interval": None, "value": 1.0, "note": "1 is the camera file as given"}
+    error = bench.now.fit.error
+    if error is None:
+        return {"text": "–", "interval": None, "value": None, "note": "its own spread hides any difference"}
+    return {
+        "text": f"{error.value:.2f}",
+        "interval": f"[{error.low:.2f}, {error.high:.2f}]",
+        "value": min(max(error.value, 0.0), 1.0),
+        "note": _meaning(error),
+    }
+
+
+def _meaning(error: Error) -> str:
+    if error.low <= 0:
+        return "as close as another set of this camera would come"
+    return "of the camera file's error is left" if error.value < 1 else "no better than the camera file"
+
+
+def _notes(bench: Bench) -> list[str]:
+    """What there is to add to the verdict."""
+    found, notes = bench.diagnosis, []
+    errors = [step.error for step in bench.now.steps[-2:] if step.error]
+    if bench.now.added and len(errors) == 2 and errors[1].value > errors[0].value - SHARE:
+        notes.append(f"{bench.now.added[-1]} does not lower the error: without it the camera is as close.")
+    if not found:
+        return notes
+    if found.accepted and not bench.now.fit:
+        names = " and ".join(f"Add {name}" for name in found.accepted)
+        notes.append(f"The camera on the bench is still the file as given: {names} to put it in.")
+    for group in found.ambiguous:
+        notes.append(f"{', '.join(group['effects'])} cannot be told apart here; {group['measure']}.")
+    if found.form:
+        notes.append(found.form)
+    if found.unexplained:
+        notes.append(f"Unexplained: {found.unexplained.description}")
+    if found.cannot_show:
+        notes.append(f"Frames like these could not show {', '.join(found.cannot_show)}.")
+    return notes
+
+
+def _effects(bench: Bench) -> list[dict[str, Any]]:
+    """Effects in the camera on the bench that can be taken away, with their numbers."""
+    fitted = bench.now.fit.parameters if bench.now.fit else {}
+    values = bench.camera.values()
+    entries = []
+    for name in [name for name in bench.given.effect_names if name not in bench.now.without]:
+        own = {path: value for path, value in values.items() if path.startswith(f"{name}.")}
+        numbers = [f"{path.split('.', 1)[1]} {number(v)} {_unit(path)}".rstrip() for path, v in own.items()]
+        entries.append({"name": name, "from": "in the file", "summary": summary(name), "numbers": numbers})
+    for name in bench.now.added:
+        numbers = [_said(key, estimate) for key, estimate in fitted.get(name, {}).items()]
+        entries.append({"name": name, "from": "added", "summary": summary(name), "numbers": numbers})
+    return entries
+
+
+def _candidates(bench: Bench) -> list[dict[str, Any]]:
+    """Ranked effects, then those of the user's own and those taken out of the file."""
+    there = {*bench.given.effect_names, *bench.now.added} - {*bench.now.without}
+    entries = []
+    for ranked in bench.diagnosis.ranking if bench.diagnosis else ():
+        entries.append(
+            {
+                "name": ranked.effect,
+                "summary": summary(ranked.effect),
+                "probability": ranked.probability,
+                "error": None if ranked.error_after is None else f"{ranked.error_after:.2f}",
+                "numbers": [_said(key, estimate) for key, estimate in ranked.parameters.items()]
+                + [f"{key} {word}" for key, word in ranked.forms.items()],
+                "missing": bench.diagnosis is not None and ranked.effect in bench.diagnosis.accepted,
+            }
+        )
+    known = {entry["name"] for entry in entries}
+    for name in (*bench.loaded, *bench.now.without):
+        if name not in known:
+            entries.append({"name": name, "summary": summary(name), "probability": None, "numbers": []})
+    return [{"there": entry["name"] in there, "missing": False, "error": None} | entry for entry in entries]
+
+
+def _said(key: str, estimate: Estimate) -> str:
+    """A number with its interval, where it has one."""
+    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
+    if estimate.low == estimate.high:
+        return f"{key} {estimate.value:.3g}{unit}"
+    return f"{key} {estimate.value:.3g} [{estimate.low:.3g}, {estimate.high:.3g}]{unit}"
+
+
+def _places(bench: Bench) -> tuple[Place, ...]:
+    """Where the camera on the bench fails; nowhere, where it holds."""
+    judged = bench.now.fit or bench.comparison
+    return judged.places if judged and not judged.adequate else ()
+
+
+def _place(place: Place) -> dict[str, Any]:
+    return {"title": _title(place.view), "share": place.share, "worst": place.worst, "z": f"{place.z:.1f}"}
+
+
+def _views(bench: Bench) -> list[Mapping[str, str]]:
+    """Views, those first in which the file as given fails most: adding an effect does not move the pictures about."""
+    worst = [place.view for place in bench.comparison.places] if bench.comparison else []
+    names = list(dict.fromkeys([*worst, *(view.name for view in VIEWS)]))
+    return [{"name": name, "title": _title(name)} for name in names]
+
+
+def _title(view: str) -> str:
+    return next((v.title for v in VIEWS if v.name == view), view.replace("_", " ")).rstrip(".")
+
+
+def _numbers(bench: Bench) -> list[dict[str, str]]:
+    """The camera's numbers in the file and on the bench, those that the fit moved."""
+    before, after = bench.given.values(), bench.camera.values()
+    return [
+        {
+            "path": path,
+            "unit": _unit(path),
+            "before": f"{before[path]:.4g}" if path in before else "",
+            "after": f"{value:.4g}",
+            "change": f"{value / before[path] - 1:+.1%}" if before.get(path) else "",
+        }
+        for path, value in after.items()
+        if value != before.get(path)
+    ]
+
+
+def _unit(path: str) -> str:
+    unit = place_of(path).parameter.unit
+    return "" if unit == "1" else unit

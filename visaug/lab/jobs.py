@@ -1,0 +1,146 @@
+"""Long work, one piece after the other in one thread, so that the page stays usable meanwhile."""
+
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from threading import Lock
+from typing import Any
+
+from visaug.errors import InputError
+from visaug.progress import Progress
+
+
+class _Stopped(Exception):
+    """The work was told to stop."""
+
+
+@dataclass
+class _Phase:
+    name: str
+    began: float
+    ended: float
+
+
+@dataclass
+class _Job:
+    """One piece of work and how far it is; the last of its phases is going on."""
+
+    title: str
+    work: Callable[[Progress], None]
+    began: float = 0.0
+    stopped: bool = False
+    phases: list[_Phase] = field(default_factory=list)
+    step: tuple[str, int, int] = ("", 0, 0)  # description, done, total
+
+    def tell(self, description: str, done: int, total: int) -> None:
+        """The `progress` of the work."""
+        if self.stopped:
+            raise _Stopped
+        now = time.monotonic()
+        name = _phase(description)
+        if not self.phases or self.phases[-1].name != name:
+            self.phases.append(_Phase(name, now, now))
+        self.phases[-1].ended = now
+        self.step = (description, done, total)
+
+    def as_json(self) -> dict[str, Any]:
+        description, done, total = self.step
+        return {
+            "title": self.title,
+            "step": description,
+            "done": done,
+            "total": total,
+            "seconds": time.monotonic() - self.began,
+            "phases": [{"name": p.name, "seconds": p.ended - p.began} for p in self.phases[:-1]],
+        }
+
+
+def _phase(description: str) -> str:
+    """One phase for all effects that are tried, one for all that are refined."""
+    for word in ("trying again", "trying", "refining"):
+        if description.startswith(f"{word} "):
+            return f"{word}, one effect after the other"
+    return description
+
+
+class Jobs:
+    """A queue with one worker.
+
+    Attributes:
+        version: goes up whenever there is something new to show.
+        message: one line on what went wrong last, until something else is asked.
+    """
+
+    def __init__(self) -> None:
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="lab")
+        self._lock = Lock()
+        self._waiting: list[_Job] = []
+        self._now: _Job | None = None
+        self.version = 0
+        self.message: str | None = None
+
+    def ask(self, title: str, work: Callable[[Progress], None]) -> None:
+        """Put work in the queue.
+
+        Args:
+            title: what is being done, as the page says it.
+            work: called with `progress(description, done, total)`.
+
+        Raises:
+            InputError: the same work waits or runs already.
+        """
+        job = _Job(title, work)
+        with self._lock:
+            if any(title == other.title for other in (self._now, *self._waiting) if other):
+                raise InputError(f"{title} is under way already")
+            self._waiting.append(job)
+            self.message = None
+        self._pool.submit(self._run, job)
+
+    def stop(self) -> None:
+        """End what runs at its next step, and drop what waits."""
+        with self._lock:
+            self._waiting.clear()
+            if self._now:
+                self._now.stopped = True
+
+    def close(self) -> None:
+        self.stop()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def wait(self) -> None:
+        """Until everything that was asked so far is done."""
+        self._pool.submit(lambda: None).result()
+
+    def as_json(self) -> dict[str, Any]:
+        with self._lock:
+            return {
+                "version": self.version,
+                "message": self.message,
+                "job": self._now.as_json() if self._now else None,
+                "waiting": [job.title for job in self._waiting],
+            }
+
+    def _run(self, job: _Job) -> None:
+        with self._lock:
+            if job not in self._waiting:  # dropped meanwhile
+                return
+            self._waiting.remove(job)
+            self._now, job.began = job, time.monotonic()
+        message = None
+        try:
+            job.work(job.tell)
+        except _Stopped:
+            message = f"{job.title}: stopped"
+        except (InputError, OSError) as mistake:
+            message = " ".join(str(mistake).split())
+        except BaseException as failure:  # a user's effect may raise anything, SystemExit too
+            traceback.print_exc(file=sys.stderr)
+            message = f"{job.title} failed: {type(failure).__name__}: {' '.join(str(failure).split())}"
+        with self._lock:
+            self._now = None
+            self.message = message or self.message
+            self.version += 1

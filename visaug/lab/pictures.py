@@ -1,0 +1,93 @@
+"""The bench's pictures and reports. They are drawn one at a time, beside whatever else is being computed."""
+
+import hashlib
+from collections import OrderedDict
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import RLock
+
+from visaug.camera import Camera
+from visaug.errors import InputError
+from visaug.frames import FrameSet
+from visaug.lab.bench import Bench
+from visaug.report.html import Figure, Page, Text, figure, render
+from visaug.report.pages import described, diagnosis_sections, write_comparison, write_diagnosis
+from visaug.report.plots.error import plot_error_steps
+from visaug.report.views import ViewGallery
+
+KEPT = 4  # cameras whose pictures are kept
+
+
+def key_of(camera: Camera) -> str:
+    """A name for a camera's pictures."""
+    return hashlib.blake2b(camera.to_yaml().encode(), digest_size=8).hexdigest()
+
+
+class Pictures:
+    """Views of the measured frames beside those of a camera, drawn when they are first asked for."""
+
+    def __init__(self, frames: FrameSet, seed: int = 0):
+        self.frames, self.seed = frames, seed
+        self._drawing = RLock()  # matplotlib's settings are global
+        self._galleries: OrderedDict[str, tuple[Camera, ViewGallery | None]] = OrderedDict()
+        self._drawn: dict[tuple[str, str], Figure | None] = {}
+
+    def announce(self, camera: Camera) -> str:
+        """The key under which pictures of a camera can be asked for."""
+        key = key_of(camera)
+        with self._drawing:
+            self._galleries.setdefault(key, (camera, None))
+            self._galleries.move_to_end(key)
+            while len(self._galleries) > KEPT:
+                old, _ = self._galleries.popitem(last=False)
+                self._drawn = {k: v for k, v in self._drawn.items() if k[0] != old}
+        return key
+
+    def view(self, key: str, name: str) -> Figure | None:
+        """A view's picture; None where the frames do not show it, or the camera is no longer at hand."""
+        with self._drawing:
+            if key not in self._galleries:
+                return None
+            camera, gallery = self._galleries[key]
+            if gallery is None:
+                gallery = ViewGallery(self.frames, camera, self.seed)
+                self._galleries[key] = (camera, gallery)
+            if (key, name) not in self._drawn:
+                self._drawn[key, name] = gallery.figure(name)
+            return self._drawn[key, name]
+
+    def steps(self, bench: Bench) -> Figure | None:
+        """The error falling on the way to the camera on the bench, or as the diagnosis found it."""
+        steps = bench.now.steps or (bench.diagnosis.steps if bench.diagnosis else ())
+        if not bench.has_excess or not any(step.error for step in steps):
+            return None
+        with self._drawing:
+            drawn = plot_error_steps([step.to_json() for step in steps], 1.0, 0.0)
+            alt = ", ".join(f"{step.action} {step.error.value:.2f}" for step in steps if step.error)
+            return figure(drawn, "", f"Error by steps: camera as given 1, {alt}")
+
+    def report(self, bench: Bench, verdict: str) -> str:
+        """The one-file page of what is on the bench: a comparison, a diagnosis, or a camera changed by hand."""
+        if bench.comparison is None:
+            raise InputError("nothing is compared yet", field="report", expected="a finished comparison")
+        with self._drawing, TemporaryDirectory(prefix="visaug-lab-") as folder:
+            path = Path(folder) / "report.html"
+            common = (bench.given, self.frames, self.seed)
+            if bench.now.fit:
+                return render(self._by_hand(bench, verdict))
+            if bench.diagnosis:
+                write_diagnosis(path, bench.diagnosis, *common)
+            else:
+                write_comparison(path, bench.comparison, *common)
+            return path.read_text(encoding="utf-8")
+
+    def _by_hand(self, bench: Bench, verdict: str) -> Page:
+        sections = diagnosis_sections(bench.to_json(), bench.given, bench.camera, self.frames, self.seed)
+        blocks = [Text(verdict, "finding"), *list(sections[0].blocks)[1:]]
+        sections[0] = replace(sections[0], title="The camera on the bench", blocks=blocks)
+        return Page(
+            "Diagnosis by hand",
+            f"{described(self.frames)} against {bench.given.name}, with effects added and taken away by hand.",
+            sections,
+        )

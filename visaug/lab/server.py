@@ -1,0 +1,254 @@
+"""The page's server: on this machine only, and for who knows the address with its token."""
+
+import base64
+import secrets
+import socket
+from collections.abc import Callable
+from contextlib import asynccontextmanager
+from functools import partial
+from importlib import resources
+from urllib.parse import parse_qs
+
+import jinja2
+import uvicorn
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from visaug.effects import catalogue
+from visaug.errors import InputError
+from visaug.lab.bench import Bench
+from visaug.lab.content import content, verdict
+from visaug.lab.jobs import Jobs
+from visaug.lab.pictures import Pictures
+
+ADDRESS = "127.0.0.1"
+NAMES = [ADDRESS, "localhost"]  # a page elsewhere whose name was made to point here says another Host
+LARGEST = 1_000_000  # bytes of an uploaded effect
+# 'unsafe-eval' lets a program that drives a browser wait for what the page shows; the page itself evaluates nothing.
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; img-src 'self' data:; style-src 'self'; script-src 'self' 'unsafe-eval'; "
+    "connect-src 'self'; form-action 'none'; base-uri 'none'; frame-ancestors 'none'",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+}
+
+
+class Guard:
+    """Answers only requests that carry the token, and sends what tells a browser to load nothing from elsewhere."""
+
+    def __init__(self, app: ASGIApp, token: str):
+        self.app, self.token = app, token.encode()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "lifespan":
+            return await self.app(scope, receive, send)
+        given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
+        if not secrets.compare_digest(given.encode(), self.token):
+            refusal = PlainTextResponse("visaug lab: open the address with the token that it printed\n", 403)
+            return await refusal(scope, receive, send)
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                sent = {name for name, _ in message["headers"]}
+                extra = [(k.lower().encode(), v.encode()) for k, v in HEADERS.items()]
+                message["headers"] = [*message["headers"], *((k, v) for k, v in extra if k not in sent)]
+            await send(message)
+
+        await self.app(scope, receive, send_with_headers)
+
+
+def application(bench: Bench, token: str) -> Starlette:
+    """The page of one bench. Its comparison starts with the server."""
+    lab = _Lab(bench, token)
+
+    @asynccontextmanager
+    async def lifespan(_: Starlette):
+        lab.jobs.ask("comparing", bench.compare)
+        yield
+        lab.jobs.close()
+
+    routes = [
+        Route("/", lab.page),
+        Route("/lab.css", lab.style),
+        Route("/lab.js", lab.script),
+        Route("/bench", lab.bench_html),
+        Route("/state", lab.state),
+        Route("/picture/{key}/{view}", lab.picture),
+        Route("/camera.yaml", lab.camera),
+        Route("/report.html", lab.report),
+        Route("/diagnose", lab.diagnose, methods=["POST"]),
+        Route("/add/{name}", lab.add, methods=["POST"]),
+        Route("/remove/{name}", lab.remove, methods=["POST"]),
+        Route("/load/{name}", lab.load, methods=["POST"]),
+        Route("/save", lab.save, methods=["POST"]),
+        Route("/stop", lab.stop, methods=["POST"]),
+    ]
+    app = Starlette(
+        routes=routes,
+        lifespan=lifespan,
+        middleware=[
+            Middleware(TrustedHostMiddleware, allowed_hosts=NAMES, www_redirect=False),
+            Middleware(Guard, token=token),
+        ],
+        exception_handlers={InputError: _refuse, OSError: _refuse},
+    )
+    app.state.jobs = lab.jobs
+    return app
+
+
+class _Lab:
+    """What each address answers. Plain functions run in a thread of their own, so that drawing stops nobody."""
+
+    def __init__(self, bench: Bench, token: str):
+        self.bench, self.token = bench, token
+        self.jobs = Jobs()
+        self.pictures = Pictures(bench.frames, bench.seed)
+        loader = jinja2.PackageLoader("visaug.lab")
+        self.templates = jinja2.Environment(
+            loader=loader,
+            autoescape=True,
+            trim_blocks=True,
+            lstrip_blocks=True,
+            undefined=jinja2.StrictUndefined,
+        )
+
+    def page(self, _: Request) -> Response:
+        return HTMLResponse(self._render("page.html"))
+
+    def bench_html(self, _: Request) -> Response:
+        return HTMLResponse(self._render("bench.html"))
+
+    def style(self, _: Request) -> Response:
+        text = _text("visaug.report", "page.css") + _text("visaug.lab", "lab.css")
+        return Response(text, media_type="text/css")
+
+    def script(self, _: Request) -> Response:
+        return Response(_text("visaug.lab", "lab.js"), media_type="text/javascript")
+
+    def state(self, _: Request) -> Response:
+        return JSONResponse(self.jobs.as_json())
+
+    def picture(self, request: Request) -> Response:
+        drawn = self.pictures.view(request.path_params["key"], request.path_params["view"])
+        if drawn is None:
+            return PlainTextResponse("these frames do not show it\n", 404)
+        head, body = drawn.uri.split(",", 1)
+        kind = head.removeprefix("data:").removesuffix(";base64")
+        # a key names one camera, so what it shows never changes
+        return Response(
+            base64.b64decode(body), media_type=kind, headers={"Cache-Control": "private, max-age=86400"}
+        )
+
+    def camera(self, _: Request) -> Response:
+        return _file(self.bench.camera_yaml(), "camera.yaml", "application/yaml")
+
+    def report(self, _: Request) -> Response:
+        return _file(self.pictures.report(self.bench, verdict(self.bench)), "report.html", "text/html")
+
+    def diagnose(self, _: Request) -> Response:
+        return self._ask("diagnosing", self.bench.diagnose)
+
+    def add(self, request: Request) -> Response:
+        name = _effect(request)
+        return self._ask(f"adding {name}", partial(self.bench.add, name))
+
+    def remove(self, request: Request) -> Response:
+        name = _effect(request)
+        return self._ask(f"removing {name}", partial(self.bench.remove, name))
+
+    async def load(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        body = bytearray()
+        async for part in request.stream():
+            body += part
+            if len(body) > LARGEST:
+                raise InputError("is too large for an effect", file=name, expected=f"at most {LARGEST} bytes")
+        try:
+            text = body.decode()
+        except UnicodeDecodeError:
+            raise InputError("is no text", file=name, expected="a Python file in UTF-8") from None
+        return self._ask(f"loading {name}", lambda _: self.bench.load(name, text))
+
+    def save(self, _: Request) -> Response:
+        path = self.bench.save()
+        return JSONResponse({"saved": str(path) if path else None})
+
+    def stop(self, _: Request) -> Response:
+        self.jobs.stop()
+        return JSONResponse(self.jobs.as_json())
+
+    def _ask(self, title: str, work: Callable) -> Response:
+        self.jobs.ask(title, work)
+        return JSONResponse(self.jobs.as_json(), 202)
+
+    def _render(self, template: str) -> str:
+        state = self.jobs.as_json()  # first: what is drawn may be newer than it says, never older
+        return self.templates.get_template(template).render(
+            **content(self.bench),
+            token=self.token,
+            version=state["version"],
+            key=self.pictures.announce(self.bench.camera),
+            given_key=self.pictures.announce(self.bench.given),
+            steps=self.pictures.steps(self.bench),
+        )
+
+
+def serve(
+    bench: Bench,
+    port: int = 0,
+    say: Callable[[str], None] = print,
+    ready: Callable[[str], object] | None = None,
+) -> None:
+    """Serves the page until it is interrupted.
+
+    Args:
+        port: 0 takes a free one.
+        say: called with the address, token included, as soon as it can be opened.
+        ready: called with the address after that, to open it in a browser.
+
+    Raises:
+        InputError: the port is taken or not ours to use.
+    """
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((ADDRESS, port))
+    except OSError as error:
+        listener.close()
+        raise InputError(f"{port} cannot be used: {error.strerror}", field="--port") from None
+    listener.listen()
+    token = secrets.token_urlsafe(24)
+    address = f"http://{ADDRESS}:{listener.getsockname()[1]}/?token={token}"
+    say(address)
+    if ready:
+        ready(address)
+    config = uvicorn.Config(
+        application(bench, token), log_level="warning", access_log=False, timeout_graceful_shutdown=2
+    )
+    uvicorn.Server(config).run(sockets=[listener])
+
+
+def _effect(request: Request) -> str:
+    name = request.path_params["name"]
+    if name not in catalogue():
+        raise InputError(f"{name!r} is no effect of the catalogue")
+    return name
+
+
+def _file(text: str, name: str, kind: str) -> Response:
+    return Response(text, media_type=kind, headers={"Content-Disposition": f'attachment; filename="{name}"'})
+
+
+def _refuse(_: Request, mistake: Exception) -> Response:
+    """A user's mistake, in one line."""
+    return JSONResponse({"error": " ".join(str(mistake).split())}, 400)
+
+
+def _text(package: str, name: str) -> str:
+    return (resources.files(package) / "templates" / name).read_text(encoding="utf-8")
