@@ -1,0 +1,48 @@
+"""Ten small sets of the benchmark, as every change must pass them: effects written apart from the package, named right.
+
+Strengths stand far out (see docs/benchmark.md for faint ones); seeds are fixed, so each either holds or does not.
+"""
+
+from pathlib import Path
+
+import pytest
+from independent import effects, foreign
+
+from tests.diagnosis.small import frame_set
+from visaug.diagnosis import diagnose
+
+SETS = 120
+KNOWN = effects.BY_NAME | {kind.name: kind for kind in foreign.KINDS}
+USER_FILE = Path(__file__).resolve().parents[2] / "scripts" / "foreign_effects.py"
+SINGLE = [
+    ("column_noise", 1.2),
+    ("periodic_banding", 1.0),
+    ("amplifier_glow", 20.0),
+    ("nonlinearity", 0.03),
+    ("interpixel_crosstalk", 0.02),
+    ("image_lag", 0.01),
+    ("tap_mismatch", 6.0),
+    ("bit_truncation", 2.0),
+]
+
+
+@pytest.mark.parametrize(("name", "strength"), SINGLE)
+def test_one_effect(stated, name, strength):
+    found = diagnose(stated, frame_set(30, [KNOWN[name].at(strength)]), sets=SETS)
+    assert found.accepted == (name,)
+    assert found.error_after is not None
+    assert found.error_after.low < 0.1
+
+
+def test_two_effects(stated):
+    hidden = effects.in_order([KNOWN["row_noise"].at(1.5), KNOWN["nonlinearity"].at(0.03)])
+    found = diagnose(stated, frame_set(31, hidden), sets=SETS)
+    assert set(found.accepted) == {"row_noise", "nonlinearity"}
+    assert found.adequate_after
+
+
+def test_an_effect_of_the_users_own(stated):
+    """Unexplained without the class that the user wrote, accepted with it."""
+    frames = frame_set(32, [KNOWN["patchwork"].at(1.5)])
+    assert diagnose(stated, frames, sets=SETS).unexplained is not None
+    assert diagnose(stated, frames, effects=[USER_FILE], sets=SETS).accepted == ("patchwork",)
