@@ -262,7 +262,7 @@ def test_the_extra_that_is_missing_is_named(monkeypatch, tmp_path):
 
 
 def test_row_noise_added_by_hand_is_fitted_and_lowers_the_error(bench):
-    """The real fit: 2 e- of row noise on 64 rows in each of 27 frames are known to a few per cent."""
+    """The real fit: 2 e- of row noise on 64 rows in each of 18 frames are known to a few per cent."""
     bench.compare(lambda *_: None)
     told = []
     bench.add("row_noise", lambda *step: told.append(step))

@@ -9,7 +9,7 @@ from visaug.comparison import Distance, Error, Laboratory, Place, places
 from visaug.diagnosis import Estimate, cache
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import trials
-from visaug.diagnosis.fit import Reference, Report, is_far, make_reference, p_value, refit
+from visaug.diagnosis.fit import Fitted, Reference, Report, is_far, make_reference, p_value, refit
 from visaug.diagnosis.parameters import base_coordinates
 from visaug.diagnosis.rank import best_of_each, refine, signatures
 from visaug.diagnosis.result import estimates
@@ -70,16 +70,14 @@ class ByHand:
     def fit(self, without: Names, added: Names, report: Report) -> Fit:
         """The camera file without some of its own effects and with others added, in this order."""
         state = self._state(without, added, report)
-        find, confirm = self._distances(self._reference((), report))
+        plain = self._state((), (), report)
         fitted, reference = state.fitted, state.fitted.reference
-        error = confirm and confirm.error(reference.confirm_sets, fitted.confirm_residual)
-        error = error or find.error(reference.sets, fitted.residual)
         left = Distance(
             self.lab.statistics, reference.mean + fitted.residual, reference.sets, reference.least
         )
         return Fit(
             fitted.camera,
-            error,
+            self._error(fitted, plain.fitted, self._reference((), report)),
             p_value(float(np.abs(state.z).max()), reference.largest),
             places(left, self.lab.statistics, state.z),
             {
@@ -110,11 +108,7 @@ class ByHand:
 
     def _plain(self, without: Names, report: Report) -> State:
         """The camera refitted, nothing added."""
-        first = self._reference(without, report)
-        fitted = refit(self.lab, first, report)
-        if is_far(first, fitted.camera):
-            near = make_reference(self.lab, fitted.camera, first.coordinates, self._after, report)
-            fitted = refit(self.lab, near, report)
+        fitted = self._settled(refit(self.lab, self._reference(without, report), report), report)
         return State(fitted, (), np.zeros(len(fitted.residual)))
 
     def _with(self, before: State, name: str, report: Report) -> State:
@@ -132,9 +126,18 @@ class ByHand:
             report,
             known=(known.coordinates, known.slopes, known.confirm_slopes),
         )
-        fitted = refit(self.lab, reference, report)
+        fitted = self._settled(refit(self.lab, reference, report), report)
         allowance = np.hypot(before.allowance, FORM * (before.fitted.residual - fitted.residual))
         return State(fitted, (*before.accepted, name), allowance)
+
+    def _settled(self, fitted: Fitted, report: Report) -> Fitted:
+        """Where a fit has gone far from its reference, spread and derivatives are taken anew where it lies."""
+        if not is_far(fitted.reference, fitted.camera):
+            return fitted
+        coordinates = fitted.reference.coordinates
+        return refit(
+            self.lab, make_reference(self.lab, fitted.camera, coordinates, self._after, report), report
+        )
 
     @property
     def _after(self) -> int:
@@ -158,11 +161,24 @@ class ByHand:
             self._references[without] = Reference(camera, tuple(coordinates), **kept)
         return self._references[without]
 
-    def _distances(self, first: Reference) -> tuple[Distance, Distance | None]:
+    def _error(self, fitted: Fitted, plain: Fitted, first: Reference) -> Error | None:
+        """On the frames that confirm; where these are too few to show the excess clearly, on those that find."""
         find, confirm = self.lab.measured
-        return (
-            Distance(find.statistics, find.values, first.sets, first.least),
-            Distance(confirm.statistics, confirm.values, first.confirm_sets, first.confirm_least)
-            if len(confirm.values)
-            else None,
-        )
+
+        def found(x: Fitted) -> Error | None:
+            distance = Distance(find.statistics, find.values, first.sets, first.least)
+            return distance.error(x.reference.sets, x.residual)
+
+        def confirmed(x: Fitted) -> Error | None:
+            if not len(confirm.values):
+                return None
+            distance = Distance(confirm.statistics, confirm.values, first.confirm_sets, first.confirm_least)
+            return distance.error(x.reference.confirm_sets, x.confirm_residual)
+
+        confirms = _is_clear(confirmed(plain)) or not _is_clear(found(plain))
+        return (confirmed(fitted) if confirms else None) or found(fitted)
+
+
+def _is_clear(error: Error | None) -> bool:
+    """Whether noise alone is smaller than the whole excess."""
+    return error is not None and error.high - error.low < 1
