@@ -14,6 +14,7 @@ GAUSSIAN_SHAPE = 0.14
 SHAPE_BOUNDS = (-0.45, 0.6)
 _STEP = 1 / 64
 _REACH = 128.0
+_FINER = 4  # nodes of the characteristic function: its powers of n show every kink of a coarser spline
 
 
 def standard_deviation(shape: float) -> float:
@@ -61,14 +62,16 @@ def standard(shape: float) -> Standard:
     log_tail = np.interp(-np.abs(x), q[keep & (q <= 0)], np.log(tail[keep & (q <= 0)]), left=-700.0)
     lower = np.exp(log_tail)
     distribution = np.where(x <= 0, lower, 1 - lower)
-    density = np.interp(
-        x, q[keep], (_density(u, v, shape) * standard_deviation(shape))[keep], left=0.0, right=0.0
-    )
+    # So is the density there. A straight line in place of it is half a percent too high, which hundreds of
+    # frames tell.
+    log_density = np.log(np.maximum(_density(u, v, shape), 1e-300) * standard_deviation(shape))
+    density = np.exp(np.interp(x, q[keep], log_density[keep], left=-700.0, right=-700.0))
     density /= density.sum() * _STEP
-    spectrum = np.fft.rfft(np.fft.ifftshift(density)).real * _STEP
-    return Standard(
-        x, distribution, CubicSpline(np.arange(spectrum.size) * 2 * np.pi / (2 * _REACH), spectrum)
-    )
+    padded = np.zeros(_FINER * x.size)
+    padded[: x.size] = density
+    spectrum = np.fft.rfft(np.roll(padded, -x.size // 2)).real * _STEP
+    nodes = np.arange(spectrum.size) * 2 * np.pi / (2 * _REACH * _FINER)
+    return Standard(x, distribution, CubicSpline(nodes, spectrum))
 
 
 def _density(u: np.ndarray, v: np.ndarray, shape: float) -> np.ndarray:
