@@ -266,7 +266,7 @@ def _misfit(residual: np.ndarray, scale: np.ndarray) -> float:
     return float(np.log1p((standardised(residual, scale) / OUTLIER) ** 2).sum())
 
 
-def is_far(reference: Reference, camera: Camera) -> bool:
+def is_far(reference: Reference, camera: Camera, steps: float = FAR) -> bool:
     """Whether a refitted camera left the neighbourhood in which the reference's spread and derivatives hold."""
     moves = [abs(c.read(camera) - c.read(reference.camera)) / c.step for c in reference.coordinates]
-    return max(moves, default=0.0) > FAR
+    return max(moves, default=0.0) > steps

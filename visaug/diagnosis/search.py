@@ -12,6 +12,7 @@ from visaug.diagnosis import cache
 from visaug.diagnosis.acceptance import State, explains, improves
 from visaug.diagnosis.candidates import trials
 from visaug.diagnosis.fit import (
+    FAR,
     Fitted,
     Reference,
     Report,
@@ -21,16 +22,9 @@ from visaug.diagnosis.fit import (
     refit,
     standardised,
 )
+from visaug.diagnosis.naming import candidates, decided, rivals
 from visaug.diagnosis.parameters import Coordinate, base_coordinates
-from visaug.diagnosis.rank import (
-    Refined,
-    Signatures,
-    best_of_each,
-    gain_against_chance,
-    log_density,
-    refine,
-    signatures,
-)
+from visaug.diagnosis.rank import Refined, Signatures, gain_against_chance, signatures
 from visaug.diagnosis.residue import describe
 from visaug.diagnosis.result import Diagnosis, Ranked, Step, estimates
 from visaug.effects import catalogue, load_file
@@ -41,14 +35,7 @@ SETS = 200  # simulated sets of the camera file
 SETS_AFTER = 120  # of a camera with an effect added
 SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 MOST = 4  # effects that are added one after the other
-TRIED = 4  # candidates whose numbers are refined in a step
 TRACE = 0.03  # error below which what an accepted effect leaves over is not called unexplained
-LEAST_GAIN = 5.0  # in log likelihood: with thirty effects to choose from less is chance
-CLOSE, RIVALS = (
-    6.0,
-    3,
-)  # log likelihood within which candidates are rivals; so many of them are simulated in full
-EXACT = 0.03  # what a form may leave over where rivals are compared
 FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
 
 
@@ -101,10 +88,10 @@ class _Search:
         self.ambiguous: list[dict] = []
 
     def run(self) -> Diagnosis:
-        first = self._reference()
+        first = self.first = self._reference()
         fitted = refit(self.lab, first, self.report)
         fitted = self._settled(fitted)
-        self.signs = self._signatures(fitted.reference)
+        self.signs = self._signatures(first)
         self.distance, self.confirming = self._distances(first)
         self.confirms = _is_clear(self._confirmed_error(fitted)) or not _is_clear(self._found_error(fitted))
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
@@ -167,8 +154,6 @@ class _Search:
             made.append(signatures(self.lab, reference, self.without, self.report))
             return {"values": made[0].values, "variances": made[0].variances}
 
-        if reference.camera is not self.given:
-            return signatures(self.lab, reference, self.without, self.report)
         words = [repr(trial) for trial in tried]
         kept = cache.kept(cache.key(self.lab, reference.camera, "signatures", self.sets, words), make)
         return Signatures(tuple(tried), kept["values"], kept["variances"])
@@ -207,28 +192,29 @@ class _Search:
 
     def _add(self, state: State) -> tuple[State | None, str | None]:
         """The state with one more effect; None, with the nearest effect's name, where none explains what it moves."""
-        matches = best_of_each(
-            self.signs, state.fitted, frozenset(state.accepted) | self.without, state.allowance
-        )
-        worth = [m for m in matches if m.gain > max(2.0, 0.25 * matches[0].gain)][:TRIED] if matches else []
-        refined = sorted(
-            (refine(self.lab, state.fitted, m, self.report, state.allowance) for m in worth),
-            key=lambda r: -r.gain,
-        )
-        if not refined:
+        found = candidates(self.lab, self.signs, self._starts(state), state, self.without, self.report)
+        if not found:
             return None, None
-        self._rank(state, refined)
-        nearest = refined[0].effect if refined[0].gain > 3 else None
-        least = max(LEAST_GAIN, refined[0].gain - max(CLOSE, 0.1 * refined[0].gain))
-        rivals = [r for r in refined if r.gain > least][:RIVALS]
-        decided = self._decided(state, [(r, self._with(state, r)) for r in rivals])
-        for r, after in decided:
+        self._rank(state, found)
+        close = rivals(found)
+        ordered = decided(state, [(r, self._with(state, r)) for r in close])
+        for r, after in ordered:
             if explains(self.lab.statistics, state, after) and self._improves(state, after):
-                self._rank(state, [r for r, _ in decided] + refined[len(rivals) :])
+                self._rank(state, [r for r, _ in ordered] + found[len(close) :])
                 self._tell_parameters(after, r)
-                self._note_ambiguous([r for r, _ in decided])
+                self._note_ambiguous([r for r, _ in ordered])
                 return after, None
-        return None, nearest
+        return None, found[0].effect if found[0].gain > 3 else None
+
+    def _starts(self, state: State) -> list[Fitted]:
+        """Cameras from which effects are tried: the refitted one, and where that lies far off the camera as given."""
+        if state.accepted or not is_far(self.first, state.fitted.camera, 0.5 * FAR):
+            return [state.fitted]
+        find, confirm = (f.values for f in self.lab.measured)
+        given = Fitted(
+            self.first, self.given, find - self.first.mean, confirm - self.first.confirm_sets.mean(0)
+        )
+        return [state.fitted, given]
 
     def _with(self, state: State, candidate: Refined) -> State:
         """The state with a candidate added: simulated, refitted."""
@@ -250,23 +236,6 @@ class _Search:
             return fitted
         near = make_reference(self.lab, fitted.camera, fitted.reference.coordinates, SETS_AFTER, self.report)
         return refit(self.lab, near, self.report)
-
-    @staticmethod
-    def _decided(state: State, rivals: list[tuple[Refined, State]]) -> list[tuple[Refined, State]]:
-        """Rivals in the order of how well their own simulated sets account for what was measured."""
-        if len(rivals) < 2:
-            return rivals
-        used = np.all([after.fitted.reference.null_scale > 0 for _, after in rivals], axis=0)
-        evidence = []
-        for _, after in rivals:
-            form = EXACT * (state.fitted.residual - after.fitted.residual)
-            evidence.append(log_density(after.fitted, np.hypot(state.allowance, form), used))
-        top = rivals[0][0].gain
-        judged = [
-            (replace(r, gain=top + e - max(evidence)), after)
-            for (r, after), e in zip(rivals, evidence, strict=True)
-        ]
-        return sorted(judged, key=lambda pair: -pair[0].gain)
 
     @staticmethod
     def _known(reference: Reference) -> tuple[tuple[Coordinate, ...], np.ndarray, np.ndarray]:

@@ -63,6 +63,8 @@ def _poisson(mean, bits):
     if mean < 10.0:
         p, side = _tail(bits)
         u = p if side < 0 else 1.0 - p
+        if u <= 1.0 - mean:  # below exp(-mean) in any case: bias frames need no exponential
+            return 0.0
         term = math.exp(-mean)
         total = term
         n = 0

@@ -1,0 +1,75 @@
+"""Which effects are worth simulating in full, and for which of them the measurement speaks."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from visaug.comparison import Laboratory
+from visaug.diagnosis.acceptance import State
+from visaug.diagnosis.fit import Fitted, Report
+from visaug.diagnosis.rank import Refined, Signatures, best_of_each, log_density, refine
+
+TRIED = 4  # candidates whose numbers are refined in a step
+LEAST_GAIN = 5.0  # in log likelihood: with thirty effects to choose from less is chance
+CLOSE, RIVALS = (
+    6.0,
+    3,
+)  # log likelihood within which candidates are rivals; so many of them are simulated in full
+EXACT = 0.03  # what a form may leave over where rivals are compared
+
+
+def candidates(
+    lab: Laboratory,
+    signs: Signatures,
+    starts: Sequence[Fitted],
+    state: State,
+    without: frozenset[str],
+    report: Report,
+) -> list[Refined]:
+    """The effects that match best, refined, best first.
+
+    Args:
+        starts: the refitted camera, and where the refit went far also the camera as given: a strong effect bends the fit until
+            the effect's own signature is no longer recognised there. Gains are counted from the best of each start.
+    """
+    found: list[Refined] = []
+    for fitted in starts:
+        matches = best_of_each(signs, fitted, frozenset(state.accepted) | without, state.allowance)
+        worth = [m for m in matches if m.gain > max(2.0, 0.25 * matches[0].gain)][:TRIED]
+        refined = [
+            refine(lab, fitted, m, report, state.allowance)
+            for m in worth
+            if m.trial.effect not in {r.effect for r in found[:1]}
+        ]
+        if refined and found:
+            shift = max(found[0].gain, LEAST_GAIN + 1) - max(r.gain for r in refined)
+            known = {r.effect for r in found}
+            refined = [replace(r, gain=r.gain + shift) for r in refined if r.effect not in known]
+        found = sorted([*found, *refined], key=lambda r: -r.gain)
+    return found
+
+
+def rivals(found: Sequence[Refined]) -> list[Refined]:
+    """Those among refined candidates that only a full simulation can tell apart."""
+    if not found:
+        return []
+    least = max(LEAST_GAIN, found[0].gain - max(CLOSE, 0.1 * found[0].gain))
+    return [r for r in found if r.gain > least][:RIVALS]
+
+
+def decided(state: State, simulated: Sequence[tuple[Refined, State]]) -> list[tuple[Refined, State]]:
+    """Rivals in the order of how well their own simulated sets account for what was measured."""
+    if len(simulated) < 2:
+        return list(simulated)
+    used = np.all([after.fitted.reference.null_scale > 0 for _, after in simulated], axis=0)
+    evidence = []
+    for _, after in simulated:
+        form = EXACT * (state.fitted.residual - after.fitted.residual)
+        evidence.append(log_density(after.fitted, np.hypot(state.allowance, form), used))
+    top = simulated[0][0].gain
+    judged = [
+        (replace(r, gain=top + e - max(evidence)), after)
+        for (r, after), e in zip(simulated, evidence, strict=True)
+    ]
+    return sorted(judged, key=lambda pair: -pair[0].gain)
