@@ -108,11 +108,13 @@ class Arm(_Part):
 class Hidden(_Part):
     """Effects that a test camera has and its file leaves out, each with a test set and an arm of its own.
 
-    The camera is that of the baseline's `vis`; `views` is the test set whose noiseless images it takes.
+    The camera is that of the baseline's `vis`; `views` is the test set whose noiseless images it takes, at
+    `light` times the light of the training images.
     """
 
     effects: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$")], dict[str, Any]] = Field(min_length=1)
     views: str = "synthetic"
+    light: float = Field(1.0, gt=0, le=100)
 
 
 class Cluster(_Part):
@@ -200,13 +202,17 @@ def load_config(path: str | Path) -> Config:
 
 def check_config(content: Any, path: Path | None = None) -> Config:
     """A checked Config, or an InputError that names the first key at fault."""
+    if not isinstance(content, dict):
+        raise InputError(
+            "holds no keys", file=path, expected="name, output, data, arms as in configs/demo.yaml"
+        )
     try:
         config = Config.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
-        problem = "is not a key of a config" if first["type"] == "extra_forbidden" else first["msg"]
-        raise InputError(problem, file=path, field=key) from None
+        problems = {"extra_forbidden": "is not a key of a config", "missing": "is missing"}
+        raise InputError(problems.get(first["type"], first["msg"]), file=path, field=key) from None
     if (config.data.root is None) == (config.data.rendered is None):
         raise InputError("give one of root and rendered", file=path, field="data")
     arguments = {"training": config.training}

@@ -101,9 +101,11 @@ def hide_effects(
         )
     taken, arms, found = {}, dict(config.arms), []
     for domain, camera in cameras.items():
-        digest = hashlib.sha256((camera.to_yaml() + str(views.files[0].parent.resolve())).encode())
-        folder = config.output / "cameras" / f"{domain}-{digest.hexdigest()[:8]}"
-        taken[domain] = take_views(camera, views, folder, domain, progress)
+        light = config.hidden.light
+        decides = f"{camera.to_yaml()} {light} {views.files[0].parent.resolve()}"
+        digest = hashlib.sha256(decides.encode()).hexdigest()[:8]
+        folder = config.output / "cameras" / f"{domain}-{digest}"
+        taken[domain] = take_views(camera, views, folder, domain, light, progress)
         if domain == PLAIN:
             continue
         effect = config.hidden.effects[domain]
@@ -138,11 +140,16 @@ def _control(each: HiddenEffect, others: list[HiddenEffect]) -> str | None:
 
 
 def take_views(
-    camera: visaug.Camera, views: PoseSet, folder: Path, domain: str, progress: Progress | None = None
+    camera: visaug.Camera,
+    views: PoseSet,
+    folder: Path,
+    domain: str,
+    light: float = 1.0,
+    progress: Progress | None = None,
 ) -> PoseSet:
     """The views as the camera sees them, 8 bit, black level off, in SPEED+'s layout; kept where they are there.
 
-    White of a view is what fills the camera's converter, as in training. Sequence numbers, and so the noise,
+    `light` 1: white of a view is what fills the camera's converter, as in training. Sequence numbers, and so the noise,
     are the same for all cameras: they differ by their effects alone.
     """
     images = folder / domain / "images"
@@ -150,7 +157,7 @@ def take_views(
     files = tuple(images / file.name for file in views.files)
     if not listing.is_file():
         full_dn = 2**camera.bit_depth - 1
-        white_photons = full_dn * camera.spec.gain_e_per_dn / camera.spec.quantum_efficiency
+        white_photons = light * full_dn * camera.spec.gain_e_per_dn / camera.spec.quantum_efficiency
         for first in range(0, len(views), TOGETHER):
             chosen = views.files[first : first + TOGETHER]
             cleans = {file.name: noiseless(file) * np.float32(white_photons) for file in chosen}

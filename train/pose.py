@@ -21,7 +21,7 @@ def estimate_pose(
 
     Points below `least_confidence` are left out as long as six remain. Points further than 4 % of the
     target's size (at least 2 px) from where a pose puts them are outliers. None where no pose before the
-    camera is found.
+    camera is found, or all points fall together.
     """
     order = np.argsort(-confidence, kind="stable")
     used = order[: max(6, int((confidence >= least_confidence).sum()))]
@@ -30,6 +30,8 @@ def estimate_pose(
         return None
     image, model = points[used].astype(float), model_m[used].astype(float)
     extent = float(np.ptp(image, axis=0).max())
+    if extent < 1:  # all in one pixel: any pose far enough away would do
+        return None
     lens = (camera.matrix, camera.distortion)
     found, turn, shift, inliers = cv2.solvePnPRansac(
         model,

@@ -37,6 +37,10 @@ def load_predictions(path: str | Path, poses: PoseSet, keypoints: int) -> list[D
                 "is no object", file=path, field=field, expected="file_name, bbox, keypoints and score"
             )
         name = record.get("file_name")
+        if name is None:
+            raise InputError(
+                "is missing", file=path, field=f"{field}.file_name", expected="an image's name, not image_id"
+            )
         index = known.get(Path(name).name) if isinstance(name, str) else None
         if index is None:
             raise InputError(
@@ -127,7 +131,12 @@ def _numbers(record: dict, key: str, count: int, path: Path, field: str) -> np.n
         array = np.array(np.nan)
     if array.shape != ((count,) if count else ()) or not np.isfinite(array).all():
         expected = f"{count} finite numbers" if count else "a finite number"
-        raise InputError("is missing or malformed", file=path, field=f"{field}.{key}", expected=expected)
+        if key == "keypoints":
+            expected += f": x y score of {count // 3} points"
+        problem = "is missing" if key not in record else "is malformed"
+        if array.ndim == 1 and len(array) != count:
+            problem = f"has {len(array)} numbers"
+        raise InputError(problem, file=path, field=f"{field}.{key}", expected=expected)
     return array
 
 

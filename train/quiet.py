@@ -1,8 +1,22 @@
-"""ultralytics without network, chatter or settings in the user's home."""
+"""ultralytics without network, chatter or settings in the user's home, and with the tracking that was asked for."""
 
 import logging
 import os
+from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
+
+from visaug.errors import InputError
+
+# ultralytics' names of its hooks, and what each needs to be installed.
+TRACKERS = {
+    "tensorboard": "tensorboard",
+    "mlflow": "mlflow",
+    "wandb": "wandb",
+    "comet": "comet_ml",
+    "clearml": "clearml",
+    "dvc": "dvclive",
+}
 
 
 def quiet_ultralytics(folder: str | Path) -> None:
@@ -18,3 +32,19 @@ def quiet_ultralytics(folder: str | Path) -> None:
     from ultralytics.utils import LOGGER
 
     LOGGER.setLevel(logging.CRITICAL)  # what matters is raised too
+
+
+def check_tracking(names: Sequence[str]) -> None:
+    """Refuse tracking by what is not installed, which ultralytics would pass over in silence."""
+    for module in map(TRACKERS.__getitem__, names):
+        if find_spec(module) is None:
+            raise InputError(f"{module} is not installed", field="tracking", expected=f"pip install {module}")
+
+
+def set_tracking(names: Sequence[str]) -> None:
+    """Switch ultralytics' hooks on and off. It reads this once in a process: before the first training."""
+    from ultralytics import settings
+
+    for name in TRACKERS:
+        if settings.get(name) != (name in names):
+            settings.update({name: name in names})

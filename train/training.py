@@ -26,7 +26,7 @@ from visaug_train.config import Arm, Config, Vis
 from visaug_train.convert import convert
 from visaug_train.geometry import Keypoints, read_json
 from visaug_train.hidden import HiddenEffect, check_hidden, hide_effects
-from visaug_train.quiet import quiet_ultralytics
+from visaug_train.quiet import check_tracking, quiet_ultralytics, set_tracking
 from visaug_train.render.dataset import RenderSettings, read_back, render_dataset
 from visaug_train.speed import PoseSet, read_poses
 
@@ -91,9 +91,17 @@ def check_arms(config: Config) -> None:
     its camera, its training arguments.
     """
     check_hidden(config)
+    check_tracking(config.tracking)
     quiet_ultralytics(config.output / "ultralytics-settings")
     from ultralytics.cfg import get_cfg
+    from ultralytics.nn.tasks import yaml_model_load
 
+    try:
+        yaml_model_load(config.model)
+    except (OSError, AssertionError):  # the latter for another suffix
+        raise InputError(
+            f"no such network: {config.model}", field="model", expected="a YAML such as yolov8n-pose.yaml"
+        ) from None
     for name in config.arms:
         arm = config.arm(name)
         batch_noise(arm)
@@ -234,13 +242,11 @@ def _train(
     progress: Progress | None,
 ) -> None:
     quiet_ultralytics(config.output / "ultralytics-settings")
-    from ultralytics import YOLO, settings
+    from ultralytics import YOLO
 
     from visaug.ultralytics import vis_trainer
 
-    for name in ("tensorboard", "mlflow", "wandb", "comet", "clearml", "dvc"):
-        if settings.get(name) != (name in config.tracking):
-            settings.update({name: name in config.tracking})
+    set_tracking(config.tracking)
     last = folder / "weights" / "last.pt"
     trainer = vis_trainer(noise)
     if last.is_file():

@@ -93,3 +93,17 @@ def test_unknown_training_argument_is_one_line_before_any_training(tmp_path, cap
         check_arms(config)
     assert "\n" not in str(caught.value)
     assert "yolo TASK" not in capfd.readouterr().out
+
+
+@pytest.mark.parametrize("model", ["no_such.yaml", "no_such.pt"])
+def test_unknown_network_is_one_line_before_any_training(tmp_path, model):
+    from visaug_train.training import check_arms
+
+    with pytest.raises(InputError, match=f"model: no such network: {model}"):
+        check_arms(check_config(minimal(output=str(tmp_path), model=model)))
+
+
+def test_a_file_without_keys_is_no_config(tmp_path):
+    (tmp_path / "text.yaml").write_text("hello")
+    with pytest.raises(InputError, match=r"text\.yaml: holds no keys; expected name, output"):
+        load_config(tmp_path / "text.yaml")

@@ -63,3 +63,8 @@ def test_score_forgives_below_the_floor():
     score = spec_score(np.array([0.002, 0.01]), np.array([0.16, 1.0]))
     assert score[0] == 0
     assert score[1] == pytest.approx(0.01 + np.radians(1.0))
+
+
+def test_points_that_fall_together_give_no_pose():
+    points = np.full((11, 2), 300.0)
+    assert estimate_pose(points, np.ones(11), TANGO.points_m, CAMERA) is None
