@@ -133,8 +133,7 @@ def fit_pattern(master_bias_e: np.ndarray, noise_e: float = 0.0) -> FixedPattern
 
 
 def fit_profile(offsets_e: np.ndarray, components: int = COMPONENTS, degree: int = DEGREE) -> Profile:
-    """The law of a profile, (n,) in e-: mixture by likelihood, trend by least squares, spectrum of the rest.
-    """
+    """The law of a profile, (n,) in e-: mixture by likelihood, trend by least squares, spectrum of the rest."""
     offsets = np.asarray(offsets_e, np.float64)
     mixture = fit_mixture(offsets, components)
     scores = ndtri(mixture.cdf(offsets).clip(1e-6, 1 - 1e-6))

@@ -1,7 +1,7 @@
 """Measured frames beside a model's: how far they differ, and where."""
 
 from visaug.comparison.comparison import Comparison, Place, compare, places, z_scores
-from visaug.comparison.distance import Distance, Error
+from visaug.comparison.distance import Distance, Error, is_clear
 from visaug.comparison.laboratory import Folds, Laboratory, share_out
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "Laboratory",
     "Place",
     "compare",
+    "is_clear",
     "places",
     "share_out",
     "z_scores",

@@ -31,6 +31,11 @@ def variance(sets: np.ndarray) -> np.ndarray:
     return np.where(spread > (1e-9 * sets.mean(0)) ** 2, spread, 0.0)
 
 
+def is_clear(error: Error | None) -> bool:
+    """Whether there is an excess to speak of: one in which noise alone is as large as the whole is none."""
+    return error is not None and error.high - error.low < 1
+
+
 class Distance:
     """Errors of models of one measured set.
 

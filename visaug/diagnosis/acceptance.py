@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visaug.comparison import Error
+from visaug.comparison import Error, is_clear
 from visaug.diagnosis.fit import Fitted, standardised
 from visaug.fingerprint import Statistic
 
 COVERED = 0.8  # share of the statistics an effect moves that it must bring back, mean over views
+REMAINING = 0.9  # share of the error that an accepted effect may leave
 SHARE = 0.01  # error that a further effect must take away
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
 POOREST = 0.75  # the same share in the view that it explains least
@@ -68,5 +69,8 @@ def improves(
         return first
     if not first and found_before.value - found.value < SHARE:
         return False
-    agrees = confirmed is None or confirmed_before is None or confirmed.value < confirmed_before.value
-    return found.high < found_before.value and agrees
+    if found.value > REMAINING * found_before.value or found.high >= found_before.value:
+        return False
+    if confirmed is None or confirmed_before is None or not is_clear(confirmed):
+        return True  # too few frames, or an effect whose spread covers them, to object
+    return confirmed.value < confirmed_before.value

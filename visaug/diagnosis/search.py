@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.comparison import Distance, Error, Laboratory, places
+from visaug.comparison import Distance, Error, Laboratory, is_clear, places
 from visaug.diagnosis import cache
 from visaug.diagnosis.acceptance import State, explains, improves
 from visaug.diagnosis.candidates import trials
@@ -35,6 +35,7 @@ SETS = 200  # simulated sets of the camera file
 SETS_AFTER = 120  # of a camera with an effect added
 SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 MOST = 4  # effects that are added one after the other
+DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
 TRACE = 0.03  # error below which what an accepted effect leaves over is not called unexplained
 FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
 
@@ -93,7 +94,7 @@ class _Search:
         fitted = self._settled(fitted)
         self.signs = self._signatures(first)
         self.distance, self.confirming = self._distances(first)
-        self.confirms = _is_clear(self._confirmed_error(fitted)) or not _is_clear(self._found_error(fitted))
+        self.confirms = is_clear(self._confirmed_error(fitted)) or not is_clear(self._found_error(fitted))
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
         state = State(fitted, (), np.zeros(len(fitted.residual)))
         p_before = self._p_value(state)
@@ -108,7 +109,7 @@ class _Search:
             self._step(f"add {state.accepted[-1]}", state)
             p_after = self._p_value(state)
         missing = bool(p_after <= SIGNIFICANT)
-        excess = (p_given <= SIGNIFICANT or p_before <= SIGNIFICANT) and _is_clear(self.steps[-1].error)
+        excess = (p_given <= SIGNIFICANT or p_before <= SIGNIFICANT) and is_clear(self.steps[-1].error)
         residue = (
             describe(self.lab.statistics, state.z, nearest)
             if missing and self._is_worth_telling(state)
@@ -199,6 +200,8 @@ class _Search:
         close = rivals(found)
         ordered = decided(state, [(r, self._with(state, r)) for r in close])
         for r, after in ordered:
+            if r.gain < ordered[0][0].gain - DECISIVE:
+                break
             if explains(self.lab.statistics, state, after) and self._improves(state, after):
                 self._rank(state, [r for r, _ in ordered] + found[len(close) :])
                 self._tell_parameters(after, r)
@@ -324,8 +327,3 @@ class _Search:
         return {
             name: [records[i].sequence for i in getattr(folds, name)] for name in ("fit", "select", "confirm")
         }
-
-
-def _is_clear(error: Error | None) -> bool:
-    """Whether there is an excess to speak of: one in which noise alone is as large as the whole is none."""
-    return error is not None and error.high - error.low < 1

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.comparison import Distance, Error, Laboratory, Place, places
+from visaug.comparison import Distance, Error, Laboratory, Place, is_clear, places
 from visaug.diagnosis import Estimate, cache
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import trials
@@ -175,10 +175,5 @@ class ByHand:
             distance = Distance(confirm.statistics, confirm.values, first.confirm_sets, first.confirm_least)
             return distance.error(x.reference.confirm_sets, x.confirm_residual)
 
-        confirms = _is_clear(confirmed(plain)) or not _is_clear(found(plain))
+        confirms = is_clear(confirmed(plain)) or not is_clear(found(plain))
         return (confirmed(fitted) if confirms else None) or found(fitted)
-
-
-def _is_clear(error: Error | None) -> bool:
-    """Whether noise alone is smaller than the whole excess."""
-    return error is not None and error.high - error.low < 1

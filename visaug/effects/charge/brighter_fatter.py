@@ -35,7 +35,9 @@ class BrighterFatter(Effect):
 
     def apply(self, signal, p, stream, context):
         share = p.share_per_ke / 1000
-        held = torch.minimum(signal, context.full_well_e)  # what is above the full well is on its way elsewhere
+        held = torch.minimum(
+            signal, context.full_well_e
+        )  # what is above the full well is on its way elsewhere
         left, right = held[..., :-1], held[..., 1:]
         across = (share * (left + right) / 2).clamp_max(LIMIT) * (right - left)
         up, down = held[..., :-1, :], held[..., 1:, :]

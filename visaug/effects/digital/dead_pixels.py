@@ -6,13 +6,16 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class DeadPixels(Effect):
-    """A broken pixel gives one code in every frame: 0 (dead), the top (stuck bright) or one between."""
+    """A broken pixel gives one code in every frame: the black level (it takes no light), code 0, the top, or one between."""
 
     name = "dead_pixels"
     stage = Stage.DIGITAL
     order = 90
     summary = "A few pixels stick at a level, whatever the light."
-    equation = "y <- L_pixel, L = round(range * clip(level + spread n_pixel, 0, 1)), where the pixel is dead"
+    equation = (
+        "y <- round(L), L = b + l (top - b), or b (1 + l) for l < 0, where the pixel is dead; "
+        "l = clip(level + spread n_pixel, -1, 1), b: black level"
+    )
     source = "EMVA 1288 release 4 Linear, defect pixels"
     separates = (
         "flats at several levels: a dead pixel never moves; hot_pixels give light and dark added, prnu "
@@ -31,16 +34,23 @@ class DeadPixels(Effect):
     level = Parameter(
         0.0,
         unit="share of the range",
+        low=-1.0,
         high=1.0,
-        trials=(0.0, 0.5, 1.0),
-        source="0 is dark, 1 is stuck bright",
+        trials=(0.0, -1.0, 0.3, 1.0),
+        source="0: the black level, as without light; -1: code 0; 1: the highest code, stuck bright",
     )
     spread = Parameter(
-        0.0, unit="share of the range", high=1.0, trials=(0.3,), source="standard deviation among dead pixels"
+        0.0,
+        unit="share of the range",
+        high=1.0,
+        trials=(0.15,),
+        source="standard deviation among dead pixels",
     )
 
     def apply(self, signal, p, stream, context):
         fixed = stream.fixed
         dead = fixed.fork("where").uniform() < p.density
-        level = (p.level + p.spread * fixed.fork("level").normal()).clamp(0, 1)
-        return torch.where(dead, (level * context.max_dn).round(), signal)
+        level = (p.level + p.spread * fixed.fork("level").normal()).clamp(-1, 1)
+        black = context.black_level_dn
+        stuck = black + torch.where(level < 0, level * black, level * (context.max_dn - black))
+        return torch.where(dead, stuck.round(), signal)
