@@ -6,11 +6,11 @@ is tried again elsewhere and goes on from its last epoch; a run that fails by it
 """
 
 import os
-import socket
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from visaug.cluster import connected
 from visaug.errors import InputError
 from visaug_train.config import Cluster
 from visaug_train.training import Study, note_failure
@@ -32,56 +32,8 @@ def spread(
         work: leaves its results in files; a function that can be imported, or pickled by value.
         progress: called when a run has ended.
     """
-    try:
-        import ray
-    except ModuleNotFoundError:
-        raise InputError(
-            "Ray is not installed",
-            field="cluster",
-            expected="the extra `cluster`: pip install 'visaug[cluster]'",
-        ) from None
-    ours = not ray.is_initialized()
-    if ours:
-        _connect(ray, cluster)
-    try:
+    with connected(cluster.address) as ray:
         return _spread(ray, study, runs, work, cluster, progress)
-    finally:
-        if ours:
-            ray.shutdown()
-
-
-def _connect(ray: Any, cluster: Cluster) -> None:
-    os.environ.setdefault(
-        "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0"
-    )  # or Ray says what a future release will do
-    _knock(cluster.address)
-    try:
-        ray.init(
-            address=cluster.address,
-            logging_level="ERROR",
-            include_dashboard=False if not cluster.address else None,
-        )
-    except (ConnectionError, ValueError, RuntimeError) as error:
-        raise _no_answer(cluster.address, error) from None
-
-
-def _knock(address: str | None) -> None:
-    """Refuse an address where nobody listens at once: Ray itself tries for minutes."""
-    host, _, port = (address or "").removeprefix("ray://").rpartition(":")
-    if not (host and port.isdigit()):
-        return  # this machine, or a word that Ray knows
-    try:
-        socket.create_connection((host, int(port)), timeout=10).close()
-    except (OSError, OverflowError) as error:
-        raise _no_answer(address, error) from None
-
-
-def _no_answer(address: str | None, error: Exception) -> InputError:
-    return InputError(
-        f"no Ray cluster answers at {address}: {' '.join(str(error).split())[:200]}",
-        field="cluster.address",
-        expected="the address that `ray start --head` printed, auto, or nothing for this machine",
-    )
 
 
 def _spread(

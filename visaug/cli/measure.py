@@ -123,6 +123,11 @@ def compare(
 @click.option(
     "--without", metavar="NAME", multiple=True, help="Leave an effect of the catalogue out. May be repeated."
 )
+@click.option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="Simulate on a Ray cluster: its address, auto, or local for this machine (extra `cluster`).",
+)
 @output_option("camera2.yaml", "Write the camera with what was missing.")
 @json_option
 @report_option
@@ -131,6 +136,7 @@ def diagnose(
     camera_name: str,
     effects: tuple[Path, ...],
     without: tuple[str, ...],
+    cluster: str | None,
     output: Path | None,
     json_path: Path | None,
     report_path: Path | None,
@@ -147,7 +153,13 @@ def diagnose(
     frames = visaug.FrameSet.load(frames_path, resolution=camera.resolution)
     with progress_bars() as progress:
         result = visaug.diagnose(
-            camera, frames, effects=list(effects), without=list(without), seed=seed, progress=progress
+            camera,
+            frames,
+            effects=list(effects),
+            without=list(without),
+            seed=seed,
+            progress=progress,
+            cluster=cluster,
         )
     summaries.print_diagnosis(result.to_json())
     if output:

@@ -1,10 +1,10 @@
 """The measured frames and a model's, through the same fingerprint."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import torch
@@ -15,6 +15,10 @@ from visaug.errors import InputError
 from visaug.fingerprint import Fingerprint, Statistic, fingerprint, fingerprint_values
 from visaug.frames import FrameSet
 from visaug.simulation import simulate
+
+Job = tuple[Camera, int]
+Work = Callable[[Job], tuple[np.ndarray, ...]]
+Spread = Callable[[Work, Sequence[Job]], Iterable[tuple[np.ndarray, ...]]]
 
 
 @dataclass(frozen=True)
@@ -74,9 +78,17 @@ class Laboratory:
         camera: fills in what the plan leaves open (the photons of flats with an uncalibrated source).
         seed: of all simulations; simulation k of one camera shares its random numbers with simulation k of another.
         folds: False takes all frames as ones that find, for a comparison in which nothing is fitted.
+        spread: does the simulations, in order; the threads of this machine, or a cluster.
     """
 
-    def __init__(self, frames: FrameSet, camera: Camera, seed: int = 0, folds: bool = True):
+    def __init__(
+        self,
+        frames: FrameSet,
+        camera: Camera,
+        seed: int = 0,
+        folds: bool = True,
+        spread: Spread | None = None,
+    ):
         if not any(record.kind != "image" for record in frames.records):
             raise InputError(
                 "only pictures of which nothing is known",
@@ -87,6 +99,7 @@ class Laboratory:
         self.frames = _with_photons(small, camera)
         self.folds = share_out(self.frames) if folds else Folds(tuple(range(len(self.frames))), (), ())
         self.seed = seed
+        self.spread = spread or by_threads
 
     @cached_property
     def measured(self) -> tuple[Fingerprint, Fingerprint]:
@@ -119,21 +132,40 @@ class Laboratory:
         return np.array([a for (a,) in self._run(cameras, report, (self.folds.find,))])
 
     def _run(self, cameras, report, uses) -> list[tuple[np.ndarray, ...]]:
-        def one(job: tuple[Camera, int]) -> tuple[np.ndarray, ...]:
-            camera, number = job
-            frames = simulate(camera, self.frames, seed=self.seed * 1_000_003 + number)
-            return tuple(fingerprint_values(frames, use) for use in uses)
-
         results = []
-        with _single_threads(), ThreadPoolExecutor(workers()) as pool:
-            for result in pool.map(one, cameras):
-                results.append(result)
-                if report is not None:
-                    report(len(results))
+        for result in self.spread(partial(fingerprints, self.plan, self.seed, uses), cameras):
+            results.append(result)
+            if report is not None:
+                report(len(results))
         return results
+
+    @cached_property
+    def plan(self) -> FrameSet:
+        """What was taken, without the pixels: all that a simulation needs."""
+        records = self.frames.records
+        cleans = {
+            r.clean: self.frames.clean(i) for i, r in enumerate(records) if r.kind == "scene" and r.clean
+        }
+        unread = [np.zeros((1, 1), np.uint16)] * len(records)
+        return FrameSet.from_arrays(records, unread, cleans, bit_depth=self.frames.bit_depth)
 
     def _both(self, frames: FrameSet) -> tuple[Fingerprint, Fingerprint]:
         return fingerprint(frames, self.folds.find), fingerprint(frames, self.folds.confirm)
+
+
+def fingerprints(
+    plan: FrameSet, seed: int, uses: Sequence[Sequence[int]], job: tuple[Camera, int]
+) -> tuple[np.ndarray, ...]:
+    """Of one simulated set: one array of values for each use of its frames."""
+    camera, number = job
+    frames = simulate(camera, plan, seed=seed * 1_000_003 + number)
+    return tuple(fingerprint_values(frames, use) for use in uses)
+
+
+def by_threads(work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
+    """The results in the order of the jobs, from the cores of this machine."""
+    with _single_threads(), ThreadPoolExecutor(workers()) as pool:
+        yield from pool.map(work, jobs)
 
 
 def workers() -> int:

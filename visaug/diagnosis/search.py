@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from visaug.camera import Camera
+from visaug.cluster import connected
 from visaug.comparison import Distance, Error, Laboratory, is_clear, places
+from visaug.comparison.spread import by_ray
 from visaug.diagnosis import cache
 from visaug.diagnosis.acceptance import State, explains, improves
 from visaug.diagnosis.candidates import trials
@@ -48,6 +50,7 @@ def diagnose(
     seed: int = 0,
     progress: Callable[[str, int, int], None] | None = None,
     sets: int = SETS,
+    cluster: str | None = None,
 ) -> Diagnosis:
     """Which effect the camera lacks, as far as the frames tell.
 
@@ -59,6 +62,7 @@ def diagnose(
         seed: of all simulations: the same seed gives the same answer.
         progress: called with (description, done, total).
         sets: simulated sets of the camera; fewer are faster and less sure.
+        cluster: address of a Ray cluster that does the simulations, or `local`; None for the threads of this machine.
 
     Raises:
         InputError: frames of which nothing is known, too few frames, unknown effects.
@@ -68,19 +72,21 @@ def diagnose(
     for name in without:
         if name not in catalogue():
             raise InputError(f"{name!r} is no effect", field="without", expected="a name of `visaug effects`")
-    return _Search(camera, frames, frozenset(without), seed, progress or (lambda *_: None), sets).run()
+    left_out, report = frozenset(without), progress or (lambda *_: None)
+    if cluster is None:
+        return _Search(Laboratory(frames, camera, seed), camera, left_out, report, sets).run()
+    with connected(cluster) as ray:
+        lab = Laboratory(frames, camera, seed, spread=by_ray(ray))
+        return _Search(lab, camera, left_out, report, sets).run()
 
 
 class _Search:
-    def __init__(
-        self, camera: Camera, frames: FrameSet, without: frozenset[str], seed: int, report: Report, sets: int
-    ):
-        self.given, self.without, self.report, self.sets = camera, without, report, sets
-        self.calibrated = all(r.photons is not None for r in frames.records if r.kind == "flat")
-        self.lab = Laboratory(frames, camera, seed)
+    def __init__(self, lab: Laboratory, camera: Camera, without: frozenset[str], report: Report, sets: int):
+        self.lab, self.given, self.without, self.report, self.sets = lab, camera, without, report, sets
+        self.calibrated = all(r.photons is not None for r in lab.frames.records if r.kind == "flat")
         if len(self.lab.folds.find) < 2:
             raise InputError(
-                f"{len(frames)} frames are too few",
+                f"{len(lab.frames)} frames are too few",
                 field="frames",
                 expected="at least 4 under some conditions",
             )
