@@ -50,7 +50,9 @@ def program_run(capsys, monkeypatch, tmp_path):
 
 
 def test_the_commands_are_there():
-    assert {"augment", "simulate", "plan", "characterize", "compare", "diagnose", "demo"} <= set(COMMANDS)
+    assert {"augment", "simulate", "plan", "characterize", "compare", "diagnose", "lab", "demo"} <= set(
+        COMMANDS
+    )
     assert {"effects", "cameras", "train", "ablate", "evaluate"} <= set(COMMANDS)
 
 
@@ -82,6 +84,7 @@ MISTAKES = [
     (["compare", "nowhere", "--camera", "camera.yaml"], "nowhere"),
     (["characterize", "nowhere"], "nowhere"),
     (["diagnose", "nowhere", "--camera", "camera.yaml"], "nowhere"),
+    (["lab", "nowhere", "--camera", "camera.yaml"], "nowhere"),
     (["diagnose", ".", "--camera", "camera.yaml", "--without", "row_nois"], "row_noise"),
     (["effects", "row_nois"], "row_noise"),
     (["effects", "new", "Not-A-Name"], "Not-A-Name"),

@@ -25,9 +25,14 @@ def key_of(camera: Camera) -> str:
 
 
 class Pictures:
-    """Views of the measured frames beside those of a camera, drawn when they are first asked for."""
+    """Views of the measured frames beside those of a camera, drawn when they are first asked for.
+
+    Attributes:
+        closed: True when nobody waits for further pictures.
+    """
 
     def __init__(self, frames: FrameSet, seed: int = 0):
+        self.closed = False
         self.frames, self.seed = frames, seed
         self._drawing = RLock()  # matplotlib's settings are global
         self._galleries: OrderedDict[str, tuple[Camera, ViewGallery | None]] = OrderedDict()
@@ -47,7 +52,7 @@ class Pictures:
     def view(self, key: str, name: str) -> Figure | None:
         """A view's picture; None where the frames do not show it, or the camera is no longer at hand."""
         with self._drawing:
-            if key not in self._galleries:
+            if self.closed or key not in self._galleries:
                 return None
             camera, gallery = self._galleries[key]
             if gallery is None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import asynccontextmanager
 from functools import partial
 from importlib import resources
+from types import FrameType
 from urllib.parse import parse_qs
 
 import jinja2
@@ -98,7 +99,7 @@ def application(bench: Bench, token: str) -> Starlette:
         ],
         exception_handlers={InputError: _refuse, OSError: _refuse},
     )
-    app.state.jobs = lab.jobs
+    app.state.jobs, app.state.pictures = lab.jobs, lab.pictures
     return app
 
 
@@ -228,10 +229,15 @@ def serve(
     say(address)
     if ready:
         ready(address)
-    config = uvicorn.Config(
-        application(bench, token), log_level="warning", access_log=False, timeout_graceful_shutdown=2
-    )
-    uvicorn.Server(config).run(sockets=[listener])
+    config = uvicorn.Config(application(bench, token), log_level="warning", access_log=False)
+    _Server(config).run(sockets=[listener])
+
+
+class _Server(uvicorn.Server):
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Pictures that are still to be drawn are not waited for."""
+        self.config.app.state.pictures.closed = True
+        super().handle_exit(sig, frame)
 
 
 def _effect(request: Request) -> str:
