@@ -10,7 +10,7 @@ from visaug.diagnosis.fit import Fitted, standardised
 from visaug.fingerprint import Statistic
 
 COVERED = 0.8  # share of the statistics an effect moves that it must bring back, mean over views
-REMAINING = 0.9  # share of the error that an accepted effect may leave
+REMAINING = 0.98  # share of the error that an accepted effect may leave; another effect may hold most of it
 SHARE = 0.01  # error that a further effect must take away
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
 POOREST = 0.75  # the same share in the view that it explains least
@@ -18,11 +18,19 @@ POOREST = 0.75  # the same share in the view that it explains least
 
 @dataclass(frozen=True)
 class State:
-    """Where the search stands: the fitted camera, and what accepted effects' forms may leave over per statistic."""
+    """Where the search stands.
+
+    Attributes:
+        fitted: the fitted camera.
+        accepted: the effects that it has gained.
+        allowance: what their forms may leave over, per statistic.
+        moves: how far the last of them moves each statistic; None where the refits before and after tell it.
+    """
 
     fitted: Fitted
     accepted: tuple[str, ...]
     allowance: np.ndarray
+    moves: np.ndarray | None = None
 
     @property
     def z(self) -> np.ndarray:
@@ -36,9 +44,8 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
 
     An effect of another name may lower the error; but what it moves then stays off, or goes off where it was not.
     """
-    moved = np.abs(
-        standardised(before.fitted.residual - after.fitted.residual, before.fitted.reference.null_scale)
-    )
+    moves = before.fitted.residual - after.fitted.residual if after.moves is None else after.moves
+    moved = np.abs(standardised(moves, before.fitted.reference.null_scale))
     was, now = np.abs(before.z), np.abs(after.z)
     seen = (moved > 4) & (was > 4)
     if not seen.any():

@@ -148,7 +148,13 @@ def derivatives(
 
 
 def adjust(
-    residuals: np.ndarray, slopes: np.ndarray, scale: np.ndarray, priors: np.ndarray, iterations: int = 12
+    residuals: np.ndarray,
+    slopes: np.ndarray,
+    scale: np.ndarray,
+    priors: np.ndarray,
+    offset: np.ndarray | float = 0.0,
+    damping: float = 0.0,
+    iterations: int = 12,
 ) -> np.ndarray:
     """The step of the coordinates that best takes residuals away, robustly.
 
@@ -157,6 +163,8 @@ def adjust(
         slopes: (statistics, coordinates).
         scale: (statistics,), standard deviations.
         priors: (coordinates,), standard deviations.
+        offset: (coordinates,), how far the coordinates already are from where the priors are centred.
+        damping: Marquardt's: above 0 the step shrinks, most where the statistics say least.
 
     Returns:
         (n, coordinates). Statistics that stay beyond `OUTLIER` standard deviations, as a missing effect makes them, are
@@ -177,7 +185,8 @@ def adjust(
         normal = np.stack([(design * w[:, None]).T @ design for w in weights]) + ridge
         diagonal = np.einsum("nii->ni", normal)
         diagonal += 1e-9 * diagonal.max(1, keepdims=True)  # numbers that these frames answer alike
-        pull = (weights * z) @ design
+        diagonal *= 1 + damping
+        pull = (weights * z) @ design - offset / priors**2
         steps = np.linalg.solve(normal, pull[:, :, None])[:, :, 0]
     return steps
 
@@ -225,16 +234,19 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
     at, camera = start.copy(), reference.camera
     mean, confirm_mean = reference.mean, reference.confirm_sets.mean(0)
     best = (_misfit(measured - mean, reference.scale), at, camera, mean, confirm_mean)
-    shorter = 1.0
+    damping, bends = 0.0, np.array([c.path == "full_well_e" for c in coordinates], bool)
+    share = np.ones(len(start))
+
+    def step_from(at: np.ndarray, mean: np.ndarray) -> np.ndarray:
+        left = (measured - mean)[None]
+        step = adjust(left, reference.slopes, reference.scale, priors, at - start, damping)[0]
+        return share * np.clip(step, -0.6 * priors, 0.6 * priors)
+
     for i in range(iterations):
-        # the prior holds the distance from the reference, not from the last iterate
-        toward = (measured - mean)[None] + (reference.slopes @ (at - start))[None]
-        step = start + adjust(toward, reference.slopes, reference.scale, priors)[0] - at
-        step = shorter * np.clip(step, -0.6 * priors, 0.6 * priors)
+        step = step_from(at, mean)
         if i and np.all(np.abs(step) < 0.05 * steps):
             break
-        at = at + step
-        camera = moved(camera, coordinates, list(at))
+        camera = moved(camera, coordinates, list(at + step))
         at = np.array([c.read(camera) for c in coordinates])
         found, confirmed = lab.simulated(
             [(camera, k) for k in range(twins)], lambda n: report("refitting the camera", n, twins)
@@ -246,17 +258,25 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
         misfit = _misfit(measured - mean, reference.scale)
         if misfit < best[0]:
             best = (misfit, at, camera, mean, confirm_mean)
-        else:  # too far where statistics bend, as at the full well: back, and a shorter step
+            damping = 0.1 * damping if damping > 0.02 else 0.0
+        else:  # too far where statistics bend
             _, at, camera, mean, confirm_mean = best
-            shorter *= 0.4
+            if bends.any() and share.min() > 0.05 and np.abs(step[bends] / steps[bends]).max() > 0.1:
+                share[bends] *= (
+                    0.25  # a flat that was below the full well may be cut by it: no derivative tells
+                )
+            else:
+                damping = max(10 * damping, 0.1)  # more along what the statistics tell well
+        if damping > 100:
+            break
     _, at, camera, mean, confirm_mean = best
-    left = measured - mean
-    last = shorter * adjust(left[None], reference.slopes, reference.scale, priors)[0]
+    # what is left of a step is small, or was tried and found worse
+    last = step_from(at, mean) if damping == 0 else np.zeros(len(at))
     camera = moved(camera, coordinates, list(at + last)) if coordinates else camera
     return Fitted(
         reference,
         camera,
-        left - reference.slopes @ last,
+        measured - mean - reference.slopes @ last,
         confirm - confirm_mean - reference.confirm_slopes @ last,
     )
 

@@ -15,6 +15,7 @@ from visaug.diagnosis.acceptance import State, explains, improves
 from visaug.diagnosis.candidates import trials
 from visaug.diagnosis.fit import (
     FAR,
+    TWINS,
     Fitted,
     Reference,
     Report,
@@ -24,7 +25,7 @@ from visaug.diagnosis.fit import (
     refit,
     standardised,
 )
-from visaug.diagnosis.naming import candidates, decided, rivals
+from visaug.diagnosis.naming import SIGNIFICANT, candidates, decided, rivals
 from visaug.diagnosis.parameters import Coordinate, base_coordinates
 from visaug.diagnosis.rank import Refined, Signatures, gain_against_chance, signatures
 from visaug.diagnosis.residue import describe
@@ -35,7 +36,6 @@ from visaug.frames import FrameSet
 
 SETS = 200  # simulated sets of the camera file
 SETS_AFTER = 120  # of a camera with an effect added
-SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 MOST = 4  # effects that are added one after the other
 DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
 TRACE = 0.03  # error below which what an accepted effect leaves over is not called unexplained
@@ -203,7 +203,8 @@ class _Search:
         if not found:
             return None, None
         self._rank(state, found)
-        close = rivals(found)
+        _, chance = gain_against_chance(self.signs, state.fitted, state.allowance, state.accepted)
+        close = rivals(found, state, chance)
         ordered = decided(state, [(r, self._with(state, r)) for r in close])
         for r, after in ordered:
             if r.gain < ordered[0][0].gain - DECISIVE:
@@ -237,7 +238,16 @@ class _Search:
         )
         fitted = self._settled(refit(self.lab, reference, self.report))
         allowance = np.hypot(state.allowance, FORM * (state.fitted.residual - fitted.residual))
-        return State(fitted, (*state.accepted, candidate.effect), allowance)
+        moves = self._moves_of(candidate.effect, fitted.camera)
+        return State(fitted, (*state.accepted, candidate.effect), allowance, moves)
+
+    def _moves_of(self, effect: str, camera: Camera) -> np.ndarray | None:
+        """How far an effect moves every statistic of a camera that has it; None for a term of the base chain."""
+        if catalogue()[effect].base:
+            return None
+        pair = (camera, camera.without_effect(effect))
+        values = self.lab.finding([(c, k) for c in pair for k in range(TWINS)]).reshape(2, TWINS, -1)
+        return (values[0] - values[1]).mean(0)
 
     def _settled(self, fitted: Fitted) -> Fitted:
         """Where a fit has gone far from its reference, spread and derivatives are taken anew where it lies."""

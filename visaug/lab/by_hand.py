@@ -10,10 +10,11 @@ from visaug.diagnosis import Estimate, cache
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import trials
 from visaug.diagnosis.fit import Fitted, Reference, Report, is_far, make_reference, p_value, refit
+from visaug.diagnosis.naming import SIGNIFICANT
 from visaug.diagnosis.parameters import base_coordinates
 from visaug.diagnosis.rank import best_of_each, refine, signatures
 from visaug.diagnosis.result import estimates
-from visaug.diagnosis.search import FORM, SETS, SETS_AFTER, SIGNIFICANT
+from visaug.diagnosis.search import FORM, SETS, SETS_AFTER
 from visaug.effects import catalogue
 from visaug.errors import InputError
 from visaug.frames import FrameSet
