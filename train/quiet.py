@@ -42,9 +42,11 @@ def check_tracking(names: Sequence[str]) -> None:
 
 
 def set_tracking(names: Sequence[str]) -> None:
-    """Switch ultralytics' hooks on and off. It reads this once in a process: before the first training."""
+    """Switch ultralytics' hooks on and off for the trainings that follow; that for Ray Tune, which would load all of
+    Ray, is always off.
+    """
     from ultralytics import settings
 
-    for name in TRACKERS:
+    for name in (*TRACKERS, "raytune"):
         if settings.get(name) != (name in names):
             settings.update({name: name in names})
