@@ -10,6 +10,7 @@ from visaug.diagnosis.fit import Fitted, standardised
 from visaug.fingerprint import Statistic
 
 COVERED = 0.8  # share of the statistics an effect moves that it must bring back, mean over views
+FAINT = 3.0  # standard deviations along an effect's moves that count where no single statistic stands out
 REMAINING = 0.98  # share of the error that an accepted effect may leave; another effect may hold most of it
 SHARE = 0.01  # error that a further effect must take away
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
@@ -49,7 +50,7 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     was, now = np.abs(before.z), np.abs(after.z)
     seen = (moved > 4) & (was > 4)
     if not seen.any():
-        return float(was.max()) > float(now.max())
+        return _explains_the_faint(before, after, moves)
     views = np.array([s.view for s in statistics])
     back = now <= np.maximum(4.0, 0.3 * was)
     shares = {v: back[seen & (views == v)] for v in dict.fromkeys(views[seen])}
@@ -57,6 +58,21 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     poorest = min((share.mean() for share in shares.values() if len(share) > 2), default=1.0)
     worsened = (now > 4) & (now > 1.5 * was)
     return bool(covered >= COVERED and poorest >= POOREST and worsened.sum() <= WORSE * seen.sum() + 1)
+
+
+def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
+    """Whether what was off along the effect's moves is gone, where no single statistic stands out.
+
+    An effect that moves nothing on the average must give the statistic that is furthest off a spread which covers it.
+    """
+    scale = before.fitted.reference.null_scale
+    along = standardised(moves, scale)
+    length = float(np.linalg.norm(along))
+    off, left = (float(state.z @ along) / max(length, 1e-9) for state in (before, after))
+    if off > FAINT:
+        return abs(left) < 0.5 * off
+    worst = int(np.abs(before.z).argmax())
+    return bool(after.fitted.reference.null_scale[worst] > 1.3 * scale[worst])
 
 
 def improves(

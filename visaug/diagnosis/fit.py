@@ -221,7 +221,7 @@ class Fitted:
         return self.reference.slopes
 
 
-def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int = 8) -> Fitted:
+def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int = 12) -> Fitted:
     """Fits the reference's coordinates to the frames that find.
 
     The mean follows the camera by simulations that share their random numbers with the reference's first sets.
@@ -259,6 +259,7 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
         if misfit < best[0]:
             best = (misfit, at, camera, mean, confirm_mean)
             damping = 0.1 * damping if damping > 0.02 else 0.0
+            share = np.minimum(2 * share, 1.0)
         else:  # too far where statistics bend
             _, at, camera, mean, confirm_mean = best
             if bends.any() and share.min() > 0.05 and np.abs(step[bends] / steps[bends]).max() > 0.1:

@@ -121,6 +121,9 @@ class Scene(View):
                 yield g.statistic(self.name, name, axes, "fraction"), value
             offset = float(kept.sum(dtype=np.float64)) / max(int(usable.sum()), 1)
             yield g.statistic(self.name, "offset", ["smooth", "level"], "DN"), offset
+            if target.bright.any():  # far above the full well, so this is its level
+                top = float(g.pattern[target.bright].mean()) + g.signal
+                yield g.statistic(self.name, "top of bright spots", ["level"], "DN"), top
             for name, (axis, ring) in target.rings.items():
                 yield g.statistic(self.name, name, [axis], "DN"), float(residual[ring].mean())
 
