@@ -80,17 +80,17 @@ def plot_recovery(points: Mapping[str, Mapping[str, Sequence[float]]]) -> "Figur
         figure = blank(8.0, 3.4)
         axes = figure.subplots()
         for j, (training, colour) in enumerate(zip(trainings, ARM_COLOURS * 4)):
-            for i, bars in enumerate(points.values()):
-                values = list(bars.get(training, ()))
-                if values:
-                    x = i + (j - (len(trainings) - 1) / 2) * width
-                    axes.bar(
-                        x, np.mean(values), width * 0.92, color=colour, alpha=0.8, label="" if i else training
-                    )
-                    axes.plot([x] * len(values), values, "o", color="#1c2430", markersize=3.5)
+            place = (j - (len(trainings) - 1) / 2) * width
+            trained = [
+                (i + place, bars[training]) for i, bars in enumerate(points.values()) if bars.get(training)
+            ]
+            means = [float(np.mean(values)) for _, values in trained]
+            axes.bar([x for x, _ in trained], means, width * 0.92, color=colour, alpha=0.8, label=training)
+            for x, values in trained:
+                axes.plot([x] * len(values), values, "o", color="#1c2430", markersize=3.5)
         axes.set_xticks(range(len(points)), [name.replace("_", " ") for name in points])
         axes.set_ylabel("keypoint AP50-95 (COCO)")
         axes.set_ylim(0, 1)
         axes.grid(axis="x", visible=False)
-        axes.legend(ncols=2, loc="upper right")
+        figure.legend(ncols=3, loc="outside upper center")
     return figure
