@@ -105,7 +105,7 @@ def constructed(rendered, shifts):
             ]
             run = Run(arm, seed, Path("x"), Path("y"), 1.0, {})
             scored[arm, seed] = run, {"lightbox": evaluate("lightbox", poses, TANGO, detections)}
-    study = SimpleNamespace(config=config, tests={"lightbox": poses}, keypoints=TANGO)
+    study = SimpleNamespace(config=config, tests={"lightbox": poses}, keypoints=TANGO, hidden=())
     return Ablation(study, scored, ())  # type: ignore[arg-type]
 
 

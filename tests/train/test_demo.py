@@ -1,5 +1,6 @@
 """The main job in small: one report that refers to nothing outside itself, and a second call that only reads."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -32,7 +33,8 @@ def test_demo_writes_one_report_and_goes_on(tmp_path, monkeypatch):
     report = demo.run_demo(tmp_path / "out", progress=lambda title, done, total: seen.add(title))
     page = report.read_text()
     assert "keypoint AP50-95" in page
-    assert "http" not in page.replace("http://www.w3.org", "")
+    words = re.sub(r"base64,[A-Za-z0-9+/=]+", "", page)  # in which four given letters come by chance
+    assert "http" not in words.replace("http://www.w3.org", "")
     assert (tmp_path / "out" / "tables" / "tables.md").is_file()
     assert {"rendering", "converting", "training baseline seed 0", "training vis seed 0"} <= seen
     seen.clear()
