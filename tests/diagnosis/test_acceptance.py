@@ -17,7 +17,12 @@ def at(value: float, half: float = 0.01) -> Error:
         ((at(1.0), at(1.0)), (at(0.995), at(0.9)), True, False),  # within chance on the frames that find
         ((at(1.0), at(1.0)), (at(0.1), at(1.2)), True, False),  # the frames that confirm disagree
         ((at(1.0), at(1.0)), (at(0.1), at(7.0, 2.0)), True, True),  # these are too unclear to disagree
-        ((at(1.0, 1e-4), at(1.0)), (at(0.985, 1e-4), at(0.9)), True, False),  # beyond chance, but next to nothing
+        (
+            (at(1.0, 1e-4), at(1.0)),
+            (at(0.985, 1e-4), at(0.9)),
+            True,
+            False,
+        ),  # beyond chance, but next to nothing
         ((at(0.005, 1e-4), at(0.005)), (at(0.0, 1e-4), at(0.0)), False, False),  # a trace is mopped up
         ((at(0.3), at(0.3)), (at(0.0), at(0.0)), False, True),
         ((None, None), (None, None), True, True),
