@@ -33,7 +33,10 @@ MAX_DN = 10
 LATTICE = (
     11  # 1: the count is a whole number and meets the full well; 0: Gaussian parts are drawn together with it
 )
-NUMBERS = 12
+FAINT_E = (
+    12  # means up to it are so small beside the pixel offsets that they too are drawn together with these
+)
+NUMBERS = 13
 
 f32, i32, u32, u64 = np.float32, np.int32, np.uint32, np.uint64
 PER_BIT, HALF_BIT = f32(2.0**-32), f32(2.0**-33)
@@ -116,15 +119,20 @@ def _look_up(table, nodes, fractions, out):
 
 
 @njit(**_options)
-def _light(source, gain, electrons, dark, limit, light):
+def _light(source, gain, electrons, dark, faint, limit, light):
     """Mean photo-electrons of each pixel; how many means are small, and how many of any size need their parts drawn apart."""
     small, apart = i32(0), i32(0)
     for x in range(source.size):
         light[x] = max(source[x] * electrons * gain[x], ZERO)
         m = light[x] + dark
-        small += i32(m < LARGE)
-        apart += i32((m < LARGE) | (m > limit))
+        small += i32((m > faint) & (m < LARGE))
+        apart += i32(_is_apart(m, faint, limit))
     return small, apart
+
+
+@njit(inline="always")
+def _is_apart(m, faint, limit):
+    return (m > faint) & (m < LARGE) | (m > limit)
 
 
 @njit(inline="always")
@@ -204,11 +212,10 @@ def _apart(light, w, t, z, offset, nodes, fractions, entries, n, prnu, out):
 
 
 @njit(**_options)
-def _take_apart(light, dark, limit, apart, out):
+def _take_apart(light, dark, faint, limit, apart, out):
     """Puts the values drawn apart where they belong."""
     for x in range(light.size):
-        m = light[x] + dark
-        out[x] = apart[x] if (m < LARGE) | (m > limit) else out[x]
+        out[x] = apart[x] if _is_apart(light[x] + dark, faint, limit) else out[x]
 
 
 @njit(**_options)
@@ -309,7 +316,7 @@ def expose(
         key = _mix(_mix(keys[image] + u64(channel) * STEP) + u64(y + origin[0]))
         _sum(ONE + row_gain[own, y], column_gain[own], gain_map[channel, y], gain)
         _sum(row_offset[own, y], column_offset[own], offset_map[channel, y], offset)
-        small, apart = _light(source, gain, n[ELECTRONS], n[DARK_E], n[LIMIT_E], light)
+        small, apart = _light(source, gain, n[ELECTRONS], n[DARK_E], n[FAINT_E], n[LIMIT_E], light)
         _bits(key, columns, one, other)
         _places(one, a, fa)
         _places(other, b, fb)
@@ -328,12 +335,11 @@ def expose(
                 target if apart == width else result,
             )  # fmt: skip
             if apart < width:
-                _take_apart(light, n[DARK_E], n[LIMIT_E], result, target)
+                _take_apart(light, n[DARK_E], n[FAINT_E], n[LIMIT_E], result, target)
             continue
         aside_image = image
         for x in range(width):  # put aside, so that their further steps run over long arrays too
-            m = light[x] + n[DARK_E]
-            if (m < LARGE) | (m > n[LIMIT_E]):
+            if _is_apart(light[x] + n[DARK_E], n[FAINT_E], n[LIMIT_E]):
                 seeds[aside], to[aside], aside_a[aside] = (
                     key + u64(columns[x]) * STEP,
                     number * width + x,

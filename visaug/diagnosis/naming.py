@@ -21,34 +21,19 @@ EXACT = 0.03  # what a form may leave over where rivals are compared
 
 
 def candidates(
-    lab: Laboratory,
-    signs: Signatures,
-    starts: Sequence[Fitted],
-    state: State,
-    without: frozenset[str],
-    report: Report,
+    lab: Laboratory, signs: Signatures, fitted: Fitted, state: State, without: frozenset[str], report: Report
 ) -> list[Refined]:
-    """The effects that match best, refined, best first.
+    """The effects that match what a fitted camera leaves best, refined, best first.
 
     Args:
-        starts: the refitted camera, and where the refit went far also the camera as given: a strong effect bends the fit until
-            the effect's own signature is no longer recognised there. Gains are counted from the best of each start.
+        fitted: the camera from which they are tried: the state's, or the camera as given.
     """
+    matches = best_of_each(signs, fitted, frozenset(state.accepted) | without, state.allowance)
     found: list[Refined] = []
-    for fitted in starts:
-        matches = best_of_each(signs, fitted, frozenset(state.accepted) | without, state.allowance)
-        worth = [m for m in matches if m.gain > max(2.0, 0.25 * matches[0].gain)][:TRIED]
-        refined = [
-            refine(lab, fitted, m, report, state.allowance)
-            for m in worth
-            if m.trial.effect not in {r.effect for r in found[:1]}
-        ]
-        if refined and found:
-            shift = max(found[0].gain, LEAST_GAIN + 1) - max(r.gain for r in refined)
-            known = {r.effect for r in found}
-            refined = [replace(r, gain=r.gain + shift) for r in refined if r.effect not in known]
-        found = sorted([*found, *refined], key=lambda r: -r.gain)
-    return found
+    for m in [m for m in matches if m.gain > max(2.0, 0.25 * matches[0].gain)][:TRIED]:
+        beaten = max((r.gain for r in found), default=0.0)
+        found.append(refine(lab, fitted, m, report, state.allowance, beaten))
+    return sorted(found, key=lambda r: -r.gain)
 
 
 def rivals(found: Sequence[Refined], state: State, chance: np.ndarray) -> list[Refined]:

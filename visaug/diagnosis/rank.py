@@ -227,6 +227,7 @@ def gain_against_chance(
 
 
 STALLED = 0.5  # gain in log likelihood below which an iteration is said to bring nothing
+HOPE = 2.0  # times what the last two iterations gained is what the next ones may still gain
 
 
 @dataclass(frozen=True)
@@ -264,11 +265,15 @@ def refine(
     match: Match,
     report: Report,
     allowance: np.ndarray | float = 0.0,
+    beaten: float = 0.0,
     iterations: int = 8,
 ) -> Refined:
     """Fits the effect's numbers by damped Gauss-Newton with common random numbers; the camera's own stay open.
 
-    It ends where two iterations in a row gain less than `STALLED`.
+    It ends where two iterations in a row gain less than `STALLED`, or do not bring it near what another has.
+
+    Args:
+        beaten: what the best of the effects tried before gains.
     """
     m = metric(fitted, FINE, allowance)
     nothing = m.log_likelihood(fitted.residual)
@@ -280,7 +285,7 @@ def refine(
     at = np.array([c.read(camera) for c in coordinates])
     priors, steps = np.array([c.prior for c in coordinates]), np.array([c.step for c in coordinates])
     best: tuple[float, np.ndarray, np.ndarray, np.ndarray] | None = None
-    step, damping, stalled = np.zeros(len(at)), 1.0, 0
+    step, damping, gains = np.zeros(len(at)), 1.0, []
     for i in range(iterations if coordinates else 1):
         points = [at, *(at + steps * (np.arange(len(at)) == j) for j in range(len(at)))]
         jobs = [(moved(camera, coordinates, list(x)), k) for x in points for k in range(twins)]
@@ -289,7 +294,7 @@ def refine(
         moves = values.reshape(len(points), twins, -1) - base
         means = moves.mean(1)
         gain = m.log_likelihood(fitted.residual - means[0]) - nothing
-        stalled = 0 if best is None or gain > best[0] + STALLED else stalled + 1
+        gains.append(gain if best is None else max(gain, best[0]))
         if best is None or gain > best[0]:
             best = (gain, at.copy(), means[0], moves[0].var(0, ddof=1))
             damping = 1.0
@@ -300,8 +305,10 @@ def refine(
                 step = np.clip(step, -0.6 * priors, 0.6 * priors)
         else:  # too far: from the best point a shorter step
             damping *= 0.35
-        if stalled == 2:
-            break
+        if len(gains) > 2:
+            lately = gains[-1] - gains[-3]
+            if lately < 2 * STALLED or gains[-1] + HOPE * lately < beaten - 0.2 * abs(beaten):
+                break
         at = np.array(
             [c.read(moved(camera, coordinates, list(best[1] + damping * step))) for c in coordinates]
         )

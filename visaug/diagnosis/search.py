@@ -199,25 +199,34 @@ class _Search:
 
     def _add(self, state: State) -> tuple[State | None, str | None]:
         """The state with one more effect; None, with the nearest effect's name, where none explains what it moves."""
-        found = candidates(self.lab, self.signs, self._starts(state), state, self.without, self.report)
-        if not found:
-            return None, None
-        self._rank(state, found)
         _, chance = gain_against_chance(self.signs, state.fitted, state.allowance, state.accepted)
-        close = rivals(found, state, chance)
-        ordered = decided(state, [(r, self._with(state, r)) for r in close])
-        for r, after in ordered:
-            if r.gain < ordered[0][0].gain - DECISIVE:
-                break
-            if explains(self.lab.statistics, state, after) and self._improves(state, after):
-                self._rank(state, [r for r, _ in ordered] + found[len(close) :])
-                self._tell_parameters(after, r)
-                self._note_ambiguous([r for r, _ in ordered])
-                return after, None
-        return None, found[0].effect if found[0].gain > 3 else None
+        nearest: str | None = None
+        ranking = dict(self.ranking)
+        for fitted in self._starts(state):
+            found = candidates(self.lab, self.signs, fitted, state, self.without, self.report)
+            if not found:
+                continue
+            if fitted is state.fitted:
+                self._rank(state, found)
+                nearest = found[0].effect if found[0].gain > 3 else None
+            close = rivals(found, state, chance)
+            ordered = decided(state, [(r, self._with(state, r)) for r in close])
+            for r, after in ordered:
+                if r.gain < ordered[0][0].gain - DECISIVE:
+                    break
+                if explains(self.lab.statistics, state, after) and self._improves(state, after):
+                    self.ranking = ranking
+                    self._rank(state, [r for r, _ in ordered] + found[len(close) :])
+                    self._tell_parameters(after, r)
+                    self._note_ambiguous([r for r, _ in ordered])
+                    return after, None
+        return None, nearest
 
     def _starts(self, state: State) -> list[Fitted]:
-        """Cameras from which effects are tried: the refitted one, and where that lies far off the camera as given."""
+        """Cameras from which effects are tried: the refitted one; if none is found there and it lies far off, the one given.
+
+        A strong effect bends the fit until the effect's own signature is no longer recognised there.
+        """
         if state.accepted or not is_far(self.first, state.fitted.camera, 0.5 * FAR):
             return [state.fitted]
         find, confirm = (f.values for f in self.lab.measured)

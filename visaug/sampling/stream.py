@@ -23,9 +23,12 @@ def derive_key(*words: object) -> int:
     return int.from_bytes(digest, "little")
 
 
-@torch.compiler.assume_constant_result
 def _signed_key(words: tuple[object, ...]) -> int:
     return _signed(derive_key(*words))
+
+
+# What `torch.compiler.assume_constant_result` does; to call it would import all of the compiler, 1.3 s, for everybody.
+vars(_signed_key)["_dynamo_marked_constant"] = True
 
 
 def _signed(key: int) -> int:
