@@ -2,24 +2,29 @@
 
     python scripts/bench.py -o docs/speed.md --machine "two cores of a shared x86-64 virtual machine"
 
-Every rival runs in turn, over and over in one process, so a busy machine slows all alike: only ratios count.
-A ratio is the median over rounds of (time / time of kornia's RandomGaussianNoise in the same round); its spread
-is the range from the 25th to the 75th percentile.
+Every rival runs in turn, over and over in one process, so a busy machine slows all alike: only ratios count. A round
+takes the rivals in an order of its own, and each runs once untimed before it is timed, so that none pays for the memory
+that the one before gave back. A ratio is the median over rounds of (time / time of kornia's RandomGaussianNoise in the
+same round); its spread is the range from the 25th to the 75th percentile.
 """
 
 import argparse
+import io
+import os
 import resource
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import torch
 
 import visaug
-from visaug.files import write_text
+from visaug.files import write_bytes, write_text
 
 SIZES = {"640 x 640": (640, 640), "1920 x 1200": (1200, 1920)}
 BASE = "kornia RandomGaussianNoise"
@@ -144,12 +149,12 @@ def timed(call: Rival, device: str) -> float:
 
 def measure(contestants: dict[str, Rival], rounds: int, device: str) -> dict[str, np.ndarray]:
     """Seconds of each rival in each round."""
-    for call in contestants.values():
-        timed(call, device)
     times: dict[str, list[float]] = {name: [] for name in contestants}
+    order = np.random.default_rng(0)
     for _ in range(rounds):
-        for name, call in contestants.items():
-            times[name].append(timed(call, device))
+        for name in order.permutation(list(contestants)):
+            timed(contestants[name], device)
+            times[name].append(timed(contestants[name], device))
     return {name: np.array(values) for name, values in times.items()}
 
 
@@ -165,21 +170,26 @@ def table(times: dict[str, np.ndarray], megapixels: float) -> list[str]:
 
 
 def peak_memory(kind: str) -> float:
-    """MB above the images and the result that eight images of 640 x 640 take, in a process of its own."""
+    """MB above the images and the result that eight images of 640 x 640 take, in a process of its own (Linux)."""
     code = f"""
-import resource, sys, torch
+import sys, torch
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 import bench
-images = bench.inputs(8, (640, 640), "cpu")
-call = bench.rivals(images, True)[{kind!r}]
-small = bench.rivals(bench.inputs(1, (64, 64), "cpu"), True)[{kind!r}]
-small()
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+call = bench.rivals(bench.inputs(8, (640, 640), "cpu"), True)[{kind!r}]
+bench.rivals(bench.inputs(1, (64, 64), "cpu"), True)[{kind!r}]()
+before = bench.resident("VmRSS")
+open("/proc/self/clear_refs", "w").write("5")  # the peak starts anew
 kept = call()
-print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024 - 8 * 640 * 640 * 4 / 2**20)
+print(bench.resident("VmHWM") - before - 8 * 640 * 640 * 4 / 2**20)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return max(0.0, float(done.stdout.split()[-1]))
+
+
+def resident(field: str) -> float:
+    """MB of this process, by the kernel's books."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith(field)) / 1024
 
 
 def seconds_of(*command: str, times: int = 5) -> float:
@@ -210,6 +220,87 @@ def start_up() -> list[str]:
     }
     lines = ["| what | processor seconds |", "| --- | --- |"]
     return lines + [f"| {name} | {value:.2f} |" for name, value in rows.items()]
+
+
+def scaling(figure: Path) -> list[str]:
+    """Processor seconds of characterize and diagnose over frames and over pixels, each doubled, as a table and a picture."""
+    small, few = (32, 48), 2
+    over_frames = [(few * 2**k, small) for k in range(4)]
+    over_pixels = [(few, (small[0] * 2 ** (k // 2 + k % 2), small[1] * 2 ** (k // 2))) for k in range(4)]
+    lines = ["| frames | pixels a frame | characterize, s | diagnose, s |", "| --- | --- | --- | --- |"]
+    found = {}
+    for repeats, size in dict.fromkeys([*over_frames, *over_pixels]):
+        frames = scaled_set(repeats, size)
+        camera = visaug.Camera.load(CAMERA | {"resolution": list(size)})
+        seconds = [
+            processor_seconds(lambda frames=frames, camera=camera: visaug.characterize(frames, camera)),
+            processor_seconds(lambda frames=frames, camera=camera: visaug.diagnose(camera, frames, sets=40)),
+        ]
+        found[repeats, size] = (len(frames), size[0] * size[1], *seconds)
+        lines.append(f"| {len(frames)} | {size[0]} x {size[1]} | {seconds[0]:.2f} | {seconds[1]:.0f} |")
+    curves = {
+        "frames": np.array([found[key] for key in over_frames])[:, [0, 2, 3]],
+        "pixels a frame": np.array([found[key] for key in over_pixels])[:, [1, 2, 3]],
+    }
+    slopes = {
+        name: [np.polyfit(np.log(c[:, 0]), np.log(c[:, k]), 1)[0] for k in (1, 2)]
+        for name, c in curves.items()
+    }
+    draw_scaling(curves, figure)
+    said = "; ".join(f"over {name} {a:.2f} and {b:.2f}" for name, (a, b) in slopes.items())
+    return [
+        "Processor time, nothing kept from before; `diagnose` with 40 simulated sets. Time grows as the power of",
+        f"(characterize and diagnose) {said}: 1 is linear, less is what does not grow.",
+        "",
+        *lines,
+        "",
+        f"![Time over frames and pixels]({figure.parent.name}/{figure.name})",
+    ]
+
+
+def scaled_set(repeats: int, size: tuple[int, int]) -> visaug.FrameSet:
+    """The default plan at one gain and two temperatures, taken by the bench's camera."""
+    from visaug.frames.plan import default_plan
+
+    camera = visaug.Camera.load(CAMERA | {"resolution": list(size)})
+    records = default_plan(
+        size,
+        dark_exposures_s=(0.5, 2.0),
+        temperatures_c=(20, 30),
+        gains_db=(0,),
+        repeats=repeats,
+        bias_frames=4 * repeats,
+    )
+    records = [record for record in records if record.kind != "scene"]
+    unread = np.broadcast_to(np.uint16(0), (len(records), *size))
+    return visaug.simulate(camera, visaug.FrameSet.from_arrays(records, unread, bit_depth=16))
+
+
+def processor_seconds(call: Rival) -> float:
+    with tempfile.TemporaryDirectory() as folder, mock.patch.dict(os.environ, VISAUG_CACHE=folder):
+        start = time.process_time()
+        call()
+        return time.process_time() - start
+
+
+def draw_scaling(curves: dict[str, np.ndarray], figure: Path) -> None:
+    from matplotlib.figure import Figure
+
+    canvas = Figure(figsize=(8, 3.2), layout="constrained")
+    for place, (name, points) in enumerate(curves.items()):
+        axes = canvas.add_subplot(1, 2, place + 1)
+        for column, label in ((1, "characterize"), (2, "diagnose")):
+            x, seconds = points[:, 0], points[:, column]
+            (drawn,) = axes.loglog(x, seconds, "o-", label=label)
+            axes.loglog(x, seconds[-1] * x / x[-1], ":", color=drawn.get_color())
+        axes.set_xlabel(name)
+        axes.minorticks_off()
+        axes.set_xticks(points[:, 0], [f"{int(n)}" for n in points[:, 0]])
+    canvas.axes[0].set_ylabel("processor seconds")
+    canvas.axes[0].legend(title="dotted: in proportion", frameon=False)
+    content = io.BytesIO()
+    canvas.savefig(content, format="png", dpi=110)
+    write_bytes(figure, content.getvalue())
 
 
 def bandwidth(device: str) -> list[str]:
@@ -294,6 +385,10 @@ def main() -> None:
     page += [f"- {name}: {value:.0f} MB" for name, value in memory.items()]
     publish(page, options.output)
     page += ["", "## Training", "", *training_step()]
+    publish(page, options.output)
+    if options.output:
+        figure = options.output.parent / "figures" / "scaling.png"
+        page += ["", "## Frames and pixels", "", *scaling(figure)]
     if "cuda" in devices:
         page += ["", "## Bandwidth", "", *bandwidth("cuda")]
     publish(page, options.output)
