@@ -7,8 +7,8 @@ import numpy as np
 
 from visaug.comparison import Laboratory
 from visaug.diagnosis.acceptance import State
-from visaug.diagnosis.fit import Fitted, Report, p_value
-from visaug.diagnosis.rank import Refined, Signatures, best_of_each, log_density, refine
+from visaug.diagnosis.fit import Fitted, Report
+from visaug.diagnosis.rank import Chance, Refined, Signatures, best_of_each, log_density, refine
 
 SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 TRIED = 4  # candidates whose numbers are refined in a step
@@ -36,35 +36,22 @@ def candidates(
     return sorted(found, key=lambda r: -r.gain)
 
 
-def rivals(found: Sequence[Refined], state: State, chance: np.ndarray) -> list[Refined]:
-    """Those among refined candidates that only a full simulation can tell apart.
-
-    Args:
-        chance: (R,) what the best of all signatures gains on simulated sets of the camera itself, by `gain_against_chance`.
-    """
+def rivals(found: Sequence[Refined], state: State, chance: Chance) -> list[Refined]:
+    """Those among refined candidates that only a full simulation can tell apart."""
     if not found:
         return []
     least = max(LEAST_GAIN, found[0].gain - max(CLOSE, 0.1 * found[0].gain))
     return [r for r in found if r.gain > least and _is_beyond(chance, state, r)][:RIVALS]
 
 
-def _is_beyond(chance: np.ndarray, state: State, candidate: Refined) -> bool:
+def _is_beyond(chance: Chance, state: State, candidate: Refined) -> bool:
     """Whether what the candidate takes away is more than some signature takes away by chance.
 
-    The likelihood alone cannot tell: statistics that share a pattern (the rows of all flats) count in it nearly as many times.
     An effect that brings a spread of its own is not seen by its mean signature and passes.
     """
     if candidate.variance.any():
         return True
-    z = state.z
-    shape = np.divide(
-        state.fitted.residual - candidate.residual,
-        state.fitted.reference.null_scale,
-        out=np.zeros_like(z),
-        where=state.fitted.reference.null_scale > 0,
-    )
-    gain = 0.5 * float(z @ shape) ** 2 / max(float(shape @ shape), 1e-12)
-    return p_value(gain, chance) <= SIGNIFICANT
+    return chance.p_value_of(state.fitted.residual - candidate.residual) <= SIGNIFICANT
 
 
 def decided(state: State, simulated: Sequence[tuple[Refined, State]]) -> list[tuple[Refined, State]]:

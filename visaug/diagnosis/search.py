@@ -27,7 +27,7 @@ from visaug.diagnosis.fit import (
 )
 from visaug.diagnosis.naming import SIGNIFICANT, candidates, decided, rivals
 from visaug.diagnosis.parameters import Coordinate, base_coordinates
-from visaug.diagnosis.rank import Refined, Signatures, gain_against_chance, signatures
+from visaug.diagnosis.rank import Refined, Signatures, chance, signatures
 from visaug.diagnosis.residue import describe
 from visaug.diagnosis.result import Diagnosis, Ranked, Step, estimates
 from visaug.effects import catalogue, load_file
@@ -182,7 +182,7 @@ class _Search:
         """That a camera lacking nothing leaves as much: by its largest residual, or by what some effect would explain."""
         reference = state.fitted.reference
         by_size = p_value(float(np.abs(state.z).max()), reference.largest)
-        by_gain = p_value(*gain_against_chance(self.signs, state.fitted, state.allowance, state.accepted))
+        by_gain = chance(self.signs, state.fitted, state.allowance, state.accepted).p_value
         return min(1.0, 2 * min(by_size, by_gain))
 
     def _error(self, fitted: Fitted) -> Error | None:
@@ -199,7 +199,7 @@ class _Search:
 
     def _add(self, state: State) -> tuple[State | None, str | None]:
         """The state with one more effect; None, with the nearest effect's name, where none explains what it moves."""
-        _, chance = gain_against_chance(self.signs, state.fitted, state.allowance, state.accepted)
+        by_chance = chance(self.signs, state.fitted, state.allowance, state.accepted)
         nearest: str | None = None
         ranking = dict(self.ranking)
         for fitted in self._starts(state):
@@ -209,7 +209,7 @@ class _Search:
             if fitted is state.fitted:
                 self._rank(state, found)
                 nearest = found[0].effect if found[0].gain > 3 else None
-            close = rivals(found, state, chance)
+            close = rivals(found, state, by_chance)
             ordered = decided(state, [(r, self._with(state, r)) for r in close])
             for r, after in ordered:
                 if r.gain < ordered[0][0].gain - DECISIVE:
