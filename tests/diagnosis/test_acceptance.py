@@ -32,3 +32,10 @@ def at(value: float, half: float = 0.01) -> Error:
 )
 def test_improves(before, after, first, accepted):
     assert improves(before, after, first) is accepted
+
+
+def test_a_faint_effect_is_hidden_by_the_noise_of_the_rest():
+    before, after = (at(0.05, 0.5), None), (at(-0.1, 0.5), None)
+    assert not improves(before, after, True)
+    assert improves(before, after, True, beyond_chance=True)
+    assert not improves(after, before, True, beyond_chance=True)

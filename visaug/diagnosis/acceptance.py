@@ -76,9 +76,15 @@ def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
 
 
 def improves(
-    before: tuple[Error | None, Error | None], after: tuple[Error | None, Error | None], first: bool
+    before: tuple[Error | None, Error | None],
+    after: tuple[Error | None, Error | None],
+    first: bool,
+    beyond_chance: bool = False,
 ) -> bool:
     """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
+
+    The error is a mean over all that was measured, so the noise of the rest hides what a faint effect takes away in a few
+    statistics: then it must fall, and what is taken away be beyond chance.
 
     A further effect must take a share of the first excess: what a form leaves over is not mopped up by another name.
     A first effect whose own spread covers what it explains has no error to lower; a second one then has no case.
@@ -86,13 +92,16 @@ def improves(
     Args:
         before, after: errors on the frames that find and on those that confirm.
         first: whether it is the first effect.
+        beyond_chance: whether what the effect takes away is more than any effect takes away by chance.
     """
     (found_before, confirmed_before), (found, confirmed) = before, after
     if found is None or found_before is None:
         return first
     if not first and found_before.value - found.value < SHARE:
         return False
-    if found.value > REMAINING * found_before.value or found.high >= found_before.value:
+    if found.value > REMAINING * found_before.value:
+        return False
+    if found.high >= found_before.value and not beyond_chance:
         return False
     if confirmed is None or confirmed_before is None or not is_clear(confirmed):
         return True  # too few frames, or an effect whose spread covers them, to object

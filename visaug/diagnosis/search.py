@@ -27,7 +27,7 @@ from visaug.diagnosis.fit import (
 )
 from visaug.diagnosis.naming import SIGNIFICANT, candidates, decided, rivals
 from visaug.diagnosis.parameters import Coordinate, base_coordinates
-from visaug.diagnosis.rank import Refined, Signatures, chance, signatures
+from visaug.diagnosis.rank import Chance, Refined, Signatures, chance, signatures
 from visaug.diagnosis.residue import describe
 from visaug.diagnosis.result import Diagnosis, Ranked, Step, estimates
 from visaug.effects import catalogue, load_file
@@ -115,7 +115,8 @@ class _Search:
             self._step(f"add {state.accepted[-1]}", state)
             p_after = self._p_value(state)
         missing = bool(p_after <= SIGNIFICANT)
-        excess = (p_given <= SIGNIFICANT or p_before <= SIGNIFICANT) and is_clear(self.steps[-1].error)
+        significant = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
+        excess = bool(state.accepted) or (significant and is_clear(self.steps[-1].error))
         residue = (
             describe(self.lab.statistics, state.z, nearest)
             if missing and self._is_worth_telling(state)
@@ -214,7 +215,7 @@ class _Search:
             for r, after in ordered:
                 if r.gain < ordered[0][0].gain - DECISIVE:
                     break
-                if explains(self.lab.statistics, state, after) and self._improves(state, after):
+                if explains(self.lab.statistics, state, after) and self._improves(state, after, by_chance):
                     self.ranking = ranking
                     self._rank(state, [r for r, _ in ordered] + found[len(close) :])
                     self._tell_parameters(after, r)
@@ -269,9 +270,10 @@ class _Search:
     def _known(reference: Reference) -> tuple[tuple[Coordinate, ...], np.ndarray, np.ndarray]:
         return reference.coordinates, reference.slopes, reference.confirm_slopes
 
-    def _improves(self, before: State, after: State) -> bool:
+    def _improves(self, before: State, after: State, by_chance: Chance) -> bool:
         pairs = [(self._found_error(x.fitted), self._confirmed_error(x.fitted)) for x in (before, after)]
-        return improves(pairs[0], pairs[1], first=not before.accepted)
+        beyond = by_chance.p_value_of(before.fitted.residual - after.fitted.residual) <= SIGNIFICANT
+        return improves(pairs[0], pairs[1], not before.accepted, beyond)
 
     def _is_worth_telling(self, state: State) -> bool:
         """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding."""
