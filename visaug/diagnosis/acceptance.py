@@ -61,17 +61,19 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
 
 
 def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
-    """Whether what was off along the effect's moves is gone, where no single statistic stands out.
+    """Whether what was off along the effect's moves is gone, where no single statistic stands out that it moves far.
 
-    An effect that moves nothing on the average must give the statistic that is furthest off a spread which covers it.
+    What is furthest off must be gone too: beside a strong effect that no one knows, a faint one is a guess. An effect that
+    moves nothing on the average must give that statistic a spread which covers it.
     """
     scale = before.fitted.reference.null_scale
     along = standardised(moves, scale)
     length = float(np.linalg.norm(along))
     off, left = (float(state.z @ along) / max(length, 1e-9) for state in (before, after))
-    if off > FAINT:
-        return abs(left) < 0.5 * off
     worst = int(np.abs(before.z).argmax())
+    if off > FAINT:
+        gone = abs(after.z[worst]) <= max(4.0, 0.3 * abs(before.z[worst]))
+        return bool(gone and abs(left) < 0.5 * off)
     return bool(after.fitted.reference.null_scale[worst] > 1.3 * scale[worst])
 
 

@@ -26,6 +26,12 @@ class Trial:
         effect = catalogue()[self.effect]
         return any(effect.parameters[key].integer for key in effect.strengths())
 
+    @property
+    def form(self) -> tuple[tuple[str, Any], ...]:
+        """All but its strengths."""
+        strengths = {f"{self.effect}.{key}" for key in catalogue()[self.effect].strengths()}
+        return tuple(pair for pair in self.values if pair[0] not in strengths)
+
     def on(self, camera: Camera) -> Camera:
         own = dict(self.values)
         if catalogue()[self.effect].base:

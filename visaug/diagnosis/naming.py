@@ -7,11 +7,22 @@ import numpy as np
 
 from visaug.comparison import Laboratory
 from visaug.diagnosis.acceptance import State
-from visaug.diagnosis.fit import Fitted, Report
-from visaug.diagnosis.rank import Chance, Refined, Signatures, best_of_each, log_density, refine
+from visaug.diagnosis.fit import Fitted, Report, standardised
+from visaug.diagnosis.rank import (
+    Chance,
+    Match,
+    Refined,
+    Signatures,
+    best_of_each,
+    log_density,
+    matches,
+    refine,
+)
 
 SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 TRIED = 4  # candidates whose numbers are refined in a step
+OTHER_STARTS = 3  # further starts of the best candidate
+MUCH = 6.0  # standard deviations in some statistic that make them worth while
 LEAST_GAIN = 5.0  # in log likelihood: with thirty effects to choose from less is chance
 CLOSE, RIVALS = (
     6.0,
@@ -28,12 +39,41 @@ def candidates(
     Args:
         fitted: the camera from which they are tried: the state's, or the camera as given.
     """
-    matches = best_of_each(signs, fitted, frozenset(state.accepted) | without, state.allowance)
+    tried = matches(signs, fitted, frozenset(state.accepted) | without, state.allowance)
+    best = best_of_each(tried)
     found: list[Refined] = []
-    for m in [m for m in matches if m.gain > max(2.0, 0.25 * matches[0].gain)][:TRIED]:
+    for m in [m for m in best if m.gain > max(2.0, 0.25 * best[0].gain)][:TRIED]:
         beaten = max((r.gain for r in found), default=0.0)
         found.append(refine(lab, fitted, m, report, state.allowance, beaten))
-    return sorted(found, key=lambda r: -r.gain)
+    found = sorted(found, key=lambda r: -r.gain)
+    if found:
+        own = [m for m in tried if m.trial.effect == found[0].effect]
+        found[0] = from_other_starts(lab, fitted, found[0], own, report, state.allowance)
+    return found
+
+
+def from_other_starts(
+    lab: Laboratory,
+    fitted: Fitted,
+    refined: Refined,
+    tried: Sequence[Match],
+    report: Report,
+    allowance: np.ndarray | float,
+) -> Refined:
+    """The best fit of an effect from starts of another form, where it leaves much over: a wrong period or place is a trap.
+
+    Args:
+        refined: the effect from its best match.
+        tried: all matches of the effect, best first.
+    """
+    others = [m for m in tried if m.trial.form != tried[0].trial.form]
+    for m in others[:OTHER_STARTS]:
+        left = np.abs(standardised(refined.residual, fitted.reference.null_scale))
+        if left.max() < MUCH:
+            break
+        again = refine(lab, fitted, m, report, allowance, refined.gain)
+        refined = max(refined, again, key=lambda r: r.gain)
+    return refined
 
 
 def rivals(found: Sequence[Refined], state: State, chance: Chance) -> list[Refined]:

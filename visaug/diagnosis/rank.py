@@ -168,24 +168,30 @@ class Match:
     variance: np.ndarray
 
 
-def best_of_each(
+def matches(
     signed: Signatures,
     fitted: Fitted,
     without: frozenset[str] = frozenset(),
     allowance: np.ndarray | float = 0.0,
 ) -> list[Match]:
-    """The best trial of every effect, best first."""
+    """Of every trial, best first."""
     m = metric(fitted, ROUGH, allowance)
     nothing = m.log_likelihood(fitted.residual)
     residual = m.white(fitted.residual)
-    matches: dict[str, Match] = {}
-    for trial, signature, variance in zip(signed.trials, signed.values, signed.variances, strict=True):
-        if trial.effect in without:
-            continue
-        match = _match(m, trial, signature, variance, fitted.residual, residual, nothing)
-        if trial.effect not in matches or match.gain > matches[trial.effect].gain:
-            matches[trial.effect] = match
-    return sorted(matches.values(), key=lambda match: -match.gain)
+    found = [
+        _match(m, trial, signature, variance, fitted.residual, residual, nothing)
+        for trial, signature, variance in zip(signed.trials, signed.values, signed.variances, strict=True)
+        if trial.effect not in without
+    ]
+    return sorted(found, key=lambda match: -match.gain)
+
+
+def best_of_each(found: Sequence[Match]) -> list[Match]:
+    """The best trial of every effect, best first."""
+    best: dict[str, Match] = {}
+    for match in found:
+        best.setdefault(match.trial.effect, match)
+    return list(best.values())
 
 
 def _match(m: Metric, trial: Trial, signature, variance, residual, white_residual, nothing: float) -> Match:

@@ -39,6 +39,7 @@ SETS_AFTER = 120  # of a camera with an effect added
 MOST = 4  # effects that are added one after the other
 DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
 TRACE = 0.03  # error below which what an accepted effect leaves over is not called unexplained
+VAGUE = 5.0  # an error with so wide an interval is not told: the file as given has no excess to speak of
 FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
 
 
@@ -100,7 +101,7 @@ class _Search:
         fitted = self._settled(fitted)
         self.signs = self._signatures(first)
         self.distance, self.confirming = self._distances(first)
-        self.confirms = is_clear(self._confirmed_error(fitted)) or not is_clear(self._found_error(fitted))
+        self.confirms = self._is_confirming_clearer(fitted)
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
         state = State(fitted, (), np.zeros(len(fitted.residual)))
         p_before = self._p_value(state)
@@ -188,7 +189,15 @@ class _Search:
 
     def _error(self, fitted: Fitted) -> Error | None:
         """On the frames that confirm; where these are too few to show the excess clearly, on those that find."""
-        return (self._confirmed_error(fitted) if self.confirms else None) or self._found_error(fitted)
+        error = (self._confirmed_error(fitted) if self.confirms else None) or self._found_error(fitted)
+        return None if error is None or error.high - error.low > VAGUE else error
+
+    def _is_confirming_clearer(self, fitted: Fitted) -> bool:
+        """Whether errors are told on the frames that confirm: always, unless noise leaves less of them there."""
+        found, confirmed = self._found_error(fitted), self._confirmed_error(fitted)
+        if confirmed is None or found is None or is_clear(confirmed):
+            return confirmed is not None
+        return confirmed.high - confirmed.low < found.high - found.low
 
     def _confirmed_error(self, fitted: Fitted) -> Error | None:
         if not len(self.confirming.measured):
@@ -212,14 +221,15 @@ class _Search:
                 nearest = found[0].effect if found[0].gain > 3 else None
             close = rivals(found, state, by_chance)
             ordered = decided(state, [(r, self._with(state, r)) for r in close])
-            for r, after in ordered:
+            for place, (r, after) in enumerate(ordered):
                 if r.gain < ordered[0][0].gain - DECISIVE:
                     break
                 if explains(self.lab.statistics, state, after) and self._improves(state, after, by_chance):
+                    standing = [other for other, _ in ordered[place:]]  # those before it were refused
                     self.ranking = ranking
-                    self._rank(state, [r for r, _ in ordered] + found[len(close) :])
+                    self._rank(state, standing + found[len(close) :])
                     self._tell_parameters(after, r)
-                    self._note_ambiguous([r for r, _ in ordered])
+                    self._note_ambiguous(standing)
                     return after, None
         return None, nearest
 

@@ -10,9 +10,9 @@ from visaug.diagnosis import Estimate, cache
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import trials
 from visaug.diagnosis.fit import Fitted, Reference, Report, is_far, make_reference, p_value, refit
-from visaug.diagnosis.naming import SIGNIFICANT
+from visaug.diagnosis.naming import SIGNIFICANT, from_other_starts
 from visaug.diagnosis.parameters import base_coordinates
-from visaug.diagnosis.rank import best_of_each, refine, signatures
+from visaug.diagnosis.rank import matches, refine, signatures
 from visaug.diagnosis.result import estimates
 from visaug.diagnosis.search import FORM, SETS, SETS_AFTER
 from visaug.effects import catalogue
@@ -117,8 +117,9 @@ class ByHand:
         known = before.fitted.reference
         others = frozenset(catalogue()) - {name}
         signs = signatures(self.lab, known, others, report)
-        match = best_of_each(signs, before.fitted, others, before.allowance)[0]
-        best = refine(self.lab, before.fitted, match, report, before.allowance)
+        tried = matches(signs, before.fitted, others, before.allowance)
+        best = refine(self.lab, before.fitted, tried[0], report, before.allowance)
+        best = from_other_starts(self.lab, before.fitted, best, tried, report, before.allowance)
         reference = make_reference(
             self.lab,
             best.camera,

@@ -40,7 +40,7 @@ class PeriodicBanding(Effect):
         unit="px",
         low=2.0,
         high=1e5,
-        trials=(6.0, 20.0, 60.0),
+        trials=(3.0, 6.0, 10.0, 20.0, 35.0, 60.0),
         source="row rate over the frequency that couples in",
     )
     second_harmonic = Parameter(
