@@ -1,9 +1,12 @@
 """When an effect is accepted: the error must fall on both sorts of frames, and a further one must take its share."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from visaug.comparison import Error
-from visaug.diagnosis.acceptance import improves
+from visaug.diagnosis.acceptance import State, explains, improves
 
 
 def at(value: float, half: float = 0.01) -> Error:
@@ -39,3 +42,32 @@ def test_a_faint_effect_is_hidden_by_the_noise_of_the_rest():
     assert not improves(before, after, True)
     assert improves(before, after, True, beyond_chance=True)
     assert not improves(after, before, True, beyond_chance=True)
+
+
+def state(z, moves=None) -> State:
+    """Residuals in units of their standard deviation, one view each."""
+    z = np.array(z, float)
+    reference = SimpleNamespace(null_scale=np.ones(len(z)))
+    return State(SimpleNamespace(reference=reference, residual=z, z=z), (), np.zeros(len(z)), moves)  # type: ignore[arg-type]
+
+
+def accepted(before, after, moves) -> bool:
+    statistics = [SimpleNamespace(view=f"view {i}") for i in range(len(before))]
+    return explains(statistics, state(before), state(after, np.array(moves, float)))  # type: ignore[arg-type]
+
+
+def test_a_faint_effect_must_bring_back_what_is_furthest_off():
+    assert accepted([3.5, 3.5, 2.0], [0.5, 0.5, 0.5], [3, 3, 1.5])
+    assert not accepted([3.5, 3.5, 38.0], [0.5, 0.5, 38.0], [3, 3, 0])
+
+
+def test_a_strong_effect_must_bring_back_what_it_moves():
+    assert accepted([20, 30, 40], [1, 2, 39], [20, 30, 0])
+    assert not accepted([20, 30, 40], [1, 29, 39], [20, 30, 0])  # half of it stays
+    assert not accepted([20, 0, 0], [0, 9, 9], [20, 9, 9])  # as much goes off as comes back
+
+
+def test_a_single_number_among_many_is_a_coincidence():
+    many = [30.0] * 20
+    assert not accepted([140, *many], [0, *many], [140, *[0] * 20])
+    assert accepted([140, 20, 20, *many], [0, 0, 0, *many], [140, 20, 20, *[0] * 20])

@@ -10,6 +10,7 @@ from visaug.diagnosis.fit import Fitted, standardised
 from visaug.fingerprint import Statistic
 
 COVERED = 0.8  # share of the statistics an effect moves that it must bring back, mean over views
+FEW = 0.1  # share of the statistics that are off which an effect must move: one that fits a single number is a coincidence
 FAINT = 3.0  # standard deviations along an effect's moves that count where no single statistic stands out
 REMAINING = 0.98  # share of the error that an accepted effect may leave; another effect may hold most of it
 SHARE = 0.01  # error that a further effect must take away
@@ -51,6 +52,8 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     seen = (moved > 4) & (was > 4)
     if not seen.any():
         return _explains_the_faint(before, after, moves)
+    if seen.sum() < FEW * np.count_nonzero(was > 4):
+        return False
     views = np.array([s.view for s in statistics])
     back = now <= np.maximum(4.0, 0.3 * was)
     shares = {v: back[seen & (views == v)] for v in dict.fromkeys(views[seen])}

@@ -64,7 +64,10 @@ def describe(statistics: Sequence[Statistic], z: np.ndarray, nearest: str | None
 
 
 def _axes(statistics: Sequence[Statistic], size: np.ndarray, far: list[int]) -> tuple[str, ...]:
-    """Axes by how much of the difference their statistics carry, each view counted once by its worst statistic."""
+    """Axes by how much of the difference their statistics carry, each view counted once by its worst statistic.
+
+    Distances count by their logarithm: a statistic that is known very precisely is not the more telling for it.
+    """
     weight: dict[str, float] = dict.fromkeys(AXES, 0.0)
     seen: dict[tuple[str, tuple[str, ...]], float] = {}
     for i in far:
@@ -72,9 +75,9 @@ def _axes(statistics: Sequence[Statistic], size: np.ndarray, far: list[int]) -> 
         seen[key] = max(seen.get(key, 0.0), float(size[i]))
     for (_, axes), value in seen.items():
         for axis in axes:
-            weight[axis] += value / len(axes)
+            weight[axis] += (1 + np.log(value / min(seen.values()))) / len(axes)
     top = max(weight.values())
-    return tuple(axis for axis in sorted(weight, key=lambda a: -weight[a]) if weight[axis] >= 0.6 * top)
+    return tuple(axis for axis in sorted(weight, key=lambda a: -weight[a]) if weight[axis] >= 0.5 * top)
 
 
 def _growth(statistics: Sequence[Statistic], size: np.ndarray) -> tuple[str, ...]:
