@@ -41,11 +41,29 @@ def check_tracking(names: Sequence[str]) -> None:
             raise InputError(f"{module} is not installed", field="tracking", expected=f"pip install {module}")
 
 
+class _Heard(logging.StreamHandler):
+    """Tells what ultralytics says of its trackers: one that cannot start is passed over with no more than a warning."""
+
+    def __init__(self, names: Sequence[str]):
+        super().__init__()
+        self.setLevel(logging.WARNING)
+        self.addFilter(lambda record: any(name in record.getMessage().lower() for name in names))
+
+
 def set_tracking(names: Sequence[str]) -> None:
     """Switch ultralytics' hooks on and off for the trainings that follow; that for Ray Tune, which would load all of
     Ray, is always off.
     """
     from ultralytics import settings
+    from ultralytics.utils import LOGGER
+
+    for old in [handler for handler in LOGGER.handlers if isinstance(handler, _Heard)]:
+        LOGGER.removeHandler(old)
+    LOGGER.setLevel(logging.WARNING if names else logging.CRITICAL)
+    for handler in LOGGER.handlers:
+        handler.setLevel(logging.CRITICAL)
+    if names:
+        LOGGER.addHandler(_Heard(names))
 
     for name in (*TRACKERS, "raytune"):
         if settings.get(name) != (name in names):

@@ -51,3 +51,16 @@ def test_a_tool_that_is_not_installed_is_refused_before_training(rendered, tmp_p
     config = check_config(config_of(rendered, tmp_path / "out", ["mlflow"]))
     with pytest.raises(InputError, match=r"tracking.*pip install mlflow"):
         training.check_arms(config)
+
+
+def test_a_tracker_that_cannot_start_is_heard_of_and_the_rest_is_not(capsys):
+    from ultralytics.utils import LOGGER
+
+    quiet.set_tracking(["mlflow"])
+    try:
+        LOGGER.warning("MLflow: Failed to initialize")
+        LOGGER.warning("something of ultralytics' own")
+    finally:
+        quiet.set_tracking([])
+    LOGGER.warning("MLflow: no longer asked for")
+    assert capsys.readouterr().err.splitlines() == ["MLflow: Failed to initialize"]
