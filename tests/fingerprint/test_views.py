@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from visaug.fingerprint import VIEWS, FrameData, fingerprint
+from visaug.fingerprint.views.spectrum import peak_frequency, power
 from visaug.frames import FrameRecord, FrameSet
 
 ROWS, COLUMNS = 60, 80
@@ -109,3 +110,12 @@ def test_every_view_has_a_picture_or_says_what_it_needs(view):
         assert picture.maps or (picture.curves and picture.x_label and picture.y_label)
         for curve in picture.curves:
             assert len(curve.x) == len(curve.y) > 0
+
+
+@pytest.mark.parametrize("period", [2.5, 9, 17.3])
+def test_a_banding_tells_its_frequency(period):
+    rows, phases = np.arange(80), np.random.default_rng(0).random((10, 1))
+    waves = np.sin(2 * np.pi * (rows / period + phases))
+    noise = 0.2 * np.random.default_rng(1).normal(size=waves.shape)
+    assert peak_frequency(power(waves + noise)) == pytest.approx(1 / period, abs=0.25 / 80)
+    assert peak_frequency(np.zeros(40)) == 0  # frames without any noise

@@ -23,11 +23,22 @@ def band_means(spectrum: np.ndarray) -> np.ndarray:
     return np.array([spectrum[a:b].mean() for a, b in pairwise(edges)])
 
 
+def peak_frequency(spectrum: np.ndarray) -> float:
+    """Of the highest bin, drawn towards its neighbours by their power: anywhere in white noise, sharp for a banding."""
+    top = int(spectrum.argmax())
+    near = np.arange(max(0, top - 1), min(len(spectrum), top + 2))
+    return float((near + 1) @ spectrum[near] / max(spectrum[near].sum(), 1e-12) / (2 * len(spectrum)))
+
+
 def band_statistics(group, view, name, spectrum, axes):
     for i, value in enumerate(band_means(spectrum)):
         yield group.statistic(view, f"{name}, band {i + 1}", axes, "log power"), np.log(value + 1e-3)
     middle = np.median(spectrum) + 1e-3
     yield group.statistic(view, f"{name}, peak", axes, "log ratio"), np.log(spectrum.max() / middle + 1e-3)
+    yield (
+        group.statistic(view, f"{name}, where the peak is", axes, "cycles per line"),
+        peak_frequency(spectrum),
+    )
     yield (
         group.statistic(view, f"{name}, at half the sampling", axes, "log ratio"),
         np.log(spectrum[-1] / middle + 1e-3),
