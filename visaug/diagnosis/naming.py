@@ -7,9 +7,9 @@ import numpy as np
 
 from visaug.comparison import Laboratory
 from visaug.diagnosis.acceptance import State
+from visaug.diagnosis.chance import Chance
 from visaug.diagnosis.fit import Fitted, Report, standardised
 from visaug.diagnosis.rank import (
-    Chance,
     Match,
     Refined,
     Signatures,

@@ -1,18 +1,19 @@
 """Which physical effect is missing: fit, name, add, refit, until nothing is missing or nothing known explains the rest."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from visaug.camera import Camera
 from visaug.cluster import connected
-from visaug.comparison import Distance, Error, Laboratory, is_clear, places
+from visaug.comparison import Laboratory, is_clear, places
 from visaug.comparison.spread import by_ray
 from visaug.diagnosis import cache
 from visaug.diagnosis.acceptance import State, explains, improves
 from visaug.diagnosis.candidates import trials
+from visaug.diagnosis.chance import Chance, chance
+from visaug.diagnosis.errors import Errors
 from visaug.diagnosis.fit import (
     FAR,
     TWINS,
@@ -27,9 +28,10 @@ from visaug.diagnosis.fit import (
 )
 from visaug.diagnosis.naming import SIGNIFICANT, candidates, decided, rivals
 from visaug.diagnosis.parameters import Coordinate, base_coordinates
-from visaug.diagnosis.rank import Chance, Refined, Signatures, chance, signatures
+from visaug.diagnosis.rank import Refined, Signatures, signatures
+from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.residue import describe
-from visaug.diagnosis.result import Diagnosis, Ranked, Step, estimates
+from visaug.diagnosis.result import Diagnosis, Step
 from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
 from visaug.frames import FrameSet
@@ -39,7 +41,6 @@ SETS_AFTER = 120  # of a camera with an effect added
 MOST = 4  # effects that are added one after the other
 DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
 TRACE = 0.03  # error below which what an accepted effect leaves over is not called unexplained
-VAGUE = 5.0  # an error with so wide an interval is not told: the file as given has no excess to speak of
 FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
 
 
@@ -92,16 +93,13 @@ class _Search:
                 expected="at least 4 under some conditions",
             )
         self.steps: list[Step] = []
-        self.ranking: dict[str, Ranked] = {}
-        self.ambiguous: list[dict] = []
 
     def run(self) -> Diagnosis:
         first = self.first = self._reference()
-        fitted = refit(self.lab, first, self.report)
-        fitted = self._settled(fitted)
+        fitted = self._settled(refit(self.lab, first, self.report))
         self.signs = self._signatures(first)
-        self.distance, self.confirming = self._distances(first)
-        self.confirms = self._is_confirming_clearer(fitted)
+        self.errors = Errors(self.lab, first, fitted)
+        self.ranking = Ranking(self.errors.distance)
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
         state = State(fitted, (), np.zeros(len(fitted.residual)))
         p_before = self._p_value(state)
@@ -131,11 +129,11 @@ class _Search:
             p_value_after=p_after,
             adequate_before=p_before > SIGNIFICANT,
             adequate_after=not missing,
-            where=places(self.distance, self.lab.statistics, self._z_as_given(first)),
-            ranking=tuple(sorted(self.ranking.values(), key=lambda r: -r.probability)),
+            where=places(self.errors.distance, self.lab.statistics, self._z_as_given(first)),
+            ranking=self.ranking.ranked,
             steps=tuple(self.steps) if excess else (),
             frames=self._sequence_numbers(),
-            ambiguous=tuple(self.ambiguous),
+            ambiguous=tuple(self.ranking.ambiguous),
             unexplained=residue,
             form=self._form(state),
             cannot_show=self._cannot_show(first),
@@ -167,13 +165,6 @@ class _Search:
         kept = cache.kept(cache.key(self.lab, reference.camera, "signatures", self.sets, words), make)
         return Signatures(tuple(tried), kept["values"], kept["variances"])
 
-    def _distances(self, first: Reference) -> tuple[Distance, Distance]:
-        find, confirm = self.lab.measured
-        return (
-            Distance(find.statistics, find.values, first.sets, first.least),
-            Distance(confirm.statistics, confirm.values, first.confirm_sets, first.confirm_least),
-        )
-
     def _largest_as_given(self, first: Reference) -> float:
         return float(np.abs(self._z_as_given(first)).max())
 
@@ -187,37 +178,20 @@ class _Search:
         by_gain = chance(self.signs, state.fitted, state.allowance, state.accepted).p_value
         return min(1.0, 2 * min(by_size, by_gain))
 
-    def _error(self, fitted: Fitted) -> Error | None:
-        """On the frames that confirm; where these are too few to show the excess clearly, on those that find."""
-        error = (self._confirmed_error(fitted) if self.confirms else None) or self._found_error(fitted)
-        return None if error is None or error.high - error.low > VAGUE else error
-
-    def _is_confirming_clearer(self, fitted: Fitted) -> bool:
-        """Whether errors are told on the frames that confirm: always, unless noise leaves less of them there."""
-        found, confirmed = self._found_error(fitted), self._confirmed_error(fitted)
-        if confirmed is None or found is None or is_clear(confirmed):
-            return confirmed is not None
-        return confirmed.high - confirmed.low < found.high - found.low
-
-    def _confirmed_error(self, fitted: Fitted) -> Error | None:
-        if not len(self.confirming.measured):
-            return None
-        return self.confirming.error(fitted.reference.confirm_sets, fitted.confirm_residual)
-
     def _step(self, action: str, state: State) -> None:
-        self.steps.append(Step(action, self._error(state.fitted)))
+        self.steps.append(Step(action, self.errors.told(state.fitted)))
 
     def _add(self, state: State) -> tuple[State | None, str | None]:
         """The state with one more effect; None, with the nearest effect's name, where none explains what it moves."""
         by_chance = chance(self.signs, state.fitted, state.allowance, state.accepted)
         nearest: str | None = None
-        ranking = dict(self.ranking)
+        standings = self.ranking.standings()
         for fitted in self._starts(state):
             found = candidates(self.lab, self.signs, fitted, state, self.without, self.report)
             if not found:
                 continue
             if fitted is state.fitted:
-                self._rank(state, found)
+                self.ranking.rank(state, found)
                 nearest = found[0].effect if found[0].gain > 3 else None
             close = rivals(found, state, by_chance)
             ordered = decided(state, [(r, self._with(state, r)) for r in close])
@@ -226,10 +200,12 @@ class _Search:
                     break
                 if explains(self.lab.statistics, state, after) and self._improves(state, after, by_chance):
                     standing = [other for other, _ in ordered[place:]]  # those before it were refused
-                    self.ranking = ranking
-                    self._rank(state, standing + found[len(close) :])
-                    self._tell_parameters(after, r)
-                    self._note_ambiguous(standing)
+                    self.ranking.restore(standings)
+                    self.ranking.rank(state, standing + found[len(close) :])
+                    self.ranking.accept(
+                        after, r.effect, self.steps[-1].error and self.errors.told(after.fitted)
+                    )
+                    self.ranking.note_ambiguous(standing, self.report)
                     return after, None
         return None, nearest
 
@@ -281,58 +257,14 @@ class _Search:
         return reference.coordinates, reference.slopes, reference.confirm_slopes
 
     def _improves(self, before: State, after: State, by_chance: Chance) -> bool:
-        pairs = [(self._found_error(x.fitted), self._confirmed_error(x.fitted)) for x in (before, after)]
+        pairs = [(self.errors.found(x.fitted), self.errors.confirmed(x.fitted)) for x in (before, after)]
         beyond = by_chance.p_value_of(before.fitted.residual - after.fitted.residual) <= SIGNIFICANT
         return improves(pairs[0], pairs[1], not before.accepted, beyond)
 
     def _is_worth_telling(self, state: State) -> bool:
         """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding."""
-        error = self._found_error(state.fitted)
+        error = self.errors.found(state.fitted)
         return not state.accepted or error is None or error.low > TRACE
-
-    def _found_error(self, fitted: Fitted) -> Error | None:
-        return self.distance.error(fitted.reference.sets, fitted.residual)
-
-    def _rank(self, state: State, refined: list[Refined]) -> None:
-        top = refined[0].gain
-        weights = np.exp([max(r.gain - top, -700.0) for r in refined])
-        for r, weight in zip(refined, weights / weights.sum(), strict=True):
-            if r.effect in self.ranking and r.effect in state.accepted:
-                continue
-            error = self.distance.error(
-                state.fitted.reference.sets,
-                r.residual,
-                np.sqrt(state.fitted.reference.null_scale**2 + r.variance),
-            )
-            own = estimates(r.effect, r.camera, r.coordinates, np.zeros((1, len(r.coordinates))))
-            self.ranking[r.effect] = Ranked(
-                r.effect, float(weight), None if error is None else error.value, own
-            )
-
-    def _tell_parameters(self, after: State, best: Refined) -> None:
-        """Intervals of the accepted effect's numbers, from refits of simulated sets of the camera that has it."""
-        reference = after.fitted.reference
-        own = estimates(best.effect, after.fitted.camera, reference.coordinates, reference.null_steps)
-        forms = {
-            path.split(".", 1)[1]: word
-            for path, word in after.fitted.camera.choices().items()
-            if path.startswith(f"{best.effect}.")
-        }
-        error = self.steps[-1].error and self._error(after.fitted)
-        self.ranking[best.effect] = replace(
-            self.ranking[best.effect],
-            parameters=own,
-            forms=forms,
-            error_after=None if error is None else error.value,
-        )
-
-    def _note_ambiguous(self, refined: list[Refined]) -> None:
-        close = [r.effect for r in refined if refined[0].gain - r.gain < 3]
-        if len(close) > 1:
-            from visaug.diagnosis.separate import measurement
-
-            cameras = {r.effect: r.camera for r in refined if r.effect in close}
-            self.ambiguous.append({"effects": close, "measure": measurement(cameras, self.report)})
 
     def _form(self, state: State) -> str | None:
         """What the forms of accepted effects leave over, in words."""

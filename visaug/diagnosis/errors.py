@@ -1,0 +1,43 @@
+"""Errors of fitted cameras on the frames that find and on those that confirm, and which of the two is told."""
+
+from visaug.comparison import Distance, Error, Laboratory, is_clear
+from visaug.diagnosis.fit import Fitted, Reference
+
+VAGUE = 5.0  # an error with so wide an interval is not told: the file as given has no excess to speak of
+
+
+class Errors:
+    """Of one measured set.
+
+    Args:
+        first: the reference of the camera file as given, whose error is 1.
+        fitted: the refitted file: by it is decided on which frames errors are told.
+    """
+
+    def __init__(self, lab: Laboratory, first: Reference, fitted: Fitted):
+        find, confirm = lab.measured
+        self.distance = Distance(find.statistics, find.values, first.sets, first.least)
+        self._confirming = Distance(
+            confirm.statistics, confirm.values, first.confirm_sets, first.confirm_least
+        )
+        self._confirms = self._is_confirming_clearer(fitted)
+
+    def told(self, fitted: Fitted) -> Error | None:
+        """On the frames that confirm; where these are too few to show the excess clearly, on those that find."""
+        error = (self.confirmed(fitted) if self._confirms else None) or self.found(fitted)
+        return None if error is None or error.high - error.low > VAGUE else error
+
+    def found(self, fitted: Fitted) -> Error | None:
+        return self.distance.error(fitted.reference.sets, fitted.residual)
+
+    def confirmed(self, fitted: Fitted) -> Error | None:
+        if not len(self._confirming.measured):
+            return None
+        return self._confirming.error(fitted.reference.confirm_sets, fitted.confirm_residual)
+
+    def _is_confirming_clearer(self, fitted: Fitted) -> bool:
+        """Whether errors are told on the frames that confirm: always, unless noise leaves less of them there."""
+        found, confirmed = self.found(fitted), self.confirmed(fitted)
+        if confirmed is None or found is None or is_clear(confirmed):
+            return confirmed is not None
+        return confirmed.high - confirmed.low < found.high - found.low

@@ -1,0 +1,76 @@
+"""What is told of the candidates: how probable each is, its numbers, and which of them these frames cannot tell apart."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from visaug.comparison import Distance, Error
+from visaug.diagnosis.acceptance import State
+from visaug.diagnosis.fit import Report
+from visaug.diagnosis.rank import Refined
+from visaug.diagnosis.result import Ranked, estimates
+from visaug.diagnosis.separate import measurement
+
+ALIKE = 3.0  # log likelihood within which two candidates are told as ambiguous
+
+
+class Ranking:
+    """The candidates of all steps so far, each by its last standing; an accepted one keeps that of its own step.
+
+    Args:
+        distance: on the frames that find.
+    """
+
+    def __init__(self, distance: Distance):
+        self._distance = distance
+        self._ranked: dict[str, Ranked] = {}
+        self.ambiguous: list[dict[str, Any]] = []
+
+    @property
+    def ranked(self) -> tuple[Ranked, ...]:
+        """The most probable first."""
+        return tuple(sorted(self._ranked.values(), key=lambda r: -r.probability))
+
+    def standings(self) -> dict[str, Ranked]:
+        """To come back to by `restore`."""
+        return dict(self._ranked)
+
+    def restore(self, standings: dict[str, Ranked]) -> None:
+        self._ranked = dict(standings)
+
+    def rank(self, state: State, refined: Sequence[Refined]) -> None:
+        """Candidates for the next effect of a state, the best first."""
+        top = refined[0].gain
+        weights = np.exp([max(r.gain - top, -700.0) for r in refined])
+        for r, weight in zip(refined, weights / weights.sum(), strict=True):
+            if r.effect in self._ranked and r.effect in state.accepted:
+                continue
+            spread = np.sqrt(state.fitted.reference.null_scale**2 + r.variance)
+            error = self._distance.error(state.fitted.reference.sets, r.residual, spread)
+            own = estimates(r.effect, r.camera, r.coordinates, np.zeros((1, len(r.coordinates))))
+            value = None if error is None else error.value
+            self._ranked[r.effect] = Ranked(r.effect, float(weight), value, own)
+
+    def accept(self, after: State, effect: str, error: Error | None) -> None:
+        """Intervals of an accepted effect's numbers, from refits of simulated sets of the camera that has it."""
+        reference = after.fitted.reference
+        forms = {
+            path.split(".", 1)[1]: word
+            for path, word in after.fitted.camera.choices().items()
+            if path.startswith(f"{effect}.")
+        }
+        self._ranked[effect] = replace(
+            self._ranked[effect],
+            parameters=estimates(effect, after.fitted.camera, reference.coordinates, reference.null_steps),
+            forms=forms,
+            error_after=None if error is None else error.value,
+        )
+
+    def note_ambiguous(self, refined: Sequence[Refined], report: Report) -> None:
+        """Those that these frames cannot tell from the best, and the measurement that would."""
+        close = [r.effect for r in refined if refined[0].gain - r.gain < ALIKE]
+        if len(close) > 1:
+            cameras = {r.effect: r.camera for r in refined if r.effect in close}
+            self.ambiguous.append({"effects": close, "measure": measurement(cameras, report)})
