@@ -1,12 +1,17 @@
 """The pieces of the diagnosis against linear algebra that is done by hand."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from scipy.stats import kstest
 
 from tests.diagnosis.small import frame_set
 from visaug import Camera
+from visaug.comparison import Laboratory
 from visaug.diagnosis.candidates import missing_base, trials
-from visaug.diagnosis.fit import adjust, p_value, standardised
+from visaug.diagnosis.chance import chance
+from visaug.diagnosis.fit import adjust, make_reference, p_value, refit, standardised
 from visaug.diagnosis.parameters import base_coordinates, moved
 from visaug.diagnosis.rank import shrunk
 from visaug.diagnosis.residue import describe
@@ -80,3 +85,32 @@ def test_what_is_left_is_described_along_its_axis_and_growth():
     residue = describe(statistics, z)
     assert residue.axis == ("column",)
     assert set(residue.grows_with) == {"exposure", "temperature"}
+
+
+def test_a_black_level_far_from_the_file_is_found(stated):
+    """60 DN off, two standard deviations of its prior; the mean of 12 bias frames is known to 0.05 DN with its pattern."""
+    off = stated.replace({"black_level_dn": stated.values()["black_level_dn"] + 60})
+    lab = Laboratory(frame_set(5), off)
+    coordinates = base_coordinates(off, lab.frames, True)
+    reference = make_reference(lab, off, coordinates, 16, lambda *_: None)
+    fitted = refit(lab, reference, lambda *_: None)
+    assert fitted.camera.values()["black_level_dn"] == pytest.approx(120, abs=1)
+
+
+def test_chance_is_no_more_certain_of_its_own_sets_than_of_new_ones():
+    """60 simulated sets of 200 correlated statistics: what the best of 30 shapes matches in new sets is uniform among them.
+
+    Kolmogorov-Smirnov over 300 new sets at p = 1e-3; a covariance that had seen the sets would be far off.
+    """
+    rng = np.random.default_rng(3)
+    mixing = rng.normal(size=(200, 200)) / 14 + np.eye(200)
+    null, new, shapes = (rng.normal(size=(n, 200)) @ mixing for n in (60, 300, 30))
+    reference = SimpleNamespace(
+        null_scale=null.std(0, ddof=1), null=null, slopes=np.zeros((200, 1)), priors=np.ones(1)
+    )
+    signed = SimpleNamespace(trials=[SimpleNamespace(effect=str(i)) for i in range(30)], values=shapes)
+    found = [
+        chance(signed, SimpleNamespace(reference=reference, residual=residual), np.zeros(200), ()).p_value  # type: ignore[arg-type]
+        for residual in new
+    ]
+    assert kstest(found, "uniform").statistic < 1.95 * np.sqrt(1 / 60 + 1 / 300)

@@ -14,6 +14,7 @@ from visaug.diagnosis.parameters import Coordinate, moved
 TWINS = 8  # simulations with common random numbers that follow the mean from one camera to another
 PAIRS = 3  # the same for each side of a derivative
 OUTLIER = 3.0  # residuals beyond so many standard deviations lose their pull on the fit (Cauchy weights)
+FAR_BLACK = 3.0  # steps of the black level after which it is first set by the bias frames' mean
 FAR = 6.0  # steps of a coordinate after which the reference is made anew
 
 Report = Callable[[str, int, int], None]
@@ -243,7 +244,8 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
         return share * np.clip(step, -0.6 * priors, 0.6 * priors)
 
     for i in range(iterations):
-        step = step_from(at, mean)
+        step = _to_bias_level(lab, reference, measured - mean) if i == 0 else None
+        step = step_from(at, mean) if step is None else step
         if i and np.all(np.abs(step) < 0.05 * steps):
             break
         camera = moved(camera, coordinates, list(at + step))
@@ -280,6 +282,20 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
         measured - mean - reference.slopes @ last,
         confirm - confirm_mean - reference.confirm_slopes @ last,
     )
+
+
+def _to_bias_level(lab: Laboratory, reference: Reference, left: np.ndarray) -> np.ndarray | None:
+    """The step that brings the black level to the mean of the bias frames, where it is far from there; else None.
+
+    Bits and codes follow the black level up and down, so that no step of a robust fit leads across many DN.
+    """
+    level = [i for i, s in enumerate(lab.statistics) if (s.view, s.name, s.kind) == ("level", "mean", "bias")]
+    black = [k for k, c in enumerate(reference.coordinates) if c.path == "black_level_dn"]
+    if not level or not black or abs(left[level[0]]) < FAR_BLACK * reference.coordinates[black[0]].step:
+        return None
+    step = np.zeros(len(reference.coordinates))
+    step[black[0]] = left[level[0]] / max(reference.slopes[level[0], black[0]], 0.5)
+    return step
 
 
 def _misfit(residual: np.ndarray, scale: np.ndarray) -> float:
