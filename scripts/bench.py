@@ -223,39 +223,54 @@ def start_up() -> list[str]:
 
 
 def scaling(figure: Path) -> list[str]:
-    """Processor seconds of characterize and diagnose over frames and over pixels, each doubled, as a table and a picture."""
-    small, few = (32, 48), 2
-    over_frames = [(few * 2**k, small) for k in range(4)]
-    over_pixels = [(few, (small[0] * 2 ** (k // 2 + k % 2), small[1] * 2 ** (k // 2))) for k in range(4)]
-    lines = ["| frames | pixels a frame | characterize, s | diagnose, s |", "| --- | --- | --- | --- |"]
-    found = {}
-    for repeats, size in dict.fromkeys([*over_frames, *over_pixels]):
-        frames = scaled_set(repeats, size)
-        camera = visaug.Camera.load(CAMERA | {"resolution": list(size)})
-        seconds = [
-            processor_seconds(lambda frames=frames, camera=camera: visaug.characterize(frames, camera)),
-            processor_seconds(lambda frames=frames, camera=camera: visaug.diagnose(camera, frames, sets=40)),
-        ]
-        found[repeats, size] = (len(frames), size[0] * size[1], *seconds)
-        lines.append(f"| {len(frames)} | {size[0]} x {size[1]} | {seconds[0]:.2f} | {seconds[1]:.0f} |")
+    """Processor seconds of characterize and diagnose over frames and over pixels, each doubled, as tables and a picture."""
+
+    def characterized(frames: visaug.FrameSet, camera: visaug.Camera) -> object:
+        return visaug.characterize(frames, camera)
+
+    def diagnosed(frames: visaug.FrameSet, camera: visaug.Camera) -> object:
+        return visaug.diagnose(camera, frames, sets=40)
+
     curves = {
-        "frames": np.array([found[key] for key in over_frames])[:, [0, 2, 3]],
-        "pixels a frame": np.array([found[key] for key in over_pixels])[:, [1, 2, 3]],
-    }
-    slopes = {
-        name: [np.polyfit(np.log(c[:, 0]), np.log(c[:, k]), 1)[0] for k in (1, 2)]
-        for name, c in curves.items()
+        "characterize": grown(characterized, (256, 384)),
+        "diagnose, 40 simulated sets": grown(diagnosed, (32, 48)),
     }
     draw_scaling(curves, figure)
-    said = "; ".join(f"over {name} {a:.2f} and {b:.2f}" for name, (a, b) in slopes.items())
-    return [
-        "Processor time, nothing kept from before; `diagnose` with 40 simulated sets. Time grows as the power of",
-        f"(characterize and diagnose) {said}: 1 is linear, less is what does not grow.",
-        "",
-        *lines,
-        "",
-        f"![Time over frames and pixels]({figure.parent.name}/{figure.name})",
+    lines = [
+        "Processor time, nothing kept from before. The power with which it grows from the first to the last: 1 is"
     ]
+    lines += ["linear; below it is what does not grow with the data.", ""]
+    for name, (over_frames, over_pixels) in curves.items():
+        lines += [f"| {name}: frames | pixels a frame | s |", "| --- | --- | --- |"]
+        lines += [f"| {n} | {pixels} | {s:.2f} |" for n, pixels, s in [*over_frames, *over_pixels[1:]]]
+        powers = [
+            np.log(c[-1][2] / c[0][2]) / np.log(c[-1][k] / c[0][k])
+            for k, c in enumerate((over_frames, over_pixels))
+        ]
+        lines += ["", f"Power over frames {powers[0]:.2f}, over pixels {powers[1]:.2f}.", ""]
+    return [*lines, f"![Time over frames and pixels]({figure.parent.name}/{figure.name})"]
+
+
+Grown = list[tuple[int, int, float]]  # frames, pixels a frame, seconds
+
+
+def grown(
+    work: Callable[[visaug.FrameSet, visaug.Camera], object], size: tuple[int, int]
+) -> tuple[Grown, Grown]:
+    """Over frames, and over pixels."""
+    rows, columns = size
+    over_frames = [(2 * 2**k, size) for k in range(4)]
+    over_pixels = [(2, (rows * 2 ** ((k + 1) // 2), columns * 2 ** (k // 2))) for k in range(4)]
+    found = {}
+    for repeats, shape in [
+        over_frames[0],
+        *dict.fromkeys([*over_frames, *over_pixels]),
+    ]:  # the first warms up
+        frames = scaled_set(repeats, shape)
+        camera = visaug.Camera.load(CAMERA | {"resolution": list(shape)})
+        seconds = processor_seconds(lambda frames=frames, camera=camera: work(frames, camera))
+        found[repeats, shape] = (len(frames), shape[0] * shape[1], seconds)
+    return [found[key] for key in over_frames], [found[key] for key in over_pixels]
 
 
 def scaled_set(repeats: int, size: tuple[int, int]) -> visaug.FrameSet:
@@ -283,21 +298,22 @@ def processor_seconds(call: Rival) -> float:
         return time.process_time() - start
 
 
-def draw_scaling(curves: dict[str, np.ndarray], figure: Path) -> None:
+def draw_scaling(curves: dict[str, tuple[Grown, Grown]], figure: Path) -> None:
     from matplotlib.figure import Figure
 
-    canvas = Figure(figsize=(8, 3.2), layout="constrained")
-    for place, (name, points) in enumerate(curves.items()):
+    canvas = Figure(figsize=(8, 3.4), layout="constrained")
+    for place, label in enumerate(("frames, times those of the first", "pixels, times those of the first")):
         axes = canvas.add_subplot(1, 2, place + 1)
-        for column, label in ((1, "characterize"), (2, "diagnose")):
-            x, seconds = points[:, 0], points[:, column]
-            (drawn,) = axes.loglog(x, seconds, "o-", label=label)
-            axes.loglog(x, seconds[-1] * x / x[-1], ":", color=drawn.get_color())
-        axes.set_xlabel(name)
+        for name, both in curves.items():
+            points = np.array(both[place])
+            times, seconds = points[:, place] / points[0, place], points[:, 2]
+            (drawn,) = axes.loglog(times, seconds, "o-", label=name)
+            axes.loglog(times, seconds[-1] * times / times[-1], ":", color=drawn.get_color())
         axes.minorticks_off()
-        axes.set_xticks(points[:, 0], [f"{int(n)}" for n in points[:, 0]])
-    canvas.axes[0].set_ylabel("processor seconds")
-    canvas.axes[0].legend(title="dotted: in proportion", frameon=False)
+        axes.set_xticks([1, 2, 4, 8], ["1", "2", "4", "8"])
+        axes.set_xlabel(label)
+        axes.set_ylabel("processor seconds")
+    canvas.axes[0].legend(title="dotted: in proportion", frameon=False, fontsize=8)
     content = io.BytesIO()
     canvas.savefig(content, format="png", dpi=110)
     write_bytes(figure, content.getvalue())
