@@ -26,7 +26,14 @@ def at(value: float, half: float = 0.01) -> Error:
             True,
             False,
         ),  # beyond chance, but next to nothing
-        ((at(0.005, 1e-4), at(0.005)), (at(0.0, 1e-4), at(0.0)), False, False),  # a trace is mopped up
+        ((at(0.001, 1e-5), at(0.001)), (at(0.0, 1e-5), at(0.0)), False, False),  # a trace is mopped up
+        (
+            (at(0.008, 1e-4), at(0.008)),
+            (at(0.006, 1e-4), at(0.006)),
+            False,
+            False,
+        ),  # a part of little is, too
+        ((at(0.008, 1e-4), at(0.008)), (at(0.0005, 1e-4), at(0.0)), False, True),  # faint beside a strong one
         ((at(0.3), at(0.3)), (at(0.0), at(0.0)), False, True),
         ((None, None), (None, None), True, True),
         ((None, None), (None, None), False, False),

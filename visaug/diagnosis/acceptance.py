@@ -13,7 +13,8 @@ COVERED = 0.8  # share of the statistics an effect moves that it must bring back
 FEW = 0.1  # share of the statistics that are off which an effect must move: one that fits a single number is a coincidence
 FAINT = 3.0  # standard deviations along an effect's moves that count where no single statistic stands out
 REMAINING = 0.98  # share of the error that an accepted effect may leave; another effect may hold most of it
-SHARE = 0.01  # error that a further effect must take away
+SHARE = 0.01  # error that a further effect must take away,
+LITTLE, NEARLY_ALL = 0.002, 0.75  # or, where more than so little is left, this share of it
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
 POOREST = 0.75  # the same share in the view that it explains least
 
@@ -91,7 +92,8 @@ def improves(
     The error is a mean over all that was measured, so the noise of the rest hides what a faint effect takes away in a few
     statistics: then it must fall, and what is taken away be beyond chance.
 
-    A further effect must take a share of the first excess: what a form leaves over is not mopped up by another name.
+    A further effect must take a share of the first excess, or nearly all that is left beside a very strong one: what a form
+    leaves over is not mopped up by another name.
     A first effect whose own spread covers what it explains has no error to lower; a second one then has no case.
 
     Args:
@@ -102,8 +104,11 @@ def improves(
     (found_before, confirmed_before), (found, confirmed) = before, after
     if found is None or found_before is None:
         return first
-    if not first and found_before.value - found.value < SHARE:
-        return False
+    if not first:
+        taken = found_before.value - found.value
+        all_that_is_left = found_before.value > LITTLE and taken > NEARLY_ALL * found_before.value
+        if taken < SHARE and not all_that_is_left:
+            return False
     if found.value > REMAINING * found_before.value:
         return False
     if found.high >= found_before.value and not beyond_chance:
