@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.diagnosis.fit import Fitted, p_value, standardised
-from visaug.diagnosis.rank import Metric, Signatures, shrunk
+from visaug.diagnosis.rank import Metric, Signatures, law
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,9 @@ class Chance:
 def chance(signed: Signatures, fitted: Fitted, allowance: np.ndarray, accepted: Sequence[str]) -> Chance:
     """Of the mean signatures of all effects that are not accepted yet, their form as it is."""
     reference = fitted.reference
-    used = reference.null_scale > 0
-    scale = reference.null_scale[used]
-    slopes = reference.slopes[used] / scale[:, None] * reference.priors
-    wider = slopes @ slopes.T + np.diag((allowance[used] / scale) ** 2)
     null = reference.null
     halves = (null[::2], null[1::2])
-    metrics = [Metric(used, scale, shrunk(half[:, used] / scale) + wider) for half in halves]
+    metrics = [law(reference, allowance, null=half) for half in halves]
     chosen = [i for i, trial in enumerate(signed.trials) if trial.effect not in accepted]
     seen = np.sqrt((standardised(signed.values[chosen], reference.null_scale) ** 2).sum(1)) > 0.5
     shapes = signed.values[chosen][seen]

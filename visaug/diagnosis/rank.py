@@ -60,14 +60,24 @@ def metric(fitted: Fitted, form: float, allowance: np.ndarray | float = 0.0) -> 
         form: how far the form of what stands out may differ from the catalogue's, relative.
         allowance: what the forms of accepted effects may leave over, per statistic.
     """
-    reference = fitted.reference
-    used = reference.null_scale > 0
+    return law(fitted.reference, np.hypot(form * fitted.residual, allowance))
+
+
+def law(
+    reference: Reference, left: np.ndarray, used: np.ndarray | None = None, null: np.ndarray | None = None
+) -> Metric:
+    """Of the residual of a refitted camera: its simulated sets' covariance, what its free numbers can do, and `left`.
+
+    Args:
+        left: what forms may leave over, per statistic.
+        used: which statistics; all that vary where left out.
+        null: residuals of some of the simulated sets; of all where left out.
+    """
+    used = reference.null_scale > 0 if used is None else used
     scale = reference.null_scale[used]
     slopes = reference.slopes[used] / scale[:, None] * reference.priors
-    left = np.hypot(form * fitted.residual, allowance)
-    covariance = (
-        shrunk(reference.null[:, used] / scale) + slopes @ slopes.T + np.diag((left[used] / scale) ** 2)
-    )
+    sets = reference.null if null is None else null
+    covariance = shrunk(sets[:, used] / scale) + slopes @ slopes.T + np.diag((left[used] / scale) ** 2)
     return Metric(used, scale, covariance)
 
 
@@ -80,13 +90,8 @@ def log_density(fitted: Fitted, allowance: np.ndarray, used: np.ndarray) -> floa
         allowance: what forms may leave over, per statistic.
         used: statistics that vary under every camera that is compared.
     """
-    reference = fitted.reference
-    scale = reference.null_scale[used]
-    slopes = reference.slopes[used] / scale[:, None] * reference.priors
-    covariance = shrunk(reference.null[:, used] / scale) + slopes @ slopes.T
-    covariance += np.diag((allowance[used] / scale) ** 2)
-    m = Metric(used, scale, covariance)
-    return m.log_likelihood(fitted.residual) - float(np.log(scale).sum())
+    m = law(fitted.reference, allowance, used)
+    return m.log_likelihood(fitted.residual) - float(np.log(m.scale).sum())
 
 
 def shrunk(samples: np.ndarray) -> np.ndarray:

@@ -102,17 +102,19 @@ class _Search:
         self.ranking = Ranking(self.errors.distance)
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
         state = State(fitted, (), np.zeros(len(fitted.residual)))
-        p_before = self._p_value(state)
+        by_chance = self._chance(state)
+        p_before = self._p_value(state, by_chance)
         self._step("refit", state)
         nearest: str | None = None
         p_after = p_before
         while p_after <= SIGNIFICANT and len(state.accepted) < MOST:
-            found, nearest = self._add(state)
+            found, nearest = self._add(state, by_chance)
             if found is None:
                 break
             state = found
             self._step(f"add {state.accepted[-1]}", state)
-            p_after = self._p_value(state)
+            by_chance = self._chance(state)
+            p_after = self._p_value(state, by_chance)
         missing = bool(p_after <= SIGNIFICANT)
         significant = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
         excess = bool(state.accepted) or (significant and is_clear(self.steps[-1].error))
@@ -171,19 +173,20 @@ class _Search:
     def _z_as_given(self, first: Reference) -> np.ndarray:
         return standardised(self.lab.measured[0].values - first.mean, first.scale)
 
-    def _p_value(self, state: State) -> float:
+    def _chance(self, state: State) -> Chance:
+        return chance(self.signs, state.fitted, state.allowance, state.accepted)
+
+    def _p_value(self, state: State, by_chance: Chance) -> float:
         """That a camera lacking nothing leaves as much: by its largest residual, or by what some effect would explain."""
         reference = state.fitted.reference
         by_size = p_value(float(np.abs(state.z).max()), reference.largest)
-        by_gain = chance(self.signs, state.fitted, state.allowance, state.accepted).p_value
-        return min(1.0, 2 * min(by_size, by_gain))
+        return min(1.0, 2 * min(by_size, by_chance.p_value))
 
     def _step(self, action: str, state: State) -> None:
         self.steps.append(Step(action, self.errors.told(state.fitted)))
 
-    def _add(self, state: State) -> tuple[State | None, str | None]:
+    def _add(self, state: State, by_chance: Chance) -> tuple[State | None, str | None]:
         """The state with one more effect; None, with the nearest effect's name, where none explains what it moves."""
-        by_chance = chance(self.signs, state.fitted, state.allowance, state.accepted)
         nearest: str | None = None
         standings = self.ranking.standings()
         for fitted in self._starts(state):
