@@ -233,7 +233,7 @@ def scaling(figure: Path) -> list[str]:
 
     curves = {
         "characterize": grown(characterized, (256, 384)),
-        "diagnose, 40 simulated sets": grown(diagnosed, (32, 48)),
+        "diagnose, 40 simulated sets": grown(diagnosed, (64, 96)),
     }
     draw_scaling(curves, figure)
     lines = [

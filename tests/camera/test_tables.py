@@ -219,3 +219,15 @@ CASES = {
 def test_law_of_a_level(case, level):
     cam = camera(dark_current={"a_e_per_s": 3.0, "b_per_c": 0.1}, **CASES[case])
     assert chi_square(shoot(cam, level), *law(cam, level)) > ALARM
+
+
+@pytest.mark.parametrize("read_e", [0.3, 2.0])
+@pytest.mark.parametrize("sigma", [0.9, 1.2, 1.5, 3.0])
+def test_law_of_a_faint_mean_beside_gaussian_offsets(sigma, read_e):
+    """A mean just below the largest that is drawn together with the offsets, where the expansion has to carry most."""
+    cam = camera(dsnu={"pixel_e": sigma}, read_noise={"sigma_e": read_e, "shape": 0.14})
+    values = {path: np.array([value]) for path, value in cam.values().items()}
+    numbers = fast._numbers(cam, 1, np.array([1.0]), values, False, False)
+    level = 0.95 * float(numbers[0, fast.kernel().FAINT_E])
+    assert level > 0
+    assert chi_square(shoot(cam, level, (2048, 2048)), *law(cam, level)) > ALARM

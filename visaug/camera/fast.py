@@ -27,8 +27,9 @@ Values = Mapping[str, np.ndarray]
 SHIFTS = {"row_noise": "row", "column_noise": "column"}  # further effects that only shift rows or columns
 WIDEST_PRNU = 0.1  # of pixels drawn anew; beyond it the expansion of the count's quantile is not exact
 VISIBLE_COMB = 2e-4
-FAINT_SKEWNESS = 0.1
+FAINT_SKEWNESS, FAINT_FIFTH = 0.1, 0.025
 ROWS_PER_TASK = 64
+TASKS_PER_THREAD = 4
 
 
 def suits(camera: "Camera", values: Values, kept: bool) -> bool:
@@ -182,8 +183,10 @@ def _numbers(
     finite = np.minimum(well, 1e9)
     below = finite - 6 * np.sqrt(finite + (finite * prnu) ** 2)
     n[:, k.LIMIT_E] = np.where((gaussian == 0) | np.isinf(well), np.inf, np.maximum(below, 0))
-    # A faint count that shares the draw adds the skewness m / (m + sigma^2)^(3/2); up to 0.1 the expansion has it.
-    n[:, k.FAINT_E] = np.where(gaussian > 0, FAINT_SKEWNESS * gaussian**3, -1)
+    # A faint count that shares the draw adds the skewness m / (m + sigma^2)^(3/2); up to 0.1 the expansion has it, and
+    # of the fifth cumulant, which it has not, read noise must hide most.
+    hidden = FAINT_FIFTH * (gaussian**2 + n[:, k.READ_SIGMA_E] ** 2) ** 2.5
+    n[:, k.FAINT_E] = np.where(gaussian > 0, np.minimum(FAINT_SKEWNESS * gaussian**3, hidden), -1)
     few = np.flatnonzero((gaussian > 0) & (gaussian < 1))
     if few.size:
         wide_sigma, wide_shape = (np.broadcast_to(x, batch)[few] for x in (sigma, shape))
@@ -213,13 +216,18 @@ def _in_threads(rows: int, *arguments: Any) -> None:
     threads = min(torch.get_num_threads(), max(1, rows // ROWS_PER_TASK))
     if threads == 1:
         return expose(source, out, 0, rows, *rest)
-    bounds = np.linspace(0, rows, 2 * threads + 1).astype(int).tolist()
-    tasks = [
-        _pool(os.getpid(), threads).submit(expose, source, out, a, b, *rest)
-        for a, b in itertools.pairwise(bounds)
-    ]
-    for task in tasks:
-        task.result()
+    bounds = np.linspace(0, rows, TASKS_PER_THREAD * threads + 1).astype(int).tolist()
+    tasks = iter(list(itertools.pairwise(bounds)))
+
+    def work() -> None:
+        for first, last in tasks:  # shared: who is free takes the next
+            expose(source, out, first, last, *rest)
+
+    helpers = [_pool(os.getpid(), threads - 1).submit(work) for _ in range(threads - 1)]
+    work()
+    for helper in helpers:
+        if not helper.cancel():  # one that has not begun finds nothing left to do
+            helper.result()
     return None
 
 
