@@ -126,7 +126,7 @@ def _lines(
     if not sigma.any():
         return np.zeros((1, channels, len(rows) * len(columns)), np.float32)
     normal = np.empty((len(keys), channels, len(rows), len(columns)), np.float32)
-    kernels.fill_normal(kernel().forked(keys, _fork_names(names)), rows.start, columns.start, normal)
+    kernels.fill_normal(kernels.forked(keys, _fork_names(names)), rows.start, columns.start, normal)
     return sigma.astype(np.float32)[:, None, None] * normal.reshape(len(keys), channels, -1)
 
 

@@ -15,8 +15,9 @@ from numba import njit, types
 from numba.extending import intrinsic
 
 from visaug.camera.tables import FIRST, FRACTION_BITS, LARGE_MEAN, MEANS_PER_ROOT, SIDE
+from visaug.sampling.kernels import mix
 
-# (numba keeps compiled code by the date of this file alone: touch it after a change to the constants of tables.py.)
+# (numba keeps compiled code by the date of this file alone: touch it after a change to the constants of tables.py or to `mix`.)
 
 # Columns of the table of numbers, one row an image.
 ELECTRONS = 0  # mean electrons of the image's value 1
@@ -65,31 +66,11 @@ def _float_bits(_typing, _number):
     return types.uint32(types.float32), generate
 
 
-@njit(inline="always")
-def _mix(x):
-    """The finaliser of SplitMix64, variant 13 of D. Stafford."""
-    x = (x ^ (x >> u64(30))) * u64(0xBF58476D1CE4E5B9)
-    x = (x ^ (x >> u64(27))) * u64(0x94D049BB133111EB)
-    return x ^ (x >> u64(31))
-
-
-@njit(**_options)
-def forked(keys, names):
-    """The keys of `Stream.fork` for one name after another, (B,) uint64."""
-    out = np.empty(len(keys), np.uint64)
-    for i in range(len(keys)):
-        key = keys[i]
-        for name in names:
-            key = _mix(key ^ name)
-        out[i] = key
-    return out
-
-
 @njit(**_options)
 def _bits(key, columns, one, other):
     """Two words of 32 random bits for each column of the sensor."""
     for x in range(columns.size):
-        bits = _mix(key + u64(columns[x]) * STEP)
+        bits = mix(key + u64(columns[x]) * STEP)
         one[x], other[x] = u32(bits), u32(bits >> u64(32))
 
 
@@ -97,7 +78,7 @@ def _bits(key, columns, one, other):
 def _more_bits(seeds, one, other):
     """Two further words for each pixel, `seeds` being what `_bits` mixed."""
     for x in range(seeds.size):
-        bits = _mix(seeds[x] ^ OTHER)
+        bits = mix(seeds[x] ^ OTHER)
         one[x], other[x] = u32(bits), u32(bits >> u64(32))
 
 
@@ -313,7 +294,7 @@ def expose(
             )
             aside = 0
         n, source, target = numbers[image], images[plane, y], out[plane, y]
-        key = _mix(_mix(keys[image] + u64(channel) * STEP) + u64(y + origin[0]))
+        key = mix(mix(keys[image] + u64(channel) * STEP) + u64(y + origin[0]))
         _sum(ONE + row_gain[own, y], column_gain[own], gain_map[channel, y], gain)
         _sum(row_offset[own, y], column_offset[own], offset_map[channel, y], offset)
         small, apart = _light(source, gain, n[ELECTRONS], n[DARK_E], n[FAINT_E], n[LIMIT_E], light)

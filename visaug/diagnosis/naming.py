@@ -39,10 +39,16 @@ def candidates(
     Args:
         fitted: the camera from which they are tried: the state's, or the camera as given.
     """
-    tried = matches(signs, fitted, frozenset(state.accepted) | without, state.allowance)
+    left_out = frozenset(state.accepted) | without
+    tried = matches(signs, fitted, left_out, state.allowance)
     best = best_of_each(tried)
+    chosen = [m for m in best if m.gain > max(2.0, 0.25 * best[0].gain)][:TRIED]
+    # With a form left open, what moves one statistic alone can gain little, however far that is off.
+    exact = next(iter(matches(signs, fitted, left_out, state.allowance, form=0.0)), None)
+    if exact and exact.gain > LEAST_GAIN and exact.trial.effect not in [m.trial.effect for m in chosen]:
+        chosen.append(exact)
     found: list[Refined] = []
-    for m in [m for m in best if m.gain > max(2.0, 0.25 * best[0].gain)][:TRIED]:
+    for m in chosen:
         beaten = max((r.gain for r in found), default=0.0)
         found.append(refine(lab, fitted, m, report, state.allowance, beaten))
     found = sorted(found, key=lambda r: -r.gain)

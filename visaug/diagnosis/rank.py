@@ -178,9 +178,14 @@ def matches(
     fitted: Fitted,
     without: frozenset[str] = frozenset(),
     allowance: np.ndarray | float = 0.0,
+    form: float = ROUGH,
 ) -> list[Match]:
-    """Of every trial, best first."""
-    m = metric(fitted, ROUGH, allowance)
+    """Of every trial, best first.
+
+    Args:
+        form: see `metric`.
+    """
+    m = metric(fitted, form, allowance)
     nothing = m.log_likelihood(fitted.residual)
     residual = m.white(fitted.residual)
     found = [

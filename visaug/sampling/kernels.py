@@ -56,27 +56,31 @@ def _normal(bits):
 
 
 @njit(inline="always")
-def _poisson(mean, bits):
-    """Poisson quantile: summed for small means, Giles' asymptotic inverse otherwise (see distributions.py)."""
+def _few(mean, bits):
+    """Poisson quantile of a mean below 10, summed."""
     if not mean > 0.0:
         return 0.0
-    if mean < 10.0:
-        p, side = _tail(bits)
-        u = p if side < 0 else 1.0 - p
-        if u <= 1.0 - mean:  # below exp(-mean) in any case: bias frames need no exponential
-            return 0.0
-        term = math.exp(-mean)
-        total = term
-        n = 0
-        while u > total and n < 64:
-            n += 1
-            term *= mean / n
-            total += term
-        return float(n)
+    p, side = _tail(bits)
+    u = p if side < 0 else 1.0 - p
+    if u <= 1.0 - mean:  # below exp(-mean) in any case: bias frames need no exponential
+        return 0.0
+    term = math.exp(-mean)
+    total = term
+    n = 0
+    while u > total and n < 64:
+        n += 1
+        term *= mean / n
+        total += term
+    return float(n)
+
+
+@njit(inline="always")
+def _many(mean, root, inverse, bits):
+    """Poisson quantile of a larger mean, its root and one over the root: Giles' expansion (see distributions.py)."""
     w = _normal(bits)
-    root = math.sqrt(mean)
-    x = mean + root * w + (1.0 / 3.0 + w * w / 6.0) - (w / 36.0 + w * w * w / 72.0) / root
-    x += (-8.0 / 405.0 + w * w * (7.0 / 810.0 + w * w / 270.0)) / mean
+    w2 = w * w
+    x = mean + root * w + (1.0 / 3.0 + w2 * (1.0 / 6.0)) - w * (1.0 / 36.0 + w2 * (1.0 / 72.0)) * inverse
+    x += (-8.0 / 405.0 + w2 * (7.0 / 810.0 + w2 * (1.0 / 270.0))) * inverse * inverse
     return max(0.0, math.floor(x))
 
 
@@ -93,6 +97,26 @@ def _bits_row(out, key, channel, row, c0, width):
                 out[i + j] = words[j]
         i += 4
         block += 1
+
+
+@njit(inline="always")
+def mix(x):
+    """The same as in philox.py, of one number."""
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return x ^ (x >> np.uint64(31))
+
+
+@njit(**_fast)
+def forked(keys, names):
+    """The keys of `Stream.fork` for one name after another, (B,) uint64."""
+    out = np.empty(len(keys), np.uint64)
+    for i in range(len(keys)):
+        key = keys[i]
+        for name in names:
+            key = mix(key ^ name)
+        out[i] = key
+    return out
 
 
 @njit(**_fast)
@@ -120,12 +144,20 @@ def fill_normal(keys, r0, c0, out):
 def fill_poisson(keys, r0, c0, mean, out):
     batch, channels, rows, width = out.shape
     bits = np.empty(width, np.uint64)
+    last, root, inverse = 0.0, 0.0, 0.0  # neighbours of an even field share their roots
     for b in range(batch):
         for channel in range(channels):
             for r in range(rows):
                 _bits_row(bits, keys[b], channel, r0 + r, c0, width)
                 for i in range(width):
-                    out[b, channel, r, i] = _poisson(np.float64(mean[b, channel, r, i]), bits[i])
+                    m = np.float64(mean[b, channel, r, i])
+                    if not m >= 10.0:
+                        out[b, channel, r, i] = _few(m, bits[i])
+                        continue
+                    if m != last:
+                        last, root = m, math.sqrt(m)
+                        inverse = 1.0 / root
+                    out[b, channel, r, i] = _many(m, root, inverse, bits[i])
 
 
 @njit(inline="always")

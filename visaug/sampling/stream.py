@@ -36,6 +36,12 @@ def _signed(key: int) -> int:
     return key - 2**64 if key >= 2**63 else key
 
 
+def _forked(keys: Tensor, name: int) -> Tensor:
+    """`mix(keys ^ name)` on the CPU, without a dozen operators on a few numbers."""
+    names = np.array([name & (2**64 - 1)], np.uint64)
+    return torch.from_numpy(kernels.forked(keys.numpy().view(np.uint64), names).view(np.int64))
+
+
 def _as_tensor(keys: "Sequence[int] | Tensor", device: torch.device) -> Tensor:
     """(B,) int64; (1,) where all keys are known to be equal."""
     if isinstance(keys, Tensor):
@@ -77,9 +83,11 @@ class Stream:
     def fork(self, *words: object) -> "Stream":
         """An independent stream for the same images and cameras."""
         name = _signed_key(words)
-        return Stream(
-            mix(self._keys ^ name), mix(self._camera_keys ^ name), self.channels, self.window, self.device
-        )
+        if self._native():
+            keys, camera_keys = (_forked(k, name) for k in (self._keys, self._camera_keys))
+        else:
+            keys, camera_keys = mix(self._keys ^ name), mix(self._camera_keys ^ name)
+        return Stream(keys, camera_keys, self.channels, self.window, self.device)
 
     @property
     def fixed(self) -> "Stream":

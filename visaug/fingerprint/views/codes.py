@@ -7,8 +7,11 @@ from visaug.fingerprint.view import Curve, Picture, View
 
 def histogram(groups) -> np.ndarray:
     """Counts of DN codes over the frames of groups."""
-    codes = np.concatenate([g.frames.ravel() for g in groups]).astype(np.int64)
-    return np.bincount(np.clip(codes, 0, None))
+    found = [np.bincount(g.frames.ravel().astype(np.intp)) for g in groups]
+    counts = np.zeros(max(map(len, found)), np.int64)
+    for one in found:
+        counts[: len(one)] += one
+    return counts
 
 
 class Codes(View):
