@@ -1,6 +1,6 @@
 """Which physical effect is missing: fit, name, add, refit, until nothing is missing or nothing known explains the rest."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -189,8 +189,8 @@ class _Search:
         """The state with one more effect; None, with the nearest effect's name, where none explains what it moves."""
         nearest: str | None = None
         standings = self.ranking.standings()
-        for fitted, signs in self._starts(state):
-            found = candidates(self.lab, signs, fitted, state, self.without, self.report)
+        for fitted in self._starts(state):
+            found = candidates(self.lab, self.signs, fitted, state, self.without, self.report)
             if not found:
                 continue
             if fitted is state.fitted:
@@ -212,22 +212,18 @@ class _Search:
                     return after, None
         return None, nearest
 
-    def _starts(self, state: State) -> Iterator[tuple[Fitted, Signatures]]:
-        """Cameras from which effects are tried, one after the other until one is found, and the signatures to look for.
+    def _starts(self, state: State) -> list[Fitted]:
+        """Cameras from which effects are tried: the refitted one; if none is found there and it lies far off, the one given.
 
-        First the refitted one. A strong effect bends the fit until its signature, as the given camera would show it, is no
-        longer recognised there: then the camera as given, and last the refitted one with signatures of its own.
+        A strong effect bends the fit until the effect's own signature is no longer recognised there.
         """
-        yield state.fitted, self.signs
         if state.accepted or not is_far(self.first, state.fitted.camera, 0.5 * FAR):
-            return
+            return [state.fitted]
         find, confirm = (f.values for f in self.lab.measured)
         given = Fitted(
             self.first, self.given, find - self.first.mean, confirm - self.first.confirm_sets.mean(0)
         )
-        yield given, self.signs
-        if state.fitted.reference is not self.first:
-            yield state.fitted, self._signatures(state.fitted.reference)
+        return [state.fitted, given]
 
     def _with(self, state: State, candidate: Refined) -> State:
         """The state with a candidate added: simulated, refitted."""
