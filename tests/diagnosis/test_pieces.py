@@ -9,11 +9,12 @@ from scipy.stats import kstest
 from tests.diagnosis.small import frame_set
 from visaug import Camera
 from visaug.comparison import Laboratory
-from visaug.diagnosis.candidates import missing_base, trials
+from visaug.diagnosis.candidates import Trial, missing_base, trials
 from visaug.diagnosis.chance import chance
-from visaug.diagnosis.fit import adjust, make_reference, p_value, refit, standardised
+from visaug.diagnosis.fit import Fitted, adjust, make_reference, p_value, refit, standardised
+from visaug.diagnosis.naming import first_matches
 from visaug.diagnosis.parameters import base_coordinates, moved
-from visaug.diagnosis.rank import shrunk
+from visaug.diagnosis.rank import Signatures, shrunk
 from visaug.diagnosis.residue import describe
 from visaug.effects import catalogue
 from visaug.fingerprint import Statistic
@@ -114,3 +115,20 @@ def test_chance_is_no_more_certain_of_its_own_sets_than_of_new_ones():
         for residual in new
     ]
     assert kstest(found, "uniform").statistic < 1.95 * np.sqrt(1 / 60 + 1 / 300)
+
+
+def test_an_effect_of_one_statistic_is_tried_beside_one_of_many():
+    """A pattern in the longest dark, fourteen deviations off, beside a seam that a little of everything resembles."""
+    count, sets = 60, 400
+    null = np.random.default_rng(3).normal(size=(sets, count))
+    reference = SimpleNamespace(
+        null=null, null_scale=np.ones(count), slopes=np.zeros((count, 1)), priors=np.ones(1)
+    )
+    one, many = np.zeros(count), np.zeros(count)
+    one[0], many[10:40] = 14.0, 1.4
+    fitted = Fitted(reference, None, one + many, np.zeros(count))  # pyright: ignore[reportArgumentType]
+    names = ("dark_current_nonuniformity.spread", "tap_mismatch.gain")
+    tried = tuple(Trial(name.split(".")[0], ((name, 0.1),)) for name in names)
+    signs = Signatures(tried, np.array([one, many]), np.zeros((2, count)))
+    _, chosen = first_matches(signs, fitted, frozenset(), 0.0)
+    assert [m.trial.effect for m in chosen] == ["tap_mismatch", "dark_current_nonuniformity"]

@@ -39,14 +39,7 @@ def candidates(
     Args:
         fitted: the camera from which they are tried: the state's, or the camera as given.
     """
-    left_out = frozenset(state.accepted) | without
-    tried = matches(signs, fitted, left_out, state.allowance)
-    best = best_of_each(tried)
-    chosen = [m for m in best if m.gain > max(2.0, 0.25 * best[0].gain)][:TRIED]
-    # With a form left open, what moves one statistic alone can gain little, however far that is off.
-    exact = next(iter(matches(signs, fitted, left_out, state.allowance, form=0.0)), None)
-    if exact and exact.gain > LEAST_GAIN and exact.trial.effect not in [m.trial.effect for m in chosen]:
-        chosen.append(exact)
+    tried, chosen = first_matches(signs, fitted, frozenset(state.accepted) | without, state.allowance)
     found: list[Refined] = []
     for m in chosen:
         beaten = max((r.gain for r in found), default=0.0)
@@ -56,6 +49,23 @@ def candidates(
         own = [m for m in tried if m.trial.effect == found[0].effect]
         found[0] = from_other_starts(lab, fitted, found[0], own, report, state.allowance)
     return found
+
+
+def first_matches(
+    signs: Signatures, fitted: Fitted, without: frozenset[str], allowance: np.ndarray | float
+) -> tuple[list[Match], list[Match]]:
+    """All trials, best first, and of every effect that is worth refining its best one.
+
+    With a form left open, what moves one statistic alone can gain little, however far that is off: so the trial that gains
+    most by its exact form is among them.
+    """
+    tried = matches(signs, fitted, without, allowance)
+    best = best_of_each(tried)
+    chosen = [m for m in best if m.gain > max(2.0, 0.25 * best[0].gain)][:TRIED]
+    exact = next(iter(matches(signs, fitted, without, allowance, form=0.0)), None)
+    if exact and exact.gain > LEAST_GAIN and exact.trial.effect not in [m.trial.effect for m in chosen]:
+        chosen.append(exact)
+    return tried, chosen
 
 
 def from_other_starts(
