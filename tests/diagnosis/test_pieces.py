@@ -121,9 +121,8 @@ def test_an_effect_of_one_statistic_is_tried_beside_one_of_many():
     """A pattern in the longest dark, fourteen deviations off, beside a seam that a little of everything resembles."""
     count, sets = 60, 400
     null = np.random.default_rng(3).normal(size=(sets, count))
-    reference = SimpleNamespace(
-        null=null, null_scale=np.ones(count), slopes=np.zeros((count, 1)), priors=np.ones(1)
-    )
+    scale = np.ones(count)
+    reference = SimpleNamespace(null=null, null_scale=scale, slopes=np.zeros((count, 1)), priors=np.ones(1))
     one, many = np.zeros(count), np.zeros(count)
     one[0], many[10:40] = 14.0, 1.4
     fitted = Fitted(reference, None, one + many, np.zeros(count))  # pyright: ignore[reportArgumentType]

@@ -23,6 +23,7 @@ SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 TRIED = 4  # candidates whose numbers are refined in a step
 OTHER_STARTS = 3  # further starts of the best candidate
 MUCH = 6.0  # standard deviations in some statistic that make them worth while
+FAR_OUT = 30.0  # standard deviations beyond which a form that is a little different is far off too
 LEAST_GAIN = 5.0  # in log likelihood: with thirty effects to choose from less is chance
 CLOSE, RIVALS = (
     6.0,
@@ -57,14 +58,17 @@ def first_matches(
     """All trials, best first, and of every effect that is worth refining its best one.
 
     With a form left open, what moves one statistic alone can gain little, however far that is off: so the trial that gains
-    most by its exact form is among them.
+    most by its exact form is among them. Not where something stands so far out that every form would be wrong, nor one that
+    brings a spread of its own, which covers anything.
     """
     tried = matches(signs, fitted, without, allowance)
     best = best_of_each(tried)
     chosen = [m for m in best if m.gain > max(2.0, 0.25 * best[0].gain)][:TRIED]
-    exact = next(iter(matches(signs, fitted, without, allowance, form=0.0)), None)
-    if exact and exact.gain > LEAST_GAIN and exact.trial.effect not in [m.trial.effect for m in chosen]:
-        chosen.append(exact)
+    if np.abs(fitted.z).max() < FAR_OUT:
+        exact = matches(signs, fitted, without, allowance, form=0.0)
+        sure = next((m for m in exact if m.gain > LEAST_GAIN and not m.variance.any()), None)
+        if sure and sure.trial.effect not in [m.trial.effect for m in chosen]:
+            chosen.append(sure)
     return tried, chosen
 
 
