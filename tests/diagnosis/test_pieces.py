@@ -131,3 +131,17 @@ def test_an_effect_of_one_statistic_is_tried_beside_one_of_many():
     signs = Signatures(tried, np.array([one, many]), np.zeros((2, count)))
     _, chosen = first_matches(signs, fitted, frozenset(), 0.0)
     assert [m.trial.effect for m in chosen] == ["tap_mismatch", "dark_current_nonuniformity"]
+
+
+def test_the_black_level_leaves_where_the_full_well_cuts(stated):
+    """In DN: else a fit that moves one would have to move the other to one part in 100 000."""
+    free = base_coordinates(stated, frame_set(0), True)
+    at = [c.read(stated) for c in free]
+    there = moved(
+        stated, free, [x + 7.0 * (c.path == "black_level_dn") for x, c in zip(at, free, strict=True)]
+    )
+    before, after = (c.values() for c in (stated, there))
+    assert after["black_level_dn"] == before["black_level_dn"] + 7.0
+    cut = [v["full_well_e"] / v["gain_e_per_dn"] + v["black_level_dn"] for v in (before, after)]
+    assert cut[1] == pytest.approx(cut[0], rel=1e-12)
+    assert any(c.path == "full_well_e" for c in free)

@@ -2,7 +2,7 @@
 
 What is positive goes by its logarithm. What is counted in electrons goes by its size in DN, as frames show it: then a step of
 the system gain leaves every level, pattern and read noise in DN where it was and moves shot noise alone, and no step has to
-cancel against ten others.
+cancel against ten others. The full well goes by the DN at which it cuts, so that the black level leaves that where it was.
 """
 
 import math
@@ -17,7 +17,7 @@ from visaug.effects import Parameter, catalogue
 from visaug.frames import FrameSet
 
 GAUSSIAN_SHAPE = 0.14
-GAIN = "gain_e_per_dn"
+GAIN, BLACK, WELL = "gain_e_per_dn", "black_level_dn", "full_well_e"
 
 
 @dataclass(frozen=True)
@@ -41,23 +41,25 @@ class Coordinate:
     def read(self, camera: Camera) -> float:
         values = camera.values()
         value = values[self.path] / (values[GAIN] if self.in_dn else 1.0)
+        value += values[BLACK] if self.path == WELL else 0.0
         return math.log(value) if self.logarithmic else value
 
-    def number(self, coordinate: float, gain_e_per_dn: float) -> float:
+    def number(self, coordinate: float, gain_e_per_dn: float, black_level_dn: float) -> float:
         """The number itself, within the parameter's bounds."""
         parameter = place_of(self.path).parameter
         value = math.exp(min(coordinate, 60.0)) if self.logarithmic else coordinate
+        value -= black_level_dn if self.path == WELL else 0.0
         value *= gain_e_per_dn if self.in_dn else 1.0
         return min(max(value, parameter.low), parameter.high)
 
 
 def moved(camera: Camera, coordinates: Sequence[Coordinate], at: Sequence[float]) -> Camera:
     """The camera with these coordinates."""
-    gain = camera.values()[GAIN]
-    for c, x in zip(coordinates, at, strict=True):
-        if c.path == GAIN:
-            gain = c.number(x, 1.0)
-    return camera.replace({c.path: c.number(x, gain) for c, x in zip(coordinates, at, strict=True)})
+    values = camera.values()
+    scale = {path: values[path] for path in (GAIN, BLACK)}
+    pairs = list(zip(coordinates, at, strict=True))
+    scale |= {c.path: c.number(x, 1.0, 0.0) for c, x in pairs if c.path in scale}
+    return camera.replace({c.path: c.number(x, scale[GAIN], scale[BLACK]) for c, x in pairs})
 
 
 def intervals(
@@ -68,7 +70,8 @@ def intervals(
     Args:
         steps: (R, coordinates), how far refitting moved simulated sets of the camera; (1, coordinates) zeros for no interval.
     """
-    gain = camera.values()[GAIN]
+    values = camera.values()
+    scale = (values[GAIN], values[BLACK])
     wavers = next(
         (steps[:, [k]] for k, c in enumerate(coordinates) if c.path == GAIN), np.zeros((len(steps), 1))
     )
@@ -77,7 +80,7 @@ def intervals(
         at = c.read(camera)
         own = steps[:, [k]] + (wavers * (1.0 if c.logarithmic else at) if c.in_dn else 0.0)
         reach = 1.96 * float(own.std(ddof=1)) if len(steps) > 1 else 0.0
-        found[c.path] = (c.number(at, gain), c.number(at - reach, gain), c.number(at + reach, gain))
+        found[c.path] = (c.number(at, *scale), c.number(at - reach, *scale), c.number(at + reach, *scale))
     return found
 
 
@@ -95,7 +98,7 @@ def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list
     exposed = {r.exposure_s for r in frames.records if r.kind in ("dark", "bias")}
     temperatures = {r.temperature_c for r in frames.records if r.kind == "dark"}
     values = camera.values()
-    free: list[Coordinate] = [Coordinate("black_level_dn", False, 1.0, 30.0)]
+    free: list[Coordinate] = [Coordinate(BLACK, False, 1.0, 30.0)]
 
     def scale(path: str, step: float = 0.04, prior: float = 0.5) -> None:
         if 0 < values[path] < math.inf:
@@ -105,7 +108,7 @@ def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list
         scale(GAIN, 0.02, 0.3)
         if calibrated:
             scale("quantum_efficiency", 0.02, 0.3)
-        scale("full_well_e", 0.01, 0.3)
+        scale(WELL, 0.01, 0.3)
         for part in ("column", "row", "pixel"):
             scale(f"prnu.{part}", 0.08, 1.0)
     for part in ("column_e", "row_e", "pixel_e"):
