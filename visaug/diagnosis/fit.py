@@ -9,7 +9,7 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.comparison.distance import variance
 from visaug.comparison.laboratory import Laboratory
-from visaug.diagnosis.parameters import Coordinate, moved
+from visaug.diagnosis.parameters import BLACK, WELL, Coordinate, moved
 
 TWINS = 8  # simulations with common random numbers that follow the mean from one camera to another
 PAIRS = 3  # the same for each side of a derivative
@@ -235,7 +235,7 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
     at, camera = start.copy(), reference.camera
     mean, confirm_mean = reference.mean, reference.confirm_sets.mean(0)
     best = (_misfit(measured - mean, reference.scale), at, camera, mean, confirm_mean)
-    damping, bends = 0.0, np.array([c.path == "full_well_e" for c in coordinates], bool)
+    damping, bends = 0.0, np.array([c.path == WELL for c in coordinates], bool)
     share = np.ones(len(start))
 
     def step_from(at: np.ndarray, mean: np.ndarray) -> np.ndarray:
@@ -290,7 +290,7 @@ def _to_bias_level(lab: Laboratory, reference: Reference, left: np.ndarray) -> n
     Bits and codes follow the black level up and down, so that no step of a robust fit leads across many DN.
     """
     level = [i for i, s in enumerate(lab.statistics) if (s.view, s.name, s.kind) == ("level", "mean", "bias")]
-    black = [k for k, c in enumerate(reference.coordinates) if c.path == "black_level_dn"]
+    black = [k for k, c in enumerate(reference.coordinates) if c.path == BLACK]
     if not level or not black or abs(left[level[0]]) < FAR_BLACK * reference.coordinates[black[0]].step:
         return None
     step = np.zeros(len(reference.coordinates))
