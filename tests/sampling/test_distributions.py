@@ -166,3 +166,13 @@ def test_fixed_numbers_belong_to_the_camera():
     first, again, other = (Stream([i], [c], 1, window).fixed.normal() for i, c in ((1, 5), (2, 5), (2, 6)))
     assert torch.equal(first, again)
     assert not torch.equal(first, other)
+
+
+def test_a_count_depends_on_its_own_mean_alone(path):
+    """Not on its neighbour's, whose root an even field shares."""
+    levels = [50.0, 20.0, 20.0, 9.0, 50.0]
+    mixed = torch.tensor(levels).repeat(200).expand(1, 1, 200, 1000)
+    counts = stream(4).poisson(mixed)
+    for place, level in enumerate(levels):
+        even = stream(4).poisson(torch.full((1, 1, 200, 1000), level))
+        assert torch.equal(counts[..., place::5], even[..., place::5])

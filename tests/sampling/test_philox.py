@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from visaug.sampling import Stream, derive_key, kernels
+from visaug.sampling import stream as stream_module
 from visaug.sampling.philox import philox, sensor_bits
 
 # Random123 1.14.0 (D. E. Shaw Research), tests/kat_vectors, "philox4x32 10": counter, key, answer.
@@ -70,3 +71,12 @@ def test_streams_are_uncorrelated():
         a, b = torch.broadcast_tensors(a, b)
         correlation = 12 * (a * b).mean()
         assert abs(correlation) < 6 / a.numel() ** 0.5
+
+
+def test_a_fork_is_the_same_stream_in_both_ways(monkeypatch):
+    keys, cameras = [7, 2**63 + 5, 2**64 - 1], [1, 2**63, 3]
+    native = Stream(keys, cameras, 1, (range(2), range(3))).fork("shot", 2)
+    monkeypatch.setattr(stream_module, "kernels", None)
+    plain = Stream(keys, cameras, 1, (range(2), range(3))).fork("shot", 2)
+    assert torch.equal(native._keys, plain._keys)
+    assert torch.equal(native._camera_keys, plain._camera_keys)
