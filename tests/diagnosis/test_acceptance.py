@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from visaug.comparison import Error
-from visaug.diagnosis.acceptance import State, explains, improves
+from visaug.diagnosis.acceptance import State, brings_back, explains, improves
 
 
 def at(value: float, half: float = 0.01) -> Error:
@@ -49,6 +49,15 @@ def test_a_faint_effect_is_hidden_by_the_noise_of_the_rest():
     assert not improves(before, after, True)
     assert improves(before, after, True, beyond_chance=True)
     assert not improves(after, before, True, beyond_chance=True)
+
+
+def test_what_no_form_could_leave_over_is_reason_for_a_second_name():
+    before, after = (at(0.0018), at(0.0009)), (at(-0.001), at(-0.0005))
+    assert not improves(before, after, False, beyond_chance=True)
+    assert improves(before, after, False, beyond_chance=True, brought_back=True)
+    assert brings_back(state([15.0, 2.0]), state([3.0, 2.0]))
+    assert not brings_back(state([7.0, 2.0]), state([0.0, 0.0]))
+    assert not brings_back(state([15.0, 2.0]), state([5.0, 0.0]))
 
 
 def state(z, moves=None) -> State:

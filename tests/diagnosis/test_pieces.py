@@ -13,8 +13,8 @@ from visaug.diagnosis.candidates import Trial, missing_base, trials
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.fit import Fitted, adjust, make_reference, p_value, refit, standardised
 from visaug.diagnosis.naming import first_matches
-from visaug.diagnosis.parameters import base_coordinates, moved
-from visaug.diagnosis.rank import Signatures, shrunk
+from visaug.diagnosis.parameters import base_coordinates, effect_coordinates, moved
+from visaug.diagnosis.rank import Match, Signatures, best_of_each, newton, shrunk
 from visaug.diagnosis.residue import describe
 from visaug.effects import catalogue
 from visaug.fingerprint import Statistic
@@ -145,3 +145,36 @@ def test_the_black_level_leaves_where_the_full_well_cuts(stated):
     cut = [v["full_well_e"] / v["gain_e_per_dn"] + v["black_level_dn"] for v in (before, after)]
     assert cut[1] == pytest.approx(cut[0], rel=1e-12)
     assert any(c.path == "full_well_e" for c in free)
+
+
+def test_the_least_scaled_of_an_effects_good_trials_is_where_it_starts():
+    nothing = np.zeros(3)
+
+    def match(sigma: float, gain: float, scale: float) -> Match:
+        return Match(Trial("point_spread", (("point_spread.sigma_px", sigma),)), gain, scale, nothing)
+
+    wide, near, poor = match(0.6, 10.0, 0.001), match(0.12, 9.0, 2.0), match(0.3, 5.0, 1.0)
+    other = Match(Trial("blooming", (("blooming.share", 0.1),)), 9.5, 0.3, nothing)
+    assert best_of_each([wide, other, near, poor]) == [other, near]
+
+
+def test_noise_of_derivatives_does_not_shorten_the_step():
+    """Derivatives of size 1 under noise of three times their size: the step is told within a fifth (4 standard errors)."""
+    rng = np.random.default_rng(5)
+    count, twins, truth = 20000, 6, 2.0
+    design = 1.0 + 3.0 * rng.standard_normal((1, twins, count))
+    left = truth + rng.standard_normal((twins, count))
+    step = newton(design, left, np.array([100.0]))
+    assert step[0] == pytest.approx(truth, rel=0.2)
+    whole, pull = design.mean(1)[0], left.mean(0)
+    assert whole @ pull / (whole @ whole) < 0.5 * truth  # what products of the same twins give
+
+
+def test_a_form_moves_its_own_numbers_alone(stated):
+    def free(**values) -> set[str]:
+        camera = stated.with_effect("fixed_pattern_structure", **values)
+        return {c.path.split(".")[1] for c in effect_coordinates(camera, "fixed_pattern_structure")}
+
+    assert free(shape="steps") == {"amplitude_e", "edge", "second_edge", "second"}
+    assert free(shape="slope") == {"amplitude_e", "curvature"}
+    assert free(shape="bands") == {"amplitude_e", "period_px"}

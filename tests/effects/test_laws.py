@@ -89,8 +89,10 @@ def test_says_what_it_is(effect):
     assert isinstance(effect.stage, Stage)
     assert effect.differentiable == (effect.name not in NO_GRADIENT)
     assert bool(effect.why_not) != effect.differentiable
+    words = {word for p in effect.parameters.values() for word in p.options}
     for name, p in effect.parameters.items():
         assert p.name == name
+        assert set(p.of) <= words
         assert p.unit, name
         assert p.source, name
         if p.options:

@@ -15,6 +15,10 @@ FAINT = 3.0  # standard deviations along an effect's moves that count where no s
 REMAINING = 0.98  # share of the error that an accepted effect may leave; another effect may hold most of it
 SHARE = 0.01  # error that a further effect must take away,
 LITTLE, NEARLY_ALL = 0.002, 0.75  # or, where more than so little is left, this share of it
+STANDS_OUT, NEAR = (
+    8.0,
+    4.0,
+)  # standard deviations beyond which no form of an accepted effect reaches, and that are back
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
 POOREST = 0.75  # the same share in the view that it explains least
 
@@ -81,25 +85,32 @@ def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
     return bool(after.fitted.reference.null_scale[worst] > 1.3 * scale[worst])
 
 
+def brings_back(before: State, after: State) -> bool:
+    """Whether a statistic stood out, the forms of accepted effects allowed for, and is back."""
+    return bool(np.any((np.abs(before.z) > STANDS_OUT) & (np.abs(after.z) < NEAR)))
+
+
 def improves(
     before: tuple[Error | None, Error | None],
     after: tuple[Error | None, Error | None],
     first: bool,
     beyond_chance: bool = False,
+    brought_back: bool = False,
 ) -> bool:
     """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
 
     The error is a mean over all that was measured, so the noise of the rest hides what a faint effect takes away in a few
     statistics: then it must fall, and what is taken away be beyond chance.
 
-    A further effect must take a share of the first excess, or nearly all that is left beside a very strong one: what a form
-    leaves over is not mopped up by another name.
+    A further effect must take a share of the first excess, or nearly all that is left beside a very strong one, or bring
+    back what no form of the effects before it could leave over: what a form does leave is not mopped up by another name.
     A first effect whose own spread covers what it explains has no error to lower; a second one then has no case.
 
     Args:
         before, after: errors on the frames that find and on those that confirm.
         first: whether it is the first effect.
         beyond_chance: whether what the effect takes away is more than any effect takes away by chance.
+        brought_back: see `brings_back`.
     """
     (found_before, confirmed_before), (found, confirmed) = before, after
     if found is None or found_before is None:
@@ -107,7 +118,7 @@ def improves(
     if not first:
         taken = found_before.value - found.value
         all_that_is_left = found_before.value > LITTLE and taken > NEARLY_ALL * found_before.value
-        if taken < SHARE and not all_that_is_left:
+        if taken < SHARE and not all_that_is_left and not brought_back:
             return False
     if found.value > REMAINING * found_before.value:
         return False

@@ -3,9 +3,13 @@
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from visaug.camera import Camera
+from visaug.comparison import Laboratory
 from visaug.diagnosis.parameters import GAUSSIAN_SHAPE
 from visaug.effects import Effect, Parameter, catalogue
+from visaug.fingerprint import FrameData
 
 
 @dataclass(frozen=True)
@@ -99,13 +103,33 @@ def effect_trials(effect: type[Effect]) -> list[Trial]:
         **dict.fromkeys(strengths, 0.0),
         next(iter(strengths)): next(iter(strengths.values())).trials[-1],
     }
+    words = {p.default for p in effect.parameters.values() if p.options}
     for key, p in effect.parameters.items():
-        if not p.strength:
+        if not p.strength and (not p.of or words & set(p.of)):
             forms = p.options or p.trials
             points += [{**strong, key: form} for form in forms if form != p.default]
+    return [_trial(effect, point) for point in points]
+
+
+def looked(lab: Laboratory, camera: Camera, without: frozenset[str] = frozenset()) -> list[Trial]:
+    """Points at which effects that the camera lacks are tried because of how the measured dark frames look."""
+    dark = FrameData(lab.frames, lab.folds.find).bias
+    if dark is None:
+        return []
+    height, width = camera.resolution
+    window = lab.frames.records[dark.group.indices[0]].window or (0, height, 0, width)
+    pattern = dark.pattern * camera.gain_at(dark.group.gain_db)
+    places = np.arange(window[0], window[1]) / height, np.arange(window[2], window[3]) / width
     return [
-        Trial(effect.name, tuple((f"{effect.name}.{key}", v) for key, v in point.items())) for point in points
+        _trial(effect, point)
+        for name, effect in catalogue().items()
+        if not effect.base and name not in camera.effect_names and name not in without
+        for point in effect.looks(pattern, *places)
     ]
+
+
+def _trial(effect: type[Effect], point: dict[str, Any]) -> Trial:
+    return Trial(effect.name, tuple((f"{effect.name}.{key}", value) for key, value in point.items()))
 
 
 def strengths_to_try(parameter: Parameter) -> tuple:

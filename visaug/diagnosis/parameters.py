@@ -126,12 +126,15 @@ def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list
 
 
 def effect_coordinates(camera: Camera, name: str) -> list[Coordinate]:
-    """The free numbers of a further effect."""
+    """The free numbers of a further effect, in the form that it has."""
     values = camera.values()
+    words = {word for path, word in camera.choices().items() if path.startswith(f"{name}.")}
     free = []
     for key, parameter in catalogue()[name].parameters.items():
         path = f"{name}.{key}"
         if parameter.options or parameter.integer or place_is_held(parameter):
+            continue
+        if parameter.of and not words & set(parameter.of):
             continue
         value = values[path]
         in_dn = _is_in_electrons(path)

@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import eigh, solve_triangular
 
 from visaug.camera import Camera
 from visaug.comparison.laboratory import Laboratory
-from visaug.diagnosis.candidates import Trial, trials
+from visaug.diagnosis.candidates import Trial
 from visaug.diagnosis.fit import Fitted, Reference, Report, adjust
 from visaug.diagnosis.parameters import Coordinate, base_coordinates, effect_coordinates, moved
 from visaug.effects import catalogue
@@ -42,7 +42,9 @@ class Metric:
         return vector[..., self.used] / self.scale
 
     def white(self, vector: np.ndarray) -> np.ndarray:
-        return solve_triangular(self.factor, self.z(vector).T, lower=True, check_finite=False).T
+        z = self.z(vector)
+        flat = z.reshape(-1, z.shape[-1]).T
+        return solve_triangular(self.factor, flat, lower=True, check_finite=False).T.reshape(z.shape)
 
     def widened(self, variance: np.ndarray) -> "Metric":
         """With the variance that an effect brings of its own, per statistic: drift, tracks, sparse defects."""
@@ -118,16 +120,25 @@ class Signatures:
     values: np.ndarray
     variances: np.ndarray
 
+    def __add__(self, other: "Signatures") -> "Signatures":
+        return Signatures(
+            self.trials + other.trials,
+            np.concatenate([self.values, other.values]),
+            np.concatenate([self.variances, other.variances]),
+        )
+
 
 FEW, MORE = 2, 6  # simulations of a trial whose effect brings no spread of its own, and of one that does
 
 
-def signatures(lab: Laboratory, reference: Reference, without: frozenset[str], report: Report) -> Signatures:
+def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:
     """Simulates every trial with the random numbers of the reference's first sets.
 
     An effect that only moves the means shows it in two simulations; one that draws numbers of its own gets more.
     """
-    tried = trials(reference.camera, without)
+    if not tried:
+        nothing = np.zeros((0, len(reference.scale)))
+        return Signatures((), nothing, nothing)
     moves = _moves(lab, reference, tried, range(FEW), report, "trying")
     scale = reference.null_scale
     z = np.divide(moves, scale, out=np.zeros_like(moves), where=scale > 0)
@@ -142,7 +153,7 @@ def signatures(lab: Laboratory, reference: Reference, without: frozenset[str], r
 
 
 def _moves(
-    lab: Laboratory, reference: Reference, tried: list[Trial], numbers: range, report: Report, word: str
+    lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report, word: str
 ) -> np.ndarray:
     """(trials, simulations, statistics): how far each trial moves each of the reference's sets."""
     jobs = [(trial.on(reference.camera), k) for trial in tried for k in numbers]
@@ -197,11 +208,22 @@ def matches(
 
 
 def best_of_each(found: Sequence[Match]) -> list[Match]:
-    """The best trial of every effect, best first."""
+    """The best trial of every effect, best first.
+
+    Of trials that gain almost as much it is the one that wants to be scaled least: strengths do not act in proportion, and
+    the small one of a wide blur is not a narrow blur.
+    """
     best: dict[str, Match] = {}
     for match in found:
-        best.setdefault(match.trial.effect, match)
-    return list(best.values())
+        top = best.setdefault(match.trial.effect, match)
+        alike = match.gain > ALMOST * top.gain and match.trial.form == top.trial.form
+        if alike and _extrapolation(match) < _extrapolation(top):
+            best[match.trial.effect] = match
+    return sorted(best.values(), key=lambda match: -match.gain)
+
+
+def _extrapolation(match: Match) -> float:
+    return abs(np.log(max(match.scale, 1e-9)))
 
 
 def _match(m: Metric, trial: Trial, signature, variance, residual, white_residual, nothing: float) -> Match:
@@ -220,7 +242,13 @@ def _match(m: Metric, trial: Trial, signature, variance, residual, white_residua
     return Match(trial, gain, scale, scale**2 * variance)
 
 
+ALMOST = 0.8  # of the gain of an effect's best trial
 STALLED = 0.5  # gain in log likelihood below which an iteration is said to bring nothing
+NEAR = 3.0  # steps within which the derivatives of a camera's own numbers hold
+FOLLOWED = 3  # times that these are moved along
+HOPELESS = 1000.0  # log likelihood behind the best that no following of the camera's numbers makes up for
+STRONGER, FARTHEST = 3.0, 5  # times a strength that is tried next at the start; how often
+LEAST_SHARE = 0.02  # that a derivative's true size is taken to have of its noisy one
 HOPE = 2.0  # times what the last two iterations gained is what the next ones may still gain
 
 
@@ -264,65 +292,188 @@ def refine(
 ) -> Refined:
     """Fits the effect's numbers by damped Gauss-Newton with common random numbers; the camera's own stay open.
 
+    Where those would follow far they are moved along, so that no derivative has to hold over a long way.
+
     It ends where two iterations in a row gain less than `STALLED`, or do not bring it near what another has.
 
     Args:
         beaten: what the best of the effects tried before gains.
     """
-    m = metric(fitted, FINE, allowance)
-    nothing = m.log_likelihood(fitted.residual)
-    m = m.widened(match.variance)
-    twins = MORE if match.variance.any() else FEW
-    base = lab.finding([(fitted.camera, k) for k in range(twins)])
     camera = _scaled(fitted.camera, match)
-    coordinates = coordinates_of(match.trial.effect, camera, lab)
-    at = np.array([c.read(camera) for c in coordinates])
-    priors, steps = np.array([c.prior for c in coordinates]), np.array([c.step for c in coordinates])
-    best: tuple[float, np.ndarray, np.ndarray, np.ndarray] | None = None
-    step, damping, gains = np.zeros(len(at)), 1.0, []
-    for i in range(iterations if coordinates else 1):
-        points = [at, *(at + steps * (np.arange(len(at)) == j) for j in range(len(at)))]
-        jobs = [(moved(camera, coordinates, list(x)), k) for x in points for k in range(twins)]
-        total = iterations * len(jobs)
-        values = lab.finding(jobs, partial(_tick, report, match.trial.effect, i * len(jobs), total))
-        moves = values.reshape(len(points), twins, -1) - base
-        means = moves.mean(1)
-        gain = m.log_likelihood(fitted.residual - means[0]) - nothing
-        gains.append(gain if best is None else max(gain, best[0]))
-        if best is None or gain > best[0]:
-            best = (gain, at.copy(), means[0], moves[0].var(0, ddof=1))
-            damping = 1.0
-            if len(at):
-                design = m.white((means[1:] - means[0]) / steps[:, None]).T
-                left = m.white(fitted.residual - means[0])
-                step = np.linalg.solve(design.T @ design + np.diag(1 / priors**2), design.T @ left)
-                step = np.clip(step, -0.6 * priors, 0.6 * priors)
+    own = coordinates_of(match.trial.effect, camera, lab)
+    climb = _Climb(lab, fitted, metric(fitted, FINE, allowance), match, camera, own)
+    best = climb.upwards()
+    step, damping, gains = climb.step(best), 1.0, [best.gain]
+    for i in range(1, iterations if own else 1):
+        report(f"refining {match.trial.effect}", i, iterations)
+        point = climb.settled(best.at + damping * step, best)
+        if point.gain > best.gain:
+            best, step, damping = point, climb.step(point), 1.0
         else:  # too far: from the best point a shorter step
             damping *= 0.35
+        gains.append(best.gain)
         if len(gains) > 2:
             lately = gains[-1] - gains[-3]
             if lately < 2 * STALLED or gains[-1] + HOPE * lately < beaten - 0.2 * abs(beaten):
                 break
-        at = np.array(
-            [c.read(moved(camera, coordinates, list(best[1] + damping * step))) for c in coordinates]
-        )
-    assert best is not None
-    gain, at, signature, variance = best
-    residual = fitted.residual - signature
+    residual = fitted.residual - best.move
     following = adjust(residual[None], fitted.slopes, fitted.reference.scale, fitted.reference.priors)[0]
     return Refined(
         match.trial.effect,
-        moved(camera, coordinates, list(at)),
-        tuple(coordinates),
-        at,
-        gain,
+        moved(camera, climb.coordinates, list(best.at)),
+        tuple(own),
+        best.at[climb.theirs :],
+        best.gain,
         residual - fitted.slopes @ following,
-        variance,
+        best.variance,
     )
 
 
-def _tick(report: Report, effect: str, before: int, total: int, done: int) -> None:
-    report(f"refining {effect}", before + done, total)
+@dataclass(frozen=True)
+class _Point:
+    """Coordinates, what they gain, and how they move every statistic: (twins, statistics)."""
+
+    at: np.ndarray
+    gain: float
+    moves: np.ndarray
+
+    @property
+    def move(self) -> np.ndarray:
+        return self.moves.mean(0)
+
+    @property
+    def variance(self) -> np.ndarray:
+        """The spread that they bring."""
+        return self.moves.var(0, ddof=1)
+
+
+class _Climb:
+    """The likelihood of what was measured as a function of an effect's numbers, the camera's own following."""
+
+    def __init__(
+        self,
+        lab: Laboratory,
+        fitted: Fitted,
+        law: Metric,
+        match: Match,
+        camera: Camera,
+        own: Sequence[Coordinate],
+    ):
+        self.lab, self.fitted, self.camera = lab, fitted, camera
+        self.twins = MORE if match.variance.any() else FEW
+        self.base = np.zeros((0, len(fitted.residual)))
+        self.nothing = law.log_likelihood(fitted.residual)
+        self.law = law.widened(match.variance)
+        self.answers = self.law.white(fitted.slopes.T)
+        self.coordinates = (*fitted.reference.coordinates, *own)
+        self.theirs = len(self.coordinates) - len(own)  # of these are the camera's
+        self.steps = np.array([c.step for c in self.coordinates])
+        self.priors = np.array([c.prior for c in self.coordinates])
+        self.start = self._within(np.array([c.read(camera) for c in self.coordinates]))
+        strengths = {f"{match.trial.effect}.{key}" for key in catalogue()[match.trial.effect].strengths()}
+        self.strengths = np.array([c.path in strengths for c in self.coordinates])
+
+    def upwards(self) -> _Point:
+        """The start, or where a strength some times as large gains more: near zero a derivative shows no way, or is noise."""
+        best = self.settled(self.start)
+        logarithmic = np.array([c.logarithmic for c in self.coordinates])
+        for _ in range(FARTHEST if self.strengths.any() else 0):
+            more = np.where(logarithmic, best.at + np.log(STRONGER), STRONGER * best.at)
+            point = self.settled(np.where(self.strengths, more, best.at), best)
+            if point.gain <= best.gain:
+                break
+            best = point
+        return best
+
+    def settled(self, at: np.ndarray, beside: _Point | None = None) -> _Point:
+        """The effect's numbers there, the camera's own brought to where they belong with them.
+
+        Args:
+            beside: the best point so far.
+        """
+        best = self._simulated(at, self.twins if beside is None else len(beside.moves))
+        for _ in range(FOLLOWED):
+            step = self._following(self.law.white(self.fitted.residual - best.move))
+            hopeless = beside is not None and best.gain < beside.gain - HOPELESS
+            if hopeless or np.all(np.abs(step) <= NEAR * self.steps):
+                break
+            if (
+                len(best.moves) < MORE
+            ):  # far from the start the same random numbers are no longer the same noise
+                best = self._simulated(best.at, MORE)
+            point = self._simulated(best.at + step, MORE)
+            if point.gain < best.gain:
+                break
+            best = point
+        return best
+
+    def step(self, point: _Point) -> np.ndarray:
+        """Of all coordinates, from a point."""
+        effect = np.arange(self.theirs, len(point.at))
+        step = np.zeros(len(point.at))
+        if not len(effect):
+            return step
+        aside = [point.at + self.steps * (np.arange(len(step)) == j) for j in effect]
+        moves = self._moves(aside, len(point.moves))
+        design = self.law.white((moves - point.moves) / self.steps[effect, None, None])
+        left = self.law.white(self.fitted.residual - point.moves)
+        step[effect] = newton(design, left, self.priors[effect])
+        step = self._short(step)
+        theirs = self._following(left.mean(0) - step[effect] @ design.mean(1))
+        return step + theirs if np.any(np.abs(theirs) > NEAR * self.steps) else step
+
+    def _following(self, left: np.ndarray) -> np.ndarray:
+        """How far the camera's own numbers go for what is left, white.
+
+        The law has them open, with their priors, so their expectation is that of a Gaussian.
+        """
+        step = np.zeros(len(self.coordinates))
+        step[: self.theirs] = self.priors[: self.theirs] ** 2 * (self.answers @ left)
+        return self._short(step)
+
+    def _short(self, step: np.ndarray) -> np.ndarray:
+        return np.clip(step, -0.6 * self.priors, 0.6 * self.priors)
+
+    def _simulated(self, at: np.ndarray, twins: int) -> _Point:
+        at = self._within(at)
+        (moves,) = self._moves([at], twins)
+        gain = self.law.log_likelihood(self.fitted.residual - moves.mean(0)) - self.nothing
+        return _Point(at, gain, moves)
+
+    def _moves(self, points: Sequence[np.ndarray], twins: int) -> np.ndarray:
+        """(points, twins, statistics)."""
+        cameras = [moved(self.camera, self.coordinates, list(at)) for at in points]
+        values = self.lab.finding([(camera, k) for camera in cameras for k in range(twins)])
+        if len(self.base) < twins:
+            self.base = self.lab.finding([(self.fitted.camera, k) for k in range(twins)])
+        return values.reshape(len(points), twins, -1) - self.base[:twins]
+
+    def _within(self, at: np.ndarray) -> np.ndarray:
+        """The point itself, or the nearest within the bounds of the camera's numbers."""
+        camera = moved(self.camera, self.coordinates, list(at))
+        return np.array([c.read(camera) for c in self.coordinates])
+
+
+def newton(design: np.ndarray, left: np.ndarray, priors: np.ndarray) -> np.ndarray:
+    """Gauss and Newton's step (coordinates,): it takes away most of what is left.
+
+    Derivatives of what is drawn at random are noisy, and their noise would make every step short. So only products of
+    different twins enter, whose noise is independent.
+
+    Args:
+        design: (coordinates, twins, statistics), derivatives, white.
+        left: (twins, statistics), white.
+    """
+    twins, wide = len(left), np.diag(1 / priors**2)
+    whole, total = design.sum(1), left.sum(0)
+    if twins < MORE:  # too few to tell the noise
+        return np.linalg.solve(whole @ whole.T / twins**2 + wide, whole @ total / twins**2)
+    own = np.einsum("itn,jtn->ij", design, design)
+    pairs = twins * (twins - 1)
+    curvature = (whole @ whole.T - own) / pairs
+    pull = (whole @ total - np.einsum("itn,tn->i", design, left)) / pairs
+    share, ways = eigh(curvature + wide, own / twins + wide)
+    return ways @ ((ways.T @ pull) / np.clip(share, LEAST_SHARE, 1.0))
 
 
 def _scaled(camera: Camera, match: Match) -> Camera:

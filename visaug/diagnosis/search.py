@@ -10,8 +10,8 @@ from visaug.cluster import connected
 from visaug.comparison import Laboratory, is_clear, places
 from visaug.comparison.spread import by_ray
 from visaug.diagnosis import cache
-from visaug.diagnosis.acceptance import State, explains, improves
-from visaug.diagnosis.candidates import trials
+from visaug.diagnosis.acceptance import State, brings_back, explains, improves
+from visaug.diagnosis.candidates import looked, trials
 from visaug.diagnosis.chance import Chance, chance
 from visaug.diagnosis.errors import Errors
 from visaug.diagnosis.fit import (
@@ -40,7 +40,8 @@ SETS = 200  # simulated sets of the camera file
 SETS_AFTER = 120  # of a camera with an effect added
 MOST = 4  # effects that are added one after the other
 DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
-TRACE = 0.03  # error below which what an accepted effect leaves over is not called unexplained
+TRACE = 0.03  # error beside an accepted effect that is a finding, if it is surely so much
+MUCH = 0.1  # error beside an accepted effect that is a finding, if it may be so much
 FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
 
 
@@ -98,6 +99,10 @@ class _Search:
         first = self.first = self._reference()
         fitted = self._settled(refit(self.lab, first, self.report))
         self.signs = self._signatures(first)
+        seen = looked(self.lab, first.camera, self.without)
+        self.seen = signatures(
+            self.lab, first, seen, self.report
+        )  # made for the measurement: no part of chance
         self.errors = Errors(self.lab, first, fitted)
         self.ranking = Ranking(self.errors.distance)
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
@@ -160,7 +165,7 @@ class _Search:
         made: list[Signatures] = []
 
         def make() -> dict[str, np.ndarray]:
-            made.append(signatures(self.lab, reference, self.without, self.report))
+            made.append(signatures(self.lab, reference, tried, self.report))
             return {"values": made[0].values, "variances": made[0].variances}
 
         words = [repr(trial) for trial in tried]
@@ -190,7 +195,7 @@ class _Search:
         nearest: str | None = None
         standings = self.ranking.standings()
         for fitted in self._starts(state):
-            found = candidates(self.lab, self.signs, fitted, state, self.without, self.report)
+            found = candidates(self.lab, self.signs + self.seen, fitted, state, self.without, self.report)
             if not found:
                 continue
             if fitted is state.fitted:
@@ -262,12 +267,12 @@ class _Search:
     def _improves(self, before: State, after: State, by_chance: Chance) -> bool:
         pairs = [(self.errors.found(x.fitted), self.errors.confirmed(x.fitted)) for x in (before, after)]
         beyond = by_chance.p_value_of(before.fitted.residual - after.fitted.residual) <= SIGNIFICANT
-        return improves(pairs[0], pairs[1], not before.accepted, beyond)
+        return improves(pairs[0], pairs[1], not before.accepted, beyond, brings_back(before, after))
 
     def _is_worth_telling(self, state: State) -> bool:
         """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding."""
         error = self.errors.found(state.fitted)
-        return not state.accepted or error is None or error.low > TRACE
+        return not state.accepted or error is None or error.low > TRACE or error.high > MUCH
 
     def _form(self, state: State) -> str | None:
         """What the forms of accepted effects leave over, in words."""

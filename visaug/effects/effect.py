@@ -5,6 +5,7 @@ from enum import IntEnum
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -36,6 +37,7 @@ class Parameter:
         trials: values at which a diagnosis first tries it, from weak to strong for a strength, all over the range for others.
         options: for a choice (no number): the allowed words. A choice has no bounds and is not randomised.
         integer: True where only whole numbers make sense; a random draw is rounded.
+        of: words of the effect's choices that use this number; empty where all do. A fit leaves it alone under other words.
     """
 
     default: Any = 0.0
@@ -47,6 +49,7 @@ class Parameter:
     trials: tuple = ()
     options: tuple[str, ...] = ()
     integer: bool = False
+    of: tuple[str, ...] = ()
     name: str = field(default="", compare=False)
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -164,6 +167,16 @@ class Effect:
     def moments(self, mean: Tensor, p: SimpleNamespace, context: Context) -> tuple[Tensor, Tensor] | None:
         """Mean and variance of the output over noise and cameras for a constant input `mean`; None where theory has none."""
         return None
+
+    @classmethod
+    def looks(cls, dark_e: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> list[dict[str, Any]]:
+        """Further values by parameter at which a diagnosis tries the effect, from a look at what was measured (optional).
+
+        Args:
+            dark_e: (H, W) mean frame of the shortest dark exposure, less its mean, electrons.
+            rows, columns: (H,), (W,), where each line begins, as a share of the sensor.
+        """
+        return []
 
     @classmethod
     def strengths(cls) -> tuple[str, ...]:

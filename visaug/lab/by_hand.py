@@ -8,7 +8,7 @@ from visaug.camera import Camera
 from visaug.comparison import Distance, Error, Laboratory, Place, is_clear, places
 from visaug.diagnosis import Estimate, cache
 from visaug.diagnosis.acceptance import State
-from visaug.diagnosis.candidates import trials
+from visaug.diagnosis.candidates import looked, trials
 from visaug.diagnosis.fit import Fitted, Reference, Report, is_far, make_reference, p_value, refit
 from visaug.diagnosis.naming import SIGNIFICANT, from_other_starts
 from visaug.diagnosis.parameters import base_coordinates
@@ -116,7 +116,9 @@ class ByHand:
         """One more effect: its best trial, its numbers refined, then everything refitted together."""
         known = before.fitted.reference
         others = frozenset(catalogue()) - {name}
-        signs = signatures(self.lab, known, others, report)
+        signs = signatures(
+            self.lab, known, trials(known.camera, others) + looked(self.lab, known.camera, others), report
+        )
         tried = matches(signs, before.fitted, others, before.allowance)
         best = refine(self.lab, before.fitted, tried[0], report, before.allowance)
         best = from_other_starts(self.lab, before.fitted, best, tried, report, before.allowance)

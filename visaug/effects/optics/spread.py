@@ -7,12 +7,15 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-TRUNCATE = 4.0  # a Gaussian ends at so many standard deviations, as SciPy's gaussian_filter has it
+TRUNCATE = 4.0  # a Gaussian ends at so many standard deviations
 PROFILES = ("gaussian", "exponential", "power_law")
 
 
 def gaussian_blur(signal: Tensor, sigma_rows: Tensor, sigma_columns: Tensor) -> Tensor:
-    """Convolves (B, C, H, W) with a Gaussian along both axes; the image goes on beyond its edge.
+    """Convolves (B, C, H, W) with a Gaussian along both axes, collected by pixels; the image goes on beyond its edge.
+
+    A pixel takes in all light that falls on it, so a weight is the integral of the Gaussian over the pixel and not its value
+    in the middle, which would lose spots narrower than a pixel; the blur's variance is sigma^2 + 1/12 px^2 for wide ones.
 
     Args: sigma_rows, sigma_columns: standard deviations in px, (B, 1, 1, 1); where 0 the image is left as
     it is.
@@ -23,10 +26,12 @@ def gaussian_blur(signal: Tensor, sigma_rows: Tensor, sigma_columns: Tensor) -> 
 
 def _gaussian(sigma: Tensor) -> Tensor:
     """Kernels (B, 1, 1, K), each cut at its own width: an image does not depend on others of its batch."""
-    own_reach = (TRUNCATE * sigma.detach() + 0.5).floor()
-    reach = max(1, int(own_reach.max()))
-    offset = torch.arange(-reach, reach + 1, device=sigma.device, dtype=sigma.dtype).view(1, 1, 1, -1)
-    weight = torch.exp(-0.5 * (offset / sigma.clamp_min(1e-3)) ** 2) * (offset.abs() <= own_reach)
+    own_reach = (TRUNCATE * sigma.detach() + 1).floor()
+    reach = int(own_reach.max())
+    away = torch.arange(-reach, reach + 1, device=sigma.device, dtype=sigma.dtype).view(1, 1, 1, -1).abs()
+    scale = math.sqrt(2) * sigma.clamp_min(1e-3)
+    tails = torch.special.erfc((away - 0.5) / scale) - torch.special.erfc((away + 0.5) / scale)
+    weight = tails * (away <= own_reach)
     return weight / weight.sum(-1, keepdim=True)
 
 

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import torch
 
 from visaug.effects.effect import Effect, Parameter, Stage
@@ -13,7 +14,8 @@ class FixedPatternStructure(Effect):
     bands: lines side by side, `period_px` of them, share a level that is uniform in [-1, 1];
     levels: the same with one of three levels -1, 0, 1 (the paper's columns lie near 11, 6 and 1 e-);
     wave: a sine of period `period_px`, its phase a property of the camera;
-    slope: a parabola across the sensor, from one edge to the other.
+    slope: a parabola across the sensor, from one edge to the other;
+    steps: the level rises by A at `edge` and by A times `second` at `second_edge`; a negative A turns it over.
     A measured structure (`map`, a file: a whole pattern, or the profile of columns or rows) takes the place
     of the shape and its amplitude, and adds to what `dsnu` draws; `dsnu.map` takes the place of that too.
     """
@@ -23,8 +25,8 @@ class FixedPatternStructure(Effect):
     order = 15
     summary = "An additive dark pattern with bands, slope or period, the same in every frame of a camera."
     equation = (
-        "V <- V + A f(x): bands, levels, sin(2 pi (x / period + phase)), or slope u + curvature (u^2 "
-        "- 1), u from -1 to 1"
+        "V <- V + A f(x): bands, levels, sin(2 pi (x / period + phase)), slope u + curvature (u^2 "
+        "- 1), u from -1 to 1, or steps [x > edge] + second [x > second_edge]"
     )
     source = "the paper, figs. 2 and 4 (columns in three bands); EMVA 1288 release 4 Linear, spectrograms"
     separates = (
@@ -33,7 +35,13 @@ class FixedPatternStructure(Effect):
     )
     map_unit = "e-"
     amplitude_e = Parameter(
-        2.0, unit="e-", high=1e4, strength=True, trials=(1.0, 4.0), source="5 e- for the paper's columns"
+        2.0,
+        unit="e-",
+        low=-1e4,
+        high=1e4,
+        strength=True,
+        trials=(1.0, 4.0),
+        source="5 e- for the paper's columns",
     )
     period_px = Parameter(
         32.0,
@@ -42,12 +50,46 @@ class FixedPatternStructure(Effect):
         high=1e5,
         trials=(8.0, 32.0, 100.0),
         source="of a wave; width of a band; assumed",
+        of=("bands", "levels", "wave"),
     )
     curvature = Parameter(
-        0.0, unit="1", low=-1.0, high=1.0, trials=(0.5,), source="of a slope, relative to its linear part"
+        0.0,
+        unit="1",
+        low=-1.0,
+        high=1.0,
+        trials=(0.5,),
+        source="of a slope, relative to its linear part",
+        of=("slope",),
+    )
+    edge = Parameter(
+        0.33,
+        unit="share of the sensor",
+        high=1.0,
+        trials=(0.33,),
+        source="of steps: where the first is",
+        of=("steps",),
+    )
+    second_edge = Parameter(
+        0.67,
+        unit="share of the sensor",
+        high=1.0,
+        trials=(0.67,),
+        source="of steps: where the second is",
+        of=("steps",),
+    )
+    second = Parameter(
+        -1.0,
+        unit="1",
+        low=-10.0,
+        high=10.0,
+        trials=(-1.0,),
+        source="of steps: the second relative to the first",
+        of=("steps",),
     )
     shape = Parameter(
-        "bands", options=("bands", "levels", "wave", "slope"), source="the paper, fig. 2: levels and a slope"
+        "bands",
+        options=("bands", "levels", "wave", "slope", "steps"),
+        source="the paper, fig. 2: levels, steps and a slope",
     )
     direction = Parameter("columns", options=("columns", "rows"), source="columns: alike along a column")
 
@@ -63,6 +105,8 @@ class FixedPatternStructure(Effect):
             return mean + measured, torch.zeros_like(mean)
         if p.shape == "slope":
             return mean + p.amplitude_e * self._slope(mean, p, context), torch.zeros_like(mean)
+        if p.shape == "steps":
+            return mean + p.amplitude_e * self._steps(mean, p, context), torch.zeros_like(mean)
         if p.shape == "wave":
             return mean, p.amplitude_e**2 / 2
         return None  # a pixel on the edge of two bands has a share of either
@@ -70,6 +114,8 @@ class FixedPatternStructure(Effect):
     def _pattern(self, signal, p, fixed, context):
         if p.shape == "slope":
             return self._slope(signal, p, context)
+        if p.shape == "steps":
+            return self._steps(signal, p, context)
         place, extent = self._place(signal, p, context)
         if p.shape == "wave":
             return torch.sin(2 * math.pi * (place / p.period_px + fixed.uniform("frame")))
@@ -87,8 +133,54 @@ class FixedPatternStructure(Effect):
         u = (2 * place + 1) / extent - 1
         return u + p.curvature * (u**2 - 1)
 
+    def _steps(self, signal, p, context):
+        place, extent = self._place(signal, p, context)
+        first, second = (
+            (place + 1 - edge * extent).clamp(0, 1) for edge in (p.edge, p.second_edge)
+        )  # a pixel that an edge falls into has its share, which gives the edge a derivative
+        return first + p.second * second
+
+    @classmethod
+    def looks(cls, dark_e, rows, columns):
+        """The three levels that the columns, or the rows, of the mean dark frame show best."""
+        return [
+            {"shape": "steps", "direction": direction, **_three_levels(profile, place)}
+            for direction, profile, place in (
+                ("columns", dark_e.mean(0), columns),
+                ("rows", dark_e.mean(1), rows),
+            )
+        ]
+
     @staticmethod
     def _place(signal, p, context):
         if p.direction == "columns":
             return context.columns(signal), context.resolution[1]
         return context.rows(signal), context.resolution[0]
+
+
+def _three_levels(profile: np.ndarray, place: np.ndarray, most: int = 256) -> dict[str, float]:
+    """Edges and heights of the staircase of three levels that fits a profile best, by least squares.
+
+    Args:
+        profile: (n,), e-.
+        place: (n,), where its lines begin, as a share of the sensor.
+        most: means of neighbours are taken of a longer one.
+    """
+    starts = np.unique(np.linspace(0, len(profile), most + 1).astype(int)[:-1])
+    counts = np.diff([*starts, len(profile)])
+    sums = np.concatenate([[0.0], np.cumsum(np.add.reduceat(profile.astype(np.float64), starts))])
+    ends = np.concatenate([[0], np.cumsum(counts)])
+    first, second = np.triu_indices(len(starts), 1)
+    first, second = first[first > 0], second[first > 0]
+    parts = [(0, first), (first, second), (second, -1)]
+    explained = sum((sums[b] - sums[a]) ** 2 / (ends[b] - ends[a]) for a, b in parts)
+    best = int(np.argmax(explained))
+    i, j = int(first[best]), int(second[best])
+    low, middle, high = ((sums[b] - sums[a]) / (ends[b] - ends[a]) for a, b in ((0, i), (i, j), (j, -1)))
+    rise = middle - low if abs(middle - low) > 1e-3 else 1e-3
+    return {
+        "amplitude_e": float(rise),
+        "edge": float(place[starts[i]]),
+        "second_edge": float(place[starts[j]]),
+        "second": float(np.clip((high - middle) / rise, -10, 10)),
+    }
