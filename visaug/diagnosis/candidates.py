@@ -19,10 +19,12 @@ class Trial:
     Args:
         effect: its name.
         values: the effect's parameters by path, and its words.
+        looked: whether they come from a look at the measured dark frame.
     """
 
     effect: str
     values: tuple[tuple[str, Any], ...]
+    looked: bool = False
 
     @property
     def is_fixed(self) -> bool:
@@ -121,15 +123,15 @@ def looked(lab: Laboratory, camera: Camera, without: frozenset[str] = frozenset(
     pattern = dark.pattern * camera.gain_at(dark.group.gain_db)
     places = np.arange(window[0], window[1]) / height, np.arange(window[2], window[3]) / width
     return [
-        _trial(effect, point)
+        _trial(effect, point, looked=True)
         for name, effect in catalogue().items()
         if not effect.base and name not in camera.effect_names and name not in without
         for point in effect.looks(pattern, *places)
     ]
 
 
-def _trial(effect: type[Effect], point: dict[str, Any]) -> Trial:
-    return Trial(effect.name, tuple((f"{effect.name}.{key}", value) for key, value in point.items()))
+def _trial(effect: type[Effect], point: dict[str, Any], looked: bool = False) -> Trial:
+    return Trial(effect.name, tuple((f"{effect.name}.{key}", value) for key, value in point.items()), looked)
 
 
 def strengths_to_try(parameter: Parameter) -> tuple:

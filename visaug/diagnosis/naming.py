@@ -41,14 +41,16 @@ def candidates(
         fitted: the camera from which they are tried: the state's, or the camera as given.
     """
     tried, chosen = first_matches(signs, fitted, frozenset(state.accepted) | without, state.allowance)
-    found: list[Refined] = []
+    best: dict[str, Refined] = {}
     for m in chosen:
-        beaten = max((r.gain for r in found), default=0.0)
-        found.append(refine(lab, fitted, m, report, state.allowance, beaten))
-    found = sorted(found, key=lambda r: -r.gain)
+        beaten = max((r.gain for r in best.values()), default=0.0)
+        refined = refine(lab, fitted, m, report, state.allowance, beaten)
+        best[refined.effect] = max(refined, best.get(refined.effect, refined), key=lambda r: r.gain)
+    found = sorted(best.values(), key=lambda r: -r.gain)
     if found:
-        own = [m for m in tried if m.trial.effect == found[0].effect]
-        found[0] = from_other_starts(lab, fitted, found[0], own, report, state.allowance)
+        begun = [m.trial.form for m in chosen if m.trial.effect == found[0].effect]
+        others = [m for m in tried if m.trial.effect == found[0].effect and m.trial.form not in begun]
+        found[0] = from_other_starts(lab, fitted, found[0], others, report, state.allowance)
     return found
 
 
@@ -76,7 +78,7 @@ def from_other_starts(
     lab: Laboratory,
     fitted: Fitted,
     refined: Refined,
-    tried: Sequence[Match],
+    others: Sequence[Match],
     report: Report,
     allowance: np.ndarray | float,
 ) -> Refined:
@@ -84,9 +86,8 @@ def from_other_starts(
 
     Args:
         refined: the effect from its best match.
-        tried: all matches of the effect, best first.
+        others: the effect's matches of other forms, best first.
     """
-    others = [m for m in tried if m.trial.form != tried[0].trial.form]
     for m in others[:OTHER_STARTS]:
         left = np.abs(standardised(refined.residual, fitted.reference.null_scale))
         if left.max() < MUCH:

@@ -208,17 +208,18 @@ def matches(
 
 
 def best_of_each(found: Sequence[Match]) -> list[Match]:
-    """The best trial of every effect, best first.
+    """The best trial of every effect, and the best that comes from a look, best first.
 
     Of trials that gain almost as much it is the one that wants to be scaled least: strengths do not act in proportion, and
     the small one of a wide blur is not a narrow blur.
     """
-    best: dict[str, Match] = {}
+    best: dict[tuple[str, bool], Match] = {}
     for match in found:
-        top = best.setdefault(match.trial.effect, match)
+        kind = (match.trial.effect, match.trial.looked)
+        top = best.setdefault(kind, match)
         alike = match.gain > ALMOST * top.gain and match.trial.form == top.trial.form
         if alike and _extrapolation(match) < _extrapolation(top):
-            best[match.trial.effect] = match
+            best[kind] = match
     return sorted(best.values(), key=lambda match: -match.gain)
 
 

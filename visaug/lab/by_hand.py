@@ -121,7 +121,8 @@ class ByHand:
         )
         tried = matches(signs, before.fitted, others, before.allowance)
         best = refine(self.lab, before.fitted, tried[0], report, before.allowance)
-        best = from_other_starts(self.lab, before.fitted, best, tried, report, before.allowance)
+        others = [m for m in tried if m.trial.form != tried[0].trial.form]
+        best = from_other_starts(self.lab, before.fitted, best, others, report, before.allowance)
         reference = make_reference(
             self.lab,
             best.camera,

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.readout.steps import edges
 
 
 class FixedPatternStructure(Effect):
@@ -143,44 +144,21 @@ class FixedPatternStructure(Effect):
     @classmethod
     def looks(cls, dark_e, rows, columns):
         """The three levels that the columns, or the rows, of the mean dark frame show best."""
-        return [
-            {"shape": "steps", "direction": direction, **_three_levels(profile, place)}
-            for direction, profile, place in (
-                ("columns", dark_e.mean(0), columns),
-                ("rows", dark_e.mean(1), rows),
-            )
-        ]
+        found = []
+        for direction, profile, place in (
+            ("columns", dark_e.mean(0), columns),
+            ("rows", dark_e.mean(1), rows),
+        ):
+            (first, second), levels = edges(profile, 2)
+            rise, then = np.diff(levels)
+            rise = rise if abs(rise) > 1e-3 else 1e-3
+            steps = {"amplitude_e": float(rise), "second": float(np.clip(then / rise, -10, 10))}
+            places = {"edge": float(place[first]), "second_edge": float(place[second])}
+            found.append({"shape": "steps", "direction": direction, **steps, **places})
+        return found
 
     @staticmethod
     def _place(signal, p, context):
         if p.direction == "columns":
             return context.columns(signal), context.resolution[1]
         return context.rows(signal), context.resolution[0]
-
-
-def _three_levels(profile: np.ndarray, place: np.ndarray, most: int = 256) -> dict[str, float]:
-    """Edges and heights of the staircase of three levels that fits a profile best, by least squares.
-
-    Args:
-        profile: (n,), e-.
-        place: (n,), where its lines begin, as a share of the sensor.
-        most: means of neighbours are taken of a longer one.
-    """
-    starts = np.unique(np.linspace(0, len(profile), most + 1).astype(int)[:-1])
-    counts = np.diff([*starts, len(profile)])
-    sums = np.concatenate([[0.0], np.cumsum(np.add.reduceat(profile.astype(np.float64), starts))])
-    ends = np.concatenate([[0], np.cumsum(counts)])
-    first, second = np.triu_indices(len(starts), 1)
-    first, second = first[first > 0], second[first > 0]
-    parts = [(0, first), (first, second), (second, -1)]
-    explained = sum((sums[b] - sums[a]) ** 2 / (ends[b] - ends[a]) for a, b in parts)
-    best = int(np.argmax(explained))
-    i, j = int(first[best]), int(second[best])
-    low, middle, high = ((sums[b] - sums[a]) / (ends[b] - ends[a]) for a, b in ((0, i), (i, j), (j, -1)))
-    rise = middle - low if abs(middle - low) > 1e-3 else 1e-3
-    return {
-        "amplitude_e": float(rise),
-        "edge": float(place[starts[i]]),
-        "second_edge": float(place[starts[j]]),
-        "second": float(np.clip((high - middle) / rise, -10, 10)),
-    }

@@ -3,6 +3,7 @@
 import torch
 
 from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.readout.steps import edges
 
 
 class TapMismatch(Effect):
@@ -45,6 +46,19 @@ class TapMismatch(Effect):
 
     def apply(self, signal, p, stream, context):
         return self._split(signal, p, context)
+
+    @classmethod
+    def looks(cls, dark_e, rows, columns):
+        """The highest step between the columns, or the rows, of the mean dark frame."""
+        found = []
+        for direction, profile, place in (
+            ("columns", dark_e.mean(0), columns),
+            ("rows", dark_e.mean(1), rows),
+        ):
+            (seam,), levels = edges(profile, 1)
+            offset = float(levels[1] - levels[0])
+            found.append({"offset_e": offset, "seam": float(place[seam]), "direction": direction})
+        return found
 
     def moments(self, mean, p, context):
         return self._split(mean, p, context), torch.zeros_like(mean)
