@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from visaug.effects import catalogue
+from visaug.effects import Look, catalogue
 
 NAME = "fixed_pattern_structure"
 
@@ -15,6 +15,11 @@ def staircase(columns: int, edges: tuple[int, int], levels: tuple[float, float, 
         [np.full(columns, level) for level in levels[:2]],
         levels[2],
     )
+
+
+def look_at(frame: np.ndarray, share: float = 1.0) -> Look:
+    rows, columns = (share * np.arange(n) / n for n in frame.shape)
+    return Look(frame, rows, columns, np.arange(5))
 
 
 def test_steps_are_where_and_as_high_as_stated(run_effect):
@@ -42,9 +47,29 @@ def test_a_look_at_the_dark_frame_finds_them(direction):
     frame = profile + rng.standard_normal((120, 160))
     if direction == "rows":
         frame = frame.T
-    places = [np.arange(n) / (2 * n) for n in frame.shape]  # a window: the first half of a sensor
-    found = next(look for look in catalogue()[NAME].looks(frame, *places) if look["direction"] == direction)
+    seen = look_at(frame, share=0.5)  # a window: the first half of a sensor
+    found = next(look for look in catalogue()[NAME].looks(seen) if look["direction"] == direction)
     assert found["edge"] * 320 == pytest.approx(24, abs=2)
     assert found["second_edge"] * 320 == pytest.approx(43, abs=2)
     assert found["amplitude_e"] == pytest.approx(-1.9, abs=0.6)
     assert found["amplitude_e"] * found["second"] == pytest.approx(3.7, abs=0.6)
+
+
+def test_a_look_finds_the_seam_of_two_taps():
+    """A step of 2 e- among columns that scatter by 0.5 e-; over 200 seeds it was never more than two columns off."""
+    rng = np.random.default_rng(9)
+    profile = 2.0 * (np.arange(160) >= 93) + 0.5 * rng.standard_normal(160)
+    frame = profile + rng.standard_normal((120, 160))
+    look = catalogue()["tap_mismatch"].looks(look_at(frame))[0]
+    assert look["direction"] == "columns"
+    assert look["seam"] * 160 == pytest.approx(93, abs=2)
+    assert look["offset_e"] == pytest.approx(2.0, abs=0.4)
+
+
+@pytest.mark.parametrize(("bits", "seen"), [(0, []), (1, [1, 1]), (4, [4, 4])])
+def test_a_look_at_the_codes_counts_the_bits_that_none_has(bits, seen):
+    """4095 stays where the converter clips."""
+    codes = np.unique([*(np.arange(100, 4000) >> bits << bits), 4095])
+    none = np.zeros(3)
+    looks = catalogue()["bit_truncation"].looks(Look(np.zeros((3, 3)), none, none, codes))
+    assert [look["bits"] for look in looks] == seen

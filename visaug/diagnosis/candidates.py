@@ -8,7 +8,7 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis.parameters import GAUSSIAN_SHAPE
-from visaug.effects import Effect, Parameter, catalogue
+from visaug.effects import Effect, Look, Parameter, catalogue
 from visaug.fingerprint import FrameData
 
 
@@ -19,7 +19,7 @@ class Trial:
     Args:
         effect: its name.
         values: the effect's parameters by path, and its words.
-        looked: whether they come from a look at the measured dark frame.
+        looked: whether they come from a look at the measured frames.
     """
 
     effect: str
@@ -114,19 +114,26 @@ def effect_trials(effect: type[Effect]) -> list[Trial]:
 
 
 def looked(lab: Laboratory, camera: Camera, without: frozenset[str] = frozenset()) -> list[Trial]:
-    """Points at which effects that the camera lacks are tried because of how the measured dark frames look."""
+    """Points at which effects that the camera lacks are tried because of how the measured frames look."""
     dark = FrameData(lab.frames, lab.folds.find).bias
     if dark is None:
         return []
     height, width = camera.resolution
     window = lab.frames.records[dark.group.indices[0]].window or (0, height, 0, width)
-    pattern = dark.pattern * camera.gain_at(dark.group.gain_db)
-    places = np.arange(window[0], window[1]) / height, np.arange(window[2], window[3]) / width
+    codes: set[int] = set()
+    for i in lab.folds.find:
+        codes.update(np.unique(lab.frames.read(i)).tolist())
+    seen = Look(
+        dark_e=dark.pattern * camera.gain_at(dark.group.gain_db),
+        rows=np.arange(window[0], window[1]) / height,
+        columns=np.arange(window[2], window[3]) / width,
+        codes=np.array(sorted(codes)),
+    )
     return [
         _trial(effect, point, looked=True)
         for name, effect in catalogue().items()
         if not effect.base and name not in camera.effect_names and name not in without
-        for point in effect.looks(pattern, *places)
+        for point in effect.looks(seen)
     ]
 
 

@@ -61,7 +61,8 @@ def first_matches(
 
     With a form left open, what moves one statistic alone can gain little, however far that is off: so the trial that gains
     most by its exact form is among them. Not where something stands so far out that every form would be wrong, nor one that
-    brings a spread of its own, which covers anything.
+    brings a spread of its own, which covers anything. What was seen in the frames and cannot be scaled is among them whatever
+    it gains: its signature comes from the camera as given, and need not hold where the refit has gone.
     """
     tried = matches(signs, fitted, without, allowance)
     best = best_of_each(tried)
@@ -71,6 +72,7 @@ def first_matches(
         sure = next((m for m in exact if m.gain > LEAST_GAIN and not m.variance.any()), None)
         if sure and sure.trial.effect not in [m.trial.effect for m in chosen]:
             chosen.append(sure)
+    chosen += [m for m in tried if m.trial.looked and m.trial.is_fixed and m not in chosen]
     return tried, chosen
 
 

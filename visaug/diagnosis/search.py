@@ -1,6 +1,7 @@
 """Which physical effect is missing: fit, name, add, refit, until nothing is missing or nothing known explains the rest."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +82,16 @@ def diagnose(
     with connected(cluster) as ray:
         lab = Laboratory(frames, camera, seed, spread=by_ray(ray))
         return _Search(lab, camera, left_out, report, sets).run()
+
+
+@dataclass(frozen=True)
+class _Accepted:
+    """An effect that was accepted, the state with it, and what stood beside and behind it."""
+
+    refined: Refined
+    state: State
+    standing: list[Refined]
+    others: list[Refined]
 
 
 class _Search:
@@ -191,9 +202,13 @@ class _Search:
         self.steps.append(Step(action, self.errors.told(state.fitted)))
 
     def _add(self, state: State, by_chance: Chance) -> tuple[State | None, str | None]:
-        """The state with one more effect; None, with the nearest effect's name, where none explains what it moves."""
+        """The state with one more effect; None, with the nearest effect's name, where none explains what it moves.
+
+        Where the camera with an effect that was found from one start does not hold, the other start has its say too.
+        """
         nearest: str | None = None
         standings = self.ranking.standings()
+        accepted: list[_Accepted] = []
         for fitted in self._starts(state):
             found = candidates(self.lab, self.signs + self.seen, fitted, state, self.without, self.report)
             if not found:
@@ -201,24 +216,40 @@ class _Search:
             if fitted is state.fitted:
                 self.ranking.rank(state, found)
                 nearest = found[0].effect if found[0].gain > 3 else None
-            close = rivals(found, state, by_chance)
-            ordered = decided(state, [(r, self._with(state, r)) for r in close])
-            for place, (r, after) in enumerate(ordered):
-                if r.gain < ordered[0][0].gain - DECISIVE:
+            one = self._accepted(state, found, by_chance)
+            if one is not None:
+                accepted.append(one)
+                if (
+                    p_value(float(np.abs(one.state.z).max()), one.state.fitted.reference.largest)
+                    > SIGNIFICANT
+                ):
                     break
-                if explains(self.lab.statistics, state, after) and self._improves(state, after, by_chance):
-                    standing = [other for other, _ in ordered[place:]]  # those before it were refused
-                    self.ranking.restore(standings)
-                    self.ranking.rank(state, standing + found[len(close) :])
-                    self.ranking.accept(
-                        after, r.effect, self.steps[-1].error and self.errors.told(after.fitted)
-                    )
-                    self.ranking.note_ambiguous(standing, self.report)
-                    return after, None
-        return None, nearest
+        if not accepted:
+            return None, nearest
+        best = decided(state, [(one.refined, one.state) for one in accepted])[0][1]
+        chosen = next(one for one in accepted if one.state is best)
+        self.ranking.restore(standings)
+        self.ranking.rank(state, chosen.standing + chosen.others)
+        self.ranking.accept(
+            best, chosen.refined.effect, self.steps[-1].error and self.errors.told(best.fitted)
+        )
+        self.ranking.note_ambiguous(chosen.standing, self.report)
+        return best, None
+
+    def _accepted(self, state: State, found: list[Refined], by_chance: Chance) -> "_Accepted | None":
+        """The first of the candidates that explains what it moves and improves the camera, its rivals simulated."""
+        close = rivals(found, state, by_chance)
+        ordered = decided(state, [(r, self._with(state, r)) for r in close])
+        for place, (r, after) in enumerate(ordered):
+            if r.gain < ordered[0][0].gain - DECISIVE:
+                break
+            if explains(self.lab.statistics, state, after) and self._improves(state, after, by_chance):
+                standing = [other for other, _ in ordered[place:]]  # those before it were refused
+                return _Accepted(r, after, standing, found[len(close) :])
+        return None
 
     def _starts(self, state: State) -> list[Fitted]:
-        """Cameras from which effects are tried: the refitted one; if none is found there and it lies far off, the one given.
+        """Cameras from which effects are tried: the refitted one; where that lies far off, the one given too.
 
         A strong effect bends the fit until the effect's own signature is no longer recognised there.
         """

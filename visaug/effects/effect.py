@@ -116,6 +116,27 @@ class Context:
         return torch.cat([first, signal[:-1]])
 
 
+@dataclass(frozen=True)
+class Look:
+    """What meets the eye in measured frames.
+
+    Args:
+        dark_e: (H, W) mean frame of the shortest dark exposure, less its mean, electrons.
+        rows, columns: (H,), (W,), where each of its lines begins, as a share of the sensor.
+        codes: every DN that comes in any frame, rising.
+    """
+
+    dark_e: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+    codes: np.ndarray
+
+    @property
+    def profiles(self) -> tuple[tuple[str, np.ndarray, np.ndarray], ...]:
+        """Of columns and of rows: which, their means (e-), and where they begin."""
+        return ("columns", self.dark_e.mean(0), self.columns), ("rows", self.dark_e.mean(1), self.rows)
+
+
 class Effect:
     """One physical effect. A subclass states `name`, `stage`, `Parameter`s and `apply`; that is all a new effect takes.
 
@@ -169,13 +190,8 @@ class Effect:
         return None
 
     @classmethod
-    def looks(cls, dark_e: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> list[dict[str, Any]]:
-        """Further values by parameter at which a diagnosis tries the effect, from a look at what was measured (optional).
-
-        Args:
-            dark_e: (H, W) mean frame of the shortest dark exposure, less its mean, electrons.
-            rows, columns: (H,), (W,), where each line begins, as a share of the sensor.
-        """
+    def looks(cls, seen: "Look") -> list[dict[str, Any]]:
+        """Further values by parameter at which a diagnosis tries the effect, from a look at what was measured (optional)."""
         return []
 
     @classmethod

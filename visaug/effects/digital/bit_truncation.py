@@ -1,5 +1,6 @@
 """Lost low bits."""
 
+import numpy as np
 import torch
 
 from visaug.effects.effect import Effect, Parameter, Stage
@@ -39,3 +40,10 @@ class BitTruncation(Effect):
         kept = torch.floor(signal / step + (0.5 if p.mode == "round" else 0)) * step
         kept = torch.where(p.bits > 0, kept.clamp_max(context.max_dn), signal)
         return signal + (kept - signal).detach()
+
+    @classmethod
+    def looks(cls, seen):
+        """The bits that no code has; the highest code is left out, where the converter clips."""
+        step = int(np.gcd.reduce(np.diff(seen.codes[:-1]).astype(np.int64))) if len(seen.codes) > 2 else 1
+        bits = (step & -step).bit_length() - 1
+        return [{"bits": bits, "mode": mode} for mode in ("cut", "round")] if 0 < bits <= 15 else []

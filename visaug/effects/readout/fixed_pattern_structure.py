@@ -142,13 +142,10 @@ class FixedPatternStructure(Effect):
         return first + p.second * second
 
     @classmethod
-    def looks(cls, dark_e, rows, columns):
+    def looks(cls, seen):
         """The three levels that the columns, or the rows, of the mean dark frame show best."""
         found = []
-        for direction, profile, place in (
-            ("columns", dark_e.mean(0), columns),
-            ("rows", dark_e.mean(1), rows),
-        ):
+        for direction, profile, place in seen.profiles:
             (first, second), levels = edges(profile, 2)
             rise, then = np.diff(levels)
             rise = rise if abs(rise) > 1e-3 else 1e-3

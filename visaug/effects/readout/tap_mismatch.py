@@ -48,13 +48,10 @@ class TapMismatch(Effect):
         return self._split(signal, p, context)
 
     @classmethod
-    def looks(cls, dark_e, rows, columns):
+    def looks(cls, seen):
         """The highest step between the columns, or the rows, of the mean dark frame."""
         found = []
-        for direction, profile, place in (
-            ("columns", dark_e.mean(0), columns),
-            ("rows", dark_e.mean(1), rows),
-        ):
+        for direction, profile, place in seen.profiles:
             (seam,), levels = edges(profile, 1)
             offset = float(levels[1] - levels[0])
             found.append({"offset_e": offset, "seam": float(place[seam]), "direction": direction})
