@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.comparison import Error, is_clear
-from visaug.diagnosis.fit import Fitted, standardised
+from visaug.diagnosis.fit import Fitted, p_value, standardised
 from visaug.fingerprint import Statistic
 
 COVERED = 0.8  # share of the statistics an effect moves that it must bring back, mean over views
@@ -15,10 +15,8 @@ FAINT = 3.0  # standard deviations along an effect's moves that count where no s
 REMAINING = 0.98  # share of the error that an accepted effect may leave; another effect may hold most of it
 SHARE = 0.01  # error that a further effect must take away,
 LITTLE, NEARLY_ALL = 0.002, 0.75  # or, where more than so little is left, this share of it
-STANDS_OUT, NEAR = (
-    8.0,
-    4.0,
-)  # standard deviations beyond which no form of an accepted effect reaches, and that are back
+OFF = 4.0  # standard deviations from which a statistic counts as moved, or as off
+STANDS_OUT = 8.0  # standard deviations that no form of an accepted effect leaves over
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
 POOREST = 0.75  # the same share in the view that it explains least
 
@@ -45,6 +43,11 @@ class State:
         scale = np.sqrt(self.fitted.reference.null_scale**2 + self.allowance**2)
         return standardised(self.fitted.residual, np.where(self.fitted.reference.null_scale > 0, scale, 0.0))
 
+    @property
+    def p_value(self) -> float:
+        """That a camera lacking nothing leaves as large a residual somewhere."""
+        return p_value(float(np.abs(self.z).max()), self.fitted.reference.largest)
+
 
 def explains(statistics: Sequence[Statistic], before: State, after: State) -> bool:
     """Whether the effect brings back what it moves: most of the statistics in which it is seen, by most of their distance.
@@ -54,17 +57,17 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     moves = before.fitted.residual - after.fitted.residual if after.moves is None else after.moves
     moved = np.abs(standardised(moves, before.fitted.reference.null_scale))
     was, now = np.abs(before.z), np.abs(after.z)
-    seen = (moved > 4) & (was > 4)
+    seen = (moved > OFF) & (was > OFF)
     if not seen.any():
         return _explains_the_faint(before, after, moves)
-    if seen.sum() < FEW * np.count_nonzero(was > 4):
+    if seen.sum() < FEW * np.count_nonzero(was > OFF):
         return False
     views = np.array([s.view for s in statistics])
-    back = now <= np.maximum(4.0, 0.3 * was)
+    back = now <= np.maximum(OFF, 0.3 * was)
     shares = {v: back[seen & (views == v)] for v in dict.fromkeys(views[seen])}
     covered = np.mean([share.mean() for share in shares.values()])
     poorest = min((share.mean() for share in shares.values() if len(share) > 2), default=1.0)
-    worsened = (now > 4) & (now > 1.5 * was)
+    worsened = (now > OFF) & (now > 1.5 * was)
     return bool(covered >= COVERED and poorest >= POOREST and worsened.sum() <= WORSE * seen.sum() + 1)
 
 
@@ -80,14 +83,14 @@ def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
     off, left = (float(state.z @ along) / max(length, 1e-9) for state in (before, after))
     worst = int(np.abs(before.z).argmax())
     if off > FAINT:
-        gone = abs(after.z[worst]) <= max(4.0, 0.3 * abs(before.z[worst]))
+        gone = abs(after.z[worst]) <= max(OFF, 0.3 * abs(before.z[worst]))
         return bool(gone and abs(left) < 0.5 * off)
     return bool(after.fitted.reference.null_scale[worst] > 1.3 * scale[worst])
 
 
 def brings_back(before: State, after: State) -> bool:
     """Whether a statistic stood out, the forms of accepted effects allowed for, and is back."""
-    return bool(np.any((np.abs(before.z) > STANDS_OUT) & (np.abs(after.z) < NEAR)))
+    return bool(np.any((np.abs(before.z) > STANDS_OUT) & (np.abs(after.z) < OFF)))
 
 
 def improves(

@@ -303,13 +303,15 @@ def refine(
     camera = _scaled(fitted.camera, match)
     own = coordinates_of(match.trial.effect, camera, lab)
     climb = _Climb(lab, fitted, metric(fitted, FINE, allowance), match, camera, own)
+    report(f"refining {match.trial.effect}", 0, iterations)
     best = climb.upwards()
-    step, damping, gains = climb.step(best), 1.0, [best.gain]
+    step, damping, gains = None, 1.0, [best.gain]
     for i in range(1, iterations if own else 1):
         report(f"refining {match.trial.effect}", i, iterations)
+        step = climb.step(best) if step is None else step
         point = climb.settled(best.at + damping * step, best)
         if point.gain > best.gain:
-            best, step, damping = point, climb.step(point), 1.0
+            best, step, damping = point, None, 1.0
         else:  # too far: from the best point a shorter step
             damping *= 0.35
         gains.append(best.gain)
@@ -398,9 +400,7 @@ class _Climb:
             hopeless = beside is not None and best.gain < beside.gain - HOPELESS
             if hopeless or np.all(np.abs(step) <= NEAR * self.steps):
                 break
-            if (
-                len(best.moves) < MORE
-            ):  # far from the start the same random numbers are no longer the same noise
+            if len(best.moves) < MORE:  # the same random numbers are no longer the same noise
                 best = self._simulated(best.at, MORE)
             point = self._simulated(best.at + step, MORE)
             if point.gain < best.gain:
@@ -412,8 +412,6 @@ class _Climb:
         """Of all coordinates, from a point."""
         effect = np.arange(self.theirs, len(point.at))
         step = np.zeros(len(point.at))
-        if not len(effect):
-            return step
         aside = [point.at + self.steps * (np.arange(len(step)) == j) for j in effect]
         moves = self._moves(aside, len(point.moves))
         design = self.law.white((moves - point.moves) / self.steps[effect, None, None])

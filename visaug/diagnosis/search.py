@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -110,10 +111,6 @@ class _Search:
         first = self.first = self._reference()
         fitted = self._settled(refit(self.lab, first, self.report))
         self.signs = self._signatures(first)
-        seen = looked(self.lab, first.camera, self.without)
-        self.seen = signatures(
-            self.lab, first, seen, self.report
-        )  # made for the measurement: no part of chance
         self.errors = Errors(self.lab, first, fitted)
         self.ranking = Ranking(self.errors.distance)
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
@@ -183,6 +180,12 @@ class _Search:
         kept = cache.kept(cache.key(self.lab, reference.camera, "signatures", self.sets, words), make)
         return Signatures(tuple(tried), kept["values"], kept["variances"])
 
+    @cached_property
+    def _seen(self) -> Signatures:
+        """Of trials that come from a look at the frames: made for the measurement, so no part of chance."""
+        tried = looked(self.lab, self.first.camera, self.without)
+        return signatures(self.lab, self.first, tried, self.report)
+
     def _largest_as_given(self, first: Reference) -> float:
         return float(np.abs(self._z_as_given(first)).max())
 
@@ -194,9 +197,7 @@ class _Search:
 
     def _p_value(self, state: State, by_chance: Chance) -> float:
         """That a camera lacking nothing leaves as much: by its largest residual, or by what some effect would explain."""
-        reference = state.fitted.reference
-        by_size = p_value(float(np.abs(state.z).max()), reference.largest)
-        return min(1.0, 2 * min(by_size, by_chance.p_value))
+        return min(1.0, 2 * min(state.p_value, by_chance.p_value))
 
     def _step(self, action: str, state: State) -> None:
         self.steps.append(Step(action, self.errors.told(state.fitted)))
@@ -210,7 +211,7 @@ class _Search:
         standings = self.ranking.standings()
         accepted: list[_Accepted] = []
         for fitted in self._starts(state):
-            found = candidates(self.lab, self.signs + self.seen, fitted, state, self.without, self.report)
+            found = candidates(self.lab, self.signs + self._seen, fitted, state, self.without, self.report)
             if not found:
                 continue
             if fitted is state.fitted:
@@ -219,10 +220,7 @@ class _Search:
             one = self._accepted(state, found, by_chance)
             if one is not None:
                 accepted.append(one)
-                if (
-                    p_value(float(np.abs(one.state.z).max()), one.state.fitted.reference.largest)
-                    > SIGNIFICANT
-                ):
+                if one.state.p_value > SIGNIFICANT:
                     break
         if not accepted:
             return None, nearest

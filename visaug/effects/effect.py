@@ -190,7 +190,7 @@ class Effect:
         return None
 
     @classmethod
-    def looks(cls, seen: "Look") -> list[dict[str, Any]]:
+    def looks(cls, seen: Look) -> list[dict[str, Any]]:
         """Further values by parameter at which a diagnosis tries the effect, from a look at what was measured (optional)."""
         return []
 

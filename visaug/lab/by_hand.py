@@ -9,7 +9,7 @@ from visaug.comparison import Distance, Error, Laboratory, Place, is_clear, plac
 from visaug.diagnosis import Estimate, cache
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import looked, trials
-from visaug.diagnosis.fit import Fitted, Reference, Report, is_far, make_reference, p_value, refit
+from visaug.diagnosis.fit import Fitted, Reference, Report, is_far, make_reference, refit
 from visaug.diagnosis.naming import SIGNIFICANT, from_other_starts
 from visaug.diagnosis.parameters import base_coordinates
 from visaug.diagnosis.rank import matches, refine, signatures
@@ -79,7 +79,7 @@ class ByHand:
         return Fit(
             fitted.camera,
             self._error(fitted, plain.fitted, self._reference((), report)),
-            p_value(float(np.abs(state.z).max()), reference.largest),
+            state.p_value,
             places(left, self.lab.statistics, state.z),
             {
                 name: estimates(name, fitted.camera, reference.coordinates, reference.null_steps)
@@ -121,8 +121,8 @@ class ByHand:
         )
         tried = matches(signs, before.fitted, others, before.allowance)
         best = refine(self.lab, before.fitted, tried[0], report, before.allowance)
-        others = [m for m in tried if m.trial.form != tried[0].trial.form]
-        best = from_other_starts(self.lab, before.fitted, best, others, report, before.allowance)
+        starts = [m for m in tried if m.trial.form != tried[0].trial.form]
+        best = from_other_starts(self.lab, before.fitted, best, starts, report, before.allowance)
         reference = make_reference(
             self.lab,
             best.camera,
