@@ -4,12 +4,14 @@ import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
+from types import FunctionType
 
 import numpy as np
 
 import visaug
 from visaug.camera import Camera
 from visaug.comparison.laboratory import Laboratory
+from visaug.effects import catalogue
 
 
 def folder() -> Path:
@@ -22,10 +24,13 @@ def folder() -> Path:
 
 def key(lab: Laboratory, camera: Camera, *words: object) -> str:
     """A name for what depends on the camera, the plan, the seed and the program's own code."""
-    digest = hashlib.blake2b(digest_size=12)
-    for part in (camera.to_yaml(), _plan(lab), lab.seed, _code(), words):
-        digest.update(repr(part).encode())
-    return digest.hexdigest()
+    sources = [source_of(name) for name in camera.effect_names]
+    return digest(camera.to_yaml(), _plan(lab), lab.seed, _code(), sources, words)
+
+
+def digest(*parts: object) -> str:
+    """A name for parts that print as what they are."""
+    return hashlib.blake2b(repr(parts).encode(), digest_size=12).hexdigest()
 
 
 def _plan(lab: Laboratory) -> tuple:
@@ -47,22 +52,36 @@ def _plan(lab: Laboratory) -> tuple:
 def _code() -> str:
     root = Path(visaug.__file__).parent
     digest = hashlib.blake2b(digest_size=8)
-    for room in ("sampling", "effects", "camera", "fingerprint"):
+    for room in ("sampling", "effects", "camera", "fingerprint", "comparison", "diagnosis"):
         for file in sorted((root / room).rglob("*.py")):
             digest.update(file.read_bytes())
     digest.update((root / "simulation.py").read_bytes())
     return digest.hexdigest()
 
 
-def kept(name: str, make: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Arrays from the cache, or made and kept. A cache that cannot be read or written is done without."""
-    path = folder() / f"{name}.npz"
+def source_of(name: str) -> str:
+    """Of an effect from a user's file, a word that changes with the file; nothing for the shipped ones."""
+    for part in vars(catalogue()[name]).values():
+        if isinstance(part, FunctionType):
+            file = Path(part.__code__.co_filename)
+            if file.is_relative_to(Path(visaug.__file__).parent) or not file.is_file():
+                return ""
+            return hashlib.blake2b(file.read_bytes(), digest_size=8).hexdigest()
+    return ""
+
+
+def load(name: str) -> dict[str, np.ndarray] | None:
+    """Arrays from the cache; None where it has none or cannot be read."""
     try:
-        with np.load(path) as archive:
+        with np.load(folder() / f"{name}.npz") as archive:
             return dict(archive)
     except (OSError, ValueError, EOFError, KeyError):
-        pass
-    arrays = make()
+        return None
+
+
+def keep(name: str, arrays: dict[str, np.ndarray]) -> None:
+    """Into the cache; one that cannot be written is done without."""
+    path = folder() / f"{name}.npz"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         scratch = path.with_name(f".{name}.{os.getpid()}.npz")
@@ -70,4 +89,12 @@ def kept(name: str, make: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.n
         os.replace(scratch, path)
     except OSError:
         pass
+
+
+def kept(name: str, make: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Arrays from the cache, or made and kept."""
+    arrays = load(name)
+    if arrays is None:
+        arrays = make()
+        keep(name, arrays)
     return arrays

@@ -13,7 +13,7 @@ from visaug.comparison import Laboratory, is_clear, places
 from visaug.comparison.spread import by_ray
 from visaug.diagnosis import cache
 from visaug.diagnosis.acceptance import State, brings_back, explains, improves
-from visaug.diagnosis.candidates import looked, trials
+from visaug.diagnosis.candidates import Trial, looked, trials
 from visaug.diagnosis.chance import Chance, chance
 from visaug.diagnosis.errors import Errors
 from visaug.diagnosis.fit import (
@@ -169,16 +169,26 @@ class _Search:
         )
 
     def _signatures(self, reference: Reference) -> Signatures:
-        tried = trials(reference.camera, self.without)
-        made: list[Signatures] = []
-
-        def make() -> dict[str, np.ndarray]:
-            made.append(signatures(self.lab, reference, tried, self.report))
-            return {"values": made[0].values, "variances": made[0].variances}
-
-        words = [repr(trial) for trial in tried]
-        kept = cache.kept(cache.key(self.lab, reference.camera, "signatures", self.sets, words), make)
-        return Signatures(tuple(tried), kept["values"], kept["variances"])
+        """Of every trial; kept by effect, so that one effect more or less costs no other."""
+        of: dict[str, list[Trial]] = {}
+        for trial in trials(reference.camera, self.without):
+            of.setdefault(trial.effect, []).append(trial)
+        prefix = cache.key(self.lab, reference.camera, "signatures", self.sets)
+        names = {
+            effect: f"{prefix}-{cache.digest(cache.source_of(effect), tried)}" for effect, tried in of.items()
+        }
+        found = {effect: kept for effect, name in names.items() if (kept := cache.load(name)) is not None}
+        missing = [trial for effect, tried in of.items() if effect not in found for trial in tried]
+        made = signatures(self.lab, reference, missing, self.report)
+        for effect in {trial.effect: None for trial in missing}:
+            own = [i for i, trial in enumerate(missing) if trial.effect == effect]
+            found[effect] = {"values": made.values[own], "variances": made.variances[own]}
+            cache.keep(names[effect], found[effect])
+        return Signatures(
+            tuple(trial for tried in of.values() for trial in tried),
+            np.concatenate([found[effect]["values"] for effect in of]),
+            np.concatenate([found[effect]["variances"] for effect in of]),
+        )
 
     @cached_property
     def _seen(self) -> Signatures:
