@@ -17,11 +17,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from independent import cameras, effects, foreign, judge, real, recipes
+from independent import cameras, effects, foreign, getframes_sets, judge, pyxel_sets, real, recipes
 from independent.sets import write_set
 from independent.strengths import FACTOR
 
-ALL_KINDS = (*recipes.KINDS, "real")
+PEERS = {"getframes": getframes_sets, "pyxel": pyxel_sets}
+ALL_KINDS = (*recipes.KINDS, "real", *PEERS)
 
 
 def seeds_of(text: str) -> list[int]:
@@ -44,7 +45,10 @@ def make(arguments: argparse.Namespace) -> None:
     for position, seed in enumerate(arguments.seeds):
         listed = arguments.cameras
         camera = listed[position % len(listed)] if listed else cameras.camera_of(seed)
-        for kind in (kind for kind in arguments.kinds if kind != "real"):
+        for kind in (kind for kind in arguments.kinds if kind in PEERS):
+            answers = judge.beside(folder, "answers")
+            made += PEERS[kind].write_sets(seed, camera, wanted, folder, answers)
+        for kind in (kind for kind in arguments.kinds if kind in recipes.KINDS):
             for recipe in recipes.KINDS[kind](seed, camera, arguments.strength):
                 if wanted and not wanted & set(recipe.expect):
                     continue

@@ -63,8 +63,11 @@ def test_what_no_form_could_leave_over_is_reason_for_a_second_name():
 def state(z, moves=None) -> State:
     """Residuals in units of their standard deviation, one view each."""
     z = np.array(z, float)
-    reference = SimpleNamespace(null_scale=np.ones(len(z)))
-    return State(SimpleNamespace(reference=reference, residual=z, z=z), (), np.zeros(len(z)), moves)  # type: ignore[arg-type]
+    reference = SimpleNamespace(null_scale=np.ones(len(z)), priors=np.ones(0))
+    fitted = SimpleNamespace(
+        reference=reference, slopes=np.zeros((len(z), 0)), residual=z, whole_residual=z, z=z
+    )
+    return State(fitted, (), np.zeros(len(z)), np.zeros(len(z)), moves)  # type: ignore[arg-type]
 
 
 def accepted(before, after, moves) -> bool:
@@ -75,6 +78,17 @@ def accepted(before, after, moves) -> bool:
 def test_a_faint_effect_must_bring_back_what_is_furthest_off():
     assert accepted([3.5, 3.5, 2.0], [0.5, 0.5, 0.5], [3, 3, 1.5])
     assert not accepted([3.5, 3.5, 38.0], [0.5, 0.5, 38.0], [3, 3, 0])
+
+
+def test_what_the_cameras_own_numbers_undo_does_not_count():
+    """Charge in every frame moves the level far, which the black level takes back, and the skewness, which nothing does."""
+    before, after = state([0.5, 3.5]), state([0.5, 0.5], np.array([60.0, 3.5]))
+    statistics = [SimpleNamespace(view="level"), SimpleNamespace(view="tails")]
+    assert not explains(statistics, before, after)  # type: ignore[arg-type]
+    black = np.array([[50.0], [0.0]])
+    for s in (before, after):
+        s.fitted.slopes, s.fitted.reference.priors = black, np.array([30.0])
+    assert explains(statistics, before, after)  # type: ignore[arg-type]
 
 
 def test_a_strong_effect_must_bring_back_what_it_moves():

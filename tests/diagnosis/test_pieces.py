@@ -9,9 +9,10 @@ from scipy.stats import kstest
 from tests.diagnosis.small import frame_set
 from visaug import Camera
 from visaug.comparison import Laboratory
+from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import Trial, missing_base, trials
 from visaug.diagnosis.chance import chance
-from visaug.diagnosis.fit import Fitted, adjust, make_reference, p_value, refit, standardised
+from visaug.diagnosis.fit import Fitted, Null, adjust, make_reference, p_value, refit, standardised
 from visaug.diagnosis.naming import first_matches
 from visaug.diagnosis.parameters import base_coordinates, effect_coordinates, moved
 from visaug.diagnosis.rank import Match, Signatures, best_of_each, newton, shrunk
@@ -106,15 +107,33 @@ def test_chance_is_no_more_certain_of_its_own_sets_than_of_new_ones():
     rng = np.random.default_rng(3)
     mixing = rng.normal(size=(200, 200)) / 14 + np.eye(200)
     null, new, shapes = (rng.normal(size=(n, 200)) @ mixing for n in (60, 300, 30))
+    scale = null.std(0, ddof=1)
     reference = SimpleNamespace(
-        null_scale=null.std(0, ddof=1), null=null, slopes=np.zeros((200, 1)), priors=np.ones(1)
+        whole_null=Null(null, scale, np.zeros((200, 1)), np.ones(1)), largest=np.abs(null / scale).max(1)
     )
     signed = SimpleNamespace(trials=[SimpleNamespace(effect=str(i)) for i in range(30)], values=shapes)
-    found = [
-        chance(signed, SimpleNamespace(reference=reference, residual=residual), np.zeros(200), ()).p_value  # type: ignore[arg-type]
-        for residual in new
-    ]
-    assert kstest(found, "uniform").statistic < 1.95 * np.sqrt(1 / 60 + 1 / 300)
+    lab = SimpleNamespace(whole_of=lambda values: values)
+
+    def p_of(residual: np.ndarray) -> float:
+        fitted = SimpleNamespace(reference=reference, residual=residual, whole_residual=residual)
+        return chance(lab, signed, State.plain(fitted)).p_value  # type: ignore[arg-type]
+
+    assert kstest([p_of(residual) for residual in new], "uniform").statistic < 1.95 * np.sqrt(
+        1 / 60 + 1 / 300
+    )
+
+
+def test_all_frames_together_tell_whether_anything_is_missing(stated):
+    """Statistics of the frames that find lie where those of the whole set have the same name."""
+    lab = Laboratory(frame_set(5), stated)
+    find, confirm, whole = lab.measured
+    shape = lab.whole_of(np.arange(1.0, len(find.values) + 1))
+    names = [(s.view, s.name, s.frames) for s in find.statistics]
+    for s, value in zip(whole.statistics, shape, strict=True):
+        name = (s.view, s.name, s.frames)
+        assert value == (names.index(name) + 1 if name in names else 0)
+    assert np.count_nonzero(shape) > 0.9 * len(find.values)
+    assert len(confirm.values) < len(find.values) <= len(whole.values)
 
 
 def test_an_effect_of_one_statistic_is_tried_beside_one_of_many():
@@ -122,10 +141,10 @@ def test_an_effect_of_one_statistic_is_tried_beside_one_of_many():
     count, sets = 60, 400
     null = np.random.default_rng(3).normal(size=(sets, count))
     scale = np.ones(count)
-    reference = SimpleNamespace(null=null, null_scale=scale, slopes=np.zeros((count, 1)), priors=np.ones(1))
+    reference = SimpleNamespace(null=Null(null, scale, np.zeros((count, 1)), np.ones(1)), null_scale=scale)
     one, many = np.zeros(count), np.zeros(count)
     one[0], many[10:40] = 14.0, 1.4
-    fitted = Fitted(reference, None, one + many, np.zeros(count))  # pyright: ignore[reportArgumentType]
+    fitted = Fitted(reference, None, one + many, np.zeros(count), one + many)  # pyright: ignore[reportArgumentType]
     names = ("dark_current_nonuniformity.spread", "tap_mismatch.gain")
     tried = tuple(Trial(name.split(".")[0], ((name, 0.1),)) for name in names)
     signs = Signatures(tried, np.array([one, many]), np.zeros((2, count)))

@@ -102,17 +102,30 @@ class Laboratory:
         self.spread = spread or by_threads
 
     @cached_property
-    def measured(self) -> tuple[Fingerprint, Fingerprint]:
-        """Fingerprints of the measured frames that find, and of those that confirm."""
-        return self._both(self.frames)
+    def measured(self) -> tuple[Fingerprint, Fingerprint, Fingerprint]:
+        """Fingerprints of the measured frames that find, of those that confirm, and of the whole set."""
+        find, confirm, whole = (fingerprint(self.frames, use) for use in self._uses)
+        return find, confirm, whole
 
     @property
     def statistics(self) -> tuple[Statistic, ...]:
         return self.measured[0].statistics
 
+    def whole_of(self, finding: np.ndarray) -> np.ndarray:
+        """A shape (..., statistics) of the frames that find, as one of the whole set: 0 where these have a statistic more."""
+        place = self._place_in_finding
+        return np.where(place >= 0, finding[..., place], 0.0)
+
+    @cached_property
+    def _place_in_finding(self) -> np.ndarray:
+        """Of every statistic of the whole set, its place among those of the frames that find; -1 where it has none."""
+        find, _, whole = (f.statistics for f in self.measured)
+        places = {(s.view, s.name, s.frames): i for i, s in enumerate(find)}
+        return np.array([places.get((s.view, s.name, s.frames), -1) for s in whole])
+
     def simulated(
         self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Fingerprints of simulated sets.
 
         Args:
@@ -120,10 +133,11 @@ class Laboratory:
             report: called with the number of sets done.
 
         Returns:
-            (n, statistics) of the frames that find, and (n, statistics) of those that confirm.
+            (n, statistics) of the frames that find, of those that confirm, and of the whole set.
         """
-        pairs = self._run(cameras, report, (self.folds.find, self.folds.confirm))
-        return np.array([a for a, _ in pairs]), np.array([b for _, b in pairs])
+        results = self._run(cameras, report, self._uses)
+        find, confirm, whole = (np.array([result[k] for result in results]) for k in range(3))
+        return find, confirm, whole
 
     def finding(
         self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None
@@ -149,8 +163,9 @@ class Laboratory:
         unread = [np.zeros((1, 1), np.uint16)] * len(records)
         return FrameSet.from_arrays(records, unread, cleans, bit_depth=self.frames.bit_depth)
 
-    def _both(self, frames: FrameSet) -> tuple[Fingerprint, Fingerprint]:
-        return fingerprint(frames, self.folds.find), fingerprint(frames, self.folds.confirm)
+    @property
+    def _uses(self) -> tuple[tuple[int, ...], ...]:
+        return self.folds.find, self.folds.confirm, tuple(range(len(self.frames)))
 
 
 def fingerprints(

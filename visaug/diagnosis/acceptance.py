@@ -18,6 +18,7 @@ LITTLE, NEARLY_ALL = 0.002, 0.75  # or, where more than so little is left, this 
 OFF = 4.0  # standard deviations from which a statistic counts as moved, or as off
 STANDS_OUT = 8.0  # standard deviations that no form of an accepted effect leaves over
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
+FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
 POOREST = 0.75  # the same share in the view that it explains least
 
 
@@ -28,25 +29,52 @@ class State:
     Attributes:
         fitted: the fitted camera.
         accepted: the effects that it has gained.
-        allowance: what their forms may leave over, per statistic.
+        allowance, whole_allowance: what their forms may leave over, per statistic of the frames that find and of all frames.
         moves: how far the last of them moves each statistic; None where the refits before and after tell it.
     """
 
     fitted: Fitted
     accepted: tuple[str, ...]
     allowance: np.ndarray
+    whole_allowance: np.ndarray
     moves: np.ndarray | None = None
+
+    @classmethod
+    def plain(cls, fitted: Fitted) -> "State":
+        """Of a camera that has gained nothing."""
+        return cls(fitted, (), np.zeros(len(fitted.residual)), np.zeros(len(fitted.whole_residual)))
+
+    def with_effect(self, effect: str, fitted: Fitted, moves: np.ndarray | None = None) -> "State":
+        """With one effect more, of whose moves a share is the form's."""
+        before = self.fitted
+        return State(
+            fitted,
+            (*self.accepted, effect),
+            np.hypot(self.allowance, FORM * (before.residual - fitted.residual)),
+            np.hypot(self.whole_allowance, FORM * (before.whole_residual - fitted.whole_residual)),
+            moves,
+        )
 
     @property
     def z(self) -> np.ndarray:
-        """Residuals in standard deviations, the forms of accepted effects allowed for."""
-        scale = np.sqrt(self.fitted.reference.null_scale**2 + self.allowance**2)
-        return standardised(self.fitted.residual, np.where(self.fitted.reference.null_scale > 0, scale, 0.0))
+        """Residuals of the frames that find in standard deviations, the forms of accepted effects allowed for."""
+        return _allowed(self.fitted.residual, self.fitted.reference.null_scale, self.allowance)
+
+    @property
+    def whole_z(self) -> np.ndarray:
+        """The same of all frames together."""
+        return _allowed(
+            self.fitted.whole_residual, self.fitted.reference.whole_null.scale, self.whole_allowance
+        )
 
     @property
     def p_value(self) -> float:
-        """That a camera lacking nothing leaves as large a residual somewhere."""
-        return p_value(float(np.abs(self.z).max()), self.fitted.reference.largest)
+        """That a camera lacking nothing leaves as large a residual somewhere in all frames together."""
+        return p_value(float(np.abs(self.whole_z).max()), self.fitted.reference.largest)
+
+
+def _allowed(residual: np.ndarray, scale: np.ndarray, allowance: np.ndarray) -> np.ndarray:
+    return standardised(residual, np.where(scale > 0, np.hypot(scale, allowance), 0.0))
 
 
 def explains(statistics: Sequence[Statistic], before: State, after: State) -> bool:
@@ -78,7 +106,7 @@ def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
     moves nothing on the average must give that statistic a spread which covers it.
     """
     scale = before.fitted.reference.null_scale
-    along = standardised(moves, scale)
+    along = _beyond_the_camera(before.fitted, moves)
     length = float(np.linalg.norm(along))
     off, left = (float(state.z @ along) / max(length, 1e-9) for state in (before, after))
     worst = int(np.abs(before.z).argmax())
@@ -86,6 +114,15 @@ def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
         gone = abs(after.z[worst]) <= max(OFF, 0.3 * abs(before.z[worst]))
         return bool(gone and abs(left) < 0.5 * off)
     return bool(after.fitted.reference.null_scale[worst] > 1.3 * scale[worst])
+
+
+def _beyond_the_camera(fitted: Fitted, moves: np.ndarray) -> np.ndarray:
+    """What the camera's own numbers cannot do of some moves, in standard deviations: least squares with their priors."""
+    reference = fitted.reference
+    along = standardised(moves, reference.null_scale)
+    design = np.where(reference.null_scale > 0, standardised(fitted.slopes.T, reference.null_scale), 0.0)
+    normal = design @ design.T + np.diag(1 / reference.priors**2)
+    return along - design.T @ np.linalg.solve(normal, design @ along)
 
 
 def brings_back(before: State, after: State) -> bool:

@@ -15,10 +15,10 @@ class Errors:
     """
 
     def __init__(self, lab: Laboratory, first: Reference, fitted: Fitted):
-        find, confirm = lab.measured
-        self.distance = Distance(find.statistics, find.values, first.sets, first.least)
+        find, confirm, _ = lab.measured
+        self.distance = Distance(find.statistics, find.values, first.find.sets, first.find.least)
         self._confirming = Distance(
-            confirm.statistics, confirm.values, first.confirm_sets, first.confirm_least
+            confirm.statistics, confirm.values, first.confirm.sets, first.confirm.least
         )
         self._confirms = self._is_confirming_clearer(fitted)
 
@@ -33,7 +33,7 @@ class Errors:
     def confirmed(self, fitted: Fitted) -> Error | None:
         if not len(self._confirming.measured):
             return None
-        return self._confirming.error(fitted.reference.confirm_sets, fitted.confirm_residual)
+        return self._confirming.error(fitted.reference.confirm.sets, fitted.confirm_residual)
 
     def _is_confirming_clearer(self, fitted: Fitted) -> bool:
         """Whether errors are told on the frames that confirm: always, unless noise leaves less of them there."""

@@ -10,6 +10,7 @@ from visaug.camera import Camera
 from visaug.comparison.distance import variance
 from visaug.comparison.laboratory import Laboratory
 from visaug.diagnosis.parameters import BLACK, WELL, Coordinate, moved
+from visaug.fingerprint import Statistic
 
 TWINS = 8  # simulations with common random numbers that follow the mean from one camera to another
 PAIRS = 3  # the same for each side of a derivative
@@ -21,22 +22,18 @@ Report = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
-class Reference:
-    """A camera with its own simulated sets: their mean, their spread, and how the mean answers each free number.
+class Sample:
+    """What simulations say of one use of the frames.
 
     Attributes:
-        sets, confirm_sets: (R, statistics) fingerprints, of the frames that find and those that confirm.
-        slopes, confirm_slopes: (statistics, coordinates), derivatives of the means.
+        sets: (R, statistics) fingerprints of simulated sets.
+        slopes: (statistics, coordinates), derivatives of their means.
+        least: (statistics,) spread below which none is taken seriously.
     """
 
-    camera: Camera
-    coordinates: tuple[Coordinate, ...]
     sets: np.ndarray
-    confirm_sets: np.ndarray
     slopes: np.ndarray
-    confirm_slopes: np.ndarray
     least: np.ndarray
-    confirm_least: np.ndarray
 
     @cached_property
     def mean(self) -> np.ndarray:
@@ -48,43 +45,116 @@ class Reference:
         return np.maximum(np.sqrt(variance(self.sets)), self.least)
 
     @cached_property
-    def confirm_scale(self) -> np.ndarray:
-        return np.maximum(np.sqrt(variance(self.confirm_sets)), self.confirm_least)
+    def deviations(self) -> np.ndarray:
+        """Each set less the mean of the others."""
+        count = len(self.sets)
+        return (self.sets - self.mean) * (count / (count - 1))
+
+
+@dataclass(frozen=True)
+class Null:
+    """What a camera that lacks nothing leaves in one use of the frames, refitted.
+
+    Attributes:
+        residuals: (R, statistics) of the simulated sets.
+        scale: (statistics,) their standard deviations; 0 for a statistic that never varies.
+        slopes: (statistics, coordinates).
+        priors: (coordinates,)
+    """
+
+    residuals: np.ndarray
+    scale: np.ndarray
+    slopes: np.ndarray
+    priors: np.ndarray
+
+
+USES = ("find", "confirm", "whole")
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A camera with its own simulated sets: their mean, their spread, and how the mean answers each free number.
+
+    Effects are found on the frames of `find`, their errors told on those of `confirm`; whether anything is missing is asked of
+    all frames together, `whole`. Without a word it is the frames that find.
+    """
+
+    camera: Camera
+    coordinates: tuple[Coordinate, ...]
+    find: Sample
+    confirm: Sample
+    whole: Sample
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All that was simulated, by name."""
+        return {
+            f"{use}_{part}": getattr(getattr(self, use), part)
+            for use in USES
+            for part in ("sets", "slopes", "least")
+        }
+
+    @classmethod
+    def from_arrays(
+        cls, camera: Camera, coordinates: Sequence[Coordinate], arrays: dict[str, np.ndarray]
+    ) -> "Reference":
+        """From what `arrays` gave."""
+        samples = (Sample(*(arrays[f"{use}_{part}"] for part in ("sets", "slopes", "least"))) for use in USES)
+        return cls(camera, tuple(coordinates), *samples)
+
+    @property
+    def sets(self) -> np.ndarray:
+        return self.find.sets
+
+    @property
+    def mean(self) -> np.ndarray:
+        return self.find.mean
+
+    @property
+    def scale(self) -> np.ndarray:
+        return self.find.scale
+
+    @property
+    def slopes(self) -> np.ndarray:
+        return self.find.slopes
 
     @property
     def priors(self) -> np.ndarray:
         return np.array([c.prior for c in self.coordinates])
 
     @cached_property
-    def deviations(self) -> np.ndarray:
-        """Each set less the mean of the others."""
-        count = len(self.sets)
-        return (self.sets - self.mean) * (count / (count - 1))
-
-    @cached_property
     def null_steps(self) -> np.ndarray:
         """(R, coordinates) how far refitting moves each simulated set: the uncertainty of the coordinates."""
-        return adjust(self.deviations, self.slopes, self.scale, self.priors)
+        return adjust(self.find.deviations, self.slopes, self.scale, self.priors)
+
+    def _null_of(self, sample: Sample) -> Null:
+        residuals = sample.deviations - self.null_steps @ sample.slopes.T
+        spread = np.maximum(residuals.std(0, ddof=1), 0.3 * sample.scale)
+        scale = np.where(sample.scale > 0, np.maximum(spread, sample.least), 0.0)
+        return Null(residuals, scale, sample.slopes, self.priors)
 
     @cached_property
-    def null(self) -> np.ndarray:
-        """(R, statistics) residuals of the simulated sets, each refitted."""
-        return self.deviations - self.null_steps @ self.slopes.T
+    def null(self) -> Null:
+        """Of the frames that find."""
+        return self._null_of(self.find)
 
     @cached_property
+    def whole_null(self) -> Null:
+        """Of all frames."""
+        return self._null_of(self.whole)
+
+    @property
     def null_scale(self) -> np.ndarray:
         """Standard deviations of refitted residuals."""
-        spread = np.maximum(self.null.std(0, ddof=1), 0.3 * self.scale)
-        return np.where(self.scale > 0, np.maximum(spread, self.least), 0.0)
+        return self.null.scale
 
     @cached_property
     def largest(self) -> np.ndarray:
-        """(R,) the largest standardised residual of each simulated set, refitted."""
-        return np.abs(standardised(self.null, self.null_scale)).max(1)
+        """(R,) the largest standardised residual in all frames of each simulated set, refitted."""
+        return np.abs(standardised(self.whole_null.residuals, self.whole_null.scale)).max(1)
 
     @cached_property
     def largest_as_given(self) -> np.ndarray:
-        return np.abs(standardised(self.deviations, self.scale)).max(1)
+        return np.abs(standardised(self.find.deviations, self.scale)).max(1)
 
 
 def standardised(residual: np.ndarray, scale: np.ndarray) -> np.ndarray:
@@ -102,50 +172,50 @@ def make_reference(
     coordinates: Sequence[Coordinate],
     sets: int,
     report: Report,
-    known: tuple[Sequence[Coordinate], np.ndarray, np.ndarray] | None = None,
+    known: Reference | None = None,
 ) -> Reference:
     """Simulates `sets` sets and the derivatives.
 
     Args:
-        known: coordinates whose derivatives are taken over from a neighbouring camera, and these derivatives.
+        known: of a neighbouring camera; the derivatives of its coordinates are taken over.
     """
     label = f"simulating {sets} sets of the camera"
-    values, confirm = lab.simulated([(camera, k) for k in range(sets)], lambda n: report(label, n, sets))
-    taken = [] if known is None else [c.path for c in known[0]]
-    new = [c for c in coordinates if c.path not in taken]
-    slopes, confirm_slopes = derivatives(lab, camera, new, report)
+    values = lab.simulated([(camera, k) for k in range(sets)], lambda n: report(label, n, sets))
+    taken = () if known is None else known.coordinates
+    new = [c for c in coordinates if c.path not in {t.path for t in taken}]
+    slopes = derivatives(lab, camera, new, report)
     if known is not None:
-        kept = [k for k, c in enumerate(known[0]) if c.path in {c.path for c in coordinates}]
-        slopes = np.hstack([known[1][:, kept], slopes])
-        confirm_slopes = np.hstack([known[2][:, kept], confirm_slopes])
-        coordinates = [known[0][k] for k in kept] + new
-    least, confirm_least = (np.array([s.least_spread for s in f.statistics]) for f in lab.measured)
-    return Reference(
-        camera, tuple(coordinates), values, confirm, slopes, confirm_slopes, least, confirm_least
-    )
+        kept = [k for k, c in enumerate(taken) if c.path in {c.path for c in coordinates}]
+        slopes = [
+            np.hstack([getattr(known, use).slopes[:, kept], s]) for use, s in zip(USES, slopes, strict=True)
+        ]
+        coordinates = [taken[k] for k in kept] + new
+    least = [np.array([s.least_spread for s in f.statistics]) for f in lab.measured]
+    samples = (Sample(*parts) for parts in zip(values, slopes, least, strict=True))
+    return Reference(camera, tuple(coordinates), *samples)
 
 
 def derivatives(
     lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], report: Report
-) -> tuple[np.ndarray, np.ndarray]:
-    """Central differences of the mean statistics, with common random numbers: two (statistics, coordinates)."""
+) -> list[np.ndarray]:
+    """Central differences of the mean statistics, with common random numbers: (statistics, coordinates) of each use."""
     coordinates = list(coordinates)
     if not coordinates:
-        return np.zeros((len(lab.measured[0].values), 0)), np.zeros((len(lab.measured[1].values), 0))
+        return [np.zeros((len(f.values), 0)) for f in lab.measured]
     at = [c.read(camera) for c in coordinates]
     jobs = []
     for j, coordinate in enumerate(coordinates):
         for sign in (1, -1):
             there = [x + sign * coordinate.step * (k == j) for k, x in enumerate(at)]
             jobs += [(moved(camera, coordinates, there), number) for number in range(PAIRS)]
-    both = lab.simulated(jobs, lambda n: report("how statistics answer the camera's numbers", n, len(jobs)))
+    steps = np.array([c.step for c in coordinates])
     slopes = []
-    for values in both:
+    for values in lab.simulated(
+        jobs, lambda n: report("how statistics answer the camera's numbers", n, len(jobs))
+    ):
         means = values.reshape(len(coordinates), 2, PAIRS, -1).mean(2)
-        slopes.append(
-            ((means[:, 0] - means[:, 1]) / (2 * np.array([c.step for c in coordinates])[:, None])).T
-        )
-    return slopes[0], slopes[1]
+        slopes.append(((means[:, 0] - means[:, 1]) / (2 * steps[:, None])).T)
+    return slopes
 
 
 def adjust(
@@ -199,23 +269,26 @@ class Fitted:
     Attributes:
         reference: the simulated sets that give the spread.
         camera: the refitted camera.
-        residual, confirm_residual: measured less the refitted camera's mean, per statistic.
+        residual, confirm_residual, whole_residual: measured less the refitted camera's mean, per statistic.
     """
 
     reference: Reference
     camera: Camera
     residual: np.ndarray
     confirm_residual: np.ndarray
+    whole_residual: np.ndarray
+
+    @classmethod
+    def unfitted(cls, lab: Laboratory, reference: Reference) -> "Fitted":
+        """A camera as it is."""
+        means = (getattr(reference, use).mean for use in USES)
+        left = (f.values - mean for f, mean in zip(lab.measured, means, strict=True))
+        return cls(reference, reference.camera, *left)
 
     @cached_property
     def z(self) -> np.ndarray:
         """Residuals in standard deviations of refitted sets of the camera itself; 0 for a statistic that never varies."""
         return standardised(self.residual, self.reference.null_scale)
-
-    @property
-    def p_value(self) -> float:
-        """Of the largest standardised residual, against that of the camera's own sets."""
-        return p_value(float(np.abs(self.z).max()), self.reference.largest)
 
     @property
     def slopes(self) -> np.ndarray:
@@ -227,14 +300,15 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
 
     The mean follows the camera by simulations that share their random numbers with the reference's first sets.
     """
-    measured, confirm = (f.values for f in lab.measured)
+    samples = [getattr(reference, use) for use in USES]
+    measured = lab.measured[0].values
     coordinates, priors = list(reference.coordinates), reference.priors
     steps = np.array([c.step for c in coordinates])
     start = np.array([c.read(reference.camera) for c in coordinates])
     twins = min(TWINS, len(reference.sets))
     at, camera = start.copy(), reference.camera
-    mean, confirm_mean = reference.mean, reference.confirm_sets.mean(0)
-    best = (_misfit(measured - mean, reference.scale), at, camera, mean, confirm_mean)
+    means = [sample.mean for sample in samples]
+    best = (_misfit(measured - means[0], reference.scale), at, camera, means)
     damping, bends = 0.0, np.array([c.path == WELL for c in coordinates], bool)
     share = np.ones(len(start))
 
@@ -244,26 +318,26 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
         return share * np.clip(step, -0.6 * priors, 0.6 * priors)
 
     for i in range(iterations):
-        step = _to_bias_level(lab, reference, measured - mean) if i == 0 else None
-        step = step_from(at, mean) if step is None else step
+        step = _to_bias_level(lab, reference, measured - means[0]) if i == 0 else None
+        step = step_from(at, means[0]) if step is None else step
         if i and np.all(np.abs(step) < 0.05 * steps):
             break
         camera = moved(camera, coordinates, list(at + step))
         at = np.array([c.read(camera) for c in coordinates])
-        found, confirmed = lab.simulated(
+        there = lab.simulated(
             [(camera, k) for k in range(twins)], lambda n: report("refitting the camera", n, twins)
         )
-        mean = reference.mean + found.mean(0) - reference.sets[:twins].mean(0)
-        confirm_mean = (
-            reference.confirm_sets.mean(0) + confirmed.mean(0) - reference.confirm_sets[:twins].mean(0)
-        )
-        misfit = _misfit(measured - mean, reference.scale)
+        means = [
+            sample.mean + values.mean(0) - sample.sets[:twins].mean(0)
+            for sample, values in zip(samples, there, strict=True)
+        ]
+        misfit = _misfit(measured - means[0], reference.scale)
         if misfit < best[0]:
-            best = (misfit, at, camera, mean, confirm_mean)
+            best = (misfit, at, camera, means)
             damping = 0.1 * damping if damping > 0.02 else 0.0
             share = np.minimum(2 * share, 1.0)
         else:  # too far where statistics bend
-            _, at, camera, mean, confirm_mean = best
+            _, at, camera, means = best
             if bends.any() and share.min() > 0.05 and np.abs(step[bends] / steps[bends]).max() > 0.1:
                 share[bends] *= (
                     0.25  # a flat that was below the full well may be cut by it: no derivative tells
@@ -272,16 +346,15 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
                 damping = max(10 * damping, 0.1)  # more along what the statistics tell well
         if damping > 100:
             break
-    _, at, camera, mean, confirm_mean = best
+    _, at, camera, means = best
     # what is left of a step is small, or was tried and found worse
-    last = step_from(at, mean) if damping == 0 else np.zeros(len(at))
+    last = step_from(at, means[0]) if damping == 0 else np.zeros(len(at))
     camera = moved(camera, coordinates, list(at + last)) if coordinates else camera
-    return Fitted(
-        reference,
-        camera,
-        measured - mean - reference.slopes @ last,
-        confirm - confirm_mean - reference.confirm_slopes @ last,
+    left = (
+        f.values - mean - sample.slopes @ last
+        for f, mean, sample in zip(lab.measured, means, samples, strict=True)
     )
+    return Fitted(reference, camera, *left)
 
 
 def _to_bias_level(lab: Laboratory, reference: Reference, left: np.ndarray) -> np.ndarray | None:
@@ -289,13 +362,21 @@ def _to_bias_level(lab: Laboratory, reference: Reference, left: np.ndarray) -> n
 
     Bits and codes follow the black level up and down, so that no step of a robust fit leads across many DN.
     """
-    level = [i for i, s in enumerate(lab.statistics) if (s.view, s.name, s.kind) == ("level", "mean", "bias")]
+    level = bias_level(lab.statistics)
     black = [k for k, c in enumerate(reference.coordinates) if c.path == BLACK]
-    if not level or not black or abs(left[level[0]]) < FAR_BLACK * reference.coordinates[black[0]].step:
+    if level is None or not black or abs(left[level]) < FAR_BLACK * reference.coordinates[black[0]].step:
         return None
     step = np.zeros(len(reference.coordinates))
-    step[black[0]] = left[level[0]] / max(reference.slopes[level[0], black[0]], 0.5)
+    step[black[0]] = left[level] / max(reference.slopes[level, black[0]], 0.5)
     return step
+
+
+def bias_level(statistics: Sequence[Statistic]) -> int | None:
+    """Which statistic is the mean level of the bias frames; None where there are none."""
+    for i, s in enumerate(statistics):
+        if (s.view, s.name, s.kind) == ("level", "mean", "bias"):
+            return i
+    return None
 
 
 def _misfit(residual: np.ndarray, scale: np.ndarray) -> float:

@@ -99,22 +99,23 @@ def from_other_starts(
     return refined
 
 
-def rivals(found: Sequence[Refined], state: State, chance: Chance) -> list[Refined]:
+def rivals(lab: Laboratory, found: Sequence[Refined], state: State, chance: Chance) -> list[Refined]:
     """Those among refined candidates that only a full simulation can tell apart."""
     if not found:
         return []
     least = max(LEAST_GAIN, found[0].gain - max(CLOSE, 0.1 * found[0].gain))
-    return [r for r in found if r.gain > least and _is_beyond(chance, state, r)][:RIVALS]
+    return [r for r in found if r.gain > least and _is_beyond(lab, chance, state, r)][:RIVALS]
 
 
-def _is_beyond(chance: Chance, state: State, candidate: Refined) -> bool:
+def _is_beyond(lab: Laboratory, chance: Chance, state: State, candidate: Refined) -> bool:
     """Whether what the candidate takes away is more than some signature takes away by chance.
 
     An effect that brings a spread of its own is not seen by its mean signature and passes.
     """
     if candidate.variance.any():
         return True
-    return chance.p_value_of(state.fitted.residual - candidate.residual) <= SIGNIFICANT
+    taken = lab.whole_of(state.fitted.residual - candidate.residual)
+    return chance.p_value_of(taken) <= SIGNIFICANT
 
 
 def decided(state: State, simulated: Sequence[tuple[Refined, State]]) -> list[tuple[Refined, State]]:

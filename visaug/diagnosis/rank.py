@@ -1,7 +1,7 @@
 """Which effect's signature best matches what the refitted camera leaves over."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,8 +10,8 @@ from scipy.linalg import eigh, solve_triangular
 from visaug.camera import Camera
 from visaug.comparison.laboratory import Laboratory
 from visaug.diagnosis.candidates import Trial
-from visaug.diagnosis.fit import Fitted, Reference, Report, adjust
-from visaug.diagnosis.parameters import Coordinate, base_coordinates, effect_coordinates, moved
+from visaug.diagnosis.fit import Fitted, Null, Reference, Report, adjust, bias_level
+from visaug.diagnosis.parameters import BLACK, Coordinate, base_coordinates, effect_coordinates, moved
 from visaug.effects import catalogue
 
 ROUGH, FINE = (
@@ -62,23 +62,23 @@ def metric(fitted: Fitted, form: float, allowance: np.ndarray | float = 0.0) -> 
         form: how far the form of what stands out may differ from the catalogue's, relative.
         allowance: what the forms of accepted effects may leave over, per statistic.
     """
-    return law(fitted.reference, np.hypot(form * fitted.residual, allowance))
+    return law(fitted.reference.null, np.hypot(form * fitted.residual, allowance))
 
 
 def law(
-    reference: Reference, left: np.ndarray, used: np.ndarray | None = None, null: np.ndarray | None = None
+    null: Null, left: np.ndarray, used: np.ndarray | None = None, sets: np.ndarray | None = None
 ) -> Metric:
     """Of the residual of a refitted camera: its simulated sets' covariance, what its free numbers can do, and `left`.
 
     Args:
         left: what forms may leave over, per statistic.
         used: which statistics; all that vary where left out.
-        null: residuals of some of the simulated sets; of all where left out.
+        sets: residuals of some of the simulated sets; of all where left out.
     """
-    used = reference.null_scale > 0 if used is None else used
-    scale = reference.null_scale[used]
-    slopes = reference.slopes[used] / scale[:, None] * reference.priors
-    sets = reference.null if null is None else null
+    used = null.scale > 0 if used is None else used
+    scale = null.scale[used]
+    slopes = null.slopes[used] / scale[:, None] * null.priors
+    sets = null.residuals if sets is None else sets
     covariance = shrunk(sets[:, used] / scale) + slopes @ slopes.T + np.diag((left[used] / scale) ** 2)
     return Metric(used, scale, covariance)
 
@@ -92,7 +92,7 @@ def log_density(fitted: Fitted, allowance: np.ndarray, used: np.ndarray) -> floa
         allowance: what forms may leave over, per statistic.
         used: statistics that vary under every camera that is compared.
     """
-    m = law(fitted.reference, allowance, used)
+    m = law(fitted.reference.null, allowance, used)
     return m.log_likelihood(fitted.residual) - float(np.log(m.scale).sum())
 
 
@@ -128,41 +128,97 @@ class Signatures:
         )
 
 
+FAR_DN = 0.3  # that the black level has to follow to be moved along
+REDRAWN = 2.0  # variances of the null that a difference of two independent sets has
 FEW, MORE = 2, 6  # simulations of a trial whose effect brings no spread of its own, and of one that does
 
 
 def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:
     """Simulates every trial with the random numbers of the reference's first sets.
 
-    An effect that only moves the means shows it in two simulations; one that draws numbers of its own gets more.
+    An effect that only moves the means shows it in two simulations; one that draws numbers of its own gets more. Where the camera's
+    own numbers would follow far they are moved along: over a long way no derivative is right, and bits and codes have none.
     """
     if not tried:
         nothing = np.zeros((0, len(reference.scale)))
         return Signatures((), nothing, nothing)
     moves = _moves(lab, reference, tried, range(FEW), report, "trying")
+    tried = _followed(lab, reference, tried, moves.mean(1))
+    again = [i for i, trial in enumerate(tried) if trial.following]
+    if again:
+        moves[again] = _moves(lab, reference, [tried[i] for i in again], range(FEW), report, "following")
     scale = reference.null_scale
     z = np.divide(moves, scale, out=np.zeros_like(moves), where=scale > 0)
     own = z.var(1, ddof=1).mean(1)
     random = [i for i in range(len(tried)) if own[i] > max(0.15, 0.02 * (z[i].mean(0) ** 2).mean())]
-    means, variances = moves.mean(1), np.zeros_like(moves[:, 0])
+    means, variances = _cleared(moves, scale), np.zeros_like(moves[:, 0])
     if random:
         again = _moves(lab, reference, [tried[i] for i in random], range(FEW, MORE), report, "trying again")
         whole = np.concatenate([moves[random], again], 1)
-        means[random], variances[random] = whole.mean(1), whole.var(1, ddof=1)
+        own_variance = whole.var(1, ddof=1)
+        means[random] = _cleared(whole, scale)
+        # noise that is drawn anew is in the null already; what the effect brings of its own exceeds it
+        variances[random] = np.where(own_variance > REDRAWN * scale**2, own_variance, 0)
     return Signatures(tuple(tried), means, variances)
+
+
+def _cleared(moves: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Mean over simulations (..., simulations, statistics), drawn to 0 where it is no more than their noise.
+
+    An effect with random numbers of its own draws all noise anew. A thousand statistics of which each wavers a little would
+    outweigh the few that a faint effect moves. Of few simulations the noise is that of all statistics together.
+    """
+    count = moves.shape[-2]
+    mean, variance = moves.mean(-2), moves.var(-2, ddof=1)
+    if count < MORE:
+        spread = np.divide(variance, scale**2, out=np.zeros_like(variance), where=scale > 0)
+        variance = spread.mean(-1, keepdims=True) * scale**2
+    noise = np.divide(variance / count, mean**2, out=np.ones_like(mean), where=mean != 0)
+    return mean * np.maximum(1 - noise, 0)
+
+
+def _followed(
+    lab: Laboratory, reference: Reference, tried: Sequence[Trial], moves: np.ndarray
+) -> list[Trial]:
+    """The trials with the camera's own numbers where these moves (trials, statistics) lead them, if that is far.
+
+    The black level goes as far as the mean of the bias frames came, so that bits and codes stay where they are.
+    """
+    level = bias_level(lab.statistics)
+    black = [k for k, c in enumerate(reference.coordinates) if c.path == BLACK]
+    steps = np.array([FAR_DN if c.path == BLACK else c.step for c in reference.coordinates])
+    priors = reference.priors
+    found = []
+    for trial, move in zip(tried, moves, strict=True):
+        m = law(reference.null, ROUGH * move)
+        way = np.clip(-(priors**2) * (m.white(reference.slopes.T) @ m.white(move)), -priors, priors)
+        if level is not None:
+            way[black] = -move[level]
+        far = np.any(np.abs(way) > steps)
+        found.append(replace(trial, following=tuple(map(float, way))) if far else trial)
+    return found
 
 
 def _moves(
     lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report, word: str
 ) -> np.ndarray:
     """(trials, simulations, statistics): how far each trial moves each of the reference's sets."""
-    jobs = [(trial.on(reference.camera), k) for trial in tried for k in numbers]
+    cameras = [_following(reference, trial.on(reference.camera), trial, 1.0) for trial in tried]
+    jobs = [(camera, k) for camera in cameras for k in numbers]
 
     def tick(done: int) -> None:
         report(f"{word} {tried[min((done - 1) // len(numbers), len(tried) - 1)].effect}", done, len(jobs))
 
     values = lab.finding(jobs, tick).reshape(len(tried), len(numbers), -1)
     return values - reference.sets[numbers.start : numbers.stop]
+
+
+def _following(reference: Reference, camera: Camera, trial: Trial, share: float) -> Camera:
+    """The camera with its own numbers where the trial leads them, or a share of the way."""
+    if not trial.following:
+        return camera
+    at = [c.read(camera) + share * way for c, way in zip(reference.coordinates, trial.following, strict=True)]
+    return moved(camera, reference.coordinates, at)
 
 
 SCALES = (0.03, 0.1, 0.3, 0.6, 1.0, 1.6)
@@ -300,7 +356,7 @@ def refine(
     Args:
         beaten: what the best of the effects tried before gains.
     """
-    camera = _scaled(fitted.camera, match)
+    camera = _scaled(fitted, match)
     own = coordinates_of(match.trial.effect, camera, lab)
     climb = _Climb(lab, fitted, metric(fitted, FINE, allowance), match, camera, own)
     report(f"refining {match.trial.effect}", 0, iterations)
@@ -328,21 +384,18 @@ def refine(
         best.at[climb.theirs :],
         best.gain,
         residual - fitted.slopes @ following,
-        best.variance,
+        np.maximum(best.variance, match.variance),  # rare events may be missing from a few simulations
     )
 
 
 @dataclass(frozen=True)
 class _Point:
-    """Coordinates, what they gain, and how they move every statistic: (twins, statistics)."""
+    """Coordinates, what they gain, and how they move every statistic: on the average, and (twins, statistics)."""
 
     at: np.ndarray
     gain: float
+    move: np.ndarray
     moves: np.ndarray
-
-    @property
-    def move(self) -> np.ndarray:
-        return self.moves.mean(0)
 
     @property
     def variance(self) -> np.ndarray:
@@ -436,8 +489,9 @@ class _Climb:
     def _simulated(self, at: np.ndarray, twins: int) -> _Point:
         at = self._within(at)
         (moves,) = self._moves([at], twins)
-        gain = self.law.log_likelihood(self.fitted.residual - moves.mean(0)) - self.nothing
-        return _Point(at, gain, moves)
+        move = _cleared(moves, self.fitted.reference.null_scale)
+        gain = self.law.log_likelihood(self.fitted.residual - move) - self.nothing
+        return _Point(at, gain, move, moves)
 
     def _moves(self, points: Sequence[np.ndarray], twins: int) -> np.ndarray:
         """(points, twins, statistics)."""
@@ -475,9 +529,9 @@ def newton(design: np.ndarray, left: np.ndarray, priors: np.ndarray) -> np.ndarr
     return ways @ ((ways.T @ pull) / np.clip(share, LEAST_SHARE, 1.0))
 
 
-def _scaled(camera: Camera, match: Match) -> Camera:
+def _scaled(fitted: Fitted, match: Match) -> Camera:
     """The trial with its strengths scaled as its signature wants; a variance grows as the square, so part of the way."""
-    with_effect = match.trial.on(camera)
+    with_effect = match.trial.on(fitted.camera)
     effect = catalogue()[match.trial.effect]
     factor = float(np.clip(match.scale, 0.02, 50)) ** 0.7
     values = {}
@@ -485,4 +539,5 @@ def _scaled(camera: Camera, match: Match) -> Camera:
         parameter = effect.parameters.get(path.split(".", 1)[-1])
         if parameter is not None and parameter.strength and not parameter.integer and value:
             values[path] = min(max(value * factor, parameter.low), parameter.high)
-    return with_effect.replace(values) if values else with_effect
+    scaled = with_effect.replace(values) if values else with_effect
+    return _following(fitted.reference, scaled, match.trial, factor)

@@ -1,7 +1,7 @@
 """Which physical effect is missing: fit, name, add, refit, until nothing is missing or nothing known explains the rest."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -29,7 +29,7 @@ from visaug.diagnosis.fit import (
     standardised,
 )
 from visaug.diagnosis.naming import SIGNIFICANT, candidates, decided, rivals
-from visaug.diagnosis.parameters import Coordinate, base_coordinates
+from visaug.diagnosis.parameters import base_coordinates
 from visaug.diagnosis.rank import Refined, Signatures, signatures
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.residue import describe
@@ -44,7 +44,6 @@ MOST = 4  # effects that are added one after the other
 DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
 TRACE = 0.03  # error beside an accepted effect that is a finding, if it is surely so much
 MUCH = 0.1  # error beside an accepted effect that is a finding, if it may be so much
-FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
 
 
 def diagnose(
@@ -114,9 +113,9 @@ class _Search:
         self.errors = Errors(self.lab, first, fitted)
         self.ranking = Ranking(self.errors.distance)
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
-        state = State(fitted, (), np.zeros(len(fitted.residual)))
-        by_chance = self._chance(state)
-        p_before = self._p_value(state, by_chance)
+        state = State.plain(fitted)
+        by_chance = chance(self.lab, self.signs, state)
+        p_before = by_chance.p_value
         self._step("refit", state)
         nearest: str | None = None
         p_after = p_before
@@ -126,13 +125,13 @@ class _Search:
                 break
             state = found
             self._step(f"add {state.accepted[-1]}", state)
-            by_chance = self._chance(state)
-            p_after = self._p_value(state, by_chance)
+            by_chance = chance(self.lab, self.signs, state)
+            p_after = by_chance.p_value
         missing = bool(p_after <= SIGNIFICANT)
         significant = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
         excess = bool(state.accepted) or (significant and is_clear(self.steps[-1].error))
         residue = (
-            describe(self.lab.statistics, state.z, nearest)
+            describe(self.lab.measured[2].statistics, state.whole_z, nearest)
             if missing and self._is_worth_telling(state)
             else None
         )
@@ -158,15 +157,10 @@ class _Search:
         coordinates = base_coordinates(self.given, self.lab.frames, self.calibrated)
 
         def make() -> dict[str, np.ndarray]:
-            made = make_reference(self.lab, self.given, coordinates, self.sets, self.report)
-            names = ("sets", "confirm_sets", "slopes", "confirm_slopes", "least", "confirm_least")
-            return {name: getattr(made, name) for name in names}
+            return make_reference(self.lab, self.given, coordinates, self.sets, self.report).arrays()
 
-        return Reference(
-            self.given,
-            tuple(coordinates),
-            **cache.kept(cache.key(self.lab, self.given, "reference", self.sets), make),
-        )
+        name = cache.key(self.lab, self.given, "reference", self.sets)
+        return Reference.from_arrays(self.given, coordinates, cache.kept(name, make))
 
     def _signatures(self, reference: Reference) -> Signatures:
         """Of every trial; kept by effect, so that one effect more or less costs no other."""
@@ -182,10 +176,20 @@ class _Search:
         made = signatures(self.lab, reference, missing, self.report)
         for effect in {trial.effect: None for trial in missing}:
             own = [i for i, trial in enumerate(missing) if trial.effect == effect]
-            found[effect] = {"values": made.values[own], "variances": made.variances[own]}
+            found[effect] = {
+                "values": made.values[own],
+                "variances": made.variances[own],
+                "following": np.array(
+                    [made.trials[i].following or (0.0,) * len(reference.coordinates) for i in own]
+                ),
+            }
             cache.keep(names[effect], found[effect])
         return Signatures(
-            tuple(trial for tried in of.values() for trial in tried),
+            tuple(
+                replace(trial, following=tuple(map(float, way)) if np.any(way) else ())
+                for effect, tried in of.items()
+                for trial, way in zip(tried, found[effect]["following"], strict=True)
+            ),
             np.concatenate([found[effect]["values"] for effect in of]),
             np.concatenate([found[effect]["variances"] for effect in of]),
         )
@@ -201,13 +205,6 @@ class _Search:
 
     def _z_as_given(self, first: Reference) -> np.ndarray:
         return standardised(self.lab.measured[0].values - first.mean, first.scale)
-
-    def _chance(self, state: State) -> Chance:
-        return chance(self.signs, state.fitted, state.allowance, state.accepted)
-
-    def _p_value(self, state: State, by_chance: Chance) -> float:
-        """That a camera lacking nothing leaves as much: by its largest residual, or by what some effect would explain."""
-        return min(1.0, 2 * min(state.p_value, by_chance.p_value))
 
     def _step(self, action: str, state: State) -> None:
         self.steps.append(Step(action, self.errors.told(state.fitted)))
@@ -246,7 +243,7 @@ class _Search:
 
     def _accepted(self, state: State, found: list[Refined], by_chance: Chance) -> "_Accepted | None":
         """The first of the candidates that explains what it moves and improves the camera, its rivals simulated."""
-        close = rivals(found, state, by_chance)
+        close = rivals(self.lab, found, state, by_chance)
         ordered = decided(state, [(r, self._with(state, r)) for r in close])
         for place, (r, after) in enumerate(ordered):
             if r.gain < ordered[0][0].gain - DECISIVE:
@@ -263,11 +260,7 @@ class _Search:
         """
         if state.accepted or not is_far(self.first, state.fitted.camera, 0.5 * FAR):
             return [state.fitted]
-        find, confirm = (f.values for f in self.lab.measured)
-        given = Fitted(
-            self.first, self.given, find - self.first.mean, confirm - self.first.confirm_sets.mean(0)
-        )
-        return [state.fitted, given]
+        return [state.fitted, Fitted.unfitted(self.lab, self.first)]
 
     def _with(self, state: State, candidate: Refined) -> State:
         """The state with a candidate added: simulated, refitted."""
@@ -277,12 +270,10 @@ class _Search:
             [*state.fitted.reference.coordinates, *candidate.coordinates],
             SETS_AFTER,
             self.report,
-            known=self._known(state.fitted.reference),
+            known=state.fitted.reference,
         )
         fitted = self._settled(refit(self.lab, reference, self.report))
-        allowance = np.hypot(state.allowance, FORM * (state.fitted.residual - fitted.residual))
-        moves = self._moves_of(candidate.effect, fitted.camera)
-        return State(fitted, (*state.accepted, candidate.effect), allowance, moves)
+        return state.with_effect(candidate.effect, fitted, self._moves_of(candidate.effect, fitted.camera))
 
     def _moves_of(self, effect: str, camera: Camera) -> np.ndarray | None:
         """How far an effect moves every statistic of a camera that has it; None for a term of the base chain."""
@@ -299,13 +290,10 @@ class _Search:
         near = make_reference(self.lab, fitted.camera, fitted.reference.coordinates, SETS_AFTER, self.report)
         return refit(self.lab, near, self.report)
 
-    @staticmethod
-    def _known(reference: Reference) -> tuple[tuple[Coordinate, ...], np.ndarray, np.ndarray]:
-        return reference.coordinates, reference.slopes, reference.confirm_slopes
-
     def _improves(self, before: State, after: State, by_chance: Chance) -> bool:
         pairs = [(self.errors.found(x.fitted), self.errors.confirmed(x.fitted)) for x in (before, after)]
-        beyond = by_chance.p_value_of(before.fitted.residual - after.fitted.residual) <= SIGNIFICANT
+        taken = before.fitted.whole_residual - after.fitted.whole_residual
+        beyond = by_chance.p_value_of(taken) <= SIGNIFICANT
         return improves(pairs[0], pairs[1], not before.accepted, beyond, brings_back(before, after))
 
     def _is_worth_telling(self, state: State) -> bool:
@@ -317,11 +305,12 @@ class _Search:
         """What the forms of accepted effects leave over, in words."""
         if not state.accepted:
             return None
-        plain = np.abs(state.fitted.z)
-        if float(plain.max()) <= np.quantile(state.fitted.reference.largest, 1 - SIGNIFICANT):
+        reference = state.fitted.reference
+        plain = np.abs(standardised(state.fitted.whole_residual, reference.whole_null.scale))
+        if float(plain.max()) <= np.quantile(reference.largest, 1 - SIGNIFICANT):
             return None
         i = int(plain.argmax())
-        s = self.lab.statistics[i]
+        s = self.lab.measured[2].statistics[i]
         return (
             f"What is left belongs to the form of {' and '.join(state.accepted)}, which is not quite the catalogue's: "
             f"most of all {s.name} of {s.frames} ({s.view.replace('_', ' ')}), {plain[i]:.1f} standard deviations off."

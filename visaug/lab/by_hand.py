@@ -14,7 +14,7 @@ from visaug.diagnosis.naming import SIGNIFICANT, from_other_starts
 from visaug.diagnosis.parameters import base_coordinates
 from visaug.diagnosis.rank import matches, refine, signatures
 from visaug.diagnosis.result import estimates
-from visaug.diagnosis.search import FORM, SETS, SETS_AFTER
+from visaug.diagnosis.search import SETS, SETS_AFTER
 from visaug.effects import catalogue
 from visaug.errors import InputError
 from visaug.frames import FrameSet
@@ -74,7 +74,7 @@ class ByHand:
         plain = self._state((), (), report)
         fitted, reference = state.fitted, state.fitted.reference
         left = Distance(
-            self.lab.statistics, reference.mean + fitted.residual, reference.sets, reference.least
+            self.lab.statistics, reference.mean + fitted.residual, reference.sets, reference.find.least
         )
         return Fit(
             fitted.camera,
@@ -110,7 +110,7 @@ class ByHand:
     def _plain(self, without: Names, report: Report) -> State:
         """The camera refitted, nothing added."""
         fitted = self._settled(refit(self.lab, self._reference(without, report), report), report)
-        return State(fitted, (), np.zeros(len(fitted.residual)))
+        return State.plain(fitted)
 
     def _with(self, before: State, name: str, report: Report) -> State:
         """One more effect: its best trial, its numbers refined, then everything refitted together."""
@@ -129,11 +129,10 @@ class ByHand:
             [*known.coordinates, *best.coordinates],
             self._after,
             report,
-            known=(known.coordinates, known.slopes, known.confirm_slopes),
+            known=known,
         )
         fitted = self._settled(refit(self.lab, reference, report), report)
-        allowance = np.hypot(before.allowance, FORM * (before.fitted.residual - fitted.residual))
-        return State(fitted, (*before.accepted, name), allowance)
+        return before.with_effect(name, fitted)
 
     def _settled(self, fitted: Fitted, report: Report) -> Fitted:
         """Where a fit has gone far from its reference, spread and derivatives are taken anew where it lies."""
@@ -158,27 +157,25 @@ class ByHand:
             sets = self._after if without else self.sets
 
             def make() -> dict[str, np.ndarray]:
-                made = make_reference(self.lab, camera, coordinates, sets, report)
-                names = ("sets", "confirm_sets", "slopes", "confirm_slopes", "least", "confirm_least")
-                return {name: getattr(made, name) for name in names}
+                return make_reference(self.lab, camera, coordinates, sets, report).arrays()
 
-            kept = cache.kept(cache.key(self.lab, camera, "reference", sets), make)
-            self._references[without] = Reference(camera, tuple(coordinates), **kept)
+            arrays = cache.kept(cache.key(self.lab, camera, "reference", sets), make)
+            self._references[without] = Reference.from_arrays(camera, coordinates, arrays)
         return self._references[without]
 
     def _error(self, fitted: Fitted, plain: Fitted, first: Reference) -> Error | None:
         """On the frames that confirm; where these are too few to show the excess clearly, on those that find."""
-        find, confirm = self.lab.measured
+        find, confirm, _ = self.lab.measured
 
         def found(x: Fitted) -> Error | None:
-            distance = Distance(find.statistics, find.values, first.sets, first.least)
+            distance = Distance(find.statistics, find.values, first.find.sets, first.find.least)
             return distance.error(x.reference.sets, x.residual)
 
         def confirmed(x: Fitted) -> Error | None:
             if not len(confirm.values):
                 return None
-            distance = Distance(confirm.statistics, confirm.values, first.confirm_sets, first.confirm_least)
-            return distance.error(x.reference.confirm_sets, x.confirm_residual)
+            distance = Distance(confirm.statistics, confirm.values, first.confirm.sets, first.confirm.least)
+            return distance.error(x.reference.confirm.sets, x.confirm_residual)
 
         confirms = is_clear(confirmed(plain)) or not is_clear(found(plain))
         return (confirmed(fitted) if confirms else None) or found(fitted)

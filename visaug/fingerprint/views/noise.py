@@ -130,9 +130,9 @@ class NoiseTails(View):
                 float(size.mean()) / spread,
             )
             yield g.statistic(self.name, "median to deviation", ["time", "pixel"]), scale / spread
-            near = np.clip(noise / np.float32(spread), -4, 4)
+            near = np.clip(noise / np.float32(spread), -3, 3)  # beyond, tails add more noise than skewness
             skewness = float((near * near * near).mean())  # of Poisson charge; read noise has none
-            yield g.statistic(self.name, "skewness within 4 deviations", ["time", "pixel"]), skewness
+            yield g.statistic(self.name, "skewness within 3 deviations", ["time", "pixel"]), skewness
             for limit in (3, 5, 8, 20):
                 far = np.count_nonzero(size > limit * scale)
                 yield (

@@ -8,6 +8,9 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 
 from visaug.fingerprint.view import Picture, View
 
+DARK_PHOTONS = 20.0  # of which the shot noise is about the read noise
+RESPONSE = 0.007  # about what pixels differ by
+
 
 def _shift(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
     """The image moved down and right, its rim repeated."""
@@ -53,13 +56,22 @@ def templates(clean: np.ndarray) -> dict[str, tuple[tuple[str, ...], np.ndarray]
 
 @dataclass(frozen=True)
 class Target:
-    """What is prepared once for a noiseless target: shapes with their norms, bright spots, and rings about them."""
+    """What is prepared once for a noiseless target.
+
+    Attributes:
+        bright: spots far above the rest.
+        usable: pixels away from them.
+        weight: of a pixel, about the inverse of its variance: what spills into the dark is not lost in the noise of the bright.
+        shapes: axes, shape times weight, and norm of each.
+        rings: axis, and the pixels before and after bright spots.
+    """
 
     clean: np.ndarray
     bright: np.ndarray
     usable: np.ndarray
+    weight: np.ndarray
     shapes: dict[str, tuple[tuple[str, ...], np.ndarray, float]]
-    rings: dict[str, tuple[str, np.ndarray]]
+    rings: dict[str, tuple[str, np.ndarray, np.ndarray]]
 
 
 class _Key:
@@ -81,26 +93,33 @@ def _target(key: _Key) -> Target:
     clean = key.clean
     peak, middle = float(clean.max()), float(np.median(clean))
     bright = clean > 0.9 * peak if peak > 20 * max(middle, 1.0) else np.zeros(clean.shape, bool)
+    weight = (1 / (clean + DARK_PHOTONS + (RESPONSE * clean) ** 2)).astype(np.float32)
+    weight /= weight.max()
     shapes = {}
     for label, (axes, shape) in templates(clean).items():
-        shape = np.where(bright, 0, shape).astype(np.float32)
-        norm = float((shape.astype(np.float64) ** 2).sum())
-        if norm > 1e-9 * peak**2:
-            shapes[label] = (axes, shape, norm)
+        shape = np.where(bright, 0, shape).astype(np.float64)
+        norm = float((weight * shape**2).sum())
+        if (shape**2).sum() > 1e-9 * peak**2:
+            shapes[label] = (axes, (weight * shape).astype(np.float32), norm)
     rings = {}
     for axis, step in (("column", (1, 0)), ("row", (0, 1))):
         for name, near, far in (("1 to 2", 1, 2), ("3 to 8", 3, 8), ("9 to 30", 9, 30)):
-            ring = _reach(bright, step, far) & ~_reach(bright, step, near - 1)
-            if ring.any():
-                rings[f"{name} px from bright spots along the {axis}"] = (axis, ring)
-    return Target(clean, bright, np.logical_not(binary_dilation(bright, iterations=2)), shapes, rings)
+            after, before = (
+                _reach(bright, d, far) & ~_reach(bright, d, near - 1) & ~bright
+                for d in (step, (-step[0], -step[1]))
+            )
+            if after.any() and before.any():
+                rings[f"{name} px from bright spots along the {axis}"] = (axis, before, after)
+    usable = np.logical_not(binary_dilation(bright, iterations=2))
+    return Target(clean, bright, usable, weight, shapes, rings)
 
 
 def _reach(mask: np.ndarray, step: tuple[int, int], distance: int) -> np.ndarray:
+    """The mask and what lies up to so many steps from it, on one side."""
     reached = mask.copy()
     rows, columns = step
     for d in range(1, distance + 1):
-        reached |= _shift(mask, rows * d, columns * d) | _shift(mask, -rows * d, -columns * d)
+        reached |= _shift(mask, rows * d, columns * d)
     return reached
 
 
@@ -119,21 +138,25 @@ class Scene(View):
             for name, (axes, shape, norm) in target.shapes.items():
                 value = float(np.vdot(shape, kept)) / norm / max(slope, 1e-9)
                 yield g.statistic(self.name, name, axes, "fraction"), value
-            offset = float(kept.sum(dtype=np.float64)) / max(int(usable.sum()), 1)
+            weight = np.where(usable, target.weight, 0)
+            offset = float(np.vdot(weight, kept)) / max(float(weight.sum(dtype=np.float64)), 1e-9)
             yield g.statistic(self.name, "offset", ["smooth", "level"], "DN"), offset
             if target.bright.any():  # far above the full well, so this is its level
                 top = float(g.pattern[target.bright].mean()) + g.signal
                 yield g.statistic(self.name, "top of bright spots", ["level"], "DN"), top
-            for name, (axis, ring) in target.rings.items():
-                yield g.statistic(self.name, name, [axis], "DN"), float(residual[ring].mean())
+            for name, (axis, before, after) in target.rings.items():
+                sides = residual[before].mean(), residual[after].mean()
+                yield g.statistic(self.name, name, [axis], "DN"), float(sum(sides) / 2)
+                further = name.replace("from", "beyond less before")
+                yield g.statistic(self.name, further, [axis], "DN"), float(sides[1] - sides[0])
 
     @staticmethod
     def _residual(g, target):
         """Mean frame less the target times a slope that is fitted below saturation; the slope; the pixels of the fit."""
         frame = g.pattern + np.float32(g.signal)
         usable = target.usable & (frame < 0.9 * float(frame.max()))
-        x = np.where(usable, target.clean, 0)
-        slope = float(np.vdot(x, frame)) / max(float(np.vdot(x, x)), 1e-9)
+        x = np.where(usable, target.clean * target.weight, 0)
+        slope = float(np.vdot(x, frame)) / max(float(np.vdot(x, target.clean)), 1e-9)
         return frame - np.float32(slope) * target.clean, slope, usable
 
     def picture(self, data):
