@@ -7,10 +7,9 @@ are chosen by hand so that each effect is plain to see; forms are getframes' own
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ import numpy as np
 
 from . import cameras
 from .camera import Sensor, Shot
-from .sets import Recipe, write_frames
+from .sets import Recipe, write_taken
 
 # name in visaug's catalogue -> what getframes is told
 EFFECTS: dict[str, dict[str, Any]] = {
@@ -102,13 +101,11 @@ def recipes(seed: int, camera: int) -> Iterator[tuple[Recipe, dict[str, Any]]]:
 def write_sets(seed: int, camera: int, wanted: set[str] | None, folder: Path, answers: Path) -> int:
     """One set for each recipe; the count."""
     sensor, plan, targets = sensor_of(camera), cameras.plan(camera), cameras.targets(camera)
-    answers.mkdir(parents=True, exist_ok=True)
     made = 0
     for recipe, told in recipes(seed, camera):
         if wanted and not wanted & set(recipe.expect):
             continue
         frames = taken(sensor, plan, targets, configuration(sensor, seed, **told), seed)
-        write_frames(folder / recipe.identity, frames, plan, targets, sensor)
-        (answers / f"{recipe.identity}.json").write_text(json.dumps(asdict(recipe), indent=1) + "\n")
+        write_taken(recipe, frames, plan, targets, sensor, folder, answers)
         made += 1
     return made

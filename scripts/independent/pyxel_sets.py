@@ -8,9 +8,8 @@ signal) and the random factor of its dark current. Strengths are chosen by hand 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +18,10 @@ import numpy as np
 from . import cameras
 from .camera import Sensor, Shot
 from .randomness import stream
-from .sets import Recipe, write_frames
+from .sets import Recipe, write_taken
 
 VOLT_PER_E = 1e-5
+OUTSIDE = "crosstalk_of_channels"  # what bright pixels of one half do to the other: in no catalogue
 
 
 def sensor_of(camera: int) -> Sensor:
@@ -116,8 +116,7 @@ def hidden_effects(sensor: Sensor) -> dict[str, Hidden]:
             )
         ),
         "tap_mismatch": Hidden(halves=True, gains={"left": 1.0, "right": 1.01}),
-        # what bright pixels of one half do to the other half: in no catalogue
-        "crosstalk_of_channels": Hidden(
+        OUTSIDE: Hidden(
             volt=lambda d, _: charge_measurement.dc_crosstalk(d, coupling_matrix=[[1.0, 0.01], [0.01, 1.0]]),
             halves=True,
         ),
@@ -173,33 +172,21 @@ def recipes(seed: int, camera: int) -> Iterator[tuple[Recipe, Hidden]]:
     """Nothing hidden, then every effect alone."""
     yield Recipe(f"pyxel-nothing-{seed}", "pyxel", "none", seed, camera), Hidden()
     for name, hidden in hidden_effects(sensor_of(camera)).items():
-        listed = name != "crosstalk_of_channels"
-        yield (
-            Recipe(
-                f"pyxel-{name}-{seed}",
-                "pyxel",
-                "strong",
-                seed,
-                camera,
-                expect=(name,) if listed else (),
-                axis=() if listed else ("column", "pixel", "smooth"),
-                grows=() if listed else ("signal",),
-                may_grow=() if listed else ("exposure",),
-            ),
-            hidden,
-        )
+        recipe = Recipe(f"pyxel-{name}-{seed}", "pyxel", "strong", seed, camera, expect=(name,))
+        if name == OUTSIDE:
+            seen = {"axis": ("column", "pixel", "smooth"), "grows": ("signal",), "may_grow": ("exposure",)}
+            recipe = replace(recipe, kind="foreign", **seen)
+        yield recipe, hidden
 
 
 def write_sets(seed: int, camera: int, wanted: set[str] | None, folder: Path, answers: Path) -> int:
     """One set for each recipe; the count."""
     sensor, plan, targets = sensor_of(camera), cameras.plan(camera), cameras.targets(camera)
-    answers.mkdir(parents=True, exist_ok=True)
     made = 0
     for recipe, hidden in recipes(seed, camera):
         if wanted and not wanted & {recipe.identity.split("-")[1]}:
             continue
         frames = taken(sensor, plan, targets, hidden, seed)
-        write_frames(folder / recipe.identity, frames, plan, targets, sensor)
-        (answers / f"{recipe.identity}.json").write_text(json.dumps(asdict(recipe), indent=1) + "\n")
+        write_taken(recipe, frames, plan, targets, sensor, folder, answers)
         made += 1
     return made

@@ -6,8 +6,7 @@ code. What the CCD itself hides stays in, so an answer is judged against the ans
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from PIL import Image
 from . import cameras, effects
 from .camera import Hidden, Moment, Sensor, Shot
 from .randomness import stream
-from .sets import Recipe, write_frames
+from .sets import Recipe, write_taken
 from .strengths import scaled
 
 ROWS, COLUMNS = 200, 256
@@ -80,7 +79,6 @@ def inject(frames: np.ndarray, plan: list[Shot], sensor: Sensor, hidden: Hidden,
 def write_real_sets(source: Path, seeds: list[int], word: str, folder: Path, answers: Path) -> int:
     """One untouched set a seed (a window of its own), and one for each injected effect."""
     made = 0
-    answers.mkdir(parents=True, exist_ok=True)
     for seed in seeds:
         rng = stream(seed, "window")
         top, left = int(rng.integers(480 - ROWS)), int(rng.integers(640 - COLUMNS))
@@ -102,7 +100,6 @@ def write_real_sets(source: Path, seeds: list[int], word: str, folder: Path, ans
                 hidden = ((name, strength, "default"),)
                 shown = inject(frames, plan, sensor, kind.at(strength), seed)
             recipe = Recipe(identity, "real", word, seed, -1, hidden, expect=tuple(h[0] for h in hidden))
-            write_frames(folder / identity, shown, plan, {}, sensor)
-            (answers / f"{identity}.json").write_text(json.dumps(asdict(recipe), indent=1) + "\n")
+            write_taken(recipe, shown, plan, {}, sensor, folder, answers)
             made += 1
     return made

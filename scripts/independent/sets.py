@@ -120,6 +120,19 @@ def write_set(recipe: Recipe, folder: Path, answers: Path) -> None:
     hidden = effects.in_order([known[n].at(s, f) for n, s, f in recipe.hidden])
     plan = plan_of(recipe)
     frames = take(sensor, plan, targets, recipe.seed, hidden)
-    write_frames(folder / recipe.identity, frames, plan, targets, with_changes(sensor, recipe.stated))
+    write_taken(recipe, frames, plan, targets, with_changes(sensor, recipe.stated), folder, answers)
+
+
+def write_taken(
+    recipe: Recipe,
+    frames: np.ndarray,
+    plan: Sequence[Shot],
+    targets: dict[str, np.ndarray],
+    stated: Sensor,
+    folder: Path,
+    answers: Path,
+) -> None:
+    """Write frames that were taken for a recipe, and the answer."""
+    write_frames(folder / recipe.identity, frames, plan, targets, stated)
     answers.mkdir(parents=True, exist_ok=True)
     (answers / f"{recipe.identity}.json").write_text(json.dumps(asdict(recipe), indent=1) + "\n")

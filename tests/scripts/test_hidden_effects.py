@@ -6,7 +6,7 @@ import json
 import hidden_effects
 import numpy as np
 import pytest
-from independent import effects, judge, real, recipes, strengths
+from independent import cameras, effects, getframes_sets, judge, pyxel_sets, real, recipes, strengths
 from independent.sets import write_set
 from scipy.stats import binomtest
 
@@ -178,3 +178,24 @@ def test_real_untouched_answers_are_taken_off():
     answer = ANSWER | {"kind": "real", "expect": ["smear"]}
     judged = judge.verdict(answer, diagnosis(["row_noise", "smear"]), usual=["row_noise"])
     assert (judged["right"], judged["wrong"]) == (True, False)
+
+
+def test_other_authors_effects_have_names_of_the_catalogue():
+    from visaug.effects import catalogue
+
+    assert set(getframes_sets.EFFECTS) <= set(catalogue())
+    assert pyxel_sets.OUTSIDE not in catalogue()
+    for module in (getframes_sets, pyxel_sets):
+        stated = module.sensor_of(2)
+        assert stated.tail == 0.14  # Gaussian
+        assert stated.shape == cameras.sensor(2).shape
+
+
+def test_getframes_follows_the_photon_transfer_curve(tmp_path):
+    """Mean and variance of its bias frames against read noise and rounding; 16 frames of 96 x 128 know them to 0.5 %."""
+    pytest.importorskip("getframes")
+    sensor, plan = getframes_sets.sensor_of(2), tuple(s for s in cameras.plan(2) if s.kind == "bias")
+    frames = getframes_sets.taken(sensor, plan, {}, getframes_sets.configuration(sensor, 3), 3).astype(float)
+    expected = (sensor.read_e / sensor.e_per_dn) ** 2 + 1 / 12
+    assert frames.var(0, ddof=1).mean() == pytest.approx(expected, rel=0.02)
+    assert frames.mean() == pytest.approx(sensor.pedestal_dn, abs=0.05)
