@@ -45,10 +45,16 @@ def test_improves(before, after, first, accepted):
 
 
 def test_a_faint_effect_is_hidden_by_the_noise_of_the_rest():
-    before, after = (at(0.05, 0.5), None), (at(-0.1, 0.5), None)
+    before, after = (at(0.05, 0.4), None), (at(-0.1, 0.4), None)
     assert not improves(before, after, True)
     assert improves(before, after, True, beyond_chance=True)
     assert not improves(after, before, True, beyond_chance=True)
+
+
+def test_an_error_that_is_noise_alone_has_no_say():
+    before, after = (at(-12.0, 14.0), None), (at(-7.0, 7.0), None)
+    assert improves(before, after, True, beyond_chance=True)
+    assert not improves(before, after, True)
 
 
 def test_what_no_form_could_leave_over_is_reason_for_a_second_name():

@@ -140,7 +140,8 @@ def improves(
     """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
 
     The error is a mean over all that was measured, so the noise of the rest hides what a faint effect takes away in a few
-    statistics: then it must fall, and what is taken away be beyond chance.
+    statistics: then it must fall, and what is taken away be beyond chance. Where that noise is as large as the whole excess, the
+    error says nothing, and chance alone decides.
 
     A further effect must take a share of the first excess, or nearly all that is left beside a very strong one, or bring
     back what no form of the effects before it could leave over: what a form does leave is not mopped up by another name.
@@ -155,6 +156,8 @@ def improves(
     (found_before, confirmed_before), (found, confirmed) = before, after
     if found is None or found_before is None:
         return first
+    if first and beyond_chance and not is_clear(found_before):
+        return True
     if not first:
         taken = found_before.value - found.value
         all_that_is_left = found_before.value > LITTLE and taken > NEARLY_ALL * found_before.value

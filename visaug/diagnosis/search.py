@@ -43,6 +43,7 @@ SETS_AFTER = 120  # of a camera with an effect added
 MOST = 4  # effects that are added one after the other
 DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
 TRACE = 0.03  # error beside an accepted effect that is a finding, if it is surely so much
+POOR = 0.5  # error beside an accepted effect that is a finding even where the camera holds
 MUCH = 0.1  # error beside an accepted effect that is a finding, if it may be so much
 
 
@@ -132,7 +133,7 @@ class _Search:
         excess = bool(state.accepted) or (significant and is_clear(self.steps[-1].error))
         residue = (
             describe(self.lab.measured[2].statistics, state.whole_z, nearest)
-            if missing and self._is_worth_telling(state)
+            if (missing and self._is_worth_telling(state)) or self._is_far_off(state)
             else None
         )
         return Diagnosis(
@@ -300,6 +301,11 @@ class _Search:
         """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding."""
         error = self.errors.found(state.fitted)
         return not state.accepted or error is None or error.low > TRACE or error.high > MUCH
+
+    def _is_far_off(self, state: State) -> bool:
+        """Whether the error surely stays large though the camera holds: a spread that covers anything explains little."""
+        error = self.steps[-1].error
+        return bool(state.accepted) and error is not None and error.low > POOR
 
     def _form(self, state: State) -> str | None:
         """What the forms of accepted effects leave over, in words."""
