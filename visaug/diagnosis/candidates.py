@@ -20,13 +20,13 @@ class Trial:
         effect: its name.
         values: the effect's parameters by path, and its words.
         looked: whether they come from a look at the measured frames.
-        following: how far the camera's own numbers go with it, in the coordinates of its reference; empty: not at all.
+        following: how far the camera's own numbers go with it, as coordinates by path; empty: not at all.
     """
 
     effect: str
     values: tuple[tuple[str, Any], ...]
     looked: bool = False
-    following: tuple[float, ...] = ()
+    following: tuple[tuple[str, float], ...] = ()
 
     @property
     def is_fixed(self) -> bool:

@@ -194,8 +194,10 @@ def _followed(
         way = np.clip(-(priors**2) * (m.white(reference.slopes.T) @ m.white(move)), -priors, priors)
         if level is not None:
             way[black] = -move[level]
-        far = np.any(np.abs(way) > steps)
-        found.append(replace(trial, following=tuple(map(float, way))) if far else trial)
+        if np.any(np.abs(way) > steps):
+            paths = [c.path for c in reference.coordinates]
+            trial = replace(trial, following=tuple(zip(paths, map(float, way), strict=True)))
+        found.append(trial)
     return found
 
 
@@ -217,8 +219,9 @@ def _following(reference: Reference, camera: Camera, trial: Trial, share: float)
     """The camera with its own numbers where the trial leads them, or a share of the way."""
     if not trial.following:
         return camera
-    at = [c.read(camera) + share * way for c, way in zip(reference.coordinates, trial.following, strict=True)]
-    return moved(camera, reference.coordinates, at)
+    ways = dict(trial.following)
+    own = [c for c in reference.coordinates if c.path in ways]
+    return moved(camera, own, [c.read(camera) + share * ways[c.path] for c in own])
 
 
 SCALES = (0.03, 0.1, 0.3, 0.6, 1.0, 1.6)

@@ -168,6 +168,8 @@ class _Search:
         of: dict[str, list[Trial]] = {}
         for trial in trials(reference.camera, self.without):
             of.setdefault(trial.effect, []).append(trial)
+        if not of:
+            return signatures(self.lab, reference, (), self.report)
         prefix = cache.key(self.lab, reference.camera, "signatures", self.sets)
         names = {
             effect: f"{prefix}-{cache.digest(cache.source_of(effect), tried)}" for effect, tried in of.items()
@@ -175,19 +177,22 @@ class _Search:
         found = {effect: kept for effect, name in names.items() if (kept := cache.load(name)) is not None}
         missing = [trial for effect, tried in of.items() if effect not in found for trial in tried]
         made = signatures(self.lab, reference, missing, self.report)
+        paths = [c.path for c in reference.coordinates]
         for effect in {trial.effect: None for trial in missing}:
             own = [i for i, trial in enumerate(missing) if trial.effect == effect]
             found[effect] = {
                 "values": made.values[own],
                 "variances": made.variances[own],
                 "following": np.array(
-                    [made.trials[i].following or (0.0,) * len(reference.coordinates) for i in own]
+                    [[dict(made.trials[i].following).get(p, 0.0) for p in paths] for i in own]
                 ),
             }
             cache.keep(names[effect], found[effect])
         return Signatures(
             tuple(
-                replace(trial, following=tuple(map(float, way)) if np.any(way) else ())
+                replace(
+                    trial, following=tuple(zip(paths, map(float, way), strict=True)) if np.any(way) else ()
+                )
                 for effect, tried in of.items()
                 for trial, way in zip(tried, found[effect]["following"], strict=True)
             ),
