@@ -7,7 +7,6 @@ import numpy as np
 from visaug.fingerprint.view import Curve, Picture, View
 
 BANDS = 6
-SLOW = 8  # share of all frequencies that are called slow
 
 
 def power(lines: np.ndarray) -> np.ndarray:
@@ -32,8 +31,6 @@ def peak_frequency(spectrum: np.ndarray) -> float:
 
 
 def band_statistics(group, view, name, spectrum, axes):
-    slow = spectrum[: max(len(spectrum) // SLOW, 1)].mean()  # bands of few lines are noisy, one by one
-    yield group.statistic(view, f"{name}, slow", axes, "log power"), np.log(slow + 1e-3)
     for i, value in enumerate(band_means(spectrum)):
         yield group.statistic(view, f"{name}, band {i + 1}", axes, "log power"), np.log(value + 1e-3)
     middle = np.median(spectrum) + 1e-3
