@@ -191,7 +191,7 @@ def test_other_authors_effects_have_names_of_the_catalogue():
         assert stated.shape == cameras.sensor(2).shape
 
 
-def test_getframes_follows_the_photon_transfer_curve(tmp_path):
+def test_getframes_follows_the_photon_transfer_curve():
     """Mean and variance of its bias frames against read noise and rounding; 16 frames of 96 x 128 know them to 0.5 %."""
     pytest.importorskip("getframes")
     sensor, plan = getframes_sets.sensor_of(2), tuple(s for s in cameras.plan(2) if s.kind == "bias")

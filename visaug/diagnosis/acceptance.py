@@ -120,7 +120,7 @@ def _beyond_the_camera(fitted: Fitted, moves: np.ndarray) -> np.ndarray:
     """What the camera's own numbers cannot do of some moves, in standard deviations: least squares with their priors."""
     reference = fitted.reference
     along = standardised(moves, reference.null_scale)
-    design = np.where(reference.null_scale > 0, standardised(fitted.slopes.T, reference.null_scale), 0.0)
+    design = standardised(fitted.slopes.T, reference.null_scale)
     normal = design @ design.T + np.diag(1 / reference.priors**2)
     return along - design.T @ np.linalg.solve(normal, design @ along)
 
