@@ -20,6 +20,11 @@ STANDS_OUT = 8.0  # standard deviations that no form of an accepted effect leave
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
 FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
 POOREST = 0.75  # the same share in the view that it explains least
+IN_ORDER, DISTURBED = (
+    2.0,
+    5.0,
+)  # standard deviations: what was in order must not go so far off, a form's share allowed for
+NEARER = 0.6  # share of the same statistics whose mean must come nearer, however wide the effect's own spread
 
 
 @dataclass(frozen=True)
@@ -80,10 +85,12 @@ def _allowed(residual: np.ndarray, scale: np.ndarray, allowance: np.ndarray) -> 
 def explains(statistics: Sequence[Statistic], before: State, after: State) -> bool:
     """Whether the effect brings back what it moves: most of the statistics in which it is seen, by most of their distance.
 
-    An effect of another name may lower the error; but what it moves then stays off, or goes off where it was not.
+    An effect of another name may lower the error; but what it moves then stays off, or goes off where it was not. One whose own
+    spread covers anything (two pixels, enormously hot) must bring the means nearer too.
     """
     moves = before.fitted.residual - after.fitted.residual if after.moves is None else after.moves
-    moved = np.abs(standardised(moves, before.fitted.reference.null_scale))
+    scale = before.fitted.reference.null_scale
+    moved = np.abs(standardised(moves, scale))
     was, now = np.abs(before.z), np.abs(after.z)
     seen = (moved > OFF) & (was > OFF)
     if not seen.any():
@@ -92,11 +99,24 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
         return False
     views = np.array([s.view for s in statistics])
     back = now <= np.maximum(OFF, 0.3 * was)
-    shares = {v: back[seen & (views == v)] for v in dict.fromkeys(views[seen])}
-    covered = np.mean([share.mean() for share in shares.values()])
-    poorest = min((share.mean() for share in shares.values() if len(share) > 2), default=1.0)
+    shares = _by_view(back, seen, views)
+    covered = np.mean([share.mean() for share in shares])
+    poorest = min((share.mean() for share in shares if len(share) > 2), default=1.0)
+    nearer = np.abs(after.fitted.residual) < np.maximum(np.abs(before.fitted.residual), OFF * scale)
     worsened = (now > OFF) & (now > 1.5 * was)
-    return bool(covered >= COVERED and poorest >= POOREST and worsened.sum() <= WORSE * seen.sum() + 1)
+    if np.any((was < IN_ORDER) & (now > DISTURBED)):
+        return False
+    return bool(
+        covered >= COVERED
+        and poorest >= POOREST
+        and np.mean([share.mean() for share in _by_view(nearer, seen, views)]) >= NEARER
+        and worsened.sum() <= WORSE * seen.sum() + 1
+    )
+
+
+def _by_view(which: np.ndarray, seen: np.ndarray, views: np.ndarray) -> list[np.ndarray]:
+    """Of the statistics that are seen, one array for each view."""
+    return [which[seen & (views == view)] for view in dict.fromkeys(views[seen])]
 
 
 def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:

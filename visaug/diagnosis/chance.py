@@ -10,6 +10,22 @@ from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.fit import p_value, standardised
 from visaug.diagnosis.rank import Metric, Signatures, law
 
+SOMEWHERE = 3.0  # times as unlikely must one large residual be as a match, to count as much: what no effect matches is seldom faint
+
+
+@dataclass(frozen=True)
+class Half:
+    """A covariance of the residuals, from half of the simulated sets, and what is judged by it.
+
+    Attributes:
+        residual: (statistics used,) what the measurement leaves, white in it.
+        others: (R / 2, statistics used) what the sets of the other half leave, white in it.
+    """
+
+    metric: Metric
+    residual: np.ndarray
+    others: np.ndarray
+
 
 @dataclass(frozen=True)
 class Chance:
@@ -19,17 +35,19 @@ class Chance:
     would not be seen. That covariance would fit the very sets that chance is judged by, so each half of them is judged by the
     covariance of the other half, and the measurement by both.
 
+    A covariance of many statistics from few sets is too small along some ways and too large along others, so a match counts in
+    standard deviations of what all sets and the measurement, alike, show along that way. Else the one signature along which sets
+    scatter most would set the bar for all.
+
     Attributes:
-        metrics: of the two halves.
-        residual: what the measurement leaves, white in each of them.
-        gain, gains: half the square of the best match of the measurement, and (R,) of simulated sets of the camera itself.
+        halves: of the simulated sets.
+        match, matches: of the measurement with its best signature, and (R,) of simulated sets with theirs.
         largest, largests: the largest standardised residual of the measurement, and (R,) of these sets.
     """
 
-    metrics: Sequence[Metric]
-    residual: Sequence[np.ndarray]
-    gain: float
-    gains: np.ndarray
+    halves: Sequence[Half]
+    match: float
+    matches: np.ndarray
     largest: float
     largests: np.ndarray
 
@@ -39,36 +57,31 @@ class Chance:
 
         The less likely of the two counts, held against the less likely of the two of every simulated set.
         """
-        least = np.minimum(_ranks(self.gain, self.gains), _ranks(self.largest, self.largests))
+        somewhere = SOMEWHERE * _ranks(self.largest, self.largests)
+        least = np.minimum(_ranks(self.match, self.matches), somewhere)
         return float(np.mean(least <= least[-1]))
 
     def p_value_of(self, shape: np.ndarray) -> float:
         """Of one way (statistics of all frames,) in which the measurement differs, against the best signature by chance."""
-        gains = [
-            float(_matches(m.white(shape)[None], r[None])[0])
-            for m, r in zip(self.metrics, self.residual, strict=True)
-        ]
-        return p_value(float(np.mean(gains)), self.gains)
+        match, _ = _matches(self.halves, shape[None])
+        return p_value(match, self.matches)
 
 
 def chance(lab: Laboratory, signed: Signatures, state: State) -> Chance:
     """Of the mean signatures of all effects that are not accepted yet, their form as it is."""
     reference = state.fitted.reference
     null = reference.whole_null
-    halves = (null.residuals[::2], null.residuals[1::2])
-    metrics = [law(null, state.whole_allowance, sets=half) for half in halves]
+    sets = (null.residuals[::2], null.residuals[1::2])
+    metrics = [law(null, state.whole_allowance, sets=half) for half in sets]
+    halves = [
+        Half(m, m.white(state.fitted.whole_residual), m.white(others))
+        for m, others in zip(metrics, reversed(sets), strict=True)
+    ]
     chosen = [i for i, trial in enumerate(signed.trials) if trial.effect not in state.accepted]
     shapes = lab.whole_of(signed.values[chosen])
     seen = np.sqrt((standardised(shapes, null.scale) ** 2).sum(1)) > 0.5
-    best, residuals = [], []
-    gains = np.zeros(len(null.residuals))
-    for place, m in enumerate(metrics):
-        directions = m.white(shapes[seen])
-        residuals.append(m.white(state.fitted.whole_residual))
-        best.append(_matches(directions, residuals[-1][None])[0])
-        gains[1 - place :: 2] = _matches(directions, m.white(halves[1 - place]))
     largest = float(np.abs(state.whole_z).max())
-    return Chance(metrics, residuals, float(np.mean(best)), gains, largest, reference.largest)
+    return Chance(halves, *_matches(halves, shapes[seen]), largest, reference.largest)
 
 
 def _ranks(value: float, null: np.ndarray) -> np.ndarray:
@@ -78,8 +91,19 @@ def _ranks(value: float, null: np.ndarray) -> np.ndarray:
     return (len(order) - np.searchsorted(order, everything)) / len(order)
 
 
-def _matches(shapes: np.ndarray, residuals: np.ndarray) -> np.ndarray:
-    """Half the square of each residual's best match with a shape, (n,), all of them white."""
-    length = np.sqrt((shapes**2).sum(1))
-    directions = shapes[length > 0] / length[length > 0, None]
-    return 0.5 * np.max(np.maximum(residuals @ directions.T, 0) ** 2, axis=1, initial=0.0)
+def _matches(halves: Sequence[Half], shapes: np.ndarray) -> tuple[float, np.ndarray]:
+    """The best match of the measurement with a shape, and (R,) of the simulated sets, in standard deviations; at least 0."""
+    count = sum(len(half.others) for half in halves)
+    measured, simulated = np.zeros(len(shapes)), np.zeros((count, len(shapes)))
+    for place, half in enumerate(halves):
+        white = half.metric.white(shapes)
+        length = np.sqrt((white**2).sum(1, keepdims=True))
+        ways = np.divide(white, length, out=np.zeros_like(white), where=length > 0)
+        measured += ways @ half.residual / len(halves)
+        simulated[1 - place :: 2] = half.others @ ways.T
+    spread = np.sqrt((measured**2 + (simulated**2).sum(0)) / (count + 1))
+    matches = standardised(
+        np.vstack([simulated, measured]), np.broadcast_to(spread, (count + 1, len(spread)))
+    )
+    best = matches.max(1, initial=0.0)
+    return float(best[-1]), best[:-1]

@@ -57,15 +57,28 @@ class Null:
 
     Attributes:
         residuals: (R, statistics) of the simulated sets.
-        scale: (statistics,) their standard deviations; 0 for a statistic that never varies.
+        floor: (statistics,) standard deviations below which none is taken; 0 for a statistic that never varies.
         slopes: (statistics, coordinates).
         priors: (coordinates,)
     """
 
     residuals: np.ndarray
-    scale: np.ndarray
+    floor: np.ndarray
     slopes: np.ndarray
     priors: np.ndarray
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """(statistics,) standard deviations; 0 for a statistic that never varies."""
+        return np.where(self.floor > 0, np.maximum(self.residuals.std(0, ddof=1), self.floor), 0.0)
+
+    @cached_property
+    def largest(self) -> np.ndarray:
+        """(R,) the largest residual of each set in standard deviations of the others: a set does not widen its own measure."""
+        squares = self.residuals**2
+        others = np.sqrt((squares.sum(0) - squares) / max(len(squares) - 2, 1))
+        scale = np.where(self.floor > 0, np.maximum(others, self.floor), 0.0)
+        return np.abs(standardised(self.residuals, scale)).max(1)
 
 
 USES = ("find", "confirm", "whole")
@@ -128,9 +141,8 @@ class Reference:
 
     def _null_of(self, sample: Sample) -> Null:
         residuals = sample.deviations - self.null_steps @ sample.slopes.T
-        spread = np.maximum(residuals.std(0, ddof=1), 0.3 * sample.scale)
-        scale = np.where(sample.scale > 0, np.maximum(spread, sample.least), 0.0)
-        return Null(residuals, scale, sample.slopes, self.priors)
+        floor = np.where(sample.scale > 0, np.maximum(0.3 * sample.scale, sample.least), 0.0)
+        return Null(residuals, floor, sample.slopes, self.priors)
 
     @cached_property
     def null(self) -> Null:
@@ -147,10 +159,10 @@ class Reference:
         """Standard deviations of refitted residuals."""
         return self.null.scale
 
-    @cached_property
+    @property
     def largest(self) -> np.ndarray:
         """(R,) the largest standardised residual in all frames of each simulated set, refitted."""
-        return np.abs(standardised(self.whole_null.residuals, self.whole_null.scale)).max(1)
+        return self.whole_null.largest
 
     @cached_property
     def largest_as_given(self) -> np.ndarray:

@@ -50,6 +50,15 @@ class Metric:
         """With the variance that an effect brings of its own, per statistic: drift, tracks, sparse defects."""
         return Metric(self.used, self.scale, self.covariance + np.diag(variance[self.used] / self.scale**2))
 
+    def scatter(self, sets: np.ndarray, way: np.ndarray) -> float:
+        """Variance along a way (statistics,) of simulated sets (R, statistics used), white; at least 1, what it should be.
+
+        A covariance of many statistics from few sets is too small along some ways, so that what matches by chance would gain
+        much: gains are divided by it.
+        """
+        length = float(np.linalg.norm(way := self.white(way)))
+        return max(1.0, float(np.mean((sets @ way) ** 2)) / length**2) if length > 0 else 1.0
+
     def log_likelihood(self, residual: np.ndarray) -> float:
         """Of a residual, but for a constant."""
         return float(-0.5 * np.sum(self.white(residual) ** 2) - np.log(np.diag(self.factor)).sum())
@@ -151,18 +160,18 @@ def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], re
     z = np.divide(moves, scale, out=np.zeros_like(moves), where=scale > 0)
     own = z.var(1, ddof=1).mean(1)
     random = [i for i in range(len(tried)) if own[i] > max(0.15, 0.02 * (z[i].mean(0) ** 2).mean())]
-    means, variances = _cleared(moves, scale), np.zeros_like(moves[:, 0])
+    means, variances = cleared(moves, scale), np.zeros_like(moves[:, 0])
     if random:
         again = _moves(lab, reference, [tried[i] for i in random], range(FEW, MORE), report, "trying again")
         whole = np.concatenate([moves[random], again], 1)
         own_variance = whole.var(1, ddof=1)
-        means[random] = _cleared(whole, scale)
+        means[random] = cleared(whole, scale)
         # noise that is drawn anew is in the null already; what the effect brings of its own exceeds it
         variances[random] = np.where(own_variance > REDRAWN * scale**2, own_variance, 0)
     return Signatures(tuple(tried), means, variances)
 
 
-def _cleared(moves: np.ndarray, scale: np.ndarray) -> np.ndarray:
+def cleared(moves: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Mean over simulations (..., simulations, statistics), drawn to 0 where it is no more than their noise.
 
     An effect with random numbers of its own draws all noise anew. A thousand statistics of which each wavers a little would
@@ -232,7 +241,7 @@ class Match:
     """An effect's best trial.
 
     Attributes:
-        gain: by how much it raises the logarithm of the residual's likelihood.
+        gain: by how much it raises the logarithm of the residual's likelihood, see `Metric.scatter`.
         scale: by how much the trial's signature wants to be multiplied.
         variance: what spread it brings at that scale, per statistic.
     """
@@ -257,9 +266,9 @@ def matches(
     """
     m = metric(fitted, form, allowance)
     nothing = m.log_likelihood(fitted.residual)
-    residual = m.white(fitted.residual)
+    residual, sets = m.white(fitted.residual), m.white(fitted.reference.null.residuals)
     found = [
-        _match(m, trial, signature, variance, fitted.residual, residual, nothing)
+        _match(m, trial, signature, variance, fitted.residual, residual, sets, nothing)
         for trial, signature, variance in zip(signed.trials, signed.values, signed.variances, strict=True)
         if trial.effect not in without
     ]
@@ -286,14 +295,16 @@ def _extrapolation(match: Match) -> float:
     return abs(np.log(max(match.scale, 1e-9)))
 
 
-def _match(m: Metric, trial: Trial, signature, variance, residual, white_residual, nothing: float) -> Match:
+def _match(
+    m: Metric, trial: Trial, signature, variance, residual, white_residual, sets, nothing: float
+) -> Match:
     fixed = trial.is_fixed
     spread = variance[m.used] / m.scale**2
     if spread.max() < 2 and spread.mean() < 0.1:
         d = m.white(signature)
         scale = 1.0 if fixed else max(float(d @ white_residual) / max(float(d @ d), 1e-12), 0.0)
         gain = scale * float(d @ white_residual) - 0.5 * scale**2 * float(d @ d)
-        return Match(trial, gain, scale, np.zeros_like(variance))
+        return Match(trial, gain / m.scatter(sets, signature), scale, np.zeros_like(variance))
     tried = [
         (m.widened(c**2 * variance).log_likelihood(residual - c * signature) - nothing, c)
         for c in ((1.0,) if fixed else SCALES)
@@ -308,6 +319,7 @@ NEAR = 3.0  # steps within which the derivatives of a camera's own numbers hold
 FOLLOWED = 3  # times that these are moved along
 HOPELESS = 1000.0  # log likelihood behind the best that no following of the camera's numbers makes up for
 STRONGER, FARTHEST = 3.0, 5  # times a strength that is tried next at the start; how often
+NOISY = 1.0  # log likelihood that the noise of a few simulations may cost
 LEAST_SHARE = 0.02  # that a derivative's true size is taken to have of its noisy one
 HOPE = 2.0  # times what the last two iterations gained is what the next ones may still gain
 
@@ -319,7 +331,7 @@ class Refined:
     Attributes:
         camera: the fitted camera with the effect.
         coordinates, at: the effect's free numbers and where they are.
-        gain: by how much it raises the logarithm of the residual's likelihood.
+        gain: by how much it raises the logarithm of the residual's likelihood, see `Metric.scatter`.
         residual: what is left of the residual per statistic, the camera's own numbers following.
         variance: what spread the effect brings, per statistic.
     """
@@ -359,11 +371,12 @@ def refine(
     Args:
         beaten: what the best of the effects tried before gains.
     """
-    camera = _scaled(fitted, match)
+    cameras = [_scaled(fitted, match, power) for power in POWERS]
+    camera = cameras[0]
     own = coordinates_of(match.trial.effect, camera, lab)
     climb = _Climb(lab, fitted, metric(fitted, FINE, allowance), match, camera, own)
     report(f"refining {match.trial.effect}", 0, iterations)
-    best = climb.upwards()
+    best = climb.upwards(climb.start(cameras))
     step, damping, gains = None, 1.0, [best.gain]
     for i in range(1, iterations if own else 1):
         report(f"refining {match.trial.effect}", i, iterations)
@@ -385,7 +398,7 @@ def refine(
         moved(camera, climb.coordinates, list(best.at)),
         tuple(own),
         best.at[climb.theirs :],
-        best.gain,
+        best.gain / climb.law.scatter(climb.law.white(fitted.reference.null.residuals), best.move),
         residual - fitted.slopes @ following,
         np.maximum(best.variance, match.variance),  # rare events may be missing from a few simulations
     )
@@ -428,13 +441,23 @@ class _Climb:
         self.theirs = len(self.coordinates) - len(own)  # of these are the camera's
         self.steps = np.array([c.step for c in self.coordinates])
         self.priors = np.array([c.prior for c in self.coordinates])
-        self.start = self._within(np.array([c.read(camera) for c in self.coordinates]))
         strengths = {f"{match.trial.effect}.{key}" for key in catalogue()[match.trial.effect].strengths()}
         self.strengths = np.array([c.path in strengths for c in self.coordinates])
 
-    def upwards(self) -> _Point:
+    def start(self, cameras: Sequence[Camera]) -> _Point:
+        """The best of some cameras."""
+        found: list[np.ndarray] = []
+        for camera in cameras:
+            at = np.array([c.read(camera) for c in self.coordinates])
+            if all(np.any(np.abs(at - other) > self.steps) for other in found):
+                found.append(at)
+        best = self.settled(found[0])
+        for at in found[1:]:
+            best = max(best, self.settled(at, best), key=lambda point: point.gain)
+        return best
+
+    def upwards(self, best: _Point) -> _Point:
         """The start, or where a strength some times as large gains more: near zero a derivative shows no way, or is noise."""
-        best = self.settled(self.start)
         logarithmic = np.array([c.logarithmic for c in self.coordinates])
         for _ in range(FARTHEST if self.strengths.any() else 0):
             more = np.where(logarithmic, best.at + np.log(STRONGER), STRONGER * best.at)
@@ -492,9 +515,20 @@ class _Climb:
     def _simulated(self, at: np.ndarray, twins: int) -> _Point:
         at = self._within(at)
         (moves,) = self._moves([at], twins)
-        move = _cleared(moves, self.fitted.reference.null_scale)
+        point = self._point(at, moves)
+        if twins < MORE and self._noise(moves) > max(NOISY, 0.1 * abs(point.gain)):
+            (moves,) = self._moves([at], MORE)
+            point = self._point(at, moves)
+        return point
+
+    def _point(self, at: np.ndarray, moves: np.ndarray) -> _Point:
+        move = cleared(moves, self.fitted.reference.null_scale)
         gain = self.law.log_likelihood(self.fitted.residual - move) - self.nothing
         return _Point(at, gain, move, moves)
+
+    def _noise(self, moves: np.ndarray) -> float:
+        """What the noise of the mean of some moves (twins, statistics) takes from the log likelihood."""
+        return 0.5 * float((self.law.white(moves - moves.mean(0)) ** 2).sum()) / (len(moves) - 1) / len(moves)
 
     def _moves(self, points: Sequence[np.ndarray], twins: int) -> np.ndarray:
         """(points, twins, statistics)."""
@@ -532,11 +566,18 @@ def newton(design: np.ndarray, left: np.ndarray, priors: np.ndarray) -> np.ndarr
     return ways @ ((ways.T @ pull) / np.clip(share, LEAST_SHARE, 1.0))
 
 
-def _scaled(fitted: Fitted, match: Match) -> Camera:
-    """The trial with its strengths scaled as its signature wants; a variance grows as the square, so part of the way."""
+POWERS = (
+    0.7,
+    1.0,
+    0.5,
+)  # of the scale that a signature wants: a level grows with a strength, a variance with its square
+
+
+def _scaled(fitted: Fitted, match: Match, power: float) -> Camera:
+    """The trial with its strengths scaled as its signature wants."""
     with_effect = match.trial.on(fitted.camera)
     effect = catalogue()[match.trial.effect]
-    factor = float(np.clip(match.scale, 0.02, 50)) ** 0.7
+    factor = float(np.clip(match.scale, 2e-3, 50)) ** power
     values = {}
     for path, value in match.trial.values:
         parameter = effect.parameters.get(path.split(".", 1)[-1])

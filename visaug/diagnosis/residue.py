@@ -9,6 +9,7 @@ import numpy as np
 from visaug.fingerprint import AXES, Statistic
 
 FAR = 4.5  # standard deviations from which a statistic is said to be off
+ALIKE = 1.15  # ratio within which two of them say the same
 
 
 @dataclass(frozen=True)
@@ -103,9 +104,31 @@ def _growth(statistics: Sequence[Statistic], size: np.ndarray) -> tuple[str, ...
         shortest = [i for i in by_kind["dark"] if statistics[i].exposure_s <= exposures[0]] + by_kind["bias"]
         if strength(longest) > 2 * max(strength(shortest), 1.5) and strength(longest) > FAR:
             grows.append("exposure")
-            temperatures = sorted({statistics[i].temperature_c for i in longest})
-            hot = [i for i in longest if statistics[i].temperature_c == temperatures[-1]]
-            cold = [i for i in longest if statistics[i].temperature_c == temperatures[0]]
-            if len(temperatures) > 1 and strength(hot) > 1.6 * strength(cold):
+            if _grows_with_temperature(statistics, size):
                 grows.append("temperature")
     return tuple(grows)
+
+
+def _grows_with_temperature(statistics: Sequence[Statistic], size: np.ndarray) -> bool:
+    """Whether the same statistics of equally long dark frames are nearly all further off in the warmest.
+
+    Counts of pixels do not grow once all are counted, so how many grow tells more than how much the furthest does.
+    """
+    darks = [i for i, s in enumerate(statistics) if s.kind == "dark"]
+    temperatures = sorted({statistics[i].temperature_c for i in darks})
+    if len(temperatures) < 2:
+        return False
+    at = {
+        t: {
+            (s.view, s.name, s.exposure_s): float(size[i])
+            for i in darks
+            if (s := statistics[i]).temperature_c == t
+        }
+        for t in (temperatures[0], temperatures[-1])
+    }
+    cold, warm = at.values()
+    pairs = [(cold[key], warm[key]) for key in cold.keys() & warm.keys()]
+    pairs = [pair for pair in pairs if max(pair) > FAR]
+    more = sum(w > ALIKE * c for c, w in pairs)
+    less = sum(c > ALIKE * w for c, w in pairs)
+    return more >= max(2, 4 * less)

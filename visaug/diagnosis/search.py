@@ -30,7 +30,7 @@ from visaug.diagnosis.fit import (
 )
 from visaug.diagnosis.naming import SIGNIFICANT, candidates, decided, rivals
 from visaug.diagnosis.parameters import base_coordinates
-from visaug.diagnosis.rank import Refined, Signatures, signatures
+from visaug.diagnosis.rank import Refined, Signatures, cleared, signatures
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.residue import describe
 from visaug.diagnosis.result import Diagnosis, Step
@@ -279,15 +279,15 @@ class _Search:
             known=state.fitted.reference,
         )
         fitted = self._settled(refit(self.lab, reference, self.report))
-        return state.with_effect(candidate.effect, fitted, self._moves_of(candidate.effect, fitted.camera))
+        return state.with_effect(candidate.effect, fitted, self._moves_of(candidate.effect, state, fitted))
 
-    def _moves_of(self, effect: str, camera: Camera) -> np.ndarray | None:
+    def _moves_of(self, effect: str, before: State, fitted: Fitted) -> np.ndarray | None:
         """How far an effect moves every statistic of a camera that has it; None for a term of the base chain."""
         if catalogue()[effect].base:
             return None
-        pair = (camera, camera.without_effect(effect))
+        pair = (fitted.camera, fitted.camera.without_effect(effect))
         values = self.lab.finding([(c, k) for c in pair for k in range(TWINS)]).reshape(2, TWINS, -1)
-        return (values[0] - values[1]).mean(0)
+        return cleared(values[0] - values[1], before.fitted.reference.null_scale)
 
     def _settled(self, fitted: Fitted) -> Fitted:
         """Where a fit has gone far from its reference, spread and derivatives are taken anew where it lies."""
@@ -298,7 +298,11 @@ class _Search:
 
     def _improves(self, before: State, after: State, by_chance: Chance) -> bool:
         pairs = [(self.errors.found(x.fitted), self.errors.confirmed(x.fitted)) for x in (before, after)]
-        taken = before.fitted.whole_residual - after.fitted.whole_residual
+        taken = (
+            before.fitted.whole_residual - after.fitted.whole_residual
+            if after.moves is None
+            else self.lab.whole_of(after.moves)
+        )
         beyond = by_chance.p_value_of(taken) <= SIGNIFICANT
         return improves(pairs[0], pairs[1], not before.accepted, beyond, brings_back(before, after))
 

@@ -1,7 +1,7 @@
 """What the views share: each group of frames reduced once to its mean frame, its noise, and their rows and columns."""
 
 from collections.abc import Iterable
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -233,11 +233,15 @@ def by_condition(group: Group) -> tuple:
 
 def _blocks_expanded(image: np.ndarray, size: int = 16) -> np.ndarray:
     """Means of blocks of about `size` pixels, as an image: the slow part of a pattern."""
-    rows, columns = image.shape
-    row_edges = np.linspace(0, rows, max(1, rows // size) + 1).astype(int)
-    column_edges = np.linspace(0, columns, max(1, columns // size) + 1).astype(int)
+    row_edges, column_edges = (edges(n, max(1, n // size)) for n in image.shape)
     means = block_means(image, row_edges, column_edges)
     return np.repeat(np.repeat(means, np.diff(row_edges), 0), np.diff(column_edges), 1)
+
+
+@lru_cache(maxsize=64)
+def edges(length: int, parts: int) -> np.ndarray:
+    """(parts + 1,) where parts of about equal length begin and end."""
+    return np.linspace(0, length, parts + 1).astype(int)
 
 
 def block_means(image: np.ndarray, row_edges: np.ndarray, column_edges: np.ndarray) -> np.ndarray:

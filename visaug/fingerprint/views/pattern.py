@@ -1,15 +1,25 @@
 """Fixed patterns: rows, columns, pixels, slow maps, seams, parity, defects."""
 
+from functools import lru_cache
+
 import numpy as np
 
-from visaug.fingerprint.reduction import block_means, spread
+from visaug.fingerprint.reduction import block_means, edges, spread
 from visaug.fingerprint.view import Curve, Picture, View
 from visaug.fingerprint.views.noise import correlation
 
 
 def _detrended(profile: np.ndarray) -> np.ndarray:
-    x = np.linspace(-1, 1, len(profile))
-    return profile - np.polynomial.legendre.Legendre.fit(x, profile, min(3, len(profile) - 1))(x)
+    """Less the cubic that fits it best."""
+    cubics = _cubics(len(profile))
+    return profile - cubics @ (cubics.T @ profile)
+
+
+@lru_cache(maxsize=16)
+def _cubics(length: int) -> np.ndarray:
+    """(length, up to 4) orthonormal polynomials up to the third degree."""
+    powers = np.vander(np.linspace(-1, 1, length), min(4, length))
+    return np.linalg.qr(powers)[0]
 
 
 class FixedPattern(View):
@@ -57,10 +67,7 @@ class SmoothMap(View):
             unit = 100 / max(g.signal, 1.0) if g.kind == "flat" else 1.0
             word = "%" if g.kind == "flat" else "DN"
             parts = 4 if id(g) in detailed else 2
-            blocks = (
-                block_means(g.pattern, *(np.linspace(0, n, parts + 1).astype(int) for n in g.pattern.shape))
-                * unit
-            )
+            blocks = block_means(g.pattern, *(edges(n, parts) for n in g.pattern.shape)) * unit
             for (i, j), value in np.ndenumerate(blocks):
                 yield (
                     g.statistic(self.name, f"block {i + 1},{j + 1} of {parts}x{parts}", ["smooth"], word),
@@ -77,22 +84,27 @@ class SmoothMap(View):
         chosen = [g for g in (data.bias, *data.of("dark")[-1:], *data.of("flat")[-2:-1]) if g is not None]
         maps = []
         for g in chosen:
-            edges = [np.linspace(0, n, 17).astype(int) for n in g.pattern.shape]
-            maps.append((f"{g.label}, DN", block_means(g.pattern, *edges)))
+            maps.append((f"{g.label}, DN", block_means(g.pattern, *(edges(n, 16) for n in g.pattern.shape))))
         return Picture(self.title, maps=tuple(maps)) if maps else None
 
 
 def _slope(profile: np.ndarray) -> float:
     """Of a straight line through it, from the middle to the end."""
     x = np.linspace(-1, 1, len(profile))
-    return float((x * profile).sum() / (x * x).sum())
+    return float((x @ profile) / (x @ x))
 
 
 def _middle(pattern: np.ndarray) -> float:
-    y, x = (np.linspace(-1, 1, n) for n in pattern.shape)
+    weight = _bowl(*pattern.shape)
+    return float(np.vdot(weight, pattern) / np.vdot(weight, weight))
+
+
+@lru_cache(maxsize=16)
+def _bowl(height: int, width: int) -> np.ndarray:
+    """Falls with the square of the distance from the middle; mean 0."""
+    y, x = (np.linspace(-1, 1, n) for n in (height, width))
     radius = (y[:, None] ** 2 + x[None, :] ** 2) / 2
-    weight = (radius.mean() - radius).astype(np.float32)
-    return float((weight * pattern).sum() / (weight**2).sum())
+    return (radius.mean() - radius).astype(np.float32)
 
 
 class Seams(View):

@@ -10,6 +10,7 @@ from visaug.fingerprint.view import Picture, View
 
 DARK_PHOTONS = 20.0  # of which the shot noise is about the read noise
 RESPONSE = 0.007  # about what pixels differ by
+USABLE = 0.9  # of the highest level: pixels above may be saturated
 
 
 def _shift(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
@@ -20,8 +21,12 @@ def _shift(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
     return image[r[:, None], c[None, :]]
 
 
-def templates(clean: np.ndarray) -> dict[str, tuple[tuple[str, ...], np.ndarray]]:
-    """Shapes that a scene's residual is held against: axes and image of each. They are geometry, not effects."""
+def templates(clean: np.ndarray, weight: np.ndarray) -> dict[str, tuple[tuple[str, ...], np.ndarray]]:
+    """Shapes that a scene's residual is held against: axes and image of each. They are geometry, not effects.
+
+    Args:
+        weight: of each pixel, 0 for those that are not used.
+    """
     rows = np.linspace(0, 1, clean.shape[0], dtype=np.float32)[:, None]
     columns = np.linspace(0, 1, clean.shape[1], dtype=np.float32)[None, :]
     shapes: dict[str, tuple[tuple[str, ...], np.ndarray]] = {}
@@ -33,6 +38,7 @@ def templates(clean: np.ndarray) -> dict[str, tuple[tuple[str, ...], np.ndarray]
         shapes[f"long trail along {axis}s"] = ((axis,), far)
         place = columns if axis == "row" else rows
         shapes[f"trail along {axis}s growing with the place"] = ((axis,), (forward - back) * (place - 0.5))
+    shapes["curvature growing with the level"] = (("pixel", "level"), _growing_curvature(clean, weight))
     diagonal = (
         _shift(clean, 1, 1) + _shift(clean, -1, -1) + _shift(clean, 1, -1) + _shift(clean, -1, 1) - 4 * clean
     )
@@ -52,6 +58,21 @@ def templates(clean: np.ndarray) -> dict[str, tuple[tuple[str, ...], np.ndarray]
     shapes["blurred mirror image"] = (("smooth",), small - small.mean())
     shapes["square"] = (("level",), clean**2 / max(float(clean.max()), 1.0) - clean)
     return shapes
+
+
+def _growing_curvature(clean: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """What a spread that grows with the level does beside one that does not; nothing where all edges are of one height.
+
+    Left out are the pixels of the top level, which may be saturated: they are not used, see `Scene`.
+    """
+    kept = np.where(clean < USABLE * float(clean.max()), weight, 0)
+    linear, growing = _curvature(clean), _curvature(clean**2 / max(float(clean.max()), 1.0))
+    share = float(np.vdot(kept * growing, linear)) / max(float(np.vdot(kept * linear, linear)), 1e-9)
+    return np.where(kept > 0, growing - np.float32(share) * linear, 0)
+
+
+def _curvature(clean: np.ndarray) -> np.ndarray:
+    return sum(_shift(clean, *step) for step in ((0, 1), (0, -1), (1, 0), (-1, 0))) - 4 * clean
 
 
 @dataclass(frozen=True)
@@ -95,8 +116,9 @@ def _target(key: _Key) -> Target:
     bright = clean > 0.9 * peak if peak > 20 * max(middle, 1.0) else np.zeros(clean.shape, bool)
     weight = (1 / (clean + DARK_PHOTONS + (RESPONSE * clean) ** 2)).astype(np.float32)
     weight /= weight.max()
+    usable = np.logical_not(binary_dilation(bright, iterations=2))
     shapes = {}
-    for label, (axes, shape) in templates(clean).items():
+    for label, (axes, shape) in templates(clean, np.where(usable, weight, 0)).items():
         shape = np.where(bright, 0, shape).astype(np.float64)
         norm = float((weight * shape**2).sum())
         if (shape**2).sum() > 1e-9 * peak**2:
@@ -110,7 +132,6 @@ def _target(key: _Key) -> Target:
             )
             if after.any() and before.any():
                 rings[f"{name} px from bright spots along the {axis}"] = (axis, before, after)
-    usable = np.logical_not(binary_dilation(bright, iterations=2))
     return Target(clean, bright, usable, weight, shapes, rings)
 
 
@@ -154,7 +175,7 @@ class Scene(View):
     def _residual(g, target):
         """Mean frame less the target times a slope that is fitted below saturation; the slope; the pixels of the fit."""
         frame = g.pattern + np.float32(g.signal)
-        usable = target.usable & (frame < 0.9 * float(frame.max()))
+        usable = target.usable & (frame < USABLE * float(frame.max()))
         x = np.where(usable, target.clean * target.weight, 0)
         slope = float(np.vdot(x, frame)) / max(float(np.vdot(x, target.clean)), 1e-9)
         return frame - np.float32(slope) * target.clean, slope, usable

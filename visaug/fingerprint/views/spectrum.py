@@ -1,6 +1,6 @@
 """Spectra of rows and columns, temporal and fixed."""
 
-from itertools import pairwise
+from functools import lru_cache
 
 import numpy as np
 
@@ -19,8 +19,13 @@ def power(lines: np.ndarray) -> np.ndarray:
 
 def band_means(spectrum: np.ndarray) -> np.ndarray:
     """Means over octaves of frequency, low to high."""
-    edges = np.unique(np.round(np.geomspace(1, len(spectrum) + 1, BANDS + 1)).astype(int)) - 1
-    return np.array([spectrum[a:b].mean() for a, b in pairwise(edges)])
+    edges = _octaves(len(spectrum))
+    return np.add.reduceat(spectrum, edges[:-1]) / np.diff(edges)
+
+
+@lru_cache(maxsize=16)
+def _octaves(length: int) -> np.ndarray:
+    return np.unique(np.round(np.geomspace(1, length + 1, BANDS + 1)).astype(int)) - 1
 
 
 def peak_frequency(spectrum: np.ndarray) -> float:
