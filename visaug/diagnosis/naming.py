@@ -24,7 +24,7 @@ TRIED = 4  # candidates whose numbers are refined in a step
 OTHER_STARTS = 3  # further starts of the best candidate
 MUCH = 6.0  # standard deviations in some statistic that make them worth while
 FAR_OUT = 30.0  # standard deviations beyond which a form that is a little different is far off too
-LEAST_GAIN = 3.0  # in log likelihood: of effects that are tried only where something is missing
+LEAST_GAIN = 4.0  # in log likelihood: of effects that are tried only where something is missing
 CLOSE, RIVALS = (
     6.0,
     3,
@@ -124,9 +124,9 @@ def decided(state: State, simulated: Sequence[tuple[Refined, State]]) -> list[tu
         return list(simulated)
     used = np.all([after.fitted.reference.null_scale > 0 for _, after in simulated], axis=0)
     evidence = []
-    for _, after in simulated:
+    for r, after in simulated:
         form = EXACT * (state.fitted.residual - after.fitted.residual)
-        evidence.append(log_density(after.fitted, np.hypot(state.allowance, form), used))
+        evidence.append(log_density(after.fitted, np.hypot(state.allowance, form), used) - r.cost)
     top = simulated[0][0].gain
     judged = [
         (replace(r, gain=top + e - max(evidence)), after)

@@ -319,6 +319,8 @@ NEAR = 3.0  # steps within which the derivatives of a camera's own numbers hold
 FOLLOWED = 3  # times that these are moved along
 HOPELESS = 1000.0  # log likelihood behind the best that no following of the camera's numbers makes up for
 STRONGER, FARTHEST = 3.0, 5  # times a strength that is tried next at the start; how often
+NUMBER = 1.0  # log likelihood that a free number gains by fitting noise (Akaike),
+LOOKED = 5.0  # and that places gain which were chosen by a look at the frames: the best of a hundred
 NOISY = 1.0  # log likelihood that the noise of a few simulations may cost
 LEAST_SHARE = 0.02  # that a derivative's true size is taken to have of its noisy one
 HOPE = 2.0  # times what the last two iterations gained is what the next ones may still gain
@@ -331,9 +333,10 @@ class Refined:
     Attributes:
         camera: the fitted camera with the effect.
         coordinates, at: the effect's free numbers and where they are.
-        gain: by how much it raises the logarithm of the residual's likelihood, see `Metric.scatter`.
+        gain: by how much it raises the logarithm of the residual's likelihood, see `Metric.scatter`, less the cost.
         residual: what is left of the residual per statistic, the camera's own numbers following.
         variance: what spread the effect brings, per statistic.
+        cost: what its free numbers gain by fitting noise.
     """
 
     effect: str
@@ -343,6 +346,7 @@ class Refined:
     gain: float
     residual: np.ndarray
     variance: np.ndarray
+    cost: float = 0.0
 
 
 def coordinates_of(effect: str, camera: Camera, lab: Laboratory) -> list[Coordinate]:
@@ -391,6 +395,8 @@ def refine(
             lately = gains[-1] - gains[-3]
             if lately < 2 * STALLED or gains[-1] + HOPE * lately < beaten - 0.2 * abs(beaten):
                 break
+    gain = best.gain / climb.law.scatter(climb.law.white(fitted.reference.null.residuals), best.move)
+    cost = NUMBER * len(own) + (LOOKED if match.trial.looked else 0.0)
     residual = fitted.residual - best.move
     following = adjust(residual[None], fitted.slopes, fitted.reference.scale, fitted.reference.priors)[0]
     return Refined(
@@ -398,9 +404,10 @@ def refine(
         moved(camera, climb.coordinates, list(best.at)),
         tuple(own),
         best.at[climb.theirs :],
-        best.gain / climb.law.scatter(climb.law.white(fitted.reference.null.residuals), best.move),
+        gain - cost,
         residual - fitted.slopes @ following,
         np.maximum(best.variance, match.variance),  # rare events may be missing from a few simulations
+        cost,
     )
 
 
