@@ -23,7 +23,7 @@ POOREST = 0.75  # the same share in the view that it explains least
 IN_ORDER, DISTURBED = (
     2.0,
     5.0,
-)  # standard deviations: what was in order must not go so far off, a form's share allowed for
+)  # standard deviations: what was in order must not be moved so far off, a form's share allowed for
 NEARER = 0.6  # share of the same statistics whose mean must come nearer, however wide the effect's own spread
 
 
@@ -104,7 +104,8 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     poorest = min((share.mean() for share in shares if len(share) > 2), default=1.0)
     nearer = np.abs(after.fitted.residual) < np.maximum(np.abs(before.fitted.residual), OFF * scale)
     worsened = (now > OFF) & (now > 1.5 * was)
-    if np.any((was < IN_ORDER) & (now > DISTURBED)):
+    only_moved = np.abs(after.fitted.residual) > 0.5 * np.abs(moves)
+    if np.any((was < IN_ORDER) & (now > DISTURBED) & only_moved):
         return False
     return bool(
         covered >= COVERED
