@@ -103,6 +103,25 @@ def test_a_strong_effect_must_bring_back_what_it_moves():
     assert not accepted([20, 0, 0], [0, 9, 9], [20, 9, 9])  # as much goes off as comes back
 
 
+def test_a_spread_that_covers_anything_is_no_explanation():
+    """Two pixels, enormously hot: every residual is small in standard deviations that they bring, and the means go further off."""
+    before, moves = [20.0, 30.0, 40.0], np.array([60.0, 90.0, 30.0])
+    after = state([-45.0, -70.0, 10.0], moves)
+    after.fitted.reference.null_scale = np.full(3, 100.0)
+    views = [SimpleNamespace(view=f"view {i}") for i in range(3)]
+    assert not explains(views, state(before), after)  # type: ignore[arg-type]
+    after.fitted.residual[:] = [-15.0, -20.0, 10.0]
+    assert explains(views, state(before), after)  # type: ignore[arg-type]
+
+
+def test_what_was_in_order_must_not_be_moved_away():
+    """Crosstalk taken for brighter-fatter: all edges come back, and their growth with the level goes off."""
+    back = [20.0] * 8
+    assert accepted([*back, 0.5], [*[0.5] * 8, 0.5], [*back, 8])
+    assert not accepted([*back, 0.5], [*[0.5] * 8, -7.5], [*back, 8])
+    assert accepted([*back, 0.5], [*[0.5] * 8, -7.5], [*back, 300])  # the camera's numbers had covered it
+
+
 def test_a_single_number_among_many_is_a_coincidence():
     many = [30.0] * 20
     assert not accepted([140, *many], [0, *many], [140, *[0] * 20])

@@ -15,7 +15,7 @@ from visaug.diagnosis.chance import chance
 from visaug.diagnosis.fit import Fitted, Null, adjust, make_reference, p_value, refit, standardised
 from visaug.diagnosis.naming import first_matches
 from visaug.diagnosis.parameters import base_coordinates, effect_coordinates, moved
-from visaug.diagnosis.rank import Match, Signatures, best_of_each, newton, shrunk
+from visaug.diagnosis.rank import Match, Metric, Signatures, best_of_each, newton, shrunk
 from visaug.diagnosis.residue import describe
 from visaug.effects import catalogue
 from visaug.fingerprint import Statistic
@@ -145,6 +145,30 @@ def test_a_way_in_which_sets_scatter_widely_does_not_hide_the_other_ways():
     across -= modes.T @ np.linalg.lstsq(modes.T, across, rcond=None)[0]
     p_of = chance_of(sets(100), np.vstack([modes, across]))
     assert sum(p_of(residual + 1.2 * across) <= 0.02 for residual in sets(40)) >= 28
+
+
+def test_a_set_does_not_widen_its_own_measure():
+    """One of 20 sets is 6 standard deviations of the others off: told as 6, not as the 3.5 that it makes of itself."""
+    rng = np.random.default_rng(5)
+    residuals = rng.normal(size=(20, 1))
+    residuals -= residuals.mean(0)
+    residuals[7] = 6 * np.sqrt(np.mean(np.delete(residuals, 7, 0) ** 2) * 19 / 18)
+    null = Null(residuals, np.full(1, 1e-9), np.zeros((1, 1)), np.ones(1))
+    assert null.largest[7] == pytest.approx(6)
+    assert abs(residuals[7, 0]) / null.scale[0] < 4
+
+
+def test_gains_along_ways_in_which_sets_scatter_are_divided_by_it():
+    """A law that says variance 1 where sets have 4: what is found there by chance gains a quarter; across it nothing changes."""
+    rng = np.random.default_rng(6)
+    m = Metric(np.ones(50, bool), np.ones(50), np.eye(50))
+    wide = np.ones(50) / np.sqrt(50)
+    sets = rng.normal(size=(400, 50)) + np.sqrt(3) * rng.normal(size=(400, 1)) * wide
+    assert m.scatter(sets, 3 * wide) == pytest.approx(4, rel=0.3)  # 4 sigma of a variance from 400
+    across = np.zeros(50)
+    across[:2] = 1, -1
+    assert m.scatter(sets, across) == pytest.approx(1, abs=0.3)
+    assert m.scatter(sets, np.zeros(50)) == 1
 
 
 def test_all_frames_together_tell_whether_anything_is_missing(stated):

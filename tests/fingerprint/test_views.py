@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from visaug.fingerprint import VIEWS, FrameData, fingerprint
+from visaug.fingerprint.views.scene import _Key, _shift, _target
 from visaug.fingerprint.views.spectrum import peak_frequency, power
 from visaug.frames import FrameRecord, FrameSet
 
@@ -119,3 +120,18 @@ def test_a_banding_tells_its_frequency(period):
     noise = 0.2 * np.random.default_rng(1).normal(size=waves.shape)
     assert peak_frequency(power(waves + noise)) == pytest.approx(1 / period, abs=0.25 / 80)
     assert peak_frequency(np.zeros(40)) == 0  # frames without any noise
+
+
+def test_edges_of_two_heights_tell_a_linear_spread_from_one_that_grows():
+    """A linear exchange between neighbours leaves nothing in it, one of squares all of itself."""
+    clean = np.full((48, 64), 10.0, np.float32)
+    clean[4:20, 6:20], clean[26:44, 30:50], clean[8:20, 40:56] = 300.0, 800.0, 1000.0
+    target = _target(_Key(clean))
+    _, weighted, norm = target.shapes["curvature growing with the level"]
+    around = ((0, 1), (0, -1), (1, 0), (-1, 0))
+
+    def exchange(image: np.ndarray) -> np.ndarray:
+        return sum(_shift(image, *step) for step in around) - 4 * image
+
+    assert np.vdot(weighted, exchange(clean)) / norm == pytest.approx(0, abs=1e-3)
+    assert np.vdot(weighted, exchange(clean**2 / 1000)) / norm == pytest.approx(1, abs=1e-3)

@@ -100,8 +100,15 @@ def _growth(statistics: Sequence[Statistic], size: np.ndarray) -> tuple[str, ...
     if light > 2.5 * max(dark, 1.5) and light > FAR:
         grows.append("signal")
     if len(exposures) > 1:
-        longest = [i for i in by_kind["dark"] if statistics[i].exposure_s >= exposures[-1]]
         shortest = [i for i in by_kind["dark"] if statistics[i].exposure_s <= exposures[0]] + by_kind["bias"]
+        both = {
+            (statistics[i].view, statistics[i].name) for i in shortest
+        }  # what all darks share tells no growth
+        longest = [
+            i
+            for i in by_kind["dark"]
+            if statistics[i].exposure_s >= exposures[-1] and (statistics[i].view, statistics[i].name) in both
+        ]
         if strength(longest) > 2 * max(strength(shortest), 1.5) and strength(longest) > FAR:
             grows.append("exposure")
             if _grows_with_temperature(statistics, size):
