@@ -171,6 +171,16 @@ def test_gains_along_ways_in_which_sets_scatter_are_divided_by_it():
     assert m.scatter(sets, np.zeros(50)) == 1
 
 
+def test_a_law_widened_in_a_few_statistics_is_the_law_of_the_wider_covariance():
+    rng = np.random.default_rng(7)
+    mixing = rng.normal(size=(40, 40)) / 6 + np.eye(40)
+    m = Metric(np.arange(50) < 40, rng.uniform(0.5, 2, 40), mixing @ mixing.T)
+    residual, variance = rng.normal(size=50) * 5, np.where(np.arange(50) % 7 == 0, 30.0, 0.0)
+    expected = m.widened(variance).log_likelihood(residual)
+    assert m.widened_log_likelihood(residual, variance) == pytest.approx(expected, rel=1e-9)
+    assert expected > m.log_likelihood(residual) + 1
+
+
 def test_all_frames_together_tell_whether_anything_is_missing(stated):
     """Statistics of the frames that find lie where those of the whole set have the same name."""
     lab = Laboratory(frame_set(5), stated)

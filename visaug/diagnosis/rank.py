@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import eigh, solve_triangular
+from scipy.linalg import cho_solve, eigh, solve_triangular
 
 from visaug.camera import Camera
 from visaug.comparison.laboratory import Laboratory
@@ -37,6 +37,10 @@ class Metric:
     def factor(self) -> np.ndarray:
         return np.linalg.cholesky(self.covariance)
 
+    @cached_property
+    def precision(self) -> np.ndarray:
+        return cho_solve((self.factor, True), np.eye(len(self.factor)), check_finite=False)
+
     def z(self, vector: np.ndarray) -> np.ndarray:
         """Standardised: (..., statistics)."""
         return vector[..., self.used] / self.scale
@@ -49,6 +53,22 @@ class Metric:
     def widened(self, variance: np.ndarray) -> "Metric":
         """With the variance that an effect brings of its own, per statistic: drift, tracks, sparse defects."""
         return Metric(self.used, self.scale, self.covariance + np.diag(variance[self.used] / self.scale**2))
+
+    def widened_log_likelihood(self, residual: np.ndarray, variance: np.ndarray) -> float:
+        """What `widened(variance).log_likelihood(residual)` gives, in a fraction of the time where few variances are above 0.
+
+        Woodbury's identity: a change of k diagonal entries takes a factor of k rows.
+        """
+        extra = variance[self.used] / self.scale**2
+        wide = np.flatnonzero(extra)
+        z = self.z(residual)
+        flat = self.precision @ z
+        root = np.sqrt(extra[wide])
+        inner = np.eye(len(wide)) + root[:, None] * self.precision[np.ix_(wide, wide)] * root
+        factor = np.linalg.cholesky(inner)
+        freed = solve_triangular(factor, root * flat[wide], lower=True, check_finite=False)
+        square = float(z @ flat - freed @ freed)
+        return -0.5 * square - float(np.log(np.diag(self.factor)).sum() + np.log(np.diag(factor)).sum())
 
     def scatter(self, sets: np.ndarray, way: np.ndarray) -> float:
         """Variance along a way (statistics,) of simulated sets (R, statistics used), white; at least 1, what it should be.
@@ -306,7 +326,7 @@ def _match(
         gain = scale * float(d @ white_residual) - 0.5 * scale**2 * float(d @ d)
         return Match(trial, gain / m.scatter(sets, signature), scale, np.zeros_like(variance))
     tried = [
-        (m.widened(c**2 * variance).log_likelihood(residual - c * signature) - nothing, c)
+        (m.widened_log_likelihood(residual - c * signature, c**2 * variance) - nothing, c)
         for c in ((1.0,) if fixed else SCALES)
     ]
     gain, scale = max(tried)
