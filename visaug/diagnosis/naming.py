@@ -24,7 +24,9 @@ TRIED = 4  # candidates whose numbers are refined in a step
 OTHER_STARTS = 3  # further starts of the best candidate
 MUCH = 6.0  # standard deviations in some statistic that make them worth while
 FAR_OUT = 30.0  # standard deviations beyond which a form that is a little different is far off too
-LEAST_GAIN = 4.0  # in log likelihood: of effects that are tried only where something is missing
+LEAST_GAIN = (
+    2.0  # in log likelihood, less what noise gains: of effects that are tried only where something is missing
+)
 CLOSE, RIVALS = (
     6.0,
     3,

@@ -70,15 +70,6 @@ class Metric:
         square = float(z @ flat - freed @ freed)
         return -0.5 * square - float(np.log(np.diag(self.factor)).sum() + np.log(np.diag(factor)).sum())
 
-    def scatter(self, sets: np.ndarray, way: np.ndarray) -> float:
-        """Variance along a way (statistics,) of simulated sets (R, statistics used), white; at least 1, what it should be.
-
-        A covariance of many statistics from few sets is too small along some ways, so that what matches by chance would gain
-        much: gains are divided by it.
-        """
-        length = float(np.linalg.norm(way := self.white(way)))
-        return max(1.0, float(np.mean((sets @ way) ** 2)) / length**2) if length > 0 else 1.0
-
     def log_likelihood(self, residual: np.ndarray) -> float:
         """Of a residual, but for a constant."""
         return float(-0.5 * np.sum(self.white(residual) ** 2) - np.log(np.diag(self.factor)).sum())
@@ -110,6 +101,23 @@ def law(
     sets = null.residuals if sets is None else sets
     covariance = shrunk(sets[:, used] / scale) + slopes @ slopes.T + np.diag((left[used] / scale) ** 2)
     return Metric(used, scale, covariance)
+
+
+def scatter(null: Null, left: np.ndarray, ways: np.ndarray) -> np.ndarray:
+    """(n,) variance along ways (n, statistics) of simulated sets, in units of what `law` says; at least 1.
+
+    A covariance of many statistics from few sets is too small along some ways, so that what matches by chance would gain much:
+    gains are divided by it. Each half of the sets is judged by the law of the other half; its own would hide it.
+    """
+    halves = (null.residuals[::2], null.residuals[1::2])
+    found = np.zeros(len(ways))
+    for own, others in (halves, halves[::-1]):
+        m = law(null, left, sets=own)
+        white = m.white(ways)
+        squares = (white**2).sum(1)
+        along = ((m.white(others) @ white.T) ** 2).mean(0)
+        found += 0.5 * np.divide(along, squares, out=np.ones_like(squares), where=squares > 0)
+    return np.maximum(found, 1.0)
 
 
 def log_density(fitted: Fitted, allowance: np.ndarray, used: np.ndarray) -> float:
@@ -261,7 +269,7 @@ class Match:
     """An effect's best trial.
 
     Attributes:
-        gain: by how much it raises the logarithm of the residual's likelihood, see `Metric.scatter`.
+        gain: by how much it raises the logarithm of the residual's likelihood, see `scatter`.
         scale: by how much the trial's signature wants to be multiplied.
         variance: what spread it brings at that scale, per statistic.
     """
@@ -286,10 +294,13 @@ def matches(
     """
     m = metric(fitted, form, allowance)
     nothing = m.log_likelihood(fitted.residual)
-    residual, sets = m.white(fitted.residual), m.white(fitted.reference.null.residuals)
+    residual = m.white(fitted.residual)
+    wide = scatter(fitted.reference.null, np.hypot(form * fitted.residual, allowance), signed.values)
     found = [
-        _match(m, trial, signature, variance, fitted.residual, residual, sets, nothing)
-        for trial, signature, variance in zip(signed.trials, signed.values, signed.variances, strict=True)
+        _match(m, trial, signature, variance, fitted.residual, residual, share, nothing)
+        for trial, signature, variance, share in zip(
+            signed.trials, signed.values, signed.variances, wide, strict=True
+        )
         if trial.effect not in without
     ]
     return sorted(found, key=lambda match: -match.gain)
@@ -316,7 +327,7 @@ def _extrapolation(match: Match) -> float:
 
 
 def _match(
-    m: Metric, trial: Trial, signature, variance, residual, white_residual, sets, nothing: float
+    m: Metric, trial: Trial, signature, variance, residual, white_residual, wide: float, nothing: float
 ) -> Match:
     fixed = trial.is_fixed
     spread = variance[m.used] / m.scale**2
@@ -324,7 +335,7 @@ def _match(
         d = m.white(signature)
         scale = 1.0 if fixed else max(float(d @ white_residual) / max(float(d @ d), 1e-12), 0.0)
         gain = scale * float(d @ white_residual) - 0.5 * scale**2 * float(d @ d)
-        return Match(trial, gain / m.scatter(sets, signature), scale, np.zeros_like(variance))
+        return Match(trial, gain / wide, scale, np.zeros_like(variance))
     tried = [
         (m.widened_log_likelihood(residual - c * signature, c**2 * variance) - nothing, c)
         for c in ((1.0,) if fixed else SCALES)
@@ -353,7 +364,7 @@ class Refined:
     Attributes:
         camera: the fitted camera with the effect.
         coordinates, at: the effect's free numbers and where they are.
-        gain: by how much it raises the logarithm of the residual's likelihood, see `Metric.scatter`, less the cost.
+        gain: by how much it raises the logarithm of the residual's likelihood, see `scatter`, less the cost.
         residual: what is left of the residual per statistic, the camera's own numbers following.
         variance: what spread the effect brings, per statistic.
         cost: what its free numbers gain by fitting noise.
@@ -415,7 +426,8 @@ def refine(
             lately = gains[-1] - gains[-3]
             if lately < 2 * STALLED or gains[-1] + HOPE * lately < beaten - 0.2 * abs(beaten):
                 break
-    gain = best.gain / climb.law.scatter(climb.law.white(fitted.reference.null.residuals), best.move)
+    left = np.sqrt((FINE * fitted.residual) ** 2 + np.square(allowance) + match.variance)
+    (wide,) = scatter(fitted.reference.null, left, best.move[None])
     cost = NUMBER * len(own) + (LOOKED if match.trial.looked else 0.0)
     residual = fitted.residual - best.move
     following = adjust(residual[None], fitted.slopes, fitted.reference.scale, fitted.reference.priors)[0]
@@ -424,7 +436,7 @@ def refine(
         moved(camera, climb.coordinates, list(best.at)),
         tuple(own),
         best.at[climb.theirs :],
-        gain - cost,
+        best.gain / wide - cost,
         residual - fitted.slopes @ following,
         np.maximum(best.variance, match.variance),  # rare events may be missing from a few simulations
         cost,
