@@ -27,10 +27,11 @@ FAR_OUT = 30.0  # standard deviations beyond which a form that is a little diffe
 LEAST_GAIN = (
     2.0  # in log likelihood, less what noise gains: of effects that are tried only where something is missing
 )
-CLOSE, RIVALS = (
+CLOSE, CLOSE_SHARE = (
     6.0,
-    3,
-)  # log likelihood within which candidates are rivals; so many of them are simulated in full
+    0.25,
+)  # log likelihood, or share of the best gain, within which candidates are rivals
+RIVALS = 3  # so many of them are simulated in full
 EXACT = 0.03  # what a form may leave over where rivals are compared
 
 
@@ -105,7 +106,7 @@ def rivals(lab: Laboratory, found: Sequence[Refined], state: State, chance: Chan
     """Those among refined candidates that only a full simulation can tell apart."""
     if not found:
         return []
-    least = max(LEAST_GAIN, found[0].gain - max(CLOSE, 0.1 * found[0].gain))
+    least = max(LEAST_GAIN, found[0].gain - max(CLOSE, CLOSE_SHARE * found[0].gain))
     return [r for r in found if r.gain > least and _is_beyond(lab, chance, state, r)][:RIVALS]
 
 
