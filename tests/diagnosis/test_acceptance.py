@@ -120,6 +120,9 @@ def test_what_was_in_order_must_not_be_moved_away():
     assert accepted([*back, 0.5], [*[0.5] * 8, 0.5], [*back, 8])
     assert not accepted([*back, 0.5], [*[0.5] * 8, -7.5], [*back, 8])
     assert accepted([*back, 0.5], [*[0.5] * 8, -7.5], [*back, 300])  # the camera's numbers had covered it
+    assert accepted(
+        [*back, 0.5], [*[0.5] * 8, -7.5], [*back, 0]
+    )  # another effect's, which the refit no longer hides
 
 
 def test_a_single_number_among_many_is_a_coincidence():

@@ -104,7 +104,7 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     poorest = min((share.mean() for share in shares if len(share) > 2), default=1.0)
     nearer = np.abs(after.fitted.residual) < np.maximum(np.abs(before.fitted.residual), OFF * scale)
     worsened = (now > OFF) & (now > 1.5 * was)
-    only_moved = np.abs(after.fitted.residual) > 0.5 * np.abs(moves)
+    only_moved = (moved > OFF) & (np.abs(after.fitted.residual) > 0.5 * np.abs(moves))
     if np.any((was < IN_ORDER) & (now > DISTURBED) & only_moved):
         return False
     return bool(

@@ -14,6 +14,9 @@ from visaug.diagnosis.fit import Fitted, Null, Reference, Report, adjust, bias_l
 from visaug.diagnosis.parameters import BLACK, Coordinate, base_coordinates, effect_coordinates, moved
 from visaug.effects import catalogue
 
+CHANCE = (
+    5.0  # log likelihood that the best of a hundred ways gains by chance, where a law is right about them
+)
 ROUGH, FINE = (
     0.3,
     0.1,
@@ -106,8 +109,8 @@ def law(
 def scatter(null: Null, left: np.ndarray, ways: np.ndarray) -> np.ndarray:
     """(n,) variance along ways (n, statistics) of simulated sets, in units of what `law` says; at least 1.
 
-    A covariance of many statistics from few sets is too small along some ways, so that what matches by chance would gain much:
-    gains are divided by it. Each half of the sets is judged by the law of the other half; its own would hide it.
+    A covariance of many statistics from few sets is too small along some ways, and what matches along them by chance gains as much
+    more: that is taken off. Each half of the sets is judged by the law of the other half; its own would hide it.
     """
     halves = (null.residuals[::2], null.residuals[1::2])
     found = np.zeros(len(ways))
@@ -335,7 +338,7 @@ def _match(
         d = m.white(signature)
         scale = 1.0 if fixed else max(float(d @ white_residual) / max(float(d @ d), 1e-12), 0.0)
         gain = scale * float(d @ white_residual) - 0.5 * scale**2 * float(d @ d)
-        return Match(trial, gain / wide, scale, np.zeros_like(variance))
+        return Match(trial, gain - CHANCE * (wide - 1), scale, np.zeros_like(variance))
     tried = [
         (m.widened_log_likelihood(residual - c * signature, c**2 * variance) - nothing, c)
         for c in ((1.0,) if fixed else SCALES)
@@ -436,7 +439,7 @@ def refine(
         moved(camera, climb.coordinates, list(best.at)),
         tuple(own),
         best.at[climb.theirs :],
-        best.gain / wide - cost,
+        best.gain - CHANCE * (float(wide) - 1) - cost,
         residual - fitted.slopes @ following,
         np.maximum(best.variance, match.variance),  # rare events may be missing from a few simulations
         cost,
