@@ -158,7 +158,7 @@ def test_a_set_does_not_widen_its_own_measure():
     assert abs(residuals[7, 0]) / null.scale[0] < 4
 
 
-def test_gains_along_ways_in_which_sets_scatter_are_divided_by_it():
+def test_scatter_tells_how_far_a_law_is_wrong_about_new_sets():
     """300 statistics of 100 sets that share five modes: how far the law of these sets is wrong about new ones."""
     rng = np.random.default_rng(6)
     modes = rng.normal(size=(5, 300))

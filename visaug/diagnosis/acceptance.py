@@ -20,10 +20,8 @@ STANDS_OUT = 8.0  # standard deviations that no form of an accepted effect leave
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
 FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
 POOREST = 0.75  # the same share in the view that it explains least
-IN_ORDER, DISTURBED = (
-    2.0,
-    5.0,
-)  # standard deviations: what was in order must not be moved so far off, a form's share allowed for
+IN_ORDER = 2.0  # standard deviations within which a statistic was in order,
+DISTURBED = 5.0  # and to which an effect must not move it off, a form's share allowed for
 NEARER = 0.6  # share of the same statistics whose mean must come nearer, however wide the effect's own spread
 
 

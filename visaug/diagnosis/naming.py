@@ -27,10 +27,8 @@ FAR_OUT = 30.0  # standard deviations beyond which a form that is a little diffe
 LEAST_GAIN = (
     2.0  # in log likelihood, less what noise gains: of effects that are tried only where something is missing
 )
-CLOSE, CLOSE_SHARE = (
-    6.0,
-    0.25,
-)  # log likelihood, or share of the best gain, within which candidates are rivals
+CLOSE = 6.0  # log likelihood within which candidates are rivals,
+CLOSE_SHARE = 0.25  # or this share of the best gain
 RIVALS = 3  # so many of them are simulated in full
 EXACT = 0.03  # what a form may leave over where rivals are compared
 
