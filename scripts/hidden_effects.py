@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from independent import cameras, effects, foreign, getframes_sets, judge, pyxel_sets, real, recipes
 from independent.sets import write_set
-from independent.strengths import FACTOR
+from independent.strengths import WORDS
 
 PEERS = {"getframes": getframes_sets, "pyxel": pyxel_sets}
 ALL_KINDS = (*recipes.KINDS, "real", *PEERS)
@@ -77,7 +77,7 @@ def parser() -> argparse.ArgumentParser:
         "-o", "--output", required=True, help="folder of the sets; answers go to OUTPUT_answers"
     )
     command.add_argument("--kinds", type=kinds_of, default=["single"], help=",".join(ALL_KINDS))
-    command.add_argument("--strength", choices=list(FACTOR), default="plain")
+    command.add_argument("--strength", choices=WORDS, default="plain")
     command.add_argument("--cameras", type=seeds_of, help="take these of the ten in turn instead of drawing")
     command.add_argument("--only", help="names of effects, with commas")
     command.add_argument(

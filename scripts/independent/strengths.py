@@ -14,6 +14,17 @@ from . import cameras, effects, foreign
 
 TABLE = Path(__file__).with_name("strengths.json")
 FACTOR = {"strong": 4.0, "plain": 1.0, "half": 0.5, "quarter": 0.25, "tenth": 0.1}
+# What laboratories and data sheets find in cameras that have the effect; units as in effects.py.
+TYPICAL = {
+    "light_drift": 0.01, "vignetting": 0.2, "lens_flare": 0.005, "veiling_glare": 0.02, "point_spread": 0.5,
+    "smear": 0.005, "dark_current_nonuniformity": 0.5, "hot_pixels": 0.003, "amplifier_glow": 20,
+    "clock_induced_charge": 2, "cosmic_rays": 1, "brighter_fatter": 0.01, "blooming": 0.05, "image_lag": 0.01,
+    "charge_transfer_inefficiency": 1e-4, "interpixel_crosstalk": 0.01, "dead_pixels": 0.003, "nonlinearity": 0.02,
+    "rts_noise": 0.02, "fixed_pattern_structure": 3, "row_parity": 2, "row_noise": 1, "column_noise": 1,
+    "flicker_noise": 1, "periodic_banding": 1, "black_level_drift": 1, "tap_mismatch": 3, "bit_truncation": 2,
+    "missing_codes": 0.02, "slanted_pickup": 3, "row_gain_noise": 0.01, "patchwork": 3,
+}  # fmt: skip
+WORDS = (*FACTOR, "typical")
 KNOWN = effects.BY_NAME | {kind.name: kind for kind in foreign.KINDS}
 
 
@@ -44,8 +55,10 @@ def plain(camera: int, name: str, form: str = "default") -> float | None:
 def scaled(camera: int, name: str, form: str, word: str) -> float | None:
     """Strength for a word such as `half`, inside the parameter's range.
 
-    Bits come whole, so they stay at one.
+    Bits come whole, so they stay at one; `typical` does not depend on the camera.
     """
+    if word == "typical":
+        return TYPICAL[name]
     value = plain(camera, name, form)
     if value is None:
         return None
