@@ -114,6 +114,15 @@ def test_a_spread_that_covers_anything_is_no_explanation():
     assert explains(views, state(before), after)  # type: ignore[arg-type]
 
 
+def test_a_drift_need_not_bring_the_means_nearer():
+    """Its simulated sets lie all around the camera's: their mean stays where it was, but for the noise of a hundred of them."""
+    before, moves = [20.0, -30.0, 40.0], np.array([-12.0, 25.0, 15.0])
+    after = state([22.0, -33.0, 39.0], moves)
+    after.fitted.reference.null_scale = np.full(3, 25.0)
+    views = [SimpleNamespace(view=f"view {i}") for i in range(3)]
+    assert explains(views, state(before), after)  # type: ignore[arg-type]
+
+
 def test_what_was_in_order_must_not_be_moved_away():
     """Crosstalk taken for brighter-fatter: all edges come back, and their growth with the level goes off."""
     back = [20.0] * 8

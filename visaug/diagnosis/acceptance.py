@@ -22,7 +22,8 @@ FORM = 0.15  # what a real effect's form may leave over, relative to the effect 
 POOREST = 0.75  # the same share in the view that it explains least
 IN_ORDER = 2.0  # standard deviations within which a statistic was in order,
 DISTURBED = 5.0  # and to which an effect must not move it off, a form's share allowed for
-NEARER = 0.6  # share of the same statistics whose mean must come nearer, however wide the effect's own spread
+NEARER = 0.6  # share of the same statistics whose mean must not go further off, however wide the effect's own spread
+MEAN = 0.2  # standard deviations of that spread to which the mean of a hundred simulated sets is known
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     """Whether the effect brings back what it moves: most of the statistics in which it is seen, by most of their distance.
 
     An effect of another name may lower the error; but what it moves then stays off, or goes off where it was not. One whose own
-    spread covers anything (two pixels, enormously hot) must bring the means nearer too.
+    spread covers anything (two pixels, enormously hot) must not take the means further off.
     """
     moves = before.fitted.residual - after.fitted.residual if after.moves is None else after.moves
     scale = before.fitted.reference.null_scale
@@ -100,7 +101,8 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     shares = _by_view(back, seen, views)
     covered = np.mean([share.mean() for share in shares])
     poorest = min((share.mean() for share in shares if len(share) > 2), default=1.0)
-    nearer = np.abs(after.fitted.residual) < np.maximum(np.abs(before.fitted.residual), OFF * scale)
+    known = MEAN * after.fitted.reference.null_scale
+    nearer = np.abs(after.fitted.residual) < np.maximum(np.abs(before.fitted.residual) + known, OFF * scale)
     worsened = (now > OFF) & (now > 1.5 * was)
     only_moved = (moved > OFF) & (np.abs(after.fitted.residual) > 0.5 * np.abs(moves))
     if np.any((was < IN_ORDER) & (now > DISTURBED) & only_moved):

@@ -12,7 +12,10 @@ from visaug.comparison.laboratory import Laboratory
 from visaug.diagnosis.parameters import BLACK, WELL, Coordinate, moved
 from visaug.fingerprint import Statistic
 
-TWINS = 8  # simulations with common random numbers that follow the mean from one camera to another
+STEPPED, TWINS = (
+    4,
+    8,
+)  # simulations with common random numbers that follow the mean on the way, and where it ends
 PAIRS = 3  # the same for each side of a derivative
 OUTLIER = 3.0  # residuals beyond so many standard deviations lose their pull on the fit (Cauchy weights)
 FAR_BLACK = 3.0  # steps of the black level after which it is first set by the bias frames' mean
@@ -312,15 +315,13 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
 
     The mean follows the camera by simulations that share their random numbers with the reference's first sets.
     """
-    samples = [getattr(reference, use) for use in USES]
     measured = lab.measured[0].values
     coordinates, priors = list(reference.coordinates), reference.priors
     steps = np.array([c.step for c in coordinates])
     start = np.array([c.read(reference.camera) for c in coordinates])
-    twins = min(TWINS, len(reference.sets))
-    at, camera = start.copy(), reference.camera
-    means = [sample.mean for sample in samples]
-    best = (_misfit(measured - means[0], reference.scale), at, camera, means)
+    twins = min(STEPPED, len(reference.sets))
+    at, camera, mean = start.copy(), reference.camera, reference.mean
+    best = (_misfit(measured - mean, reference.scale), at, camera, mean)
     damping, bends = 0.0, np.array([c.path == WELL for c in coordinates], bool)
     share = np.ones(len(start))
 
@@ -330,26 +331,22 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
         return share * np.clip(step, -0.6 * priors, 0.6 * priors)
 
     for i in range(iterations):
-        step = _to_bias_level(lab, reference, measured - means[0]) if i == 0 else None
-        step = step_from(at, means[0]) if step is None else step
+        step = _to_bias_level(lab, reference, measured - mean) if i == 0 else None
+        step = step_from(at, mean) if step is None else step
         if i and np.all(np.abs(step) < 0.05 * steps):
             break
         camera = moved(camera, coordinates, list(at + step))
         at = np.array([c.read(camera) for c in coordinates])
-        there = lab.simulated(
-            [(camera, k) for k in range(twins)], lambda n: report("refitting the camera", n, twins)
-        )
-        means = [
-            sample.mean + values.mean(0) - sample.sets[:twins].mean(0)
-            for sample, values in zip(samples, there, strict=True)
-        ]
-        misfit = _misfit(measured - means[0], reference.scale)
+        report("refitting the camera", i, iterations)
+        there = lab.finding([(camera, k) for k in range(twins)])
+        mean = reference.mean + there.mean(0) - reference.sets[:twins].mean(0)
+        misfit = _misfit(measured - mean, reference.scale)
         if misfit < best[0]:
-            best = (misfit, at, camera, means)
+            best = (misfit, at, camera, mean)
             damping = 0.1 * damping if damping > 0.02 else 0.0
             share = np.minimum(2 * share, 1.0)
         else:  # too far where statistics bend
-            _, at, camera, means = best
+            _, at, camera, mean = best
             if bends.any() and share.min() > 0.05 and np.abs(step[bends] / steps[bends]).max() > 0.1:
                 share[bends] *= (
                     0.25  # a flat that was below the full well may be cut by it: no derivative tells
@@ -358,15 +355,29 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
                 damping = max(10 * damping, 0.1)  # more along what the statistics tell well
         if damping > 100:
             break
-    _, at, camera, means = best
+    _, at, camera, _ = best
+    means = _means_at(lab, reference, camera)
     # what is left of a step is small, or was tried and found worse
     last = step_from(at, means[0]) if damping == 0 else np.zeros(len(at))
     camera = moved(camera, coordinates, list(at + last)) if coordinates else camera
     left = (
-        f.values - mean - sample.slopes @ last
-        for f, mean, sample in zip(lab.measured, means, samples, strict=True)
+        f.values - mean - getattr(reference, use).slopes @ last
+        for f, mean, use in zip(lab.measured, means, USES, strict=True)
     )
     return Fitted(reference, camera, *left)
+
+
+def _means_at(lab: Laboratory, reference: Reference, camera: Camera) -> list[np.ndarray]:
+    """Mean statistics of each use of the frames at a camera: simulations share their random numbers with the reference's first."""
+    samples = [getattr(reference, use) for use in USES]
+    if camera is reference.camera:
+        return [sample.mean for sample in samples]
+    twins = min(TWINS, len(reference.sets))
+    there = lab.simulated([(camera, k) for k in range(twins)])
+    return [
+        sample.mean + values.mean(0) - sample.sets[:twins].mean(0)
+        for sample, values in zip(samples, there, strict=True)
+    ]
 
 
 def _to_bias_level(lab: Laboratory, reference: Reference, left: np.ndarray) -> np.ndarray | None:

@@ -21,7 +21,9 @@ from visaug.diagnosis.rank import (
 
 SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 TRIED = 4  # candidates whose numbers are refined in a step
-OTHER_STARTS = 3  # further starts of the best candidate
+OTHER_STARTS = 3  # further starts of the best candidate,
+OTHER = 0.05  # of forms whose signatures gain at least so much of what its best form's does,
+NOT_FAR = 0.3  # iterated where they start from at least so much of what it has
 MUCH = 6.0  # standard deviations in some statistic that make them worth while
 FAR_OUT = 30.0  # standard deviations beyond which a form that is a little different is far off too
 LEAST_GAIN = (
@@ -49,8 +51,13 @@ def candidates(
         best[refined.effect] = max(refined, best.get(refined.effect, refined), key=lambda r: r.gain)
     found = sorted(best.values(), key=lambda r: -r.gain)
     if found:
-        begun = [m.trial.form for m in chosen if m.trial.effect == found[0].effect]
-        others = [m for m in tried if m.trial.effect == found[0].effect and m.trial.form not in begun]
+        begun = [m for m in chosen if m.trial.effect == found[0].effect]
+        least, forms = OTHER * max(m.gain for m in begun), [m.trial.form for m in begun]
+        others = [
+            m
+            for m in tried
+            if m.trial.effect == found[0].effect and m.trial.form not in forms and m.gain > least
+        ]
         found[0] = from_other_starts(lab, fitted, found[0], others, report, state.allowance)
     return found
 
@@ -92,10 +99,11 @@ def from_other_starts(
         others: the effect's matches of other forms, best first.
     """
     for m in others[:OTHER_STARTS]:
-        left = np.abs(standardised(refined.residual, fitted.reference.null_scale))
-        if left.max() < MUCH:
+        scale = fitted.reference.null_scale
+        own = np.where(scale > 0, np.sqrt(scale**2 + refined.variance), 0.0)
+        if np.abs(standardised(refined.residual, own)).max() < MUCH:
             break
-        again = refine(lab, fitted, m, report, allowance, refined.gain)
+        again = refine(lab, fitted, m, report, allowance, refined.gain, least=NOT_FAR * refined.gain)
         refined = max(refined, again, key=lambda r: r.gain)
     return refined
 

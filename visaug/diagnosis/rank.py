@@ -398,6 +398,7 @@ def refine(
     report: Report,
     allowance: np.ndarray | float = 0.0,
     beaten: float = 0.0,
+    least: float = -np.inf,
     iterations: int = 8,
 ) -> Refined:
     """Fits the effect's numbers by damped Gauss-Newton with common random numbers; the camera's own stay open.
@@ -408,6 +409,7 @@ def refine(
 
     Args:
         beaten: what the best of the effects tried before gains.
+        least: what the start must gain to be worth iterating.
     """
     cameras = [_scaled(fitted, match, power) for power in POWERS]
     camera = cameras[0]
@@ -416,7 +418,7 @@ def refine(
     report(f"refining {match.trial.effect}", 0, iterations)
     best = climb.upwards(climb.start(cameras))
     step, damping, gains = None, 1.0, [best.gain]
-    for i in range(1, iterations if own else 1):
+    for i in range(1, iterations if own and best.gain > least else 1):
         report(f"refining {match.trial.effect}", i, iterations)
         step = climb.step(best) if step is None else step
         point = climb.settled(best.at + damping * step, best)
