@@ -262,13 +262,13 @@ class _Search:
         return None
 
     def _starts(self, state: State) -> list[Fitted]:
-        """Cameras from which effects are tried: the refitted one; where that lies far off, the one given too.
+        """Cameras from which effects are tried: the refitted one; where that lies far off, first the one given.
 
         A strong effect bends the fit until the effect's own signature is no longer recognised there.
         """
         if state.accepted or not is_far(self.first, state.fitted.camera, 0.5 * FAR):
             return [state.fitted]
-        return [state.fitted, Fitted.unfitted(self.lab, self.first)]
+        return [Fitted.unfitted(self.lab, self.first), state.fitted]
 
     def _with(self, state: State, candidate: Refined) -> State:
         """The state with a candidate added: simulated, refitted."""
