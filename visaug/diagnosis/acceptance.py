@@ -21,7 +21,8 @@ WORSE = 0.15  # statistics that may go off, as a share of those that it explains
 FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
 POOREST = 0.75  # the same share in the view that it explains least
 IN_ORDER = 2.0  # standard deviations within which a statistic was in order,
-DISTURBED = 5.0  # and to which an effect must not move it off, a form's share allowed for
+DISTURBED = 5.0  # and to which an effect must not move it off,
+UNDONE = 0.1  # if all such are more than so much of all that it is seen in: no form differs by more
 NEARER = 0.6  # share of the same statistics whose mean must not go further off, however wide the effect's own spread
 MEAN = 0.2  # standard deviations of that spread to which the mean of a hundred simulated sets is known
 
@@ -101,16 +102,17 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     shares = _by_view(back, seen, views)
     covered = np.mean([share.mean() for share in shares])
     poorest = min((share.mean() for share in shares if len(share) > 2), default=1.0)
-    known = MEAN * after.fitted.reference.null_scale
-    nearer = np.abs(after.fitted.residual) < np.maximum(np.abs(before.fitted.residual) + known, OFF * scale)
+    nearer = np.abs(after.fitted.residual) < np.maximum(np.abs(before.fitted.residual), OFF * scale)
+    stays = np.abs(after.fitted.residual - before.fitted.residual) < MEAN * after.fitted.reference.null_scale
     worsened = (now > OFF) & (now > 1.5 * was)
     only_moved = (moved > OFF) & (np.abs(after.fitted.residual) > 0.5 * np.abs(moves))
-    if np.any((was < IN_ORDER) & (now > DISTURBED) & only_moved):
+    disturbed = (was < IN_ORDER) & (now > DISTURBED) & only_moved
+    if np.linalg.norm(now[disturbed]) > UNDONE * np.linalg.norm(was[seen]):
         return False
     return bool(
         covered >= COVERED
         and poorest >= POOREST
-        and np.mean([share.mean() for share in _by_view(nearer, seen, views)]) >= NEARER
+        and np.mean([share.mean() for share in _by_view(nearer | stays, seen, views)]) >= NEARER
         and worsened.sum() <= WORSE * seen.sum() + 1
     )
 

@@ -192,19 +192,21 @@ def make_reference(
     """Simulates `sets` sets and the derivatives.
 
     Args:
-        known: of a neighbouring camera; the derivatives of its coordinates are taken over.
+        known: of a neighbouring camera; the derivatives of its coordinates are taken over, but for the full well's: what a
+            flat beside it answers is another thing once an effect adds noise there.
     """
     label = f"simulating {sets} sets of the camera"
     values = lab.simulated([(camera, k) for k in range(sets)], lambda n: report(label, n, sets))
-    taken = () if known is None else known.coordinates
-    new = [c for c in coordinates if c.path not in {t.path for t in taken}]
+    taken = {} if known is None else {c.path: k for k, c in enumerate(known.coordinates) if c.path != WELL}
+    new = [c for c in coordinates if c.path not in taken]
     slopes = derivatives(lab, camera, new, report)
     if known is not None:
-        kept = [k for k, c in enumerate(taken) if c.path in {c.path for c in coordinates}]
+        old = [c for c in coordinates if c.path in taken]
+        kept = [taken[c.path] for c in old]
         slopes = [
             np.hstack([getattr(known, use).slopes[:, kept], s]) for use, s in zip(USES, slopes, strict=True)
         ]
-        coordinates = [taken[k] for k in kept] + new
+        coordinates = old + new
     least = [np.array([s.least_spread for s in f.statistics]) for f in lab.measured]
     samples = (Sample(*parts) for parts in zip(values, slopes, least, strict=True))
     return Reference(camera, tuple(coordinates), *samples)
@@ -309,18 +311,39 @@ class Fitted:
     def slopes(self) -> np.ndarray:
         return self.reference.slopes
 
+    @property
+    def misfit(self) -> float:
+        """What the fit lowers; of cameras with the same reference the lower one fits better."""
+        return _misfit(self.residual, self.reference.scale)
 
-def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int = 12) -> Fitted:
+
+def refit(
+    lab: Laboratory,
+    reference: Reference,
+    report: Report,
+    begin: Camera | None = None,
+    iterations: int = 12,
+) -> Fitted:
     """Fits the reference's coordinates to the frames that find.
 
     The mean follows the camera by simulations that share their random numbers with the reference's first sets.
+
+    Args:
+        begin: a camera near the reference's at which to begin; the reference's own where left out.
     """
     measured = lab.measured[0].values
     coordinates, priors = list(reference.coordinates), reference.priors
     steps = np.array([c.step for c in coordinates])
     start = np.array([c.read(reference.camera) for c in coordinates])
     twins = min(STEPPED, len(reference.sets))
+
+    def mean_at(camera: Camera) -> np.ndarray:
+        there = lab.finding([(camera, k) for k in range(twins)])
+        return reference.mean + there.mean(0) - reference.sets[:twins].mean(0)
+
     at, camera, mean = start.copy(), reference.camera, reference.mean
+    if begin is not None:
+        at, camera, mean = np.array([c.read(begin) for c in coordinates]), begin, mean_at(begin)
     best = (_misfit(measured - mean, reference.scale), at, camera, mean)
     damping, bends = 0.0, np.array([c.path == WELL for c in coordinates], bool)
     share = np.ones(len(start))
@@ -338,8 +361,7 @@ def refit(lab: Laboratory, reference: Reference, report: Report, iterations: int
         camera = moved(camera, coordinates, list(at + step))
         at = np.array([c.read(camera) for c in coordinates])
         report("refitting the camera", i, iterations)
-        there = lab.finding([(camera, k) for k in range(twins)])
-        mean = reference.mean + there.mean(0) - reference.sets[:twins].mean(0)
+        mean = mean_at(camera)
         misfit = _misfit(measured - mean, reference.scale)
         if misfit < best[0]:
             best = (misfit, at, camera, mean)

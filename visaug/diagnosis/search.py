@@ -29,7 +29,7 @@ from visaug.diagnosis.fit import (
     standardised,
 )
 from visaug.diagnosis.naming import SIGNIFICANT, candidates, decided, rivals
-from visaug.diagnosis.parameters import base_coordinates
+from visaug.diagnosis.parameters import base_coordinates, moved
 from visaug.diagnosis.rank import Refined, Signatures, cleared, signatures
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.residue import describe
@@ -43,6 +43,9 @@ SETS_AFTER = 120  # of a camera with an effect added
 MOST = 4  # effects that are added one after the other
 DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
 TRACE = 0.03  # error beside an accepted effect that is a finding, if it is surely so much
+BENT = (
+    5.0  # standard deviations by which a fit took the camera from what its file says, to try again from there
+)
 POOR = 0.5  # error beside an accepted effect that is a finding even where the camera holds
 MUCH = 0.1  # error beside an accepted effect that is a finding, if it may be so much
 
@@ -280,8 +283,26 @@ class _Search:
             self.report,
             known=state.fitted.reference,
         )
-        fitted = self._settled(refit(self.lab, reference, self.report))
+        fitted = self._settled(self._refitted(reference))
         return state.with_effect(candidate.effect, fitted, self._moves_of(candidate.effect, state, fitted))
+
+    def _refitted(self, reference: Reference) -> Fitted:
+        """Refitted from where the refit without the effect had taken the camera, or from the camera as given: the one that fits.
+
+        A robust fit that was bent by the effect may stay where it is, one number off held by the others.
+        """
+        fitted = refit(self.lab, reference, self.report)
+        given = {c.path: c.read(self.first.camera) for c in self.first.coordinates}
+        own = [
+            (c, known)
+            for c, known in zip(reference.coordinates, reference.null_steps.std(0))
+            if c.path in given
+        ]
+        if all(abs(c.read(fitted.camera) - given[c.path]) <= BENT * known for c, known in own):
+            return fitted
+        as_given = moved(fitted.camera, [c for c, _ in own], [given[c.path] for c, _ in own])
+        again = refit(self.lab, reference, self.report, begin=as_given)
+        return min(fitted, again, key=lambda f: f.misfit)
 
     def _moves_of(self, effect: str, before: State, fitted: Fitted) -> np.ndarray | None:
         """How far an effect moves every statistic of a camera that has it; None for a term of the base chain."""

@@ -101,6 +101,13 @@ class Stream:
         """The same numbers for another window: whole rows, the whole sensor, or a table of fixed numbers."""
         return Stream(self._keys, self._camera_keys, self.channels, (rows, columns), self.device)
 
+    def image(self, k: int) -> "Stream":
+        """The same numbers for one image of the batch."""
+        keys, camera_keys = (
+            own if len(own) == 1 else own[k : k + 1] for own in (self._keys, self._camera_keys)
+        )
+        return Stream(keys, camera_keys, self.channels, self.window, self.device)
+
     def uniform(self, vary: str = "pixel") -> Tensor:
         """Uniform in (0, 1), float32."""
         return distributions.uniform(self._bits(vary))

@@ -21,32 +21,55 @@ ERRORS = 5 / 894
 
 
 def test_lag_of_one_frame(run_effect):
-    frames = torch.zeros(4, 1, 3, 5)
+    """What comes has the mean and the variance of a binomial count."""
+    frames = torch.zeros(4, 1, 400, 500)
     frames[1] = 1000.0
-    out = run_effect("image_lag", frames, sequence=True, share=0.03)
-    expected = torch.tensor([0.0, 970.0, 30.0, 0.0]).view(4, 1, 1, 1).expand_as(out)
-    torch.testing.assert_close(out, expected)
+    out = run_effect("image_lag", frames, sequence=True, share=0.03).double()
+    assert float(out[0].abs().max()) == 0.0
+    assert float(out.min()) >= 0
+    # 200 000 pixels, 5 standard errors: of the mean 0.06 e-, of the variance 0.016 of it; those of 0.9 e- in the last are fewer
+    for frame, mean in ((out[1], 970.0), (out[2], 30.0 * 0.97), (out[3], 0.9)):
+        assert float(frame.mean()) == pytest.approx(mean, abs=0.07)
+    assert float(out[1].var()) == pytest.approx(1000 * 0.03 * 0.97, rel=0.02)
 
 
 def test_lag_decays_over_frames_and_batches_and_loses_nothing(run_effect):
     memory, out = {}, []
     for start in (0, 3, 6):
-        frames = torch.zeros(3, 1, 2, 2)
+        frames = torch.zeros(3, 1, 100, 100)
         if start == 0:
             frames[0] = 1000.0
         out.append(run_effect("image_lag", frames, sequence=True, memory=memory, share=0.1, decay=0.4))
-    out = torch.cat(out)[:, 0, 0, 0]
-    released = 100 * 0.6 * 0.4 ** np.arange(8)
-    np.testing.assert_allclose(out.numpy(), [900.0, *released], rtol=1e-5, atol=1e-6)
-    assert float(out.sum()) + 100 * 0.4**8 == pytest.approx(1000.0, rel=1e-6)  # the rest is still held
+    out = torch.cat(out).double()
+    held, expected = 0.0, []
+    for collected in (1000.0, *[0.0] * 8):
+        stored = collected + 0.6 * held
+        expected.append(0.9 * stored)
+        held = 0.4 * held + 0.1 * stored
+    # 10 000 pixels, standard deviation 10 e- at most: 5 standard errors
+    np.testing.assert_allclose(out.mean((1, 2, 3)).numpy(), expected, atol=0.5)
+    whole = out.sum(0) + memory["image_lag.held"][0]
+    torch.testing.assert_close(whole, torch.full_like(whole, 1000.0))
 
 
-def test_lag_is_a_share_of_what_a_pixel_can_hold(run_effect):
-    frames = torch.zeros(2, 1, 1, 1)
-    frames[0] = 60000.0
-    out = run_effect("image_lag", frames, known={"full_well_e": 11000.0}, sequence=True, share=0.02)
-    assert float(out[1]) == pytest.approx(220.0)
-    assert float(out[0]) > 11000  # saturated as before
+def test_lag_keeps_the_noise_of_a_steady_flat(run_effect):
+    frames = poisson(300, (8, 1, 400, 500))
+    out = run_effect("image_lag", frames, sequence=True, share=0.1)
+    late = out[5:].double()  # the first ones have less from before
+    assert float(late.mean()) == pytest.approx(300, abs=5 * (300 / 6e5) ** 0.5)
+    assert float(late.var()) == pytest.approx(300, rel=5 * (2 / 6e5) ** 0.5)
+
+
+def test_a_full_photodiode_parts_with_all_but_a_share(run_effect):
+    frames = torch.zeros(3, 1, 100, 100)
+    frames[:2] = 60000.0
+    settings = {"known": {"full_well_e": 11000.0}, "sequence": True, "share": 0.02}
+    out = run_effect("image_lag", frames, **settings).double()
+    # 10 000 pixels of standard deviation 15 e-: 5 standard errors are 0.75 e-
+    np.testing.assert_allclose(out.mean((1, 2, 3)).numpy(), [10780.0, 10780.0, 220.0 * 0.98], atol=0.75)
+    assert float(out[1].var()) == pytest.approx(11000 * 0.02 * 0.98, rel=0.08)
+    node = run_effect("image_lag", frames, saturates="node", **settings)
+    assert float(node[:2].min()) > 11000  # the node that is read clips it after the transfer
 
 
 def test_lag_of_an_unrelated_image_is_that_of_a_steady_scene(run_effect):

@@ -8,15 +8,19 @@ from visaug.effects.effect import Effect, Parameter, Stage
 class RTSNoise(Effect):
     """A trap beside a pixel's source follower catches and frees an electron, which shifts the voltage.
 
-    Traps switch far faster than frames follow one another, so each frame finds them at random. Correlated
-    double sampling subtracts two such states and shows three levels, -A, 0 and A.
+    Traps that switch far faster than frames follow one another are found at random by each frame; slower ones keep their state
+    from frame to frame with the probability `kept`. Correlated double sampling subtracts two fast states and shows three levels,
+    -A, 0 and A.
     """
 
     name = "rts_noise"
     stage = Stage.READOUT
     order = 55
     summary = "A few pixels jump between two levels from frame to frame."
-    equation = "V <- V + A_pixel s, s in {0, 1} with P(1) = duty; three levels: s = s_1 - s_2"
+    equation = (
+        "V <- V + A_pixel s, s in {0, 1} with P(1) = duty, s_k = s_(k-1) with probability kept, else drawn anew; "
+        "three levels: s = s_1 - s_2"
+    )
     source = (
         "X. Wang et al., Random telegraph signal in CMOS image sensor pixels, IEDM 2006; EMVA 1288 "
         "release 4 General"
@@ -48,6 +52,14 @@ class RTSNoise(Effect):
     duty = Parameter(
         0.5, unit="1", high=1.0, trials=(0.2, 0.5), source="share of the time in the upper level"
     )
+    kept = Parameter(
+        0.0,
+        unit="1",
+        high=0.99,
+        trials=(0.0, 0.5),
+        source="time constants lie decades apart (Wang et al.): some traps are slower than the frames",
+        of=("two",),
+    )
     amplitudes = Parameter(
         "exponential", options=("exponential", "equal"), source="exponential in Wang et al., fig. 5"
     )
@@ -62,7 +74,18 @@ class RTSNoise(Effect):
         state = (stream.uniform() < p.duty).to(signal.dtype)
         if p.levels == "three":
             state = state - (stream.fork("second sample").uniform() < p.duty).to(signal.dtype)
+        elif context.sequence:
+            state = self._kept(state, stream.fork("kept").uniform() < p.kept, context)
         return signal + amplitude * state
+
+    def _kept(self, state, keeps, context):
+        before = context.memory.get(self.name, state[:1])
+        frames = []
+        for fresh, keep in zip(state.split(1), keeps.split(1), strict=True):
+            before = torch.where(keep, before, fresh)
+            frames.append(before)
+        context.memory[self.name] = before
+        return torch.cat(frames)
 
     def moments(self, mean, p, context):
         square = p.amplitude_e**2 * (2 if p.amplitudes == "exponential" else 1)

@@ -1,0 +1,15 @@
+"""Random telegraph signal along a series of frames."""
+
+import pytest
+import torch
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.6])
+def test_slow_traps_keep_their_state(run_effect, kept):
+    frames = torch.zeros(6, 1, 100, 100)
+    settings = {"density": 1.0, "amplitude_e": 1.0, "amplitudes": "equal", "duty": 0.3}
+    state = run_effect("rts_noise", frames, sequence=True, kept=kept, **settings).double() - 0.3
+    # variance 0.21; 10 000 pixels: a covariance's standard error is at most 0.21 / 100, 5 of them a twentieth of it
+    for k in range(5):
+        assert float((state[k] ** 2).mean()) == pytest.approx(0.21, abs=0.0105)
+        assert float((state[k] * state[k + 1]).mean()) == pytest.approx(0.21 * kept, abs=0.0105)
