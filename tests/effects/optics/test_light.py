@@ -50,13 +50,15 @@ def test_vignetting_falls_as_the_power_of_the_distance(run_effect):
     np.testing.assert_allclose(out[0, 0].numpy(), 1000 * (1 - 0.3 * r**4), rtol=1e-5)
 
 
-def test_vignetting_follows_the_cosine_law_for_a_small_field(run_effect):
-    """cos^4 of the field angle is 1 - 2 tan^2 to first order; at 10 degrees the next term is 0.3 %."""
-    corner = np.tan(np.deg2rad(10))
-    out = run_effect("vignetting", FLAT, corner_loss=2 * corner**2)
+def test_vignetting_follows_the_cosine_law(run_effect):
+    """cos^4 of the field angle; its first term, 1 - 2 tan^2, is a small field's: at 10 degrees the next one is 0.3 %."""
     y, x = np.mgrid[0.5:100, 0.5:120]
-    angle = np.arctan(np.hypot(y - 50, x - 60) / np.hypot(50, 60) * corner)
-    np.testing.assert_allclose(out[0, 0].numpy(), 1000 * np.cos(angle) ** 4, rtol=4e-3)
+    for degrees, words, tolerance in ((10, {}, 4e-3), (40, {"law": "cos4"}, 1e-5)):
+        corner = np.tan(np.deg2rad(degrees))
+        angle = np.arctan(np.hypot(y - 50, x - 60) / np.hypot(50, 60) * corner)
+        loss = 1 - np.cos(np.deg2rad(degrees)) ** 4 if words else 2 * corner**2
+        out = run_effect("vignetting", FLAT, corner_loss=loss, **words)
+        np.testing.assert_allclose(out[0, 0].numpy(), 1000 * np.cos(angle) ** 4, rtol=tolerance)
 
 
 def test_vignetting_belongs_to_the_sensor_not_to_the_crop(run_effect):

@@ -2,20 +2,25 @@
 
 from visaug.effects.effect import Effect, Parameter, Stage
 
+ALL_BUT = 0.999  # of the light that cos^4 can lose, short of 90 degrees
+
 
 class Vignetting(Effect):
-    """Transmission falls from 1 at the axis as a power of the distance in half diagonals of the sensor.
+    """Transmission falls from 1 at the axis as a power of the distance in half diagonals of the sensor, or as cos^4.
 
-    The power 2 is the first term of the natural cos^4 law; lens barrels cut off more steeply, towards 4 and
-    above. A measured transmission (`map`, a file: a mean flat of an even source over its brightest part) takes
-    the place of the law.
+    The natural law is the fourth power of the cosine of the field angle, of which the power 2 is the first term; lens barrels cut
+    off more steeply, towards 4 and above. A measured transmission (`map`, a file: a mean flat of an even source over its brightest
+    part) takes the place of the law.
     """
 
     name = "vignetting"
     stage = Stage.OPTICS
     order = 10
     summary = "Light falls smoothly off from the centre of the field."
-    equation = "mu_p <- mu_p max(0, 1 - corner_loss (r / r_corner)^power)"
+    equation = (
+        "mu_p <- mu_p max(0, 1 - corner_loss (r / r_corner)^power); cos4: mu_p <- mu_p cos^4 a, "
+        "tan a ~ r, cos^4 a = 1 - corner_loss at r_corner"
+    )
     source = "D. B. Goldman, IEEE TPAMI 32 (2010) 2276; cos^4 law"
     separates = "flats with the camera turned before the source: vignetting stays, uneven light does not"
     map_unit = "fraction of the light that passes"
@@ -29,7 +34,17 @@ class Vignetting(Effect):
         source="loss in the corners: 5 to 60 %",
     )
     power = Parameter(
-        2.0, low=1.0, high=8.0, trials=(2.0, 4.0), source="2: cos^4 law; more: stops in the barrel"
+        2.0,
+        low=1.0,
+        high=8.0,
+        trials=(2.0, 4.0),
+        source="2: a small field; more: stops in the barrel",
+        of=("power",),
+    )
+    law = Parameter(
+        "power",
+        options=("power", "cos4"),
+        source="cos4: the natural law, R. Kingslake, Optical System Design (1983)",
     )
     centre_row = Parameter(
         0.0, unit="fraction", low=-0.5, high=0.5, source="axis off the centre, of the rows"
@@ -46,4 +61,7 @@ class Vignetting(Effect):
         y = context.rows(signal) + 0.5 - height * (0.5 + p.centre_row)
         x = context.columns(signal) + 0.5 - width * (0.5 + p.centre_column)
         r2 = (x**2 + y**2) / (height**2 + width**2) * 4 + 1e-12  # never 0: a root of 0 has no gradient
+        if p.law == "cos4":
+            tangent2 = (1 - p.corner_loss.clamp_max(ALL_BUT)) ** -0.5 - 1  # of the field angle in the corner
+            return signal * (1 + tangent2 * r2) ** -2
         return signal * (1 - p.corner_loss * r2 ** (p.power / 2)).clamp_min(0)
