@@ -10,6 +10,7 @@ from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.chance import Chance
 from visaug.diagnosis.fit import Fitted, Report, standardised
 from visaug.diagnosis.rank import (
+    FINE,
     Match,
     Refined,
     Signatures,
@@ -21,7 +22,7 @@ from visaug.diagnosis.rank import (
 
 SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 TRIED = 4  # candidates whose numbers are refined in a step
-OTHER_STARTS = 3  # further starts of the best candidate,
+OTHER_STARTS = 4  # further starts of the best candidate,
 OTHER = 0.05  # of forms whose signatures gain at least so much of what its best form's does,
 NOT_FAR = 0.3  # iterated where they start from at least so much of what it has
 MUCH = 6.0  # standard deviations in some statistic that make them worth while
@@ -32,6 +33,7 @@ LEAST_GAIN = (
 CLOSE = 6.0  # log likelihood within which candidates are rivals,
 CLOSE_SHARE = 0.25  # or this share of the best gain
 RIVALS = 3  # so many of them are simulated in full
+ALIKE = 0.05  # share of the best gain within which the simpler of two that say the same is taken
 EXACT = 0.03  # what a form may leave over where rivals are compared
 
 
@@ -94,11 +96,15 @@ def from_other_starts(
 ) -> Refined:
     """The best fit of an effect from starts of another form, where it leaves much over: a wrong period or place is a trap.
 
+    Other words are tried first, and with the numbers that were found: no step leads from one word to another.
+
     Args:
         refined: the effect from its best match.
         others: the effect's matches of other forms, best first.
     """
-    for m in others[:OTHER_STARTS]:
+    words = [worded for m in others if (worded := _reworded(fitted, refined, m)) is not None]
+    numbers = [m for m in others if _reworded(fitted, refined, m) is None]
+    for m in [*words, *numbers][:OTHER_STARTS]:
         scale = fitted.reference.null_scale
         own = np.where(scale > 0, np.sqrt(scale**2 + refined.variance), 0.0)
         if np.abs(standardised(refined.residual, own)).max() < MUCH:
@@ -106,6 +112,20 @@ def from_other_starts(
         again = refine(lab, fitted, m, report, allowance, refined.gain, least=NOT_FAR * refined.gain)
         refined = max(refined, again, key=lambda r: r.gain)
     return refined
+
+
+def _reworded(fitted: Fitted, refined: Refined, other: Match) -> Match | None:
+    """What was refined, with the words of another trial; None where they are the same."""
+    camera, effect = refined.camera, f"{refined.effect}."
+    words = {path: word for path, word in camera.choices().items() if path.startswith(effect)}
+    others = {path: word for path, word in other.trial.values if isinstance(word, str)}
+    if all(words.get(path, word) == word for path, word in others.items()):
+        return None
+    numbers = {path: value for path, value in camera.values().items() if path.startswith(effect)}
+    own = [c for c in fitted.reference.coordinates if not c.path.startswith(effect)]
+    following = tuple((c.path, c.read(camera) - c.read(fitted.camera)) for c in own)
+    trial = replace(other.trial, values=tuple({**numbers, **words, **others}.items()), following=following)
+    return Match(trial, other.gain, 1.0, refined.variance)
 
 
 def rivals(lab: Laboratory, found: Sequence[Refined], state: State, chance: Chance) -> list[Refined]:
@@ -141,4 +161,18 @@ def decided(state: State, simulated: Sequence[tuple[Refined, State]]) -> list[tu
         (replace(r, gain=top + e - max(evidence)), after)
         for (r, after), e in zip(simulated, evidence, strict=True)
     ]
-    return sorted(judged, key=lambda pair: -pair[0].gain)
+    ordered = sorted(judged, key=lambda pair: -pair[0].gain)
+    first = ordered[0]
+    simpler = [pair for pair in ordered if pair[0].cost < first[0].cost and _is_alike(state, first, pair)]
+    simplest = min(simpler, key=lambda pair: pair[0].cost, default=first)
+    return [simplest, *(pair for pair in ordered if pair is not simplest)]
+
+
+def _is_alike(state: State, first: tuple[Refined, State], other: tuple[Refined, State]) -> bool:
+    """Whether two rivals say the same of the frames, to less than forms differ: a flare without its ghost is a veil."""
+    if other[0].gain < first[0].gain - max(CLOSE, ALIKE * abs(first[0].gain)):
+        return False
+    scale = state.fitted.reference.null_scale
+    left = [standardised(after.fitted.residual, scale) for _, after in (first, other)]
+    moved = standardised(state.fitted.residual, scale) - left[0]
+    return float(np.linalg.norm(left[1] - left[0])) < FINE * float(np.linalg.norm(moved))

@@ -56,7 +56,12 @@ class AmplifierGlow(Effect):
         1.0, low=0.3, high=4.0, trials=(1.0, 2.0), source="1: exponential, 2: Gaussian fall-off"
     )
     b_per_c = Parameter(
-        0.01, unit="1/C", low=-0.1, high=0.2, source="light, not heat: far below dark current's 0.0866"
+        0.01,
+        unit="1/C",
+        low=-0.1,
+        high=0.2,
+        trials=(0.01, 0.1),
+        source="light, not heat: far below dark current's 0.0866",
     )
 
     def apply(self, signal, p, stream, context):

@@ -31,7 +31,9 @@ class Blooming(Effect):
         trials=(0.2, 0.8),
         source="1: no anti-blooming drain at all",
     )
-    upward = Parameter(0.5, unit="fraction", high=1.0, source="part that runs to lower row numbers")
+    upward = Parameter(
+        0.5, unit="fraction", high=1.0, trials=(0.2, 0.8), source="part that runs to lower row numbers"
+    )
 
     def apply(self, signal, p, stream, context):
         full_well = context.full_well_e.clamp_max(DEEPEST_E)

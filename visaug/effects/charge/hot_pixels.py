@@ -35,7 +35,9 @@ class HotPixels(Effect):
     rate_e_per_s = Parameter(
         500.0, unit="e-/s", high=1e7, trials=(80.0, 600.0), source="mean of the hot pixels, at 20 C"
     )
-    b_per_c = Parameter(0.06, unit="1/C", high=0.3, source="below 0.0866 of silicon: field-assisted")
+    b_per_c = Parameter(
+        0.06, unit="1/C", high=0.3, trials=(0.06, 0.12), source="below 0.0866 of silicon: field-assisted"
+    )
     tail = Parameter(
         1.0, low=0.1, high=4.0, trials=(1.0, 2.0), source="near 0: all alike; 1: exponential; more: heavier"
     )

@@ -29,7 +29,7 @@ class InterpixelCrosstalk(Effect):
         trials=(0.006, 0.025),
         source="each neighbour: 0.5 to 3 %",
     )
-    aspect = Parameter(1.0, high=1.5, source="coupling above and below, to that beside")
+    aspect = Parameter(1.0, high=1.5, trials=(0.7, 1.4), source="coupling above and below, to that beside")
     diagonal = Parameter(0.0, high=1.0, trials=(0.0, 0.3), source="coupling at the corners, to that beside")
 
     def apply(self, signal, p, stream, context):

@@ -47,10 +47,15 @@ class Vignetting(Effect):
         source="cos4: the natural law, R. Kingslake, Optical System Design (1983)",
     )
     centre_row = Parameter(
-        0.0, unit="fraction", low=-0.5, high=0.5, source="axis off the centre, of the rows"
+        0.0, unit="fraction", low=-0.5, high=0.5, trials=(0.05,), source="axis off the centre, of the rows"
     )
     centre_column = Parameter(
-        0.0, unit="fraction", low=-0.5, high=0.5, source="axis off the centre, of the columns"
+        0.0,
+        unit="fraction",
+        low=-0.5,
+        high=0.5,
+        trials=(0.05,),
+        source="axis off the centre, of the columns",
     )
 
     def apply(self, signal, p, stream, context):
