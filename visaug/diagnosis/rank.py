@@ -222,18 +222,23 @@ def _followed(
 ) -> list[Trial]:
     """The trials with the camera's own numbers where these moves (trials, statistics) lead them, if that is far.
 
-    The black level goes as far as the mean of the bias frames came, so that bits and codes stay where they are.
+    The black level goes as far as the mean of the bias frames came, so that bits and codes stay where they are; then the others.
     """
     level = bias_level(lab.statistics)
     black = [k for k, c in enumerate(reference.coordinates) if c.path == BLACK]
     steps = np.array([FAR_DN if c.path == BLACK else c.step for c in reference.coordinates])
-    priors = reference.priors
+    priors = reference.priors.copy()
+    if level is not None:
+        priors[black] = 0.0  # it is set, so the others have to do without it
+    null = replace(reference.null, priors=priors)
     found = []
     for trial, move in zip(tried, moves, strict=True):
-        m = law(reference.null, ROUGH * move)
-        way = np.clip(-(priors**2) * (m.white(reference.slopes.T) @ m.white(move)), -priors, priors)
+        way = np.zeros(len(priors))
         if level is not None:
             way[black] = -move[level]
+        m = law(null, ROUGH * move)
+        left = m.white(move + reference.slopes @ way)
+        way += np.clip(-(priors**2) * (m.white(reference.slopes.T) @ left), -priors, priors)
         if np.any(np.abs(way) > steps):
             paths = [c.path for c in reference.coordinates]
             trial = replace(trial, following=tuple(zip(paths, map(float, way), strict=True)))
@@ -348,6 +353,7 @@ def _match(
 
 
 ALMOST = 0.8  # of the gain of an effect's best trial
+SCALED_FAR = 3.0  # times that a signature wants to be multiplied: neither a level nor a variance, perhaps
 STALLED = 0.5  # gain in log likelihood below which an iteration is said to bring nothing
 NEAR = 3.0  # steps within which the derivatives of a camera's own numbers hold
 FOLLOWED = 3  # times that these are moved along
@@ -399,6 +405,7 @@ def refine(
     allowance: np.ndarray | float = 0.0,
     beaten: float = 0.0,
     least: float = -np.inf,
+    beside: Sequence[Trial] = (),
     iterations: int = 8,
 ) -> Refined:
     """Fits the effect's numbers by damped Gauss-Newton with common random numbers; the camera's own stay open.
@@ -410,9 +417,13 @@ def refine(
     Args:
         beaten: what the best of the effects tried before gains.
         least: what the start must gain to be worth iterating.
+        beside: trials of the same form, at which it is started too where the match wants to be scaled far: what a blur moves
+            grows a thousandfold from 0.1 to 0.6 px, by no power of its width.
     """
     cameras = [_scaled(fitted, match, power) for power in POWERS]
     camera = cameras[0]
+    if _extrapolation(match) > np.log(SCALED_FAR):
+        cameras += [_following(fitted.reference, t.on(fitted.camera), t, 1.0) for t in beside]
     own = coordinates_of(match.trial.effect, camera, lab)
     climb = _Climb(lab, fitted, metric(fitted, FINE, allowance), match, camera, own)
     report(f"refining {match.trial.effect}", 0, iterations)
