@@ -55,7 +55,7 @@ def sensor(number: int) -> Sensor:
 
 @lru_cache
 def plan(number: int) -> tuple[Shot, ...]:
-    """Bias, dark ladder, flats to near full well, scenes each followed by a dark frame: about 70 frames."""
+    """Bias, dark ladder, flats to near full well or beyond, scenes each followed by a dark frame: about 70 frames."""
     camera, rng = sensor(number), stream(1288, "plan", number)
     shots = [Shot("bias", 1e-5, camera.celsius)] * int(rng.integers(14, 19))
     longest = float(rng.choice([1.5, 2.0, 3.0]))
@@ -63,6 +63,7 @@ def plan(number: int) -> tuple[Shot, ...]:
         for seconds in (longest / 20, longest / 4, longest):
             shots += [Shot("dark", seconds, celsius)] * 3
     fractions = [0.003, 0.012, 0.05, 0.15, 0.35, 0.6, 0.8, 0.93]
+    fractions += [1.05] if number % 2 else []  # some ladders go on beyond the full well
     for fraction in fractions[int(rng.integers(0, 2)) :]:
         photons = round(float(f"{fraction * camera.well_e / camera.efficiency:.3g}"))
         shots += [Shot("flat", camera.integration_s, camera.celsius, photons=photons)] * 3
