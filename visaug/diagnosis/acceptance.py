@@ -14,6 +14,7 @@ FEW = 0.1  # share of the statistics that are off which an effect must move: one
 FAINT = 3.0  # standard deviations along an effect's moves that count where no single statistic stands out
 REMAINING = 0.98  # share of the error that an accepted effect may leave; another effect may hold most of it
 SHARE = 0.01  # error that a further effect must take away,
+WIDE = 3.0  # an interval of the error that says nothing
 LITTLE, NEARLY_ALL = 0.002, 0.75  # or, where more than so little is left, this share of it
 OFF = 4.0  # standard deviations from which a statistic counts as moved, or as off
 STANDS_OUT = 8.0  # standard deviations that no form of an accepted effect leaves over
@@ -22,7 +23,7 @@ FORM = 0.15  # what a real effect's form may leave over, relative to the effect 
 POOREST = 0.75  # the same share in the view that it explains least
 IN_ORDER = 2.0  # standard deviations within which a statistic was in order,
 DISTURBED = 5.0  # and to which an effect must not move it off,
-UNDONE = 0.1  # if all such are more than so much of all that it is seen in: no form differs by more
+UNDONE = 0.05  # if all such are more than so much of all that it is seen in: no form differs by more
 NEARER = 0.6  # share of the same statistics whose mean must not go further off, however wide the effect's own spread
 MEAN = 0.2  # standard deviations of that spread to which the mean of a hundred simulated sets is known
 
@@ -168,7 +169,8 @@ def improves(
 
     A further effect must take a share of the first excess, or nearly all that is left beside a very strong one, or bring
     back what no form of the effects before it could leave over: what a form does leave is not mopped up by another name.
-    A first effect whose own spread covers what it explains has no error to lower; a second one then has no case.
+    A first effect whose own spread covers what it explains has no error to lower; a second one then has no case. Where the excess
+    was clear and nothing can be said of the error any more, the spread is that of another effect.
 
     Args:
         before, after: errors on the frames that find and on those that confirm.
@@ -181,6 +183,8 @@ def improves(
         return first
     if first and beyond_chance and not is_clear(found_before):
         return True
+    if is_clear(found_before) and found.high - found.low > WIDE:
+        return False
     if not first:
         taken = found_before.value - found.value
         all_that_is_left = found_before.value > LITTLE and taken > NEARLY_ALL * found_before.value

@@ -9,8 +9,8 @@ class FlickerNoise(Effect):
     """Slow noise of an output amplifier, in the order in which it reads the pixels: stripes along rows.
 
     Each frequency along the readout of the whole sensor gets its amplitude and phase. The course is twice
-    as long as a frame, so that a frame's end does not know its beginning; a crop of the sensor gets its part
-    of the whole readout.
+    as long as a frame, so that a frame's end does not know its beginning, and as long as one where a clamp
+    leaves the frame no mean of its own; a crop of the sensor gets its part of the whole readout.
     """
 
     name = "flicker_noise"
@@ -43,10 +43,17 @@ class FlickerNoise(Effect):
         "rows", options=("rows", "columns"), source="rows: pixels of a row are read one after another"
     )
 
+    clamp = Parameter(
+        "none",
+        options=("none", "frame"),
+        source="none: periods longer than a frame move it as a whole; frame: a black clamp takes its mean away",
+    )
+
     def apply(self, signal, p, stream, context):
         rows, columns = context.resolution
         along = (rows, columns) if p.direction == "rows" else (columns, rows)
-        white = stream.over(range(2 * along[0]), range(along[1])).normal()
+        lines = along[0] + along[0] % 2 if p.clamp == "frame" else 2 * along[0]  # an even number of pixels
+        white = stream.over(range(lines), range(along[1])).normal()
         white = torch.view_as_complex(white.reshape(*white.shape[:2], -1, 2))  # one number for each frequency
         frequency = torch.arange(1, white.shape[-1] + 1, device=signal.device)
         shape = torch.exp(-p.exponent / 2 * torch.log(frequency)).flatten(2)  # (B or 1, 1, frequencies)
@@ -54,7 +61,7 @@ class FlickerNoise(Effect):
         spectrum = torch.nn.functional.pad(
             white * (shape / variance.sqrt()), (1, 0)
         )  # no constant: that is drift
-        noise = torch.fft.irfft(spectrum, norm="forward").view(*spectrum.shape[:2], 2 * along[0], along[1])
+        noise = torch.fft.irfft(spectrum, norm="forward").view(*spectrum.shape[:2], lines, along[1])
         if p.direction == "columns":
             noise = noise.transpose(-1, -2)
         r, c = context.window
