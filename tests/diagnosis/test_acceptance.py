@@ -57,6 +57,15 @@ def test_an_error_that_is_noise_alone_has_no_say():
     assert not improves(before, after, True)
 
 
+def test_an_explanation_after_which_nothing_can_be_said_of_a_clear_error_is_none():
+    """A pixel or two, enormously hot, in place of a dark current that differs from pixel to pixel."""
+    after = (at(0.6, 4.0), at(1.8, 4.0))
+    assert not improves((at(0.98, 0.02), at(0.98, 0.05)), after, True, beyond_chance=True)
+    assert improves(
+        (at(0.98, 2.0), at(0.98, 2.0)), after, True, beyond_chance=True
+    )  # it was not clear before
+
+
 def test_what_no_form_could_leave_over_is_reason_for_a_second_name():
     before, after = (at(0.0018), at(0.0009)), (at(-0.001), at(-0.0005))
     assert not improves(before, after, False, beyond_chance=True)
@@ -132,6 +141,13 @@ def test_what_was_in_order_must_not_be_moved_away():
     assert accepted(
         [*back, 0.5], [*[0.5] * 8, -7.5], [*back, 0]
     )  # another effect's, which the refit no longer hides
+
+
+def test_a_little_that_goes_off_beside_much_that_comes_back_is_the_form():
+    """1/f noise whose frames do not move as a whole: all rows come back, and frame means are predicted to drift a little."""
+    back = [60.0] * 8
+    assert accepted([*back, 0.5], [*[0.5] * 8, -7.5], [*back, 8])
+    assert not accepted([*back, 0.5, 0.5], [*[0.5] * 8, -7.5, 7.5], [*back, 8, -8])
 
 
 def test_a_single_number_among_many_is_a_coincidence():

@@ -9,13 +9,24 @@ from scipy.stats import kstest
 from tests.diagnosis.small import frame_set
 from visaug import Camera
 from visaug.comparison import Laboratory
+from visaug.diagnosis import naming
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import Trial, missing_base, trials
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.fit import Fitted, Null, adjust, make_reference, p_value, refit, standardised
 from visaug.diagnosis.naming import first_matches
 from visaug.diagnosis.parameters import base_coordinates, effect_coordinates, moved
-from visaug.diagnosis.rank import Match, Metric, Signatures, best_of_each, law, newton, scatter, shrunk
+from visaug.diagnosis.rank import (
+    Match,
+    Metric,
+    Refined,
+    Signatures,
+    best_of_each,
+    law,
+    newton,
+    scatter,
+    shrunk,
+)
 from visaug.diagnosis.residue import describe
 from visaug.effects import catalogue
 from visaug.fingerprint import Statistic
@@ -240,6 +251,63 @@ def test_the_least_scaled_of_an_effects_good_trials_is_where_it_starts():
     wide, near, poor = match(0.6, 10.0, 0.001), match(0.12, 9.0, 2.0), match(0.3, 5.0, 1.0)
     other = Match(Trial("blooming", (("blooming.share", 0.1),)), 9.5, 0.3, nothing)
     assert best_of_each([wide, other, near, poor]) == [other, near]
+
+
+def refined(effect: str, camera: Camera, gain: float, cost: float) -> Refined:
+    return Refined(effect, camera, (), np.zeros(0), gain, np.full(4, 20.0), np.zeros(4), cost)
+
+
+def leaving(residual) -> State:
+    left = np.array(residual, float)
+    reference = SimpleNamespace(null_scale=np.ones(len(left)), coordinates=())
+    return State.plain(Fitted(reference, None, left, left, left))  # pyright: ignore[reportArgumentType]
+
+
+def test_of_two_that_say_the_same_the_simpler_is_taken(stated, monkeypatch):
+    """A flare without its ghost is a veil: which of them simulations favour a little is their noise."""
+    before, after, elsewhere = leaving([100, 80, 60, 0]), leaving([1, 0, 2, 0]), leaving([1, 0, 2, 30])
+    flare, veil = refined("lens_flare", stated, 1890.0, 5.0), refined("veiling_glare", stated, 1900.0, 2.0)
+    simulated = [(veil, leaving([0, 1, 0, 1])), (flare, after)]
+    density = {id(after.fitted): 60.0, id(elsewhere.fitted): -300.0}
+    monkeypatch.setattr(naming, "log_density", lambda fitted, *_: density.get(id(fitted), 0.0))
+    assert [r.effect for r, _ in naming.decided(before, simulated)] == ["veiling_glare", "lens_flare"]
+    other = [(veil, elsewhere), (flare, after)]  # it says another thing, and far less well
+    assert [r.effect for r, _ in naming.decided(before, other)] == ["lens_flare", "veiling_glare"]
+
+
+def test_other_words_are_tried_first_with_the_numbers_that_were_found(stated, monkeypatch):
+    found = stated.with_effect("vignetting", corner_loss=0.17, power=1.8)
+    begun: list[dict] = []
+
+    def refine(lab, fitted, match, *_, **__):
+        begun.append(dict(match.trial.values))
+        return refined("vignetting", found, 50.0, 2.0)
+
+    monkeypatch.setattr(naming, "refine", refine)
+
+    def match(**values) -> Match:
+        named = tuple((f"vignetting.{key}", value) for key, value in values.items())
+        return Match(Trial("vignetting", named), 9.0, 1.0, np.zeros(4))
+
+    others = [match(corner_loss=0.3, power=4.0), match(corner_loss=0.3, law="cos4")]
+    best = refined("vignetting", found, 60.0, 2.0)
+    fitted = leaving([100, 80, 60, 0]).fitted
+    assert naming.from_other_starts(None, fitted, best, others, lambda *_: None, 0.0) is best  # pyright: ignore[reportArgumentType]
+    first, second = begun
+    assert (first["vignetting.law"], first["vignetting.corner_loss"]) == ("cos4", pytest.approx(0.17))
+    assert second == {"vignetting.corner_loss": 0.3, "vignetting.power": 4.0}
+
+
+def test_a_refit_may_begin_elsewhere(stated):
+    lab = Laboratory(frame_set(5), stated, 0)
+    free = [c for c in base_coordinates(stated, lab.frames, True) if c.path == "quantum_efficiency"]
+    reference = make_reference(lab, stated, free, 24, lambda *_: None)
+    known = reference.null_steps.std()
+    begin = moved(stated, free, [c.read(stated) + 40 * known for c in free])
+    here, there = refit(lab, reference, lambda *_: None), refit(lab, reference, lambda *_: None, begin)
+    apart = [free[0].read(f.camera) for f in (here, there)]
+    assert abs(apart[0] - apart[1]) < 0.5 * known
+    assert there.misfit == pytest.approx(here.misfit, rel=0.01)
 
 
 def test_noise_of_derivatives_does_not_shorten_the_step():
