@@ -330,3 +330,16 @@ def test_a_form_moves_its_own_numbers_alone(stated):
     assert free(shape="steps") == {"amplitude_e", "edge", "second_edge", "second"}
     assert free(shape="slope") == {"amplitude_e", "curvature"}
     assert free(shape="bands") == {"amplitude_e", "period_px"}
+
+
+def test_trials_of_a_kind_have_the_same_free_numbers(stated):
+    """A start that lacks a part has its number at 0, of which there is no logarithm."""
+    kinds: dict[tuple, list[set[str]]] = {}
+    for trial in trials(stated):
+        camera = trial.on(stated)
+        if catalogue()[trial.effect].base:
+            continue
+        logarithmic = {c.path for c in effect_coordinates(camera, trial.effect) if c.logarithmic}
+        kinds.setdefault(trial.kind, []).append(logarithmic)
+    assert any(len(alike) > 1 for alike in kinds.values())
+    assert all(one == alike[0] for alike in kinds.values() for one in alike)

@@ -40,6 +40,12 @@ class Trial:
         strengths = {f"{self.effect}.{key}" for key in catalogue()[self.effect].strengths()}
         return tuple(pair for pair in self.values if pair[0] not in strengths)
 
+    @property
+    def kind(self) -> tuple:
+        """What trials that differ in how strong they are have in common: effect, form, and which strengths are there at all."""
+        absent = tuple(path for path, value in self.values if value == 0)
+        return self.effect, self.form, absent
+
     def on(self, camera: Camera) -> Camera:
         own = dict(self.values)
         if catalogue()[self.effect].base:

@@ -49,7 +49,7 @@ def candidates(
     best: dict[str, Refined] = {}
     for m in chosen:
         beaten = max((r.gain for r in best.values()), default=0.0)
-        beside = [t.trial for t in tried if (t.trial.effect, t.trial.form) == (m.trial.effect, m.trial.form)]
+        beside = [t.trial for t in tried if t.trial.kind == m.trial.kind]
         refined = refine(lab, fitted, m, report, state.allowance, beaten, beside=beside)
         best[refined.effect] = max(refined, best.get(refined.effect, refined), key=lambda r: r.gain)
     found = sorted(best.values(), key=lambda r: -r.gain)

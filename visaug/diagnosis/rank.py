@@ -417,7 +417,7 @@ def refine(
     Args:
         beaten: what the best of the effects tried before gains.
         least: what the start must gain to be worth iterating.
-        beside: trials of the same form, at which it is started too where the match wants to be scaled far: what a blur moves
+        beside: trials of the same kind, at which it is started too where the match wants to be scaled far: what a blur moves
             grows a thousandfold from 0.1 to 0.6 px, by no power of its width.
     """
     cameras = [_scaled(fitted, match, power) for power in POWERS]
