@@ -9,7 +9,7 @@ from scipy.stats import kstest
 from tests.diagnosis.small import frame_set
 from visaug import Camera
 from visaug.comparison import Laboratory
-from visaug.diagnosis import naming
+from visaug.diagnosis import naming, rank
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import Trial, missing_base, trials
 from visaug.diagnosis.chance import chance
@@ -343,3 +343,15 @@ def test_trials_of_a_kind_have_the_same_free_numbers(stated):
         kinds.setdefault(trial.kind, []).append(logarithmic)
     assert any(len(alike) > 1 for alike in kinds.values())
     assert all(one == alike[0] for alike in kinds.values() for one in alike)
+
+
+def test_between_two_widths_the_one_whose_moves_are_as_large_as_what_is_left(stated):
+    """What a blur moves grows as the fourth power of its width or faster; 0.2 and 0.6 px are both far off 0.47."""
+    a, b = (stated.with_effect("point_spread", sigma_px=sigma) for sigma in (0.2, 0.6))
+
+    def wanted(camera: Camera) -> float:
+        sigma = camera.values()["point_spread.sigma_px"]
+        return 4 * np.log(0.47 / sigma) - 3 * (sigma - 0.47)
+
+    found = rank._balanced(a, b, wanted(a), wanted(b), ["point_spread.sigma_px"], wanted)
+    assert found.values()["point_spread.sigma_px"] == pytest.approx(0.47, rel=0.01)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import cho_solve, eigh, solve_triangular
@@ -354,6 +355,7 @@ def _match(
 
 ALMOST = 0.8  # of the gain of an effect's best trial
 SCALED_FAR = 3.0  # times that a signature wants to be multiplied: neither a level nor a variance, perhaps
+BALANCED = 6  # simulated strengths until the one is found whose moves are as large as what is left
 STALLED = 0.5  # gain in log likelihood below which an iteration is said to bring nothing
 NEAR = 3.0  # steps within which the derivatives of a camera's own numbers hold
 FOLLOWED = 3  # times that these are moved along
@@ -417,13 +419,13 @@ def refine(
     Args:
         beaten: what the best of the effects tried before gains.
         least: what the start must gain to be worth iterating.
-        beside: trials of the same kind, at which it is started too where the match wants to be scaled far: what a blur moves
+        beside: trials of the same kind, among which it is started too where the match wants to be scaled far: what a blur moves
             grows a thousandfold from 0.1 to 0.6 px, by no power of its width.
     """
     cameras = [_scaled(fitted, match, power) for power in POWERS]
     camera = cameras[0]
     if _extrapolation(match) > np.log(SCALED_FAR):
-        cameras += [_following(fitted.reference, t.on(fitted.camera), t, 1.0) for t in beside]
+        cameras += _among(lab, fitted, beside)
     own = coordinates_of(match.trial.effect, camera, lab)
     climb = _Climb(lab, fitted, metric(fitted, FINE, allowance), match, camera, own)
     report(f"refining {match.trial.effect}", 0, iterations)
@@ -457,6 +459,48 @@ def refine(
         np.maximum(best.variance, match.variance),  # rare events may be missing from a few simulations
         cost,
     )
+
+
+def _among(lab: Laboratory, fitted: Fitted, beside: Sequence[Trial]) -> list[Camera]:
+    """Some trials that differ in strength, and between two of them the one whose moves want to be multiplied by 1.
+
+    Every other fit can have a ridge in between: of a blur, some statistics are right, or none is moved, where most are not.
+    """
+    scale = fitted.reference.null_scale
+    left = fitted.z
+    base = lab.finding([(fitted.camera, k) for k in range(FEW)])
+
+    def wanted(camera: Camera) -> float:
+        """The logarithm of the factor by which its moves want to be multiplied."""
+        moves = cleared(lab.finding([(camera, k) for k in range(FEW)]) - base, scale)
+        z = np.divide(moves, scale, out=np.zeros_like(moves), where=scale > 0)
+        return float(np.log(max(z @ left / max(z @ z, 1e-12), 1e-3)))
+
+    effect = catalogue()[beside[0].effect] if beside else None
+    keys = {f"{effect.name}.{key}" for key in effect.strengths()} if effect else set()
+    strengths = [{path: abs(v) for path, v in t.values if path in keys and v} for t in beside]
+    order = sorted(range(len(beside)), key=lambda i: sum(strengths[i].values()))
+    cameras = [_following(fitted.reference, beside[i].on(fitted.camera), beside[i], 1.0) for i in order]
+    factors = [wanted(camera) for camera in cameras]
+    for (a, weak), (b, strong) in pairwise(zip(cameras, factors, strict=True)):
+        if weak > 0 > strong:
+            cameras.append(_balanced(a, b, weak, strong, sorted(keys), wanted))
+            break
+    return cameras
+
+
+def _balanced(a: Camera, b: Camera, weak: float, strong: float, keys: Sequence[str], wanted) -> Camera:
+    """Between two cameras, by false position in the logarithm of their strengths, where nothing more is wanted."""
+    low, high, camera = 0.0, 1.0, a
+    at = {key: (a.values()[key], b.values()[key]) for key in keys if a.values()[key] * b.values()[key] > 0}
+    for _ in range(BALANCED):
+        share = low + (high - low) * weak / (weak - strong)
+        camera = b.replace({key: x * (y / x) ** share for key, (x, y) in at.items()})
+        now = wanted(camera)
+        if abs(now) < 0.02:
+            break
+        low, weak, high, strong = (share, now, high, strong) if now > 0 else (low, weak, share, now)
+    return camera
 
 
 @dataclass(frozen=True)
