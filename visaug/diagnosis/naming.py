@@ -33,7 +33,7 @@ LEAST_GAIN = (
 CLOSE = 6.0  # log likelihood within which candidates are rivals,
 CLOSE_SHARE = 0.25  # or this share of the best gain
 RIVALS = 3  # so many of them are simulated in full
-ALIKE = 0.05  # share of the best gain within which the simpler of two that say the same is taken
+ALIKE = 0.15  # share of the best gain within which the simpler of two that say the same is taken
 EXACT = 0.03  # what a form may leave over where rivals are compared
 
 
