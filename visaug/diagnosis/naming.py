@@ -103,8 +103,9 @@ def from_other_starts(
         refined: the effect from its best match.
         others: the effect's matches of other forms, best first.
     """
-    words = [worded for m in others if (worded := _reworded(fitted, refined, m)) is not None]
-    numbers = [m for m in others if _reworded(fitted, refined, m) is None]
+    reworded = [(_reworded(fitted, refined, m), m) for m in others]
+    words = [worded for worded, _ in reworded if worded is not None]
+    numbers = [m for worded, m in reworded if worded is None]
     for m in [*words, *numbers][:OTHER_STARTS]:
         scale = fitted.reference.null_scale
         own = np.where(scale > 0, np.sqrt(scale**2 + refined.variance), 0.0)

@@ -11,7 +11,7 @@ from scipy.linalg import cho_solve, eigh, solve_triangular
 from visaug.camera import Camera
 from visaug.comparison.laboratory import Laboratory
 from visaug.diagnosis.candidates import Trial
-from visaug.diagnosis.fit import Fitted, Null, Reference, Report, adjust, bias_level
+from visaug.diagnosis.fit import Fitted, Null, Reference, Report, adjust, bias_level, standardised
 from visaug.diagnosis.parameters import BLACK, Coordinate, base_coordinates, effect_coordinates, moved
 from visaug.effects import catalogue
 
@@ -424,7 +424,7 @@ def refine(
     """
     cameras = [_scaled(fitted, match, power) for power in POWERS]
     camera = cameras[0]
-    if _extrapolation(match) > np.log(SCALED_FAR):
+    if beside and _extrapolation(match) > np.log(SCALED_FAR):
         cameras += _among(lab, fitted, beside)
     own = coordinates_of(match.trial.effect, camera, lab)
     climb = _Climb(lab, fitted, metric(fitted, FINE, allowance), match, camera, own)
@@ -467,24 +467,22 @@ def _among(lab: Laboratory, fitted: Fitted, beside: Sequence[Trial]) -> list[Cam
     Every other fit can have a ridge in between: of a blur, some statistics are right, or none is moved, where most are not.
     """
     scale = fitted.reference.null_scale
-    left = fitted.z
     base = lab.finding([(fitted.camera, k) for k in range(FEW)])
 
     def wanted(camera: Camera) -> float:
         """The logarithm of the factor by which its moves want to be multiplied."""
         moves = cleared(lab.finding([(camera, k) for k in range(FEW)]) - base, scale)
-        z = np.divide(moves, scale, out=np.zeros_like(moves), where=scale > 0)
-        return float(np.log(max(z @ left / max(z @ z, 1e-12), 1e-3)))
+        z = standardised(moves, scale)
+        return float(np.log(max(z @ fitted.z / max(z @ z, 1e-12), 1e-3)))
 
-    effect = catalogue()[beside[0].effect] if beside else None
-    keys = {f"{effect.name}.{key}" for key in effect.strengths()} if effect else set()
-    strengths = [{path: abs(v) for path, v in t.values if path in keys and v} for t in beside]
-    order = sorted(range(len(beside)), key=lambda i: sum(strengths[i].values()))
-    cameras = [_following(fitted.reference, beside[i].on(fitted.camera), beside[i], 1.0) for i in order]
+    effect = catalogue()[beside[0].effect]
+    keys = [f"{effect.name}.{key}" for key in effect.strengths()]
+    rising = sorted(beside, key=lambda trial: sum(abs(v) for path, v in trial.values if path in keys))
+    cameras = [_following(fitted.reference, t.on(fitted.camera), t, 1.0) for t in rising]
     factors = [wanted(camera) for camera in cameras]
     for (a, weak), (b, strong) in pairwise(zip(cameras, factors, strict=True)):
         if weak > 0 > strong:
-            cameras.append(_balanced(a, b, weak, strong, sorted(keys), wanted))
+            cameras.append(_balanced(a, b, weak, strong, keys, wanted))
             break
     return cameras
 

@@ -102,19 +102,6 @@ class Context:
         """Column numbers on the sensor, (1, 1, 1, W)."""
         return torch.arange(self.window[1].start, self.window[1].stop, device=like.device).view(1, 1, 1, -1)
 
-    def previous(self, name: str, signal: Tensor) -> Tensor:
-        """The signal of the frame before each frame of a sequence, as it stood at the same place in the chain.
-
-        An image on its own is taken as one of a steady scene: its predecessor is itself. The first frame of a sequence
-        has a dark predecessor, zero.
-        """
-        if not self.sequence:
-            return signal
-        before = self.memory.get(name)
-        first = torch.zeros_like(signal[:1]) if before is None else before
-        self.memory[name] = signal[-1:].detach()
-        return torch.cat([first, signal[:-1]])
-
 
 @dataclass(frozen=True)
 class Look:

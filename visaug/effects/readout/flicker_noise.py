@@ -42,7 +42,6 @@ class FlickerNoise(Effect):
     direction = Parameter(
         "rows", options=("rows", "columns"), source="rows: pixels of a row are read one after another"
     )
-
     clamp = Parameter(
         "none",
         options=("none", "frame"),
