@@ -44,6 +44,22 @@ def test_a_spread_of_its_own_is_no_error():
     assert error is None or error.low <= 0 <= error.high
 
 
+def test_two_models_are_held_against_each_other_in_the_same_units():
+    """One statistic is so far off that it is all of the excess; a model that gives it the spread it has leaves the others to count.
+
+    In units of their own the plain model, whose number was bent to meet that statistic, would seem to have hardly an error.
+    """
+    measured, given = np.full(30, 5.0), sets(0.0)
+    measured[0] = 5000.0
+    plain, found = given + np.append(5000.0, np.zeros(29)), sets(5.0, seed=4)
+    found[:, 0] = sets(5000.0, spread=5000.0, seed=5)[:, 0]
+    distance = Distance(STATISTICS, measured, given, np.zeros(30))
+    assert distance.error(plain).value < 0.01
+    alike = distance.error(plain, beside=found)
+    assert alike.value > 0.9
+    assert distance.error(found, beside=plain).high < alike.low
+
+
 def test_nothing_to_lower():
     given = sets(0.0)
     assert Distance(STATISTICS, given.mean(0), given, np.zeros(30)).error(given) is None

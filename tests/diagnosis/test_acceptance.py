@@ -123,6 +123,24 @@ def test_a_spread_that_covers_anything_is_no_explanation():
     assert explains(views, state(before), after)  # type: ignore[arg-type]
 
 
+def test_a_strong_effect_of_another_form_leaves_many_statistics_off_each_by_a_little():
+    """A gamma distribution of dark current in place of the catalogue's: the skewness stays off, beside a spread that comes back."""
+    before = [200.0, 150.0, 26.0, 25.0, 34.0]
+    moves = [200.0, 150.0, 14.0, 17.0, 20.0]
+    assert accepted(before, [1.0, 2.0, 12.0, 9.0, 15.0], moves)
+    assert not accepted(before, [1.0, 60.0, 12.0, 9.0, 15.0], moves)  # more than a form leaves over
+    assert not accepted([b / 4 for b in before], [1.0, 15.0, 12.0, 9.0, 15.0], [m / 4 for m in moves])
+
+
+def test_a_mean_may_go_a_little_further_off_where_the_effect_draws_it_anew():
+    after = state([23.0, -34.0, 46.0], np.array([-12.0, 25.0, 15.0]))
+    after.fitted.reference.null_scale = np.full(3, 15.0)
+    views = [SimpleNamespace(view=f"view {i}") for i in range(3)]
+    assert explains(views, state([20.0, -30.0, 40.0]), after)  # type: ignore[arg-type]
+    after.fitted.residual[:] = [26.0, -40.0, 55.0]
+    assert not explains(views, state([20.0, -30.0, 40.0]), after)  # type: ignore[arg-type]
+
+
 def test_a_drift_need_not_bring_the_means_nearer():
     """Its simulated sets lie all around the camera's: their mean stays where it was, but for the noise of a hundred of them."""
     before, moves = [20.0, -30.0, 40.0], np.array([-12.0, 25.0, 15.0])

@@ -53,7 +53,11 @@ class Distance:
         self.measured, self.given, self.least = measured, given, least
 
     def error(
-        self, sets: np.ndarray, residual: np.ndarray | None = None, follows: np.ndarray | None = None
+        self,
+        sets: np.ndarray,
+        residual: np.ndarray | None = None,
+        follows: np.ndarray | None = None,
+        beside: np.ndarray | None = None,
     ) -> Error | None:
         """Of a model by its simulated sets (R, statistics); None where the file as given shows no excess.
 
@@ -63,10 +67,12 @@ class Distance:
         Args:
             residual: measured less the model's mean, where the sets are of a neighbouring camera.
             follows: standard deviations of the model's spread, where they are better known than from `sets`.
+            beside: simulated sets of another model; s is not less than their spread either, so that both errors share their units.
         """
         spread = variance(sets) if follows is None else follows**2
         given = variance(self.given)
-        return self._error(sets, residual, spread, np.maximum(given, spread)) or self._error(
+        wide = spread if beside is None else np.maximum(spread, variance(beside))
+        return self._error(sets, residual, spread, np.maximum(given, wide)) or self._error(
             sets, residual, spread, given
         )
 

@@ -27,13 +27,22 @@ class Errors:
         error = (self.confirmed(fitted) if self._confirms else None) or self.found(fitted)
         return None if error is None or error.high - error.low > VAGUE else error
 
-    def found(self, fitted: Fitted) -> Error | None:
-        return self.distance.error(fitted.reference.sets, fitted.residual)
+    def found(self, fitted: Fitted, beside: Fitted | None = None) -> Error | None:
+        """On the frames that find.
 
-    def confirmed(self, fitted: Fitted) -> Error | None:
+        Args:
+            beside: a fitted camera whose error it is held against: both in the same units, or an effect that brings a wide
+                spread where the camera as given was far off would seem to raise the error of all the rest.
+        """
+        other = None if beside is None else beside.reference.sets
+        return self.distance.error(fitted.reference.sets, fitted.residual, beside=other)
+
+    def confirmed(self, fitted: Fitted, beside: Fitted | None = None) -> Error | None:
+        """On the frames that confirm, in the same way."""
         if not len(self._confirming.measured):
             return None
-        return self._confirming.error(fitted.reference.confirm.sets, fitted.confirm_residual)
+        other = None if beside is None else beside.reference.confirm.sets
+        return self._confirming.error(fitted.reference.confirm.sets, fitted.confirm_residual, beside=other)
 
     def _is_confirming_clearer(self, fitted: Fitted) -> bool:
         """Whether errors are told on the frames that confirm: always, unless noise leaves less of them there."""

@@ -320,7 +320,8 @@ class _Search:
         return refit(self.lab, near, self.report)
 
     def _improves(self, before: State, after: State, by_chance: Chance) -> bool:
-        pairs = [(self.errors.found(x.fitted), self.errors.confirmed(x.fitted)) for x in (before, after)]
+        both = ((before.fitted, after.fitted), (after.fitted, before.fitted))
+        pairs = [(self.errors.found(x, y), self.errors.confirmed(x, y)) for x, y in both]
         # by the refit, where the camera's own numbers follow the effect far; by the effect itself, where they hide it
         taken = [before.fitted.whole_residual - after.fitted.whole_residual]
         taken += [] if after.moves is None else [self.lab.whole_of(after.moves)]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 from scipy import stats
+from scipy.ndimage import distance_transform_cdt
 
 DARK = torch.zeros(1, 1, 300, 400)
 
@@ -88,6 +89,16 @@ def test_glow_of_an_edge_is_the_same_all_along_it(run_effect):
     assert (out[0, 0, 0].diff() < 0).all()
 
 
+def test_glow_of_the_rim_falls_from_the_nearest_side(run_effect):
+    out = run_effect("amplifier_glow", DARK, place="rim", rate_e_per_s=10.0, width=0.1)
+    inside = np.ones((302, 402))
+    inside[0], inside[-1], inside[:, 0], inside[:, -1] = 0, 0, 0, 0
+    distance = distance_transform_cdt(inside, "chessboard")[1:-1, 1:-1] - 0.5  # of a pixel's centre
+    settings = {"place": "left", "rate_e_per_s": 10.0, "width": 0.1}
+    edge = run_effect("amplifier_glow", DARK, **settings)[0, 0, 0].numpy()
+    np.testing.assert_allclose(out[0, 0].numpy(), np.interp(distance, np.arange(400) + 0.5, edge), rtol=1e-4)
+
+
 def test_glow_belongs_to_the_sensor_not_to_the_crop(run_effect):
     window = (range(200, 300), range(100, 400))
     part = run_effect("amplifier_glow", DARK[..., 200:, 100:], window=window, resolution=(300, 400))
@@ -98,6 +109,15 @@ def test_clock_induced_charge_does_not_know_the_exposure(run_effect):
     for exposure in (0.0, 10.0):
         out = run_effect("clock_induced_charge", DARK, known={"exposure_s": exposure}, mean_e=0.7)
         assert torch.equal(out, torch.full_like(DARK, 0.7))
+
+
+@pytest.mark.parametrize("gradient", [1.0, -0.4])
+def test_clock_induced_charge_by_transfers_keeps_its_mean(run_effect, gradient):
+    out = run_effect("clock_induced_charge", DARK, mean_e=0.7, gradient=gradient)
+    assert float(out.double().mean()) == pytest.approx(0.7, rel=1e-6)
+    rows = out[0, 0, :, 0].double().numpy()
+    np.testing.assert_allclose(np.diff(rows), 0.7 * gradient * 2 / 300, rtol=1e-3)
+    assert torch.equal(out, out[..., :1].expand_as(out))
 
 
 def test_smear_is_the_columns_mean_whatever_the_distance(run_effect):

@@ -138,6 +138,31 @@ def test_brighter_fatter_in_flats(run_effect, mean):
         assert covariance(inner, down, across) == pytest.approx(mean * 2 * a * (1 - 4 * a), abs=mean * ERRORS)
 
 
+def test_brighter_fatter_reaches_the_neighbour_after_next(run_effect):
+    """Noise of a flat sees a kernel of a to each of the four next, tail a to the four after next: its autocorrelation."""
+    mean, share, tail = 8000.0, 2e-3, 0.2
+    flats = poisson(mean)
+    out = run_effect("brighter_fatter", flats, share_per_ke=share, tail=tail)
+    assert float(out.double().sum()) == pytest.approx(float(flats.double().sum()), rel=1e-7)
+    a = share / 1000 * mean
+    kept = 1 - 4 * a * (1 + tail)
+    inner = out[..., 2:-2, 2:-2]
+    variance = mean * (kept**2 + 4 * a**2 * (1 + tail**2))
+    assert covariance(inner, 0, 0) == pytest.approx(variance, rel=1.5 * ERRORS)
+    for down, across in ((0, 2), (2, 0)):
+        expected = mean * (2 * tail * a * kept + a**2)
+        assert covariance(inner, down, across) == pytest.approx(expected, abs=mean * ERRORS)
+
+
+def test_brighter_fatter_of_one_row(run_effect):
+    """Nothing lies above or below: charge goes along the row alone, and is kept."""
+    row = torch.tensor([[[[100.0, 9000.0, 200.0, 50.0]]]])
+    out = run_effect("brighter_fatter", row, share_per_ke=2e-3, tail=0.1)
+    assert float(out.sum()) == pytest.approx(9350.0, rel=1e-6)
+    assert out[0, 0, 0, 1] < 9000
+    assert out[0, 0, 0, 3] > 50
+
+
 def test_brighter_fatter_widens_bright_stars_alone(run_effect):
     y, x = np.mgrid[-12:13, -12:13]
     star = torch.from_numpy(np.exp(-(x**2 + y**2) / (2 * 1.5**2)).astype(np.float32))[None, None]

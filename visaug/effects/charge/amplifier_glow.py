@@ -16,6 +16,7 @@ PLACES = {
     "left": (None, 0.0),
     "right": (None, 1.0),
 }  # where on the sensor, in shares of its rows and columns; None: all along that side
+RIM = "rim"  # all four sides: drivers and amplifiers all around
 
 
 class AmplifierGlow(Effect):
@@ -42,7 +43,9 @@ class AmplifierGlow(Effect):
         source="at the brightest place, at 20 C",
     )
     place = Parameter(
-        "bottom_right", options=tuple(PLACES), source="the corner or edge where the circuit lies"
+        "bottom_right",
+        options=(*PLACES, RIM),
+        source="the corner or edge where the circuit lies, or all around",
     )
     width = Parameter(
         0.25,
@@ -74,8 +77,14 @@ class AmplifierGlow(Effect):
     @staticmethod
     def _profile(signal, p, context):
         height, width = context.resolution
-        y, x = PLACES[p.place]
-        down = 0.0 if y is None else context.rows(signal) + 0.5 - y * height
-        across = 0.0 if x is None else context.columns(signal) + 0.5 - x * width
-        distance = torch.sqrt(torch.as_tensor(down**2 + across**2)) / max(height, width)
-        return torch.exp(-((distance / p.width) ** p.shape))
+        rows, columns = context.rows(signal) + 0.5, context.columns(signal) + 0.5
+        if p.place == RIM:
+            distance = torch.minimum(
+                torch.minimum(rows, height - rows), torch.minimum(columns, width - columns)
+            )
+        else:
+            y, x = PLACES[p.place]
+            down = 0.0 if y is None else rows - y * height
+            across = 0.0 if x is None else columns - x * width
+            distance = torch.sqrt(torch.as_tensor(down**2 + across**2))
+        return torch.exp(-((distance / max(height, width) / p.width) ** p.shape))

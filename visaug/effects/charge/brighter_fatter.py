@@ -12,7 +12,8 @@ class BrighterFatter(Effect):
     """Charge in a pixel pushes its walls outwards, so that charge on its way lands next door.
 
     A pair of neighbours evens out by a share of its difference that grows with the pair's mean charge; all
-    charge is kept. In a flat of mean mu the variance becomes mu [(1 - 4 a mu)^2 + 4 (a mu)^2] and
+    charge is kept. In CCDs the neighbour after next takes part too, by `tail`. In a flat of mean mu, the neighbours alike and
+    no tail, the variance becomes mu [(1 - 4 a mu)^2 + 4 (a mu)^2] and
     neighbours get the covariance 2 a mu^2 (1 - 4 a mu), where a is the share per electron.
     """
 
@@ -20,7 +21,10 @@ class BrighterFatter(Effect):
     stage = Stage.CHARGE
     order = 40
     summary = "Neighbours share charge, the more the more they hold."
-    equation = "N_i <- N_i + sum over neighbours j of min(a (N_i + N_j) / 2, 0.2) (N_j - N_i)"
+    equation = (
+        "N_i <- N_i + sum over neighbours j of min(a (N_i + N_j) / 2, 0.2) (N_j - N_i), "
+        "and tail times the same over those after next"
+    )
     source = "P. Antilogus et al., JINST 9 (2014) C03048; A. Guyonnet et al., A&A 575 (2015) A41"
     separates = "covariance in flats: this one grows with the square of the level, crosstalk's with the level"
     share_per_ke = Parameter(
@@ -33,14 +37,30 @@ class BrighterFatter(Effect):
     )
     aspect = Parameter(1.0, high=10.0, trials=(1.0, 2.5), source="vertical to horizontal; in CCDs 2 to 3")
 
+    tail = Parameter(
+        0.0,
+        unit="fraction",
+        high=0.25,  # with the eight of LIMIT each a pixel cannot give more than it has
+        trials=(0.2,),
+        source="share that the neighbour after next takes, to the next one's; in CCDs 0.05 to 0.2",
+    )
+
     def apply(self, signal, p, stream, context):
         share = p.share_per_ke / 1000
-        held = torch.minimum(
-            signal, context.full_well_e
-        )  # what is above the full well is on its way elsewhere
-        left, right = held[..., :-1], held[..., 1:]
-        across = (share * (left + right) / 2).clamp_max(LIMIT) * (right - left)
-        up, down = held[..., :-1, :], held[..., 1:, :]
-        along = (p.aspect * share * (up + down) / 2).clamp_max(LIMIT) * (down - up)
-        gained = torch.diff(F.pad(across, (1, 1)), dim=-1) + torch.diff(F.pad(along, (0, 0, 1, 1)), dim=-2)
-        return signal + gained
+        # what is above the full well is on its way elsewhere
+        held = torch.minimum(signal, context.full_well_e)
+        for axis, strength in ((-1, share), (-2, p.aspect * share)):
+            for apart, part in ((1, 1.0), (2, p.tail)):
+                signal = signal + part * _gained(held, strength, apart, axis)
+        return signal
+
+
+def _gained(held, share, apart, axis):
+    """What each pixel gains from the two that lie so many pixels apart along an axis."""
+    length = held.shape[axis] - apart
+    if length <= 0:
+        return torch.zeros_like(held)
+    near, far = held.narrow(axis, 0, length), held.narrow(axis, apart, length)
+    flow = (share * (near + far) / 2).clamp_max(LIMIT) * (far - near)
+    padded = F.pad(flow, (apart, apart) if axis == -1 else (0, 0, apart, apart))
+    return padded.narrow(axis, apart, held.shape[axis]) - padded.narrow(axis, 0, held.shape[axis])

@@ -5,21 +5,38 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class ClockInducedCharge(Effect):
-    """Clocking frees electrons in every frame, however short; the shot noise makes them Poisson."""
+    """Clocking frees electrons in every frame, however short; the shot noise makes them Poisson.
+
+    Charge that is clocked through more rows gathers more: `gradient`.
+    """
 
     name = "clock_induced_charge"
     stage = Stage.GENERATION
     order = 50
     summary = "Poisson electrons in every frame, whatever the exposure."
-    equation = "mu_e <- mu_e + mean"
+    equation = "mu_e <- mu_e + mean (1 + gradient u), u from -1 at row 0 to 1 at the last row"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on spurious charge"
     separates = "bias frames against a covered black level: its variance equals its mean"
     mean_e = Parameter(
         0.5, unit="e-", high=1e4, strength=True, trials=(1.0, 4.0), source="0.002 (EMCCD) to some e- a frame"
     )
 
+    gradient = Parameter(
+        0.0,
+        low=-1.0,
+        high=1.0,
+        trials=(1.0, -1.0),
+        source="0: alike everywhere; 1: in proportion to the transfers from row 0; -1: from the last row",
+    )
+
     def apply(self, signal, p, stream, context):
-        return add_dark_electrons(signal, p.mean_e, stream, context)
+        return add_dark_electrons(signal, self._mean(signal, p, context), stream, context)
 
     def moments(self, mean, p, context):
-        return mean + p.mean_e, p.mean_e if context.reading == "paper" else 0 * mean
+        freed = self._mean(mean, p, context)
+        return mean + freed, freed if context.reading == "paper" else 0 * mean
+
+    @staticmethod
+    def _mean(signal, p, context):
+        u = (2 * context.rows(signal) + 1) / context.resolution[0] - 1
+        return p.mean_e * (1 + p.gradient * u)
