@@ -332,6 +332,15 @@ def test_a_form_moves_its_own_numbers_alone(stated):
     assert free(shape="bands") == {"amplitude_e", "period_px"}
 
 
+def test_every_free_number_of_every_trial_can_move(stated):
+    """Also where both the trial and all that its parameter gives to try are 0."""
+    for trial in trials(stated):
+        if not catalogue()[trial.effect].base:
+            for c in effect_coordinates(trial.on(stated), trial.effect):
+                assert c.step > 0, c.path
+                assert c.prior > 0, c.path
+
+
 def test_trials_of_a_kind_have_the_same_free_numbers(stated):
     """A start that lacks a part has its number at 0, of which there is no logarithm."""
     kinds: dict[tuple, list[set[str]]] = {}

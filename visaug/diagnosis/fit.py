@@ -261,9 +261,11 @@ def adjust(
     if slopes.shape[1] == 0:
         return np.zeros((len(residuals), 0))
     used = scale > 0
-    design = slopes[used] / scale[used, None]
+    design = (
+        slopes[used] / scale[used, None] * priors
+    )  # in units of the priors: none but equal units can be compared
     z = residuals[:, used] / scale[used]
-    ridge = np.diag(1 / priors**2)
+    ridge = np.eye(len(priors))
     steps = np.zeros((len(z), design.shape[1]))
     for _ in range(iterations):
         left = np.abs(z - steps @ design.T)
@@ -274,9 +276,9 @@ def adjust(
         diagonal = np.einsum("nii->ni", normal)
         diagonal += 1e-9 * diagonal.max(1, keepdims=True)  # numbers that these frames answer alike
         diagonal *= 1 + damping
-        pull = (weights * z) @ design - offset / priors**2
+        pull = (weights * z) @ design - offset / priors
         steps = np.linalg.solve(normal, pull[:, :, None])[:, :, 0]
-    return steps
+    return steps * priors
 
 
 @dataclass(frozen=True)

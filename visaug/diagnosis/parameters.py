@@ -141,7 +141,7 @@ def effect_coordinates(camera: Camera, name: str) -> list[Coordinate]:
         if value > 0 and parameter.low >= 0:
             free.append(Coordinate(path, True, 0.1 if parameter.strength else 0.06, 1.5, in_dn))
         else:
-            reach = max(abs(value), *(abs(t) for t in parameter.trials or (parameter.default or 1.0,)))
+            reach = max(abs(v) for v in (value, parameter.default, *parameter.trials)) or 1.0
             reach /= values[GAIN] if in_dn else 1.0
             free.append(Coordinate(path, False, 0.06 * reach, 5 * reach, in_dn))
     return free

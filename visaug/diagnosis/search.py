@@ -46,8 +46,7 @@ TRACE = 0.03  # error beside an accepted effect that is a finding, if it is sure
 BENT = (
     5.0  # standard deviations by which a fit took the camera from what its file says, to try again from there
 )
-POOR = 0.5  # error beside an accepted effect that is a finding even where the camera holds
-MUCH = 0.1  # error beside an accepted effect that is a finding, if it may be so much
+MUCH = 0.1  # error beside an accepted effect that is a finding, if it may be so much; and if it surely is, though the camera holds
 
 
 def diagnose(
@@ -134,11 +133,11 @@ class _Search:
         missing = bool(p_after <= SIGNIFICANT)
         significant = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
         excess = bool(state.accepted) or (significant and is_clear(self.steps[-1].error))
-        residue = (
-            describe(self.lab.measured[2].statistics, state.whole_z, nearest)
-            if (missing and self._is_worth_telling(state)) or self._is_far_off(state)
-            else None
-        )
+        residue = None
+        if missing and self._is_worth_telling(state):
+            residue = describe(self.lab.measured[2].statistics, state.whole_z, nearest)
+        elif self._is_far_off(state):
+            residue = describe(self.lab.measured[2].statistics, _plain_z(state))
         return Diagnosis(
             camera=state.fitted.camera,
             accepted=state.accepted,
@@ -334,17 +333,19 @@ class _Search:
         return not state.accepted or error is None or error.low > TRACE or error.high > MUCH
 
     def _is_far_off(self, state: State) -> bool:
-        """Whether the error surely stays large though the camera holds: a spread that covers anything explains little."""
+        """Whether the error surely stays large though the camera holds: a spread that covers anything explains little.
+
+        Nor does a form that is far from the catalogue's, which the effect's own allowance would hide.
+        """
         error = self.steps[-1].error
-        return bool(state.accepted) and error is not None and error.low > POOR
+        return bool(state.accepted) and error is not None and error.low > MUCH
 
     def _form(self, state: State) -> str | None:
         """What the forms of accepted effects leave over, in words."""
         if not state.accepted:
             return None
-        reference = state.fitted.reference
-        plain = np.abs(standardised(state.fitted.whole_residual, reference.whole_null.scale))
-        if float(plain.max()) <= np.quantile(reference.largest, 1 - SIGNIFICANT):
+        plain = np.abs(_plain_z(state))
+        if float(plain.max()) <= np.quantile(state.fitted.reference.largest, 1 - SIGNIFICANT):
             return None
         i = int(plain.argmax())
         s = self.lab.measured[2].statistics[i]
@@ -369,3 +370,8 @@ class _Search:
         return {
             name: [records[i].sequence for i in getattr(folds, name)] for name in ("fit", "select", "confirm")
         }
+
+
+def _plain_z(state: State) -> np.ndarray:
+    """What is left in all frames in standard deviations, nothing allowed for forms."""
+    return standardised(state.fitted.whole_residual, state.fitted.reference.whole_null.scale)

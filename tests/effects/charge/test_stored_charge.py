@@ -154,6 +154,26 @@ def test_brighter_fatter_reaches_the_neighbour_after_next(run_effect):
         assert covariance(inner, down, across) == pytest.approx(expected, abs=mean * ERRORS)
 
 
+@pytest.mark.parametrize("beyond", [0.0, 1.0])
+def test_a_full_well_turns_light_away_as_long_as_it_falls(run_effect, beyond):
+    """Ten wells of light in small steps: each is turned away by what the pixel holds by then."""
+    well, light, share = 10000.0, 100000.0, 1e-4
+    held, out = 0.0, 0.0
+    for _ in range(20000):
+        step = light / 20000
+        arrives = beyond if held >= well else 1.0
+        out += share / 1000 * min(held, well) * step * arrives
+        held += step
+    spot = torch.zeros(1, 1, 5, 5)
+    spot[0, 0, 2, 2] = light
+    image = run_effect(
+        "brighter_fatter", spot, known={"full_well_e": well}, share_per_ke=share, beyond=beyond
+    )
+    for row, column in ((1, 2), (3, 2), (2, 1), (2, 3)):
+        assert float(image[0, 0, row, column]) == pytest.approx(out, rel=2e-3)
+    assert float(image.sum()) == pytest.approx(light, rel=1e-6)
+
+
 def test_brighter_fatter_of_one_row(run_effect):
     """Nothing lies above or below: charge goes along the row alone, and is kept."""
     row = torch.tensor([[[[100.0, 9000.0, 200.0, 50.0]]]])

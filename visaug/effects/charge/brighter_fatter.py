@@ -11,10 +11,11 @@ LIMIT = 0.2  # below 1/4: a pixel cannot give its four neighbours more than it h
 class BrighterFatter(Effect):
     """Charge in a pixel pushes its walls outwards, so that charge on its way lands next door.
 
-    A pair of neighbours evens out by a share of its difference that grows with the pair's mean charge; all
-    charge is kept. In CCDs the neighbour after next takes part too, by `tail`. In a flat of mean mu, the neighbours alike and
-    no tail, the variance becomes mu [(1 - 4 a mu)^2 + 4 (a mu)^2] and
-    neighbours get the covariance 2 a mu^2 (1 - 4 a mu), where a is the share per electron.
+    A pair of neighbours evens out by a share of its difference that grows with the pair's mean charge: what a pixel holds
+    while light arrives turns some of it away. All charge is kept. In CCDs the neighbour after next takes part too, by
+    `tail`. In a flat of mean mu, the neighbours alike and no tail, the variance becomes
+    mu [(1 - 4 a mu)^2 + 4 (a mu)^2] and neighbours get the covariance 2 a mu^2 (1 - 4 a mu), where a is the share
+    per electron.
     """
 
     name = "brighter_fatter"
@@ -22,8 +23,8 @@ class BrighterFatter(Effect):
     order = 40
     summary = "Neighbours share charge, the more the more they hold."
     equation = (
-        "N_i <- N_i + sum over neighbours j of min(a (N_i + N_j) / 2, 0.2) (N_j - N_i), "
-        "and tail times the same over those after next"
+        "N_i <- N_i + sum over neighbours j of a (P_j - P_i), at most 0.2 |N_j - N_i|, and tail times the same over those after "
+        "next; P = N^2 / 2, beyond the full well W: W^2 / 2 + beyond W (N - W)"
     )
     source = "P. Antilogus et al., JINST 9 (2014) C03048; A. Guyonnet et al., A&A 575 (2015) A41"
     separates = "covariance in flats: this one grows with the square of the level, crosstalk's with the level"
@@ -45,22 +46,31 @@ class BrighterFatter(Effect):
         source="share that the neighbour after next takes, to the next one's; in CCDs 0.05 to 0.2",
     )
 
+    beyond = Parameter(
+        1.0,
+        high=10.0,
+        trials=(0.0,),
+        source="1: a full well turns away what still arrives as long as light falls; 0: overflow no longer pushes",
+    )
+
     def apply(self, signal, p, stream, context):
         share = p.share_per_ke / 1000
-        # what is above the full well is on its way elsewhere
-        held = torch.minimum(signal, context.full_well_e)
+        held, over = torch.minimum(signal, context.full_well_e), (signal - context.full_well_e).clamp_min(0)
+        push = held**2 / 2 + p.beyond * held * over  # integral of what is held over what arrives
+        gained = torch.zeros_like(signal)
         for axis, strength in ((-1, share), (-2, p.aspect * share)):
             for apart, part in ((1, 1.0), (2, p.tail)):
-                signal = signal + part * _gained(held, strength, apart, axis)
-        return signal
+                gained = gained + part * _gained(signal, strength * push, apart, axis)
+        return signal + gained
 
 
-def _gained(held, share, apart, axis):
+def _gained(signal, push, apart, axis):
     """What each pixel gains from the two that lie so many pixels apart along an axis."""
-    length = held.shape[axis] - apart
+    length = signal.shape[axis] - apart
     if length <= 0:
-        return torch.zeros_like(held)
-    near, far = held.narrow(axis, 0, length), held.narrow(axis, apart, length)
-    flow = (share * (near + far) / 2).clamp_max(LIMIT) * (far - near)
+        return torch.zeros_like(signal)
+    most = LIMIT * signal.narrow(axis, apart, length).sub(signal.narrow(axis, 0, length)).abs()
+    flow = push.narrow(axis, apart, length) - push.narrow(axis, 0, length)
+    flow = torch.minimum(torch.maximum(flow, -most), most)
     padded = F.pad(flow, (apart, apart) if axis == -1 else (0, 0, apart, apart))
-    return padded.narrow(axis, apart, held.shape[axis]) - padded.narrow(axis, 0, held.shape[axis])
+    return padded.narrow(axis, apart, signal.shape[axis]) - padded.narrow(axis, 0, signal.shape[axis])
