@@ -8,7 +8,7 @@ import numpy as np
 from visaug.comparison import Laboratory
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.fit import p_value, standardised
-from visaug.diagnosis.rank import Metric, Signatures, law
+from visaug.diagnosis.rank import Metric, Signatures, each_half
 
 SOMEWHERE = 3.0  # times as unlikely must one large residual be as a match, to count as much: what no effect matches is seldom faint
 
@@ -71,17 +71,15 @@ def chance(lab: Laboratory, signed: Signatures, state: State) -> Chance:
     """Of the mean signatures of all effects that are not accepted yet, their form as it is."""
     reference = state.fitted.reference
     null = reference.whole_null
-    sets = (null.residuals[::2], null.residuals[1::2])
-    metrics = [law(null, state.whole_allowance, sets=half) for half in sets]
-    halves = [
+    judged = [
         Half(m, m.white(state.fitted.whole_residual), m.white(others))
-        for m, others in zip(metrics, reversed(sets), strict=True)
+        for m, others in each_half(null, state.whole_allowance)
     ]
     chosen = [i for i, trial in enumerate(signed.trials) if trial.effect not in state.accepted]
     shapes = lab.whole_of(signed.values[chosen])
     seen = np.sqrt((standardised(shapes, null.scale) ** 2).sum(1)) > 0.5
     largest = float(np.abs(state.whole_z).max())
-    return Chance(halves, *_matches(halves, shapes[seen]), largest, reference.largest)
+    return Chance(judged, *_matches(judged, shapes[seen]), largest, reference.largest)
 
 
 def _ranks(value: float, null: np.ndarray) -> np.ndarray:

@@ -107,16 +107,20 @@ def law(
     return Metric(used, scale, covariance)
 
 
+def each_half(null: Null, left: np.ndarray) -> list[tuple[Metric, np.ndarray]]:
+    """The law of each half of the simulated sets, with the residuals of the other half, which it may judge: not its own."""
+    first, second = null.residuals[::2], null.residuals[1::2]
+    return [(law(null, left, sets=first), second), (law(null, left, sets=second), first)]
+
+
 def scatter(null: Null, left: np.ndarray, ways: np.ndarray) -> np.ndarray:
     """(n,) variance along ways (n, statistics) of simulated sets, in units of what `law` says; at least 1.
 
     A covariance of many statistics from few sets is too small along some ways, and what matches along them by chance gains as much
-    more: that is taken off. Each half of the sets is judged by the law of the other half; its own would hide it.
+    more: that is taken off.
     """
-    halves = (null.residuals[::2], null.residuals[1::2])
     found = np.zeros(len(ways))
-    for own, others in (halves, halves[::-1]):
-        m = law(null, left, sets=own)
+    for m, others in each_half(null, left):
         white = m.white(ways)
         squares = (white**2).sum(1)
         along = ((m.white(others) @ white.T) ** 2).mean(0)

@@ -36,6 +36,7 @@ from visaug.diagnosis.residue import describe
 from visaug.diagnosis.result import Diagnosis, Step
 from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
+from visaug.fingerprint import Statistic
 from visaug.frames import FrameSet
 
 SETS = 200  # simulated sets of the camera file
@@ -135,9 +136,9 @@ class _Search:
         excess = bool(state.accepted) or (significant and is_clear(self.steps[-1].error))
         residue = None
         if missing and self._is_worth_telling(state):
-            residue = describe(self.lab.measured[2].statistics, state.whole_z, nearest)
+            residue = describe(self._of_all, state.whole_z, nearest)
         elif self._is_far_off(state):
-            residue = describe(self.lab.measured[2].statistics, _plain_z(state))
+            residue = describe(self._of_all, _plain_z(state))
         return Diagnosis(
             camera=state.fitted.camera,
             accepted=state.accepted,
@@ -155,6 +156,11 @@ class _Search:
             form=self._form(state),
             cannot_show=self._cannot_show(first),
         )
+
+    @property
+    def _of_all(self) -> tuple[Statistic, ...]:
+        """Statistics of all frames together."""
+        return self.lab.measured[2].statistics
 
     def _reference(self) -> Reference:
         coordinates = base_coordinates(self.given, self.lab.frames, self.calibrated)
@@ -348,7 +354,7 @@ class _Search:
         if float(plain.max()) <= np.quantile(state.fitted.reference.largest, 1 - SIGNIFICANT):
             return None
         i = int(plain.argmax())
-        s = self.lab.measured[2].statistics[i]
+        s = self._of_all[i]
         return (
             f"What is left belongs to the form of {' and '.join(state.accepted)}, which is not quite the catalogue's: "
             f"most of all {s.name} of {s.frames} ({s.view.replace('_', ' ')}), {plain[i]:.1f} standard deviations off."
