@@ -40,6 +40,10 @@ EFFECTS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
+# getframes moves this charge before it clips at the full well: a spot of twelve full wells would leave trails that no well holds
+BELOW_THE_WELL = ("charge_transfer_inefficiency", "interpixel_crosstalk")
+
+
 def sensor_of(camera: int) -> Sensor:
     """One of the ten with what getframes has: PRNU and offsets of pixels, Gaussian read noise."""
     s = cameras.sensor(camera)
@@ -105,7 +109,9 @@ def write_sets(seed: int, camera: int, wanted: set[str] | None, folder: Path, an
     for recipe, told in recipes(seed, camera):
         if wanted and not wanted & set(recipe.expect):
             continue
-        frames = taken(sensor, plan, targets, configuration(sensor, seed, **told), seed)
-        write_taken(recipe, frames, plan, targets, sensor, folder, answers)
+        most = 0.9 * sensor.well_e / sensor.efficiency if set(recipe.expect) & set(BELOW_THE_WELL) else np.inf
+        lit = {name: np.minimum(target, most) for name, target in targets.items()}
+        frames = taken(sensor, plan, lit, configuration(sensor, seed, **told), seed)
+        write_taken(recipe, frames, plan, lit, sensor, folder, answers)
         made += 1
     return made
