@@ -354,6 +354,27 @@ def test_trials_of_a_kind_have_the_same_free_numbers(stated):
     assert all(one == alike[0] for alike in kinds.values() for one in alike)
 
 
+def test_what_only_one_of_two_moves_is_no_matter_of_form():
+    """A blur of the light in place of crosstalk: all edges come back, and the noise, which it leaves, stays correlated a little."""
+
+    def rival(left: np.ndarray, gain: float):
+        return SimpleNamespace(gain=gain), SimpleNamespace(fitted=SimpleNamespace(residual=left))
+
+    edges, noise = np.full(6, 100.0), np.full(30, 2.2)
+    reference = SimpleNamespace(null_scale=np.ones(36))
+
+    def alike(noise_before: np.ndarray, noise_left: np.ndarray) -> bool:
+        state = SimpleNamespace(
+            fitted=SimpleNamespace(reference=reference, residual=np.append(edges, noise_before))
+        )
+        first, other = rival(np.zeros(36), 1000.0), rival(np.append(np.ones(6), noise_left), 950.0)
+        return naming._is_alike(state, first, other)  # type: ignore[arg-type]
+
+    assert not alike(noise, noise)
+    assert alike(noise, 0.3 * noise)  # it moves them too, in a form of its own
+    assert alike(0.1 * noise, 0.1 * noise)
+
+
 def test_between_two_widths_the_one_whose_moves_are_as_large_as_what_is_left(stated):
     """What a blur moves grows as the fourth power of its width or faster; 0.2 and 0.6 px are both far off 0.47."""
     a, b = (stated.with_effect("point_spread", sigma_px=sigma) for sigma in (0.2, 0.6))

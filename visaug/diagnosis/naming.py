@@ -34,6 +34,7 @@ CLOSE = 6.0  # log likelihood within which candidates are rivals,
 CLOSE_SHARE = 0.25  # or this share of the best gain
 RIVALS = 3  # so many of them are simulated in full
 ALIKE = 0.15  # share of the best gain within which the simpler of two that say the same is taken
+UNMOVED = 0.3  # of what the first moves in a statistic, below which the other does not move it
 EXACT = 0.03  # what a form may leave over where rivals are compared
 
 
@@ -171,10 +172,17 @@ def decided(state: State, simulated: Sequence[tuple[Refined, State]]) -> list[tu
 
 
 def _is_alike(state: State, first: tuple[Refined, State], other: tuple[Refined, State]) -> bool:
-    """Whether two rivals say the same of the frames, to less than forms differ: a flare without its ghost is a veil."""
+    """Whether two rivals say the same of the frames, to less than forms differ: a flare without its ghost is a veil.
+
+    What the other does not move at all is no matter of form: crosstalk blurs the noise too, which a blur of the light leaves.
+    """
     if other[0].gain < first[0].gain - max(CLOSE, ALIKE * abs(first[0].gain)):
         return False
     scale = state.fitted.reference.null_scale
+    before = standardised(state.fitted.residual, scale)
     left = [standardised(after.fitted.residual, scale) for _, after in (first, other)]
-    moved = standardised(state.fitted.residual, scale) - left[0]
-    return float(np.linalg.norm(left[1] - left[0])) < FINE * float(np.linalg.norm(moved))
+    moved = [np.abs(before - z) for z in left]
+    alone = moved[1] < UNMOVED * moved[0]
+    told = 0.5 * float((left[1][alone] ** 2 - left[0][alone] ** 2).sum())
+    alike = float(np.linalg.norm(left[1] - left[0])) < FINE * float(np.linalg.norm(moved[0]))
+    return alike and told < CLOSE
