@@ -385,3 +385,18 @@ def test_between_two_widths_the_one_whose_moves_are_as_large_as_what_is_left(sta
 
     found = rank._balanced(a, b, wanted(a), wanted(b), ["point_spread.sigma_px"], wanted)
     assert found.values()["point_spread.sigma_px"] == pytest.approx(0.47, rel=0.01)
+
+
+def test_a_width_between_one_that_moves_nothing_and_one_that_moves_far_too_much(stated):
+    """0.04 px of blur is nothing at all, 0.2 px a hundredfold of what 0.13 px is."""
+    pattern = np.array([8.0, -3.0, 1.0])
+
+    def finding(jobs) -> np.ndarray:
+        sigma = [camera.values().get("point_spread.sigma_px", 0.0) for camera, _ in jobs]
+        return np.array([(s / 0.13) ** 10 * pattern * (s > 0.05) for s in sigma])
+
+    reference = SimpleNamespace(null_scale=np.ones(3), coordinates=())
+    fitted = SimpleNamespace(reference=reference, camera=stated, z=pattern)
+    beside = [Trial("point_spread", (("point_spread.sigma_px", sigma),)) for sigma in (0.04, 0.2, 0.6)]
+    starts = rank._among(SimpleNamespace(finding=finding), fitted, beside)  # type: ignore[arg-type]
+    assert starts[-1].values()["point_spread.sigma_px"] == pytest.approx(0.13, rel=0.05)

@@ -359,6 +359,8 @@ def _match(
 
 ALMOST = 0.8  # of the gain of an effect's best trial
 SCALED_FAR = 3.0  # times that a signature wants to be multiplied: neither a level nor a variance, perhaps
+MOST = 1e3  # times that moves want to be multiplied, or divided; more says nothing
+NOTHING = 1e-6  # standard deviations: a blur of 0.04 px moves nothing that can be multiplied
 BALANCED = 6  # simulated strengths until the one is found whose moves are as large as what is left
 STALLED = 0.5  # gain in log likelihood below which an iteration is said to bring nothing
 NEAR = 3.0  # steps within which the derivatives of a camera's own numbers hold
@@ -474,10 +476,11 @@ def _among(lab: Laboratory, fitted: Fitted, beside: Sequence[Trial]) -> list[Cam
     base = lab.finding([(fitted.camera, k) for k in range(FEW)])
 
     def wanted(camera: Camera) -> float:
-        """The logarithm of the factor by which its moves want to be multiplied."""
+        """The logarithm of the factor by which its moves want to be multiplied; the largest where it moves nothing."""
         moves = cleared(lab.finding([(camera, k) for k in range(FEW)]) - base, scale)
         z = standardised(moves, scale)
-        return float(np.log(max(z @ fitted.z / max(z @ z, 1e-12), 1e-3)))
+        factor = z @ fitted.z / (z @ z) if np.any(np.abs(z) > NOTHING) else MOST
+        return float(np.log(np.clip(factor, 1 / MOST, MOST)))
 
     effect = catalogue()[beside[0].effect]
     keys = [f"{effect.name}.{key}" for key in effect.strengths()]
