@@ -47,6 +47,7 @@ TRACE = 0.03  # error beside an accepted effect that is a finding, if it is sure
 BENT = (
     5.0  # standard deviations by which a fit took the camera from what its file says, to try again from there
 )
+STANDS_OUT = 30.0  # standard deviations from which what is left is worth another start
 MUCH = 0.1  # error beside an accepted effect that is a finding, if it may be so much; and if it surely is, though the camera holds
 
 
@@ -232,6 +233,8 @@ class _Search:
         standings = self.ranking.standings()
         accepted: list[_Accepted] = []
         for fitted in self._starts(state):
+            if accepted and fitted is self._unfitted and not self._is_bent(state):
+                break
             found = candidates(self.lab, self.signs + self._seen, fitted, state, self.without, self.report)
             if not found:
                 continue
@@ -272,11 +275,22 @@ class _Search:
     def _starts(self, state: State) -> list[Fitted]:
         """Cameras from which effects are tried: the refitted one; where that lies far off, first the one given.
 
-        A strong effect bends the fit until the effect's own signature is no longer recognised there.
+        A strong effect bends the fit until the effect's own signature is no longer recognised there. Where it stands far out all
+        the same, a full well may be off from where no climb leads: the camera given is tried too if nothing else is accepted.
         """
-        if state.accepted or not is_far(self.first, state.fitted.camera, 0.5 * FAR):
+        if state.accepted:
             return [state.fitted]
-        return [Fitted.unfitted(self.lab, self.first), state.fitted]
+        if self._is_bent(state):
+            return [self._unfitted, state.fitted]
+        stands_out = float(np.abs(state.z).max()) > STANDS_OUT
+        return [state.fitted, self._unfitted] if stands_out else [state.fitted]
+
+    @cached_property
+    def _unfitted(self) -> Fitted:
+        return Fitted.unfitted(self.lab, self.first)
+
+    def _is_bent(self, state: State) -> bool:
+        return is_far(self.first, state.fitted.camera, 0.5 * FAR)
 
     def _with(self, state: State, candidate: Refined) -> State:
         """The state with a candidate added: simulated, refitted."""
