@@ -261,9 +261,8 @@ def adjust(
     if slopes.shape[1] == 0:
         return np.zeros((len(residuals), 0))
     used = scale > 0
-    design = (
-        slopes[used] / scale[used, None] * priors
-    )  # in units of the priors: none but equal units can be compared
+    # in units of the priors: none but equal units can be compared
+    design = slopes[used] / scale[used, None] * priors
     z = residuals[:, used] / scale[used]
     ridge = np.eye(len(priors))
     steps = np.zeros((len(z), design.shape[1]))

@@ -233,8 +233,8 @@ class _Search:
         standings = self.ranking.standings()
         accepted: list[_Accepted] = []
         for fitted in self._starts(state):
-            if accepted and fitted is self._unfitted and not self._is_bent(state):
-                break
+            if accepted and fitted is self._unfitted:
+                break  # it comes last where it is there for want of anything else
             found = candidates(self.lab, self.signs + self._seen, fitted, state, self.without, self.report)
             if not found:
                 continue
@@ -280,7 +280,7 @@ class _Search:
         """
         if state.accepted:
             return [state.fitted]
-        if self._is_bent(state):
+        if is_far(self.first, state.fitted.camera, 0.5 * FAR):
             return [self._unfitted, state.fitted]
         stands_out = float(np.abs(state.z).max()) > STANDS_OUT
         return [state.fitted, self._unfitted] if stands_out else [state.fitted]
@@ -288,9 +288,6 @@ class _Search:
     @cached_property
     def _unfitted(self) -> Fitted:
         return Fitted.unfitted(self.lab, self.first)
-
-    def _is_bent(self, state: State) -> bool:
-        return is_far(self.first, state.fitted.camera, 0.5 * FAR)
 
     def _with(self, state: State, candidate: Refined) -> State:
         """The state with a candidate added: simulated, refitted."""

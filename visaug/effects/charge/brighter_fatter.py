@@ -37,7 +37,6 @@ class BrighterFatter(Effect):
         source="variance of thick CCDs falls by 20 % at 100 000 e-; more in small pixels",
     )
     aspect = Parameter(1.0, high=10.0, trials=(1.0, 2.5), source="vertical to horizontal; in CCDs 2 to 3")
-
     tail = Parameter(
         0.0,
         unit="fraction",
@@ -45,7 +44,6 @@ class BrighterFatter(Effect):
         trials=(0.2,),
         source="share that the neighbour after next takes, to the next one's; in CCDs 0.05 to 0.2",
     )
-
     beyond = Parameter(
         1.0,
         high=10.0,

@@ -20,7 +20,6 @@ class ClockInducedCharge(Effect):
     mean_e = Parameter(
         0.5, unit="e-", high=1e4, strength=True, trials=(1.0, 4.0), source="0.002 (EMCCD) to some e- a frame"
     )
-
     gradient = Parameter(
         0.0,
         low=-1.0,
