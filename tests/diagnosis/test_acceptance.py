@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from visaug.comparison import Error
-from visaug.diagnosis.acceptance import State, brings_back, explains, improves
+from visaug.diagnosis.acceptance import State, acts_elsewhere, brings_back, explains, improves
 
 
 def at(value: float, half: float = 0.01) -> Error:
@@ -51,6 +51,13 @@ def test_a_faint_effect_is_hidden_by_the_noise_of_the_rest():
     assert not improves(after, before, True, beyond_chance=True)
 
 
+def test_an_error_that_cannot_show_an_effect_may_rise_by_a_little_of_its_noise():
+    before, after = (at(0.003, 0.1), at(-0.02, 0.1)), (at(0.005, 0.1), at(-0.01, 0.1))
+    assert improves(before, after, True, beyond_chance=True)
+    assert not improves(before, after, True)
+    assert not improves(before, (at(0.005, 0.1), at(0.02, 0.1)), True, beyond_chance=True)
+
+
 def test_an_error_that_is_noise_alone_has_no_say():
     before, after = (at(-12.0, 14.0), None), (at(-7.0, 7.0), None)
     assert improves(before, after, True, beyond_chance=True)
@@ -69,7 +76,7 @@ def test_an_explanation_after_which_nothing_can_be_said_of_a_clear_error_is_none
 def test_what_no_form_could_leave_over_is_reason_for_a_second_name():
     before, after = (at(0.0018), at(0.0009)), (at(-0.001), at(-0.0005))
     assert not improves(before, after, False, beyond_chance=True)
-    assert improves(before, after, False, beyond_chance=True, brought_back=True)
+    assert improves(before, after, False, beyond_chance=True, has_a_case=True)
     assert brings_back(state([15.0, 2.0]), state([3.0, 2.0]))
     assert not brings_back(state([7.0, 2.0]), state([0.0, 0.0]))
     assert not brings_back(state([15.0, 2.0]), state([5.0, 0.0]))
@@ -172,3 +179,17 @@ def test_a_single_number_among_many_is_a_coincidence():
     many = [30.0] * 20
     assert not accepted([140, *many], [0, *many], [140, *[0] * 20])
     assert accepted([140, 20, 20, *many], [0, 0, 0, *many], [140, 20, 20, *[0] * 20])
+
+
+def test_a_second_effect_that_moves_what_the_first_leaves_alone_has_a_case():
+    first = State(
+        state([0.0, 4.0, 4.0]).fitted,
+        ("bit_truncation",),
+        np.array([50.0, 0.0, 0.0]),
+        np.array([50.0, 0.0, 0.0]),
+    )
+    assert acts_elsewhere(first, state([0.0, 0.0, 0.0], np.array([1.0, 4.0, 4.0])))
+    assert acts_elsewhere(
+        first, state([0.0, 0.0, 0.0], np.array([20.0, 4.0, 4.0]))
+    )  # its share of a form's fifty is nothing
+    assert not acts_elsewhere(first, state([0.0, 4.0, 4.0], np.array([60.0, 0.3, 0.0])))

@@ -16,6 +16,7 @@ REMAINING = 0.98  # share of the error that an accepted effect may leave; anothe
 SHARE = 0.01  # error that a further effect must take away,
 LITTLE, NEARLY_ALL = 0.002, 0.75  # or, where more than so little is left, this share of it
 WIDE = 3.0  # an interval of the error that says nothing
+NOISE = 0.1  # of its interval, by which an error may rise that cannot show a faint effect
 OFF = 4.0  # standard deviations from which a statistic counts as moved, or as off
 STANDS_OUT = 8.0  # standard deviations that no form of an accepted effect leaves over
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
@@ -27,6 +28,7 @@ UNDONE = 0.05  # if all such are more than so much of all that it is seen in: no
 NEARER = 0.6  # share of the same statistics whose mean must not go further off, however wide the effect's own spread,
 FURTHER = 1.2  # by more than this factor
 MEAN = 0.2  # standard deviations of that spread to which the mean of a hundred simulated sets is known
+ELSEWHERE = 0.8  # share of an effect's moves, squared, that lies where no form of the effects before it leaves as much as noise
 
 
 @dataclass(frozen=True)
@@ -156,21 +158,29 @@ def brings_back(before: State, after: State) -> bool:
     return bool(np.any((np.abs(before.z) > STANDS_OUT) & (np.abs(after.z) < OFF)))
 
 
+def acts_elsewhere(before: State, after: State) -> bool:
+    """Whether a further effect moves what the effects before it leave alone, so that it cannot mop up what their forms leave."""
+    moves = before.fitted.residual - after.fitted.residual if after.moves is None else after.moves
+    form = standardised(before.allowance, before.fitted.reference.null_scale)
+    squares = _beyond_the_camera(before.fitted, moves) ** 2 / (1 + form**2)
+    return bool(squares[form < 1].sum() > ELSEWHERE * squares.sum())
+
+
 def improves(
     before: tuple[Error | None, Error | None],
     after: tuple[Error | None, Error | None],
     first: bool,
     beyond_chance: bool = False,
-    brought_back: bool = False,
+    has_a_case: bool = False,
 ) -> bool:
     """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
 
     The error is a mean over all that was measured, so the noise of the rest hides what a faint effect takes away in a few
-    statistics: then it must fall, and what is taken away be beyond chance. Where that noise is as large as the whole excess, the
-    error says nothing, and chance alone decides.
+    statistics: then what is taken away must be beyond chance, and the error not rise by more than a tenth of its noise. Where that
+    noise is as large as the whole excess, the error says nothing, and chance alone decides.
 
-    A further effect must take a share of the first excess, or nearly all that is left beside a very strong one, or bring
-    back what no form of the effects before it could leave over: what a form does leave is not mopped up by another name.
+    A further effect must take a share of the first excess, or nearly all that is left beside a very strong one, or have a case
+    of its own (`has_a_case`): what the form of an effect before it leaves is not mopped up by another name.
     A first effect whose own spread covers what it explains has no error to lower; a second one then has no case. Where the excess
     was clear and nothing can be said of the error any more, the spread is that of another effect.
 
@@ -178,7 +188,7 @@ def improves(
         before, after: errors on the frames that find and on those that confirm.
         first: whether it is the first effect.
         beyond_chance: whether what the effect takes away is more than any effect takes away by chance.
-        brought_back: see `brings_back`.
+        has_a_case: whether it brings back what no form of the effects before it could leave over, or acts elsewhere beyond chance.
     """
     (found_before, confirmed_before), (found, confirmed) = before, after
     if found is None or found_before is None:
@@ -190,12 +200,17 @@ def improves(
     if not first:
         taken = found_before.value - found.value
         all_that_is_left = found_before.value > LITTLE and taken > NEARLY_ALL * found_before.value
-        if taken < SHARE and not all_that_is_left and not brought_back:
+        if taken < SHARE and not all_that_is_left and not has_a_case:
             return False
-    if found.value > REMAINING * found_before.value:
+    if found.value > REMAINING * found_before.value + _noise(found, beyond_chance):
         return False
     if found.high >= found_before.value and not beyond_chance:
         return False
     if confirmed is None or confirmed_before is None or not is_clear(confirmed):
         return True  # too few frames, or an effect whose spread covers them, to object
-    return confirmed.value < confirmed_before.value
+    return confirmed.value < confirmed_before.value + _noise(confirmed, beyond_chance)
+
+
+def _noise(error: Error, beyond_chance: bool) -> float:
+    """By how much an error may rise by chance where what is explained cannot be chance."""
+    return NOISE * (error.high - error.low) if beyond_chance else 0.0

@@ -72,18 +72,21 @@ def first_matches(
     """All trials, best first, and of every effect that is worth refining its best one.
 
     With a form left open, what moves one statistic alone can gain little, however far that is off: so the trial that gains
-    most by its exact form is among them. Not where something stands so far out that every form would be wrong, nor one that
-    brings a spread of its own, which covers anything. What was seen in the frames and cannot be scaled is among them whatever
-    it gains: its signature comes from the camera as given, and need not hold where the refit has gone.
+    most by its exact form is among them, but none that brings a spread of its own, which covers anything. Where something stands
+    so far out that every exact form would be wrong, the one that gains most by what refining leaves open is. What was seen in the
+    frames is the best of a hundred and has no such claim; but if it cannot be scaled it is among them whatever it gains: its
+    signature comes from the camera as given, and need not hold where the refit has gone.
     """
     tried = matches(signs, fitted, without, allowance)
     best = best_of_each(tried)
     chosen = [m for m in best if m.gain > max(2.0, 0.25 * best[0].gain)][:TRIED]
-    if np.abs(fitted.z).max() < FAR_OUT:
-        exact = matches(signs, fitted, without, allowance, form=0.0)
-        sure = next((m for m in exact if m.gain > LEAST_GAIN and not m.variance.any()), None)
-        if sure and sure.trial.effect not in [m.trial.effect for m in chosen]:
-            chosen.append(sure)
+    far_out = np.abs(fitted.z).max() > FAR_OUT
+    exact = matches(signs, fitted, without, allowance, form=FINE if far_out else 0.0)
+    claim = [
+        m for m in exact if m.gain > LEAST_GAIN and (far_out or not m.variance.any()) and not m.trial.looked
+    ]
+    if claim and claim[0].trial.effect not in [m.trial.effect for m in chosen]:
+        chosen.append(claim[0])
     chosen += [m for m in tried if m.trial.looked and m.trial.is_fixed and m not in chosen]
     return tried, chosen
 

@@ -12,7 +12,7 @@ from visaug.cluster import connected
 from visaug.comparison import Laboratory, is_clear, places
 from visaug.comparison.spread import by_ray
 from visaug.diagnosis import cache
-from visaug.diagnosis.acceptance import State, brings_back, explains, improves
+from visaug.diagnosis.acceptance import State, acts_elsewhere, brings_back, explains, improves
 from visaug.diagnosis.candidates import Trial, looked, trials
 from visaug.diagnosis.chance import Chance, chance
 from visaug.diagnosis.errors import Errors
@@ -43,6 +43,7 @@ SETS = 200  # simulated sets of the camera file
 SETS_AFTER = 120  # of a camera with an effect added
 MOST = 4  # effects that are added one after the other
 DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
+SURE = 10.0  # in log likelihood: what a further effect must gain that lowers no error
 TRACE = 0.03  # error beside an accepted effect that is a finding, if it is surely so much
 BENT = (
     5.0  # standard deviations by which a fit took the camera from what its file says, to try again from there
@@ -267,7 +268,9 @@ class _Search:
         for place, (r, after) in enumerate(ordered):
             if r.gain < ordered[0][0].gain - DECISIVE:
                 break
-            if explains(self.lab.statistics, state, after) and self._improves(state, after, by_chance):
+            if explains(self.lab.statistics, state, after) and self._improves(
+                state, after, r.gain, by_chance
+            ):
                 standing = [other for other, _ in ordered[place:]]  # those before it were refused
                 return _Accepted(r, after, standing, found[len(close) :])
         return None
@@ -335,14 +338,16 @@ class _Search:
         near = make_reference(self.lab, fitted.camera, fitted.reference.coordinates, SETS_AFTER, self.report)
         return refit(self.lab, near, self.report)
 
-    def _improves(self, before: State, after: State, by_chance: Chance) -> bool:
+    def _improves(self, before: State, after: State, gain: float, by_chance: Chance) -> bool:
         both = ((before.fitted, after.fitted), (after.fitted, before.fitted))
         pairs = [(self.errors.found(x, y), self.errors.confirmed(x, y)) for x, y in both]
         # by the refit, where the camera's own numbers follow the effect far; by the effect itself, where they hide it
         taken = [before.fitted.whole_residual - after.fitted.whole_residual]
         taken += [] if after.moves is None else [self.lab.whole_of(after.moves)]
         beyond = any(by_chance.p_value_of(way) <= SIGNIFICANT for way in taken)
-        return improves(pairs[0], pairs[1], not before.accepted, beyond, brings_back(before, after))
+        stands_alone = beyond and gain > SURE and acts_elsewhere(before, after)
+        has_a_case = brings_back(before, after) or stands_alone
+        return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case)
 
     def _is_worth_telling(self, state: State) -> bool:
         """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding."""
