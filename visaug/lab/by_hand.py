@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.comparison import Distance, Error, Laboratory, Place, is_clear, places
+from visaug.comparison import Distance, Error, Laboratory, Place, places
 from visaug.diagnosis import Estimate, cache
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import looked, trials
+from visaug.diagnosis.errors import Errors
 from visaug.diagnosis.fit import Fitted, Reference, Report, is_far, make_reference, refit
 from visaug.diagnosis.naming import SIGNIFICANT, from_other_starts
 from visaug.diagnosis.parameters import base_coordinates
@@ -27,7 +28,7 @@ class Fit:
     """A refitted camera and how far it is from the frames.
 
     Attributes:
-        error: on the frames that confirm; None where the camera file as given has no excess over chance.
+        error: as `visaug.diagnose` tells it; None where the camera file as given has no excess over chance.
         p_value: of the largest residual, against that of the camera's own simulated sets.
         places: views by their share of what is left.
         parameters: of the effects that were added, by effect and name.
@@ -78,7 +79,7 @@ class ByHand:
         )
         return Fit(
             fitted.camera,
-            self._error(fitted, plain.fitted, self._reference((), report)),
+            Errors(self.lab, self._reference((), report), plain.fitted).told(fitted),
             state.p_value,
             places(left, self.lab.statistics, state.z),
             {
@@ -162,20 +163,3 @@ class ByHand:
             arrays = cache.kept(cache.key(self.lab, camera, "reference", sets), make)
             self._references[without] = Reference.from_arrays(camera, coordinates, arrays)
         return self._references[without]
-
-    def _error(self, fitted: Fitted, plain: Fitted, first: Reference) -> Error | None:
-        """On the frames that confirm; where these are too few to show the excess clearly, on those that find."""
-        find, confirm, _ = self.lab.measured
-
-        def found(x: Fitted) -> Error | None:
-            distance = Distance(find.statistics, find.values, first.find.sets, first.find.least)
-            return distance.error(x.reference.sets, x.residual)
-
-        def confirmed(x: Fitted) -> Error | None:
-            if not len(confirm.values):
-                return None
-            distance = Distance(confirm.statistics, confirm.values, first.confirm.sets, first.confirm.least)
-            return distance.error(x.reference.confirm.sets, x.confirm_residual)
-
-        confirms = is_clear(confirmed(plain)) or not is_clear(found(plain))
-        return (confirmed(fitted) if confirms else None) or found(fitted)
