@@ -17,6 +17,7 @@ SHARE = 0.01  # error that a further effect must take away,
 LITTLE, NEARLY_ALL = 0.002, 0.75  # or, where more than so little is left, this share of it
 WIDE = 3.0  # an interval of the error that says nothing
 NOISE = 0.1  # of its interval, by which an error may rise that cannot show a faint effect
+BY_CHANCE = 5.0  # standard deviations that one of many hundred statistics may be off
 OFF = 4.0  # standard deviations from which a statistic counts as moved, or as off
 STANDS_OUT = 8.0  # standard deviations that no form of an accepted effect leaves over
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
@@ -139,7 +140,7 @@ def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
     off, left = (float(state.z @ along) / max(length, 1e-9) for state in (before, after))
     worst = int(np.abs(before.z).argmax())
     if off > FAINT:
-        gone = abs(after.z[worst]) <= max(OFF, 0.3 * abs(before.z[worst]))
+        gone = abs(after.z[worst]) <= max(BY_CHANCE, 0.3 * abs(before.z[worst]))
         return bool(gone and abs(left) < 0.5 * off)
     return bool(after.fitted.reference.null_scale[worst] > 1.3 * scale[worst])
 

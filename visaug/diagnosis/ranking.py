@@ -68,6 +68,12 @@ class Ranking:
             error_after=None if error is None else error.value,
         )
 
+    def rename(self, effect: str, rival: str) -> None:
+        """Gives a rival the standing of the effect whose place it takes."""
+        one, other = self._ranked[effect], self._ranked[rival]
+        self._ranked[rival] = replace(other, probability=one.probability)
+        self._ranked[effect] = replace(one, probability=other.probability)
+
     def note_ambiguous(self, refined: Sequence[Refined], report: Report) -> None:
         """Those that these frames cannot tell from the best, and the measurement that would."""
         close = [r.effect for r in refined if refined[0].gain - r.gain < ALIKE]

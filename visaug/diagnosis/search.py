@@ -28,7 +28,7 @@ from visaug.diagnosis.fit import (
     refit,
     standardised,
 )
-from visaug.diagnosis.naming import SIGNIFICANT, candidates, decided, rivals
+from visaug.diagnosis.naming import CLOSE_SHARE, SIGNIFICANT, candidates, decided, rivals
 from visaug.diagnosis.parameters import base_coordinates, moved
 from visaug.diagnosis.rank import Refined, Signatures, cleared, signatures
 from visaug.diagnosis.ranking import Ranking
@@ -92,11 +92,11 @@ def diagnose(
 
 @dataclass(frozen=True)
 class _Accepted:
-    """An effect that was accepted, the state with it, and what stood beside and behind it."""
+    """An effect that was accepted, the state with it, and what stood beside (simulated too) and behind it."""
 
     refined: Refined
     state: State
-    standing: list[Refined]
+    standing: list[tuple[Refined, State]]
     others: list[Refined]
 
 
@@ -111,6 +111,9 @@ class _Search:
                 expected="at least 4 under some conditions",
             )
         self.steps: list[Step] = []
+        self.stood: list[
+            list[tuple[Refined, State]]
+        ] = []  # of every step, the effect accepted and its rivals
 
     def run(self) -> Diagnosis:
         first = self.first = self._reference()
@@ -119,7 +122,7 @@ class _Search:
         self.errors = Errors(self.lab, first, fitted)
         self.ranking = Ranking(self.errors.distance)
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
-        state = State.plain(fitted)
+        state = refitted = State.plain(fitted)
         by_chance = chance(self.lab, self.signs, state)
         p_before = by_chance.p_value
         self._step("refit", state)
@@ -129,8 +132,8 @@ class _Search:
             found, nearest = self._add(state, by_chance)
             if found is None:
                 break
-            state = found
-            self._step(f"add {state.accepted[-1]}", state)
+            self._step(f"add {found.accepted[-1]}", found)
+            state = self._reconsidered(refitted, found)
             by_chance = chance(self.lab, self.signs, state)
             p_after = by_chance.p_value
         missing = bool(p_after <= SIGNIFICANT)
@@ -253,13 +256,56 @@ class _Search:
             return None, nearest
         best = decided(state, [(one.refined, one.state) for one in accepted])[0][1]
         chosen = next(one for one in accepted if one.state is best)
+        standing = [r for r, _ in chosen.standing]
         self.ranking.restore(standings)
-        self.ranking.rank(state, chosen.standing + chosen.others)
+        self.ranking.rank(state, standing + chosen.others)
         self.ranking.accept(
             best, chosen.refined.effect, self.steps[-1].error and self.errors.told(best.fitted)
         )
-        self.ranking.note_ambiguous(chosen.standing, self.report)
+        self.ranking.note_ambiguous(standing, self.report)
+        self.stood.append(chosen.standing)
         return best, None
+
+    def _reconsidered(self, plain: State, state: State) -> State:
+        """The state with a rival in the place of the effect before the last, where beside the last it says more, or is simpler.
+
+        While another effect is not there yet a wrong name can fit better: a ghost took what a charge transfer left of a veil.
+        """
+        if len(state.accepted) < 2:
+            return state
+        (own, _), *others = self.stood[-2]
+        for rival, alone in others:
+            far_behind = rival.gain < (1 - CLOSE_SHARE) * own.gain
+            is_base = any(catalogue()[r.effect].base for r in (own, rival))
+            if rival.effect in state.accepted or far_behind or is_base:
+                continue
+            swapped = self._swapped(state, own, rival)
+            (best, _), _ = decided(plain, [(own, state), (rival, swapped)])
+            if best.effect == rival.effect:
+                self.steps[-2:] = []
+                self._step(f"add {rival.effect}", alone)
+                self._step(f"add {state.accepted[-1]}", swapped)
+                self.ranking.rename(own.effect, rival.effect)
+                for effect in swapped.accepted[-2:]:
+                    self.ranking.accept(swapped, effect, self.steps[-1].error)
+                return swapped
+        return state
+
+    def _swapped(self, state: State, own: Refined, rival: Refined) -> State:
+        """The state with a rival in the place of an effect, everything refitted."""
+        entry = next(e for e in rival.camera.to_dict()["effects"] if e["name"] == rival.effect)
+        camera = state.fitted.camera.without_effect(own.effect).with_effect(**entry)
+        kept = [c for c in state.fitted.reference.coordinates if not c.path.startswith(f"{own.effect}.")]
+        reference = make_reference(
+            self.lab,
+            camera,
+            [*kept, *rival.coordinates],
+            SETS_AFTER,
+            self.report,
+            known=state.fitted.reference,
+        )
+        accepted = tuple(rival.effect if name == own.effect else name for name in state.accepted)
+        return replace(state, fitted=self._settled(self._refitted(reference)), accepted=accepted, moves=None)
 
     def _accepted(self, state: State, found: list[Refined], by_chance: Chance) -> "_Accepted | None":
         """The first of the candidates that explains what it moves and improves the camera, its rivals simulated."""
@@ -271,8 +317,8 @@ class _Search:
             if explains(self.lab.statistics, state, after) and self._improves(
                 state, after, r.gain, by_chance
             ):
-                standing = [other for other, _ in ordered[place:]]  # those before it were refused
-                return _Accepted(r, after, standing, found[len(close) :])
+                # those before it were refused
+                return _Accepted(r, after, ordered[place:], found[len(close) :])
         return None
 
     def _starts(self, state: State) -> list[Fitted]:
