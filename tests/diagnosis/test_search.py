@@ -1,0 +1,110 @@
+"""An earlier name is thought over once a later effect is there."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from visaug import Camera
+from visaug.diagnosis import naming, search
+from visaug.diagnosis.acceptance import State
+from visaug.diagnosis.fit import Fitted
+from visaug.diagnosis.parameters import effect_coordinates
+from visaug.diagnosis.rank import Refined
+from visaug.diagnosis.ranking import Ranking
+from visaug.diagnosis.result import Ranked, Step
+
+
+def leaving(residual, camera: Camera, *accepted: str) -> State:
+    left = np.array(residual, float)
+    coordinates = [c for name in accepted for c in effect_coordinates(camera, name)]
+    steps = np.zeros((2, len(coordinates)))
+    reference = SimpleNamespace(null_scale=np.ones(len(left)), coordinates=coordinates, null_steps=steps)
+    fitted = Fitted(reference, camera, left, left, left)  # pyright: ignore[reportArgumentType]
+    return State(fitted, accepted, np.zeros(len(left)), np.zeros(len(left)))
+
+
+def refined(effect: str, camera: Camera, gain: float, cost: float) -> Refined:
+    own = tuple(effect_coordinates(camera, effect))
+    return Refined(effect, camera, own, np.zeros(len(own)), gain, np.zeros(4), np.zeros(4), cost)
+
+
+@pytest.fixture
+def veiled(stated) -> dict[str, Camera]:
+    trail = stated.with_effect("charge_transfer_inefficiency", share_per_transfer=1e-4)
+    return {
+        "flare": stated.with_effect("lens_flare", ghost_share=0.003, halo_share=0.015),
+        "veil": stated.with_effect("veiling_glare", share=0.016, width_px=14.0, profile="exponential"),
+        "flare and trail": trail.with_effect("lens_flare", ghost_share=0.003, halo_share=0.015),
+        "trail": trail,
+    }
+
+
+def searching(veiled) -> search._Search:
+    """After a flare and a charge transfer were accepted; a veil had been simulated beside the flare."""
+    begun = object.__new__(search._Search)
+    flare = refined("lens_flare", veiled["flare"], 1660.0, 5.0)
+    veil = refined("veiling_glare", veiled["veil"], 1480.0, 2.0)
+    alone = leaving([2, 20, 0, 0], veiled["veil"], "veiling_glare")
+    begun.stood = [[(flare, leaving([0, 0, 0, 30], veiled["flare"])), (veil, alone)], []]
+    begun.errors = SimpleNamespace(told=lambda fitted: None)  # pyright: ignore[reportAttributeAccessIssue]
+    begun.steps = [
+        Step(f"{word}", None) for word in ("refit", "add lens_flare", "add charge_transfer_inefficiency")
+    ]
+    begun.ranking = Ranking(None)  # pyright: ignore[reportArgumentType]
+    begun.ranking._ranked = {
+        name: Ranked(name, probability, None, {})
+        for name, probability in (
+            ("lens_flare", 0.98),
+            ("veiling_glare", 0.02),
+            ("charge_transfer_inefficiency", 1.0),
+        )
+    }
+    return begun
+
+
+@pytest.mark.parametrize(("density", "first"), [(5.0, "veiling_glare"), (-900.0, "lens_flare")])
+def test_a_name_gives_way_to_a_rival_that_says_more_beside_a_later_effect(
+    veiled, monkeypatch, density, first
+):
+    begun = searching(veiled)
+    plain = leaving([300, 200, 90, 40], veiled["trail"])
+    both = leaving([0, 0, 0, 25], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
+    under = veiled["trail"].with_effect("veiling_glare", share=0.016)
+    swapped = leaving([1, 0, 0, 0], under, "veiling_glare", "charge_transfer_inefficiency")
+    monkeypatch.setattr(begun, "_swapped", lambda *_: swapped)
+    monkeypatch.setattr(
+        naming, "log_density", lambda fitted, *_: density if fitted is swapped.fitted else 0.0
+    )
+    found = begun._reconsidered(plain, both)
+    assert found is (swapped if first == "veiling_glare" else both)
+    assert [step.action for step in begun.steps] == [
+        "refit",
+        f"add {first}",
+        "add charge_transfer_inefficiency",
+    ]
+    assert {r.effect: r.probability for r in begun.ranking.ranked}[first] == 0.98
+
+
+def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
+    begun = searching(veiled)
+    (own, _), (rival, _) = begun.stood[0]
+    made = {}
+
+    def make_reference(lab, camera, coordinates, *_, **__):
+        made.update(camera=camera, paths=[c.path for c in coordinates])
+        return SimpleNamespace()
+
+    monkeypatch.setattr(search, "make_reference", make_reference)
+    begun.lab = begun.report = None  # pyright: ignore[reportAttributeAccessIssue]
+    monkeypatch.setattr(begun, "_refitted", lambda reference: reference)
+    monkeypatch.setattr(begun, "_settled", lambda fitted: fitted)
+    both = leaving([0, 0, 0, 25], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
+    state = begun._swapped(both, own, rival)
+    assert state.accepted == ("veiling_glare", "charge_transfer_inefficiency")
+    assert set(made["camera"].effect_names) == {"charge_transfer_inefficiency", "veiling_glare"}
+    assert made["camera"].values()["veiling_glare.width_px"] == 14.0
+    assert made["camera"].choices()["veiling_glare.profile"] == "exponential"
+    assert "charge_transfer_inefficiency.share_per_transfer" in made["paths"]
+    assert "veiling_glare.share" in made["paths"]
+    assert not any(path.startswith("lens_flare.") for path in made["paths"])
