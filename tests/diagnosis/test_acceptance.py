@@ -51,11 +51,13 @@ def test_a_faint_effect_is_hidden_by_the_noise_of_the_rest():
     assert not improves(after, before, True, beyond_chance=True)
 
 
-def test_an_error_that_cannot_show_an_effect_may_rise_by_a_little_of_its_noise():
+def test_an_error_that_cannot_show_an_effect_may_rise_by_a_standard_deviation():
+    """But not because an effect has so wide a spread that nothing can be said."""
     before, after = (at(0.003, 0.1), at(-0.02, 0.1)), (at(0.005, 0.1), at(-0.01, 0.1))
     assert improves(before, after, True, beyond_chance=True)
     assert not improves(before, after, True)
-    assert not improves(before, (at(0.005, 0.1), at(0.02, 0.1)), True, beyond_chance=True)
+    assert not improves(before, (at(0.005, 0.1), at(0.04, 0.1)), True, beyond_chance=True)
+    assert not improves(before, (at(0.1, 0.4), at(-0.01, 0.1)), True, beyond_chance=True)
 
 
 def test_an_error_that_is_noise_alone_has_no_say():

@@ -16,7 +16,10 @@ REMAINING = 0.98  # share of the error that an accepted effect may leave; anothe
 SHARE = 0.01  # error that a further effect must take away,
 LITTLE, NEARLY_ALL = 0.002, 0.75  # or, where more than so little is left, this share of it
 WIDE = 3.0  # an interval of the error that says nothing
-NOISE = 0.1  # of its interval, by which an error may rise that cannot show a faint effect
+NOISE, RISE = (
+    0.25,
+    0.05,
+)  # of its interval (a standard deviation) and at most: by so much an error may rise that cannot show an effect
 BY_CHANCE = 5.0  # standard deviations that one of many hundred statistics may be off
 OFF = 4.0  # standard deviations from which a statistic counts as moved, or as off
 STANDS_OUT = 8.0  # standard deviations that no form of an accepted effect leaves over
@@ -177,7 +180,7 @@ def improves(
     """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
 
     The error is a mean over all that was measured, so the noise of the rest hides what a faint effect takes away in a few
-    statistics: then what is taken away must be beyond chance, and the error not rise by more than a tenth of its noise. Where that
+    statistics: then what is taken away must be beyond chance, and the error not rise by more than a standard deviation, or 0.05. Where that
     noise is as large as the whole excess, the error says nothing, and chance alone decides.
 
     A further effect must take a share of the first excess, or nearly all that is left beside a very strong one, or have a case
@@ -214,4 +217,4 @@ def improves(
 
 def _noise(error: Error, beyond_chance: bool) -> float:
     """By how much an error may rise by chance where what is explained cannot be chance."""
-    return NOISE * (error.high - error.low) if beyond_chance else 0.0
+    return min(NOISE * (error.high - error.low), RISE) if beyond_chance else 0.0

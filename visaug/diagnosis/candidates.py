@@ -100,7 +100,7 @@ def base_trials(camera: Camera, name: str) -> list[Trial]:
 
 
 def effect_trials(effect: type[Effect]) -> list[Trial]:
-    """Weak and strong, every strength alone and in both signs, then every other form at the strong end."""
+    """Weak and strong, every strength alone and in both signs, then every other form at the strong end, in both signs too."""
     strengths = {key: p for key, p in effect.parameters.items() if p.strength}
     points: list[dict[str, Any]] = []
     for key, p in strengths.items():
@@ -109,16 +109,36 @@ def effect_trials(effect: type[Effect]) -> list[Trial]:
             points.append({**others, key: value})
     if len(strengths) > 1:
         points.append({key: p.trials[-1] for key, p in strengths.items()})
-    strong = {
-        **dict.fromkeys(strengths, 0.0),
-        next(iter(strengths)): next(iter(strengths.values())).trials[-1],
-    }
+    first, parameter = next(iter(strengths.items()))
+    strongest = [s for s in strengths_to_try(parameter) if abs(s) == abs(parameter.trials[-1])]
     words = {p.default for p in effect.parameters.values() if p.options}
-    for key, p in effect.parameters.items():
-        if not p.strength and (not p.of or words & set(p.of)):
-            forms = p.options or p.trials
-            points += [{**strong, key: form} for form in forms if form != p.default]
+    for form in _forms(effect, words):
+        points += [{**dict.fromkeys(strengths, 0.0), first: strength, **form} for strength in strongest]
     return [_trial(effect, point) for point in points]
+
+
+def _forms(effect: type[Effect], words: set[str]) -> list[dict[str, Any]]:
+    """Every other value of what is no strength, one at a time; a number that only other words use, beside each of these.
+
+    Args:
+        words: those of the effect's default form.
+    """
+    forms: list[dict[str, Any]] = []
+    for key, p in effect.parameters.items():
+        for value in p.options or p.trials:
+            if p.strength or value == p.default:
+                continue
+            if not p.of or words & set(p.of):
+                forms.append({key: value})
+            else:
+                choices = [k for k, c in effect.parameters.items() if set(p.of) & set(c.options)]
+                forms += [
+                    {k: word, key: value}
+                    for k in choices
+                    for word in p.of
+                    if word in effect.parameters[k].options
+                ]
+    return forms
 
 
 def looked(lab: Laboratory, camera: Camera, without: frozenset[str] = frozenset()) -> list[Trial]:
