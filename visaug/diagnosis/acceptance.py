@@ -180,8 +180,8 @@ def improves(
     """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
 
     The error is a mean over all that was measured, so the noise of the rest hides what a faint effect takes away in a few
-    statistics: then what is taken away must be beyond chance, and the error not rise by more than a standard deviation, or 0.05. Where that
-    noise is as large as the whole excess, the error says nothing, and chance alone decides.
+    statistics: then what is taken away must be beyond chance, and the error not rise by more than a standard deviation, or 0.05.
+    Where that noise is as large as the whole excess, the error says nothing, and chance alone decides.
 
     A further effect must take a share of the first excess, or nearly all that is left beside a very strong one, or have a case
     of its own (`has_a_case`): what the form of an effect before it leaves is not mopped up by another name.
