@@ -430,3 +430,19 @@ def test_a_width_between_one_that_moves_nothing_and_one_that_moves_far_too_much(
     beside = [Trial("point_spread", (("point_spread.sigma_px", sigma),)) for sigma in (0.04, 0.2, 0.6)]
     starts = rank._among(SimpleNamespace(finding=finding), fitted, beside)  # type: ignore[arg-type]
     assert starts[-1].values()["point_spread.sigma_px"] == pytest.approx(0.13, rel=0.05)
+
+
+def test_a_form_is_tried_in_both_signs_where_its_strength_has_two(stated):
+    """Scaling a rising slope never gives a falling one. A number that only one word uses is tried with that word."""
+    slopes = [
+        dict(t.values)
+        for t in trials(stated)
+        if ("fixed_pattern_structure.shape", "slope") in t.values and t.effect == "fixed_pattern_structure"
+    ]
+    found = {
+        (s["fixed_pattern_structure.amplitude_e"] > 0, s.get("fixed_pattern_structure.curvature", 0.0))
+        for s in slopes
+    }
+    assert found == {(True, 0.0), (False, 0.0), (True, 0.5), (False, 0.5)}
+    glows = [dict(t.values) for t in trials(stated) if t.effect == "amplifier_glow"]
+    assert all(g["amplifier_glow.rate_e_per_s"] >= 0 for g in glows)
