@@ -22,7 +22,6 @@ NOISE, RISE = (
 )  # of its interval (a standard deviation) and at most: by so much an error may rise that cannot show an effect
 BY_CHANCE = 5.0  # standard deviations that one of many hundred statistics may be off
 OFF = 4.0  # standard deviations from which a statistic counts as moved, or as off
-STANDS_OUT = 8.0  # standard deviations that no form of an accepted effect leaves over
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
 FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
 POOREST = 0.75  # the same share in the view that it explains least
@@ -157,11 +156,6 @@ def _beyond_the_camera(fitted: Fitted, moves: np.ndarray) -> np.ndarray:
     return along - design.T @ np.linalg.solve(normal, design @ along)
 
 
-def brings_back(before: State, after: State) -> bool:
-    """Whether a statistic stood out, the forms of accepted effects allowed for, and is back."""
-    return bool(np.any((np.abs(before.z) > STANDS_OUT) & (np.abs(after.z) < OFF)))
-
-
 def acts_elsewhere(before: State, after: State) -> bool:
     """Whether a further effect moves what the effects before it leave alone, so that it cannot mop up what their forms leave."""
     moves = before.fitted.residual - after.fitted.residual if after.moves is None else after.moves
@@ -192,7 +186,7 @@ def improves(
         before, after: errors on the frames that find and on those that confirm.
         first: whether it is the first effect.
         beyond_chance: whether what the effect takes away is more than any effect takes away by chance.
-        has_a_case: whether it brings back what no form of the effects before it could leave over, or acts elsewhere beyond chance.
+        has_a_case: whether it gains enough, beyond chance, where the effects before it move next to nothing.
     """
     (found_before, confirmed_before), (found, confirmed) = before, after
     if found is None or found_before is None:

@@ -21,7 +21,8 @@ from visaug.diagnosis.rank import (
 )
 
 SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
-TRIED = 4  # candidates whose numbers are refined in a step
+TRIED = 4  # candidates whose numbers are refined in a step, if they gain
+SHARE = 0.2  # of what the best gains
 OTHER_STARTS = 4  # further starts of the best candidate,
 OTHER = 0.05  # of forms whose signatures gain at least so much of what its best form's does,
 NOT_FAR = 0.3  # iterated where they start from at least so much of what it has
@@ -73,20 +74,18 @@ def first_matches(
 
     With a form left open, what moves one statistic alone can gain little, however far that is off: so the trial that gains
     most by its exact form is among them, but none that brings a spread of its own, which covers anything. Where something stands
-    so far out that every exact form would be wrong, the one that gains most by what refining leaves open is. What was seen in the
-    frames is the best of a hundred and has no such claim; but if it cannot be scaled it is among them whatever it gains: its
+    so far out that every exact form would be wrong, it is the one that gains most by what refining leaves open. What was seen in
+    the frames is the best of a hundred and has no such claim; but if it cannot be scaled it is among them whatever it gains: its
     signature comes from the camera as given, and need not hold where the refit has gone.
     """
     tried = matches(signs, fitted, without, allowance)
     best = best_of_each(tried)
-    chosen = [m for m in best if m.gain > max(2.0, 0.25 * best[0].gain)][:TRIED]
+    chosen = [m for m in best if m.gain > max(LEAST_GAIN, SHARE * best[0].gain)][:TRIED]
     far_out = np.abs(fitted.z).max() > FAR_OUT
     exact = matches(signs, fitted, without, allowance, form=FINE if far_out else 0.0)
-    claim = [
-        m for m in exact if m.gain > LEAST_GAIN and (far_out or not m.variance.any()) and not m.trial.looked
-    ]
-    if claim and claim[0].trial.effect not in [m.trial.effect for m in chosen]:
-        chosen.append(claim[0])
+    claim = [m for m in exact if far_out or not (m.variance.any() or m.trial.looked)][:1]
+    names = [m.trial.effect for m in chosen]
+    chosen += [m for m in claim if m.gain > LEAST_GAIN and m.trial.effect not in names]
     chosen += [m for m in tried if m.trial.looked and m.trial.is_fixed and m not in chosen]
     return tried, chosen
 

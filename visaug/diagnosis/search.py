@@ -12,7 +12,7 @@ from visaug.cluster import connected
 from visaug.comparison import Laboratory, is_clear, places
 from visaug.comparison.spread import by_ray
 from visaug.diagnosis import cache
-from visaug.diagnosis.acceptance import State, acts_elsewhere, brings_back, explains, improves
+from visaug.diagnosis.acceptance import State, acts_elsewhere, explains, improves
 from visaug.diagnosis.candidates import Trial, looked, trials
 from visaug.diagnosis.chance import Chance, chance
 from visaug.diagnosis.errors import Errors
@@ -391,8 +391,7 @@ class _Search:
         taken = [before.fitted.whole_residual - after.fitted.whole_residual]
         taken += [] if after.moves is None else [self.lab.whole_of(after.moves)]
         beyond = any(by_chance.p_value_of(way) <= SIGNIFICANT for way in taken)
-        stands_alone = beyond and gain > SURE and acts_elsewhere(before, after)
-        has_a_case = brings_back(before, after) or stands_alone
+        has_a_case = beyond and gain > SURE and acts_elsewhere(before, after)
         return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case)
 
     def _is_worth_telling(self, state: State) -> bool:
