@@ -49,7 +49,7 @@ def searching(veiled) -> search._Search:
     begun.stood = [[(flare, leaving([0, 0, 0, 30], veiled["flare"])), (veil, alone)], []]
     begun.errors = SimpleNamespace(told=lambda fitted: None)  # pyright: ignore[reportAttributeAccessIssue]
     begun.steps = [
-        Step(f"{word}", None) for word in ("refit", "add lens_flare", "add charge_transfer_inefficiency")
+        Step(word, None) for word in ("refit", "add lens_flare", "add charge_transfer_inefficiency")
     ]
     begun.ranking = Ranking(None)  # pyright: ignore[reportArgumentType]
     begun.ranking._ranked = {

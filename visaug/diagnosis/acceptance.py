@@ -16,10 +16,10 @@ REMAINING = 0.98  # share of the error that an accepted effect may leave; anothe
 SHARE = 0.01  # error that a further effect must take away,
 LITTLE, NEARLY_ALL = 0.002, 0.75  # or, where more than so little is left, this share of it
 WIDE = 3.0  # an interval of the error that says nothing
-NOISE, RISE = (
-    0.25,
-    0.05,
-)  # of its interval (a standard deviation) and at most: by so much an error may rise that cannot show an effect
+NOISE = (
+    0.25  # of its interval, a standard deviation: by so much an error may rise that cannot show an effect,
+)
+RISE = 0.05  # and by no more than this
 BY_CHANCE = 5.0  # standard deviations that one of many hundred statistics may be off
 OFF = 4.0  # standard deviations from which a statistic counts as moved, or as off
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
@@ -98,7 +98,7 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     An effect of another name may lower the error; but what it moves then stays off, or goes off where it was not. One whose own
     spread covers anything (two pixels, enormously hot) must not take the means further off.
     """
-    moves = before.fitted.residual - after.fitted.residual if after.moves is None else after.moves
+    moves = _moves(before, after)
     scale = before.fitted.reference.null_scale
     moved = np.abs(standardised(moves, scale))
     was, now = np.abs(before.z), np.abs(after.z)
@@ -123,6 +123,11 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
         return False
     kept = np.mean([share.mean() for share in _by_view(nearer | stays, seen, views)]) >= NEARER
     return bool(kept and (few or little))
+
+
+def _moves(before: State, after: State) -> np.ndarray:
+    """How far the last effect moves each statistic; where it cannot be taken away, by what the refits leave without and with it."""
+    return before.fitted.residual - after.fitted.residual if after.moves is None else after.moves
 
 
 def _by_view(which: np.ndarray, seen: np.ndarray, views: np.ndarray) -> list[np.ndarray]:
@@ -158,7 +163,7 @@ def _beyond_the_camera(fitted: Fitted, moves: np.ndarray) -> np.ndarray:
 
 def acts_elsewhere(before: State, after: State) -> bool:
     """Whether a further effect moves what the effects before it leave alone, so that it cannot mop up what their forms leave."""
-    moves = before.fitted.residual - after.fitted.residual if after.moves is None else after.moves
+    moves = _moves(before, after)
     form = standardised(before.allowance, before.fitted.reference.null_scale)
     squares = _beyond_the_camera(before.fitted, moves) ** 2 / (1 + form**2)
     return bool(squares[form < 1].sum() > ELSEWHERE * squares.sum())

@@ -111,33 +111,21 @@ def effect_trials(effect: type[Effect]) -> list[Trial]:
         points.append({key: p.trials[-1] for key, p in strengths.items()})
     first, parameter = next(iter(strengths.items()))
     strongest = [s for s in strengths_to_try(parameter) if abs(s) == abs(parameter.trials[-1])]
-    words = {p.default for p in effect.parameters.values() if p.options}
-    for form in _forms(effect, words):
+    for form in _forms(effect):
         points += [{**dict.fromkeys(strengths, 0.0), first: strength, **form} for strength in strongest]
     return [_trial(effect, point) for point in points]
 
 
-def _forms(effect: type[Effect], words: set[str]) -> list[dict[str, Any]]:
-    """Every other value of what is no strength, one at a time; a number that only other words use, beside each of these.
-
-    Args:
-        words: those of the effect's default form.
-    """
+def _forms(effect: type[Effect]) -> list[dict[str, Any]]:
+    """Every other value of what is no strength, one at a time; a number that only other words use, beside each of these."""
+    words = {p.default for p in effect.parameters.values() if p.options}
     forms: list[dict[str, Any]] = []
     for key, p in effect.parameters.items():
-        for value in p.options or p.trials:
-            if p.strength or value == p.default:
-                continue
-            if not p.of or words & set(p.of):
-                forms.append({key: value})
-            else:
-                choices = [k for k, c in effect.parameters.items() if set(p.of) & set(c.options)]
-                forms += [
-                    {k: word, key: value}
-                    for k in choices
-                    for word in p.of
-                    if word in effect.parameters[k].options
-                ]
+        others = [] if p.strength else [value for value in p.options or p.trials if value != p.default]
+        beside: list[dict[str, Any]] = [{}]
+        if p.of and not words & set(p.of):
+            beside = [{k: w} for k, c in effect.parameters.items() for w in p.of if w in c.options]
+        forms += [{**word, key: value} for value in others for word in beside]
     return forms
 
 

@@ -29,7 +29,7 @@ from visaug.diagnosis.fit import (
     standardised,
 )
 from visaug.diagnosis.naming import CLOSE_SHARE, SIGNIFICANT, candidates, decided, rivals
-from visaug.diagnosis.parameters import base_coordinates, moved
+from visaug.diagnosis.parameters import Coordinate, base_coordinates, moved
 from visaug.diagnosis.rank import Refined, Signatures, cleared, signatures
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.residue import describe
@@ -90,13 +90,16 @@ def diagnose(
         return _Search(lab, camera, left_out, report, sets).run()
 
 
+Standing = list[tuple[Refined, State]]  # candidates with the state that each would give, the accepted first
+
+
 @dataclass(frozen=True)
 class _Accepted:
     """An effect that was accepted, the state with it, and what stood beside (simulated too) and behind it."""
 
     refined: Refined
     state: State
-    standing: list[tuple[Refined, State]]
+    standing: Standing
     others: list[Refined]
 
 
@@ -111,9 +114,7 @@ class _Search:
                 expected="at least 4 under some conditions",
             )
         self.steps: list[Step] = []
-        self.stood: list[
-            list[tuple[Refined, State]]
-        ] = []  # of every step, the effect accepted and its rivals
+        self.stood: list[Standing] = []  # of every effect added
 
     def run(self) -> Diagnosis:
         first = self.first = self._reference()
@@ -282,7 +283,7 @@ class _Search:
             swapped = self._swapped(state, own, rival)
             (best, _), _ = decided(plain, [(own, state), (rival, swapped)])
             if best.effect == rival.effect:
-                self.steps[-2:] = []
+                del self.steps[-2:]
                 self._step(f"add {rival.effect}", alone)
                 self._step(f"add {state.accepted[-1]}", swapped)
                 self.ranking.rename(own.effect, rival.effect)
@@ -296,16 +297,9 @@ class _Search:
         entry = next(e for e in rival.camera.to_dict()["effects"] if e["name"] == rival.effect)
         camera = state.fitted.camera.without_effect(own.effect).with_effect(**entry)
         kept = [c for c in state.fitted.reference.coordinates if not c.path.startswith(f"{own.effect}.")]
-        reference = make_reference(
-            self.lab,
-            camera,
-            [*kept, *rival.coordinates],
-            SETS_AFTER,
-            self.report,
-            known=state.fitted.reference,
-        )
         accepted = tuple(rival.effect if name == own.effect else name for name in state.accepted)
-        return replace(state, fitted=self._settled(self._refitted(reference)), accepted=accepted, moves=None)
+        fitted = self._fitted(state, camera, [*kept, *rival.coordinates])
+        return replace(state, fitted=fitted, accepted=accepted, moves=None)
 
     def _accepted(self, state: State, found: list[Refined], by_chance: Chance) -> "_Accepted | None":
         """The first of the candidates that explains what it moves and improves the camera, its rivals simulated."""
@@ -340,16 +334,15 @@ class _Search:
 
     def _with(self, state: State, candidate: Refined) -> State:
         """The state with a candidate added: simulated, refitted."""
-        reference = make_reference(
-            self.lab,
-            candidate.camera,
-            [*state.fitted.reference.coordinates, *candidate.coordinates],
-            SETS_AFTER,
-            self.report,
-            known=state.fitted.reference,
-        )
-        fitted = self._settled(self._refitted(reference))
+        coordinates = [*state.fitted.reference.coordinates, *candidate.coordinates]
+        fitted = self._fitted(state, candidate.camera, coordinates)
         return state.with_effect(candidate.effect, fitted, self._moves_of(candidate.effect, state, fitted))
+
+    def _fitted(self, near: State, camera: Camera, coordinates: Sequence[Coordinate]) -> Fitted:
+        """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over."""
+        known = near.fitted.reference
+        reference = make_reference(self.lab, camera, coordinates, SETS_AFTER, self.report, known=known)
+        return self._settled(self._refitted(reference))
 
     def _refitted(self, reference: Reference) -> Fitted:
         """Refitted from where the refit without the effect had taken the camera, or from the camera as given: the one that fits.
