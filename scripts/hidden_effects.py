@@ -17,7 +17,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from independent import cameras, effects, foreign, getframes_sets, judge, pyxel_sets, real, recipes
+from independent import calibrate, cameras, effects, foreign, getframes_sets, judge, pyxel_sets, real, recipes
 from independent.sets import write_set
 from independent.strengths import WORDS
 
@@ -52,7 +52,11 @@ def make(arguments: argparse.Namespace) -> None:
             for recipe in recipes.KINDS[kind](seed, camera, arguments.strength):
                 if wanted and not wanted & set(recipe.expect):
                     continue
-                write_set(recipe, folder, judge.beside(folder, "answers"))
+                own = calibrate.for_specimen(recipe)
+                if own is None:
+                    print(f"{recipe.identity}: cannot be made that strong, left out")
+                    continue
+                write_set(own, folder, judge.beside(folder, "answers"))
                 made += 1
     print(f"{made} sets in {folder}, their answers in {judge.beside(folder, 'answers')}")
 

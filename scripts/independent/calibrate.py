@@ -7,6 +7,9 @@ standard deviations are those of the residuals of forty base sets, refitted alik
 maps of its own.
 
     python -m independent.calibrate 0 1 2 [--only NAME,NAME]     (from scripts/; adds to strengths.json)
+
+strengths.json is for two specimens. Where a seam or a band lies differs between specimens, and with it how far
+an effect stands out, so a set gets the strength that is plain on its own (`for_specimen`).
 """
 
 from __future__ import annotations
@@ -16,20 +19,23 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from . import cameras, foreign, statistics
 from .camera import Hidden, Sensor, take
 from .effects import KINDS, Kind
-from .strengths import TABLE
+from .sets import Recipe
+from .strengths import FACTOR, KNOWN, TABLE, plain
 
-BASE_SETS, SLOPE_SEEDS, EFFECT_SEEDS = 40, 3, 2
+BASE_SETS, SLOPE_SEEDS = 40, 3
 TARGET, TOLERANCE, TRIES = 8.0, 0.08, 12
 _FIRST_SEED = 500_000  # far from the seeds that sets are made with
+SEEDS = (_FIRST_SEED, _FIRST_SEED + 1)  # the specimens of strengths.json
 NOTE = (
     f"Strength at which the strongest statistic of statistics.py stands {TARGET:g} standard deviations off "
-    f"the refitted base model; {BASE_SETS} base sets for the spread, root mean square over {EFFECT_SEEDS} "
+    f"the refitted base model; {BASE_SETS} base sets for the spread, root mean square over {len(SEEDS)} "
     f"specimens, found to {100 * TOLERANCE:g} % by calibrate.py. null: not reached in the parameter's range."
 )
 
@@ -93,7 +99,6 @@ class Yardstick:
         self.solver = np.linalg.pinv(self.slopes * weight[:, None], rcond=1e-4) * weight
         residuals = np.array([self.residual(row) for row in self.base])
         self.spread = np.maximum(residuals.std(0, ddof=1), np.maximum(0.3 * self.spread0, floor))
-        self.base_residuals = residuals
 
     def _measure(self, sensor: Sensor, seed: int, hidden: tuple[Hidden, ...] = ()) -> statistics.Stats:
         plan, targets = cameras.plan(self.number), cameras.targets(self.number)
@@ -108,25 +113,31 @@ class Yardstick:
         off = np.nan_to_num(vector - self.middle)
         return off - self.slopes @ (self.solver @ off)
 
-    def shift(self, hidden: tuple[Hidden, ...]) -> tuple[float, str]:
-        """Standard deviations by which the strongest statistic moves, and its name."""
+    @lru_cache  # noqa: B019 -- a yardstick lives as long as the program
+    def _without(self, seed: int) -> np.ndarray:
+        return self.residual(self._vector(self.stated, seed))
+
+    def shift(self, hidden: tuple[Hidden, ...], seeds: Sequence[int] = SEEDS) -> tuple[float, str]:
+        """Standard deviations by which the strongest statistic moves on these specimens, and its name."""
         moved = []
-        for i in range(EFFECT_SEEDS):
-            with_effect = self.residual(self._vector(self.stated, _FIRST_SEED + i, hidden))
-            moved.append((with_effect - self.base_residuals[i]) / self.spread)
+        for seed in seeds:
+            with_effect = self.residual(self._vector(self.stated, seed, hidden))
+            moved.append((with_effect - self._without(seed)) / self.spread)
         size = np.sqrt(np.mean(np.square(moved), axis=0))
         best = int(np.argmax(size))
         return float(size[best]), self.names[best]
 
-    def plain(self, kind: Kind, form: str, start: float) -> tuple[float | None, str]:
-        """Search the plain strength: secants in log-log, kept inside the bracket."""
+    def plain(
+        self, kind: Kind, form: str, start: float, seeds: Sequence[int] = SEEDS
+    ) -> tuple[float | None, str]:
+        """Search the strength that is plain on these specimens: secants in log-log, kept inside the bracket."""
         if kind.unit == "bits":
             return 1.0, "one bit is the least"
         low: tuple[float, float] | None = None
         high: tuple[float, float] | None = None
         strength, best = start, (np.inf, start, "")
         for _ in range(TRIES):
-            size, name = self.shift((kind.at(strength, form),))
+            size, name = self.shift((kind.at(strength, form),), seeds)
             size = max(size, 1e-3)
             if abs(size - TARGET) < best[0]:
                 best = (abs(size - TARGET), strength, name)
@@ -147,16 +158,37 @@ class Yardstick:
         return best[1], best[2]
 
 
+yardstick = lru_cache(Yardstick)
+
+
+def for_specimen(recipe: Recipe) -> Recipe | None:
+    """The recipe with the strengths that its word means on the specimen that its seed draws.
+
+    None where an effect cannot be made that plain. What is no multiple of plain stays.
+    """
+    if recipe.strength not in FACTOR:
+        return recipe
+    hidden = []
+    for name, _, form in recipe.hidden:
+        start = plain(recipe.camera, name, form) or KNOWN[name].start
+        strength, _ = yardstick(recipe.camera).plain(KNOWN[name], form, start, (recipe.seed,))
+        if strength is None:
+            return None
+        hidden.append((name, min(strength * FACTOR[recipe.strength], KNOWN[name].largest), form))
+    return replace(recipe, hidden=tuple(hidden))
+
+
 def calibrate(number: int, kinds: Sequence[Kind]) -> dict[str, dict[str, float | None]]:
     """Plain strengths of every effect and form on one camera; prints which statistic each moves most."""
-    yardstick = Yardstick(number)
     others = json.loads(TABLE.read_text())["cameras"].values() if TABLE.exists() else ()
     table: dict[str, dict[str, float | None]] = {}
     for kind in kinds:
         table[kind.name] = {}
         for form in filter(None, ("default", kind.other_form)):
             known = [found for other in others if (found := other.get(kind.name, {}).get(form))]
-            strength, name = yardstick.plain(kind, form, float(np.median(known)) if known else kind.start)
+            strength, name = yardstick(number).plain(
+                kind, form, float(np.median(known)) if known else kind.start
+            )
             table[kind.name][form] = None if strength is None else float(f"{strength:.4g}")
             print(f"camera {number}, {kind.name}, {form}: {table[kind.name][form]} ({name})", flush=True)
     return table

@@ -127,7 +127,7 @@ def _map(label: str, image: np.ndarray) -> Stats:
         n = line.size
         steps = [abs(line[k:].mean() - line[:k].mean()) for k in range(int(0.35 * n), int(0.65 * n))]
         stats[f"{label} {name} seam"] = float(max(steps))
-        stats[f"{label} {name} slope"] = abs(float(np.polyfit(np.linspace(-1, 1, n), line, 1)[0]))
+        stats[f"{label} {name} slope"] = float(np.polyfit(np.linspace(-1, 1, n), line, 1)[0])
     return stats
 
 

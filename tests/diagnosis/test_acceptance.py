@@ -1,12 +1,14 @@
 """When an effect is accepted: the error must fall on both sorts of frames, and a further one must take its share."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from visaug.comparison import Error
-from visaug.diagnosis.acceptance import State, acts_elsewhere, explains, improves
+from visaug.diagnosis.acceptance import State, acts_elsewhere, explains, improves, is_there_again
+from visaug.diagnosis.fit import Null
 
 
 def at(value: float, half: float = 0.01) -> Error:
@@ -81,14 +83,28 @@ def test_what_lowers_no_error_needs_a_case_for_a_second_name():
     assert improves(before, after, False, beyond_chance=True, has_a_case=True)
 
 
+def test_a_case_of_its_own_is_confirmed_where_the_effect_itself_is_seen_again():
+    """However the rest of the error wavers; but an error that rises is no confirmation of what has no case."""
+    before, after = (at(0.05), at(0.01, 0.07)), (at(-0.02), at(0.08, 0.07))
+    assert not improves(before, after, False, beyond_chance=True, has_a_case=True)
+    assert improves(before, after, False, beyond_chance=True, has_a_case=True, there_again=True)
+    assert not improves(before, after, False, beyond_chance=True, there_again=True)
+
+
+def test_a_case_of_its_own_counts_where_the_error_is_noise_alone():
+    before, after = (at(-0.3, 0.6), at(0.1, 3.0)), (at(-0.2, 0.6), at(0.2, 3.0))
+    assert not improves(before, after, False, beyond_chance=True)
+    assert improves(before, after, False, beyond_chance=True, has_a_case=True)
+
+
 def state(z, moves=None) -> State:
     """Residuals in units of their standard deviation, one view each."""
     z = np.array(z, float)
-    reference = SimpleNamespace(null_scale=np.ones(len(z)), priors=np.ones(0))
-    fitted = SimpleNamespace(
-        reference=reference, slopes=np.zeros((len(z), 0)), residual=z, whole_residual=z, z=z
-    )
-    return State(fitted, (), np.zeros(len(z)), np.zeros(len(z)), moves)  # type: ignore[arg-type]
+    unit = np.tile([[1.0], [-1.0]], (1, len(z))) / np.sqrt(2)  # of which the standard deviation is 1
+    null = Null(unit, np.ones(len(z)), np.zeros((len(z), 0)), np.ones(0))
+    reference = SimpleNamespace(null=null, confirm_null=null, null_scale=null.scale)
+    fitted = SimpleNamespace(reference=reference, residual=z, confirm_residual=z, whole_residual=z, z=z)
+    return State(fitted, (), np.zeros(len(z)), np.zeros(len(z)), moves, moves)  # type: ignore[arg-type]
 
 
 def accepted(before, after, moves) -> bool:
@@ -109,7 +125,8 @@ def test_what_the_cameras_own_numbers_undo_does_not_count():
     assert not explains(statistics, before, after)  # type: ignore[arg-type]
     black = np.array([[50.0], [0.0]])
     for s in (before, after):
-        s.fitted.slopes, s.fitted.reference.priors = black, np.array([30.0])
+        reference = s.fitted.reference
+        reference.null = replace(reference.null, slopes=black, priors=np.array([30.0]))
     assert explains(statistics, before, after)  # type: ignore[arg-type]
 
 
@@ -193,3 +210,18 @@ def test_a_second_effect_that_moves_what_the_first_leaves_alone_has_a_case():
         first, state([0.0, 0.0, 0.0], np.array([20.0, 4.0, 4.0]))
     )  # its share of a form's fifty is nothing
     assert not acts_elsewhere(first, state([0.0, 4.0, 4.0], np.array([60.0, 0.3, 0.0])))
+
+
+@pytest.mark.parametrize(
+    ("off", "moves", "again"),
+    [
+        ([3.0, 3.0, 0.0], [3.0, 3.0, 0.0], True),
+        ([3.0, 3.0, 9.0], [3.0, 3.0, 0.0], True),  # the rest has no say
+        ([0.0, 0.0, 9.0], [3.0, 3.0, 0.0], False),
+        ([-3.0, -3.0, 0.0], [3.0, 3.0, 0.0], False),
+        ([3.0, 3.0, 0.0], [30.0, 30.0, 0.0], False),  # it would move them ten times as far
+        ([1.0, 1.0, 0.0], [1.0, 1.0, 0.0], False),  # too faint to tell
+    ],
+)
+def test_seen_again(off, moves, again):
+    assert is_there_again(state(off), state([0.0, 0.0, 0.0], np.array(moves))) is again

@@ -135,3 +135,25 @@ def test_edges_of_two_heights_tell_a_linear_spread_from_one_that_grows():
 
     assert np.vdot(weighted, exchange(clean)) / norm == pytest.approx(0, abs=1e-3)
     assert np.vdot(weighted, exchange(clean**2 / 1000)) / norm == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize("axis", ["row", "column"])
+def test_what_spills_from_a_round_spot_along_one_axis_is_not_seen_along_the_other(axis):
+    y, x = np.mgrid[0:ROWS, 0:COLUMNS]
+    spot = np.where(np.hypot(y - 30, x - 40) <= 6, 10_000.0, 10.0).astype(np.float32)
+    spilled = spot + 50 * sum(
+        (_shift(spot > 1000, *step) & (spot < 1000)).astype(np.float32)
+        for d in (1, 2)
+        for step in (((0, d), (0, -d)) if axis == "row" else ((d, 0), (-d, 0)))
+    )
+    rng = np.random.default_rng(0)
+    records = [FrameRecord(i, f"{i}.npy", "bias", 0.0, 20.0) for i in range(6)]
+    records += [FrameRecord(i, f"{i}.npy", "scene", 0.01, 20.0, clean="spot.npy") for i in range(6, 12)]
+    frames = [100 + rng.normal(0, 0.1, spot.shape) + (spilled if i > 5 else 0) for i in range(12)]
+    kept = FrameSet.from_arrays(records, [f.astype(np.float32) for f in frames], {"spot.npy": spot})
+    f = fingerprint(kept)
+    seen = {
+        way: f[f"scene/1 to 2 px from bright spots along the {way}/scene spot"] for way in ("row", "column")
+    }
+    assert seen.pop(axis) > 20  # one or two of its pixels in two rows lie next to the spot
+    assert next(iter(seen.values())) == pytest.approx(0, abs=0.5)

@@ -6,7 +6,17 @@ import json
 import hidden_effects
 import numpy as np
 import pytest
-from independent import cameras, effects, getframes_sets, judge, pyxel_sets, real, recipes, strengths
+from independent import (
+    calibrate,
+    cameras,
+    effects,
+    getframes_sets,
+    judge,
+    pyxel_sets,
+    real,
+    recipes,
+    strengths,
+)
 from independent.sets import write_set
 from scipy.stats import binomtest
 
@@ -63,6 +73,26 @@ def test_strength_words_scale_the_parameter():
     assert plain
     assert strengths.scaled(0, "row_noise", "default", "half") == pytest.approx(plain / 2)
     assert strengths.scaled(0, "row_noise", "default", "quarter") == pytest.approx(plain / 4)
+
+
+def test_plain_is_so_on_the_specimen_that_a_seed_draws(monkeypatch):
+    """A band may lie where it shows well or badly: eight standard deviations on either, to the tolerance of the search."""
+    monkeypatch.setattr(calibrate, "BASE_SETS", 10)  # enough to tell that the strength follows the specimen
+    calibrate.yardstick.cache_clear()
+    kind, found = effects.BY_NAME["fixed_pattern_structure"], {}
+    for seed in (calibrate.SEEDS[0] + 2, calibrate.SEEDS[0] + 3):
+        whole, half = (
+            calibrate.for_specimen(next(r for r in recipes.single(seed, 2, word) if r.expect == (kind.name,)))
+            for word in ("plain", "half")
+        )
+        found[seed] = whole.hidden[0][1]
+        shift, _ = calibrate.yardstick(2).shift((kind.at(found[seed]),), (seed,))
+        assert shift == pytest.approx(calibrate.TARGET, rel=calibrate.TOLERANCE)
+        assert half.hidden[0][1] == pytest.approx(found[seed] / 2)
+    assert len(set(found.values())) == 2
+    typical = next(iter(recipes.single(1, 2, "typical")))
+    assert calibrate.for_specimen(typical) is typical
+    calibrate.yardstick.cache_clear()
 
 
 def diagnosis(accepted, unexplained=None, after=0.05):

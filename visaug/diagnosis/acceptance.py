@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.comparison import Error, is_clear
-from visaug.diagnosis.fit import Fitted, p_value, standardised
+from visaug.diagnosis.fit import Fitted, Null, p_value, standardised
 from visaug.fingerprint import Statistic
 
 COVERED = 0.8  # share of the statistics an effect moves that it must bring back, mean over views
@@ -31,6 +31,10 @@ UNDONE = 0.05  # if all such are more than so much of all that it is seen in: no
 NEARER = 0.6  # share of the same statistics whose mean must not go further off, however wide the effect's own spread,
 FURTHER = 1.2  # by more than this factor
 MEAN = 0.2  # standard deviations of that spread to which the mean of a hundred simulated sets is known
+SEEN_AGAIN, TIMES = (
+    2.0,
+    2.0,
+)  # standard deviations along an effect's moves by which it is seen again, and by how much these may be off
 ELSEWHERE = 0.8  # share of an effect's moves, squared, that lies where no form of the effects before it leaves as much as noise
 
 
@@ -42,7 +46,8 @@ class State:
         fitted: the fitted camera.
         accepted: the effects that it has gained.
         allowance, whole_allowance: what their forms may leave over, per statistic of the frames that find and of all frames.
-        moves: how far the last of them moves each statistic; None where the refits before and after tell it.
+        moves, confirm_moves: how far the last of them moves each statistic of the frames that find, and of those that confirm; None
+            where the refits before and after tell it.
     """
 
     fitted: Fitted
@@ -50,13 +55,20 @@ class State:
     allowance: np.ndarray
     whole_allowance: np.ndarray
     moves: np.ndarray | None = None
+    confirm_moves: np.ndarray | None = None
 
     @classmethod
     def plain(cls, fitted: Fitted) -> "State":
         """Of a camera that has gained nothing."""
         return cls(fitted, (), np.zeros(len(fitted.residual)), np.zeros(len(fitted.whole_residual)))
 
-    def with_effect(self, effect: str, fitted: Fitted, moves: np.ndarray | None = None) -> "State":
+    def with_effect(
+        self,
+        effect: str,
+        fitted: Fitted,
+        moves: np.ndarray | None = None,
+        confirm_moves: np.ndarray | None = None,
+    ) -> "State":
         """With one effect more, of whose moves a share is the form's."""
         before = self.fitted
         return State(
@@ -65,6 +77,7 @@ class State:
             np.hypot(self.allowance, FORM * (before.residual - fitted.residual)),
             np.hypot(self.whole_allowance, FORM * (before.whole_residual - fitted.whole_residual)),
             moves,
+            confirm_moves,
         )
 
     @property
@@ -142,7 +155,7 @@ def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
     moves nothing on the average must give that statistic a spread which covers it.
     """
     scale = before.fitted.reference.null_scale
-    along = _beyond_the_camera(before.fitted, moves)
+    along = _beyond_the_camera(before.fitted.reference.null, moves)
     length = float(np.linalg.norm(along))
     off, left = (float(state.z @ along) / max(length, 1e-9) for state in (before, after))
     worst = int(np.abs(before.z).argmax())
@@ -152,12 +165,11 @@ def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
     return bool(after.fitted.reference.null_scale[worst] > 1.3 * scale[worst])
 
 
-def _beyond_the_camera(fitted: Fitted, moves: np.ndarray) -> np.ndarray:
+def _beyond_the_camera(null: Null, moves: np.ndarray) -> np.ndarray:
     """What the camera's own numbers cannot do of some moves, in standard deviations: least squares with their priors."""
-    reference = fitted.reference
-    along = standardised(moves, reference.null_scale)
-    design = standardised(fitted.slopes.T, reference.null_scale)
-    normal = design @ design.T + np.diag(1 / reference.priors**2)
+    along = standardised(moves, null.scale)
+    design = standardised(null.slopes.T, null.scale)
+    normal = design @ design.T + np.diag(1 / null.priors**2)
     return along - design.T @ np.linalg.solve(normal, design @ along)
 
 
@@ -165,8 +177,22 @@ def acts_elsewhere(before: State, after: State) -> bool:
     """Whether a further effect moves what the effects before it leave alone, so that it cannot mop up what their forms leave."""
     moves = _moves(before, after)
     form = standardised(before.allowance, before.fitted.reference.null_scale)
-    squares = _beyond_the_camera(before.fitted, moves) ** 2 / (1 + form**2)
+    squares = _beyond_the_camera(before.fitted.reference.null, moves) ** 2 / (1 + form**2)
     return bool(squares[form < 1].sum() > ELSEWHERE * squares.sum())
+
+
+def is_there_again(before: State, after: State) -> bool:
+    """Whether the frames that confirm are off along the effect's own moves, by about as much as it moves them.
+
+    A question to these moves alone: all the rest of an error wavers as the refits before and after waver.
+    """
+    if after.confirm_moves is None:
+        return False
+    null = before.fitted.reference.confirm_null
+    along = _beyond_the_camera(null, after.confirm_moves)
+    length = float(np.linalg.norm(along))
+    off = float(standardised(before.fitted.confirm_residual, null.scale) @ along) / max(length, 1e-9)
+    return bool(off > SEEN_AGAIN and length / TIMES < off < length * TIMES)
 
 
 def improves(
@@ -175,6 +201,7 @@ def improves(
     first: bool,
     beyond_chance: bool = False,
     has_a_case: bool = False,
+    there_again: bool = False,
 ) -> bool:
     """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
 
@@ -192,11 +219,12 @@ def improves(
         first: whether it is the first effect.
         beyond_chance: whether what the effect takes away is more than any effect takes away by chance.
         has_a_case: whether it gains enough, beyond chance, where the effects before it move next to nothing.
+        there_again: see `is_there_again`; with a case of its own it is confirmed by that.
     """
     (found_before, confirmed_before), (found, confirmed) = before, after
     if found is None or found_before is None:
         return first
-    if first and beyond_chance and not is_clear(found_before):
+    if (has_a_case or (first and beyond_chance)) and not is_clear(found_before):
         return True
     if is_clear(found_before) and found.high - found.low > WIDE:
         return False
@@ -211,7 +239,8 @@ def improves(
         return False
     if confirmed is None or confirmed_before is None or not is_clear(confirmed):
         return True  # too few frames, or an effect whose spread covers them, to object
-    return confirmed.value < confirmed_before.value + _noise(confirmed, beyond_chance)
+    falls = confirmed.value < confirmed_before.value + _noise(confirmed, beyond_chance)
+    return falls or (has_a_case and there_again)
 
 
 def _noise(error: Error, beyond_chance: bool) -> float:

@@ -153,6 +153,11 @@ class Reference:
         return self._null_of(self.find)
 
     @cached_property
+    def confirm_null(self) -> Null:
+        """Of the frames that confirm."""
+        return self._null_of(self.confirm)
+
+    @cached_property
     def whole_null(self) -> Null:
         """Of all frames."""
         return self._null_of(self.whole)

@@ -137,16 +137,16 @@ def rivals(lab: Laboratory, found: Sequence[Refined], state: State, chance: Chan
     """Those among refined candidates that only a full simulation can tell apart."""
     if not found:
         return []
-    least = max(LEAST_GAIN, found[0].gain - max(CLOSE, CLOSE_SHARE * found[0].gain))
+    least = max(0.0, found[0].gain - max(CLOSE, CLOSE_SHARE * found[0].gain))
     return [r for r in found if r.gain > least and _is_beyond(lab, chance, state, r)][:RIVALS]
 
 
 def _is_beyond(lab: Laboratory, chance: Chance, state: State, candidate: Refined) -> bool:
     """Whether what the candidate takes away is more than some signature takes away by chance.
 
-    An effect that brings a spread of its own is not seen by its mean signature and passes.
+    An effect that brings a spread of its own is not seen by its mean signature and passes if it gains enough.
     """
-    if candidate.variance.any():
+    if candidate.variance.any() and candidate.gain > LEAST_GAIN:
         return True
     taken = lab.whole_of(state.fitted.residual - candidate.residual)
     return chance.p_value_of(taken) <= SIGNIFICANT

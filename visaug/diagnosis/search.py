@@ -12,7 +12,7 @@ from visaug.cluster import connected
 from visaug.comparison import Laboratory, is_clear, places
 from visaug.comparison.spread import by_ray
 from visaug.diagnosis import cache
-from visaug.diagnosis.acceptance import State, acts_elsewhere, explains, improves
+from visaug.diagnosis.acceptance import State, acts_elsewhere, explains, improves, is_there_again
 from visaug.diagnosis.candidates import Trial, looked, trials
 from visaug.diagnosis.chance import Chance, chance
 from visaug.diagnosis.errors import Errors
@@ -299,7 +299,7 @@ class _Search:
         kept = [c for c in state.fitted.reference.coordinates if not c.path.startswith(f"{own.effect}.")]
         accepted = tuple(rival.effect if name == own.effect else name for name in state.accepted)
         fitted = self._fitted(state, camera, [*kept, *rival.coordinates])
-        return replace(state, fitted=fitted, accepted=accepted, moves=None)
+        return replace(state, fitted=fitted, accepted=accepted, moves=None, confirm_moves=None)
 
     def _accepted(self, state: State, found: list[Refined], by_chance: Chance) -> "_Accepted | None":
         """The first of the candidates that explains what it moves and improves the camera, its rivals simulated."""
@@ -336,7 +336,7 @@ class _Search:
         """The state with a candidate added: simulated, refitted."""
         coordinates = [*state.fitted.reference.coordinates, *candidate.coordinates]
         fitted = self._fitted(state, candidate.camera, coordinates)
-        return state.with_effect(candidate.effect, fitted, self._moves_of(candidate.effect, state, fitted))
+        return state.with_effect(candidate.effect, fitted, *self._moves_of(candidate.effect, state, fitted))
 
     def _fitted(self, near: State, camera: Camera, coordinates: Sequence[Coordinate]) -> Fitted:
         """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over."""
@@ -362,13 +362,21 @@ class _Search:
         again = refit(self.lab, reference, self.report, begin=as_given)
         return min(fitted, again, key=lambda f: f.misfit)
 
-    def _moves_of(self, effect: str, before: State, fitted: Fitted) -> np.ndarray | None:
-        """How far an effect moves every statistic of a camera that has it; None for a term of the base chain."""
+    def _moves_of(
+        self, effect: str, before: State, fitted: Fitted
+    ) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
+        """How far an effect moves the statistics of a camera that has it, in the frames that find and those that confirm.
+
+        None of either for a term of the base chain.
+        """
         if catalogue()[effect].base:
-            return None
-        pair = (fitted.camera, fitted.camera.without_effect(effect))
-        values = self.lab.finding([(c, k) for c in pair for k in range(TWINS)]).reshape(2, TWINS, -1)
-        return cleared(values[0] - values[1], before.fitted.reference.null_scale)
+            return None, None
+        pair, reference = (fitted.camera, fitted.camera.without_effect(effect)), before.fitted.reference
+        find, confirm, _ = self.lab.simulated([(c, k) for c in pair for k in range(TWINS)])
+        moves = [values.reshape(2, TWINS, -1) for values in (find, confirm)]
+        scales = (reference.null_scale, reference.confirm_null.scale)
+        found, confirmed = (cleared(m[0] - m[1], scale) for m, scale in zip(moves, scales, strict=True))
+        return found, confirmed
 
     def _settled(self, fitted: Fitted) -> Fitted:
         """Where a fit has gone far from its reference, spread and derivatives are taken anew where it lies."""
@@ -384,8 +392,10 @@ class _Search:
         taken = [before.fitted.whole_residual - after.fitted.whole_residual]
         taken += [] if after.moves is None else [self.lab.whole_of(after.moves)]
         beyond = any(by_chance.p_value_of(way) <= SIGNIFICANT for way in taken)
-        has_a_case = beyond and gain > SURE and acts_elsewhere(before, after)
-        return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case)
+        completes = after.p_value > SIGNIFICANT
+        has_a_case = beyond and (gain > SURE or completes) and acts_elsewhere(before, after)
+        again = is_there_again(before, after)
+        return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case, again)
 
     def _is_worth_telling(self, state: State) -> bool:
         """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding."""

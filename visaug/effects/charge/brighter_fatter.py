@@ -36,7 +36,7 @@ class BrighterFatter(Effect):
         trials=(1e-3, 4e-3),
         source="variance of thick CCDs falls by 20 % at 100 000 e-; more in small pixels",
     )
-    aspect = Parameter(1.0, high=10.0, trials=(1.0, 2.5), source="vertical to horizontal; in CCDs 2 to 3")
+    aspect = Parameter(1.0, high=5.0, trials=(1.0, 2.5), source="vertical to horizontal; in CCDs 2 to 3")
     tail = Parameter(
         0.0,
         unit="fraction",

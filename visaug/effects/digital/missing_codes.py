@@ -29,10 +29,10 @@ class MissingCodes(Effect):
     density = Parameter(
         0.05,
         unit="share of codes",
-        high=0.9,
+        high=0.5,
         strength=True,
         trials=(0.02, 0.1),
-        source="0 in a good converter; a digital gain g gives 1 - 1/g",
+        source="0 in a good converter; a digital gain g gives 1 - 1/g, from 2 on a step that bit_truncation names",
     )
     pattern = Parameter(
         "random", options=("random", "even"), source="random: the converter; even: a digital gain"

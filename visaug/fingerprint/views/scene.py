@@ -84,7 +84,8 @@ class Target:
         usable: pixels away from them.
         weight: of a pixel, about the inverse of its variance: what spills into the dark is not lost in the noise of the bright.
         shapes: axes, shape times weight, and norm of each.
-        rings: axis, and the pixels before and after bright spots.
+        rings: axis, and the pixels before and after bright spots. Those that a spot reaches along either axis, its shoulders,
+            are a ring of their own: they would give a spill along columns the look of one along rows.
     """
 
     clean: np.ndarray
@@ -123,16 +124,25 @@ def _target(key: _Key) -> Target:
         norm = float((weight * shape**2).sum())
         if (shape**2).sum() > 1e-9 * peak**2:
             shapes[label] = (axes, (weight * shape).astype(np.float32), norm)
-    rings = {}
-    for axis, step in (("column", (1, 0)), ("row", (0, 1))):
-        for name, near, far in (("1 to 2", 1, 2), ("3 to 8", 3, 8), ("9 to 30", 9, 30)):
-            after, before = (
-                _reach(bright, d, far) & ~_reach(bright, d, near - 1) & ~bright
-                for d in (step, (-step[0], -step[1]))
-            )
-            if after.any() and before.any():
-                rings[f"{name} px from bright spots along the {axis}"] = (axis, before, after)
+    steps, rings = {"column": (1, 0), "row": (0, 1)}, {}
+    for name, near, far in (("1 to 2", 1, 2), ("3 to 8", 3, 8), ("9 to 30", 9, 30)):
+        for axis, other in (("column", "row"), ("row", "column")):
+            before, after = _sides(bright, steps[axis], near, far)
+            across = np.logical_or(*_sides(bright, steps[other], 1, far))
+            rings[f"{name} px from bright spots along the {axis}"] = (axis, before & ~across, after & ~across)
+            if (near, axis) == (1, "column"):
+                rings["bright spots' shoulders"] = ("pixel", before & across, after & across)
+    rings = {name: ring for name, ring in rings.items() if ring[1].any() and ring[2].any()}
     return Target(clean, bright, usable, weight, shapes, rings)
+
+
+def _sides(bright: np.ndarray, step: tuple[int, int], near: int, far: int) -> tuple[np.ndarray, np.ndarray]:
+    """The pixels so far before and behind bright spots along a step."""
+    before, after = (
+        _reach(bright, way, far) & ~_reach(bright, way, near - 1) & ~bright
+        for way in ((-step[0], -step[1]), step)
+    )
+    return before, after
 
 
 def _reach(mask: np.ndarray, step: tuple[int, int], distance: int) -> np.ndarray:
@@ -168,7 +178,7 @@ class Scene(View):
             for name, (axis, before, after) in target.rings.items():
                 sides = residual[before].mean(), residual[after].mean()
                 yield g.statistic(self.name, name, [axis], "DN"), float(sum(sides) / 2)
-                further = name.replace("from", "beyond less before")
+                further = f"{name}, beyond less before"
                 yield g.statistic(self.name, further, [axis], "DN"), float(sides[1] - sides[0])
 
     @staticmethod
