@@ -86,6 +86,20 @@ def test_a_name_gives_way_to_a_rival_that_says_more_beside_a_later_effect(
     assert {r.effect: r.probability for r in begun.ranking.ranked}[first] == 0.98
 
 
+@pytest.mark.parametrize("holds", [True, False])
+def test_a_name_goes_where_the_later_effect_alone_leaves_nothing(veiled, monkeypatch, holds):
+    """A blur that had taken most of what blooms; but two effects of which neither alone is enough both stay."""
+    begun = searching(veiled)
+    (_, alone) = begun.stood[0][1]
+    begun.steps[2] = Step("add veiling_glare", None)
+    monkeypatch.setattr(begun, "_holds", lambda state: holds and state is alone)
+    both = leaving([0, 0, 0, 1], veiled["flare"].with_effect("veiling_glare"), "lens_flare", "veiling_glare")
+    found = begun._reconsidered(leaving([300, 200, 90, 40], veiled["trail"]), both)
+    assert found is (alone if holds else both)
+    kept = ["refit", *([] if holds else ["add lens_flare"]), "add veiling_glare"]
+    assert [step.action for step in begun.steps] == kept
+
+
 def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
     begun = searching(veiled)
     (own, _), (rival, _) = begun.stood[0]

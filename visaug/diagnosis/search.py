@@ -270,13 +270,21 @@ class _Search:
     def _reconsidered(self, plain: State, state: State) -> State:
         """The state with a rival in the place of the effect before the last, where beside the last it says more, or is simpler.
 
-        While another effect is not there yet a wrong name can fit better: a ghost took what a charge transfer left of a veil.
+        While another effect is not there yet a wrong name can fit better: a ghost took what a charge transfer left of a veil. And
+        the last may be that rival itself, which needs no other beside it: a blur took most of what blooms, and all of it blooms.
         """
         if len(state.accepted) < 2:
             return state
         (own, _), *others = self.stood[-2]
         for rival, alone in others:
             far_behind = rival.gain < (1 - CLOSE_SHARE) * own.gain
+            if rival.effect == state.accepted[-1] and not far_behind and self._holds(alone):
+                del self.steps[-2:]
+                self._step(f"add {rival.effect}", alone)
+                self.ranking.rename(own.effect, rival.effect)
+                self.ranking.accept(alone, rival.effect, self.steps[-1].error)
+                self.stood[-2:] = [[(rival, alone), (own, self.stood[-2][0][1])]]
+                return alone
             is_base = any(catalogue()[r.effect].base for r in (own, rival))
             if rival.effect in state.accepted or far_behind or is_base:
                 continue
@@ -291,6 +299,10 @@ class _Search:
                     self.ranking.accept(swapped, effect, self.steps[-1].error)
                 return swapped
         return state
+
+    def _holds(self, state: State) -> bool:
+        """Whether a camera leaves no more than chance would."""
+        return chance(self.lab, self.signs, state).p_value > SIGNIFICANT
 
     def _swapped(self, state: State, own: Refined, rival: Refined) -> State:
         """The state with a rival in the place of an effect, everything refitted."""
