@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from visaug.comparison import Error
-from visaug.diagnosis.acceptance import State, acts_elsewhere, explains, improves, is_there_again
+from visaug.diagnosis.acceptance import (
+    State,
+    acts_elsewhere,
+    explains,
+    improves,
+    is_there_again,
+    says_the_same,
+)
 from visaug.diagnosis.fit import Null
 
 
@@ -75,6 +82,13 @@ def test_an_explanation_after_which_nothing_can_be_said_of_a_clear_error_is_none
     assert improves(
         (at(0.98, 2.0), at(0.98, 2.0)), after, True, beyond_chance=True
     )  # it was not clear before
+
+
+def test_an_error_that_is_gone_needs_no_narrow_interval():
+    """Ten hot pixels whose rates have a long tail: another ten would differ by all they add, but these are explained."""
+    before = (at(0.98, 0.02), at(0.98, 2.0))
+    assert improves(before, (at(0.05, 3.0), at(-7.0, 16.0)), True, beyond_chance=True)
+    assert not improves(before, (at(0.3, 3.0), at(-7.0, 16.0)), True, beyond_chance=True)
 
 
 def test_what_lowers_no_error_needs_a_case_for_a_second_name():
@@ -225,3 +239,12 @@ def test_a_second_effect_that_moves_what_the_first_leaves_alone_has_a_case():
 )
 def test_seen_again(off, moves, again):
     assert is_there_again(state(off), state([0.0, 0.0, 0.0], np.array(moves))) is again
+
+
+def test_two_effects_that_move_different_statistics_do_not_say_the_same():
+    before = state([9.0, 9.0, 9.0, 9.0])
+    drift, crosstalk, blur = (
+        state([0.0] * 4, np.array(moves)) for moves in ([9.0, 0, 0, 1], [0, 9.0, 8.0, 0], [0, 7.0, 9.0, 3.0])
+    )
+    assert not says_the_same(before, crosstalk, drift)
+    assert says_the_same(before, crosstalk, blur)

@@ -157,3 +157,18 @@ def test_what_spills_from_a_round_spot_along_one_axis_is_not_seen_along_the_othe
     }
     assert seen.pop(axis) > 20  # one or two of its pixels in two rows lie next to the spot
     assert next(iter(seen.values())) == pytest.approx(0, abs=0.5)
+
+
+def test_a_spot_on_one_level_has_no_offset_and_no_square():
+    """The line through the scene takes the level; what rounding leaves varied by 1e-6 DN and stood far out by that."""
+    y, x = np.mgrid[0:ROWS, 0:COLUMNS]
+    spot = np.where(np.hypot(y - 30, x - 40) <= 5, 10_000.0, 10.0).astype(np.float32)
+    rng = np.random.default_rng(0)
+    records = [FrameRecord(i, f"{i}.npy", "bias", 0.0, 20.0) for i in range(4)]
+    records += [FrameRecord(i, f"{i}.npy", "scene", 0.01, 20.0, clean="spot.npy") for i in range(4, 8)]
+    for background in (spot, spot + (x > 60)):
+        frames = [rng.normal(100, 3, spot.shape) + (background if i > 3 else 0) for i in range(8)]
+        clean = {"spot.npy": background.astype(np.float32)}
+        f = fingerprint(FrameSet.from_arrays(records, [a.astype(np.float32) for a in frames], clean))
+        told = [f[f"scene/{name}/scene spot"] for name in ("offset", "square")]
+        assert [value == 0 for value in told] == 2 * [background is spot]

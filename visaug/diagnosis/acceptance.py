@@ -15,7 +15,8 @@ FAINT = 3.0  # standard deviations along an effect's moves that count where no s
 REMAINING = 0.98  # share of the error that an accepted effect may leave; another effect may hold most of it
 SHARE = 0.01  # error that a further effect must take away,
 LITTLE, NEARLY_ALL = 0.002, 0.75  # or, where more than so little is left, this share of it
-WIDE = 3.0  # an interval of the error that says nothing
+WIDE = 3.0  # an interval of the error that says nothing,
+GONE = 0.2  # unless the error itself is no more than so much of what it was
 NOISE = (
     0.25  # of its interval, a standard deviation: by so much an error may rise that cannot show an effect,
 )
@@ -35,6 +36,7 @@ SEEN_AGAIN, TIMES = (
     2.0,
     2.0,
 )  # standard deviations along an effect's moves by which it is seen again, and by how much these may be off
+ALIKE = 0.3  # cosine between the moves of two effects from which they say the same
 ELSEWHERE = 0.8  # share of an effect's moves, squared, that lies where no form of the effects before it leaves as much as noise
 
 
@@ -181,6 +183,13 @@ def acts_elsewhere(before: State, after: State) -> bool:
     return bool(squares[form < 1].sum() > ELSEWHERE * squares.sum())
 
 
+def says_the_same(before: State, one: State, other: State) -> bool:
+    """Whether two effects move the same statistics the same way: else both may be there, the one no reason against the other."""
+    scale = before.fitted.reference.null_scale
+    a, b = (standardised(_moves(before, after), scale) for after in (one, other))
+    return bool(a @ b > ALIKE * np.linalg.norm(a) * np.linalg.norm(b))
+
+
 def is_there_again(before: State, after: State) -> bool:
     """Whether the frames that confirm are off along the effect's own moves, by about as much as it moves them.
 
@@ -212,7 +221,8 @@ def improves(
     A further effect must take a share of the first excess, or nearly all that is left beside a very strong one, or have a case
     of its own (`has_a_case`): what the form of an effect before it leaves is not mopped up by another name.
     A first effect whose own spread covers what it explains has no error to lower; a second one then has no case. Where the excess
-    was clear and nothing can be said of the error any more, the spread is that of another effect.
+    was clear and nothing can be said of the error any more, the spread is that of another effect; not so where the error is gone
+    all the same: ten pixels, hot by a law with a long tail, could have been any others, but they are what was measured.
 
     Args:
         before, after: errors on the frames that find and on those that confirm.
@@ -226,7 +236,7 @@ def improves(
         return first
     if (has_a_case or (first and beyond_chance)) and not is_clear(found_before):
         return True
-    if is_clear(found_before) and found.high - found.low > WIDE:
+    if is_clear(found_before) and found.high - found.low > WIDE and found.value > GONE * found_before.value:
         return False
     if not first:
         taken = found_before.value - found.value

@@ -12,7 +12,14 @@ from visaug.cluster import connected
 from visaug.comparison import Laboratory, is_clear, places
 from visaug.comparison.spread import by_ray
 from visaug.diagnosis import cache
-from visaug.diagnosis.acceptance import State, acts_elsewhere, explains, improves, is_there_again
+from visaug.diagnosis.acceptance import (
+    State,
+    acts_elsewhere,
+    explains,
+    improves,
+    is_there_again,
+    says_the_same,
+)
 from visaug.diagnosis.candidates import Trial, looked, trials
 from visaug.diagnosis.chance import Chance, chance
 from visaug.diagnosis.errors import Errors
@@ -318,12 +325,15 @@ class _Search:
         close = rivals(self.lab, found, state, by_chance)
         ordered = decided(state, [(r, self._with(state, r)) for r in close])
         for place, (r, after) in enumerate(ordered):
-            if r.gain < ordered[0][0].gain - DECISIVE:
-                break
+            refused = ordered[:place]  # by one that says the same, and more, it is refused too
+            if any(
+                r.gain < other.gain - DECISIVE and says_the_same(state, after, beside)
+                for other, beside in refused
+            ):
+                continue
             if explains(self.lab.statistics, state, after) and self._improves(
                 state, after, r.gain, by_chance
             ):
-                # those before it were refused
                 return _Accepted(r, after, ordered[place:], found[len(close) :])
         return None
 
@@ -404,7 +414,8 @@ class _Search:
         taken = [before.fitted.whole_residual - after.fitted.whole_residual]
         taken += [] if after.moves is None else [self.lab.whole_of(after.moves)]
         beyond = any(by_chance.p_value_of(way) <= SIGNIFICANT for way in taken)
-        completes = after.p_value > SIGNIFICANT
+        # that anything is missing after one effect is asked once more, and may be said by chance; after two not a third time
+        completes = len(before.accepted) == 1 and after.p_value > SIGNIFICANT
         has_a_case = beyond and (gain > SURE or completes) and acts_elsewhere(before, after)
         again = is_there_again(before, after)
         return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case, again)

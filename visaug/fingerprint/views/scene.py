@@ -166,11 +166,16 @@ class Scene(View):
             residual, slope, usable = self._residual(g, target)
             yield g.statistic(self.name, "slope", ["level"], "DN/photon"), slope
             kept = np.where(usable, residual, 0)
+            used = target.clean[usable]
+            # of one level the line takes all: what is left of its square, or of an offset, is rounding, and no residual
+            several_levels = used.size > 0 and float(np.ptp(used)) > 1e-6 * float(used.max())
             for name, (axes, shape, norm) in target.shapes.items():
-                value = float(np.vdot(shape, kept)) / norm / max(slope, 1e-9)
+                told = several_levels or name != "square"
+                value = float(np.vdot(shape, kept)) / norm / max(slope, 1e-9) if told else 0.0
                 yield g.statistic(self.name, name, axes, "fraction"), value
             weight = np.where(usable, target.weight, 0)
             offset = float(np.vdot(weight, kept)) / max(float(weight.sum(dtype=np.float64)), 1e-9)
+            offset = offset if several_levels else 0.0
             yield g.statistic(self.name, "offset", ["smooth", "level"], "DN"), offset
             if target.bright.any():  # far above the full well, so this is its level
                 top = float(g.pattern[target.bright].mean()) + g.signal
