@@ -27,7 +27,7 @@ from . import cameras, foreign, statistics
 from .camera import Hidden, Sensor, take
 from .effects import KINDS, Kind
 from .sets import Recipe
-from .strengths import FACTOR, KNOWN, TABLE, plain
+from .strengths import FACTOR, KNOWN, TABLE, times
 
 BASE_SETS, SLOPE_SEEDS = 40, 3
 TARGET, TOLERANCE, TRIES = 8.0, 0.08, 12
@@ -169,12 +169,12 @@ def for_specimen(recipe: Recipe) -> Recipe | None:
     if recipe.strength not in FACTOR:
         return recipe
     hidden = []
-    for name, _, form in recipe.hidden:
-        start = plain(recipe.camera, name, form) or KNOWN[name].start
+    for name, nearly, form in recipe.hidden:
+        start = nearly / FACTOR[recipe.strength]
         strength, _ = yardstick(recipe.camera).plain(KNOWN[name], form, start, (recipe.seed,))
         if strength is None:
             return None
-        hidden.append((name, min(strength * FACTOR[recipe.strength], KNOWN[name].largest), form))
+        hidden.append((name, times(strength, name, recipe.strength), form))
     return replace(recipe, hidden=tuple(hidden))
 
 

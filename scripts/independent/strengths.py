@@ -60,6 +60,9 @@ def scaled(camera: int, name: str, form: str, word: str) -> float | None:
     if word == "typical":
         return TYPICAL[name]
     value = plain(camera, name, form)
-    if value is None:
-        return None
-    return min(value * FACTOR[word], KNOWN[name].largest)
+    return None if value is None else times(value, name, word)
+
+
+def times(plain: float, name: str, word: str) -> float:
+    """A multiple of a plain strength, inside the parameter's range."""
+    return min(plain * FACTOR[word], KNOWN[name].largest)

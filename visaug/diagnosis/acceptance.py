@@ -17,10 +17,8 @@ SHARE = 0.01  # error that a further effect must take away,
 LITTLE, NEARLY_ALL = 0.002, 0.75  # or, where more than so little is left, this share of it
 WIDE = 3.0  # an interval of the error that says nothing,
 GONE = 0.2  # unless the error itself is no more than so much of what it was
-NOISE = (
-    0.25  # of its interval, a standard deviation: by so much an error may rise that cannot show an effect,
-)
-RISE = 0.05  # and by no more than this
+NOISE = 0.25  # of its interval, a standard deviation: so much may an error rise that cannot show an effect,
+RISE = 0.05  # and no more than this
 BY_CHANCE = 5.0  # standard deviations that one of many hundred statistics may be off
 OFF = 4.0  # standard deviations from which a statistic counts as moved, or as off
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
@@ -32,11 +30,9 @@ UNDONE = 0.05  # if all such are more than so much of all that it is seen in: no
 NEARER = 0.6  # share of the same statistics whose mean must not go further off, however wide the effect's own spread,
 FURTHER = 1.2  # by more than this factor
 MEAN = 0.2  # standard deviations of that spread to which the mean of a hundred simulated sets is known
-SEEN_AGAIN, TIMES = (
-    2.0,
-    2.0,
-)  # standard deviations along an effect's moves by which it is seen again, and by how much these may be off
-ALIKE = 0.3  # cosine between the moves of two effects from which they say the same
+SEEN_AGAIN = 2.0  # standard deviations along an effect's moves from which it is seen again,
+TIMES = 2.0  # and by what factor these may differ from the moves
+SAME_WAY = 0.3  # cosine between the moves of two effects from which they say the same
 ELSEWHERE = 0.8  # share of an effect's moves, squared, that lies where no form of the effects before it leaves as much as noise
 
 
@@ -187,7 +183,7 @@ def says_the_same(before: State, one: State, other: State) -> bool:
     """Whether two effects move the same statistics the same way: else both may be there, the one no reason against the other."""
     scale = before.fitted.reference.null_scale
     a, b = (standardised(_moves(before, after), scale) for after in (one, other))
-    return bool(a @ b > ALIKE * np.linalg.norm(a) * np.linalg.norm(b))
+    return bool(a @ b > SAME_WAY * np.linalg.norm(a) * np.linalg.norm(b))
 
 
 def is_there_again(before: State, after: State) -> bool:

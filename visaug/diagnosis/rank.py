@@ -430,9 +430,8 @@ def refine(
     """
     cameras = [_scaled(fitted, match, power) for power in POWERS]
     camera = cameras[0]
-    if (
-        match.trial.following
-    ):  # a camera that was not refitted has not followed: there the effect may stand alone
+    # a camera that was not refitted has not followed: there the effect may stand alone
+    if match.trial.following:
         cameras.append(match.trial.on(fitted.camera))
     if beside and _extrapolation(match) > np.log(SCALED_FAR):
         cameras += _among(lab, fitted, beside)

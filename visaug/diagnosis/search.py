@@ -282,7 +282,7 @@ class _Search:
         """
         if len(state.accepted) < 2:
             return state
-        (own, _), *others = self.stood[-2]
+        (own, with_own), *others = self.stood[-2]
         for rival, alone in others:
             far_behind = rival.gain < (1 - CLOSE_SHARE) * own.gain
             if rival.effect == state.accepted[-1] and not far_behind and self._holds(alone):
@@ -290,7 +290,7 @@ class _Search:
                 self._step(f"add {rival.effect}", alone)
                 self.ranking.rename(own.effect, rival.effect)
                 self.ranking.accept(alone, rival.effect, self.steps[-1].error)
-                self.stood[-2:] = [[(rival, alone), (own, self.stood[-2][0][1])]]
+                self.stood[-2:] = [[(rival, alone), (own, with_own)]]
                 return alone
             is_base = any(catalogue()[r.effect].base for r in (own, rival))
             if rival.effect in state.accepted or far_behind or is_base:
@@ -414,7 +414,7 @@ class _Search:
         taken = [before.fitted.whole_residual - after.fitted.whole_residual]
         taken += [] if after.moves is None else [self.lab.whole_of(after.moves)]
         beyond = any(by_chance.p_value_of(way) <= SIGNIFICANT for way in taken)
-        # that anything is missing after one effect is asked once more, and may be said by chance; after two not a third time
+        # no statistic stands out any more; asked after every effect that would be by chance too often, so only of a second one
         completes = len(before.accepted) == 1 and after.p_value > SIGNIFICANT
         has_a_case = beyond and (gain > SURE or completes) and acts_elsewhere(before, after)
         again = is_there_again(before, after)
