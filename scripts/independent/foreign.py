@@ -6,6 +6,7 @@ The honest answer to these is "unexplained", until a user writes them down.
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from .camera import Moment
 from .effects import Kind
@@ -36,6 +37,71 @@ def patchwork(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     return x + strength * offsets[: x.shape[0], : x.shape[1]]
 
 
+def row_loading(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
+    """Bright rows sag: every pixel loses a share `strength` of its row's mean. A supply that the row's amplifiers load."""
+    return x - strength * x.mean(1, keepdims=True)
+
+
+def electronic_ghost(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
+    """A share `strength` of the signal comes again some twenty pixels later in the row: an echo on the video line."""
+    late = int(at.die().integers(14, 30))
+    echo = np.zeros_like(x)
+    echo[:, late:] = x[:, :-late]
+    return x + strength * echo
+
+
+def fringing(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
+    """Rings of interference in a thin layer of uneven thickness, relative amplitude `strength`."""
+    rng = at.die()
+    rows, columns = light.shape
+    y, x = np.mgrid[0:rows, 0:columns] / max(rows, columns)
+    path = rng.uniform(4, 7) * np.hypot(y - rng.uniform(-0.3, 0.3), x - rng.uniform(-0.3, 0.3)) ** 2
+    return light * (1 + strength * np.cos(2 * np.pi * (path + rng.random())))
+
+
+def dust(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
+    """Six specks on the window: dark discs of some pixels, `strength` deep, with a brighter middle."""
+    rng = at.die()
+    rows, columns = light.shape
+    y, x = np.mgrid[0:rows, 0:columns]
+    shade = np.ones_like(light)
+    for _ in range(6):
+        r = np.hypot(y - rng.uniform(0, rows), x - rng.uniform(0, columns)) / rng.uniform(4, 9)
+        shade *= 1 - strength * (np.exp(-(r**4)) - 0.6 * np.exp(-((2.5 * r) ** 2)))
+    return light * shade
+
+
+def bit_flips(code: np.ndarray, strength: float, at: Moment) -> np.ndarray:
+    """A share `strength` of the pixels of every frame arrives with one of its eight lowest bits flipped: a noisy link."""
+    rng = at.now()
+    hit = rng.random(code.shape) < strength
+    flipped = code.astype(int) ^ (1 << rng.integers(0, 8, code.shape))
+    return np.where(hit, flipped, code)
+
+
+def checkerboard(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
+    """Pixels that share an amplifier in pairs, staggered: `strength` e- more on black fields, less on white ones."""
+    y, column = np.ogrid[: x.shape[0], : x.shape[1]]
+    return x + strength * np.where((y + column) % 2, 1.0, -1.0)
+
+
+def converter_step(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
+    """All signal above a fifth of the full well reads `strength` e- higher: a coarse stage of the converter is off."""
+    return x + strength * (x > 0.2 * at.sensor.well_e)
+
+
+def column_parity_gain(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
+    """Odd columns have a gain that is higher by a relative `strength`: two amplifiers take turns."""
+    return x * (1 + strength * (np.arange(x.shape[1]) % 2))
+
+
+def despeckle(code: np.ndarray, strength: float, at: Moment) -> np.ndarray:
+    """A pixel that differs from the median of its neighbours by more than 1 / `strength` read noises gets that median."""
+    middle = median_filter(code, 3)
+    off_dn = np.abs(code.astype(float) - middle)
+    return np.where(strength * off_dn > at.sensor.read_e / at.sensor.e_per_dn, middle, code)
+
+
 KINDS: tuple[Kind, ...] = (
     Kind("slanted_pickup", "voltage", slanted_pickup, "e-", 0.2, 100, None, ("time",)),
     Kind(
@@ -50,4 +116,54 @@ KINDS: tuple[Kind, ...] = (
         ("signal",),
     ),
     Kind("patchwork", "voltage", patchwork, "e- rms", 0.2, 100, None, ("time", "smooth")),
+    Kind("row_loading", "voltage", row_loading, "share", 1e-3, 0.5, None, ("row",), ("signal",)),
+    Kind(
+        "electronic_ghost",
+        "voltage",
+        electronic_ghost,
+        "share",
+        1e-3,
+        0.5,
+        None,
+        ("row", "column", "pixel", "smooth"),
+        ("signal",),
+    ),
+    Kind(
+        "fringing",
+        "light",
+        fringing,
+        "fraction",
+        1e-3,
+        0.5,
+        None,
+        ("smooth", "row", "column", "pixel"),
+        ("signal",),
+    ),
+    Kind("dust", "light", dust, "fraction", 1e-2, 0.9, None, ("smooth", "pixel"), ("signal",)),
+    Kind("bit_flips", "code", bit_flips, "share of pixels", 1e-5, 0.1, None, ("time", "pixel")),
+    Kind("checkerboard", "voltage", checkerboard, "e-", 0.1, 100, None, ("pixel",)),
+    Kind("converter_step", "voltage", converter_step, "e-", 1, 1000, None, ("level",), ("signal",)),
+    Kind(
+        "column_parity_gain",
+        "voltage",
+        column_parity_gain,
+        "fraction",
+        1e-4,
+        0.2,
+        None,
+        ("column",),
+        ("signal",),
+    ),
+    Kind(
+        "despeckle",
+        "code",
+        despeckle,
+        "1 / read noises",
+        0.05,
+        0.5,
+        None,
+        ("time", "pixel"),
+        (),
+        ("signal", "exposure", "temperature"),
+    ),
 )

@@ -23,6 +23,8 @@ TYPICAL = {
     "rts_noise": 0.02, "fixed_pattern_structure": 3, "row_parity": 2, "row_noise": 1, "column_noise": 1,
     "flicker_noise": 1, "periodic_banding": 1, "black_level_drift": 1, "tap_mismatch": 3, "bit_truncation": 2,
     "missing_codes": 0.02, "slanted_pickup": 3, "row_gain_noise": 0.01, "patchwork": 3,
+    "row_loading": 0.01, "electronic_ghost": 0.01, "fringing": 0.01, "dust": 0.05, "bit_flips": 1e-3, "checkerboard": 1,
+    "converter_step": 30, "column_parity_gain": 0.005, "despeckle": 0.2,
 }  # fmt: skip
 WORDS = (*FACTOR, "typical")
 KNOWN = effects.BY_NAME | {kind.name: kind for kind in foreign.KINDS}

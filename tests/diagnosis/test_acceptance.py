@@ -10,9 +10,11 @@ from visaug.comparison import Error
 from visaug.diagnosis.acceptance import (
     State,
     acts_elsewhere,
+    disturbs_nothing,
     explains,
     improves,
     is_there_again,
+    owes,
     says_the_same,
 )
 from visaug.diagnosis.fit import Null
@@ -248,3 +250,43 @@ def test_two_effects_that_move_different_statistics_do_not_say_the_same():
     )
     assert not says_the_same(before, crosstalk, drift)
     assert says_the_same(before, crosstalk, blur)
+
+
+def test_where_an_effect_overshoots_its_form_is_no_excuse():
+    """An allowance is a share of how much nearer a residual came."""
+    z = state([100.0, 100.0, 100.0, 0.0]).with_effect("blur", state([10.0, -10.0, -400.0, 50.0]).fitted).z
+    assert z[:2] == pytest.approx([10 / np.hypot(1, 13.5), -10 / np.hypot(1, 13.5)])
+    assert z[2:] == pytest.approx([-400.0, 50.0])
+
+
+@pytest.mark.parametrize(
+    ("left", "owed"),
+    [
+        ([5.0, 5.0, 600.0], False),  # the view that it does not move is another's
+        ([5.0, 70.0, 600.0], True),
+        ([5.0, -900.0, 600.0], True),  # further off than before
+        ([5.0, 40.0, 600.0], False),  # a form that is not the catalogue's
+    ],
+)
+def test_an_effect_owes_the_views_that_it_moves(left, owed):
+    before, after = state([80.0, 100.0, 600.0]), state(left, np.array([80.0, 60.0, 0.0]))
+    views = [SimpleNamespace(view=view) for view in ("codes", "codes", "scene")]
+    assert owes(views, before, after) is owed  # type: ignore[arg-type]
+
+
+def test_what_has_no_error_to_lower_leaves_in_order_what_was():
+    before = state([500.0, 1.6, 0.0])
+    assert disturbs_nothing(before, state([2.0, 4.0, 3.0]))
+    assert not disturbs_nothing(before, state([2.0, 8.3, 3.0]))
+    nothing = (None, None)
+    assert not improves(nothing, nothing, True, disturbs_nothing=False)
+
+
+def test_beside_what_is_a_hundred_times_as_far_off_an_error_falls_by_little():
+    """A veil beside what blooms: it must surely fall, and the effect be there again."""
+    before, after = (at(1.0, 1e-5), at(1.0, 1e-5)), (at(0.994, 1e-5), at(0.995, 1e-5))
+    assert improves(before, after, True, beyond_chance=True, has_a_case=True, there_again=True)
+    assert not improves(before, after, True, beyond_chance=True, has_a_case=True)
+    assert not improves(before, after, True, beyond_chance=True, there_again=True)
+    wavering = (at(0.994, 0.01), at(0.995, 0.01))
+    assert not improves(before, wavering, True, True, has_a_case=True, there_again=True)

@@ -283,6 +283,18 @@ def test_the_least_scaled_of_an_effects_good_trials_is_where_it_starts():
     assert best_of_each([wide, other, near, poor]) == [other, near]
 
 
+def test_one_residual_that_no_signature_matches_is_seen_with_a_hundred_sets():
+    """60 sets: the largest residual has a third of a match's weight, and one sixtieth times three is no 2 %."""
+    rng = np.random.default_rng(5)
+    null, shapes = rng.normal(size=(60, 40)), np.eye(40)[:20]
+    p_of = chance_of(null, shapes)
+    residual = rng.normal(size=40)
+    residual[20:] = 0.0
+    assert p_of(residual) > 0.02
+    residual[30] = 15.0
+    assert p_of(residual) <= 1 / 60 + 1e-9
+
+
 def refined(effect: str, camera: Camera, gain: float, cost: float) -> Refined:
     return Refined(effect, camera, (), np.zeros(0), gain, np.full(4, 20.0), np.zeros(4), cost)
 
@@ -303,6 +315,13 @@ def test_of_two_that_say_the_same_the_simpler_is_taken(stated, monkeypatch):
     assert [r.effect for r, _ in naming.decided(before, simulated)] == ["veiling_glare", "lens_flare"]
     other = [(veil, elsewhere), (flare, after)]  # it says another thing, and far less well
     assert [r.effect for r, _ in naming.decided(before, other)] == ["lens_flare", "veiling_glare"]
+
+
+def test_what_no_rival_explains_does_not_tell_rivals_apart():
+    """5350 or 5340 standard deviations of what blooms, beside a veil and beside a flare."""
+    before = leaving([7000.0, 100, 60, 40])
+    left = naming._anothers(before, [leaving([5350.0, 1, 50, 31]), leaving([5340.0, 60, 45, 1])])
+    assert left.tolist() == [True, False, True, False]
 
 
 def test_other_words_are_tried_first_with_the_numbers_that_were_found(stated, monkeypatch):

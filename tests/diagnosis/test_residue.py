@@ -41,3 +41,22 @@ def test_what_is_measured_on_all_dark_frames_together_tells_no_growth():
     ]
     statistics += darks("variance")
     assert describe(statistics, np.array([500.0, 400, 300, 200, 20, 21, 20, 19])).grows_with == ()
+
+
+def flats(z: list[float]) -> tuple[str, ...]:
+    """The axes told where the means of flats of rising level are so far off."""
+    statistics = [
+        Statistic("level", "mean", f"flat {i}", ("level",), "DN", "flat", 0.01, 20.0, signal=100.0 * i)
+        for i in range(len(z))
+    ]
+    return describe(statistics, np.array(z)).axis
+
+
+def test_levels_that_are_off_by_turns_wander_in_time():
+    assert "time" in flats([40, -50, 112, -48, 139, -60])
+
+
+def test_a_response_that_bends_is_a_matter_of_the_level():
+    """What a bend leaves beside a refitted line changes its sign twice."""
+    assert flats([40, 20, -15, -30, -20, 10, 45]) == ("level",)
+    assert flats([40, -50, 112]) == ("level",)  # too few to tell

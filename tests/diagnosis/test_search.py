@@ -51,6 +51,7 @@ def searching(veiled) -> search._Search:
     begun.steps = [
         Step(word, None) for word in ("refit", "add lens_flare", "add charge_transfer_inefficiency")
     ]
+    begun.walk = [leaving([300, 200, 90, 40], veiled["trail"]), *(alone, alone)]
     begun.ranking = Ranking(None)  # pyright: ignore[reportArgumentType]
     begun.ranking._ranked = {
         name: Ranked(name, probability, None, {})

@@ -23,6 +23,10 @@ BY_CHANCE = 5.0  # standard deviations that one of many hundred statistics may b
 OFF = 4.0  # standard deviations from which a statistic counts as moved, or as off
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
 FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
+OWED, OWED_LEAST = (
+    0.5,
+    10.0,
+)  # share of the furthest statistic of a view, and standard deviations, that no explanation leaves
 POOREST = 0.75  # the same share in the view that it explains least
 IN_ORDER = 2.0  # standard deviations within which a statistic was in order,
 DISTURBED = 5.0  # and to which an effect must not move it off,
@@ -72,8 +76,8 @@ class State:
         return State(
             fitted,
             (*self.accepted, effect),
-            np.hypot(self.allowance, FORM * (before.residual - fitted.residual)),
-            np.hypot(self.whole_allowance, FORM * (before.whole_residual - fitted.whole_residual)),
+            np.hypot(self.allowance, FORM * _explained(before.residual, fitted.residual)),
+            np.hypot(self.whole_allowance, FORM * _explained(before.whole_residual, fitted.whole_residual)),
             moves,
             confirm_moves,
         )
@@ -94,6 +98,11 @@ class State:
     def p_value(self) -> float:
         """That a camera lacking nothing leaves as large a residual somewhere in all frames together."""
         return p_value(float(np.abs(self.whole_z).max()), self.fitted.reference.largest)
+
+
+def _explained(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """How much nearer each residual has come: where an effect overshoots, its form is no excuse."""
+    return np.maximum(np.abs(before) - np.abs(after), 0.0)
 
 
 def _allowed(residual: np.ndarray, scale: np.ndarray, allowance: np.ndarray) -> np.ndarray:
@@ -171,6 +180,21 @@ def _beyond_the_camera(null: Null, moves: np.ndarray) -> np.ndarray:
     return along - design.T @ np.linalg.solve(normal, design @ along)
 
 
+def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
+    """Whether a view that an effect moves is nearly as far off as before, nothing allowed for the effect's form.
+
+    To be asked where nothing more was found: of two effects that move one view the first leaves the other's share.
+    """
+    scale = before.fitted.reference.null_scale
+    was, now = (
+        np.abs(standardised(s.fitted.residual, s.fitted.reference.null_scale)) for s in (before, after)
+    )
+    seen = (np.abs(standardised(_moves(before, after), scale)) > OFF) & (was > OFF)
+    views = np.array([s.view for s in statistics])
+    furthest = [(was[views == view].max(), now[views == view].max()) for view in dict.fromkeys(views[seen])]
+    return any(left > max(OWED * off, OWED_LEAST) for off, left in furthest)
+
+
 def acts_elsewhere(before: State, after: State) -> bool:
     """Whether a further effect moves what the effects before it leave alone, so that it cannot mop up what their forms leave."""
     moves = _moves(before, after)
@@ -200,6 +224,11 @@ def is_there_again(before: State, after: State) -> bool:
     return bool(off > SEEN_AGAIN and length / TIMES < off < length * TIMES)
 
 
+def disturbs_nothing(before: State, after: State) -> bool:
+    """Whether all that was in order stays so."""
+    return not bool(((np.abs(before.z) < IN_ORDER) & (np.abs(after.z) > DISTURBED)).any())
+
+
 def improves(
     before: tuple[Error | None, Error | None],
     after: tuple[Error | None, Error | None],
@@ -207,16 +236,19 @@ def improves(
     beyond_chance: bool = False,
     has_a_case: bool = False,
     there_again: bool = False,
+    disturbs_nothing: bool = True,
 ) -> bool:
     """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
 
     The error is a mean over all that was measured, so the noise of the rest hides what a faint effect takes away in a few
     statistics: then what is taken away must be beyond chance, and the error not rise by more than a standard deviation, or 0.05.
-    Where that noise is as large as the whole excess, the error says nothing, and chance alone decides.
+    Where that noise is as large as the whole excess, the error says nothing, and chance alone decides. Beside what is a hundred
+    times as far off it can only fall by little: then it must surely fall, and the effect be there on the frames that confirm.
 
     A further effect must take a share of the first excess, or nearly all that is left beside a very strong one, or have a case
     of its own (`has_a_case`): what the form of an effect before it leaves is not mopped up by another name.
-    A first effect whose own spread covers what it explains has no error to lower; a second one then has no case. Where the excess
+    A first effect whose own spread covers what it explains has no error to lower, and must leave in order what was; a second one
+    then has no case. Where the excess
     was clear and nothing can be said of the error any more, the spread is that of another effect; not so where the error is gone
     all the same: ten pixels, hot by a law with a long tail, could have been any others, but they are what was measured.
 
@@ -226,10 +258,11 @@ def improves(
         beyond_chance: whether what the effect takes away is more than any effect takes away by chance.
         has_a_case: whether it gains enough, beyond chance, where the effects before it move next to nothing.
         there_again: see `is_there_again`; with a case of its own it is confirmed by that.
+        disturbs_nothing: see there. (Tracks of cosmic rays cover whatever hot pixels do, but not that frames differ so little.)
     """
     (found_before, confirmed_before), (found, confirmed) = before, after
     if found is None or found_before is None:
-        return first
+        return first and disturbs_nothing
     if (has_a_case or (first and beyond_chance)) and not is_clear(found_before):
         return True
     if is_clear(found_before) and found.high - found.low > WIDE and found.value > GONE * found_before.value:
@@ -239,7 +272,8 @@ def improves(
         all_that_is_left = found_before.value > LITTLE and taken > NEARLY_ALL * found_before.value
         if taken < SHARE and not all_that_is_left and not has_a_case:
             return False
-    if found.value > REMAINING * found_before.value + _noise(found, beyond_chance):
+    beside_more = first and has_a_case and there_again and found.high < found_before.low
+    if found.value > REMAINING * found_before.value + _noise(found, beyond_chance) and not beside_more:
         return False
     if found.high >= found_before.value and not beyond_chance:
         return False

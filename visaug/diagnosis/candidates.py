@@ -140,7 +140,7 @@ def looked(lab: Laboratory, camera: Camera, without: frozenset[str] = frozenset(
     for i in lab.folds.find:
         codes.update(np.unique(lab.frames.read(i)).tolist())
     seen = Look(
-        dark_e=dark.pattern * camera.gain_at(dark.group.gain_db),
+        dark_e=dark.calm * camera.gain_at(dark.group.gain_db),
         rows=np.arange(window[0], window[1]) / height,
         columns=np.arange(window[2], window[3]) / width,
         codes=np.array(sorted(codes)),

@@ -12,6 +12,8 @@ from visaug.diagnosis.rank import Metric, Signatures, each_half
 
 SOMEWHERE = 3.0  # times as unlikely must one large residual be as a match, to count as much: what no effect matches is seldom faint
 
+TAIL = 0.9  # quantile from which the largest of the null count as its tail
+
 
 @dataclass(frozen=True)
 class Half:
@@ -83,10 +85,20 @@ def chance(lab: Laboratory, signed: Signatures, state: State) -> Chance:
 
 
 def _ranks(value: float, null: np.ndarray) -> np.ndarray:
-    """The share that is as large, of each of the null and last of the value, all of them taken together."""
+    """The share that is as large, of each of the null and last of the value, all of them taken together.
+
+    Beyond the largest of the null the value's share falls on as an exponential tail does, whose length is the mean excess over
+    the ninth tenth (Pickands 1975): from a hundred sets no share below a hundredth could be counted.
+    """
     everything = np.append(null, value)
     order = np.sort(everything)
-    return (len(order) - np.searchsorted(order, everything)) / len(order)
+    ranks = (len(order) - np.searchsorted(order, everything)) / len(order)
+    beyond = value - float(null.max())
+    if beyond > 0:
+        start = float(np.quantile(null, TAIL))
+        excess = null[null > start] - start
+        ranks[-1] *= np.exp(-beyond / max(float(excess.mean()) if len(excess) else 0.0, 1e-9))
+    return ranks
 
 
 def _matches(halves: Sequence[Half], shapes: np.ndarray) -> tuple[float, np.ndarray]:

@@ -36,6 +36,7 @@ CLOSE_SHARE = 0.25  # or this share of the best gain
 RIVALS = 3  # so many of them are simulated in full
 ALIKE = 0.15  # share of the best gain within which the simpler of two that say the same is taken
 UNMOVED = 0.3  # of what the first moves in a statistic, below which the other does not move it
+HARDLY = 0.5  # share of what was off that is left where an effect explains nothing
 EXACT = 0.03  # what a form may leave over where rivals are compared
 
 
@@ -157,6 +158,7 @@ def decided(state: State, simulated: Sequence[tuple[Refined, State]]) -> list[tu
     if len(simulated) < 2:
         return list(simulated)
     used = np.all([after.fitted.reference.null_scale > 0 for _, after in simulated], axis=0)
+    used &= ~_anothers(state, [after for _, after in simulated])
     evidence = []
     for r, after in simulated:
         form = EXACT * (state.fitted.residual - after.fitted.residual)
@@ -171,6 +173,16 @@ def decided(state: State, simulated: Sequence[tuple[Refined, State]]) -> list[tu
     simpler = [pair for pair in ordered if pair[0].cost < first[0].cost and _is_alike(state, first, pair)]
     simplest = min(simpler, key=lambda pair: pair[0].cost, default=first)
     return [simplest, *(pair for pair in ordered if pair is not simplest)]
+
+
+def _anothers(state: State, rivals: Sequence[State]) -> np.ndarray:
+    """Statistics that stay far out whichever rival is taken: what is left there of another effect says nothing about them.
+
+    (What blooms stands 5000 standard deviations out beside a veil and beside a flare; a hundredth of that is chance, and more
+    than all that tells the two apart.)
+    """
+    left = np.abs([after.fitted.z for after in rivals])
+    return np.all((left > FAR_OUT) & (left > HARDLY * np.abs(state.fitted.z)), axis=0)
 
 
 def _is_alike(state: State, first: tuple[Refined, State], other: tuple[Refined, State]) -> bool:

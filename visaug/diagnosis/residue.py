@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 from visaug.fingerprint import AXES, Statistic
 
 FAR = 4.5  # standard deviations from which a statistic is said to be off
+WANDERS = 0.5  # share of neighbouring levels between which whole frames change sign,
+LEVELS = 5  # of at least so many that are off
 ALIKE = 1.15  # ratio within which two of them say the same
 
 
@@ -45,7 +48,7 @@ def describe(statistics: Sequence[Statistic], z: np.ndarray, nearest: str | None
     size = np.abs(z)
     limit = min(FAR, float(size.max()))
     far = [i for i in np.argsort(-size) if size[i] >= limit]
-    axis = _axes(statistics, size, far)
+    axis = _axes(statistics, size, far, wanders=_wanders(statistics, z))
     grows = _growth(statistics, size)
     worst = tuple((statistics[i].label, float(z[i])) for i in far[:8])
     first = statistics[far[0]]
@@ -64,7 +67,17 @@ def describe(statistics: Sequence[Statistic], z: np.ndarray, nearest: str | None
     return Residue(description, axis, grows, worst, nearest)
 
 
-def _axes(statistics: Sequence[Statistic], size: np.ndarray, far: list[int]) -> tuple[str, ...]:
+def _wanders(statistics: Sequence[Statistic], z: np.ndarray) -> bool:
+    """Whether whole frames are brighter and darker by turns as the level rises: no law of the level, so one of time."""
+    off = [i for i, s in enumerate(statistics) if s.view == "level" and abs(z[i]) > FAR]
+    signs = [z[i] > 0 for i in sorted(off, key=lambda i: statistics[i].signal)]
+    turns = sum(a != b for a, b in pairwise(signs))
+    return len(off) >= LEVELS and turns >= WANDERS * (len(off) - 1)
+
+
+def _axes(
+    statistics: Sequence[Statistic], size: np.ndarray, far: list[int], wanders: bool
+) -> tuple[str, ...]:
     """Axes by how much of the difference their statistics carry, each view counted once by its worst statistic.
 
     Distances count by their logarithm: a statistic that is known very precisely is not the more telling for it.
@@ -72,7 +85,8 @@ def _axes(statistics: Sequence[Statistic], size: np.ndarray, far: list[int]) -> 
     weight: dict[str, float] = dict.fromkeys(AXES, 0.0)
     seen: dict[tuple[str, tuple[str, ...]], float] = {}
     for i in far:
-        key = (statistics[i].view, statistics[i].axes)
+        axes = statistics[i].axes
+        key = (statistics[i].view, ("time", *axes) if wanders and axes == ("level",) else axes)
         seen[key] = max(seen.get(key, 0.0), float(size[i]))
     for (_, axes), value in seen.items():
         for axis in axes:

@@ -15,9 +15,11 @@ from visaug.diagnosis import cache
 from visaug.diagnosis.acceptance import (
     State,
     acts_elsewhere,
+    disturbs_nothing,
     explains,
     improves,
     is_there_again,
+    owes,
     says_the_same,
 )
 from visaug.diagnosis.candidates import Trial, looked, trials
@@ -56,6 +58,7 @@ BENT = (
     5.0  # standard deviations by which a fit took the camera from what its file says, to try again from there
 )
 STANDS_OUT = 30.0  # standard deviations from which what is left is worth another start
+STAYS = 0.2  # error that surely stays beside a name that explains nothing
 MUCH = 0.1  # error beside an accepted effect that is a finding, if it may be so much; and if it surely is, though the camera holds
 
 
@@ -120,7 +123,8 @@ class _Search:
                 field="frames",
                 expected="at least 4 under some conditions",
             )
-        self.steps: list[Step] = []
+        self.walk: list[State] = []  # the refitted camera, and after each effect added
+        self.steps: list[Step] = []  # the same, as it is told
         self.stood: list[Standing] = []  # of every effect added
 
     def run(self) -> Diagnosis:
@@ -133,18 +137,23 @@ class _Search:
         state = refitted = State.plain(fitted)
         by_chance = chance(self.lab, self.signs, state)
         p_before = by_chance.p_value
-        self._step("refit", state)
+        self._stand(state)
         nearest: str | None = None
         p_after = p_before
         while p_after <= SIGNIFICANT and len(state.accepted) < MOST:
             found, nearest = self._add(state, by_chance)
             if found is None:
                 break
-            self._step(f"add {found.accepted[-1]}", found)
+            self._stand(found)
             state = self._reconsidered(refitted, found)
             by_chance = chance(self.lab, self.signs, state)
             p_after = by_chance.p_value
         missing = bool(p_after <= SIGNIFICANT)
+        while missing and state.accepted and self._is_no_explanation():
+            nearest = state.accepted[-1]
+            self._stand(self.walk[-2])
+            state = self.walk[-1]
+            p_after = chance(self.lab, self.signs, state).p_value
         significant = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
         excess = bool(state.accepted) or (significant and is_clear(self.steps[-1].error))
         residue = None
@@ -164,7 +173,9 @@ class _Search:
             ranking=self.ranking.ranked,
             steps=tuple(self.steps) if excess else (),
             frames=self._sequence_numbers(),
-            ambiguous=tuple(self.ranking.ambiguous),
+            ambiguous=tuple(
+                pair for pair in self.ranking.ambiguous if set(pair["effects"]) & set(state.accepted)
+            ),
             unexplained=residue,
             form=self._form(state),
             cannot_show=self._cannot_show(first),
@@ -233,8 +244,12 @@ class _Search:
     def _z_as_given(self, first: Reference) -> np.ndarray:
         return standardised(self.lab.measured[0].values - first.mean, first.scale)
 
-    def _step(self, action: str, state: State) -> None:
-        self.steps.append(Step(action, self.errors.told(state.fitted)))
+    def _stand(self, state: State) -> None:
+        """Takes a state in the place of those with as many effects or more."""
+        place = len(state.accepted)
+        action = f"add {state.accepted[-1]}" if place else "refit"
+        self.walk[place:] = [state]
+        self.steps[place:] = [Step(action, self.errors.told(state.fitted))]
 
     def _add(self, state: State, by_chance: Chance) -> tuple[State | None, str | None]:
         """The state with one more effect; None, with the nearest effect's name, where none explains what it moves.
@@ -286,8 +301,7 @@ class _Search:
         for rival, alone in others:
             far_behind = rival.gain < (1 - CLOSE_SHARE) * own.gain
             if rival.effect == state.accepted[-1] and not far_behind and self._holds(alone):
-                del self.steps[-2:]
-                self._step(f"add {rival.effect}", alone)
+                self._stand(alone)
                 self.ranking.rename(own.effect, rival.effect)
                 self.ranking.accept(alone, rival.effect, self.steps[-1].error)
                 self.stood[-2:] = [[(rival, alone), (own, with_own)]]
@@ -298,9 +312,8 @@ class _Search:
             swapped = self._swapped(state, own, rival)
             (best, _), _ = decided(plain, [(own, state), (rival, swapped)])
             if best.effect == rival.effect:
-                del self.steps[-2:]
-                self._step(f"add {rival.effect}", alone)
-                self._step(f"add {state.accepted[-1]}", swapped)
+                self._stand(alone)
+                self._stand(swapped)
                 self.ranking.rename(own.effect, rival.effect)
                 for effect in swapped.accepted[-2:]:
                     self.ranking.accept(swapped, effect, self.steps[-1].error)
@@ -417,13 +430,19 @@ class _Search:
         # no statistic stands out any more; asked after every effect that would be by chance too often, so only of a second one
         completes = len(before.accepted) == 1 and after.p_value > SIGNIFICANT
         has_a_case = beyond and (gain > SURE or completes) and acts_elsewhere(before, after)
-        again = is_there_again(before, after)
-        return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case, again)
+        again, in_order = is_there_again(before, after), disturbs_nothing(before, after)
+        return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case, again, in_order)
 
     def _is_worth_telling(self, state: State) -> bool:
         """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding."""
         error = self.errors.found(state.fitted)
         return not state.accepted or error is None or error.low > TRACE or error.high > MUCH
+
+    def _is_no_explanation(self) -> bool:
+        """Whether the last effect only lowered the error: much of that surely stays, and in views that the effect moves."""
+        error = self.steps[-1].error
+        before, state = self.walk[-2:]
+        return error is not None and error.low > STAYS and owes(self.lab.statistics, before, state)
 
     def _is_far_off(self, state: State) -> bool:
         """Whether the error surely stays large though the camera holds: a spread that covers anything explains little.

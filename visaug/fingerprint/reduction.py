@@ -11,6 +11,8 @@ from visaug.frames import FrameRecord, FrameSet, Group
 MAX_GROUPS = {"bias": 2, "dark": 8, "flat": 9, "scene": 6}  # of each kind, spread evenly over the conditions
 
 
+ALONE = 8.0  # robust standard deviations from its neighbours from which a pixel is one by itself
+
 UNNAMED = Statistic("", "", "", ())
 
 
@@ -86,19 +88,27 @@ class GroupData:
         return pattern - np.float32(pattern.mean(dtype=np.float64))
 
     @cached_property
+    def calm(self) -> np.ndarray:
+        """The fixed pattern without pixels that stand alone, (H, W), mean 0: one dead pixel can outweigh its whole row."""
+        calm = without_lone_pixels(self.pattern)
+        return calm - np.float32(calm.mean(dtype=np.float64))
+
+    @cached_property
     def pattern_rows(self) -> np.ndarray:
-        return self.pattern.mean(1)
+        """Of the calm pattern, (H,)."""
+        return self.calm.mean(1)
 
     @cached_property
     def pattern_columns(self) -> np.ndarray:
-        return self.pattern.mean(0)
+        return self.calm.mean(0)
 
     @cached_property
     def pattern_pixels(self) -> np.ndarray:
-        """The fixed pattern without its rows, columns and slow parts, (H, W)."""
-        rows, columns = self.pattern_rows, self.pattern_columns
-        flat = self.pattern - rows[:, None] - columns[None, :]
-        return flat - _blocks_expanded(flat)
+        """The fixed pattern without its rows, columns and slow parts, (H, W); the pixels that stand alone are in it."""
+        lines = self.pattern_rows[:, None] + self.pattern_columns[None, :]
+        slow = _blocks_expanded(self.calm - lines)
+        flat = self.pattern - lines - slow
+        return flat - np.float32(flat.mean(dtype=np.float64))
 
     @cached_property
     def residual(self) -> np.ndarray:
@@ -229,6 +239,23 @@ def by_condition(group: Group) -> tuple:
         group.gain_db,
         group.clean or "",
     )
+
+
+def without_lone_pixels(image: np.ndarray) -> np.ndarray:
+    """An image (H, W) in which a pixel far from all its neighbours has the mean of the middle two of the four."""
+    around = np.empty((4, *image.shape), image.dtype)
+    around[0, 1:], around[0, 0] = (
+        image[:-1],
+        image[min(2, len(image) - 1)],
+    )  # beyond an edge: none that counts already
+    around[1, :-1], around[1, -1] = image[1:], image[max(-3, -len(image))]
+    across = image.T
+    around[2, :, 1:], around[2, :, 0] = image[:, :-1], across[min(2, len(across) - 1)]
+    around[3, :, :-1], around[3, :, -1] = image[:, 1:], across[max(-3, -len(across))]
+    middle = (around.sum(0) - around.max(0) - around.min(0)) / 2
+    off = np.abs(image - middle)
+    scale = max(1.4826 * float(np.median(off.ravel()[::4])), 0.03)
+    return np.where(off > ALONE * scale, middle, image)
 
 
 def _blocks_expanded(image: np.ndarray, size: int = 16) -> np.ndarray:

@@ -67,13 +67,13 @@ class SmoothMap(View):
             unit = 100 / max(g.signal, 1.0) if g.kind == "flat" else 1.0
             word = "%" if g.kind == "flat" else "DN"
             parts = 4 if id(g) in detailed else 2
-            blocks = block_means(g.pattern, *(edges(n, parts) for n in g.pattern.shape)) * unit
+            blocks = block_means(g.calm, *(edges(n, parts) for n in g.calm.shape)) * unit
             for (i, j), value in np.ndenumerate(blocks):
                 yield (
                     g.statistic(self.name, f"block {i + 1},{j + 1} of {parts}x{parts}", ["smooth"], word),
                     float(value),
                 )
-            yield g.statistic(self.name, "middle against rim", ["smooth"], word), _middle(g.pattern) * unit
+            yield g.statistic(self.name, "middle against rim", ["smooth"], word), _middle(g.calm) * unit
             for name, profile in (("rows", g.pattern_rows), ("columns", g.pattern_columns)):
                 yield (
                     g.statistic(self.name, f"slope over the {name}", ["smooth"], word),
@@ -84,7 +84,7 @@ class SmoothMap(View):
         chosen = [g for g in (data.bias, *data.of("dark")[-1:], *data.of("flat")[-2:-1]) if g is not None]
         maps = []
         for g in chosen:
-            maps.append((f"{g.label}, DN", block_means(g.pattern, *(edges(n, 16) for n in g.pattern.shape))))
+            maps.append((f"{g.label}, DN", block_means(g.calm, *(edges(n, 16) for n in g.calm.shape))))
         return Picture(self.title, maps=tuple(maps)) if maps else None
 
 
