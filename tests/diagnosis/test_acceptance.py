@@ -279,7 +279,7 @@ def test_what_has_no_error_to_lower_leaves_in_order_what_was():
     assert disturbs_nothing(before, state([2.0, 4.0, 3.0]))
     assert not disturbs_nothing(before, state([2.0, 8.3, 3.0]))
     nothing = (None, None)
-    assert not improves(nothing, nothing, True, disturbs_nothing=False)
+    assert not improves(nothing, nothing, True, in_order=False)
 
 
 def test_beside_what_is_a_hundred_times_as_far_off_an_error_falls_by_little():

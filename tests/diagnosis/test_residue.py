@@ -60,3 +60,16 @@ def test_a_response_that_bends_is_a_matter_of_the_level():
     """What a bend leaves beside a refitted line changes its sign twice."""
     assert flats([40, 20, -15, -30, -20, 10, 45]) == ("level",)
     assert flats([40, -50, 112]) == ("level",)  # too few to tell
+
+
+def test_columns_that_only_light_shows_grow_with_the_signal():
+    """Odd columns with a gain of their own: two numbers of a hundred, and nothing in the bias."""
+
+    def of(name: str, kind: str) -> Statistic:
+        return Statistic("seams", name, f"{kind} frames", ("column",), "DN", kind)
+
+    names = ["odd against even columns", "columns, peak", *(f"other {i}" for i in range(100))]
+    statistics = [of(name, kind) for kind in ("bias", "flat") for name in names]
+    quiet = [0.5] * 100
+    assert describe(statistics, np.array([0.5, 1.0, *quiet, 9.7, 15.1, *quiet])).grows_with == ("signal",)
+    assert describe(statistics, np.array([9.0, 14.0, *quiet, 9.7, 15.1, *quiet])).grows_with == ()

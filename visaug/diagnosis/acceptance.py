@@ -236,7 +236,7 @@ def improves(
     beyond_chance: bool = False,
     has_a_case: bool = False,
     there_again: bool = False,
-    disturbs_nothing: bool = True,
+    in_order: bool = True,
 ) -> bool:
     """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
 
@@ -247,10 +247,10 @@ def improves(
 
     A further effect must take a share of the first excess, or nearly all that is left beside a very strong one, or have a case
     of its own (`has_a_case`): what the form of an effect before it leaves is not mopped up by another name.
-    A first effect whose own spread covers what it explains has no error to lower, and must leave in order what was; a second one
-    then has no case. Where the excess
-    was clear and nothing can be said of the error any more, the spread is that of another effect; not so where the error is gone
-    all the same: ten pixels, hot by a law with a long tail, could have been any others, but they are what was measured.
+    A first effect whose own spread covers what it explains has no error to lower, and must leave in order what was (tracks of
+    cosmic rays cover whatever hot pixels do, but not that all frames show the same); a second one then has no case. Where the
+    excess was clear and nothing can be said of the error any more, the spread is that of another effect; not so where the error is
+    gone all the same: ten pixels, hot by a law with a long tail, could have been any others, but they are what was measured.
 
     Args:
         before, after: errors on the frames that find and on those that confirm.
@@ -258,11 +258,11 @@ def improves(
         beyond_chance: whether what the effect takes away is more than any effect takes away by chance.
         has_a_case: whether it gains enough, beyond chance, where the effects before it move next to nothing.
         there_again: see `is_there_again`; with a case of its own it is confirmed by that.
-        disturbs_nothing: see there. (Tracks of cosmic rays cover whatever hot pixels do, but not that frames differ so little.)
+        in_order: see `disturbs_nothing`.
     """
     (found_before, confirmed_before), (found, confirmed) = before, after
     if found is None or found_before is None:
-        return first and disturbs_nothing
+        return first and in_order
     if (has_a_case or (first and beyond_chance)) and not is_clear(found_before):
         return True
     if is_clear(found_before) and found.high - found.low > WIDE and found.value > GONE * found_before.value:

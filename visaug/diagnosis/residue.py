@@ -12,6 +12,7 @@ from visaug.fingerprint import AXES, Statistic
 FAR = 4.5  # standard deviations from which a statistic is said to be off
 WANDERS = 0.5  # share of neighbouring levels between which whole frames change sign,
 LEVELS = 5  # of at least so many that are off
+MORE = 2.5  # times further off with light than without
 ALIKE = 1.15  # ratio within which two of them say the same
 
 
@@ -111,7 +112,7 @@ def _growth(statistics: Sequence[Statistic], size: np.ndarray) -> tuple[str, ...
     dark = max(strength(by_kind["bias"]), 0.0)
     exposures = sorted({statistics[i].exposure_s for i in by_kind["dark"]})
     light = max(strength(by_kind["flat"]), strength(by_kind["scene"]))
-    if light > 2.5 * max(dark, 1.5) and light > FAR:
+    if (light > MORE * max(dark, 1.5) and light > FAR) or _grows_with_signal(statistics, size):
         grows.append("signal")
     if len(exposures) > 1:
         shortest = [i for i in by_kind["dark"] if statistics[i].exposure_s <= exposures[0]] + by_kind["bias"]
@@ -128,6 +129,21 @@ def _growth(statistics: Sequence[Statistic], size: np.ndarray) -> tuple[str, ...
             if _grows_with_temperature(statistics, size):
                 grows.append("temperature")
     return tuple(grows)
+
+
+def _grows_with_signal(statistics: Sequence[Statistic], size: np.ndarray) -> bool:
+    """Whether nearly all that is off in flats is far less so where the same is measured without light.
+
+    A pattern of few statistics that the light alone shows is no tenth of all that flats tell.
+    """
+    furthest: dict[tuple[str, str], dict[str, float]] = {}
+    for s, z in zip(statistics, size, strict=True):
+        if s.kind in ("bias", "flat") and s.axes != ("level",):  # the black level is refitted to the bias
+            of = furthest.setdefault((s.view, s.name), {})
+            of[s.kind] = max(of.get(s.kind, 0.0), float(z))
+    off = [of for of in furthest.values() if len(of) == 2 and of["flat"] > FAR]
+    grown = sum(of["flat"] > MORE * max(of["bias"], 1.5) for of in off)
+    return grown >= 2 and grown >= 4 * (len(off) - grown)
 
 
 def _grows_with_temperature(statistics: Sequence[Statistic], size: np.ndarray) -> bool:
