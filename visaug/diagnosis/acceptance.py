@@ -272,7 +272,7 @@ def improves(
         all_that_is_left = found_before.value > LITTLE and taken > NEARLY_ALL * found_before.value
         if taken < SHARE and not all_that_is_left and not has_a_case:
             return False
-    beside_more = first and has_a_case and there_again and found.high < found_before.low
+    beside_more = first and has_a_case and there_again and found.high < found_before.value
     if found.value > REMAINING * found_before.value + _noise(found, beyond_chance) and not beside_more:
         return False
     if found.high >= found_before.value and not beyond_chance:
