@@ -1,8 +1,15 @@
 """What one diagnosis keeps serves the next, and nothing stale does."""
 
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
 from tests.diagnosis.small import frame_set
 from visaug.comparison import Laboratory
 from visaug.diagnosis import cache, search
+from visaug.diagnosis.parameters import base_coordinates, effect_coordinates
 from visaug.effects import load_file
 
 EFFECT = '''
@@ -52,6 +59,36 @@ def test_kept_signatures_are_those_of_their_own_trials(stated, tmp_path, monkeyp
     direct = search.signatures(lab, reference, search.trials(stated, few), lambda *_: None)
     assert kept.trials == direct.trials
     assert (kept.values == direct.values).all()
+
+
+def test_a_camera_with_an_effect_is_simulated_once(stated, tmp_path, monkeypatch):
+    monkeypatch.setenv("VISAUG_CACHE", str(tmp_path))
+    lab = Laboratory(frame_set(5), stated, 0)
+    own = base_coordinates(stated, lab.frames, True)
+    camera = stated.with_effect("row_noise", sigma_e=1.0)
+    free = [*own, *effect_coordinates(camera, "row_noise")]
+    known = cache.reference(lab, stated, own, 12, lambda *_: None)
+    made = cache.reference(lab, camera, free, 12, lambda *_: None, known)
+    monkeypatch.setattr(cache, "make_reference", None)  # nothing is simulated any more
+    again = cache.reference(lab, camera, free, 12, lambda *_: None, known)
+    assert again.coordinates == made.coordinates
+    for use in ("find", "confirm", "whole"):
+        for part in ("sets", "slopes", "least"):
+            assert (getattr(getattr(again, use), part) == getattr(getattr(made, use), part)).all()
+    bent = replace(known, find=replace(known.find, slopes=1.1 * known.find.slopes))
+    with pytest.raises(TypeError):  # other derivatives are another reference
+        cache.reference(lab, camera, free, 12, lambda *_: None, bent)
+
+
+def test_what_was_not_used_for_longest_makes_room(tmp_path, monkeypatch):
+    monkeypatch.setenv("VISAUG_CACHE", str(tmp_path))
+    monkeypatch.setattr(cache, "MOST", 2500)
+    for age, name in enumerate(("first", "second")):
+        cache.keep(name, {"values": np.zeros(100)})
+        os.utime(tmp_path / f"{name}.npz", ns=(age, age))
+    assert cache.load("first") is not None  # used now, so the second is the older
+    cache.keep("third", {"values": np.zeros(100)})
+    assert {file.stem for file in tmp_path.iterdir()} == {"first", "third"}
 
 
 def test_a_changed_effect_file_is_simulated_anew(stated, tmp_path):

@@ -106,11 +106,11 @@ def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
     (own, _), (rival, _) = begun.stood[0]
     made = {}
 
-    def make_reference(lab, camera, coordinates, *_, **__):
+    def reference(lab, camera, coordinates, *_, **__):
         made.update(camera=camera, paths=[c.path for c in coordinates])
         return SimpleNamespace()
 
-    monkeypatch.setattr(search, "make_reference", make_reference)
+    monkeypatch.setattr(search.cache, "reference", reference)
     begun.lab = begun.report = None  # pyright: ignore[reportAttributeAccessIssue]
     monkeypatch.setattr(begun, "_refitted", lambda reference: reference)
     monkeypatch.setattr(begun, "_settled", lambda fitted: fitted)

@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
 from types import FunctionType
 
@@ -11,7 +11,11 @@ import numpy as np
 import visaug
 from visaug.camera import Camera
 from visaug.comparison.laboratory import Laboratory
+from visaug.diagnosis.fit import USES, Reference, Report, make_reference
+from visaug.diagnosis.parameters import Coordinate
 from visaug.effects import catalogue
+
+MOST = 2**30  # bytes that are kept; what was not used for longest goes first
 
 
 def folder() -> Path:
@@ -70,13 +74,38 @@ def source_of(name: str) -> str:
     return ""
 
 
+def reference(
+    lab: Laboratory,
+    camera: Camera,
+    coordinates: Sequence[Coordinate],
+    sets: int,
+    report: Report,
+    known: Reference | None = None,
+) -> Reference:
+    """What `make_reference` gives for the same arguments, from the cache if it was made before."""
+    taken = known and (
+        [c.path for c in known.coordinates],
+        [getattr(known, use).slopes.tobytes() for use in USES],
+    )
+    name = key(lab, camera, "reference", sets, list(coordinates), taken)
+    arrays = load(name)
+    if arrays is not None:
+        return Reference.from_arrays(camera, coordinates, arrays)
+    made = make_reference(lab, camera, coordinates, sets, report, known)
+    keep(name, made.arrays())
+    return made
+
+
 def load(name: str) -> dict[str, np.ndarray] | None:
     """Arrays from the cache; None where it has none or cannot be read."""
+    path = folder() / f"{name}.npz"
     try:
-        with np.load(folder() / f"{name}.npz") as archive:
-            return dict(archive)
+        with np.load(path) as archive:
+            arrays = dict(archive)
+        os.utime(path)
     except (OSError, ValueError, EOFError, KeyError):
         return None
+    return arrays
 
 
 def keep(name: str, arrays: dict[str, np.ndarray]) -> None:
@@ -87,14 +116,16 @@ def keep(name: str, arrays: dict[str, np.ndarray]) -> None:
         scratch = path.with_name(f".{name}.{os.getpid()}.npz")
         np.savez(scratch, allow_pickle=False, **arrays)
         os.replace(scratch, path)
+        _make_room(path.parent)
     except OSError:
         pass
 
 
-def kept(name: str, make: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Arrays from the cache, or made and kept."""
-    arrays = load(name)
-    if arrays is None:
-        arrays = make()
-        keep(name, arrays)
-    return arrays
+def _make_room(among: Path) -> None:
+    files = [(file.stat(), file) for file in among.glob("*.npz")]
+    excess = sum(stat.st_size for stat, _ in files) - MOST
+    for stat, file in sorted(files, key=lambda pair: pair[0].st_mtime_ns):
+        if excess <= 0:
+            break
+        file.unlink(missing_ok=True)
+        excess -= stat.st_size

@@ -102,12 +102,13 @@ class Reference:
     whole: Sample
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """All that was simulated, by name."""
-        return {
+        """All that was simulated, by name, and the paths of the coordinates in their order."""
+        simulated = {
             f"{use}_{part}": getattr(getattr(self, use), part)
             for use in USES
             for part in ("sets", "slopes", "least")
         }
+        return {**simulated, "paths": np.array([c.path for c in self.coordinates], str)}
 
     @classmethod
     def from_arrays(
@@ -115,7 +116,8 @@ class Reference:
     ) -> "Reference":
         """From what `arrays` gave."""
         samples = (Sample(*(arrays[f"{use}_{part}"] for part in ("sets", "slopes", "least"))) for use in USES)
-        return cls(camera, tuple(coordinates), *samples)
+        by_path = {c.path: c for c in coordinates}
+        return cls(camera, tuple(by_path[path] for path in arrays["paths"]), *samples)
 
     @property
     def sets(self) -> np.ndarray:

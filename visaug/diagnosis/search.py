@@ -32,7 +32,6 @@ from visaug.diagnosis.fit import (
     Reference,
     Report,
     is_far,
-    make_reference,
     p_value,
     refit,
     standardised,
@@ -188,12 +187,7 @@ class _Search:
 
     def _reference(self) -> Reference:
         coordinates = base_coordinates(self.given, self.lab.frames, self.calibrated)
-
-        def make() -> dict[str, np.ndarray]:
-            return make_reference(self.lab, self.given, coordinates, self.sets, self.report).arrays()
-
-        name = cache.key(self.lab, self.given, "reference", self.sets)
-        return Reference.from_arrays(self.given, coordinates, cache.kept(name, make))
+        return cache.reference(self.lab, self.given, coordinates, self.sets, self.report)
 
     def _signatures(self, reference: Reference) -> Signatures:
         """Of every trial; kept by effect, so that one effect more or less costs no other."""
@@ -376,7 +370,7 @@ class _Search:
     def _fitted(self, near: State, camera: Camera, coordinates: Sequence[Coordinate]) -> Fitted:
         """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over."""
         known = near.fitted.reference
-        reference = make_reference(self.lab, camera, coordinates, SETS_AFTER, self.report, known=known)
+        reference = cache.reference(self.lab, camera, coordinates, SETS_AFTER, self.report, known)
         return self._settled(self._refitted(reference))
 
     def _refitted(self, reference: Reference) -> Fitted:
@@ -417,7 +411,8 @@ class _Search:
         """Where a fit has gone far from its reference, spread and derivatives are taken anew where it lies."""
         if not is_far(fitted.reference, fitted.camera):
             return fitted
-        near = make_reference(self.lab, fitted.camera, fitted.reference.coordinates, SETS_AFTER, self.report)
+        coordinates = fitted.reference.coordinates
+        near = cache.reference(self.lab, fitted.camera, coordinates, SETS_AFTER, self.report)
         return refit(self.lab, near, self.report)
 
     def _improves(self, before: State, after: State, gain: float, by_chance: Chance) -> bool:

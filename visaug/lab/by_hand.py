@@ -2,15 +2,13 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from visaug.camera import Camera
 from visaug.comparison import Distance, Error, Laboratory, Place, places
 from visaug.diagnosis import Estimate, cache
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import looked, trials
 from visaug.diagnosis.errors import Errors
-from visaug.diagnosis.fit import Fitted, Reference, Report, is_far, make_reference, refit
+from visaug.diagnosis.fit import Fitted, Reference, Report, is_far, refit
 from visaug.diagnosis.naming import SIGNIFICANT, from_other_starts
 from visaug.diagnosis.parameters import base_coordinates
 from visaug.diagnosis.rank import matches, refine, signatures
@@ -124,14 +122,8 @@ class ByHand:
         best = refine(self.lab, before.fitted, tried[0], report, before.allowance)
         starts = [m for m in tried if m.trial.form != tried[0].trial.form]
         best = from_other_starts(self.lab, before.fitted, best, starts, report, before.allowance)
-        reference = make_reference(
-            self.lab,
-            best.camera,
-            [*known.coordinates, *best.coordinates],
-            self._after,
-            report,
-            known=known,
-        )
+        free = [*known.coordinates, *best.coordinates]
+        reference = cache.reference(self.lab, best.camera, free, self._after, report, known)
         fitted = self._settled(refit(self.lab, reference, report), report)
         return before.with_effect(name, fitted)
 
@@ -139,10 +131,8 @@ class ByHand:
         """Where a fit has gone far from its reference, spread and derivatives are taken anew where it lies."""
         if not is_far(fitted.reference, fitted.camera):
             return fitted
-        coordinates = fitted.reference.coordinates
-        return refit(
-            self.lab, make_reference(self.lab, fitted.camera, coordinates, self._after, report), report
-        )
+        free = fitted.reference.coordinates
+        return refit(self.lab, cache.reference(self.lab, fitted.camera, free, self._after, report), report)
 
     @property
     def _after(self) -> int:
@@ -156,10 +146,5 @@ class ByHand:
                 camera = camera.without_effect(name)
             coordinates = base_coordinates(camera, self.lab.frames, self.calibrated)
             sets = self._after if without else self.sets
-
-            def make() -> dict[str, np.ndarray]:
-                return make_reference(self.lab, camera, coordinates, sets, report).arrays()
-
-            arrays = cache.kept(cache.key(self.lab, camera, "reference", sets), make)
-            self._references[without] = Reference.from_arrays(camera, coordinates, arrays)
+            self._references[without] = cache.reference(self.lab, camera, coordinates, sets, report)
         return self._references[without]
