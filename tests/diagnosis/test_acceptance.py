@@ -226,6 +226,9 @@ def test_a_second_effect_that_moves_what_the_first_leaves_alone_has_a_case():
         first, state([0.0, 0.0, 0.0], np.array([20.0, 4.0, 4.0]))
     )  # its share of a form's fifty is nothing
     assert not acts_elsewhere(first, state([0.0, 4.0, 4.0], np.array([60.0, 0.3, 0.0])))
+    assert not acts_elsewhere(
+        first, state([0.0, 4.0, 4.0], np.array([0.0, 0.3, 0.3]))
+    )  # it only brings a spread
 
 
 @pytest.mark.parametrize(

@@ -123,3 +123,59 @@ def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
     assert "charge_transfer_inefficiency.share_per_transfer" in made["paths"]
     assert "veiling_glare.share" in made["paths"]
     assert not any(path.startswith("lens_flare.") for path in made["paths"])
+
+
+@pytest.mark.parametrize(
+    ("gains", "accepted", "hold", "chosen"),
+    [
+        ({"row_noise": 9.5, "flicker_noise": 4.2}, "both", "flicker_noise", "flicker_noise"),
+        ({"row_noise": 9.5, "flicker_noise": 3.2}, "both", "flicker_noise", "row_noise"),  # too far behind
+        ({"row_noise": 9.5, "flicker_noise": 4.2}, "both", "", "row_noise"),
+        ({"row_noise": 9.5, "flicker_noise": 4.2}, "flicker_noise", "flicker_noise", "flicker_noise"),
+        ({"row_noise": 9.5, "flicker_noise": 4.2}, "", "flicker_noise", None),
+    ],
+)
+def test_of_rivals_nearly_alike_it_is_the_one_with_which_the_camera_holds(
+    veiled, monkeypatch, stated, gains, accepted, hold, chosen
+):
+    begun, found = searching(veiled), candidates(stated, gains)
+    choosing(begun, monkeypatch, rivals=2, accepted=tuple(gains) if accepted == "both" else (accepted,))
+    monkeypatch.setattr(begun, "_holds", lambda state: state.accepted == (hold,))
+    one = begun._accepted(leaving([9.0], stated), found, None)  # pyright: ignore[reportArgumentType]
+    assert (one and one.refined.effect) == chosen
+    if chosen == "flicker_noise" and accepted == "both":
+        assert [r.effect for r, _ in one.standing] == ["flicker_noise", "row_noise"]  # still a rival to it
+
+
+@pytest.mark.parametrize("rival_is_accepted", [True, False])
+def test_one_far_behind_is_asked_where_all_rivals_are_refused(veiled, monkeypatch, stated, rival_is_accepted):
+    gains = {"light_drift": 130.0, "interpixel_crosstalk": 60.0, "row_noise": 40.0}
+    accepted = ("interpixel_crosstalk", *(("light_drift",) if rival_is_accepted else ()))
+    begun, found = searching(veiled), candidates(stated, gains)
+    asked = choosing(begun, monkeypatch, rivals=1, accepted=accepted)
+    one = begun._accepted(leaving([9.0], stated), found, None)  # pyright: ignore[reportArgumentType]
+    assert one is not None
+    assert one.refined.effect == ("light_drift" if rival_is_accepted else "interpixel_crosstalk")
+    assert asked == ["light_drift", *([] if rival_is_accepted else ["interpixel_crosstalk"])]
+    assert "row_noise" in [other.effect for other in one.others]
+
+
+def candidates(stated, gains: dict[str, float]) -> list[Refined]:
+    return [refined(name, stated.with_effect(name), gain, 1.0) for name, gain in gains.items()]
+
+
+def choosing(begun: search._Search, monkeypatch, rivals: int, accepted: tuple[str, ...]) -> list[str]:
+    """Leaves a search nothing to do but choose; which effects are asked is in the list."""
+    asked = []
+
+    def is_acceptable(state, candidate, refused, by_chance):
+        asked.append(candidate[0].effect)
+        return candidate[0].effect in accepted
+
+    begun.lab = None  # pyright: ignore[reportAttributeAccessIssue]
+    monkeypatch.setattr(search, "rivals", lambda lab, found, *_: found[:rivals])
+    monkeypatch.setattr(search, "decided", lambda state, simulated: simulated)
+    monkeypatch.setattr(search, "is_beyond", lambda *_: True)
+    monkeypatch.setattr(begun, "_with", lambda state, r: leaving([0.0], r.camera, r.effect))
+    monkeypatch.setattr(begun, "_is_acceptable", is_acceptable)
+    return asked

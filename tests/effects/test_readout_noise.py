@@ -1,7 +1,12 @@
-"""Random telegraph signal along a series of frames, and 1/f noise in one."""
+"""Random telegraph signal along a series of frames, 1/f noise in one, and a banding as single frames show it."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import torch
+
+from visaug.effects import Look, catalogue
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.6])
@@ -25,3 +30,18 @@ def test_a_clamp_takes_the_mean_of_flicker_noise_away(run_effect):
     assert float(free.mean((1, 2, 3)).std()) > 0.1
     rows = clamped.mean(-1).std()
     assert float(rows) > 5 / 80**0.5  # white noise would leave 1 / sqrt(80)
+
+
+@pytest.mark.parametrize(("period", "within"), [(7.3, 0.01), (22.2, 0.02), (61.0, 0.08)])
+def test_a_look_at_single_frames_tells_the_period(period, within):
+    """Of 96 rows, where the nearest whole frequencies of a frame are periods of 19.2 and 24; less well if it hardly repeats."""
+    rng = np.random.default_rng(11)
+    phases = rng.uniform(0, 2 * np.pi, (12, 1))
+    wave = 0.8 * np.sin(2 * np.pi * np.arange(96) / period + phases)
+    noise = wave + 0.2 * rng.standard_normal(wave.shape)
+    lines = np.arange(96) / 96
+    seen = Look(np.zeros((96, 4)), lines, lines[:4], np.arange(5), noise)
+    (found,) = catalogue()["periodic_banding"].looks(seen)
+    assert found["period_rows"] == pytest.approx(period, rel=within)
+    assert found["amplitude_e"] == pytest.approx(0.8, rel=0.15)
+    assert catalogue()["periodic_banding"].looks(replace(seen, row_noise_e=noise[:0])) == []

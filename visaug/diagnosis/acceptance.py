@@ -196,11 +196,14 @@ def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
 
 
 def acts_elsewhere(before: State, after: State) -> bool:
-    """Whether a further effect moves what the effects before it leave alone, so that it cannot mop up what their forms leave."""
+    """Whether a further effect moves what the effects before it leave alone, so that it cannot mop up what their forms leave.
+
+    And moves it by more than noise: one that only brings a spread, wherever that fits, has no case of its own.
+    """
     moves = _moves(before, after)
     form = standardised(before.allowance, before.fitted.reference.null_scale)
     squares = _beyond_the_camera(before.fitted.reference.null, moves) ** 2 / (1 + form**2)
-    return bool(squares[form < 1].sum() > ELSEWHERE * squares.sum())
+    return bool(squares[form < 1].sum() > max(ELSEWHERE * squares.sum(), FAINT**2))
 
 
 def says_the_same(before: State, one: State, other: State) -> bool:

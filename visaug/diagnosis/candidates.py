@@ -139,11 +139,13 @@ def looked(lab: Laboratory, camera: Camera, without: frozenset[str] = frozenset(
     codes: set[int] = set()
     for i in lab.folds.find:
         codes.update(np.unique(lab.frames.read(i)).tolist())
+    gain = camera.gain_at(dark.group.gain_db)
     seen = Look(
-        dark_e=dark.calm * camera.gain_at(dark.group.gain_db),
+        dark_e=dark.calm * gain,
         rows=np.arange(window[0], window[1]) / height,
         columns=np.arange(window[2], window[3]) / width,
         codes=np.array(sorted(codes)),
+        row_noise_e=dark.noise_rows * gain if dark.count > 1 else np.zeros((0, dark.calm.shape[0])),
     )
     return [
         _trial(effect, point, looked=True)

@@ -139,10 +139,10 @@ def rivals(lab: Laboratory, found: Sequence[Refined], state: State, chance: Chan
     if not found:
         return []
     least = max(0.0, found[0].gain - max(CLOSE, CLOSE_SHARE * found[0].gain))
-    return [r for r in found if r.gain > least and _is_beyond(lab, chance, state, r)][:RIVALS]
+    return [r for r in found if r.gain > least and is_beyond(lab, chance, state, r)][:RIVALS]
 
 
-def _is_beyond(lab: Laboratory, chance: Chance, state: State, candidate: Refined) -> bool:
+def is_beyond(lab: Laboratory, chance: Chance, state: State, candidate: Refined) -> bool:
     """Whether what the candidate takes away is more than some signature takes away by chance.
 
     An effect that brings a spread of its own is not seen by its mean signature and passes if it gains enough.

@@ -36,7 +36,7 @@ from visaug.diagnosis.fit import (
     refit,
     standardised,
 )
-from visaug.diagnosis.naming import CLOSE_SHARE, SIGNIFICANT, candidates, decided, rivals
+from visaug.diagnosis.naming import CLOSE, CLOSE_SHARE, SIGNIFICANT, candidates, decided, is_beyond, rivals
 from visaug.diagnosis.parameters import Coordinate, base_coordinates, moved
 from visaug.diagnosis.rank import Refined, Signatures, cleared, signatures
 from visaug.diagnosis.ranking import Ranking
@@ -328,21 +328,48 @@ class _Search:
         return replace(state, fitted=fitted, accepted=accepted, moves=None, confirm_moves=None)
 
     def _accepted(self, state: State, found: list[Refined], by_chance: Chance) -> "_Accepted | None":
-        """The first of the candidates that explains what it moves and improves the camera, its rivals simulated."""
+        """The first of the candidates that explains what it moves and improves the camera, its rivals simulated.
+
+        Where one that is nearly as likely makes the camera hold and the first does not, it is that one: else a second effect would
+        be looked for in what a wrong name leaves. Of those further behind, which no simulation could bring to the front, each is
+        asked by itself if all rivals are refused: what these say wrongly is no reason against one that moves other statistics.
+        """
         close = rivals(self.lab, found, state, by_chance)
         ordered = decided(state, [(r, self._with(state, r)) for r in close])
-        for place, (r, after) in enumerate(ordered):
-            refused = ordered[:place]  # by one that says the same, and more, it is refused too
-            if any(
-                r.gain < other.gain - DECISIVE and says_the_same(state, after, beside)
-                for other, beside in refused
-            ):
-                continue
-            if explains(self.lab.statistics, state, after) and self._improves(
-                state, after, r.gain, by_chance
-            ):
-                return _Accepted(r, after, ordered[place:], found[len(close) :])
+        behind = [r for r in found if r.effect not in {other.effect for other in close}]
+        refused: Standing = []
+        accepted = [pair for pair in ordered if self._is_acceptable(state, pair, refused, by_chance)]
+        if accepted:
+            best = first = accepted[0]
+            alike = [pair for pair in accepted if pair[0].gain > first[0].gain - CLOSE]
+            if len(alike) > 1:
+                best = next((pair for pair in alike if self._holds(pair[1])), first)
+            place = next(i for i, pair in enumerate(ordered) if pair is first)
+            return _Accepted(*best, [best, *(pair for pair in ordered[place:] if pair is not best)], behind)
+        for r in behind:
+            if is_beyond(self.lab, by_chance, state, r):
+                pair = (r, self._with(state, r))
+                if self._is_acceptable(state, pair, refused, by_chance):
+                    return _Accepted(*pair, [pair], [other for other in behind if other is not r])
         return None
+
+    def _is_acceptable(
+        self, state: State, candidate: tuple[Refined, State], refused: Standing, by_chance: Chance
+    ) -> bool:
+        """Whether a simulated candidate is accepted; if not it joins the refused.
+
+        Where one that was refused says the same, and more, it is refused too.
+        """
+        r, after = candidate
+        behind = (beside for other, beside in refused if r.gain < other.gain - DECISIVE)
+        accepted = (
+            not any(says_the_same(state, after, beside) for beside in behind)
+            and explains(self.lab.statistics, state, after)
+            and self._improves(state, after, r.gain, by_chance)
+        )
+        if not accepted:
+            refused.append(candidate)
+        return accepted
 
     def _starts(self, state: State) -> list[Fitted]:
         """Cameras from which effects are tried: the refitted one; where that lies far off, first the one given.

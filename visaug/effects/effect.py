@@ -111,12 +111,14 @@ class Look:
         dark_e: (H, W) mean frame of the shortest dark exposure, less its mean, electrons.
         rows, columns: (H,), (W,), where each of its lines begins, as a share of the sensor.
         codes: every DN that comes in any frame, rising.
+        row_noise_e: (n, H), means of the rows of each frame behind `dark_e`, less those of all, electrons; n is 0 where it is one.
     """
 
     dark_e: np.ndarray
     rows: np.ndarray
     columns: np.ndarray
     codes: np.ndarray
+    row_noise_e: np.ndarray
 
     @property
     def profiles(self) -> tuple[tuple[str, np.ndarray, np.ndarray], ...]:

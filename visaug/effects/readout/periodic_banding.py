@@ -2,9 +2,12 @@
 
 import math
 
+import numpy as np
 import torch
 
 from visaug.effects.effect import Effect, Parameter, Stage
+
+FINER = 8  # points of a spectrum for each that a frame's rows resolve
 
 
 class PeriodicBanding(Effect):
@@ -50,6 +53,18 @@ class PeriodicBanding(Effect):
     def apply(self, signal, p, stream, context):
         theta = 2 * math.pi * (context.rows(signal) / p.period_rows + stream.uniform("frame"))
         return signal + p.amplitude_e * (torch.sin(theta) + p.second_harmonic * torch.sin(2 * theta))
+
+    @classmethod
+    def looks(cls, seen):
+        """The highest line in the spectrum of single frames' rows."""
+        lines = seen.row_noise_e - seen.row_noise_e.mean(1, keepdims=True)
+        count, height = lines.shape
+        if count == 0 or height < 4:
+            return []
+        power = (np.abs(np.fft.rfft(lines, FINER * height)) ** 2).mean(0)
+        top = FINER + int(power[FINER:].argmax())  # a whole period or more in a frame
+        amplitude = 2 * math.sqrt(power[top]) / height
+        return [{"amplitude_e": max(amplitude, 1e-3), "period_rows": FINER * height / top}]
 
     def moments(self, mean, p, context):
         return mean, p.amplitude_e**2 * (1 + p.second_harmonic**2) / 2
