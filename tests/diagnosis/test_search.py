@@ -1,11 +1,13 @@
 """An earlier name is thought over once a later effect is there."""
 
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from visaug import Camera
+from visaug.comparison import Error
 from visaug.diagnosis import naming, search
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.fit import Fitted
@@ -13,6 +15,9 @@ from visaug.diagnosis.parameters import effect_coordinates
 from visaug.diagnosis.rank import Refined
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.result import Ranked, Step
+from visaug.fingerprint import Statistic
+
+STATISTIC = Statistic("scene", "slope", "scene spot", ("level",))
 
 
 def leaving(residual, camera: Camera, *accepted: str) -> State:
@@ -158,6 +163,21 @@ def test_one_far_behind_is_asked_where_all_rivals_are_refused(veiled, monkeypatc
     assert one.refined.effect == ("light_drift" if rival_is_accepted else "interpixel_crosstalk")
     assert asked == ["light_drift", *([] if rival_is_accepted else ["interpixel_crosstalk"])]
     assert "row_noise" in [other.effect for other in one.others]
+
+
+@pytest.mark.parametrize(("furthest", "told"), [(3.8, False), (60.0, True)])
+def test_an_error_that_surely_stays_is_told_where_something_stands_out(veiled, stated, furthest, told):
+    """Of a faint effect the error is mostly noise, and 0.9 of it may stay though the camera holds."""
+    begun, state = (
+        searching(veiled),
+        leaving([furthest, 1.0, 0.5], stated.with_effect("row_noise"), "row_noise"),
+    )
+    begun.steps[-1] = Step("add row_noise", Error(0.9, 0.3, 1.4))
+    begun.lab = SimpleNamespace(measured=[None, None, SimpleNamespace(statistics=[STATISTIC] * 3)])  # pyright: ignore[reportAttributeAccessIssue]
+    reference = cast(SimpleNamespace, state.fitted.reference)
+    reference.whole_null, reference.largest = SimpleNamespace(scale=np.ones(3)), np.linspace(2.5, 5.0, 120)
+    assert begun._is_far_off(state) is told
+    assert (begun._form(state) is None) is not told
 
 
 def candidates(stated, gains: dict[str, float]) -> list[Refined]:

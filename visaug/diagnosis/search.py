@@ -469,18 +469,17 @@ class _Search:
     def _is_far_off(self, state: State) -> bool:
         """Whether the error surely stays large though the camera holds: a spread that covers anything explains little.
 
-        Nor does a form that is far from the catalogue's, which the effect's own allowance would hide.
+        Nor does a form that is far from the catalogue's, which the effect's own allowance would hide. Not where nothing stands out:
+        of faint effects the error is mostly noise.
         """
         error = self.steps[-1].error
-        return bool(state.accepted) and error is not None and error.low > MUCH
+        return bool(state.accepted) and error is not None and error.low > MUCH and _stands_out(state)
 
     def _form(self, state: State) -> str | None:
         """What the forms of accepted effects leave over, in words."""
-        if not state.accepted:
+        if not state.accepted or not _stands_out(state):
             return None
         plain = np.abs(_plain_z(state))
-        if float(plain.max()) <= np.quantile(state.fitted.reference.largest, 1 - SIGNIFICANT):
-            return None
         i = int(plain.argmax())
         s = self._of_all[i]
         return (
@@ -509,3 +508,9 @@ class _Search:
 def _plain_z(state: State) -> np.ndarray:
     """What is left in all frames in standard deviations, nothing allowed for forms."""
     return standardised(state.fitted.whole_residual, state.fitted.reference.whole_null.scale)
+
+
+def _stands_out(state: State) -> bool:
+    """Whether some statistic is further off than a camera that lacks nothing would leave it, nothing allowed for forms."""
+    largest = float(np.abs(_plain_z(state)).max())
+    return largest > float(np.quantile(state.fitted.reference.largest, 1 - SIGNIFICANT))
