@@ -248,9 +248,7 @@ def test_seen_again(off, moves, again):
 
 def test_two_effects_that_move_different_statistics_do_not_say_the_same():
     before = state([9.0, 9.0, 9.0, 9.0])
-    drift, crosstalk, blur = (
-        state([0.0] * 4, np.array(moves)) for moves in ([9.0, 0, 0, 1], [0, 9.0, 8.0, 0], [0, 7.0, 9.0, 3.0])
-    )
+    drift, crosstalk, blur = np.array([[9.0, 0, 0, 1], [0, 9.0, 8.0, 0], [0, 7.0, 9.0, 3.0]])
     assert not says_the_same(before, crosstalk, drift)
     assert says_the_same(before, crosstalk, blur)
 

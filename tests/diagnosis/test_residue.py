@@ -43,17 +43,25 @@ def test_what_is_measured_on_all_dark_frames_together_tells_no_growth():
     assert describe(statistics, np.array([500.0, 400, 300, 200, 20, 21, 20, 19])).grows_with == ()
 
 
-def flats(z: list[float]) -> tuple[str, ...]:
-    """The axes told where the means of flats of rising level are so far off."""
+def flats(z: list[float], frames: float = 0.0) -> tuple[str, ...]:
+    """The axes told where the means of flats of rising level are so far off, and the spread of bias frames."""
     statistics = [
         Statistic("level", "mean", f"flat {i}", ("level",), "DN", "flat", 0.01, 20.0, signal=100.0 * i)
         for i in range(len(z))
     ]
-    return describe(statistics, np.array(z)).axis
+    spread = Statistic("drift", "bias frames", "bias", ("time",), "1", "bias")
+    return describe([*statistics, spread], np.array([*z, frames])).axis
 
 
 def test_levels_that_are_off_by_turns_wander_in_time():
     assert "time" in flats([40, -50, 112, -48, 139, -60])
+
+
+def test_levels_wander_in_time_where_frames_of_one_condition_do():
+    levels = [-83, -26, -26, -24, -23]  # a law of the level, for all that they tell
+    assert flats(levels) == ("level",)
+    assert flats(levels, frames=-6) == ("level",)  # steadier than expected
+    assert flats(levels, frames=12) == ("time", "level")
 
 
 def test_a_response_that_bends_is_a_matter_of_the_level():

@@ -154,7 +154,7 @@ def test_of_rivals_nearly_alike_it_is_the_one_with_which_the_camera_holds(
 
 @pytest.mark.parametrize("rival_is_accepted", [True, False])
 def test_one_far_behind_is_asked_where_all_rivals_are_refused(veiled, monkeypatch, stated, rival_is_accepted):
-    gains = {"light_drift": 130.0, "interpixel_crosstalk": 60.0, "row_noise": 40.0}
+    gains = {"light_drift": 130.0, "rts_noise": 9.0, "interpixel_crosstalk": 60.0, "row_noise": 40.0}
     accepted = ("interpixel_crosstalk", *(("light_drift",) if rival_is_accepted else ()))
     begun, found = searching(veiled), candidates(stated, gains)
     asked = choosing(begun, monkeypatch, rivals=1, accepted=accepted)

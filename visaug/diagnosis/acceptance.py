@@ -118,7 +118,7 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     An effect of another name may lower the error; but what it moves then stays off, or goes off where it was not. One whose own
     spread covers anything (two pixels, enormously hot) must not take the means further off.
     """
-    moves = _moves(before, after)
+    moves = moves_of(before, after)
     scale = before.fitted.reference.null_scale
     moved = np.abs(standardised(moves, scale))
     was, now = np.abs(before.z), np.abs(after.z)
@@ -145,7 +145,7 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     return bool(kept and (few or little))
 
 
-def _moves(before: State, after: State) -> np.ndarray:
+def moves_of(before: State, after: State) -> np.ndarray:
     """How far the last effect moves each statistic; where it cannot be taken away, by what the refits leave without and with it."""
     return before.fitted.residual - after.fitted.residual if after.moves is None else after.moves
 
@@ -189,7 +189,7 @@ def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
     was, now = (
         np.abs(standardised(s.fitted.residual, s.fitted.reference.null_scale)) for s in (before, after)
     )
-    seen = (np.abs(standardised(_moves(before, after), scale)) > OFF) & (was > OFF)
+    seen = (np.abs(standardised(moves_of(before, after), scale)) > OFF) & (was > OFF)
     views = np.array([s.view for s in statistics])
     furthest = [(was[views == view].max(), now[views == view].max()) for view in dict.fromkeys(views[seen])]
     return any(left > max(OWED * off, OWED_LEAST) for off, left in furthest)
@@ -200,16 +200,15 @@ def acts_elsewhere(before: State, after: State) -> bool:
 
     And moves it by more than noise: one that only brings a spread, wherever that fits, has no case of its own.
     """
-    moves = _moves(before, after)
+    moves = moves_of(before, after)
     form = standardised(before.allowance, before.fitted.reference.null_scale)
     squares = _beyond_the_camera(before.fitted.reference.null, moves) ** 2 / (1 + form**2)
     return bool(squares[form < 1].sum() > max(ELSEWHERE * squares.sum(), FAINT**2))
 
 
-def says_the_same(before: State, one: State, other: State) -> bool:
-    """Whether two effects move the same statistics the same way: else both may be there, the one no reason against the other."""
-    scale = before.fitted.reference.null_scale
-    a, b = (standardised(_moves(before, after), scale) for after in (one, other))
+def says_the_same(before: State, one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two effects' moves (statistics,) go the same way: else both may be there, the one no reason against the other."""
+    a, b = (standardised(moves, before.fitted.reference.null_scale) for moves in (one, other))
     return bool(a @ b > SAME_WAY * np.linalg.norm(a) * np.linalg.norm(b))
 
 

@@ -69,7 +69,9 @@ def describe(statistics: Sequence[Statistic], z: np.ndarray, nearest: str | None
 
 
 def _wanders(statistics: Sequence[Statistic], z: np.ndarray) -> bool:
-    """Whether whole frames are brighter and darker by turns as the level rises: no law of the level, so one of time."""
+    """Whether whole frames differ under one condition, or are brighter and darker by turns as the level rises: a law of time."""
+    if any(s.view == "drift" and s.name.endswith(" frames") and z[i] > FAR for i, s in enumerate(statistics)):
+        return True
     off = [i for i, s in enumerate(statistics) if s.view == "level" and abs(z[i]) > FAR]
     signs = [z[i] > 0 for i in sorted(off, key=lambda i: statistics[i].signal)]
     turns = sum(a != b for a, b in pairwise(signs))

@@ -19,6 +19,7 @@ from visaug.diagnosis.acceptance import (
     explains,
     improves,
     is_there_again,
+    moves_of,
     owes,
     says_the_same,
 )
@@ -331,8 +332,8 @@ class _Search:
         """The first of the candidates that explains what it moves and improves the camera, its rivals simulated.
 
         Where one that is nearly as likely makes the camera hold and the first does not, it is that one: else a second effect would
-        be looked for in what a wrong name leaves. Of those further behind, which no simulation could bring to the front, each is
-        asked by itself if all rivals are refused: what these say wrongly is no reason against one that moves other statistics.
+        be looked for in what a wrong name leaves. Of those further behind, which no simulation could bring to the front, each that
+        gains much is asked by itself if all rivals are refused: what these say wrongly is no reason against other moves.
         """
         close = rivals(self.lab, found, state, by_chance)
         ordered = decided(state, [(r, self._with(state, r)) for r in close])
@@ -347,7 +348,8 @@ class _Search:
             place = next(i for i, pair in enumerate(ordered) if pair is first)
             return _Accepted(*best, [best, *(pair for pair in ordered[place:] if pair is not best)], behind)
         for r in behind:
-            if is_beyond(self.lab, by_chance, state, r):
+            is_said = self._is_said(state, r, state.fitted.residual - r.residual, refused)
+            if r.gain > SURE and not is_said and is_beyond(self.lab, by_chance, state, r):
                 pair = (r, self._with(state, r))
                 if self._is_acceptable(state, pair, refused, by_chance):
                     return _Accepted(*pair, [pair], [other for other in behind if other is not r])
@@ -356,20 +358,24 @@ class _Search:
     def _is_acceptable(
         self, state: State, candidate: tuple[Refined, State], refused: Standing, by_chance: Chance
     ) -> bool:
-        """Whether a simulated candidate is accepted; if not it joins the refused.
-
-        Where one that was refused says the same, and more, it is refused too.
-        """
+        """Whether a simulated candidate is accepted; if not it joins the refused."""
         r, after = candidate
-        behind = (beside for other, beside in refused if r.gain < other.gain - DECISIVE)
         accepted = (
-            not any(says_the_same(state, after, beside) for beside in behind)
+            not self._is_said(state, r, moves_of(state, after), refused)
             and explains(self.lab.statistics, state, after)
             and self._improves(state, after, r.gain, by_chance)
         )
         if not accepted:
             refused.append(candidate)
         return accepted
+
+    @staticmethod
+    def _is_said(state: State, candidate: Refined, moves: np.ndarray, refused: Standing) -> bool:
+        """Whether one that was refused says the same as a candidate with these moves, and more."""
+        return any(
+            candidate.gain < other.gain - DECISIVE and says_the_same(state, moves, moves_of(state, after))
+            for other, after in refused
+        )
 
     def _starts(self, state: State) -> list[Fitted]:
         """Cameras from which effects are tried: the refitted one; where that lies far off, first the one given.
