@@ -44,4 +44,7 @@ def test_a_look_at_single_frames_tells_the_period(period, within):
     (found,) = catalogue()["periodic_banding"].looks(seen)
     assert found["period_rows"] == pytest.approx(period, rel=within)
     assert found["amplitude_e"] == pytest.approx(0.8, rel=0.15)
+    faint = catalogue()["periodic_banding"].looks(replace(seen, row_noise_e=noise / 10))
+    assert [look["period_rows"] for look in faint] == [found["period_rows"]] * 2
+    assert [look["amplitude_e"] for look in faint] == pytest.approx([found["amplitude_e"] / 10, 0.5])
     assert catalogue()["periodic_banding"].looks(replace(seen, row_noise_e=noise[:0])) == []

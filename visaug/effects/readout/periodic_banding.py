@@ -56,15 +56,19 @@ class PeriodicBanding(Effect):
 
     @classmethod
     def looks(cls, seen):
-        """The highest line in the spectrum of single frames' rows."""
+        """The highest line in the spectrum of single frames' rows, as high as it is and, if that is faint, higher.
+
+        What a faint one moves drowns in the noise of a few simulations; what a strong one moves can be scaled down.
+        """
         lines = seen.row_noise_e - seen.row_noise_e.mean(1, keepdims=True)
         count, height = lines.shape
         if count == 0 or height < 4:
             return []
         power = (np.abs(np.fft.rfft(lines, FINER * height)) ** 2).mean(0)
         top = FINER + int(power[FINER:].argmax())  # a whole period or more in a frame
-        amplitude = 2 * math.sqrt(power[top]) / height
-        return [{"amplitude_e": max(amplitude, 1e-3), "period_rows": FINER * height / top}]
+        seen_e = 2 * math.sqrt(power[top]) / height
+        amplitudes = {max(seen_e, least) for least in (1e-3, cls.parameters["amplitude_e"].trials[0])}
+        return [{"amplitude_e": a, "period_rows": FINER * height / top} for a in sorted(amplitudes)]
 
     def moments(self, mean, p, context):
         return mean, p.amplitude_e**2 * (1 + p.second_harmonic**2) / 2
