@@ -52,7 +52,7 @@ SETS = 200  # simulated sets of the camera file
 SETS_AFTER = 120  # of a camera with an effect added
 MOST = 4  # effects that are added one after the other
 DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
-SURE = 10.0  # in log likelihood: what a further effect must gain that lowers no error
+SURE = 10.0  # in log likelihood: what an effect must gain that lowers no error beside others, or is far behind its rivals
 TRACE = 0.03  # error beside an accepted effect that is a finding, if it is surely so much
 BENT = (
     5.0  # standard deviations by which a fit took the camera from what its file says, to try again from there
