@@ -14,8 +14,10 @@ from visaug.diagnosis.acceptance import (
     explains,
     improves,
     is_there_again,
+    only_spreads,
     owes,
     says_the_same,
+    scatters_so,
 )
 from visaug.diagnosis.fit import Null
 
@@ -123,6 +125,19 @@ def state(z, moves=None) -> State:
     return State(fitted, (), np.zeros(len(z)), np.zeros(len(z)), moves, moves)  # type: ignore[arg-type]
 
 
+def spread(after: State, scale: float, together: float = 0.0) -> State:
+    """The state with 60 sets that scatter by so much; `together`: the share of the variance that all statistics have in common."""
+    rng = np.random.default_rng(5)
+    count = len(after.fitted.residual)
+    sets = np.sqrt(1 - together) * rng.standard_normal((60, count)) + np.sqrt(together) * rng.standard_normal(
+        (60, 1)
+    )
+    reference = after.fitted.reference
+    reference.null = Null(scale * sets, np.ones(count), np.zeros((count, 0)), np.ones(0))
+    reference.null_scale = reference.null.scale
+    return after
+
+
 def accepted(before, after, moves) -> bool:
     statistics = [SimpleNamespace(view=f"view {i}") for i in range(len(before))]
     return explains(statistics, state(before), state(after, np.array(moves, float)))  # type: ignore[arg-type]
@@ -155,8 +170,7 @@ def test_a_strong_effect_must_bring_back_what_it_moves():
 def test_a_spread_that_covers_anything_is_no_explanation():
     """Two pixels, enormously hot: every residual is small in standard deviations that they bring, and the means go further off."""
     before, moves = [20.0, 30.0, 40.0], np.array([60.0, 90.0, 30.0])
-    after = state([-45.0, -70.0, 10.0], moves)
-    after.fitted.reference.null_scale = np.full(3, 100.0)
+    after = spread(state([-45.0, -70.0, 10.0], moves), 100.0)
     views = [SimpleNamespace(view=f"view {i}") for i in range(3)]
     assert not explains(views, state(before), after)  # type: ignore[arg-type]
     after.fitted.residual[:] = [-15.0, -20.0, 10.0]
@@ -173,8 +187,7 @@ def test_a_strong_effect_of_another_form_leaves_many_statistics_off_each_by_a_li
 
 
 def test_a_mean_may_go_a_little_further_off_where_the_effect_draws_it_anew():
-    after = state([23.0, -34.0, 46.0], np.array([-12.0, 25.0, 15.0]))
-    after.fitted.reference.null_scale = np.full(3, 15.0)
+    after = spread(state([23.0, -34.0, 46.0], np.array([-12.0, 25.0, 15.0])), 15.0)
     views = [SimpleNamespace(view=f"view {i}") for i in range(3)]
     assert explains(views, state([20.0, -30.0, 40.0]), after)  # type: ignore[arg-type]
     after.fitted.residual[:] = [26.0, -40.0, 55.0]
@@ -184,10 +197,24 @@ def test_a_mean_may_go_a_little_further_off_where_the_effect_draws_it_anew():
 def test_a_drift_need_not_bring_the_means_nearer():
     """Its simulated sets lie all around the camera's: their mean stays where it was, but for the noise of a hundred of them."""
     before, moves = [20.0, -30.0, 40.0], np.array([-12.0, 25.0, 15.0])
-    after = state([22.0, -33.0, 39.0], moves)
-    after.fitted.reference.null_scale = np.full(3, 25.0)
+    after = spread(state([22.0, -33.0, 39.0], moves), 25.0)
     views = [SimpleNamespace(view=f"view {i}") for i in range(3)]
     assert explains(views, state(before), after)  # type: ignore[arg-type]
+
+
+def test_what_scatters_together_must_be_off_together():
+    """A lamp that hardly wanders puts all levels high or low; a curved response puts some high and some low."""
+    before = state([30.0] * 6)
+    assert scatters_so(before, spread(state([20.0] * 6), 20.0, together=0.99))
+    assert not scatters_so(before, spread(state([30.0, -30.0] * 3), 20.0, together=0.99))
+    assert scatters_so(before, spread(state([30.0, -30.0] * 3), 20.0))  # where each is drawn by itself
+    assert scatters_so(before, spread(state([30.0, -30.0] * 3), 1.0, together=0.99))  # no spread of its own
+
+
+def test_an_effect_that_moves_nothing_only_spreads():
+    before = state([30.0] * 3)
+    assert only_spreads(before, state([30.0] * 3, np.array([1.0, -1.0, 0.5])))
+    assert not only_spreads(before, state([10.0] * 3, np.array([20.0, 20.0, 20.0])))
 
 
 def test_what_was_in_order_must_not_be_moved_away():

@@ -6,14 +6,23 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from tests.diagnosis.small import frame_set
+from tests.diagnosis.small import Hidden, frame_set
 from visaug import Camera
 from visaug.comparison import Laboratory
-from visaug.diagnosis import naming, rank
+from visaug.diagnosis import fit, naming, rank
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import Trial, missing_base, trials
 from visaug.diagnosis.chance import chance
-from visaug.diagnosis.fit import Fitted, Null, adjust, make_reference, p_value, refit, standardised
+from visaug.diagnosis.fit import (
+    Fitted,
+    Null,
+    adjust,
+    bias_level,
+    make_reference,
+    p_value,
+    refit,
+    standardised,
+)
 from visaug.diagnosis.naming import first_matches
 from visaug.diagnosis.parameters import base_coordinates, effect_coordinates, moved
 from visaug.diagnosis.rank import (
@@ -357,6 +366,23 @@ def test_a_refit_may_begin_elsewhere(stated):
     apart = [free[0].read(f.camera) for f in (here, there)]
     assert abs(apart[0] - apart[1]) < 0.5 * known
     assert there.misfit == pytest.approx(here.misfit, rel=0.01)
+
+
+def test_a_fit_that_takes_the_bias_level_for_an_outlier_begins_again(stated, monkeypatch):
+    """Rows of the lower half lie 4 e- low: bits of the dark frames hold the black level where it was."""
+
+    def lower_half(x, strength, moment):
+        return x - strength * (np.arange(len(x))[:, None] >= len(x) // 2)
+
+    lab = Laboratory(frame_set(5, (Hidden("lower half", "voltage", lower_half, 4.0),)), stated)
+    reference = make_reference(lab, stated, base_coordinates(stated, lab.frames, True), 24, lambda *_: None)
+    level = bias_level(lab.statistics)
+    again = refit(lab, reference, lambda *_: None)
+    monkeypatch.setattr(fit, "STANDS_OUT", np.inf)
+    held = refit(lab, reference, lambda *_: None)
+    assert abs(held.z[level]) > 10
+    assert abs(again.z[level]) < 0.7 * abs(held.z[level])
+    assert again.misfit < held.misfit
 
 
 def test_noise_of_derivatives_does_not_shorten_the_step():

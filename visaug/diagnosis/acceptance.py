@@ -22,7 +22,8 @@ RISE = 0.05  # and no more than this
 BY_CHANCE = 5.0  # standard deviations that one of many hundred statistics may be off
 OFF = 4.0  # standard deviations from which a statistic counts as moved, or as off
 WORSE = 0.15  # statistics that may go off, as a share of those that it explains
-FORM = 0.15  # what a real effect's form may leave over, relative to the effect itself
+FORM = 0.15  # what a real effect's form may leave over in a statistic, relative to the effect itself,
+REST = 0.2  # and in all together, where the form is not nearly the catalogue's
 OWED, OWED_LEAST = (
     0.5,
     10.0,
@@ -34,6 +35,10 @@ UNDONE = 0.05  # if all such are more than so much of all that it is seen in: no
 NEARER = 0.6  # share of the same statistics whose mean must not go further off, however wide the effect's own spread,
 FURTHER = 1.2  # by more than this factor
 MEAN = 0.2  # standard deviations of that spread to which the mean of a hundred simulated sets is known
+WIDENED = 1.5  # factor from which an effect gives a statistic a spread of its own
+ALONE = 0.1  # weight of each such statistic by itself in their covariance, which is known from few sets,
+LEAST_KNOWN = 0.3  # and the least of its deviation that is taken as known
+TIMES_FURTHER = 10.0  # squared distance in that covariance, of the furthest simulated set's, that is too far
 SEEN_AGAIN = 2.0  # standard deviations along an effect's moves from which it is seen again,
 TIMES = 2.0  # and by what factor these may differ from the moves
 SAME_WAY = 0.3  # cosine between the moves of two effects from which they say the same
@@ -116,8 +121,11 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     of them together must be no more than a form leaves over.
 
     An effect of another name may lower the error; but what it moves then stays off, or goes off where it was not. One whose own
-    spread covers anything (two pixels, enormously hot) must not take the means further off.
+    spread covers anything (two pixels, enormously hot) must not take the means further off, and what it scatters together must be
+    off together (`scatters_so`).
     """
+    if not scatters_so(before, after):
+        return False
     moves = moves_of(before, after)
     scale = before.fitted.reference.null_scale
     moved = np.abs(standardised(moves, scale))
@@ -134,7 +142,7 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     poorest = min((share.mean() for share in shares if len(share) > 2), default=1.0)
     worsened = (now > OFF) & (now > 1.5 * was)
     few = covered >= COVERED and poorest >= POOREST and worsened.sum() <= WORSE * seen.sum() + 1
-    little = np.linalg.norm(now[seen | worsened]) <= FORM * np.linalg.norm(was[seen])
+    little = np.linalg.norm(now[seen | worsened]) <= REST * np.linalg.norm(was[seen])
     nearer = np.abs(after.fitted.residual) < np.maximum(FURTHER * np.abs(before.fitted.residual), OFF * scale)
     stays = np.abs(after.fitted.residual - before.fitted.residual) < MEAN * after.fitted.reference.null_scale
     only_moved = (moved > OFF) & (np.abs(after.fitted.residual) > 0.5 * np.abs(moves))
@@ -143,6 +151,31 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
         return False
     kept = np.mean([share.mean() for share in _by_view(nearer | stays, seen, views)]) >= NEARER
     return bool(kept and (few or little))
+
+
+def scatters_so(before: State, after: State) -> bool:
+    """Whether what an effect gives a spread of its own is off in a way in which its own simulated sets scatter.
+
+    Each level of a lamp that hardly wanders between frames may lie anywhere, but neighbouring ones lie alike: a curved response
+    that is within every single spread is none of its walks. Squared Mahalanobis distance; the sets that it is compared with have no
+    part in the covariance. It must be many times that of the furthest set: forms differ.
+    """
+    reference = after.fitted.reference
+    known, scale = before.fitted.reference.null_scale, reference.null_scale
+    spread = (known > 0) & (scale > WIDENED * known)
+    if np.count_nonzero(spread) < 2:
+        return True
+    sets = standardised(reference.null.residuals, scale)[:, spread]
+    off = standardised(after.fitted.residual, scale)[spread]
+    forms = np.diag(standardised(after.allowance, scale)[spread] ** 2)
+    distances, furthest = [], []
+    for own, others in ((sets[::2], sets[1::2]), (sets[1::2], sets[::2])):
+        joint = own.T @ own / len(own)
+        alone = np.diag(np.maximum(np.diag(joint), LEAST_KNOWN**2))
+        inverse = np.linalg.inv((1 - ALONE) * joint + ALONE * alone + forms)
+        distances.append(off @ inverse @ off)
+        furthest.append(np.einsum("ri,ij,rj->r", others, inverse, others).max())
+    return bool(np.mean(distances) < TIMES_FURTHER * max(furthest))
 
 
 def moves_of(before: State, after: State) -> np.ndarray:
@@ -193,6 +226,12 @@ def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
     views = np.array([s.view for s in statistics])
     furthest = [(was[views == view].max(), now[views == view].max()) for view in dict.fromkeys(views[seen])]
     return any(left > max(OWED * off, OWED_LEAST) for off, left in furthest)
+
+
+def only_spreads(before: State, after: State) -> bool:
+    """Whether an effect moves nothing beyond noise on the average: what it explains it covers by a spread of its own."""
+    along = _beyond_the_camera(before.fitted.reference.null, moves_of(before, after))
+    return bool(np.linalg.norm(along) < FAINT)
 
 
 def acts_elsewhere(before: State, after: State) -> bool:

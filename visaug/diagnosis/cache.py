@@ -11,7 +11,7 @@ import numpy as np
 import visaug
 from visaug.camera import Camera
 from visaug.comparison.laboratory import Laboratory
-from visaug.diagnosis.fit import USES, Reference, Report, make_reference
+from visaug.diagnosis.fit import USES, Fitted, Reference, Report, is_far, make_reference, refit
 from visaug.diagnosis.parameters import Coordinate
 from visaug.effects import catalogue
 
@@ -94,6 +94,14 @@ def reference(
     made = make_reference(lab, camera, coordinates, sets, report, known)
     keep(name, made.arrays())
     return made
+
+
+def settled(lab: Laboratory, fitted: Fitted, sets: int, report: Report) -> Fitted:
+    """A fit; where it has gone far from its reference, spread and derivatives are taken anew where it lies."""
+    if not is_far(fitted.reference, fitted.camera):
+        return fitted
+    near = reference(lab, fitted.camera, fitted.reference.coordinates, sets, report)
+    return refit(lab, near, report)
 
 
 def load(name: str) -> dict[str, np.ndarray] | None:

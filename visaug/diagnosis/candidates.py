@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from visaug.camera import Camera
 from visaug.comparison import Laboratory
+from visaug.diagnosis.look import look
 from visaug.diagnosis.parameters import GAUSSIAN_SHAPE
-from visaug.effects import Effect, Look, Parameter, catalogue
-from visaug.fingerprint import FrameData
+from visaug.effects import Effect, Parameter, catalogue
 
 
 @dataclass(frozen=True)
@@ -131,22 +129,9 @@ def _forms(effect: type[Effect]) -> list[dict[str, Any]]:
 
 def looked(lab: Laboratory, camera: Camera, without: frozenset[str] = frozenset()) -> list[Trial]:
     """Points at which effects that the camera lacks are tried because of how the measured frames look."""
-    dark = FrameData(lab.frames, lab.folds.find).bias
-    if dark is None:
+    seen = look(lab, camera)
+    if seen is None:
         return []
-    height, width = camera.resolution
-    window = lab.frames.records[dark.group.indices[0]].window or (0, height, 0, width)
-    codes: set[int] = set()
-    for i in lab.folds.find:
-        codes.update(np.unique(lab.frames.read(i)).tolist())
-    gain = camera.gain_at(dark.group.gain_db)
-    seen = Look(
-        dark_e=dark.calm * gain,
-        rows=np.arange(window[0], window[1]) / height,
-        columns=np.arange(window[2], window[3]) / width,
-        codes=np.array(sorted(codes)),
-        row_noise_e=dark.noise_rows * gain if dark.count > 1 else np.zeros((0, dark.calm.shape[0])),
-    )
     return [
         _trial(effect, point, looked=True)
         for name, effect in catalogue().items()

@@ -19,6 +19,7 @@ STEPPED, TWINS = (
 PAIRS = 3  # the same for each side of a derivative
 OUTLIER = 3.0  # residuals beyond so many standard deviations lose their pull on the fit (Cauchy weights)
 FAR_BLACK = 3.0  # steps of the black level after which it is first set by the bias frames' mean
+STANDS_OUT = 5.0  # standard deviations of the bias frames' mean from which a fit begins again at their level
 FAR = 6.0  # steps of a coordinate after which the reference is made anew
 
 Report = Callable[[str, int, int], None]
@@ -334,11 +335,24 @@ def refit(
 ) -> Fitted:
     """Fits the reference's coordinates to the frames that find.
 
-    The mean follows the camera by simulations that share their random numbers with the reference's first sets.
+    The mean follows the camera by simulations that share their random numbers with the reference's first sets. The mean of the bias
+    frames is the one statistic that tells the black level: a robust fit that takes it for an outlier never comes back by itself, so
+    that where it stands out the fit begins again from there.
 
     Args:
         begin: a camera near the reference's at which to begin; the reference's own where left out.
     """
+    fitted = _descended(lab, reference, report, begin, iterations)
+    camera = _at_bias_level(lab, fitted)
+    if camera is None:
+        return fitted
+    again = _descended(lab, reference, report, camera, iterations)
+    return min(fitted, again, key=lambda f: f.misfit)
+
+
+def _descended(
+    lab: Laboratory, reference: Reference, report: Report, begin: Camera | None, iterations: int
+) -> Fitted:
     measured = lab.measured[0].values
     coordinates, priors = list(reference.coordinates), reference.priors
     steps = np.array([c.step for c in coordinates])
@@ -422,6 +436,17 @@ def _to_bias_level(lab: Laboratory, reference: Reference, left: np.ndarray) -> n
     step = np.zeros(len(reference.coordinates))
     step[black[0]] = left[level] / max(reference.slopes[level, black[0]], 0.5)
     return step
+
+
+def _at_bias_level(lab: Laboratory, fitted: Fitted) -> Camera | None:
+    """The camera with the black level that the mean of the bias frames tells, where that stands out; else None."""
+    level = bias_level(lab.statistics)
+    black = [k for k, c in enumerate(fitted.reference.coordinates) if c.path == BLACK]
+    if level is None or not black or abs(fitted.z[level]) < STANDS_OUT:
+        return None
+    coordinate = fitted.reference.coordinates[black[0]]
+    step = fitted.residual[level] / max(fitted.slopes[level, black[0]], 0.5)
+    return moved(fitted.camera, [coordinate], [coordinate.read(fitted.camera) + step])
 
 
 def bias_level(statistics: Sequence[Statistic]) -> int | None:

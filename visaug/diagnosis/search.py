@@ -20,6 +20,7 @@ from visaug.diagnosis.acceptance import (
     improves,
     is_there_again,
     moves_of,
+    only_spreads,
     owes,
     says_the_same,
 )
@@ -129,7 +130,7 @@ class _Search:
 
     def run(self) -> Diagnosis:
         first = self.first = self._reference()
-        fitted = self._settled(refit(self.lab, first, self.report))
+        fitted = cache.settled(self.lab, refit(self.lab, first, self.report), SETS_AFTER, self.report)
         self.signs = self._signatures(first)
         self.errors = Errors(self.lab, first, fitted)
         self.ranking = Ranking(self.errors.distance)
@@ -404,7 +405,7 @@ class _Search:
         """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over."""
         known = near.fitted.reference
         reference = cache.reference(self.lab, camera, coordinates, SETS_AFTER, self.report, known)
-        return self._settled(self._refitted(reference))
+        return cache.settled(self.lab, self._refitted(reference), SETS_AFTER, self.report)
 
     def _refitted(self, reference: Reference) -> Fitted:
         """Refitted from where the refit without the effect had taken the camera, or from the camera as given: the one that fits.
@@ -440,14 +441,6 @@ class _Search:
         found, confirmed = (cleared(m[0] - m[1], scale) for m, scale in zip(moves, scales, strict=True))
         return found, confirmed
 
-    def _settled(self, fitted: Fitted) -> Fitted:
-        """Where a fit has gone far from its reference, spread and derivatives are taken anew where it lies."""
-        if not is_far(fitted.reference, fitted.camera):
-            return fitted
-        coordinates = fitted.reference.coordinates
-        near = cache.reference(self.lab, fitted.camera, coordinates, SETS_AFTER, self.report)
-        return refit(self.lab, near, self.report)
-
     def _improves(self, before: State, after: State, gain: float, by_chance: Chance) -> bool:
         both = ((before.fitted, after.fitted), (after.fitted, before.fitted))
         pairs = [(self.errors.found(x, y), self.errors.confirmed(x, y)) for x, y in both]
@@ -467,10 +460,11 @@ class _Search:
         return not state.accepted or error is None or error.low > TRACE or error.high > MUCH
 
     def _is_no_explanation(self) -> bool:
-        """Whether the last effect only lowered the error: much of that surely stays, and in views that the effect moves."""
+        """Whether the last effect only lowered the error: much surely stays, in views that it moves, or it moves nothing."""
         error = self.steps[-1].error
         before, state = self.walk[-2:]
-        return error is not None and error.low > STAYS and owes(self.lab.statistics, before, state)
+        stays = error is not None and error.low > STAYS
+        return stays and (only_spreads(before, state) or owes(self.lab.statistics, before, state))
 
     def _is_far_off(self, state: State) -> bool:
         """Whether the error surely stays large though the camera holds: a spread that covers anything explains little.

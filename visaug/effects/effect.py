@@ -112,6 +112,8 @@ class Look:
         rows, columns: (H,), (W,), where each of its lines begins, as a share of the sensor.
         codes: every DN that comes in any frame, rising.
         row_noise_e: (n, H), means of the rows of each frame behind `dark_e`, less those of all, electrons; n is 0 where it is one.
+        tracks: (n, 2), pixels, and electrons in all of them, of each place that is bright in one dark frame alone.
+        searched_mpx_s: 10^6 pixels times seconds that were searched for these.
     """
 
     dark_e: np.ndarray
@@ -119,6 +121,8 @@ class Look:
     columns: np.ndarray
     codes: np.ndarray
     row_noise_e: np.ndarray
+    tracks: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    searched_mpx_s: float = 0.0
 
     @property
     def profiles(self) -> tuple[tuple[str, np.ndarray, np.ndarray], ...]:

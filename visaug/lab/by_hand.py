@@ -8,7 +8,7 @@ from visaug.diagnosis import Estimate, cache
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import looked, trials
 from visaug.diagnosis.errors import Errors
-from visaug.diagnosis.fit import Fitted, Reference, Report, is_far, refit
+from visaug.diagnosis.fit import Reference, Report, refit
 from visaug.diagnosis.naming import SIGNIFICANT, from_other_starts
 from visaug.diagnosis.parameters import base_coordinates
 from visaug.diagnosis.rank import matches, refine, signatures
@@ -108,8 +108,8 @@ class ByHand:
 
     def _plain(self, without: Names, report: Report) -> State:
         """The camera refitted, nothing added."""
-        fitted = self._settled(refit(self.lab, self._reference(without, report), report), report)
-        return State.plain(fitted)
+        fitted = refit(self.lab, self._reference(without, report), report)
+        return State.plain(cache.settled(self.lab, fitted, self._after, report))
 
     def _with(self, before: State, name: str, report: Report) -> State:
         """One more effect: its best trial, its numbers refined, then everything refitted together."""
@@ -124,15 +124,8 @@ class ByHand:
         best = from_other_starts(self.lab, before.fitted, best, starts, report, before.allowance)
         free = [*known.coordinates, *best.coordinates]
         reference = cache.reference(self.lab, best.camera, free, self._after, report, known)
-        fitted = self._settled(refit(self.lab, reference, report), report)
-        return before.with_effect(name, fitted)
-
-    def _settled(self, fitted: Fitted, report: Report) -> Fitted:
-        """Where a fit has gone far from its reference, spread and derivatives are taken anew where it lies."""
-        if not is_far(fitted.reference, fitted.camera):
-            return fitted
-        free = fitted.reference.coordinates
-        return refit(self.lab, cache.reference(self.lab, fitted.camera, free, self._after, report), report)
+        fitted = refit(self.lab, reference, report)
+        return before.with_effect(name, cache.settled(self.lab, fitted, self._after, report))
 
     @property
     def _after(self) -> int:

@@ -44,6 +44,25 @@ class CosmicRays(Effect):
         0.0, unit="s", high=1e3, trials=(0.0, 0.2), source="rays hit while a frame waits to be read, too"
     )
 
+    @classmethod
+    def looks(cls, seen):
+        """As many tracks, as long and as bright as were seen; a single pixel may jump for other reasons.
+
+        Lengths are exponential: beyond their first pixel tracks are as long as all are, and exp(-1 / length) have more than one.
+        """
+        pixels, electrons = seen.tracks[seen.tracks[:, 0] > 1].T
+        if len(pixels) == 0 or seen.searched_mpx_s == 0:
+            return []
+        length = max(float(pixels.mean()) - 1, cls.parameters["length_px"].low)
+        rate = len(pixels) * math.exp(1 / length) / seen.searched_mpx_s
+        return [
+            {
+                "rate_per_mpx_s": rate,
+                "charge_e_per_px": float((electrons / pixels).mean()),
+                "length_px": length,
+            }
+        ]
+
     def apply(self, signal, p, stream, context):
         expected = (p.rate_per_mpx_s * (context.exposure_s + p.readout_s) * 1e-6).detach()
         image, channel, row, column = torch.nonzero(stream.poisson(expected), as_tuple=True)

@@ -1,0 +1,57 @@
+"""What meets the eye in the measured frames: places, periods and tracks that no list of trials could hold."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from scipy.ndimage import label
+
+from visaug.camera import Camera
+from visaug.comparison import Laboratory
+from visaug.effects import Look
+from visaug.fingerprint import FrameData, GroupData
+
+STRUCK = 8.0  # standard deviations by which a pixel of one frame stands above the others of its kind
+
+
+def look(lab: Laboratory, camera: Camera) -> Look | None:
+    """At the frames that find; None where there is no bias or dark frame among them."""
+    data = FrameData(lab.frames, lab.folds.find)
+    dark = data.bias
+    if dark is None:
+        return None
+    height, width = camera.resolution
+    window = lab.frames.records[dark.group.indices[0]].window or (0, height, 0, width)
+    codes: set[int] = set()
+    for i in lab.folds.find:
+        codes.update(np.unique(lab.frames.read(i)).tolist())
+    gain = camera.gain_at(dark.group.gain_db)
+    darks = data.of("dark", 2)
+    return Look(
+        dark_e=dark.calm * gain,
+        rows=np.arange(window[0], window[1]) / height,
+        columns=np.arange(window[2], window[3]) / width,
+        codes=np.array(sorted(codes)),
+        row_noise_e=dark.noise_rows * gain if dark.count > 1 else np.zeros((0, dark.calm.shape[0])),
+        tracks=tracks(darks, camera),
+        searched_mpx_s=1e-6 * sum(d.frames.size * d.group.exposure_s for d in darks),
+    )
+
+
+def tracks(darks: Iterable[GroupData], camera: Camera) -> np.ndarray:
+    """(n, 2): pixels, and electrons in all of them, of each connected place that is bright in one frame alone.
+
+    Above the others' median by many times the noise of the frame and the shot noise of that pixel, should it be hot.
+    """
+    found = [np.zeros((0, 2))]
+    for dark in darks:
+        frames_e = dark.frames * camera.gain_at(dark.group.gain_db)
+        for k, frame in enumerate(frames_e):
+            usual = np.median(np.delete(frames_e, k, 0), 0)
+            excess = frame - usual
+            noise = 1.4826 * np.median(np.abs(excess - np.median(excess)))
+            hot = np.maximum(usual - np.median(usual), 0)
+            places = np.zeros(frame.shape, int)
+            label(excess > STRUCK * np.sqrt(noise**2 + 2 * hot), np.ones((3, 3)), output=places)
+            sums = [np.bincount(places.ravel(), weights) for weights in (None, excess.ravel())]
+            found.append(np.stack(sums, 1, dtype=float)[1:])
+    return np.concatenate(found)
