@@ -14,7 +14,7 @@ from visaug.diagnosis.acceptance import (
     explains,
     improves,
     is_there_again,
-    only_spreads,
+    only_covers,
     owes,
     says_the_same,
     scatters_so,
@@ -211,10 +211,12 @@ def test_what_scatters_together_must_be_off_together():
     assert scatters_so(before, spread(state([30.0, -30.0] * 3), 1.0, together=0.99))  # no spread of its own
 
 
-def test_an_effect_that_moves_nothing_only_spreads():
+def test_a_spread_over_what_stays_off_only_covers_it():
+    """Tracks of cosmic rays in the place of hot pixels: any residual is one of theirs, and none is brought back."""
     before = state([30.0] * 3)
-    assert only_spreads(before, state([30.0] * 3, np.array([1.0, -1.0, 0.5])))
-    assert not only_spreads(before, state([10.0] * 3, np.array([20.0, 20.0, 20.0])))
+    assert only_covers(before, spread(state([28.0] * 3), 20.0))
+    assert not only_covers(before, spread(state([15.0] * 3), 20.0))
+    assert not only_covers(before, spread(state([28.0] * 3), 1.0))  # no spread of its own
 
 
 def test_what_was_in_order_must_not_be_moved_away():

@@ -39,6 +39,7 @@ WIDENED = 1.5  # factor from which an effect gives a statistic a spread of its o
 ALONE = 0.1  # weight of each such statistic by itself in their covariance, which is known from few sets,
 LEAST_KNOWN = 0.3  # and the least of its deviation that is taken as known
 TIMES_FURTHER = 10.0  # squared distance in that covariance, of the furthest simulated set's, that is too far
+COVERS = 0.8  # share of a residual, and of an error, that stays under a spread that explains nothing
 SEEN_AGAIN = 2.0  # standard deviations along an effect's moves from which it is seen again,
 TIMES = 2.0  # and by what factor these may differ from the moves
 SAME_WAY = 0.3  # cosine between the moves of two effects from which they say the same
@@ -228,10 +229,12 @@ def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
     return any(left > max(OWED * off, OWED_LEAST) for off, left in furthest)
 
 
-def only_spreads(before: State, after: State) -> bool:
-    """Whether an effect moves nothing beyond noise on the average: what it explains it covers by a spread of its own."""
-    along = _beyond_the_camera(before.fitted.reference.null, moves_of(before, after))
-    return bool(np.linalg.norm(along) < FAINT)
+def only_covers(before: State, after: State) -> bool:
+    """Whether what was off, and gets a spread of the effect's, stays nearly as far off as it was: covered, not brought back."""
+    scale = before.fitted.reference.null_scale
+    own = (np.abs(before.z) > OFF) & (after.fitted.reference.null_scale > WIDENED * scale)
+    had, left = (np.linalg.norm(standardised(s.fitted.residual, scale)[own]) for s in (before, after))
+    return bool(left > COVERS * had)
 
 
 def acts_elsewhere(before: State, after: State) -> bool:

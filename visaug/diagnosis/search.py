@@ -13,6 +13,7 @@ from visaug.comparison import Laboratory, is_clear, places
 from visaug.comparison.spread import by_ray
 from visaug.diagnosis import cache
 from visaug.diagnosis.acceptance import (
+    COVERS,
     State,
     acts_elsewhere,
     disturbs_nothing,
@@ -20,7 +21,7 @@ from visaug.diagnosis.acceptance import (
     improves,
     is_there_again,
     moves_of,
-    only_spreads,
+    only_covers,
     owes,
     says_the_same,
 )
@@ -149,12 +150,12 @@ class _Search:
             state = self._reconsidered(refitted, found)
             by_chance = chance(self.lab, self.signs, state)
             p_after = by_chance.p_value
-        missing = bool(p_after <= SIGNIFICANT)
-        while missing and state.accepted and self._is_no_explanation():
+        while state.accepted and self._is_no_explanation(p_after <= SIGNIFICANT):
             nearest = state.accepted[-1]
             self._stand(self.walk[-2])
             state = self.walk[-1]
             p_after = chance(self.lab, self.signs, state).p_value
+        missing = bool(p_after <= SIGNIFICANT)
         significant = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
         excess = bool(state.accepted) or (significant and is_clear(self.steps[-1].error))
         residue = None
@@ -459,12 +460,20 @@ class _Search:
         error = self.errors.found(state.fitted)
         return not state.accepted or error is None or error.low > TRACE or error.high > MUCH
 
-    def _is_no_explanation(self) -> bool:
-        """Whether the last effect only lowered the error: much surely stays, in views that it moves, or it moves nothing."""
+    def _is_no_explanation(self, missing: bool) -> bool:
+        """Whether the last effect explains nothing: much surely stays, under a spread or, beside a rest, where the effect acts."""
         error = self.steps[-1].error
         before, state = self.walk[-2:]
-        stays = error is not None and error.low > STAYS
-        return stays and (only_spreads(before, state) or owes(self.lab.statistics, before, state))
+        if error is None or error.low <= STAYS:
+            return False
+        was, now = (
+            self.errors.found(before.fitted, state.fitted),
+            self.errors.found(state.fitted, before.fitted),
+        )
+        hardly_falls = was is not None and now is not None and now.value > COVERS * was.value
+        return (hardly_falls and only_covers(before, state)) or (
+            missing and owes(self.lab.statistics, before, state)
+        )
 
     def _is_far_off(self, state: State) -> bool:
         """Whether the error surely stays large though the camera holds: a spread that covers anything explains little.
