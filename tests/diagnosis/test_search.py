@@ -118,7 +118,7 @@ def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
     monkeypatch.setattr(search.cache, "reference", reference)
     begun.lab = begun.report = None  # pyright: ignore[reportAttributeAccessIssue]
     monkeypatch.setattr(begun, "_refitted", lambda reference: reference)
-    monkeypatch.setattr(begun, "_settled", lambda fitted: fitted)
+    monkeypatch.setattr(search.cache, "settled", lambda lab, fitted, *_: fitted)
     both = leaving([0, 0, 0, 25], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
     state = begun._swapped(both, own, rival)
     assert state.accepted == ("veiling_glare", "charge_transfer_inefficiency")
