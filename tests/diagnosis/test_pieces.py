@@ -378,7 +378,7 @@ def test_a_fit_that_takes_the_bias_level_for_an_outlier_begins_again(stated, mon
     reference = make_reference(lab, stated, base_coordinates(stated, lab.frames, True), 24, lambda *_: None)
     level = bias_level(lab.statistics)
     again = refit(lab, reference, lambda *_: None)
-    monkeypatch.setattr(fit, "STANDS_OUT", np.inf)
+    monkeypatch.setattr(fit, "OFF_BLACK", np.inf)
     held = refit(lab, reference, lambda *_: None)
     assert abs(held.z[level]) > 10
     assert abs(again.z[level]) < 0.7 * abs(held.z[level])

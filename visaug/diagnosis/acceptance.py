@@ -161,11 +161,10 @@ def scatters_so(before: State, after: State) -> bool:
     that is within every single spread is none of its walks. Squared Mahalanobis distance; the sets that it is compared with have no
     part in the covariance. It must be many times that of the furthest set: forms differ.
     """
-    reference = after.fitted.reference
-    known, scale = before.fitted.reference.null_scale, reference.null_scale
-    spread = (known > 0) & (scale > WIDENED * known)
+    reference, spread = after.fitted.reference, _widened(before, after)
     if np.count_nonzero(spread) < 2:
         return True
+    scale = reference.null_scale
     sets = standardised(reference.null.residuals, scale)[:, spread]
     off = standardised(after.fitted.residual, scale)[spread]
     forms = np.diag(standardised(after.allowance, scale)[spread] ** 2)
@@ -229,10 +228,16 @@ def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
     return any(left > max(OWED * off, OWED_LEAST) for off, left in furthest)
 
 
+def _widened(before: State, after: State) -> np.ndarray:
+    """(statistics,) whether the effect gives each a spread of its own."""
+    known = before.fitted.reference.null_scale
+    return (known > 0) & (after.fitted.reference.null_scale > WIDENED * known)
+
+
 def only_covers(before: State, after: State) -> bool:
     """Whether what was off, and gets a spread of the effect's, stays nearly as far off as it was: covered, not brought back."""
     scale = before.fitted.reference.null_scale
-    own = (np.abs(before.z) > OFF) & (after.fitted.reference.null_scale > WIDENED * scale)
+    own = (np.abs(before.z) > OFF) & _widened(before, after)
     had, left = (np.linalg.norm(standardised(s.fitted.residual, scale)[own]) for s in (before, after))
     return bool(left > COVERS * had)
 

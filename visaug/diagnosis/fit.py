@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +20,7 @@ STEPPED, TWINS = (
 PAIRS = 3  # the same for each side of a derivative
 OUTLIER = 3.0  # residuals beyond so many standard deviations lose their pull on the fit (Cauchy weights)
 FAR_BLACK = 3.0  # steps of the black level after which it is first set by the bias frames' mean
-STANDS_OUT = 5.0  # standard deviations of the bias frames' mean from which a fit begins again at their level
+OFF_BLACK = 5.0  # standard deviations of the bias frames' mean from which a fit begins again at their level
 FAR = 6.0  # steps of a coordinate after which the reference is made anew
 
 Report = Callable[[str, int, int], None]
@@ -429,24 +430,36 @@ def _to_bias_level(lab: Laboratory, reference: Reference, left: np.ndarray) -> n
 
     Bits and codes follow the black level up and down, so that no step of a robust fit leads across many DN.
     """
-    level = bias_level(lab.statistics)
-    black = [k for k, c in enumerate(reference.coordinates) if c.path == BLACK]
-    if level is None or not black or abs(left[level]) < FAR_BLACK * reference.coordinates[black[0]].step:
+    told = _black_step(lab, reference, left)
+    if told is None or abs(left[told.level]) < FAR_BLACK * reference.coordinates[told.black].step:
         return None
     step = np.zeros(len(reference.coordinates))
-    step[black[0]] = left[level] / max(reference.slopes[level, black[0]], 0.5)
+    step[told.black] = told.step
     return step
 
 
 def _at_bias_level(lab: Laboratory, fitted: Fitted) -> Camera | None:
     """The camera with the black level that the mean of the bias frames tells, where that stands out; else None."""
-    level = bias_level(lab.statistics)
-    black = [k for k, c in enumerate(fitted.reference.coordinates) if c.path == BLACK]
-    if level is None or not black or abs(fitted.z[level]) < STANDS_OUT:
+    told = _black_step(lab, fitted.reference, fitted.residual)
+    if told is None or abs(fitted.z[told.level]) < OFF_BLACK:
         return None
-    coordinate = fitted.reference.coordinates[black[0]]
-    step = fitted.residual[level] / max(fitted.slopes[level, black[0]], 0.5)
-    return moved(fitted.camera, [coordinate], [coordinate.read(fitted.camera) + step])
+    coordinate = fitted.reference.coordinates[told.black]
+    return moved(fitted.camera, [coordinate], [coordinate.read(fitted.camera) + told.step])
+
+
+class _BlackStep(NamedTuple):
+    level: int  # the statistic that is the mean of the bias frames
+    black: int  # the coordinate that is the black level
+    step: float  # by which the one comes to where it was measured
+
+
+def _black_step(lab: Laboratory, reference: Reference, left: np.ndarray) -> _BlackStep | None:
+    """What the bias frames say of the black level; None without such frames, or where the black level is not free."""
+    level = bias_level(lab.statistics)
+    black = next((k for k, c in enumerate(reference.coordinates) if c.path == BLACK), None)
+    if level is None or black is None:
+        return None
+    return _BlackStep(level, black, left[level] / max(reference.slopes[level, black], 0.5))
 
 
 def bias_level(statistics: Sequence[Statistic]) -> int | None:

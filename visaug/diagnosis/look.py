@@ -15,7 +15,8 @@ STRUCK = 8.0  # standard deviations by which a pixel of one frame stands above t
 
 def look(lab: Laboratory, camera: Camera) -> Look | None:
     """At the frames that find; None where there is no bias or dark frame among them."""
-    data = FrameData(lab.frames, lab.folds.find)
+    unlit = [i for i in lab.folds.find if lab.frames.records[i].kind in ("bias", "dark")]
+    data = FrameData(lab.frames, unlit)  # its groups would read all flats and scenes
     dark = data.bias
     if dark is None:
         return None

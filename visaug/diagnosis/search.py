@@ -466,14 +466,12 @@ class _Search:
         before, state = self.walk[-2:]
         if error is None or error.low <= STAYS:
             return False
-        was, now = (
-            self.errors.found(before.fitted, state.fitted),
-            self.errors.found(state.fitted, before.fitted),
-        )
+        if missing and owes(self.lab.statistics, before, state):
+            return True
+        without, with_it = before.fitted, state.fitted
+        was, now = self.errors.found(without, with_it), self.errors.found(with_it, without)
         hardly_falls = was is not None and now is not None and now.value > COVERS * was.value
-        return (hardly_falls and only_covers(before, state)) or (
-            missing and owes(self.lab.statistics, before, state)
-        )
+        return hardly_falls and only_covers(before, state)
 
     def _is_far_off(self, state: State) -> bool:
         """Whether the error surely stays large though the camera holds: a spread that covers anything explains little.
