@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.diagnosis.residuals import spread, state
 from visaug.comparison import Error
 from visaug.diagnosis.acceptance import (
     State,
@@ -14,12 +15,9 @@ from visaug.diagnosis.acceptance import (
     explains,
     improves,
     is_there_again,
-    only_covers,
     owes,
     says_the_same,
-    scatters_so,
 )
-from visaug.diagnosis.fit import Null
 
 
 def at(value: float, half: float = 0.01) -> Error:
@@ -115,29 +113,6 @@ def test_a_case_of_its_own_counts_where_the_error_is_noise_alone():
     assert improves(before, after, False, beyond_chance=True, has_a_case=True)
 
 
-def state(z, moves=None) -> State:
-    """Residuals in units of their standard deviation, one view each."""
-    z = np.array(z, float)
-    unit = np.tile([[1.0], [-1.0]], (1, len(z))) / np.sqrt(2)  # of which the standard deviation is 1
-    null = Null(unit, np.ones(len(z)), np.zeros((len(z), 0)), np.ones(0))
-    reference = SimpleNamespace(null=null, confirm_null=null, null_scale=null.scale)
-    fitted = SimpleNamespace(reference=reference, residual=z, confirm_residual=z, whole_residual=z, z=z)
-    return State(fitted, (), np.zeros(len(z)), np.zeros(len(z)), moves, moves)  # type: ignore[arg-type]
-
-
-def spread(after: State, scale: float, together: float = 0.0) -> State:
-    """The state with 60 sets that scatter by so much; `together`: the share of the variance that all statistics have in common."""
-    rng = np.random.default_rng(5)
-    count = len(after.fitted.residual)
-    sets = np.sqrt(1 - together) * rng.standard_normal((60, count)) + np.sqrt(together) * rng.standard_normal(
-        (60, 1)
-    )
-    reference = after.fitted.reference
-    reference.null = Null(scale * sets, np.ones(count), np.zeros((count, 0)), np.ones(0))
-    reference.null_scale = reference.null.scale
-    return after
-
-
 def accepted(before, after, moves) -> bool:
     statistics = [SimpleNamespace(view=f"view {i}") for i in range(len(before))]
     return explains(statistics, state(before), state(after, np.array(moves, float)))  # type: ignore[arg-type]
@@ -200,23 +175,6 @@ def test_a_drift_need_not_bring_the_means_nearer():
     after = spread(state([22.0, -33.0, 39.0], moves), 25.0)
     views = [SimpleNamespace(view=f"view {i}") for i in range(3)]
     assert explains(views, state(before), after)  # type: ignore[arg-type]
-
-
-def test_what_scatters_together_must_be_off_together():
-    """A lamp that hardly wanders puts all levels high or low; a curved response puts some high and some low."""
-    before = state([30.0] * 6)
-    assert scatters_so(before, spread(state([20.0] * 6), 20.0, together=0.99))
-    assert not scatters_so(before, spread(state([30.0, -30.0] * 3), 20.0, together=0.99))
-    assert scatters_so(before, spread(state([30.0, -30.0] * 3), 20.0))  # where each is drawn by itself
-    assert scatters_so(before, spread(state([30.0, -30.0] * 3), 1.0, together=0.99))  # no spread of its own
-
-
-def test_a_spread_over_what_stays_off_only_covers_it():
-    """Tracks of cosmic rays in the place of hot pixels: any residual is one of theirs, and none is brought back."""
-    before = state([30.0] * 3)
-    assert only_covers(before, spread(state([28.0] * 3), 20.0))
-    assert not only_covers(before, spread(state([15.0] * 3), 20.0))
-    assert not only_covers(before, spread(state([28.0] * 3), 1.0))  # no spread of its own
 
 
 def test_what_was_in_order_must_not_be_moved_away():

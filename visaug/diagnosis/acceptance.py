@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.comparison import Error, is_clear
-from visaug.diagnosis.fit import Fitted, Null, p_value, standardised
+from visaug.diagnosis.fit import Fitted, p_value, standardised
+from visaug.diagnosis.spread import Scatter, moves_are_there, scatters_so
 from visaug.fingerprint import Statistic
 
 COVERED = 0.8  # share of the statistics an effect moves that it must bring back, mean over views
@@ -35,11 +36,6 @@ UNDONE = 0.05  # if all such are more than so much of all that it is seen in: no
 NEARER = 0.6  # share of the same statistics whose mean must not go further off, however wide the effect's own spread,
 FURTHER = 1.2  # by more than this factor
 MEAN = 0.2  # standard deviations of that spread to which the mean of a hundred simulated sets is known
-WIDENED = 1.5  # factor from which an effect gives a statistic a spread of its own
-ALONE = 0.1  # weight of each such statistic by itself in their covariance, which is known from few sets,
-LEAST_KNOWN = 0.3  # and the least of its deviation that is taken as known
-TIMES_FURTHER = 10.0  # squared distance in that covariance, of the furthest simulated set's, that is too far
-COVERS = 0.8  # share of a residual, and of an error, that stays under a spread that explains nothing
 SEEN_AGAIN = 2.0  # standard deviations along an effect's moves from which it is seen again,
 TIMES = 2.0  # and by what factor these may differ from the moves
 SAME_WAY = 0.3  # cosine between the moves of two effects from which they say the same
@@ -56,6 +52,7 @@ class State:
         allowance, whole_allowance: what their forms may leave over, per statistic of the frames that find and of all frames.
         moves, confirm_moves: how far the last of them moves each statistic of the frames that find, and of those that confirm; None
             where the refits before and after tell it.
+        scatter: how strong the last effect's own scatter makes it; None where its moves tell that.
     """
 
     fitted: Fitted
@@ -64,6 +61,7 @@ class State:
     whole_allowance: np.ndarray
     moves: np.ndarray | None = None
     confirm_moves: np.ndarray | None = None
+    scatter: Scatter | None = None
 
     @classmethod
     def plain(cls, fitted: Fitted) -> "State":
@@ -125,9 +123,11 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     spread covers anything (two pixels, enormously hot) must not take the means further off, and what it scatters together must be
     off together (`scatters_so`).
     """
-    if not scatters_so(before, after):
-        return False
     moves = moves_of(before, after)
+    if not scatters_so(before.fitted, after.fitted, moves, after.allowance):
+        return False
+    if after.scatter is not None and not moves_are_there(before.fitted, after.fitted, moves):
+        return False
     scale = before.fitted.reference.null_scale
     moved = np.abs(standardised(moves, scale))
     was, now = np.abs(before.z), np.abs(after.z)
@@ -151,31 +151,7 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     if np.linalg.norm(now[disturbed]) > UNDONE * np.linalg.norm(was[seen]):
         return False
     kept = np.mean([share.mean() for share in _by_view(nearer | stays, seen, views)]) >= NEARER
-    return bool(kept and (few or little))
-
-
-def scatters_so(before: State, after: State) -> bool:
-    """Whether what an effect gives a spread of its own is off in a way in which its own simulated sets scatter.
-
-    Each level of a lamp that hardly wanders between frames may lie anywhere, but neighbouring ones lie alike: a curved response
-    that is within every single spread is none of its walks. Squared Mahalanobis distance; the sets that it is compared with have no
-    part in the covariance. It must be many times that of the furthest set: forms differ.
-    """
-    reference, spread = after.fitted.reference, _widened(before, after)
-    if np.count_nonzero(spread) < 2:
-        return True
-    scale = reference.null_scale
-    sets = standardised(reference.null.residuals, scale)[:, spread]
-    off = standardised(after.fitted.residual, scale)[spread]
-    forms = np.diag(standardised(after.allowance, scale)[spread] ** 2)
-    distances, furthest = [], []
-    for own, others in ((sets[::2], sets[1::2]), (sets[1::2], sets[::2])):
-        joint = own.T @ own / len(own)
-        alone = np.diag(np.maximum(np.diag(joint), LEAST_KNOWN**2))
-        inverse = np.linalg.inv((1 - ALONE) * joint + ALONE * alone + forms)
-        distances.append(off @ inverse @ off)
-        furthest.append(np.einsum("ri,ij,rj->r", others, inverse, others).max())
-    return bool(np.mean(distances) < TIMES_FURTHER * max(furthest))
+    return bool((kept or after.scatter is not None) and (few or little))
 
 
 def moves_of(before: State, after: State) -> np.ndarray:
@@ -195,7 +171,7 @@ def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
     moves nothing on the average must give that statistic a spread which covers it.
     """
     scale = before.fitted.reference.null_scale
-    along = _beyond_the_camera(before.fitted.reference.null, moves)
+    along = before.fitted.reference.null.beyond(moves)
     length = float(np.linalg.norm(along))
     off, left = (float(state.z @ along) / max(length, 1e-9) for state in (before, after))
     worst = int(np.abs(before.z).argmax())
@@ -203,14 +179,6 @@ def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
         gone = abs(after.z[worst]) <= max(BY_CHANCE, 0.3 * abs(before.z[worst]))
         return bool(gone and abs(left) < 0.5 * off)
     return bool(after.fitted.reference.null_scale[worst] > 1.3 * scale[worst])
-
-
-def _beyond_the_camera(null: Null, moves: np.ndarray) -> np.ndarray:
-    """What the camera's own numbers cannot do of some moves, in standard deviations: least squares with their priors."""
-    along = standardised(moves, null.scale)
-    design = standardised(null.slopes.T, null.scale)
-    normal = design @ design.T + np.diag(1 / null.priors**2)
-    return along - design.T @ np.linalg.solve(normal, design @ along)
 
 
 def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
@@ -228,20 +196,6 @@ def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
     return any(left > max(OWED * off, OWED_LEAST) for off, left in furthest)
 
 
-def _widened(before: State, after: State) -> np.ndarray:
-    """(statistics,) whether the effect gives each a spread of its own."""
-    known = before.fitted.reference.null_scale
-    return (known > 0) & (after.fitted.reference.null_scale > WIDENED * known)
-
-
-def only_covers(before: State, after: State) -> bool:
-    """Whether what was off, and gets a spread of the effect's, stays nearly as far off as it was: covered, not brought back."""
-    scale = before.fitted.reference.null_scale
-    own = (np.abs(before.z) > OFF) & _widened(before, after)
-    had, left = (np.linalg.norm(standardised(s.fitted.residual, scale)[own]) for s in (before, after))
-    return bool(left > COVERS * had)
-
-
 def acts_elsewhere(before: State, after: State) -> bool:
     """Whether a further effect moves what the effects before it leave alone, so that it cannot mop up what their forms leave.
 
@@ -249,7 +203,7 @@ def acts_elsewhere(before: State, after: State) -> bool:
     """
     moves = moves_of(before, after)
     form = standardised(before.allowance, before.fitted.reference.null_scale)
-    squares = _beyond_the_camera(before.fitted.reference.null, moves) ** 2 / (1 + form**2)
+    squares = before.fitted.reference.null.beyond(moves) ** 2 / (1 + form**2)
     return bool(squares[form < 1].sum() > max(ELSEWHERE * squares.sum(), FAINT**2))
 
 
@@ -267,7 +221,7 @@ def is_there_again(before: State, after: State) -> bool:
     if after.confirm_moves is None:
         return False
     null = before.fitted.reference.confirm_null
-    along = _beyond_the_camera(null, after.confirm_moves)
+    along = null.beyond(after.confirm_moves)
     length = float(np.linalg.norm(along))
     off = float(standardised(before.fitted.confirm_residual, null.scale) @ along) / max(length, 1e-9)
     return bool(off > SEEN_AGAIN and length / TIMES < off < length * TIMES)

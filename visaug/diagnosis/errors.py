@@ -24,8 +24,9 @@ class Errors:
 
     def told(self, fitted: Fitted) -> Error | None:
         """On the frames that confirm; where these are too few to show the excess clearly, on those that find."""
-        error = (self.confirmed(fitted) if self._confirms else None) or self.found(fitted)
-        return None if error is None or error.high - error.low > VAGUE else error
+        errors = [self.confirmed(fitted) if self._confirms else None, self.found(fitted)]
+        known = [error for error in errors if error is not None and error.high - error.low <= VAGUE]
+        return next((error for error in known if is_clear(error)), known[0] if known else None)
 
     def found(self, fitted: Fitted, beside: Fitted | None = None) -> Error | None:
         """On the frames that find.

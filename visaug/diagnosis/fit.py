@@ -85,6 +85,19 @@ class Null:
         scale = np.where(self.floor > 0, np.maximum(others, self.floor), 0.0)
         return np.abs(standardised(self.residuals, scale)).max(1)
 
+    def beyond(self, moves: np.ndarray, scale: np.ndarray | None = None) -> np.ndarray:
+        """What the camera's own numbers cannot do of some moves (statistics,), in standard deviations.
+
+        Least squares, with the numbers' priors.
+
+        Args:
+            scale: standard deviations to go by; this camera's where left out.
+        """
+        scale = self.scale if scale is None else scale
+        along, design = standardised(moves, scale), standardised(self.slopes.T, scale)
+        normal = design @ design.T + np.diag(1 / self.priors**2)
+        return along - design.T @ np.linalg.solve(normal, design @ along)
+
 
 USES = ("find", "confirm", "whole")
 

@@ -147,6 +147,12 @@ def effect_coordinates(camera: Camera, name: str) -> list[Coordinate]:
     return free
 
 
+def strengths_of(name: str, coordinates: Sequence[Coordinate]) -> tuple[Coordinate, ...]:
+    """Those of some coordinates that are the logarithm of one of an effect's strengths."""
+    strengths = {f"{name}.{key}" for key in catalogue()[name].strengths()}
+    return tuple(c for c in coordinates if c.path in strengths and c.logarithmic)
+
+
 def _is_in_electrons(path: str) -> bool:
     """Quantum efficiency too: electrons per photon, seen as DN per photon."""
     return path == "quantum_efficiency" or place_of(path).parameter.unit in ("e-", "e-/s", "e-/px/s")

@@ -1,6 +1,6 @@
 """Which physical effect is missing: fit, name, add, refit, until nothing is missing or nothing known explains the rest."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +13,7 @@ from visaug.comparison import Laboratory, is_clear, places
 from visaug.comparison.spread import by_ray
 from visaug.diagnosis import cache
 from visaug.diagnosis.acceptance import (
-    COVERS,
+    OFF,
     State,
     acts_elsewhere,
     disturbs_nothing,
@@ -21,7 +21,6 @@ from visaug.diagnosis.acceptance import (
     improves,
     is_there_again,
     moves_of,
-    only_covers,
     owes,
     says_the_same,
 )
@@ -40,11 +39,12 @@ from visaug.diagnosis.fit import (
     standardised,
 )
 from visaug.diagnosis.naming import CLOSE, CLOSE_SHARE, SIGNIFICANT, candidates, decided, is_beyond, rivals
-from visaug.diagnosis.parameters import Coordinate, base_coordinates, moved
+from visaug.diagnosis.parameters import Coordinate, base_coordinates, effect_coordinates, moved, strengths_of
 from visaug.diagnosis.rank import Refined, Signatures, cleared, signatures
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.residue import describe
 from visaug.diagnosis.result import Diagnosis, Step
+from visaug.diagnosis.spread import COVERS, Scatter, only_covers, scatter
 from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
 from visaug.fingerprint import Statistic
@@ -397,10 +397,46 @@ class _Search:
         return Fitted.unfitted(self.lab, self.first)
 
     def _with(self, state: State, candidate: Refined) -> State:
-        """The state with a candidate added: simulated, refitted."""
-        coordinates = [*state.fitted.reference.coordinates, *candidate.coordinates]
-        fitted = self._fitted(state, candidate.camera, coordinates)
-        return state.with_effect(candidate.effect, fitted, *self._moves_of(candidate.effect, state, fitted))
+        """The state with a candidate added: simulated, refitted; its strengths by what scatters, where no moves tell them."""
+        after = self._added(state, candidate.effect, candidate.camera, candidate.coordinates)
+        strengths = strengths_of(candidate.effect, candidate.coordinates)
+        told = self._scatter(state, after, strengths)
+        if told is None or not told.tells:
+            return after
+        held = {c.path for c in strengths}
+        states = [after]
+        for camera in self._otherwise(candidate.effect, told.scaled(after.fitted.camera), held):
+            others = [c for c in effect_coordinates(camera, candidate.effect) if c.path not in held]
+            again = self._added(state, candidate.effect, camera, others)
+            scattered = self._scatter(state, again, strengths)
+            if scattered is None or not scattered.is_met:
+                break
+            states.append(replace(again, scatter=scattered))
+            if again.p_value > SIGNIFICANT:
+                break
+        return decided(state, [(candidate, each) for each in states])[0][1]
+
+    def _otherwise(self, effect: str, camera: Camera, held: set[str]) -> Iterator[Camera]:
+        """A camera, and with the numbers of its effect that are not held as the catalogue tries them."""
+        yield camera
+        free = [c.path for c in effect_coordinates(camera, effect) if c.path not in held]
+        tried = [{path: camera.values()[path] for path in free}]
+        for trial in self.signs.trials:
+            if trial.effect == effect:
+                values = trial.on(self.first.camera).values()
+                numbers = {path: values[path] for path in free}
+                if numbers not in tried:
+                    tried.append(numbers)
+                    yield camera.replace(numbers)
+
+    @staticmethod
+    def _scatter(before: State, after: State, strengths: tuple[Coordinate, ...]) -> Scatter | None:
+        return None if after.moves is None else scatter(before.fitted, after.fitted, after.moves, strengths)
+
+    def _added(self, state: State, effect: str, camera: Camera, own: Sequence[Coordinate]) -> State:
+        """The state with an effect whose free numbers are `own`."""
+        fitted = self._fitted(state, camera, [*state.fitted.reference.coordinates, *own])
+        return state.with_effect(effect, fitted, *self._moves_of(effect, state, fitted))
 
     def _fitted(self, near: State, camera: Camera, coordinates: Sequence[Coordinate]) -> Fitted:
         """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over."""
@@ -471,7 +507,7 @@ class _Search:
         without, with_it = before.fitted, state.fitted
         was, now = self.errors.found(without, with_it), self.errors.found(with_it, without)
         hardly_falls = was is not None and now is not None and now.value > COVERS * was.value
-        return hardly_falls and only_covers(before, state)
+        return hardly_falls and only_covers(without, with_it, np.abs(before.z) > OFF)
 
     def _is_far_off(self, state: State) -> bool:
         """Whether the error surely stays large though the camera holds: a spread that covers anything explains little.
