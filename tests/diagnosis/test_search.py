@@ -8,7 +8,7 @@ import pytest
 
 from visaug import Camera
 from visaug.comparison import Error
-from visaug.diagnosis import naming, search
+from visaug.diagnosis import adding, naming, search
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.parameters import effect_coordinates
@@ -57,6 +57,7 @@ def searching(veiled) -> search._Search:
         Step(word, None) for word in ("refit", "add lens_flare", "add charge_transfer_inefficiency")
     ]
     begun.walk = [leaving([300, 200, 90, 40], veiled["trail"]), *(alone, alone)]
+    begun.adding = adding.Adding(None, None, (), None)  # pyright: ignore[reportArgumentType]
     begun.ranking = Ranking(None)  # pyright: ignore[reportArgumentType]
     begun.ranking._ranked = {
         name: Ranked(name, probability, None, {})
@@ -78,7 +79,7 @@ def test_a_name_gives_way_to_a_rival_that_says_more_beside_a_later_effect(
     both = leaving([0, 0, 0, 25], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
     under = veiled["trail"].with_effect("veiling_glare", share=0.016)
     swapped = leaving([1, 0, 0, 0], under, "veiling_glare", "charge_transfer_inefficiency")
-    monkeypatch.setattr(begun, "_swapped", lambda *_: swapped)
+    monkeypatch.setattr(adding.Adding, "swapped", lambda *_: swapped)
     monkeypatch.setattr(
         naming, "log_density", lambda fitted, *_: density if fitted is swapped.fitted else 0.0
     )
@@ -115,12 +116,11 @@ def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
         made.update(camera=camera, paths=[c.path for c in coordinates])
         return SimpleNamespace()
 
-    monkeypatch.setattr(search.cache, "reference", reference)
-    begun.lab = begun.report = None  # pyright: ignore[reportAttributeAccessIssue]
-    monkeypatch.setattr(begun, "_refitted", lambda reference: reference)
-    monkeypatch.setattr(search.cache, "settled", lambda lab, fitted, *_: fitted)
+    monkeypatch.setattr(adding.cache, "reference", reference)
+    monkeypatch.setattr(adding.Adding, "_refitted", lambda self, reference: reference)
+    monkeypatch.setattr(adding.cache, "settled", lambda lab, fitted, *_: fitted)
     both = leaving([0, 0, 0, 25], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
-    state = begun._swapped(both, own, rival)
+    state = begun.adding.swapped(both, own, rival)
     assert state.accepted == ("veiling_glare", "charge_transfer_inefficiency")
     assert set(made["camera"].effect_names) == {"charge_transfer_inefficiency", "veiling_glare"}
     assert made["camera"].values()["veiling_glare.width_px"] == 14.0
@@ -196,6 +196,8 @@ def choosing(begun: search._Search, monkeypatch, rivals: int, accepted: tuple[st
     monkeypatch.setattr(search, "rivals", lambda lab, found, *_: found[:rivals])
     monkeypatch.setattr(search, "decided", lambda state, simulated: simulated)
     monkeypatch.setattr(search, "is_beyond", lambda *_: True)
-    monkeypatch.setattr(begun, "_with", lambda state, r: leaving([0.0], r.camera, r.effect))
+    monkeypatch.setattr(
+        adding.Adding, "with_candidate", lambda self, state, r: leaving([0.0], r.camera, r.effect)
+    )
     monkeypatch.setattr(begun, "_is_acceptable", is_acceptable)
     return asked

@@ -1,6 +1,6 @@
 """Which physical effect is missing: fit, name, add, refit, until nothing is missing or nothing known explains the rest."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -24,12 +24,12 @@ from visaug.diagnosis.acceptance import (
     owes,
     says_the_same,
 )
+from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.candidates import Trial, looked, trials
 from visaug.diagnosis.chance import Chance, chance
 from visaug.diagnosis.errors import Errors
 from visaug.diagnosis.fit import (
     FAR,
-    TWINS,
     Fitted,
     Reference,
     Report,
@@ -39,26 +39,22 @@ from visaug.diagnosis.fit import (
     standardised,
 )
 from visaug.diagnosis.naming import CLOSE, CLOSE_SHARE, SIGNIFICANT, candidates, decided, is_beyond, rivals
-from visaug.diagnosis.parameters import Coordinate, base_coordinates, effect_coordinates, moved, strengths_of
-from visaug.diagnosis.rank import Refined, Signatures, cleared, signatures
+from visaug.diagnosis.parameters import base_coordinates
+from visaug.diagnosis.rank import Refined, Signatures, signatures
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.residue import describe
 from visaug.diagnosis.result import Diagnosis, Step
-from visaug.diagnosis.spread import COVERS, Scatter, only_covers, scatter
+from visaug.diagnosis.spread import COVERS, only_covers
 from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
 from visaug.fingerprint import Statistic
 from visaug.frames import FrameSet
 
 SETS = 200  # simulated sets of the camera file
-SETS_AFTER = 120  # of a camera with an effect added
 MOST = 4  # effects that are added one after the other
 DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
 SURE = 10.0  # in log likelihood: what an effect must gain that lowers no error beside others, or is far behind its rivals
 TRACE = 0.03  # error beside an accepted effect that is a finding, if it is surely so much
-BENT = (
-    5.0  # standard deviations by which a fit took the camera from what its file says, to try again from there
-)
 STANDS_OUT = 30.0  # standard deviations from which what is left is worth another start
 STAYS = 0.2  # error that surely stays beside a name that explains nothing
 MUCH = 0.1  # error beside an accepted effect that is a finding, if it may be so much; and if it surely is, though the camera holds
@@ -133,6 +129,7 @@ class _Search:
         first = self.first = self._reference()
         fitted = cache.settled(self.lab, refit(self.lab, first, self.report), SETS_AFTER, self.report)
         self.signs = self._signatures(first)
+        self.adding = Adding(self.lab, first, self.signs.trials, self.report)
         self.errors = Errors(self.lab, first, fitted)
         self.ranking = Ranking(self.errors.distance)
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
@@ -306,7 +303,7 @@ class _Search:
             is_base = any(catalogue()[r.effect].base for r in (own, rival))
             if rival.effect in state.accepted or far_behind or is_base:
                 continue
-            swapped = self._swapped(state, own, rival)
+            swapped = self.adding.swapped(state, own, rival)
             (best, _), _ = decided(plain, [(own, state), (rival, swapped)])
             if best.effect == rival.effect:
                 self._stand(alone)
@@ -321,15 +318,6 @@ class _Search:
         """Whether a camera leaves no more than chance would."""
         return chance(self.lab, self.signs, state).p_value > SIGNIFICANT
 
-    def _swapped(self, state: State, own: Refined, rival: Refined) -> State:
-        """The state with a rival in the place of an effect, everything refitted."""
-        entry = next(e for e in rival.camera.to_dict()["effects"] if e["name"] == rival.effect)
-        camera = state.fitted.camera.without_effect(own.effect).with_effect(**entry)
-        kept = [c for c in state.fitted.reference.coordinates if not c.path.startswith(f"{own.effect}.")]
-        accepted = tuple(rival.effect if name == own.effect else name for name in state.accepted)
-        fitted = self._fitted(state, camera, [*kept, *rival.coordinates])
-        return replace(state, fitted=fitted, accepted=accepted, moves=None, confirm_moves=None)
-
     def _accepted(self, state: State, found: list[Refined], by_chance: Chance) -> "_Accepted | None":
         """The first of the candidates that explains what it moves and improves the camera, its rivals simulated.
 
@@ -338,7 +326,7 @@ class _Search:
         gains much is asked by itself if all rivals are refused: what these say wrongly is no reason against other moves.
         """
         close = rivals(self.lab, found, state, by_chance)
-        ordered = decided(state, [(r, self._with(state, r)) for r in close])
+        ordered = decided(state, [(r, self.adding.with_candidate(state, r)) for r in close])
         behind = [r for r in found if r.effect not in {other.effect for other in close}]
         refused: Standing = []
         accepted = [pair for pair in ordered if self._is_acceptable(state, pair, refused, by_chance)]
@@ -352,7 +340,7 @@ class _Search:
         for r in behind:
             is_said = self._is_said(state, r, state.fitted.residual - r.residual, refused)
             if r.gain > SURE and not is_said and is_beyond(self.lab, by_chance, state, r):
-                pair = (r, self._with(state, r))
+                pair = (r, self.adding.with_candidate(state, r))
                 if self._is_acceptable(state, pair, refused, by_chance):
                     return _Accepted(*pair, [pair], [other for other in behind if other is not r])
         return None
@@ -395,88 +383,6 @@ class _Search:
     @cached_property
     def _unfitted(self) -> Fitted:
         return Fitted.unfitted(self.lab, self.first)
-
-    def _with(self, state: State, candidate: Refined) -> State:
-        """The state with a candidate added: simulated, refitted; its strengths by what scatters, where no moves tell them."""
-        after = self._added(state, candidate.effect, candidate.camera, candidate.coordinates)
-        strengths = strengths_of(candidate.effect, candidate.coordinates)
-        told = self._scatter(state, after, strengths)
-        if told is None or not told.tells:
-            return after
-        held = {c.path for c in strengths}
-        states = [after]
-        for camera in self._otherwise(candidate.effect, told.scaled(after.fitted.camera), held):
-            others = [c for c in effect_coordinates(camera, candidate.effect) if c.path not in held]
-            again = self._added(state, candidate.effect, camera, others)
-            scattered = self._scatter(state, again, strengths)
-            if scattered is None or not scattered.is_met:
-                break
-            states.append(replace(again, scatter=scattered))
-            if again.p_value > SIGNIFICANT:
-                break
-        return decided(state, [(candidate, each) for each in states])[0][1]
-
-    def _otherwise(self, effect: str, camera: Camera, held: set[str]) -> Iterator[Camera]:
-        """A camera, and with the numbers of its effect that are not held as the catalogue tries them."""
-        yield camera
-        free = [c.path for c in effect_coordinates(camera, effect) if c.path not in held]
-        tried = [{path: camera.values()[path] for path in free}]
-        for trial in self.signs.trials:
-            if trial.effect == effect:
-                values = trial.on(self.first.camera).values()
-                numbers = {path: values[path] for path in free}
-                if numbers not in tried:
-                    tried.append(numbers)
-                    yield camera.replace(numbers)
-
-    @staticmethod
-    def _scatter(before: State, after: State, strengths: tuple[Coordinate, ...]) -> Scatter | None:
-        return None if after.moves is None else scatter(before.fitted, after.fitted, after.moves, strengths)
-
-    def _added(self, state: State, effect: str, camera: Camera, own: Sequence[Coordinate]) -> State:
-        """The state with an effect whose free numbers are `own`."""
-        fitted = self._fitted(state, camera, [*state.fitted.reference.coordinates, *own])
-        return state.with_effect(effect, fitted, *self._moves_of(effect, state, fitted))
-
-    def _fitted(self, near: State, camera: Camera, coordinates: Sequence[Coordinate]) -> Fitted:
-        """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over."""
-        known = near.fitted.reference
-        reference = cache.reference(self.lab, camera, coordinates, SETS_AFTER, self.report, known)
-        return cache.settled(self.lab, self._refitted(reference), SETS_AFTER, self.report)
-
-    def _refitted(self, reference: Reference) -> Fitted:
-        """Refitted from where the refit without the effect had taken the camera, or from the camera as given: the one that fits.
-
-        A robust fit that was bent by the effect may stay where it is, one number off held by the others.
-        """
-        fitted = refit(self.lab, reference, self.report)
-        given = {c.path: c.read(self.first.camera) for c in self.first.coordinates}
-        own = [
-            (c, known)
-            for c, known in zip(reference.coordinates, reference.null_steps.std(0))
-            if c.path in given
-        ]
-        if all(abs(c.read(fitted.camera) - given[c.path]) <= BENT * known for c, known in own):
-            return fitted
-        as_given = moved(fitted.camera, [c for c, _ in own], [given[c.path] for c, _ in own])
-        again = refit(self.lab, reference, self.report, begin=as_given)
-        return min(fitted, again, key=lambda f: f.misfit)
-
-    def _moves_of(
-        self, effect: str, before: State, fitted: Fitted
-    ) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-        """How far an effect moves the statistics of a camera that has it, in the frames that find and those that confirm.
-
-        None of either for a term of the base chain.
-        """
-        if catalogue()[effect].base:
-            return None, None
-        pair, reference = (fitted.camera, fitted.camera.without_effect(effect)), before.fitted.reference
-        find, confirm, _ = self.lab.simulated([(c, k) for c in pair for k in range(TWINS)])
-        moves = [values.reshape(2, TWINS, -1) for values in (find, confirm)]
-        scales = (reference.null_scale, reference.confirm_null.scale)
-        found, confirmed = (cleared(m[0] - m[1], scale) for m, scale in zip(moves, scales, strict=True))
-        return found, confirmed
 
     def _improves(self, before: State, after: State, gain: float, by_chance: Chance) -> bool:
         both = ((before.fitted, after.fitted), (after.fitted, before.fitted))

@@ -1,0 +1,129 @@
+"""A camera with one effect more: simulated, refitted, as strong as its moves or its scatter tell."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from visaug.camera import Camera
+from visaug.comparison import Laboratory
+from visaug.diagnosis import cache
+from visaug.diagnosis.acceptance import State
+from visaug.diagnosis.candidates import Trial
+from visaug.diagnosis.fit import TWINS, Fitted, Reference, Report, refit
+from visaug.diagnosis.naming import SIGNIFICANT, decided
+from visaug.diagnosis.parameters import Coordinate, effect_coordinates, moved, strengths_of
+from visaug.diagnosis.rank import Refined, cleared
+from visaug.diagnosis.spread import Scatter, scatter
+from visaug.effects import catalogue
+
+SETS_AFTER = 120  # simulated sets of a camera with an effect added
+BENT = 5.0  # standard deviations that a fit took the camera from what its file says, to try again from there
+
+
+@dataclass(frozen=True)
+class Adding:
+    """What every candidate goes through in one search.
+
+    Args:
+        lab: of the measured frames.
+        first: the camera file as given.
+        trials: of the catalogue.
+        report: progress.
+    """
+
+    lab: Laboratory
+    first: Reference
+    trials: Sequence[Trial]
+    report: Report
+
+    def with_candidate(self, state: State, candidate: Refined) -> State:
+        """The state with a candidate added: simulated, refitted; its strengths by what scatters, where no moves tell them."""
+        after = self._added(state, candidate.effect, candidate.camera, candidate.coordinates)
+        strengths = strengths_of(candidate.effect, candidate.coordinates)
+        told = self._scatter(state, after, strengths)
+        if told is None or not told.tells:
+            return after
+        held = {c.path for c in strengths}
+        states = [after]
+        for camera in self._otherwise(candidate.effect, told.scaled(after.fitted.camera), held):
+            others = [c for c in effect_coordinates(camera, candidate.effect) if c.path not in held]
+            again = self._added(state, candidate.effect, camera, others)
+            scattered = self._scatter(state, again, strengths)
+            if scattered is None or not scattered.is_met:
+                break
+            states.append(replace(again, scatter=scattered))
+            if again.p_value > SIGNIFICANT:
+                break
+        return decided(state, [(candidate, each) for each in states])[0][1]
+
+    def swapped(self, state: State, own: Refined, rival: Refined) -> State:
+        """The state with a rival in the place of an effect, everything refitted."""
+        entry = next(e for e in rival.camera.to_dict()["effects"] if e["name"] == rival.effect)
+        camera = state.fitted.camera.without_effect(own.effect).with_effect(**entry)
+        kept = [c for c in state.fitted.reference.coordinates if not c.path.startswith(f"{own.effect}.")]
+        accepted = tuple(rival.effect if name == own.effect else name for name in state.accepted)
+        fitted = self._fitted(state, camera, [*kept, *rival.coordinates])
+        return replace(state, fitted=fitted, accepted=accepted, moves=None, confirm_moves=None)
+
+    def _otherwise(self, effect: str, camera: Camera, held: set[str]) -> Iterator[Camera]:
+        """A camera, and with the numbers of its effect that are not held as the catalogue tries them."""
+        yield camera
+        free = [c.path for c in effect_coordinates(camera, effect) if c.path not in held]
+        tried = [{path: camera.values()[path] for path in free}]
+        for trial in self.trials:
+            if trial.effect == effect:
+                values = trial.on(self.first.camera).values()
+                numbers = {path: values[path] for path in free}
+                if numbers not in tried:
+                    tried.append(numbers)
+                    yield camera.replace(numbers)
+
+    @staticmethod
+    def _scatter(before: State, after: State, strengths: tuple[Coordinate, ...]) -> Scatter | None:
+        return None if after.moves is None else scatter(before.fitted, after.fitted, after.moves, strengths)
+
+    def _added(self, state: State, effect: str, camera: Camera, own: Sequence[Coordinate]) -> State:
+        """The state with an effect whose free numbers are `own`."""
+        fitted = self._fitted(state, camera, [*state.fitted.reference.coordinates, *own])
+        return state.with_effect(effect, fitted, *self._moves_of(effect, state, fitted))
+
+    def _fitted(self, near: State, camera: Camera, coordinates: Sequence[Coordinate]) -> Fitted:
+        """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over."""
+        known = near.fitted.reference
+        reference = cache.reference(self.lab, camera, coordinates, SETS_AFTER, self.report, known)
+        return cache.settled(self.lab, self._refitted(reference), SETS_AFTER, self.report)
+
+    def _refitted(self, reference: Reference) -> Fitted:
+        """Refitted from where the refit without the effect had taken the camera, or from the camera as given: the one that fits.
+
+        A robust fit that was bent by the effect may stay where it is, one number off held by the others.
+        """
+        fitted = refit(self.lab, reference, self.report)
+        given = {c.path: c.read(self.first.camera) for c in self.first.coordinates}
+        own = [
+            (c, known)
+            for c, known in zip(reference.coordinates, reference.null_steps.std(0))
+            if c.path in given
+        ]
+        if all(abs(c.read(fitted.camera) - given[c.path]) <= BENT * known for c, known in own):
+            return fitted
+        as_given = moved(fitted.camera, [c for c, _ in own], [given[c.path] for c, _ in own])
+        again = refit(self.lab, reference, self.report, begin=as_given)
+        return min(fitted, again, key=lambda f: f.misfit)
+
+    def _moves_of(
+        self, effect: str, before: State, fitted: Fitted
+    ) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
+        """How far an effect moves the statistics of a camera that has it, in the frames that find and those that confirm.
+
+        None of either for a term of the base chain.
+        """
+        if catalogue()[effect].base:
+            return None, None
+        pair, reference = (fitted.camera, fitted.camera.without_effect(effect)), before.fitted.reference
+        find, confirm, _ = self.lab.simulated([(c, k) for c in pair for k in range(TWINS)])
+        moves = [values.reshape(2, TWINS, -1) for values in (find, confirm)]
+        scales = (reference.null_scale, reference.confirm_null.scale)
+        found, confirmed = (cleared(m[0] - m[1], scale) for m, scale in zip(moves, scales, strict=True))
+        return found, confirmed
