@@ -7,6 +7,7 @@ import numpy as np
 
 from visaug.comparison import Error, is_clear
 from visaug.diagnosis.fit import Fitted, p_value, standardised
+from visaug.diagnosis.parameters import Coordinate
 from visaug.diagnosis.spread import Scatter, moves_are_there, scatters_so
 from visaug.fingerprint import Statistic
 
@@ -52,7 +53,7 @@ class State:
         allowance, whole_allowance: what their forms may leave over, per statistic of the frames that find and of all frames.
         moves, confirm_moves: how far the last of them moves each statistic of the frames that find, and of those that confirm; None
             where the refits before and after tell it.
-        scatter: how strong the last effect's own scatter makes it; None where its moves tell that.
+        scatters: of accepted effects whose strength their scatter tells, not their moves; that strength is no free number.
     """
 
     fitted: Fitted
@@ -61,7 +62,7 @@ class State:
     whole_allowance: np.ndarray
     moves: np.ndarray | None = None
     confirm_moves: np.ndarray | None = None
-    scatter: Scatter | None = None
+    scatters: tuple[Scatter, ...] = ()
 
     @classmethod
     def plain(cls, fitted: Fitted) -> "State":
@@ -84,7 +85,20 @@ class State:
             np.hypot(self.whole_allowance, FORM * _explained(before.whole_residual, fitted.whole_residual)),
             moves,
             confirm_moves,
+            self.scatters,
         )
+
+    @property
+    def numbers(self) -> tuple[tuple[Coordinate, ...], np.ndarray]:
+        """All numbers that were fitted, and (R, numbers) how far simulated sets of the camera take them: their uncertainty."""
+        reference = self.fitted.reference
+        coordinates = (*reference.coordinates, *(c for s in self.scatters for c in s.strengths))
+        return coordinates, np.hstack([reference.null_steps, *(s.steps for s in self.scatters)])
+
+    @property
+    def scatters_last(self) -> bool:
+        """Whether the last effect is one that scatters more than it moves."""
+        return any(s.effect == self.accepted[-1] for s in self.scatters)
 
     @property
     def z(self) -> np.ndarray:
@@ -126,7 +140,7 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     moves = moves_of(before, after)
     if not scatters_so(before.fitted, after.fitted, moves, after.allowance):
         return False
-    if after.scatter is not None and not moves_are_there(before.fitted, after.fitted, moves):
+    if after.scatters_last and not moves_are_there(before.fitted, after.fitted, moves):
         return False
     scale = before.fitted.reference.null_scale
     moved = np.abs(standardised(moves, scale))
@@ -151,7 +165,7 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
     if np.linalg.norm(now[disturbed]) > UNDONE * np.linalg.norm(was[seen]):
         return False
     kept = np.mean([share.mean() for share in _by_view(nearer | stays, seen, views)]) >= NEARER
-    return bool((kept or after.scatter is not None) and (few or little))
+    return bool((kept or after.scatters_last) and (few or little))
 
 
 def moves_of(before: State, after: State) -> np.ndarray:

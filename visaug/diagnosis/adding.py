@@ -17,7 +17,7 @@ from visaug.diagnosis.rank import Refined, cleared
 from visaug.diagnosis.spread import Scatter, scatter
 from visaug.effects import catalogue
 
-SETS_AFTER = 120  # simulated sets of a camera with an effect added
+SETS_AFTER = 120
 BENT = 5.0  # standard deviations that a fit took the camera from what its file says, to try again from there
 
 
@@ -30,12 +30,14 @@ class Adding:
         first: the camera file as given.
         trials: of the catalogue.
         report: progress.
+        sets: simulated sets of a camera with an effect added.
     """
 
     lab: Laboratory
     first: Reference
     trials: Sequence[Trial]
     report: Report
+    sets: int = SETS_AFTER
 
     def with_candidate(self, state: State, candidate: Refined) -> State:
         """The state with a candidate added: simulated, refitted; its strengths by what scatters, where no moves tell them."""
@@ -52,7 +54,7 @@ class Adding:
             scattered = self._scatter(state, again, strengths)
             if scattered is None or not scattered.is_met:
                 break
-            states.append(replace(again, scatter=scattered))
+            states.append(replace(again, scatters=(*again.scatters, scattered)))
             if again.p_value > SIGNIFICANT:
                 break
         return decided(state, [(candidate, each) for each in states])[0][1]
@@ -64,7 +66,10 @@ class Adding:
         kept = [c for c in state.fitted.reference.coordinates if not c.path.startswith(f"{own.effect}.")]
         accepted = tuple(rival.effect if name == own.effect else name for name in state.accepted)
         fitted = self._fitted(state, camera, [*kept, *rival.coordinates])
-        return replace(state, fitted=fitted, accepted=accepted, moves=None, confirm_moves=None)
+        scatters = tuple(s for s in state.scatters if s.effect != own.effect)
+        return replace(
+            state, fitted=fitted, accepted=accepted, moves=None, confirm_moves=None, scatters=scatters
+        )
 
     def _otherwise(self, effect: str, camera: Camera, held: set[str]) -> Iterator[Camera]:
         """A camera, and with the numbers of its effect that are not held as the catalogue tries them."""
@@ -91,8 +96,8 @@ class Adding:
     def _fitted(self, near: State, camera: Camera, coordinates: Sequence[Coordinate]) -> Fitted:
         """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over."""
         known = near.fitted.reference
-        reference = cache.reference(self.lab, camera, coordinates, SETS_AFTER, self.report, known)
-        return cache.settled(self.lab, self._refitted(reference), SETS_AFTER, self.report)
+        reference = cache.reference(self.lab, camera, coordinates, self.sets, self.report, known)
+        return cache.settled(self.lab, self._refitted(reference), self.sets, self.report)
 
     def _refitted(self, reference: Reference) -> Fitted:
         """Refitted from where the refit without the effect had taken the camera, or from the camera as given: the one that fits.

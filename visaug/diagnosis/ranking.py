@@ -54,12 +54,7 @@ class Ranking:
             self._ranked[r.effect] = Ranked(r.effect, float(weight), value, own)
 
     def accept(self, after: State, effect: str, error: Error | None) -> None:
-        """Intervals of an accepted effect's numbers, from refits or the scatter of simulated sets of the camera that has it."""
-        reference = after.fitted.reference
-        coordinates, steps = reference.coordinates, reference.null_steps
-        if after.scatter is not None:
-            coordinates = (*coordinates, *after.scatter.strengths)
-            steps = np.hstack([steps, after.scatter.steps])
+        """Intervals of an accepted effect's numbers, from simulated sets of the camera that has it."""
         forms = {
             path.split(".", 1)[1]: word
             for path, word in after.fitted.camera.choices().items()
@@ -67,7 +62,7 @@ class Ranking:
         }
         self._ranked[effect] = replace(
             self._ranked[effect],
-            parameters=estimates(effect, after.fitted.camera, coordinates, steps),
+            parameters=estimates(effect, after.fitted.camera, *after.numbers),
             forms=forms,
             error_after=None if error is None else error.value,
         )

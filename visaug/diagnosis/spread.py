@@ -98,12 +98,16 @@ class Scatter:
     Attributes:
         factor: by which its strengths want to be multiplied.
         of_sets: (R,) the same of its own simulated sets: how well the scatter tells it.
-        strengths: their coordinates.
+        strengths: their coordinates; at least one.
     """
 
     factor: float
     of_sets: np.ndarray
     strengths: tuple[Coordinate, ...]
+
+    @property
+    def effect(self) -> str:
+        return self.strengths[0].path.split(".")[0]
 
     @property
     def tells(self) -> bool:

@@ -6,6 +6,7 @@ from visaug.camera import Camera
 from visaug.comparison import Distance, Error, Laboratory, Place, places
 from visaug.diagnosis import Estimate, cache
 from visaug.diagnosis.acceptance import State
+from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.candidates import looked, trials
 from visaug.diagnosis.errors import Errors
 from visaug.diagnosis.fit import Reference, Report, refit
@@ -13,7 +14,7 @@ from visaug.diagnosis.naming import SIGNIFICANT, from_other_starts
 from visaug.diagnosis.parameters import base_coordinates
 from visaug.diagnosis.rank import matches, refine, signatures
 from visaug.diagnosis.result import estimates
-from visaug.diagnosis.search import SETS, SETS_AFTER
+from visaug.diagnosis.search import SETS
 from visaug.effects import catalogue
 from visaug.errors import InputError
 from visaug.frames import FrameSet
@@ -80,10 +81,7 @@ class ByHand:
             Errors(self.lab, self._reference((), report), plain.fitted).told(fitted),
             state.p_value,
             places(left, self.lab.statistics, state.z),
-            {
-                name: estimates(name, fitted.camera, reference.coordinates, reference.null_steps)
-                for name in added
-            },
+            {name: estimates(name, fitted.camera, *state.numbers) for name in added},
         )
 
     def can_add(self, camera: Camera) -> list[str]:
@@ -122,10 +120,8 @@ class ByHand:
         best = refine(self.lab, before.fitted, tried[0], report, before.allowance)
         starts = [m for m in tried if m.trial.form != tried[0].trial.form]
         best = from_other_starts(self.lab, before.fitted, best, starts, report, before.allowance)
-        free = [*known.coordinates, *best.coordinates]
-        reference = cache.reference(self.lab, best.camera, free, self._after, report, known)
-        fitted = refit(self.lab, reference, report)
-        return before.with_effect(name, cache.settled(self.lab, fitted, self._after, report))
+        adding = Adding(self.lab, self._reference((), report), signs.trials, report, self._after)
+        return adding.with_candidate(before, best)
 
     @property
     def _after(self) -> int:

@@ -1,0 +1,29 @@
+"""On which frames an error is told."""
+
+import pytest
+
+from visaug.comparison import Error
+from visaug.diagnosis.errors import Errors
+
+CLEAR, UNCLEAR, VAGUE = Error(0.04, -0.02, 0.1), Error(1.1, -0.4, 2.5), Error(-4.0, -16.0, 6.0)
+
+
+@pytest.mark.parametrize(
+    ("confirmed", "found", "told"),
+    [
+        (CLEAR, UNCLEAR, CLEAR),
+        (UNCLEAR, CLEAR, CLEAR),  # beside an effect that scatters the frames that confirm may say nothing
+        (VAGUE, CLEAR, CLEAR),
+        (None, CLEAR, CLEAR),
+        (UNCLEAR, UNCLEAR, UNCLEAR),
+        (VAGUE, UNCLEAR, UNCLEAR),
+        (VAGUE, VAGUE, None),
+        (None, None, None),
+    ],
+)
+def test_an_error_is_told_where_it_is_clear(monkeypatch, confirmed, found, told):
+    errors = object.__new__(Errors)
+    monkeypatch.setattr(errors, "_confirms", True, raising=False)
+    monkeypatch.setattr(errors, "confirmed", lambda _: confirmed)
+    monkeypatch.setattr(errors, "found", lambda _: found)
+    assert errors.told(None) is told  # pyright: ignore[reportArgumentType]
