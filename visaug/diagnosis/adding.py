@@ -18,6 +18,7 @@ from visaug.diagnosis.spread import Scatter, scatter
 from visaug.effects import catalogue
 
 SETS_AFTER = 120
+SCALED = 2  # times that a strength follows its scatter
 BENT = 5.0  # standard deviations that a fit took the camera from what its file says, to try again from there
 
 
@@ -47,17 +48,31 @@ class Adding:
         if told is None or not told.tells:
             return after
         held = {c.path for c in strengths}
-        states = [after]
+        told_so = []
         for camera in self._otherwise(candidate.effect, told.scaled(after.fitted.camera), held):
-            others = [c for c in effect_coordinates(camera, candidate.effect) if c.path not in held]
-            again = self._added(state, candidate.effect, camera, others)
-            scattered = self._scatter(state, again, strengths)
-            if scattered is None or not scattered.is_met:
+            again = self._scattering(state, candidate.effect, camera, strengths)
+            if again is None:
                 break
-            states.append(replace(again, scatters=(*again.scatters, scattered)))
+            told_so.append(again)
             if again.p_value > SIGNIFICANT:
                 break
-        return decided(state, [(candidate, each) for each in states])[0][1]
+        return decided(state, [(candidate, each) for each in told_so or [after]])[0][1]
+
+    def _scattering(
+        self, state: State, effect: str, camera: Camera, strengths: tuple[Coordinate, ...]
+    ) -> State | None:
+        """The state with an effect as strong as the camera has it, or as its scatter then says; None if they do not agree."""
+        held = {c.path for c in strengths}
+        for _ in range(SCALED):
+            others = [c for c in effect_coordinates(camera, effect) if c.path not in held]
+            after = self._added(state, effect, camera, others)
+            told = self._scatter(state, after, strengths)
+            if told is None:
+                return None
+            if told.is_met:
+                return replace(after, scatters=(*after.scatters, told))
+            camera = told.scaled(after.fitted.camera)
+        return None
 
     def swapped(self, state: State, own: Refined, rival: Refined) -> State:
         """The state with a rival in the place of an effect, everything refitted."""
