@@ -124,6 +124,13 @@ def test_a_faint_effect_must_bring_back_what_is_furthest_off():
     assert accepted([3.5, 3.5, 4.1], [0.5, 0.5, 4.1], [3, 3, 0])  # as one of a thousand is by chance
 
 
+def test_a_faint_effect_is_no_guess_where_much_is_off():
+    """A refit may bring back what is off, with an effect that moves nothing of it."""
+    few, many = [30.0] * 5, [30.0] * 20
+    assert accepted([3.5, 3.5, *few], [0.5, 0.5, *[1.0] * 5], [3, 3, *[0] * 5])
+    assert not accepted([3.5, 3.5, *many], [0.5, 0.5, *[1.0] * 20], [3, 3, *[0] * 20])
+
+
 def test_what_the_cameras_own_numbers_undo_does_not_count():
     """Charge in every frame moves the level far, which the black level takes back, and the skewness, which nothing does."""
     before, after = state([0.5, 3.5]), state([0.5, 0.5], np.array([60.0, 3.5]))

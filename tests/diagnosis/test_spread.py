@@ -1,5 +1,7 @@
 """Effects that scatter more than they move: how strong they are, and whether what is off scatters so."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -9,7 +11,7 @@ from tests.diagnosis.small import frame_set
 from visaug.diagnosis import diagnose
 from visaug.diagnosis.fit import Null
 from visaug.diagnosis.parameters import Coordinate
-from visaug.diagnosis.spread import moves_are_there, only_covers, scatter, scatters_so
+from visaug.diagnosis.spread import moves_are_there, only_covers, recurs_so, scatter, scatters_so
 
 SIGMA = (Coordinate("light_drift.sigma", True, 0.1, 1.5),)
 STILL = np.zeros(6)
@@ -36,6 +38,28 @@ def test_a_spread_over_what_stays_off_only_covers_it():
     assert only_covers(before, spread(state([28.0] * 3), 20.0).fitted, off)
     assert not only_covers(before, spread(state([15.0] * 3), 20.0).fitted, off)
     assert not only_covers(before, spread(state([28.0] * 3), 1.0).fitted, off)  # no spread of its own
+
+
+def test_what_lies_elsewhere_in_every_frame_is_not_off_alike_in_all():
+    """A bright corner in the place of cosmic rays: within the spread of their tracks, but so in all frames."""
+    places = np.arange(20)
+    before, off, same = state([30.0] * 20).fitted, np.ones(20, bool), (places, places)
+    pattern = np.where(places % 3, 30.0, -27.0)
+
+    def so(confirm, is_fixed: bool = False, scale: float = 20.0, off=off) -> bool:
+        after = spread(state(pattern), scale).fitted
+        after.confirm_residual, null = np.array(confirm), after.reference.null
+        fresh = replace(
+            null, residuals=null.residuals[::-1]
+        )  # sets that share nothing with those of the frames that find
+        after.reference.confirm_null = null if is_fixed else fresh
+        return recurs_so(before, after, off, same)
+
+    assert not so(0.9 * pattern)
+    assert so(np.roll(pattern, 1))  # other places
+    assert so(0.9 * pattern, is_fixed=True)  # an effect that is so in all frames
+    assert so(0.9 * pattern, scale=1.0)  # no spread of its own
+    assert so(0.9 * pattern, off=~off)  # nothing was off
 
 
 @pytest.mark.parametrize("true", [0.5, 1.0, 4.0])

@@ -123,6 +123,19 @@ class Laboratory:
         places = {(s.view, s.name, s.frames): i for i, s in enumerate(find)}
         return np.array([places.get((s.view, s.name, s.frames), -1) for s in whole])
 
+    @cached_property
+    def confirming(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the statistics that the frames that find and those that confirm both have: places among the one's and the other's."""
+        find, confirm, _ = self.measured
+        places = {(s.view, s.name, s.frames): i for i, s in enumerate(find.statistics)}
+        pairs = [
+            (places[key], i)
+            for i, s in enumerate(confirm.statistics)
+            if (key := (s.view, s.name, s.frames)) in places
+        ]
+        both = np.array(pairs, int).reshape(-1, 2)
+        return both[:, 0], both[:, 1]
+
     def simulated(
         self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

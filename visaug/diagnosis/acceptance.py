@@ -181,8 +181,8 @@ def _by_view(which: np.ndarray, seen: np.ndarray, views: np.ndarray) -> list[np.
 def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
     """Whether what was off along the effect's moves is gone, where no single statistic stands out that it moves far.
 
-    What is furthest off must be gone too: beside a strong effect that no one knows, a faint one is a guess. An effect that
-    moves nothing on the average must give that statistic a spread which covers it.
+    What is furthest off must be gone too, and not much else be off: beside a strong effect that no one knows, a faint one is a
+    guess. An effect that moves nothing on the average must give that statistic a spread which covers it.
     """
     scale = before.fitted.reference.null_scale
     along = before.fitted.reference.null.beyond(moves)
@@ -191,7 +191,8 @@ def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
     worst = int(np.abs(before.z).argmax())
     if off > FAINT:
         gone = abs(after.z[worst]) <= max(BY_CHANCE, 0.3 * abs(before.z[worst]))
-        return bool(gone and abs(left) < 0.5 * off)
+        alone = FEW * np.count_nonzero(np.abs(before.z) > OFF) <= 1
+        return bool(alone and gone and abs(left) < 0.5 * off)
     return bool(after.fitted.reference.null_scale[worst] > 1.3 * scale[worst])
 
 

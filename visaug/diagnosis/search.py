@@ -44,7 +44,7 @@ from visaug.diagnosis.rank import Refined, Signatures, signatures
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.residue import describe
 from visaug.diagnosis.result import Diagnosis, Step
-from visaug.diagnosis.spread import COVERS, only_covers
+from visaug.diagnosis.spread import COVERS, only_covers, recurs_so
 from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
 from visaug.fingerprint import Statistic
@@ -353,6 +353,7 @@ class _Search:
         accepted = (
             not self._is_said(state, r, moves_of(state, after), refused)
             and explains(self.lab.statistics, state, after)
+            and recurs_so(state.fitted, after.fitted, np.abs(state.z) > OFF, self.lab.confirming)
             and self._improves(state, after, r.gain, by_chance)
         )
         if not accepted:

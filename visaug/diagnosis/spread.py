@@ -23,6 +23,7 @@ MET = 1.6  # factor to which a strength that was scaled must be right
 ALONE = 0.1  # weight of each such statistic by itself in their covariance, which is known from few sets,
 LEAST_KNOWN = 0.3  # and the least of its deviation that is taken as known
 TIMES_FURTHER = 5.0  # squared distance in that covariance, of the furthest simulated set's, that is too far
+CONFIRMED = 4  # statistics covered in the frames that find and in those that confirm, to ask whether they are off alike
 COVERS = 0.8  # share of a residual, and of an error, that stays under a spread that explains nothing
 
 
@@ -77,6 +78,28 @@ def moves_are_there(before: Fitted, after: Fitted, moves: np.ndarray) -> bool:
     far = (np.abs(move) > SCATTERED) & (np.abs(before.reference.null.beyond(moves)) > SEEN)
     was = standardised(before.residual, after.reference.null_scale)
     return bool(move[far] @ was[far] >= THERE * (move[far] @ move[far]))
+
+
+def recurs_so(before: Fitted, after: Fitted, off: np.ndarray, same: tuple[np.ndarray, np.ndarray]) -> bool:
+    """Whether what an effect covers is off alike in the frames that find and in those that confirm no more than in its own sets.
+
+    Tracks of cosmic rays lie elsewhere in every frame: they may cover a bright corner, but not one that is bright in all frames.
+
+    Args:
+        off: (statistics,) whether each was off before, in the frames that find.
+        same: places of the same statistics among those of the frames that find, and among those of the frames that confirm.
+    """
+    known, reference = before.reference.null_scale, after.reference
+    stays = np.abs(after.residual) > COVERS * np.abs(before.residual)
+    own = (off & stays & (known > 0) & (reference.null_scale > WIDE * known))[same[0]]
+    uses = ((after.residual, reference.null), (after.confirm_residual, reference.confirm_null))
+    # the sign alone: where a few tracks make the spread, one statistic in which they happen to be would outweigh all others
+    find, confirm = (
+        np.sign(np.vstack([null.residuals, left]))[:, place[own]]
+        for (left, null), place in zip(uses, same, strict=True)
+    )
+    alike = (find * confirm).sum(1)
+    return bool(np.count_nonzero(own) < CONFIRMED or alike[-1] <= alike[:-1].max())
 
 
 def only_covers(before: Fitted, after: Fitted, off: np.ndarray) -> bool:
