@@ -4,6 +4,9 @@ import numpy as np
 
 from visaug.fingerprint.view import Curve, Picture, View
 
+NEIGHBOURS = np.array([1, 2, 3, 0, 3, 2, 1]) / 12  # of a code: what they say of how often it comes
+SIDE = 3
+
 
 def histogram(groups) -> np.ndarray:
     """Counts of DN codes over the frames of groups."""
@@ -30,7 +33,7 @@ class Codes(View):
             for bit in range(4):
                 odd = counts.reshape(-1)[(np.arange(len(counts)) >> bit & 1).astype(bool)].sum() / size
                 yield first.statistic(self.name, f"{kind}: bit {bit} set", ["level"], "share"), odd
-            expected = np.convolve(counts, np.array([1, 2, 3, 0, 3, 2, 1]) / 12, mode="same")
+            expected = np.convolve(counts, NEIGHBOURS)[SIDE:-SIDE]  # "same" would not be for fewer codes than these
             filled = expected > 25
             filled[0] = filled[-1] = False
             never = np.count_nonzero(filled & (counts < 0.2 * expected))  # one or two do so by chance
