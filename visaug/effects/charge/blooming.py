@@ -28,7 +28,7 @@ class Blooming(Effect):
         unit="fraction",
         high=1.0,
         strength=True,
-        trials=(0.2, 0.8),
+        trials=(0.2, 0.8, 1.0),
         source="1: no anti-blooming drain at all",
     )
     upward = Parameter(
