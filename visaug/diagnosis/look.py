@@ -1,6 +1,6 @@
 """What meets the eye in the measured frames: places, periods and tracks that no list of trials could hold."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from scipy.ndimage import label
@@ -10,6 +10,7 @@ from visaug.comparison import Laboratory
 from visaug.effects import Look
 from visaug.fingerprint import FrameData, GroupData
 
+FULL = 0.9  # share of the full well from which a pixel counts as filled
 STRUCK = 8.0  # standard deviations by which a pixel of one frame stands above the others of its kind
 
 
@@ -35,7 +36,52 @@ def look(lab: Laboratory, camera: Camera) -> Look | None:
         row_noise_e=dark.noise_rows * gain if dark.count > 1 else np.zeros((0, dark.calm.shape[0])),
         tracks=tracks(darks, camera),
         searched_mpx_s=1e-6 * sum(d.frames.size * d.group.exposure_s for d in darks),
+        spilled_e=np.concatenate([np.zeros((0, 3)), *_spilled(lab, camera)]),
     )
+
+
+def _spilled(lab: Laboratory, camera: Camera) -> Iterator[np.ndarray]:
+    """What runs out of full wells in each scene that finds."""
+    for i in lab.folds.find:
+        record = lab.frames.records[i]
+        if record.kind == "scene" and record.clean:
+            gain = camera.gain_at(record.gain_db)
+            light_e = lab.frames.clean(i) * camera.spec.quantum_efficiency
+            seen_e = (lab.frames.read(i) - camera.spec.black_level_dn) * gain
+            highest_e = (2**camera.bit_depth - 1 - camera.spec.black_level_dn) * gain
+            yield spilled(light_e, seen_e, min(camera.spec.full_well_e, highest_e))
+
+
+def spilled(light_e: np.ndarray, seen_e: np.ndarray, well_e: float) -> np.ndarray:
+    """(n, 3): electrons above the full well in each column that holds such, those that fill the pixels above it, those below it.
+
+    Filled are the pixels beside it up to the first that is not full, and that one. Left out are columns whose charge runs off an
+    end, or comes from two places.
+
+    Args:
+        light_e, seen_e: (H, W) electrons as the light makes them and as they were read.
+    """
+    found = []
+    for light, seen in zip(light_e.T, seen_e.T, strict=True):
+        over = np.flatnonzero(light > well_e)
+        if len(over) == 0 or over[-1] - over[0] >= len(over):
+            continue
+        above, below = slice(over[0]), slice(over[-1] + 1, None)
+        filled = [
+            _filled(light[above][::-1], seen[above][::-1], well_e),
+            _filled(light[below], seen[below], well_e),
+        ]
+        if None not in filled:
+            found.append([(light[over] - well_e).sum(), *filled])
+    return np.array(found, float).reshape(-1, 3)
+
+
+def _filled(light: np.ndarray, seen: np.ndarray, well_e: float) -> float | None:
+    """Electrons beyond the light's in the first pixels of a line, as far as they are full; None where all of them are."""
+    is_full = seen > FULL * well_e
+    if is_full.all():
+        return None
+    return float((seen - light)[: int(is_full.argmin()) + 1].sum())
 
 
 def tracks(darks: Iterable[GroupData], camera: Camera) -> np.ndarray:

@@ -114,6 +114,8 @@ class Look:
         row_noise_e: (n, H), means of the rows of each frame behind `dark_e`, less those of all, electrons; n is 0 where it is one.
         tracks: (n, 2), pixels, and electrons in all of them, of each place that is bright in one dark frame alone.
         searched_mpx_s: 10^6 pixels times seconds that were searched for these.
+        spilled_e: (n, 3), of each column of a known scene that holds more than the full well: the electrons that it holds more, and
+            those that the pixels above it and below it were filled with.
     """
 
     dark_e: np.ndarray
@@ -123,6 +125,7 @@ class Look:
     row_noise_e: np.ndarray
     tracks: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     searched_mpx_s: float = 0.0
+    spilled_e: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def profiles(self) -> tuple[tuple[str, np.ndarray, np.ndarray], ...]:

@@ -6,6 +6,7 @@ import torch.nn.functional as F
 from visaug.effects.effect import Effect, Parameter, Stage
 
 DEEPEST_E = 1e9  # stands for a full well without limit
+LEAST = 0.02  # share of the excess that is seen beside it: less may be a blur, a lag or noise
 
 
 class Blooming(Effect):
@@ -34,6 +35,17 @@ class Blooming(Effect):
     upward = Parameter(
         0.5, unit="fraction", high=1.0, trials=(0.2, 0.8), source="part that runs to lower row numbers"
     )
+
+    @classmethod
+    def looks(cls, seen):
+        """How much of what is above full well fills the wells beside it, and on which side."""
+        if len(seen.spilled_e) == 0:
+            return []
+        excess, up, down = map(float, seen.spilled_e.sum(0).clip(0))
+        filled = up + down
+        return (
+            [{"share": min(filled / excess, 1.0), "upward": up / filled}] if filled > LEAST * excess else []
+        )
 
     def apply(self, signal, p, stream, context):
         full_well = context.full_well_e.clamp_max(DEEPEST_E)
