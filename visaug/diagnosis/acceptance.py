@@ -283,7 +283,8 @@ def improves(
         return first and in_order
     if (has_a_case or (first and beyond_chance)) and not is_clear(found_before):
         return True
-    if is_clear(found_before) and found.high - found.low > WIDE and found.value > GONE * found_before.value:
+    is_wide = is_clear(found_before) and found.high - found.low > WIDE
+    if is_wide and found.value > GONE * found_before.value and not (has_a_case and there_again and in_order):
         return False
     if not first:
         taken = found_before.value - found.value
