@@ -120,20 +120,14 @@ class Laboratory:
     def _place_in_finding(self) -> np.ndarray:
         """Of every statistic of the whole set, its place among those of the frames that find; -1 where it has none."""
         find, _, whole = (f.statistics for f in self.measured)
-        places = {(s.view, s.name, s.frames): i for i, s in enumerate(find)}
-        return np.array([places.get((s.view, s.name, s.frames), -1) for s in whole])
+        places = _places(find)
+        return np.array([places.get(key, -1) for key in _places(whole)])
 
     @cached_property
     def confirming(self) -> tuple[np.ndarray, np.ndarray]:
         """Of the statistics that the frames that find and those that confirm both have: places among the one's and the other's."""
-        find, confirm, _ = self.measured
-        places = {(s.view, s.name, s.frames): i for i, s in enumerate(find.statistics)}
-        pairs = [
-            (places[key], i)
-            for i, s in enumerate(confirm.statistics)
-            if (key := (s.view, s.name, s.frames)) in places
-        ]
-        both = np.array(pairs, int).reshape(-1, 2)
+        find, confirm, _ = (_places(f.statistics) for f in self.measured)
+        both = np.array([(find[key], i) for key, i in confirm.items() if key in find], int).reshape(-1, 2)
         return both[:, 0], both[:, 1]
 
     def simulated(
@@ -179,6 +173,11 @@ class Laboratory:
     @property
     def _uses(self) -> tuple[tuple[int, ...], ...]:
         return self.folds.find, self.folds.confirm, tuple(range(len(self.frames)))
+
+
+def _places(statistics: Sequence[Statistic]) -> dict[tuple[str, str, str], int]:
+    """Where each statistic stands, by its identity, in their order."""
+    return {(s.view, s.name, s.frames): i for i, s in enumerate(statistics)}
 
 
 def fingerprints(
