@@ -71,6 +71,22 @@ def test_an_error_that_cannot_show_an_effect_may_rise_by_a_standard_deviation():
     assert not improves(before, (at(0.1, 0.4), at(-0.01, 0.1)), True, beyond_chance=True)
 
 
+@pytest.mark.parametrize(
+    ("beyond_chance", "has_a_case", "there_again", "in_order", "accepted"),
+    [
+        (True, True, True, True, True),
+        (True, False, True, True, False),
+        (True, True, False, True, False),  # the frames that confirm show nothing along its moves
+        (True, True, True, False, False),  # tracks of cosmic rays in the place of hot pixels
+    ],
+)
+def test_a_wide_spread_is_refused_but_of_an_effect_that_is_there_again(
+    beyond_chance, has_a_case, there_again, in_order, accepted
+):
+    before, after = (at(0.7, 0.3), at(0.6, 0.7)), (at(0.4, 2.0), None)
+    assert improves(before, after, True, beyond_chance, has_a_case, there_again, in_order) is accepted
+
+
 def test_an_error_that_is_noise_alone_has_no_say():
     before, after = (at(-12.0, 14.0), None), (at(-7.0, 7.0), None)
     assert improves(before, after, True, beyond_chance=True)

@@ -180,6 +180,21 @@ def test_an_error_that_surely_stays_is_told_where_something_stands_out(veiled, s
     assert (begun._form(state) is None) is not told
 
 
+@pytest.mark.parametrize("refuses", ["explains", "recurs_so", "_improves", None])
+def test_a_candidate_must_pass_every_check(veiled, monkeypatch, refuses):
+    """One that does not joins the refused, which speak against others that say the same."""
+    begun = searching(veiled)
+    begun.lab = SimpleNamespace(statistics=(), confirming=())  # pyright: ignore[reportAttributeAccessIssue]
+    for name in ("explains", "recurs_so"):
+        monkeypatch.setattr(search, name, lambda *_, name=name: name != refuses)
+    monkeypatch.setattr(begun, "_improves", lambda *_: refuses != "_improves")
+    refused = []
+    pair = (refined("lens_flare", veiled["flare"], 9.0, 1.0), leaving([0.0], veiled["flare"], "lens_flare"))
+    state = leaving([3.0], veiled["trail"])
+    assert begun._is_acceptable(state, pair, refused, None) is (refuses is None)  # pyright: ignore[reportArgumentType]
+    assert refused == ([] if refuses is None else [pair])
+
+
 def candidates(stated, gains: dict[str, float]) -> list[Refined]:
     return [refined(name, stated.with_effect(name), gain, 1.0) for name, gain in gains.items()]
 

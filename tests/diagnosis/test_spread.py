@@ -49,9 +49,8 @@ def test_what_lies_elsewhere_in_every_frame_is_not_off_alike_in_all():
     def so(confirm, is_fixed: bool = False, scale: float = 20.0, off=off) -> bool:
         after = spread(state(pattern), scale).fitted
         after.confirm_residual, null = np.array(confirm), after.reference.null
-        fresh = replace(
-            null, residuals=null.residuals[::-1]
-        )  # sets that share nothing with those of the frames that find
+        # each set paired with another, so that what is in the one is not in the other
+        fresh = replace(null, residuals=null.residuals[::-1])
         after.reference.confirm_null = null if is_fixed else fresh
         return recurs_so(before, after, off, same)
 

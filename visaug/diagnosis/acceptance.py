@@ -268,7 +268,8 @@ def improves(
     A first effect whose own spread covers what it explains has no error to lower, and must leave in order what was (tracks of
     cosmic rays cover whatever hot pixels do, but not that all frames show the same); a second one then has no case. Where the
     excess was clear and nothing can be said of the error any more, the spread is that of another effect; not so where the error is
-    gone all the same: ten pixels, hot by a law with a long tail, could have been any others, but they are what was measured.
+    gone all the same: ten pixels, hot by a law with a long tail, could have been any others, but they are what was measured. Nor
+    where the effect has a case of its own, is there again and leaves in order what was: then it is that other effect.
 
     Args:
         before, after: errors on the frames that find and on those that confirm.

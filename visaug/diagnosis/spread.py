@@ -27,10 +27,10 @@ CONFIRMED = 4  # statistics covered in the frames that find and in those that co
 COVERS = 0.8  # share of a residual, and of an error, that stays under a spread that explains nothing
 
 
-def widened(before: Fitted, after: Fitted) -> np.ndarray:
-    """(statistics,) whether an effect gives each a spread of its own."""
+def widened(before: Fitted, after: Fitted, times: float = WIDENED) -> np.ndarray:
+    """(statistics,) whether an effect gives each a spread of its own, so many times as wide."""
     known = before.reference.null_scale
-    return (known > 0) & (after.reference.null_scale > WIDENED * known)
+    return (known > 0) & (after.reference.null_scale > times * known)
 
 
 def _is_typical(null: Null) -> np.ndarray:
@@ -89,9 +89,9 @@ def recurs_so(before: Fitted, after: Fitted, off: np.ndarray, same: tuple[np.nda
         off: (statistics,) whether each was off before, in the frames that find.
         same: places of the same statistics among those of the frames that find, and among those of the frames that confirm.
     """
-    known, reference = before.reference.null_scale, after.reference
+    reference = after.reference
     stays = np.abs(after.residual) > COVERS * np.abs(before.residual)
-    own = (off & stays & (known > 0) & (reference.null_scale > WIDE * known))[same[0]]
+    own = (off & stays & widened(before, after, WIDE))[same[0]]
     uses = ((after.residual, reference.null), (after.confirm_residual, reference.confirm_null))
     # the sign alone: where a few tracks make the spread, one statistic in which they happen to be would outweigh all others
     find, confirm = (
@@ -171,7 +171,7 @@ def scatter(
     plain = standardised(before.reference.null_scale, null.scale) ** 2
     move = before.reference.null.beyond(moves, null.scale)
     far = np.abs(move) > SCATTERED
-    wide = (plain > 0) & (WIDE**2 * plain < 1) & _is_typical(null) & ~far
+    wide = widened(before, after, WIDE) & _is_typical(null) & ~far
     count = np.count_nonzero(wide)
     if not strengths or count < FEW or np.count_nonzero(far) > RARE * count:
         return None

@@ -43,9 +43,9 @@ class Blooming(Effect):
             return []
         excess, up, down = map(float, seen.spilled_e.sum(0).clip(0))
         filled = up + down
-        return (
-            [{"share": min(filled / excess, 1.0), "upward": up / filled}] if filled > LEAST * excess else []
-        )
+        if filled <= LEAST * excess:
+            return []
+        return [{"share": min(filled / excess, 1.0), "upward": up / filled}]
 
     def apply(self, signal, p, stream, context):
         full_well = context.full_well_e.clamp_max(DEEPEST_E)

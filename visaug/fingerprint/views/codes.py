@@ -33,9 +33,8 @@ class Codes(View):
             for bit in range(4):
                 odd = counts.reshape(-1)[(np.arange(len(counts)) >> bit & 1).astype(bool)].sum() / size
                 yield first.statistic(self.name, f"{kind}: bit {bit} set", ["level"], "share"), odd
-            expected = np.convolve(counts, NEIGHBOURS)[
-                SIDE:-SIDE
-            ]  # "same" would not be for fewer codes than these
+            # mode="same" would be longer than the counts of fewer codes than these
+            expected = np.convolve(counts, NEIGHBOURS)[SIDE:-SIDE]
             filled = expected > 25
             filled[0] = filled[-1] = False
             never = np.count_nonzero(filled & (counts < 0.2 * expected))  # one or two do so by chance
