@@ -76,18 +76,18 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
 def verdict(answer: dict[str, Any], result: dict[str, Any], usual: Sequence[str] = ()) -> dict[str, Any]:
     """Judge one diagnosis; `usual` holds names that a real camera has anyway.
 
-    right: exactly the expected names. Where the effect is in no catalogue: "unexplained", with axis and
-    growth as expected. wrong: a name that should not be there, told without reservation.
+    right: exactly the expected names. Where the effect is in no catalogue: "unexplained", with the clearest axis
+    and the growth as expected. wrong: a name that should not be there, told without reservation.
     """
     diagnosis = result["diagnosis"]
     if diagnosis is None:
         return {"right": False, "wrong": False, "after": None, "axis": False, "failed": True}
     accepted, expected = set(diagnosis["accepted"]) - set(usual), set(answer["expect"])
     unexplained = diagnosis["unexplained"]
-    told_axis = set((unexplained or {}).get("axis") or [])
+    told_axis = (unexplained or {}).get("axis") or []
     told_growth = set((unexplained or {}).get("grows_with") or [])
     growth = set(answer["grows"]) <= told_growth <= set(answer["grows"]) | set(answer["may_grow"])
-    axis = bool(told_axis & set(answer["axis"])) and growth
+    axis = told_axis[:1] != [] and told_axis[0] in answer["axis"] and growth  # the clearest is told first
     outside = bool(answer["without"]) or (answer["kind"] == "foreign" and not result.get("effects"))
     if outside:
         right, wrong = unexplained is not None and axis, bool(accepted) and unexplained is None

@@ -81,3 +81,33 @@ def test_columns_that_only_light_shows_grow_with_the_signal():
     quiet = [0.5] * 100
     assert describe(statistics, np.array([0.5, 1.0, *quiet, 9.7, 15.1, *quiet])).grows_with == ("signal",)
     assert describe(statistics, np.array([9.0, 14.0, *quiet, 9.7, 15.1, *quiet])).grows_with == ()
+
+
+def along(*told: tuple[str, str, float]) -> tuple[str, ...]:
+    """The axes told where statistics of (view, axes, standard deviations) stay."""
+    statistics = [
+        Statistic(view, f"s{i}", "bias", tuple(axes.split())) for i, (view, axes, _) in enumerate(told)
+    ]
+    return describe(statistics, np.array([z for *_, z in told])).axis
+
+
+def test_the_axis_of_the_furthest_statistic_comes_first_however_many_views_show_another():
+    glow = [("smooth_map", "smooth", 260.0), ("level", "level", 202.0), ("fixed_spectrum", "column", 15.6)]
+    assert along(*glow, ("fixed_spectrum", "row", 13.3), ("spectrum", "row", 13.0)) == ("smooth", "level")
+
+
+def test_noise_along_rows_is_told_along_time_and_row():
+    assert set(along(("temporal_lines", "time row", 98.0), ("fixed_pattern", "row", 26.0))) == {"time", "row"}
+
+
+def test_codes_are_told_only_where_little_else_is_off():
+    """Whatever moves a pixel moves its code: a step between columns is no matter of the level."""
+    assert along(("codes", "level", 15.6), ("seams", "column", 10.6)) == ("column",)
+    assert along(("codes", "level", 700.0), ("pixel_noise", "time pixel", 9.5)) == ("level",)
+
+
+def test_the_axes_are_told_as_a_list_in_words():
+    statistics = [Statistic("level", axis, "bias", (axis,)) for axis in ("row", "smooth", "level")]
+    assert describe(statistics, np.array([9.0, 8.0, 7.0])).description.startswith(
+        "A difference along row, smooth and level,"
+    )

@@ -122,6 +122,13 @@ ANSWER = {
         ({"without": "smear"}, diagnosis([], {"axis": ["row"], "grows_with": ["signal"]}), False, False),
         (
             {"without": "smear"},
+            diagnosis([], {"axis": ["row", "column"], "grows_with": ["signal"]}),
+            False,
+            False,
+        ),
+        ({"without": "smear"}, diagnosis([], {"axis": [], "grows_with": ["signal"]}), False, False),
+        (
+            {"without": "smear"},
             diagnosis(["tap_mismatch"], {"axis": ["column"], "grows_with": ["signal"]}),
             True,
             False,

@@ -14,6 +14,8 @@ WANDERS = 0.5  # share of neighbouring levels between which whole frames change 
 LEVELS = 5  # of at least so many that are off
 MORE = 2.5  # times further off with light than without
 ALIKE = 1.15  # ratio within which two of them say the same
+CODES = 0.25  # how far off the counts of codes count: whatever moves a pixel moves its code
+TOLD = 0.4  # of the clearest axis, from which another is told
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ def describe(statistics: Sequence[Statistic], z: np.ndarray, nearest: str | None
     grows = _growth(statistics, size)
     worst = tuple((statistics[i].label, float(z[i])) for i in far[:8])
     first = statistics[far[0]]
-    along = " and ".join(axis)
+    along = ", ".join(axis[:-1]) + " and " * (len(axis) > 1) + axis[-1]
     growth = (
         f", growing with {' and '.join(grows)}"
         if grows
@@ -81,21 +83,21 @@ def _wanders(statistics: Sequence[Statistic], z: np.ndarray) -> bool:
 def _axes(
     statistics: Sequence[Statistic], size: np.ndarray, far: list[int], wanders: bool
 ) -> tuple[str, ...]:
-    """Axes by how much of the difference their statistics carry, each view counted once by its worst statistic.
+    """Axes by the furthest statistic of each, the clearest first.
 
-    Distances count by their logarithm: a statistic that is known very precisely is not the more telling for it.
+    A difference along one axis shows a little in the statistics of the others too (a glow in the halves of rows and columns), so
+    those stay untold. A statistic along several axes belongs to each by its share.
     """
     weight: dict[str, float] = dict.fromkeys(AXES, 0.0)
-    seen: dict[tuple[str, tuple[str, ...]], float] = {}
     for i in far:
         axes = statistics[i].axes
-        key = (statistics[i].view, ("time", *axes) if wanders and axes == ("level",) else axes)
-        seen[key] = max(seen.get(key, 0.0), float(size[i]))
-    for (_, axes), value in seen.items():
+        if wanders and axes == ("level",):
+            axes = ("time", "level")
+        share = CODES if statistics[i].view == "codes" else 1.0
         for axis in axes:
-            weight[axis] += (1 + np.log(value / min(seen.values()))) / len(axes)
+            weight[axis] = max(weight[axis], share * float(size[i]) / len(axes))
     top = max(weight.values())
-    return tuple(axis for axis in sorted(weight, key=lambda a: -weight[a]) if weight[axis] >= 0.5 * top)
+    return tuple(axis for axis in sorted(weight, key=lambda a: -weight[a]) if weight[axis] >= TOLD * top)
 
 
 def _growth(statistics: Sequence[Statistic], size: np.ndarray) -> tuple[str, ...]:
