@@ -77,7 +77,8 @@ def verdict(answer: dict[str, Any], result: dict[str, Any], usual: Sequence[str]
     """Judge one diagnosis; `usual` holds names that a real camera has anyway.
 
     right: exactly the expected names. Where the effect is in no catalogue: "unexplained", with the clearest axis
-    and the growth as expected. wrong: a name that should not be there, told without reservation.
+    and the growth as expected; where it hides beside a known one, that one's name and "unexplained".
+    wrong: a name that should not be there, told without reservation.
     """
     diagnosis = result["diagnosis"]
     if diagnosis is None:
@@ -93,6 +94,7 @@ def verdict(answer: dict[str, Any], result: dict[str, Any], usual: Sequence[str]
         right, wrong = unexplained is not None and axis, bool(accepted) and unexplained is None
     else:
         right, wrong = accepted == expected - set(usual), bool(accepted - expected)
+        right = right and (answer["kind"] != "mixed" or unexplained is not None)
     return {
         "right": right,
         "wrong": wrong,

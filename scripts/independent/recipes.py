@@ -113,6 +113,20 @@ def unlisted(seed: int, camera: int, word: str) -> Iterator[Recipe]:
             )  # fmt: skip
 
 
+def mixed(seed: int, camera: int, word: str) -> Iterator[Recipe]:
+    """An effect of the catalogue beside one that no catalogue has, drawn at random."""
+    rng = stream(seed, "mixed")
+    while True:
+        kind, unknown = (of[rng.integers(len(of))] for of in (effects.KINDS, foreign.KINDS))
+        found = [_hidden(camera, each, "default", word) for each in (kind, unknown)]
+        if all(found):
+            break
+    yield Recipe(
+        f"mixed-{kind.name}+{unknown.name}-{word}-{seed}", "mixed", word, seed, camera, tuple(filter(None, found)),
+        expect=(kind.name,), axis=unknown.axis, grows=unknown.grows, may_grow=unknown.may_grow,
+    )  # fmt: skip
+
+
 KINDS: dict[str, Callable[[int, int, str], Iterator[Recipe]]] = {
     "single": single,
     "clean": clean,
@@ -122,5 +136,6 @@ KINDS: dict[str, Callable[[int, int, str], Iterator[Recipe]]] = {
     "off_parameters": off_parameters,
     "leave_out": leave_out,
     "foreign": unlisted,
+    "mixed": mixed,
     "small": small,
 }

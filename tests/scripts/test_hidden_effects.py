@@ -135,6 +135,9 @@ ANSWER = {
         ),
         ({"kind": "foreign"}, diagnosis([], {"axis": ["column"], "grows_with": ["signal"]}), True, False),
         ({"kind": "foreign"}, diagnosis(["smear"]) | {"effects": "mine.py"}, True, False),
+        ({"kind": "mixed"}, diagnosis(["smear"], {"axis": ["row"], "grows_with": []}), True, False),
+        ({"kind": "mixed"}, diagnosis(["smear"]), False, False),
+        ({"kind": "mixed"}, diagnosis(["smear", "prnu"], {"axis": ["row"], "grows_with": []}), False, True),
         ({}, {"diagnosis": None}, False, False),
     ],
 )
