@@ -111,3 +111,13 @@ def test_the_axes_are_told_as_a_list_in_words():
     assert describe(statistics, np.array([9.0, 8.0, 7.0])).description.startswith(
         "A difference along row, smooth and level,"
     )
+
+
+@pytest.mark.parametrize(("dark", "grows"), [(3.0, ("signal",)), (10.0, ())])
+def test_a_step_that_moves_few_levels_grows_with_the_signal(dark, grows):
+    """Two of sixty statistics with light are off, and none without, or one as well."""
+    lit = [Statistic("level", f"s{i}", "flat", ("level",), "DN", "flat", 0.01, 20.0) for i in range(60)]
+    unlit = [Statistic("level", f"s{i}", "bias", ("level",), "DN", "bias") for i in range(60)]
+    z = np.ones(120)
+    z[:2], z[60] = (14.8, 9.3), dark
+    assert describe([*lit, *unlit], z).grows_with == grows

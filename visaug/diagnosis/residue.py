@@ -10,6 +10,7 @@ import numpy as np
 from visaug.fingerprint import AXES, Statistic
 
 FAR = 4.5  # standard deviations from which a statistic is said to be off
+CHANCE = 3.0  # as far as the furthest of a thousand may be off by chance
 WANDERS = 0.5  # share of neighbouring levels between which whole frames change sign,
 LEVELS = 5  # of at least so many that are off
 MORE = 2.5  # times further off with light than without
@@ -116,7 +117,8 @@ def _growth(statistics: Sequence[Statistic], size: np.ndarray) -> tuple[str, ...
     dark = max(strength(by_kind["bias"]), 0.0)
     exposures = sorted({statistics[i].exposure_s for i in by_kind["dark"]})
     light = max(strength(by_kind["flat"]), strength(by_kind["scene"]))
-    if (light > MORE * max(dark, 1.5) and light > FAR) or _grows_with_signal(statistics, size):
+    stands_out = light > MORE * max(dark, 1.5) and light > FAR
+    if stands_out or _is_off_with_light_alone(statistics, size) or _grows_with_signal(statistics, size):
         grows.append("signal")
     if len(exposures) > 1:
         shortest = [i for i in by_kind["dark"] if statistics[i].exposure_s <= exposures[0]] + by_kind["bias"]
@@ -133,6 +135,18 @@ def _growth(statistics: Sequence[Statistic], size: np.ndarray) -> tuple[str, ...
             if _grows_with_temperature(statistics, size):
                 grows.append("temperature")
     return tuple(grows)
+
+
+def _is_off_with_light_alone(statistics: Sequence[Statistic], size: np.ndarray) -> bool:
+    """Whether the furthest of all frames with light is far further off than the furthest of all without.
+
+    A step of the converter moves few levels, no tenth of all that is measured with light.
+    """
+    lit = np.array([s.kind in ("flat", "scene") for s in statistics])
+    unlit = np.array([s.kind in ("bias", "dark") for s in statistics])
+    if not (lit.any() and unlit.any()):
+        return False
+    return bool(size[lit].max() > MORE * max(size[unlit].max(), CHANCE))
 
 
 def _grows_with_signal(statistics: Sequence[Statistic], size: np.ndarray) -> bool:

@@ -91,12 +91,9 @@ class NoiseCovariance(View):
                 continue
             lags = LAGS | (FAR if g is data.bias else {})
             for name, lag in lags.items():
-                axis = "row" if lag[0] else "column"
+                axes = ["time", "pixel"] + ["row" if lag[0] else "column"] * (0 in lag)
                 value = correlation(g.noise_pixels, lag) / g.noise_variance
-                yield (
-                    g.statistic(self.name, name, ["pixel", axis] if 0 in lag else ["pixel"], "correlation"),
-                    value,
-                )
+                yield g.statistic(self.name, name, axes, "correlation"), value
 
     def picture(self, data):
         groups = [g for g in data.groups if g.count >= 2 and g.kind in ("bias", "flat")]
