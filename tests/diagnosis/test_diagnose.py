@@ -58,6 +58,7 @@ def test_left_out_of_the_catalogue_it_is_not_given_another_name(stated):
     assert found.unexplained is not None
     assert "row" in found.unexplained.axis
     assert "signal" not in found.unexplained.grows_with
+    assert repr(found) == f"Diagnosis(unexplained along {', '.join(found.unexplained.axis)})"
 
 
 def test_numbers_that_are_off_are_refitted_and_no_missing_effect(stated):
@@ -69,6 +70,7 @@ def test_numbers_that_are_off_are_refitted_and_no_missing_effect(stated):
     assert found.camera.values()["gain_e_per_dn"] == pytest.approx(SENSOR.e_per_dn, rel=0.02)
     assert found.camera.values()["read_noise.sigma_e"] == pytest.approx(SENSOR.read_e, rel=0.03)
     assert found.to_json()["steps"][0]["error"] < 0.2
+    assert repr(found) == "Diagnosis(nothing missing)"
 
 
 def test_a_base_term_left_out_is_named(stated):

@@ -14,17 +14,21 @@ from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import Trial, missing_base, trials
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.fit import (
+    PAIRS,
     Fitted,
     Null,
+    Reference,
+    Sample,
     adjust,
     bias_level,
+    derivatives,
     make_reference,
     p_value,
     refit,
     standardised,
 )
 from visaug.diagnosis.naming import first_matches
-from visaug.diagnosis.parameters import base_coordinates, effect_coordinates, moved
+from visaug.diagnosis.parameters import base_coordinates, effect_coordinates, intervals, moved
 from visaug.diagnosis.rank import (
     Match,
     Metric,
@@ -52,6 +56,69 @@ def test_adjust_solves_the_linear_problem_and_ignores_outliers():
     np.testing.assert_allclose(step, truth, atol=0.036)
     residual[:20] += 1000
     np.testing.assert_allclose(adjust(residual[None], slopes, np.ones(200), wide)[0], truth, atol=0.06)
+
+
+def test_a_number_that_few_statistics_tell_is_fitted_beside_one_that_all_tell():
+    """A black level moves what thousands of pixels say to a hundredth of a DN, the share of missing codes one count."""
+    slopes = np.column_stack([np.full(800, 5e3), np.r_[3.3, np.zeros(799)]])
+    residual = slopes @ np.array([0.02, 0.4])
+    step = adjust(residual[None], slopes, np.ones(800), np.array([30.0, 1.5]))[0]
+    expected = 0.4 * 3.3**2 / (3.3**2 + 1 / 1.5**2)  # least squares with the prior
+    assert step[0] == pytest.approx(0.02, rel=1e-6)
+    assert step[1] == pytest.approx(expected, rel=1e-3)
+
+
+class Wavering:
+    """Sets of 401 statistics: the first answers the black level, the others are drawn anew wherever that moves."""
+
+    def __init__(self):
+        self.asked = []
+
+    def simulated(self, jobs, report):
+        self.asked += [number for _, number in jobs]
+        return [
+            np.array([self._set(camera.values()["black_level_dn"], number) for camera, number in jobs])
+        ] * 3
+
+    @staticmethod
+    def _set(level, number):
+        return np.r_[level, np.random.default_rng([number, round(1e6 * level)]).normal(size=400)]
+
+
+def test_what_answers_by_chance_has_hardly_a_derivative(stated):
+    free = [c for c in base_coordinates(stated, frame_set(0), True) if c.path == "black_level_dn"]
+    lab = Wavering()
+    (slopes, *_) = derivatives(lab, stated, free, lambda *_: None, np.ones(401))
+    assert slopes[0, 0] == pytest.approx(1.0)
+    # Half the difference of two unit normals, eight times: 0.25 rms, 0.41 with three. What is drawn to 0 by the true standard
+    # error keeps 0.58 of it, 0.144; by that of eight pairs, whose variance is known to half of itself, a little more.
+    assert np.sqrt((slopes[1:, 0] ** 2).mean()) == pytest.approx(0.15, rel=0.15)
+    assert max(lab.asked) >= PAIRS
+    sure = Wavering()
+    derivatives(sure, stated, free, lambda *_: None, np.r_[1e-3, np.full(400, 1e3)])
+    assert max(sure.asked) == PAIRS - 1  # noise that counts for nothing costs nothing
+
+
+def test_a_number_that_the_frames_do_not_tell_has_the_width_of_its_prior(stated):
+    """Two numbers; statistics answer the first alone."""
+    rng = np.random.default_rng(0)
+    free = [
+        c
+        for c in base_coordinates(stated, frame_set(0), True)
+        if c.path in ("read_noise.sigma_e", "quantum_efficiency")
+    ]
+    slopes = np.column_stack([np.full(50, 20.0), np.zeros(50)])
+    sample = Sample(rng.normal(size=(200, 50)), slopes, np.zeros(50))
+    reference = Reference(stated, tuple(free), sample, sample, sample)
+    assert reference.untold[0] < 0.01
+    assert reference.untold[1] == pytest.approx(free[1].prior)
+    found = intervals(free, stated, reference.null_steps, reference.untold)
+    (known, *bounds), (unknown, low, high) = (found[c.path] for c in free)
+    # 50 statistics of standard deviation 1 that answer by 20: 1.96 / (20 sqrt(50)), to 4 standard errors of 200 sets
+    assert np.log(np.divide(bounds, known)) == pytest.approx([-0.0139, 0.0139], rel=0.2)
+    assert np.log(np.divide((low, high), unknown)) == pytest.approx(
+        [-1.96 * free[1].prior, 1.96 * free[1].prior]
+    )
 
 
 def test_p_value_counts_the_larger_ones():

@@ -89,11 +89,16 @@ class State:
         )
 
     @property
-    def numbers(self) -> tuple[tuple[Coordinate, ...], np.ndarray]:
-        """All numbers that were fitted, and (R, numbers) how far simulated sets of the camera take them: their uncertainty."""
+    def numbers(self) -> tuple[tuple[Coordinate, ...], np.ndarray, np.ndarray]:
+        """All numbers that were fitted, and their uncertainty.
+
+        (R, numbers) how far simulated sets of the camera take them; (numbers,) standard deviation of what the frames leave open.
+        """
         reference = self.fitted.reference
-        coordinates = (*reference.coordinates, *(c for s in self.scatters for c in s.strengths))
-        return coordinates, np.hstack([reference.null_steps, *(s.steps for s in self.scatters)])
+        scattering = [c for s in self.scatters for c in s.strengths]
+        steps = np.hstack([reference.null_steps, *(s.steps for s in self.scatters)])
+        untold = np.concatenate([reference.untold, np.zeros(len(scattering))])
+        return (*reference.coordinates, *scattering), steps, untold
 
     @property
     def scatters_last(self) -> bool:

@@ -17,7 +17,8 @@ STEPPED, TWINS = (
     4,
     8,
 )  # simulations with common random numbers that follow the mean on the way, and where it ends
-PAIRS = 3  # the same for each side of a derivative
+PAIRS, MORE_PAIRS = 3, 8  # the same for each side of a derivative, and of one that noise is much of:
+NOISY = 0.05  # from this share of it on
 OUTLIER = 3.0  # residuals beyond so many standard deviations lose their pull on the fit (Cauchy weights)
 FAR_BLACK = 3.0  # steps of the black level after which it is first set by the bias frames' mean
 OFF_BLACK = 5.0  # standard deviations of the bias frames' mean from which a fit begins again at their level
@@ -159,6 +160,15 @@ class Reference:
         """(R, coordinates) how far refitting moves each simulated set: the uncertainty of the coordinates."""
         return adjust(self.find.deviations, self.slopes, self.scale, self.priors)
 
+    @cached_property
+    def untold(self) -> np.ndarray:
+        """(coordinates,) standard deviation of what the frames leave to the priors: refitted sets of the camera do not show it."""
+        if not self.coordinates:
+            return np.zeros(0)
+        design = standardised(self.slopes.T, self.scale) * self.priors[:, None]
+        gain = np.linalg.inv(design @ design.T + np.eye(len(self.priors)))
+        return self.priors * np.sqrt((gain**2).sum(1))
+
     def _null_of(self, sample: Sample) -> Null:
         residuals = sample.deviations - self.null_steps @ sample.slopes.T
         floor = np.where(sample.scale > 0, np.maximum(0.3 * sample.scale, sample.least), 0.0)
@@ -221,7 +231,8 @@ def make_reference(
     values = lab.simulated([(camera, k) for k in range(sets)], lambda n: report(label, n, sets))
     taken = {} if known is None else {c.path: k for k, c in enumerate(known.coordinates) if c.path != WELL}
     new = [c for c in coordinates if c.path not in taken]
-    slopes = derivatives(lab, camera, new, report)
+    scale = values[0].std(0, ddof=1)
+    slopes = derivatives(lab, camera, new, report, scale)
     if known is not None:
         old = [c for c in coordinates if c.path in taken]
         kept = [taken[c.path] for c in old]
@@ -235,26 +246,51 @@ def make_reference(
 
 
 def derivatives(
-    lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], report: Report
+    lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], report: Report, scale: np.ndarray
 ) -> list[np.ndarray]:
-    """Central differences of the mean statistics, with common random numbers: (statistics, coordinates) of each use."""
-    coordinates = list(coordinates)
+    """Central differences of the mean statistics, with common random numbers: (statistics, coordinates) of each use.
+
+    Where few pairs tell little, as of an effect whose random numbers a step draws anew, there are more, and what is no more than
+    their noise is drawn to 0: a statistic that answers by chance would hold the number where it is.
+
+    Args:
+        scale: (statistics,) standard deviations of the frames that find.
+    """
     if not coordinates:
         return [np.zeros((len(f.values), 0)) for f in lab.measured]
+    pairs = _differences(lab, camera, coordinates, range(PAIRS), report)
+    answers = standardised(pairs[0].mean(1), scale)
+    noise = standardised(pairs[0].std(1, ddof=1), scale) / np.sqrt(PAIRS)
+    noisy = np.flatnonzero((noise**2).sum(-1) > NOISY * (answers**2).sum(-1)).tolist()
+    slopes = [found.mean(1) for found in pairs]
+    if noisy:
+        more = _differences(lab, camera, [coordinates[k] for k in noisy], range(PAIRS, MORE_PAIRS), report)
+        for slope, first, further in zip(slopes, pairs, more, strict=True):
+            of = np.concatenate([first[noisy], further], axis=1)
+            mean, error = of.mean(1), of.var(1, ddof=1) / MORE_PAIRS
+            share = np.divide(error, mean**2, out=np.ones_like(mean), where=mean != 0)
+            slope[noisy] = mean * np.maximum(1 - share, 0)
+    return [slope.T for slope in slopes]
+
+
+def _differences(
+    lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], numbers: range, report: Report
+) -> list[np.ndarray]:
+    """(coordinates, pairs, statistics) difference quotients of each use, one pair of simulations for each random number."""
     at = [c.read(camera) for c in coordinates]
     jobs = []
     for j, coordinate in enumerate(coordinates):
         for sign in (1, -1):
             there = [x + sign * coordinate.step * (k == j) for k, x in enumerate(at)]
-            jobs += [(moved(camera, coordinates, there), number) for number in range(PAIRS)]
-    steps = np.array([c.step for c in coordinates])
-    slopes = []
+            jobs += [(moved(camera, coordinates, there), number) for number in numbers]
+    steps = np.array([c.step for c in coordinates])[:, None, None]
+    found = []
     for values in lab.simulated(
         jobs, lambda n: report("how statistics answer the camera's numbers", n, len(jobs))
     ):
-        means = values.reshape(len(coordinates), 2, PAIRS, -1).mean(2)
-        slopes.append(((means[:, 0] - means[:, 1]) / (2 * steps[:, None])).T)
-    return slopes
+        sides = values.reshape(len(coordinates), 2, len(numbers), -1)
+        found.append((sides[:, 0] - sides[:, 1]) / (2 * steps))
+    return found
 
 
 def adjust(
@@ -295,8 +331,7 @@ def adjust(
         weights = 1 / (1 + (left / limit) ** 2)
         normal = np.stack([(design * w[:, None]).T @ design for w in weights]) + ridge
         diagonal = np.einsum("nii->ni", normal)
-        diagonal += 1e-9 * diagonal.max(1, keepdims=True)  # numbers that these frames answer alike
-        diagonal *= 1 + damping
+        diagonal *= 1 + damping + 1e-12  # the last for numbers that these frames answer alike
         pull = (weights * z) @ design - offset / priors
         steps = np.linalg.solve(normal, pull[:, :, None])[:, :, 0]
     return steps * priors

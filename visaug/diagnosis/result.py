@@ -27,18 +27,23 @@ class Estimate:
 
 
 def estimates(
-    effect: str, camera: Camera, coordinates: Sequence[Coordinate], steps: np.ndarray
+    effect: str,
+    camera: Camera,
+    coordinates: Sequence[Coordinate],
+    steps: np.ndarray,
+    untold: np.ndarray | None = None,
 ) -> dict[str, Estimate]:
     """The fitted numbers of one effect, by name.
 
     Args:
         coordinates: free numbers, some of them the effect's.
         steps: (R, coordinates), how far refitting moved simulated sets; a single row gives no interval.
+        untold: (coordinates,) standard deviation of what the frames leave open.
     """
     prefix = "full_well_e" if effect == "saturation" else f"{effect}."
     return {
         path.split(".", 1)[-1]: Estimate(*numbers, place_of(path).parameter.unit)
-        for path, numbers in intervals(coordinates, camera, steps).items()
+        for path, numbers in intervals(coordinates, camera, steps, untold).items()
         if path.startswith(prefix)
     }
 
@@ -140,6 +145,7 @@ class Diagnosis:
         }
 
     def __repr__(self) -> str:
-        found = ", ".join(self.accepted) or "nothing missing"
-        left = f"; unexplained along {', '.join(self.unexplained.axis)}" if self.unexplained else ""
-        return f"Diagnosis({found}{left})"
+        told = list(self.accepted)
+        if self.unexplained:
+            told.append(f"unexplained along {', '.join(self.unexplained.axis)}")
+        return f"Diagnosis({'; '.join(told) or 'nothing missing'})"
