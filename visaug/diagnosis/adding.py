@@ -10,15 +10,16 @@ from visaug.comparison import Laboratory
 from visaug.diagnosis import cache
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import Trial
-from visaug.diagnosis.fit import TWINS, Fitted, Reference, Report, refit
+from visaug.diagnosis.fit import TWINS, Fitted, Reference, Report, refit, standardised
 from visaug.diagnosis.naming import SIGNIFICANT, decided
 from visaug.diagnosis.parameters import Coordinate, effect_coordinates, moved, strengths_of
 from visaug.diagnosis.rank import Refined, cleared
-from visaug.diagnosis.spread import Scatter, scatter
+from visaug.diagnosis.spread import Scatter, scatter, widened
 from visaug.effects import catalogue
 
 SETS_AFTER = 120
 SCALED = 2  # times that a strength follows its scatter
+MOVES = 4.0  # standard deviations by which an effect moves a statistic that is its own
 BENT = 5.0  # standard deviations that a fit took the camera from what its file says, to try again from there
 
 
@@ -54,7 +55,7 @@ class Adding:
             if again is None:
                 break
             told_so.append(again)
-            if again.p_value > SIGNIFICANT:
+            if again.p_value > SIGNIFICANT or self._holds_where_it_acts(state, again):
                 break
         return decided(state, [(candidate, each) for each in told_so or [after]])[0][1]
 
@@ -73,6 +74,16 @@ class Adding:
                 return replace(after, scatters=(*after.scatters, told))
             camera = told.scaled(after.fitted.camera)
         return None
+
+    @staticmethod
+    def _holds_where_it_acts(before: State, after: State) -> bool:
+        """Whether what stays off is nothing that the last effect moves or scatters, so that no other numbers of it would help."""
+        if after.moves is None:
+            return False
+        null = after.fitted.reference.null
+        moves = np.abs(standardised(after.moves, before.fitted.reference.null_scale)) > MOVES
+        off = np.abs(after.z) > np.quantile(null.largest, 1 - SIGNIFICANT)
+        return not np.any(off & (moves | widened(before.fitted, after.fitted)))
 
     def swapped(self, state: State, own: Refined, rival: Refined) -> State:
         """The state with a rival in the place of an effect, everything refitted."""
