@@ -17,6 +17,14 @@ MORE = 2.5  # times further off with light than without
 ALIKE = 1.15  # ratio within which two of them say the same
 CODES = 0.25  # how far off the counts of codes count: whatever moves a pixel moves its code
 TOLD = 0.4  # of the clearest axis, from which another is told
+WORDS = {
+    "time": "from frame to frame",
+    "row": "from row to row",
+    "column": "from column to column",
+    "pixel": "from pixel to pixel",
+    "smooth": "slowly over the sensor",
+    "level": "with the level",
+}
 
 
 @dataclass(frozen=True)
@@ -56,15 +64,16 @@ def describe(statistics: Sequence[Statistic], z: np.ndarray, nearest: str | None
     grows = _growth(statistics, size)
     worst = tuple((statistics[i].label, float(z[i])) for i in far[:8])
     first = statistics[far[0]]
-    along = ", ".join(axis[:-1]) + " and " * (len(axis) > 1) + axis[-1]
+    ways = [WORDS[each] for each in axis]
+    along = ", ".join(ways[:-1]) + " and " * (len(ways) > 1) + ways[-1]
     growth = (
-        f", growing with {' and '.join(grows)}"
+        f"grows with {' and '.join(grows)}"
         if grows
-        else ", whatever the signal, exposure and temperature"
+        else "does not clearly grow with signal, exposure or temperature"
     )
     description = (
-        f"A difference along {along}{growth}: most of all {first.name} of {first.frames} ({first.view.replace('_', ' ')}), "
-        f"{size[far[0]]:.1f} standard deviations off."
+        f"What is left differs {along}, and {growth}. Furthest off is {first.name} of {first.frames} "
+        f"({first.view.replace('_', ' ')}), by {size[far[0]]:.1f} standard deviations."
     )
     if nearest:
         description += f" {nearest} lowers the error but does not explain it."
