@@ -18,7 +18,7 @@ def state(z, moves=None) -> State:
     return State(fitted, (), np.zeros(len(z)), np.zeros(len(z)), moves, moves)  # type: ignore[arg-type]
 
 
-def spread(after: State, scale: float, together: float = 0.0) -> State:
+def spread(after: State, scale: float | np.ndarray, together: float = 0.0) -> State:
     """The state with 60 sets that scatter by so much; `together`: the share of the variance that all statistics have in common."""
     rng = np.random.default_rng(5)
     count = len(after.fitted.residual)

@@ -9,6 +9,7 @@ from scipy.stats import chi2
 from tests.diagnosis.residuals import spread, state
 from tests.diagnosis.small import frame_set
 from visaug.diagnosis import diagnose
+from visaug.diagnosis.adding import Adding
 from visaug.diagnosis.fit import Null
 from visaug.diagnosis.parameters import Coordinate
 from visaug.diagnosis.spread import moves_are_there, only_covers, recurs_so, scatter, scatters_so
@@ -132,3 +133,18 @@ def test_the_strength_of_a_drifting_lamp_is_told(stated):
     sigma = found.ranking[0].parameters["sigma"]
     assert sigma.low < 0.005 < sigma.high
     assert sigma.high < 6 * sigma.low  # five levels tell a factor of two either way
+
+
+def test_where_all_that_an_effect_acts_on_holds_no_other_numbers_of_it_are_asked():
+    """Three statistics: the effect scatters one, moves another, and leaves the third alone."""
+
+    def holds(z, scale: float = 20.0) -> bool:
+        after = spread(state(z), np.array([scale, 1.0, 1.0]))
+        return Adding._holds_where_it_acts(
+            state([30.0, 30.0, 90.0]), replace(after, moves=np.array([0.0, 30.0, 0.0]))
+        )
+
+    assert holds([30.0, 0.0, 90.0])  # what stays off is another effect's
+    assert not holds([30.0, 20.0, 0.0])
+    assert not holds([300.0, 0.0, 0.0])
+    assert holds([30.0, 0.0, 90.0], scale=1.0)  # it has no spread there, so nothing of its own is off
