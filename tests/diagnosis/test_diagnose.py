@@ -41,6 +41,9 @@ def test_the_answer_as_json(with_row_noise):
     assert content["schema"] == 1
     assert content["error"]["before"] == 1.0
     assert [step["action"] for step in content["steps"]] == ["refit", "add row_noise"]
+    for entry in content["ranking"]:  # an interval is known of what was refitted and simulated
+        ends = [p[end] for p in entry["parameters"].values() for end in ("low", "high")]
+        assert all((end is None) == (entry["effect"] not in content["accepted"]) for end in ends)
     folds = content["frames"]
     assert not set(folds["fit"]) & set(folds["select"])
     assert not (set(folds["fit"]) | set(folds["select"])) & set(folds["confirm"])

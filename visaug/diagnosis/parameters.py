@@ -63,16 +63,21 @@ def moved(camera: Camera, coordinates: Sequence[Coordinate], at: Sequence[float]
 
 
 def intervals(
-    coordinates: Sequence[Coordinate], camera: Camera, steps: np.ndarray, untold: np.ndarray | None = None
-) -> dict[str, tuple[float, float, float]]:
+    coordinates: Sequence[Coordinate],
+    camera: Camera,
+    steps: np.ndarray | None = None,
+    untold: np.ndarray | None = None,
+) -> dict[str, tuple[float, float | None, float | None]]:
     """Each number of a fitted camera by path, with its 95 % interval: value, low, high.
 
     Args:
-        steps: (R, coordinates), how far refitting moved simulated sets of the camera; (1, coordinates) zeros for no interval.
+        steps: (R, coordinates), how far refitting moved simulated sets of the camera; where left out no interval is known.
         untold: (coordinates,) standard deviation of what the frames leave open; 0 where left out.
     """
     values = camera.values()
     scale = (values[GAIN], values[BLACK])
+    if steps is None:
+        return {c.path: (c.number(c.read(camera), *scale), None, None) for c in coordinates}
     wavers = next(
         (steps[:, [k]] for k, c in enumerate(coordinates) if c.path == GAIN), np.zeros((len(steps), 1))
     )
@@ -80,8 +85,7 @@ def intervals(
     for k, c in enumerate(coordinates):
         at = c.read(camera)
         own = steps[:, [k]] + (wavers * (1.0 if c.logarithmic else at) if c.in_dn else 0.0)
-        spread = float(own.std(ddof=1)) if len(steps) > 1 else 0.0
-        reach = 1.96 * math.hypot(spread, 0.0 if untold is None else untold[k])
+        reach = 1.96 * math.hypot(own.std(ddof=1), 0.0 if untold is None else untold[k])
         found[c.path] = (c.number(at, *scale), c.number(at - reach, *scale), c.number(at + reach, *scale))
     return found
 

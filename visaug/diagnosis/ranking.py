@@ -49,7 +49,7 @@ class Ranking:
                 continue
             spread = np.sqrt(state.fitted.reference.null_scale**2 + r.variance)
             error = self._distance.error(state.fitted.reference.sets, r.residual, spread)
-            own = estimates(r.effect, r.camera, r.coordinates, np.zeros((1, len(r.coordinates))))
+            own = estimates(r.effect, r.camera, r.coordinates)
             value = None if error is None else error.value
             self._ranked[r.effect] = Ranked(r.effect, float(weight), value, own)
 

@@ -15,11 +15,11 @@ from visaug.diagnosis.residue import Residue
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its 95 % interval."""
+    """A number with its 95 % interval; None for both ends where it is not known."""
 
     value: float
-    low: float
-    high: float
+    low: float | None
+    high: float | None
     unit: str = ""
 
     def to_json(self) -> dict[str, Any]:
@@ -30,14 +30,14 @@ def estimates(
     effect: str,
     camera: Camera,
     coordinates: Sequence[Coordinate],
-    steps: np.ndarray,
+    steps: np.ndarray | None = None,
     untold: np.ndarray | None = None,
 ) -> dict[str, Estimate]:
     """The fitted numbers of one effect, by name.
 
     Args:
         coordinates: free numbers, some of them the effect's.
-        steps: (R, coordinates), how far refitting moved simulated sets; a single row gives no interval.
+        steps: (R, coordinates), how far refitting moved simulated sets; without them no interval is known.
         untold: (coordinates,) standard deviation of what the frames leave open.
     """
     prefix = "full_well_e" if effect == "saturation" else f"{effect}."

@@ -181,7 +181,7 @@ def _candidates(bench: Bench) -> list[dict[str, Any]]:
 def _said(key: str, estimate: Estimate) -> str:
     """A number with its interval, where it has one."""
     unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-    if estimate.low == estimate.high:
+    if estimate.low is None or estimate.high is None or estimate.low == estimate.high:
         return f"{key} {estimate.value:.3g}{unit}"
     return f"{key} {estimate.value:.3g} [{estimate.low:.3g}, {estimate.high:.3g}]{unit}"
 
