@@ -24,7 +24,9 @@ def leaving(residual, camera: Camera, *accepted: str) -> State:
     left = np.array(residual, float)
     coordinates = [c for name in accepted for c in effect_coordinates(camera, name)]
     steps = np.zeros((2, len(coordinates)))
-    reference = SimpleNamespace(null_scale=np.ones(len(left)), coordinates=coordinates, null_steps=steps)
+    reference = SimpleNamespace(
+        null_scale=np.ones(len(left)), coordinates=coordinates, null_steps=steps, untold=steps[0]
+    )
     fitted = Fitted(reference, camera, left, left, left)  # pyright: ignore[reportArgumentType]
     return State(fitted, accepted, np.zeros(len(left)), np.zeros(len(left)))
 
