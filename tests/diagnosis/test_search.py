@@ -1,5 +1,6 @@
 """An earlier name is thought over once a later effect is there."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -218,3 +219,17 @@ def choosing(begun: search._Search, monkeypatch, rivals: int, accepted: tuple[st
     )
     monkeypatch.setattr(begun, "_is_acceptable", is_acceptable)
     return asked
+
+
+@pytest.mark.parametrize(("left", "told"), [([0, 27], True), ([0, 6], False), ([60, 0], False)])
+def test_a_trace_is_told_where_it_stands_far_out_and_no_accepted_effect_acts(stated, left, told):
+    """A glow leaves 1 % of the error. It moves the first statistic by 400 standard deviations, the second, of dust, not at all."""
+    glowing = stated.with_effect("amplifier_glow", rate_e_per_s=20.0)
+    state = leaving([0, 0], glowing, "amplifier_glow")
+    z = np.array(left, float)
+    reference = SimpleNamespace(whole_null=SimpleNamespace(scale=np.ones(2)))
+    fitted = SimpleNamespace(reference=reference, whole_residual=z)
+    state = replace(state, fitted=fitted, whole_allowance=np.array([60.0, 0.0]))
+    begun = object.__new__(search._Search)
+    begun.errors = SimpleNamespace(found=lambda fitted: Error(0.01, 0.005, 0.015))  # pyright: ignore[reportAttributeAccessIssue]
+    assert begun._is_worth_telling(state) is told

@@ -57,6 +57,7 @@ SURE = 10.0  # in log likelihood: what an effect must gain that lowers no error 
 TRACE = 0.03  # error beside an accepted effect that is a finding, if it is surely so much
 STANDS_OUT = 30.0  # standard deviations from which what is left is worth another start
 STAYS = 0.2  # error that surely stays beside a name that explains nothing
+APART = 10.0  # standard deviations of what no accepted effect acts on, from which it is a finding however small the error
 MUCH = 0.1  # error beside an accepted effect that is a finding, if it may be so much; and if it surely is, though the camera holds
 
 
@@ -399,9 +400,16 @@ class _Search:
         return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case, again, in_order)
 
     def _is_worth_telling(self, state: State) -> bool:
-        """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding."""
+        """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding.
+
+        Unless it stands far out where no accepted effect acts: it is a trace of their error, and none of their forms.
+        """
         error = self.errors.found(state.fitted)
-        return not state.accepted or error is None or error.low > TRACE or error.high > MUCH
+        if not state.accepted or error is None or error.low > TRACE or error.high > MUCH:
+            return True
+        scale = state.fitted.reference.whole_null.scale
+        elsewhere = state.whole_allowance < scale
+        return bool(np.abs(state.whole_z[elsewhere]).max(initial=0.0) > APART)
 
     def _is_no_explanation(self, missing: bool) -> bool:
         """Whether the last effect explains nothing: much surely stays, under a spread or, beside a rest, where the effect acts."""
