@@ -8,7 +8,7 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis import cache
-from visaug.diagnosis.acceptance import State
+from visaug.diagnosis.acceptance import OFF, State, moves_of
 from visaug.diagnosis.candidates import Trial
 from visaug.diagnosis.fit import TWINS, Fitted, Reference, Report, refit, standardised
 from visaug.diagnosis.naming import SIGNIFICANT, decided
@@ -19,7 +19,6 @@ from visaug.effects import catalogue
 
 SETS_AFTER = 120
 SCALED = 2  # times that a strength follows its scatter
-MOVES = 4.0  # standard deviations by which an effect moves a statistic that is its own
 BENT = 5.0  # standard deviations that a fit took the camera from what its file says, to try again from there
 
 
@@ -78,12 +77,9 @@ class Adding:
     @staticmethod
     def _holds_where_it_acts(before: State, after: State) -> bool:
         """Whether what stays off is nothing that the last effect moves or scatters, so that no other numbers of it would help."""
-        if after.moves is None:
-            return False
-        null = after.fitted.reference.null
-        moves = np.abs(standardised(after.moves, before.fitted.reference.null_scale)) > MOVES
-        off = np.abs(after.z) > np.quantile(null.largest, 1 - SIGNIFICANT)
-        return not np.any(off & (moves | widened(before.fitted, after.fitted)))
+        moved_far = np.abs(standardised(moves_of(before, after), before.fitted.reference.null_scale)) > OFF
+        off = np.abs(after.z) > np.quantile(after.fitted.reference.null.largest, 1 - SIGNIFICANT)
+        return not np.any(off & (moved_far | widened(before.fitted, after.fitted)))
 
     def swapped(self, state: State, own: Refined, rival: Refined) -> State:
         """The state with a rival in the place of an effect, everything refitted."""

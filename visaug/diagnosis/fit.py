@@ -208,6 +208,12 @@ def standardised(residual: np.ndarray, scale: np.ndarray) -> np.ndarray:
     return np.divide(residual, scale, out=np.zeros_like(residual), where=scale > 0)
 
 
+def drawn_to_zero(mean: np.ndarray, squared_error: np.ndarray) -> np.ndarray:
+    """Means over simulations, less of each as it is no more than its standard error."""
+    noise = np.divide(squared_error, mean**2, out=np.ones_like(mean), where=mean != 0)
+    return mean * np.maximum(1 - noise, 0)
+
+
 def p_value(largest: float, null: np.ndarray) -> float:
     """p = (1 + #{max|r*| >= max|r|}) / (R + 1)."""
     return float((1 + np.count_nonzero(null >= largest)) / (len(null) + 1))
@@ -267,9 +273,7 @@ def derivatives(
         more = _differences(lab, camera, [coordinates[k] for k in noisy], range(PAIRS, MORE_PAIRS), report)
         for slope, first, further in zip(slopes, pairs, more, strict=True):
             of = np.concatenate([first[noisy], further], axis=1)
-            mean, error = of.mean(1), of.var(1, ddof=1) / MORE_PAIRS
-            share = np.divide(error, mean**2, out=np.ones_like(mean), where=mean != 0)
-            slope[noisy] = mean * np.maximum(1 - share, 0)
+            slope[noisy] = drawn_to_zero(of.mean(1), of.var(1, ddof=1) / MORE_PAIRS)
     return [slope.T for slope in slopes]
 
 

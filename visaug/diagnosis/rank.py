@@ -11,7 +11,16 @@ from scipy.linalg import cho_solve, eigh, solve_triangular
 from visaug.camera import Camera
 from visaug.comparison.laboratory import Laboratory
 from visaug.diagnosis.candidates import Trial
-from visaug.diagnosis.fit import Fitted, Null, Reference, Report, adjust, bias_level, standardised
+from visaug.diagnosis.fit import (
+    Fitted,
+    Null,
+    Reference,
+    Report,
+    adjust,
+    bias_level,
+    drawn_to_zero,
+    standardised,
+)
 from visaug.diagnosis.parameters import BLACK, Coordinate, base_coordinates, effect_coordinates, moved
 from visaug.effects import catalogue
 
@@ -218,8 +227,7 @@ def cleared(moves: np.ndarray, scale: np.ndarray) -> np.ndarray:
     if count < MORE:
         spread = np.divide(variance, scale**2, out=np.zeros_like(variance), where=scale > 0)
         variance = spread.mean(-1, keepdims=True) * scale**2
-    noise = np.divide(variance / count, mean**2, out=np.ones_like(mean), where=mean != 0)
-    return mean * np.maximum(1 - noise, 0)
+    return drawn_to_zero(mean, variance / count)
 
 
 def _followed(
