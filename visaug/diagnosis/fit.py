@@ -237,8 +237,7 @@ def make_reference(
     values = lab.simulated([(camera, k) for k in range(sets)], lambda n: report(label, n, sets))
     taken = {} if known is None else {c.path: k for k, c in enumerate(known.coordinates) if c.path != WELL}
     new = [c for c in coordinates if c.path not in taken]
-    scale = values[0].std(0, ddof=1)
-    slopes = derivatives(lab, camera, new, report, scale)
+    slopes = derivatives(lab, camera, new, report, np.sqrt(variance(values[0])))
     if known is not None:
         old = [c for c in coordinates if c.path in taken]
         kept = [taken[c.path] for c in old]
