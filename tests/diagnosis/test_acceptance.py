@@ -15,6 +15,7 @@ from visaug.diagnosis.acceptance import (
     explains,
     improves,
     is_there_again,
+    may_explain,
     owes,
     says_the_same,
 )
@@ -163,6 +164,25 @@ def test_a_strong_effect_must_bring_back_what_it_moves():
     assert accepted([20, 30, 40], [1, 2, 39], [20, 30, 0])
     assert not accepted([20, 30, 40], [1, 29, 39], [20, 30, 0])  # half of it stays
     assert not accepted([20, 0, 0], [0, 9, 9], [20, 9, 9])  # as much goes off as comes back
+
+
+@pytest.mark.parametrize(
+    ("left", "may", "does"),
+    [
+        ([30, 28, 25, 31, 20, 22], False, False),  # none comes back
+        ([12, 12, 11, 13, 9, 9], True, False),  # not quite by what is asked
+        ([30, 28, 25, 5, 1, 1], False, False),
+        ([8, 8, 7, 8, 1, 1], True, True),
+    ],
+)
+def test_from_few_sets_only_what_misses_a_limit_by_far_is_refused(left, may, does):
+    before, moves = [30.0, 28.0, 25.0, 31.0, 20.0, 22.0], np.full(6, 20.0)
+    views = [SimpleNamespace(view=f"view {i}") for i in range(6)]
+    after = state(left, moves)
+    assert may_explain(views, state(before), after) is may  # type: ignore[arg-type]
+    assert explains(views, state(before), after) is does  # type: ignore[arg-type]
+    unseen = state(left, np.zeros(6))
+    assert may_explain(views, state(before), unseen)  # type: ignore[arg-type]
 
 
 def test_a_spread_that_covers_anything_is_no_explanation():

@@ -15,6 +15,7 @@ from visaug.diagnosis.candidates import Trial, missing_base, trials
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.fit import (
     PAIRS,
+    USES,
     Fitted,
     Null,
     Reference,
@@ -436,6 +437,18 @@ def test_a_refit_may_begin_elsewhere(stated):
     apart = [free[0].read(f.camera) for f in (here, there)]
     assert abs(apart[0] - apart[1]) < 0.5 * known
     assert there.misfit == pytest.approx(here.misfit, rel=0.01)
+
+
+def test_a_reference_that_was_begun_goes_on_where_it_was(stated):
+    lab = Laboratory(frame_set(5), stated, 0)
+    free = [c for c in base_coordinates(stated, lab.frames, True) if c.path == "quantum_efficiency"]
+    few, many = (make_reference(lab, stated, free, n, lambda *_: None) for n in (4, 9))
+    told = []
+    again = make_reference(lab, stated, free, 9, lambda *tick: told.append(tick[1:]), begun=few)
+    for use in USES:
+        assert np.array_equal(getattr(again, use).sets, getattr(many, use).sets)
+        assert np.array_equal(getattr(again, use).slopes, getattr(many, use).slopes)
+    assert told == [(n, 9) for n in range(5, 10)]
 
 
 def test_a_fit_that_takes_the_bias_level_for_an_outlier_begins_again(stated, monkeypatch):

@@ -195,7 +195,59 @@ def test_a_candidate_must_pass_every_check(veiled, monkeypatch, refuses):
     pair = (refined("lens_flare", veiled["flare"], 9.0, 1.0), leaving([0.0], veiled["flare"], "lens_flare"))
     state = leaving([3.0], veiled["trail"])
     assert begun._is_acceptable(state, pair, refused, None) is (refuses is None)  # pyright: ignore[reportArgumentType]
-    assert refused == ([] if refuses is None else [pair])
+    assert [r.effect for r, _ in refused] == ([] if refuses is None else ["lens_flare"])
+    assert all(moves == pytest.approx([3.0]) for _, moves in refused)
+
+
+@pytest.mark.parametrize("hopeless", ["light_drift", "row_noise"])
+def test_one_that_is_not_promising_is_told_far_behind_and_stands_for_none(
+    veiled, monkeypatch, stated, hopeless
+):
+    """It is no rival, however much its first match gained; and where all are refused it still speaks for what says the same."""
+    gains = {"light_drift": 130.0, "row_noise": 120.0, "vignetting": 60.0}
+    begun, found = searching(veiled), candidates(stated, gains)
+    (other,) = {"light_drift", "row_noise"} - {hopeless}
+    asked = choosing(begun, monkeypatch, rivals=2, accepted=(other,))
+    made = adding.Adding.where_promising
+    monkeypatch.setattr(
+        adding.Adding,
+        "where_promising",
+        lambda self, state, r: None if r.effect == hopeless else made(self, state, r),
+    )
+    state = leaving([9.0] * 4, stated)
+    one = begun._accepted(state, found, None)  # pyright: ignore[reportArgumentType]
+    assert one is not None
+    assert [r.effect for r, _ in one.standing] == [one.refined.effect] == [other] == asked
+    assert {r.effect: r.gain <= one.refined.gain - search.DECISIVE for r in one.others}[hopeless]
+    monkeypatch.setattr(begun, "_is_acceptable", lambda *_: False)
+    refused = []
+    monkeypatch.setattr(
+        begun, "_is_said", lambda state, r, moves, those: bool(refused.append(list(those)) or True)
+    )
+    assert begun._accepted(state, found, None) is None  # pyright: ignore[reportArgumentType]
+    assert [r.effect for r, _ in refused[-1]] == [hopeless]
+
+
+@pytest.mark.parametrize(("may", "scatters"), [(True, False), (False, False), (False, True)])
+def test_a_few_simulated_sets_end_what_does_not_explain_what_it_moves(monkeypatch, stated, may, scatters):
+    """But for an effect that scatters: how strong it is, and so what it explains, is not told by a few sets."""
+    (found,) = candidates(stated, {"row_noise": 9.0})
+    state, full, sets = leaving([9.0], stated), leaving([0.0], stated), []
+
+    def reference(lab, camera, coordinates, count, *_):
+        sets.append(count)
+        return state.fitted.reference
+
+    monkeypatch.setattr(adding.cache, "reference", reference)
+    monkeypatch.setattr(adding.Adding, "_refitted", lambda *_: state.fitted)
+    monkeypatch.setattr(adding.Adding, "_moves_of", lambda *_: (None, None))
+    monkeypatch.setattr(adding.Adding, "_scatter", lambda *_: "so much" if scatters else None)
+    monkeypatch.setattr(adding, "may_explain", lambda *_: may)
+    monkeypatch.setattr(adding.Adding, "with_candidate", lambda self, state, r, begun: full)
+    lab = SimpleNamespace(statistics=())
+    added = adding.Adding(lab, None, (), None).where_promising(state, found)  # pyright: ignore[reportArgumentType]
+    assert added is (full if may or scatters else None)
+    assert sets == [adding.SETS_BEFORE]
 
 
 def candidates(stated, gains: dict[str, float]) -> list[Refined]:
@@ -215,7 +267,7 @@ def choosing(begun: search._Search, monkeypatch, rivals: int, accepted: tuple[st
     monkeypatch.setattr(search, "decided", lambda state, simulated: simulated)
     monkeypatch.setattr(search, "is_beyond", lambda *_: True)
     monkeypatch.setattr(
-        adding.Adding, "with_candidate", lambda self, state, r: leaving([0.0], r.camera, r.effect)
+        adding.Adding, "where_promising", lambda self, state, r: leaving([0.0], r.camera, r.effect)
     )
     monkeypatch.setattr(begun, "_is_acceptable", is_acceptable)
     return asked

@@ -8,7 +8,7 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis import cache
-from visaug.diagnosis.acceptance import OFF, State, moves_of
+from visaug.diagnosis.acceptance import OFF, State, may_explain, moves_of
 from visaug.diagnosis.candidates import Trial
 from visaug.diagnosis.fit import TWINS, Fitted, Reference, Report, refit, standardised
 from visaug.diagnosis.naming import SIGNIFICANT, decided
@@ -17,7 +17,10 @@ from visaug.diagnosis.rank import Refined, cleared
 from visaug.diagnosis.spread import Scatter, scatter, widened
 from visaug.effects import catalogue
 
-SETS_AFTER = 120
+SETS_AFTER, SETS_BEFORE = (
+    120,
+    30,
+)  # simulated sets of a camera with an effect added, and those that tell whether it explains anything
 SCALED = 2  # times that a strength follows its scatter
 BENT = 5.0  # standard deviations that a fit took the camera from what its file says, to try again from there
 
@@ -40,9 +43,26 @@ class Adding:
     report: Report
     sets: int = SETS_AFTER
 
-    def with_candidate(self, state: State, candidate: Refined) -> State:
-        """The state with a candidate added: simulated, refitted; its strengths by what scatters, where no moves tell them."""
-        after = self._added(state, candidate.effect, candidate.camera, candidate.coordinates)
+    def where_promising(self, state: State, candidate: Refined) -> State | None:
+        """What `with_candidate` gives; None where a few simulated sets show that the effect does not explain what it moves."""
+        known = state.fitted.reference
+        coordinates = [*known.coordinates, *candidate.coordinates]
+        few = min(SETS_BEFORE, self.sets)
+        begun = cache.reference(self.lab, candidate.camera, coordinates, few, self.report, known)
+        fitted = self._refitted(begun)
+        sketch = state.with_effect(candidate.effect, fitted, *self._moves_of(candidate.effect, state, fitted))
+        scatters = self._scatter(state, sketch, strengths_of(candidate.effect, candidate.coordinates))
+        if scatters is None and not may_explain(self.lab.statistics, state, sketch):
+            return None
+        return self.with_candidate(state, candidate, begun)
+
+    def with_candidate(self, state: State, candidate: Refined, begun: Reference | None = None) -> State:
+        """The state with a candidate added: simulated, refitted; its strengths by what scatters, where no moves tell them.
+
+        Args:
+            begun: the first of the simulated sets.
+        """
+        after = self._added(state, candidate.effect, candidate.camera, candidate.coordinates, begun)
         strengths = strengths_of(candidate.effect, candidate.coordinates)
         told = self._scatter(state, after, strengths)
         if told is None or not told.tells:
@@ -110,15 +130,24 @@ class Adding:
     def _scatter(before: State, after: State, strengths: tuple[Coordinate, ...]) -> Scatter | None:
         return None if after.moves is None else scatter(before.fitted, after.fitted, after.moves, strengths)
 
-    def _added(self, state: State, effect: str, camera: Camera, own: Sequence[Coordinate]) -> State:
+    def _added(
+        self,
+        state: State,
+        effect: str,
+        camera: Camera,
+        own: Sequence[Coordinate],
+        begun: Reference | None = None,
+    ) -> State:
         """The state with an effect whose free numbers are `own`."""
-        fitted = self._fitted(state, camera, [*state.fitted.reference.coordinates, *own])
+        fitted = self._fitted(state, camera, [*state.fitted.reference.coordinates, *own], begun)
         return state.with_effect(effect, fitted, *self._moves_of(effect, state, fitted))
 
-    def _fitted(self, near: State, camera: Camera, coordinates: Sequence[Coordinate]) -> Fitted:
-        """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over."""
+    def _fitted(
+        self, near: State, camera: Camera, coordinates: Sequence[Coordinate], begun: Reference | None = None
+    ) -> Fitted:
+        """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over, and sets that are there."""
         known = near.fitted.reference
-        reference = cache.reference(self.lab, camera, coordinates, self.sets, self.report, known)
+        reference = cache.reference(self.lab, camera, coordinates, self.sets, self.report, known, begun)
         return cache.settled(self.lab, self._refitted(reference), self.sets, self.report)
 
     def _refitted(self, reference: Reference) -> Fitted:

@@ -81,17 +81,18 @@ def reference(
     sets: int,
     report: Report,
     known: Reference | None = None,
+    begun: Reference | None = None,
 ) -> Reference:
     """What `make_reference` gives for the same arguments, from the cache if it was made before."""
     taken = known and (
         [c.path for c in known.coordinates],
         [getattr(known, use).slopes.tobytes() for use in USES],
     )
-    name = key(lab, camera, "reference", sets, list(coordinates), taken)
+    name = key(lab, camera, "reference", sets, list(coordinates), taken, begun and len(begun.sets))
     arrays = load(name)
     if arrays is not None:
         return Reference.from_arrays(camera, coordinates, arrays)
-    made = make_reference(lab, camera, coordinates, sets, report, known)
+    made = make_reference(lab, camera, coordinates, sets, report, known, begun)
     keep(name, made.arrays())
     return made
 

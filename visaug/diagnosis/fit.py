@@ -1,7 +1,7 @@
 """Refitting a camera to measured statistics, and the spread of what is left under the camera itself."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -226,15 +226,27 @@ def make_reference(
     sets: int,
     report: Report,
     known: Reference | None = None,
+    begun: Reference | None = None,
 ) -> Reference:
     """Simulates `sets` sets and the derivatives.
 
     Args:
         known: of a neighbouring camera; the derivatives of its coordinates are taken over, but for the full well's: what a
             flat beside it answers is another thing once an effect adds noise there.
+        begun: the same with fewer sets: these and its derivatives are taken over.
     """
     label = f"simulating {sets} sets of the camera"
-    values = lab.simulated([(camera, k) for k in range(sets)], lambda n: report(label, n, sets))
+    done = 0 if begun is None else len(begun.sets)
+    values = lab.simulated([(camera, k) for k in range(done, sets)], lambda n: report(label, done + n, sets))
+    if begun is not None:
+        samples = [getattr(begun, use) for use in USES]
+        return replace(
+            begun,
+            **{
+                use: replace(sample, sets=np.vstack([sample.sets, more]))
+                for use, sample, more in zip(USES, samples, values, strict=True)
+            },
+        )
     taken = {} if known is None else {c.path: k for k, c in enumerate(known.coordinates) if c.path != WELL}
     new = [c for c in coordinates if c.path not in taken]
     slopes = derivatives(lab, camera, new, report, np.sqrt(variance(values[0])))

@@ -327,9 +327,10 @@ class _Search:
         gains much is asked by itself if all rivals are refused: what these say wrongly is no reason against other moves.
         """
         close = rivals(self.lab, found, state, by_chance)
-        ordered = decided(state, [(r, self.adding.with_candidate(state, r)) for r in close])
+        simulated = [(r, self.adding.where_promising(state, r)) for r in close]
+        ordered = decided(state, [(r, after) for r, after in simulated if after is not None])
         behind = [r for r in found if r.effect not in {other.effect for other in close}]
-        refused: Standing = []
+        refused: list[tuple[Refined, np.ndarray]] = []
         accepted = [pair for pair in ordered if self._is_acceptable(state, pair, refused, by_chance)]
         if accepted:
             best = first = accepted[0]
@@ -337,36 +338,50 @@ class _Search:
             if len(alike) > 1:
                 best = next((pair for pair in alike if self._holds(pair[1])), first)
             place = next(i for i, pair in enumerate(ordered) if pair is first)
-            return _Accepted(*best, [best, *(pair for pair in ordered[place:] if pair is not best)], behind)
+            least = best[0].gain - DECISIVE
+            nothing = [replace(r, gain=min(r.gain, least)) for r, after in simulated if after is None]
+            standing = [best, *(pair for pair in ordered[place:] if pair is not best)]
+            return _Accepted(*best, standing, [*nothing, *behind])
+        refused += [(r, _moves_of(state, r)) for r, after in simulated if after is None]
         for r in behind:
-            is_said = self._is_said(state, r, state.fitted.residual - r.residual, refused)
+            is_said = self._is_said(state, r, _moves_of(state, r), refused)
             if r.gain > SURE and not is_said and is_beyond(self.lab, by_chance, state, r):
-                pair = (r, self.adding.with_candidate(state, r))
-                if self._is_acceptable(state, pair, refused, by_chance):
-                    return _Accepted(*pair, [pair], [other for other in behind if other is not r])
+                after = self.adding.where_promising(state, r)
+                if after is None:
+                    refused.append((r, _moves_of(state, r)))
+                elif self._is_acceptable(state, (r, after), refused, by_chance):
+                    others = [other for other in behind if other is not r]
+                    return _Accepted(r, after, [(r, after)], others)
         return None
 
     def _is_acceptable(
-        self, state: State, candidate: tuple[Refined, State], refused: Standing, by_chance: Chance
+        self,
+        state: State,
+        candidate: tuple[Refined, State],
+        refused: list[tuple[Refined, np.ndarray]],
+        by_chance: Chance,
     ) -> bool:
-        """Whether a simulated candidate is accepted; if not it joins the refused."""
+        """Whether a simulated candidate is accepted; if not it joins the refused, with what it moves."""
         r, after = candidate
+        moves = moves_of(state, after)
         accepted = (
-            not self._is_said(state, r, moves_of(state, after), refused)
+            not self._is_said(state, r, moves, refused)
             and explains(self.lab.statistics, state, after)
             and recurs_so(state.fitted, after.fitted, np.abs(state.z) > OFF, self.lab.confirming)
             and self._improves(state, after, r.gain, by_chance)
         )
         if not accepted:
-            refused.append(candidate)
+            refused.append((r, moves))
         return accepted
 
     @staticmethod
-    def _is_said(state: State, candidate: Refined, moves: np.ndarray, refused: Standing) -> bool:
+    def _is_said(
+        state: State, candidate: Refined, moves: np.ndarray, refused: Sequence[tuple[Refined, np.ndarray]]
+    ) -> bool:
         """Whether one that was refused says the same as a candidate with these moves, and more."""
         return any(
-            candidate.gain < other.gain - DECISIVE and says_the_same(state, moves, moves_of(state, after))
-            for other, after in refused
+            candidate.gain < other.gain - DECISIVE and says_the_same(state, moves, others)
+            for other, others in refused
         )
 
     def _starts(self, state: State) -> list[Fitted]:
@@ -461,6 +476,11 @@ class _Search:
         return {
             name: [records[i].sequence for i in getattr(folds, name)] for name in ("fit", "select", "confirm")
         }
+
+
+def _moves_of(state: State, candidate: Refined) -> np.ndarray:
+    """How far a candidate that was not simulated in full moves each statistic of the frames that find."""
+    return state.fitted.residual - candidate.residual
 
 
 def _plain_z(state: State) -> np.ndarray:
