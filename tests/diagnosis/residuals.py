@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from visaug.diagnosis.acceptance import State
-from visaug.diagnosis.fit import Null
+from visaug.diagnosis.reference import Null
 
 
 def state(z, moves=None) -> State:

@@ -33,11 +33,12 @@ def test_one_effect_more_or_less_costs_no_other(stated, tmp_path, monkeypatch):
 
     def signs_of(without):
         tried = []
-        real = search.signatures
+        real = cache.simulated_signatures
         with monkeypatch.context() as patch:
-            patch.setattr(search, "signatures", lambda *a: (tried.extend(a[2]), real(*a))[1])
-            looking = search._Search(lab, stated, without, lambda *_: None, 20)
-            return looking._signatures(looking._reference()), {trial.effect for trial in tried}
+            patch.setattr(cache, "simulated_signatures", lambda *a: (tried.extend(a[2]), real(*a))[1])
+            reference = search._Search(lab, stated, without, lambda *_: None, 20)._reference()
+            signs = cache.signatures(lab, reference, search.trials(stated, without), 20, lambda *_: None)
+            return signs, {trial.effect for trial in tried}
 
     _, first = signs_of(few | {"row_noise"})
     whole, second = signs_of(few)
@@ -52,11 +53,11 @@ def test_kept_signatures_are_those_of_their_own_trials(stated, tmp_path, monkeyp
     monkeypatch.setenv("VISAUG_CACHE", str(tmp_path))
     lab = Laboratory(frame_set(5), stated, 0)
     few = frozenset(search.catalogue()) - {"row_noise", "tap_mismatch"}
-    looking = search._Search(lab, stated, few, lambda *_: None, 20)
-    reference = looking._reference()
-    looking._signatures(reference)
-    kept = looking._signatures(reference)
-    direct = search.signatures(lab, reference, search.trials(stated, few), lambda *_: None)
+    reference = search._Search(lab, stated, few, lambda *_: None, 20)._reference()
+    tried = search.trials(stated, few)
+    cache.signatures(lab, reference, tried, 20, lambda *_: None)
+    kept = cache.signatures(lab, reference, tried, 20, lambda *_: None)
+    direct = cache.simulated_signatures(lab, reference, tried, lambda *_: None)
     assert kept.trials == direct.trials
     assert (kept.values == direct.values).all()
 

@@ -10,8 +10,8 @@ from tests.diagnosis.residuals import spread, state
 from tests.diagnosis.small import frame_set
 from visaug.diagnosis import diagnose
 from visaug.diagnosis.adding import Adding
-from visaug.diagnosis.fit import Null
 from visaug.diagnosis.parameters import Coordinate
+from visaug.diagnosis.reference import Null
 from visaug.diagnosis.spread import moves_are_there, only_covers, recurs_so, scatter, scatters_so
 
 SIGMA = (Coordinate("light_drift.sigma", True, 0.1, 1.5),)

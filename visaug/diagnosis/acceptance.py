@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.comparison import Error, is_clear
-from visaug.diagnosis.fit import Fitted, p_value, standardised
+from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.parameters import Coordinate
+from visaug.diagnosis.robust import p_value, standardised
 from visaug.diagnosis.spread import Scatter, moves_are_there, scatters_so
 from visaug.fingerprint import Statistic
 

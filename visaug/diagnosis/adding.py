@@ -10,10 +10,13 @@ from visaug.comparison import Laboratory
 from visaug.diagnosis import cache
 from visaug.diagnosis.acceptance import OFF, State, may_explain, moves_of
 from visaug.diagnosis.candidates import Trial
-from visaug.diagnosis.fit import TWINS, Fitted, Reference, Report, refit, standardised
+from visaug.diagnosis.fit import TWINS, Fitted, refit
 from visaug.diagnosis.naming import SIGNIFICANT, decided
 from visaug.diagnosis.parameters import Coordinate, effect_coordinates, moved, strengths_of
-from visaug.diagnosis.rank import Refined, cleared
+from visaug.diagnosis.reference import Reference, Report
+from visaug.diagnosis.refinement import Refined
+from visaug.diagnosis.robust import standardised
+from visaug.diagnosis.signatures import cleared
 from visaug.diagnosis.spread import Scatter, scatter, widened
 from visaug.effects import catalogue
 

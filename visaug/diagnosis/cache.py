@@ -3,6 +3,7 @@
 import hashlib
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import FunctionType
 
@@ -11,8 +12,12 @@ import numpy as np
 import visaug
 from visaug.camera import Camera
 from visaug.comparison.laboratory import Laboratory
-from visaug.diagnosis.fit import USES, Fitted, Reference, Report, is_far, make_reference, refit
+from visaug.diagnosis.candidates import Trial
+from visaug.diagnosis.fit import Fitted, refit
 from visaug.diagnosis.parameters import Coordinate
+from visaug.diagnosis.reference import USES, Reference, Report, is_far, make_reference
+from visaug.diagnosis.signatures import Signatures
+from visaug.diagnosis.signatures import signatures as simulated_signatures
 from visaug.effects import catalogue
 
 MOST = 2**30  # bytes that are kept; what was not used for longest goes first
@@ -95,6 +100,45 @@ def reference(
     made = make_reference(lab, camera, coordinates, sets, report, known, begun)
     keep(name, made.arrays())
     return made
+
+
+def signatures(
+    lab: Laboratory, reference: Reference, tried: Sequence[Trial], sets: int, report: Report
+) -> Signatures:
+    """What `simulated_signatures` gives for the trials; kept by effect, so that one effect more or less costs no other.
+
+    Args:
+        sets: simulated sets of the reference.
+    """
+    of: dict[str, list[Trial]] = {}
+    for trial in tried:
+        of.setdefault(trial.effect, []).append(trial)
+    if not of:
+        return simulated_signatures(lab, reference, (), report)
+    prefix = key(lab, reference.camera, "signatures", sets)
+    names = {effect: f"{prefix}-{digest(source_of(effect), own)}" for effect, own in of.items()}
+    found = {effect: kept for effect, name in names.items() if (kept := load(name)) is not None}
+    missing = [trial for effect, own in of.items() if effect not in found for trial in own]
+    made = simulated_signatures(lab, reference, missing, report)
+    paths = [c.path for c in reference.coordinates]
+    for effect in {trial.effect: None for trial in missing}:
+        own = [i for i, trial in enumerate(missing) if trial.effect == effect]
+        ways = [[dict(made.trials[i].following).get(path, 0.0) for path in paths] for i in own]
+        found[effect] = {
+            "values": made.values[own],
+            "variances": made.variances[own],
+            "following": np.array(ways),
+        }
+        keep(names[effect], found[effect])
+    followed = [
+        replace(trial, following=tuple(zip(paths, map(float, way), strict=True)) if np.any(way) else ())
+        for effect, own in of.items()
+        for trial, way in zip(own, found[effect]["following"], strict=True)
+    ]
+    values, variances = (
+        np.concatenate([found[effect][part] for effect in of]) for part in ("values", "variances")
+    )
+    return Signatures(tuple(followed), values, variances)
 
 
 def settled(lab: Laboratory, fitted: Fitted, sets: int, report: Report) -> Fitted:

@@ -7,8 +7,9 @@ import numpy as np
 
 from visaug.comparison import Laboratory
 from visaug.diagnosis.acceptance import State
-from visaug.diagnosis.fit import p_value, standardised
-from visaug.diagnosis.rank import Metric, Signatures, each_half
+from visaug.diagnosis.law import Metric, each_half
+from visaug.diagnosis.robust import p_value, standardised
+from visaug.diagnosis.signatures import Signatures
 
 SOMEWHERE = 3.0  # times as unlikely must one large residual be as a match, to count as much: what no effect matches is seldom faint
 

@@ -1,7 +1,8 @@
 """Errors of fitted cameras on the frames that find and on those that confirm, and which of the two is told."""
 
 from visaug.comparison import Distance, Error, Laboratory, is_clear
-from visaug.diagnosis.fit import Fitted, Reference
+from visaug.diagnosis.fit import Fitted
+from visaug.diagnosis.reference import Reference
 
 VAGUE = 5.0  # an error with so wide an interval is not told: the file as given has no excess to speak of
 

@@ -8,17 +8,13 @@ import numpy as np
 from visaug.comparison import Laboratory
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.chance import Chance
-from visaug.diagnosis.fit import Fitted, Report, standardised
-from visaug.diagnosis.rank import (
-    FINE,
-    Match,
-    Refined,
-    Signatures,
-    best_of_each,
-    log_density,
-    matches,
-    refine,
-)
+from visaug.diagnosis.fit import Fitted
+from visaug.diagnosis.law import FINE, log_density
+from visaug.diagnosis.matches import Match, best_of_each, matches
+from visaug.diagnosis.reference import Report
+from visaug.diagnosis.refinement import Refined, refine
+from visaug.diagnosis.robust import standardised
+from visaug.diagnosis.signatures import Signatures
 
 SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 TRIED = 4  # candidates whose numbers are refined in a step, if they gain

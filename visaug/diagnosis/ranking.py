@@ -8,8 +8,8 @@ import numpy as np
 
 from visaug.comparison import Distance, Error
 from visaug.diagnosis.acceptance import State
-from visaug.diagnosis.fit import Report
-from visaug.diagnosis.rank import Refined
+from visaug.diagnosis.reference import Report
+from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.result import Ranked, estimates
 from visaug.diagnosis.separate import measurement
 

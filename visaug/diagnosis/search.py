@@ -1,7 +1,6 @@
 """Which physical effect is missing: fit, name, add, refit, until nothing is missing or nothing known explains the rest."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -13,38 +12,22 @@ from visaug.comparison import Laboratory, is_clear, places
 from visaug.comparison.spread import by_ray
 from visaug.diagnosis import cache
 from visaug.diagnosis.acceptance import (
-    OFF,
     State,
-    acts_elsewhere,
-    disturbs_nothing,
-    explains,
-    improves,
-    is_there_again,
-    moves_of,
-    owes,
-    says_the_same,
 )
 from visaug.diagnosis.adding import SETS_AFTER, Adding
-from visaug.diagnosis.candidates import Trial, looked, trials
+from visaug.diagnosis.candidates import looked, trials
 from visaug.diagnosis.chance import Chance, chance
+from visaug.diagnosis.choice import Accepted, Choice, Standing
 from visaug.diagnosis.errors import Errors
-from visaug.diagnosis.fit import (
-    FAR,
-    Fitted,
-    Reference,
-    Report,
-    is_far,
-    p_value,
-    refit,
-    standardised,
-)
-from visaug.diagnosis.naming import CLOSE, CLOSE_SHARE, SIGNIFICANT, candidates, decided, is_beyond, rivals
+from visaug.diagnosis.fit import Fitted, refit
+from visaug.diagnosis.naming import CLOSE_SHARE, SIGNIFICANT, candidates, decided
 from visaug.diagnosis.parameters import base_coordinates
-from visaug.diagnosis.rank import Refined, Signatures, signatures
 from visaug.diagnosis.ranking import Ranking
-from visaug.diagnosis.residue import describe
+from visaug.diagnosis.reference import FAR, Reference, Report, is_far
 from visaug.diagnosis.result import Diagnosis, Step
-from visaug.diagnosis.spread import COVERS, only_covers, recurs_so
+from visaug.diagnosis.robust import p_value, standardised
+from visaug.diagnosis.signatures import Signatures, signatures
+from visaug.diagnosis.telling import cannot_show, form, is_no_explanation, residue
 from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
 from visaug.fingerprint import Statistic
@@ -52,13 +35,7 @@ from visaug.frames import FrameSet
 
 SETS = 200  # simulated sets of the camera file
 MOST = 4  # effects that are added one after the other
-DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
-SURE = 10.0  # in log likelihood: what an effect must gain that lowers no error beside others, or is far behind its rivals
-TRACE = 0.03  # error beside an accepted effect that is a finding, if it is surely so much
 STANDS_OUT = 30.0  # standard deviations from which what is left is worth another start
-STAYS = 0.2  # error that surely stays beside a name that explains nothing
-APART = 10.0  # standard deviations of what no accepted effect acts on, from which it is a finding however small the error
-MUCH = 0.1  # error beside an accepted effect that is a finding, if it may be so much; and if it surely is, though the camera holds
 
 
 def diagnose(
@@ -99,19 +76,6 @@ def diagnose(
         return _Search(lab, camera, left_out, report, sets).run()
 
 
-Standing = list[tuple[Refined, State]]  # candidates with the state that each would give, the accepted first
-
-
-@dataclass(frozen=True)
-class _Accepted:
-    """An effect that was accepted, the state with it, and what stood beside (simulated too) and behind it."""
-
-    refined: Refined
-    state: State
-    standing: Standing
-    others: list[Refined]
-
-
 class _Search:
     def __init__(self, lab: Laboratory, camera: Camera, without: frozenset[str], report: Report, sets: int):
         self.lab, self.given, self.without, self.report, self.sets = lab, camera, without, report, sets
@@ -129,9 +93,11 @@ class _Search:
     def run(self) -> Diagnosis:
         first = self.first = self._reference()
         fitted = cache.settled(self.lab, refit(self.lab, first, self.report), SETS_AFTER, self.report)
-        self.signs = self._signatures(first)
+        tried = trials(first.camera, self.without)
+        self.signs = cache.signatures(self.lab, first, tried, self.sets, self.report)
         self.adding = Adding(self.lab, first, self.signs.trials, self.report)
         self.errors = Errors(self.lab, first, fitted)
+        self.choice = Choice(self.lab, self.signs, self.adding, self.errors)
         self.ranking = Ranking(self.errors.distance)
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
         state = refitted = State.plain(fitted)
@@ -148,23 +114,19 @@ class _Search:
             state = self._reconsidered(refitted, found)
             by_chance = chance(self.lab, self.signs, state)
             p_after = by_chance.p_value
-        while state.accepted and self._is_no_explanation(p_after <= SIGNIFICANT):
+        while state.accepted and self._last_explains_nothing(p_after <= SIGNIFICANT):
             nearest = state.accepted[-1]
             self._stand(self.walk[-2])
             state = self.walk[-1]
             p_after = chance(self.lab, self.signs, state).p_value
         missing = bool(p_after <= SIGNIFICANT)
         significant = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
-        excess = bool(state.accepted) or (significant and is_clear(self.steps[-1].error))
-        residue = None
-        if missing and self._is_worth_telling(state):
-            residue = describe(self._of_all, state.whole_z, nearest)
-        elif self._is_far_off(state):
-            residue = describe(self._of_all, _plain_z(state))
+        told = self.steps[-1].error
+        excess = bool(state.accepted) or (significant and is_clear(told))
         return Diagnosis(
             camera=state.fitted.camera,
             accepted=state.accepted,
-            error_after=self.steps[-1].error if excess else None,
+            error_after=told if excess else None,
             p_value_before=p_before,
             p_value_after=p_after,
             adequate_before=p_before > SIGNIFICANT,
@@ -176,10 +138,14 @@ class _Search:
             ambiguous=tuple(
                 pair for pair in self.ranking.ambiguous if set(pair["effects"]) & set(state.accepted)
             ),
-            unexplained=residue,
-            form=self._form(state),
-            cannot_show=self._cannot_show(first),
+            unexplained=residue(told, self.errors, self._of_all, state, missing, nearest),
+            form=form(self._of_all, state),
+            cannot_show=cannot_show(self.signs, first),
         )
+
+    def _last_explains_nothing(self, missing: bool) -> bool:
+        told, (before, state) = self.steps[-1].error, self.walk[-2:]
+        return is_no_explanation(told, self.errors, self.lab.statistics, before, state, missing)
 
     @property
     def _of_all(self) -> tuple[Statistic, ...]:
@@ -189,43 +155,6 @@ class _Search:
     def _reference(self) -> Reference:
         coordinates = base_coordinates(self.given, self.lab.frames, self.calibrated)
         return cache.reference(self.lab, self.given, coordinates, self.sets, self.report)
-
-    def _signatures(self, reference: Reference) -> Signatures:
-        """Of every trial; kept by effect, so that one effect more or less costs no other."""
-        of: dict[str, list[Trial]] = {}
-        for trial in trials(reference.camera, self.without):
-            of.setdefault(trial.effect, []).append(trial)
-        if not of:
-            return signatures(self.lab, reference, (), self.report)
-        prefix = cache.key(self.lab, reference.camera, "signatures", self.sets)
-        names = {
-            effect: f"{prefix}-{cache.digest(cache.source_of(effect), tried)}" for effect, tried in of.items()
-        }
-        found = {effect: kept for effect, name in names.items() if (kept := cache.load(name)) is not None}
-        missing = [trial for effect, tried in of.items() if effect not in found for trial in tried]
-        made = signatures(self.lab, reference, missing, self.report)
-        paths = [c.path for c in reference.coordinates]
-        for effect in {trial.effect: None for trial in missing}:
-            own = [i for i, trial in enumerate(missing) if trial.effect == effect]
-            found[effect] = {
-                "values": made.values[own],
-                "variances": made.variances[own],
-                "following": np.array(
-                    [[dict(made.trials[i].following).get(p, 0.0) for p in paths] for i in own]
-                ),
-            }
-            cache.keep(names[effect], found[effect])
-        return Signatures(
-            tuple(
-                replace(
-                    trial, following=tuple(zip(paths, map(float, way), strict=True)) if np.any(way) else ()
-                )
-                for effect, tried in of.items()
-                for trial, way in zip(tried, found[effect]["following"], strict=True)
-            ),
-            np.concatenate([found[effect]["values"] for effect in of]),
-            np.concatenate([found[effect]["variances"] for effect in of]),
-        )
 
     @cached_property
     def _seen(self) -> Signatures:
@@ -253,7 +182,7 @@ class _Search:
         """
         nearest: str | None = None
         standings = self.ranking.standings()
-        accepted: list[_Accepted] = []
+        accepted: list[Accepted] = []
         for fitted in self._starts(state):
             if accepted and fitted is self._unfitted:
                 break  # it comes last where it is there for want of anything else
@@ -265,7 +194,7 @@ class _Search:
                 nearest = found[0].effect if found[0].gain > 3 else None
             if accepted and found[0].effect == accepted[0].refined.effect:
                 break  # no other start is needed to find it again
-            one = self._accepted(state, found, by_chance)
+            one = self.choice.accepted(state, found, by_chance)
             if one is not None:
                 accepted.append(one)
                 if one.state.p_value > SIGNIFICANT:
@@ -295,7 +224,7 @@ class _Search:
         (own, with_own), *others = self.stood[-2]
         for rival, alone in others:
             far_behind = rival.gain < (1 - CLOSE_SHARE) * own.gain
-            if rival.effect == state.accepted[-1] and not far_behind and self._holds(alone):
+            if rival.effect == state.accepted[-1] and not far_behind and self.choice.holds(alone):
                 self._stand(alone)
                 self.ranking.rename(own.effect, rival.effect)
                 self.ranking.accept(alone, rival.effect, self.steps[-1].error)
@@ -315,75 +244,6 @@ class _Search:
                 return swapped
         return state
 
-    def _holds(self, state: State) -> bool:
-        """Whether a camera leaves no more than chance would."""
-        return chance(self.lab, self.signs, state).p_value > SIGNIFICANT
-
-    def _accepted(self, state: State, found: list[Refined], by_chance: Chance) -> "_Accepted | None":
-        """The first of the candidates that explains what it moves and improves the camera, its rivals simulated.
-
-        Where one that is nearly as likely makes the camera hold and the first does not, it is that one: else a second effect would
-        be looked for in what a wrong name leaves. Of those further behind, which no simulation could bring to the front, each that
-        gains much is asked by itself if all rivals are refused: what these say wrongly is no reason against other moves.
-        """
-        close = rivals(self.lab, found, state, by_chance)
-        simulated = [(r, self.adding.where_promising(state, r)) for r in close]
-        ordered = decided(state, [(r, after) for r, after in simulated if after is not None])
-        behind = [r for r in found if r.effect not in {other.effect for other in close}]
-        refused: list[tuple[Refined, np.ndarray]] = []
-        accepted = [pair for pair in ordered if self._is_acceptable(state, pair, refused, by_chance)]
-        if accepted:
-            best = first = accepted[0]
-            alike = [pair for pair in accepted if pair[0].gain > first[0].gain - CLOSE]
-            if len(alike) > 1:
-                best = next((pair for pair in alike if self._holds(pair[1])), first)
-            place = next(i for i, pair in enumerate(ordered) if pair is first)
-            least = best[0].gain - DECISIVE
-            nothing = [replace(r, gain=min(r.gain, least)) for r, after in simulated if after is None]
-            standing = [best, *(pair for pair in ordered[place:] if pair is not best)]
-            return _Accepted(*best, standing, [*nothing, *behind])
-        refused += [(r, _moves_of(state, r)) for r, after in simulated if after is None]
-        for r in behind:
-            is_said = self._is_said(state, r, _moves_of(state, r), refused)
-            if r.gain > SURE and not is_said and is_beyond(self.lab, by_chance, state, r):
-                after = self.adding.where_promising(state, r)
-                if after is None:
-                    refused.append((r, _moves_of(state, r)))
-                elif self._is_acceptable(state, (r, after), refused, by_chance):
-                    others = [other for other in behind if other is not r]
-                    return _Accepted(r, after, [(r, after)], others)
-        return None
-
-    def _is_acceptable(
-        self,
-        state: State,
-        candidate: tuple[Refined, State],
-        refused: list[tuple[Refined, np.ndarray]],
-        by_chance: Chance,
-    ) -> bool:
-        """Whether a simulated candidate is accepted; if not it joins the refused, with what it moves."""
-        r, after = candidate
-        moves = moves_of(state, after)
-        accepted = (
-            not self._is_said(state, r, moves, refused)
-            and explains(self.lab.statistics, state, after)
-            and recurs_so(state.fitted, after.fitted, np.abs(state.z) > OFF, self.lab.confirming)
-            and self._improves(state, after, r.gain, by_chance)
-        )
-        if not accepted:
-            refused.append((r, moves))
-        return accepted
-
-    @staticmethod
-    def _is_said(
-        state: State, candidate: Refined, moves: np.ndarray, refused: Sequence[tuple[Refined, np.ndarray]]
-    ) -> bool:
-        """Whether one that was refused says the same as a candidate with these moves, and more."""
-        return any(
-            candidate.gain < other.gain - DECISIVE and says_the_same(state, moves, others)
-            for other, others in refused
-        )
-
     def _starts(self, state: State) -> list[Fitted]:
         """Cameras from which effects are tried: the refitted one; where that lies far off, first the one given.
 
@@ -401,94 +261,8 @@ class _Search:
     def _unfitted(self) -> Fitted:
         return Fitted.unfitted(self.lab, self.first)
 
-    def _improves(self, before: State, after: State, gain: float, by_chance: Chance) -> bool:
-        both = ((before.fitted, after.fitted), (after.fitted, before.fitted))
-        pairs = [(self.errors.found(x, y), self.errors.confirmed(x, y)) for x, y in both]
-        # by the refit, where the camera's own numbers follow the effect far; by the effect itself, where they hide it
-        taken = [before.fitted.whole_residual - after.fitted.whole_residual]
-        taken += [] if after.moves is None else [self.lab.whole_of(after.moves)]
-        beyond = any(by_chance.p_value_of(way) <= SIGNIFICANT for way in taken)
-        # no statistic stands out any more; asked after every effect that would be by chance too often, so only of a second one
-        completes = len(before.accepted) == 1 and after.p_value > SIGNIFICANT
-        has_a_case = beyond and (gain > SURE or completes) and acts_elsewhere(before, after)
-        again, in_order = is_there_again(before, after), disturbs_nothing(before, after)
-        return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case, again, in_order)
-
-    def _is_worth_telling(self, state: State) -> bool:
-        """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding.
-
-        Unless it stands far out where no accepted effect acts: it is a trace of their error, and none of their forms.
-        """
-        error = self.errors.found(state.fitted)
-        if not state.accepted or error is None or error.low > TRACE or error.high > MUCH:
-            return True
-        scale = state.fitted.reference.whole_null.scale
-        elsewhere = state.whole_allowance < scale
-        return bool(np.abs(state.whole_z[elsewhere]).max(initial=0.0) > APART)
-
-    def _is_no_explanation(self, missing: bool) -> bool:
-        """Whether the last effect explains nothing: much surely stays, under a spread or, beside a rest, where the effect acts."""
-        error = self.steps[-1].error
-        before, state = self.walk[-2:]
-        if error is None or error.low <= STAYS:
-            return False
-        if missing and owes(self.lab.statistics, before, state):
-            return True
-        without, with_it = before.fitted, state.fitted
-        was, now = self.errors.found(without, with_it), self.errors.found(with_it, without)
-        hardly_falls = was is not None and now is not None and now.value > COVERS * was.value
-        return hardly_falls and only_covers(without, with_it, np.abs(before.z) > OFF)
-
-    def _is_far_off(self, state: State) -> bool:
-        """Whether the error surely stays large though the camera holds: a spread that covers anything explains little.
-
-        Nor does a form that is far from the catalogue's, which the effect's own allowance would hide. Not where nothing stands out:
-        of faint effects the error is mostly noise.
-        """
-        error = self.steps[-1].error
-        return bool(state.accepted) and error is not None and error.low > MUCH and _stands_out(state)
-
-    def _form(self, state: State) -> str | None:
-        """What the forms of accepted effects leave over, in words."""
-        if not state.accepted or not _stands_out(state):
-            return None
-        plain = np.abs(_plain_z(state))
-        i = int(plain.argmax())
-        s = self._of_all[i]
-        return (
-            f"What is left belongs to the form of {' and '.join(state.accepted)}, which is not quite the catalogue's: "
-            f"most of all {s.name} of {s.frames} ({s.view.replace('_', ' ')}), {plain[i]:.1f} standard deviations off."
-        )
-
-    def _cannot_show(self, first: Reference) -> tuple[str, ...]:
-        seen: dict[str, float] = {}
-        for trial, signature, variance in zip(
-            self.signs.trials, self.signs.values, self.signs.variances, strict=True
-        ):
-            z = np.abs(standardised(signature, first.null_scale)) + standardised(
-                np.sqrt(variance), first.null_scale
-            )
-            seen[trial.effect] = max(seen.get(trial.effect, 0.0), float(z.max()))
-        return tuple(effect for effect, z in seen.items() if z < 3)
-
     def _sequence_numbers(self) -> dict[str, list[int]]:
         records, folds = self.lab.frames.records, self.lab.folds
         return {
             name: [records[i].sequence for i in getattr(folds, name)] for name in ("fit", "select", "confirm")
         }
-
-
-def _moves_of(state: State, candidate: Refined) -> np.ndarray:
-    """How far a candidate that was not simulated in full moves each statistic of the frames that find."""
-    return state.fitted.residual - candidate.residual
-
-
-def _plain_z(state: State) -> np.ndarray:
-    """What is left in all frames in standard deviations, nothing allowed for forms."""
-    return standardised(state.fitted.whole_residual, state.fitted.reference.whole_null.scale)
-
-
-def _stands_out(state: State) -> bool:
-    """Whether some statistic is further off than a camera that lacks nothing would leave it, nothing allowed for forms."""
-    largest = float(np.abs(_plain_z(state)).max())
-    return largest > float(np.quantile(state.fitted.reference.largest, 1 - SIGNIFICANT))

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.diagnosis.fit import Report
+from visaug.diagnosis.reference import Report
 from visaug.fingerprint import fingerprint
 from visaug.frames import FrameSet
 from visaug.frames.plan import default_plan

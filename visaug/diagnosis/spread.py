@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.diagnosis.fit import Fitted, Null, standardised
+from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.parameters import Coordinate, moved
+from visaug.diagnosis.reference import Null
+from visaug.diagnosis.robust import standardised
 
 WIDENED = 1.5  # factor from which an effect gives a statistic a spread of its own,
 WIDE = 2.0  # and from which that spread is nearly all

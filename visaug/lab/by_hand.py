@@ -9,12 +9,15 @@ from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.candidates import looked, trials
 from visaug.diagnosis.errors import Errors
-from visaug.diagnosis.fit import Reference, Report, refit
+from visaug.diagnosis.fit import refit
+from visaug.diagnosis.matches import matches
 from visaug.diagnosis.naming import SIGNIFICANT, from_other_starts
 from visaug.diagnosis.parameters import base_coordinates
-from visaug.diagnosis.rank import matches, refine, signatures
+from visaug.diagnosis.reference import Reference, Report
+from visaug.diagnosis.refinement import refine
 from visaug.diagnosis.result import estimates
 from visaug.diagnosis.search import SETS
+from visaug.diagnosis.signatures import signatures
 from visaug.effects import catalogue
 from visaug.errors import InputError
 from visaug.frames import FrameSet

@@ -1,0 +1,184 @@
+"""Steps, derivatives, references and refits against linear algebra that is done by hand."""
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.small import Hidden, frame_set
+from visaug.comparison import Laboratory
+from visaug.diagnosis import fit
+from visaug.diagnosis.climb import newton
+from visaug.diagnosis.fit import bias_level, refit
+from visaug.diagnosis.parameters import base_coordinates, intervals, moved
+from visaug.diagnosis.reference import PAIRS, USES, Null, Reference, Sample, derivatives, make_reference
+from visaug.diagnosis.robust import adjust
+
+
+def test_adjust_solves_the_linear_problem_and_ignores_outliers():
+    rng = np.random.default_rng(0)
+    slopes = rng.normal(size=(200, 3)) * 10
+    truth = np.array([0.3, -0.2, 0.1])
+    residual = slopes @ truth + rng.normal(size=200)
+    wide = np.full(3, 100.0)
+    step = adjust(residual[None], slopes, np.ones(200), wide)[0]
+    # standard error 1/(10 sqrt(200)) = 0.007: five of them
+    np.testing.assert_allclose(step, truth, atol=0.036)
+    residual[:20] += 1000
+    np.testing.assert_allclose(adjust(residual[None], slopes, np.ones(200), wide)[0], truth, atol=0.06)
+
+
+def test_a_number_that_few_statistics_tell_is_fitted_beside_one_that_all_tell():
+    """A black level moves what thousands of pixels say to a hundredth of a DN, the share of missing codes one count."""
+    slopes = np.column_stack([np.full(800, 5e3), np.r_[3.3, np.zeros(799)]])
+    residual = slopes @ np.array([0.02, 0.4])
+    step = adjust(residual[None], slopes, np.ones(800), np.array([30.0, 1.5]))[0]
+    expected = 0.4 * 3.3**2 / (3.3**2 + 1 / 1.5**2)  # least squares with the prior
+    assert step[0] == pytest.approx(0.02, rel=1e-6)
+    assert step[1] == pytest.approx(expected, rel=1e-3)
+
+
+class Wavering:
+    """Sets of 401 statistics: the first answers the black level, the others are drawn anew wherever that moves."""
+
+    def __init__(self):
+        self.asked = []
+
+    def simulated(self, jobs, report):
+        self.asked += [number for _, number in jobs]
+        return [
+            np.array([self._set(camera.values()["black_level_dn"], number) for camera, number in jobs])
+        ] * 3
+
+    @staticmethod
+    def _set(level, number):
+        return np.r_[level, np.random.default_rng([number, round(1e6 * level)]).normal(size=400)]
+
+
+def test_what_answers_by_chance_has_hardly_a_derivative(stated):
+    free = [c for c in base_coordinates(stated, frame_set(0), True) if c.path == "black_level_dn"]
+    lab = Wavering()
+    (slopes, *_) = derivatives(lab, stated, free, lambda *_: None, np.ones(401))
+    assert slopes[0, 0] == pytest.approx(1.0)
+    # Half the difference of two unit normals, eight times: 0.25 rms, 0.41 with three. What is drawn to 0 by the true standard
+    # error keeps 0.58 of it, 0.144; by that of eight pairs, whose variance is known to half of itself, a little more.
+    assert np.sqrt((slopes[1:, 0] ** 2).mean()) == pytest.approx(0.15, rel=0.15)
+    assert max(lab.asked) >= PAIRS
+    sure = Wavering()
+    derivatives(sure, stated, free, lambda *_: None, np.r_[1e-3, np.full(400, 1e3)])
+    assert max(sure.asked) == PAIRS - 1  # noise that counts for nothing costs nothing
+
+
+def test_a_number_that_the_frames_do_not_tell_has_the_width_of_its_prior(stated):
+    """Two numbers; statistics answer the first alone."""
+    rng = np.random.default_rng(0)
+    free = [
+        c
+        for c in base_coordinates(stated, frame_set(0), True)
+        if c.path in ("read_noise.sigma_e", "quantum_efficiency")
+    ]
+    slopes = np.column_stack([np.full(50, 20.0), np.zeros(50)])
+    sample = Sample(rng.normal(size=(200, 50)), slopes, np.zeros(50))
+    reference = Reference(stated, tuple(free), sample, sample, sample)
+    assert reference.untold[0] < 0.01
+    assert reference.untold[1] == pytest.approx(free[1].prior)
+    found = intervals(free, stated, reference.null_steps, reference.untold)
+    (known, *bounds), (unknown, low, high) = (found[c.path] for c in free)
+    # 50 statistics of standard deviation 1 that answer by 20: 1.96 / (20 sqrt(50)), to 4 standard errors of 200 sets
+    assert np.log(np.divide(bounds, known)) == pytest.approx([-0.0139, 0.0139], rel=0.2)
+    assert np.log(np.divide((low, high), unknown)) == pytest.approx(
+        [-1.96 * free[1].prior, 1.96 * free[1].prior]
+    )
+
+
+def test_coordinates_round_trip(stated):
+    free = base_coordinates(stated, frame_set(0), True)
+    same = moved(stated, free, [c.read(stated) for c in free])
+    for path, value in stated.values().items():
+        assert same.values()[path] == pytest.approx(value, rel=1e-9)
+
+
+def test_a_black_level_far_from_the_file_is_found(stated):
+    """60 DN off, two standard deviations of its prior; the mean of 12 bias frames is known to 0.05 DN with its pattern."""
+    off = stated.replace({"black_level_dn": stated.values()["black_level_dn"] + 60})
+    lab = Laboratory(frame_set(5), off)
+    coordinates = base_coordinates(off, lab.frames, True)
+    reference = make_reference(lab, off, coordinates, 16, lambda *_: None)
+    fitted = refit(lab, reference, lambda *_: None)
+    assert fitted.camera.values()["black_level_dn"] == pytest.approx(120, abs=1)
+
+
+def test_a_set_does_not_widen_its_own_measure():
+    """One of 20 sets is 6 standard deviations of the others off: told as 6, not as the 3.5 that it makes of itself."""
+    rng = np.random.default_rng(5)
+    residuals = rng.normal(size=(20, 1))
+    residuals -= residuals.mean(0)
+    residuals[7] = 6 * np.sqrt(np.mean(np.delete(residuals, 7, 0) ** 2) * 19 / 18)
+    null = Null(residuals, np.full(1, 1e-9), np.zeros((1, 1)), np.ones(1))
+    assert null.largest[7] == pytest.approx(6)
+    assert abs(residuals[7, 0]) / null.scale[0] < 4
+
+
+def test_the_black_level_leaves_where_the_full_well_cuts(stated):
+    """In DN: else a fit that moves one would have to move the other to one part in 100 000."""
+    free = base_coordinates(stated, frame_set(0), True)
+    at = [c.read(stated) for c in free]
+    there = moved(
+        stated, free, [x + 7.0 * (c.path == "black_level_dn") for x, c in zip(at, free, strict=True)]
+    )
+    before, after = (c.values() for c in (stated, there))
+    assert after["black_level_dn"] == before["black_level_dn"] + 7.0
+    cut = [v["full_well_e"] / v["gain_e_per_dn"] + v["black_level_dn"] for v in (before, after)]
+    assert cut[1] == pytest.approx(cut[0], rel=1e-12)
+    assert any(c.path == "full_well_e" for c in free)
+
+
+def test_a_refit_may_begin_elsewhere(stated):
+    lab = Laboratory(frame_set(5), stated, 0)
+    free = [c for c in base_coordinates(stated, lab.frames, True) if c.path == "quantum_efficiency"]
+    reference = make_reference(lab, stated, free, 24, lambda *_: None)
+    known = reference.null_steps.std()
+    begin = moved(stated, free, [c.read(stated) + 40 * known for c in free])
+    here, there = refit(lab, reference, lambda *_: None), refit(lab, reference, lambda *_: None, begin)
+    apart = [free[0].read(f.camera) for f in (here, there)]
+    assert abs(apart[0] - apart[1]) < 0.5 * known
+    assert there.misfit == pytest.approx(here.misfit, rel=0.01)
+
+
+def test_a_reference_that_was_begun_goes_on_where_it_was(stated):
+    lab = Laboratory(frame_set(5), stated, 0)
+    free = [c for c in base_coordinates(stated, lab.frames, True) if c.path == "quantum_efficiency"]
+    few, many = (make_reference(lab, stated, free, n, lambda *_: None) for n in (4, 9))
+    told = []
+    again = make_reference(lab, stated, free, 9, lambda *tick: told.append(tick[1:]), begun=few)
+    for use in USES:
+        assert np.array_equal(getattr(again, use).sets, getattr(many, use).sets)
+        assert np.array_equal(getattr(again, use).slopes, getattr(many, use).slopes)
+    assert told == [(n, 9) for n in range(5, 10)]
+
+
+def test_a_fit_that_takes_the_bias_level_for_an_outlier_begins_again(stated, monkeypatch):
+    """Rows of the lower half lie 4 e- low: bits of the dark frames hold the black level where it was."""
+
+    def lower_half(x, strength, moment):
+        return x - strength * (np.arange(len(x))[:, None] >= len(x) // 2)
+
+    lab = Laboratory(frame_set(5, (Hidden("lower half", "voltage", lower_half, 4.0),)), stated)
+    reference = make_reference(lab, stated, base_coordinates(stated, lab.frames, True), 24, lambda *_: None)
+    level = bias_level(lab.statistics)
+    again = refit(lab, reference, lambda *_: None)
+    monkeypatch.setattr(fit, "OFF_BLACK", np.inf)
+    held = refit(lab, reference, lambda *_: None)
+    assert abs(held.z[level]) > 10
+    assert abs(again.z[level]) < 0.7 * abs(held.z[level])
+    assert again.misfit < held.misfit
+
+
+def test_noise_of_derivatives_does_not_shorten_the_step():
+    """Derivatives of size 1 under noise of three times their size: the step is told within a fifth (4 standard errors)."""
+    rng = np.random.default_rng(5)
+    count, twins, truth = 20000, 6, 2.0
+    design = 1.0 + 3.0 * rng.standard_normal((1, twins, count))
+    left = truth + rng.standard_normal((twins, count))
+    step = newton(design, left, np.array([100.0]))
+    assert step[0] == pytest.approx(truth, rel=0.2)
+    whole, pull = design.mean(1)[0], left.mean(0)
+    assert whole @ pull / (whole @ whole) < 0.5 * truth  # what products of the same twins give

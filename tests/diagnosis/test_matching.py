@@ -1,0 +1,215 @@
+"""Laws, signatures and rivals: which candidate matches what is left."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from visaug import Camera
+from visaug.diagnosis import naming, refinement
+from visaug.diagnosis.acceptance import State
+from visaug.diagnosis.candidates import Trial
+from visaug.diagnosis.fit import Fitted
+from visaug.diagnosis.law import Metric, law, scatter_along, shrunk
+from visaug.diagnosis.matches import Match, best_of_each
+from visaug.diagnosis.naming import first_matches
+from visaug.diagnosis.reference import Null
+from visaug.diagnosis.refinement import Refined
+from visaug.diagnosis.signatures import Signatures
+
+
+def test_shrinkage_keeps_strong_correlations_and_drops_chance():
+    rng = np.random.default_rng(1)
+    base = rng.normal(size=(300, 40))
+    base[:, 1] = base[:, 0]
+    correlation = shrunk(base)
+    assert correlation[0, 1] > 5 * np.abs(correlation[2:, 2:] - np.eye(38)).max() or correlation[0, 1] > 0.4
+    assert np.linalg.eigvalsh(correlation).min() > 0
+    np.testing.assert_allclose(np.diag(correlation), 1)
+
+
+def test_scatter_tells_how_far_a_law_is_wrong_about_new_sets():
+    """300 statistics of 100 sets that share five modes: how far the law of these sets is wrong about new ones."""
+    rng = np.random.default_rng(6)
+    modes = rng.normal(size=(5, 300))
+
+    def sets(count: int) -> np.ndarray:
+        return rng.normal(size=(count, 300)) + 0.5 * rng.normal(size=(count, 5)) @ modes
+
+    null = Null(sets(100), np.full(300, 1e-9), np.zeros((300, 1)), np.ones(1))
+    nothing = np.zeros(300)
+    m = law(null, nothing)
+    ways = np.vstack([modes, nothing])
+    told = scatter_along(null, nothing, ways)
+    white = m.white(modes)
+    new = ((m.white(sets(1000)) @ white.T) ** 2).mean(0) / (white**2).sum(1)
+    assert new.min() > 2
+    np.testing.assert_allclose(told[:5], new, rtol=0.4)
+    assert told[5] == 1
+
+
+def test_a_law_widened_in_a_few_statistics_is_the_law_of_the_wider_covariance():
+    rng = np.random.default_rng(7)
+    mixing = rng.normal(size=(40, 40)) / 6 + np.eye(40)
+    m = Metric(np.arange(50) < 40, rng.uniform(0.5, 2, 40), mixing @ mixing.T)
+    residual, variance = rng.normal(size=50) * 5, np.where(np.arange(50) % 7 == 0, 30.0, 0.0)
+    expected = m.widened(variance).log_likelihood(residual)
+    assert m.widened_log_likelihood(residual, variance) == pytest.approx(expected, rel=1e-9)
+    assert expected > m.log_likelihood(residual) + 1
+
+
+def standing(residual: np.ndarray) -> Fitted:
+    """What is left of a camera whose statistics are independent, in standard deviations."""
+    count = len(residual)
+    null = np.random.default_rng(3).normal(size=(400, count))
+    scale = np.ones(count)
+    reference = SimpleNamespace(null=Null(null, scale, np.zeros((count, 1)), np.ones(1)), null_scale=scale)
+    return Fitted(reference, None, residual, np.zeros(count), residual)  # pyright: ignore[reportArgumentType]
+
+
+def a_trial(path: str, looked: bool = False) -> Trial:
+    return Trial(path.split(".")[0], ((path, 0.1),), looked=looked)
+
+
+def test_an_effect_of_one_statistic_is_tried_beside_one_of_many():
+    """A pattern in the longest dark, fourteen deviations off, beside a seam that a little of everything resembles."""
+    one, many = np.zeros(60), np.zeros(60)
+    one[0], many[10:40] = 14.0, 1.4
+    tried = (a_trial("dark_current_nonuniformity.spread"), a_trial("tap_mismatch.gain"))
+    signs = Signatures(tried, np.array([one, many]), np.zeros((2, 60)))
+    _, chosen = first_matches(signs, standing(one + many), frozenset(), 0.0)
+    assert [m.trial.effect for m in chosen] == ["tap_mismatch", "dark_current_nonuniformity"]
+
+
+def test_what_was_seen_in_the_frames_takes_no_effects_place():
+    """A step that chance made in the columns resembles them best; charge in every frame is what moves the skewness."""
+    one, many = np.zeros(60), np.zeros(60)
+    one[0], many[10:40] = 4.5, 1.4
+    tried = (a_trial("clock_induced_charge.mean_e"), a_trial("tap_mismatch.gain", looked=True))
+    signs = Signatures(tried, np.array([one, many]), np.zeros((2, 60)))
+    _, chosen = first_matches(signs, standing(one + many), frozenset(), 0.0)
+    assert [m.trial.effect for m in chosen] == ["tap_mismatch", "clock_induced_charge"]
+
+
+def test_rare_events_are_tried_where_something_stands_far_out():
+    """A single track is two hundred deviations off in one statistic: with its form left wide open it gains next to nothing."""
+    track, glow = np.zeros(60), np.zeros(60)
+    track[:3], glow[10:40] = 200.0, 1.4
+    signs = Signatures(
+        (a_trial("cosmic_rays.rate_per_mpx_s"), a_trial("amplifier_glow.rate_e_per_s")),
+        np.array([track, glow]),
+        np.array([track**2, np.zeros(60)]),
+    )
+    _, chosen = first_matches(signs, standing(0.7 * track + glow), frozenset(), 0.0)
+    assert [m.trial.effect for m in chosen] == ["amplifier_glow", "cosmic_rays"]
+
+
+def test_the_least_scaled_of_an_effects_good_trials_is_where_it_starts():
+    nothing = np.zeros(3)
+
+    def match(sigma: float, gain: float, scale: float) -> Match:
+        return Match(Trial("point_spread", (("point_spread.sigma_px", sigma),)), gain, scale, nothing)
+
+    wide, near, poor = match(0.6, 10.0, 0.001), match(0.12, 9.0, 2.0), match(0.3, 5.0, 1.0)
+    other = Match(Trial("blooming", (("blooming.share", 0.1),)), 9.5, 0.3, nothing)
+    assert best_of_each([wide, other, near, poor]) == [other, near]
+
+
+def refined(effect: str, camera: Camera, gain: float, cost: float) -> Refined:
+    return Refined(effect, camera, (), np.zeros(0), gain, np.full(4, 20.0), np.zeros(4), cost)
+
+
+def leaving(residual) -> State:
+    left = np.array(residual, float)
+    reference = SimpleNamespace(null_scale=np.ones(len(left)), coordinates=())
+    return State.plain(Fitted(reference, None, left, left, left))  # pyright: ignore[reportArgumentType]
+
+
+def test_of_two_that_say_the_same_the_simpler_is_taken(stated, monkeypatch):
+    """A flare without its ghost is a veil: which of them simulations favour a little is their noise."""
+    before, after, elsewhere = leaving([100, 80, 60, 0]), leaving([1, 0, 2, 0]), leaving([1, 0, 2, 30])
+    flare, veil = refined("lens_flare", stated, 1890.0, 5.0), refined("veiling_glare", stated, 1900.0, 2.0)
+    simulated = [(veil, leaving([0, 1, 0, 1])), (flare, after)]
+    density = {id(after.fitted): 60.0, id(elsewhere.fitted): -300.0}
+    monkeypatch.setattr(naming, "log_density", lambda fitted, *_: density.get(id(fitted), 0.0))
+    assert [r.effect for r, _ in naming.decided(before, simulated)] == ["veiling_glare", "lens_flare"]
+    other = [(veil, elsewhere), (flare, after)]  # it says another thing, and far less well
+    assert [r.effect for r, _ in naming.decided(before, other)] == ["lens_flare", "veiling_glare"]
+
+
+def test_what_no_rival_explains_does_not_tell_rivals_apart():
+    """5350 or 5340 standard deviations of what blooms, beside a veil and beside a flare."""
+    before = leaving([7000.0, 100, 60, 40])
+    left = naming._anothers(before, [leaving([5350.0, 1, 50, 31]), leaving([5340.0, 60, 45, 1])])
+    assert left.tolist() == [True, False, True, False]
+
+
+def test_other_words_are_tried_first_with_the_numbers_that_were_found(stated, monkeypatch):
+    found = stated.with_effect("vignetting", corner_loss=0.17, power=1.8)
+    begun: list[dict] = []
+
+    def refine(lab, fitted, match, *_, **__):
+        begun.append(dict(match.trial.values))
+        return refined("vignetting", found, 50.0, 2.0)
+
+    monkeypatch.setattr(naming, "refine", refine)
+
+    def match(**values) -> Match:
+        named = tuple((f"vignetting.{key}", value) for key, value in values.items())
+        return Match(Trial("vignetting", named), 9.0, 1.0, np.zeros(4))
+
+    others = [match(corner_loss=0.3, power=4.0), match(corner_loss=0.3, law="cos4")]
+    best = refined("vignetting", found, 60.0, 2.0)
+    fitted = leaving([100, 80, 60, 0]).fitted
+    assert naming.from_other_starts(None, fitted, best, others, lambda *_: None, 0.0) is best  # pyright: ignore[reportArgumentType]
+    first, second = begun
+    assert (first["vignetting.law"], first["vignetting.corner_loss"]) == ("cos4", pytest.approx(0.17))
+    assert second == {"vignetting.corner_loss": 0.3, "vignetting.power": 4.0}
+
+
+def test_what_only_one_of_two_moves_is_no_matter_of_form():
+    """A blur of the light in place of crosstalk: all edges come back, and the noise, which it leaves, stays correlated a little."""
+
+    def rival(left: np.ndarray, gain: float):
+        return SimpleNamespace(gain=gain), SimpleNamespace(fitted=SimpleNamespace(residual=left))
+
+    edges, noise = np.full(6, 100.0), np.full(30, 2.2)
+    reference = SimpleNamespace(null_scale=np.ones(36))
+
+    def alike(noise_before: np.ndarray, noise_left: np.ndarray) -> bool:
+        state = SimpleNamespace(
+            fitted=SimpleNamespace(reference=reference, residual=np.append(edges, noise_before))
+        )
+        first, other = rival(np.zeros(36), 1000.0), rival(np.append(np.ones(6), noise_left), 950.0)
+        return naming._is_alike(state, first, other)  # type: ignore[arg-type]
+
+    assert not alike(noise, noise)
+    assert alike(noise, 0.3 * noise)  # it moves them too, in a form of its own
+    assert alike(0.1 * noise, 0.1 * noise)
+
+
+def test_between_two_widths_the_one_whose_moves_are_as_large_as_what_is_left(stated):
+    """What a blur moves grows as the fourth power of its width or faster; 0.2 and 0.6 px are both far off 0.47."""
+    a, b = (stated.with_effect("point_spread", sigma_px=sigma) for sigma in (0.2, 0.6))
+
+    def wanted(camera: Camera) -> float:
+        sigma = camera.values()["point_spread.sigma_px"]
+        return 4 * np.log(0.47 / sigma) - 3 * (sigma - 0.47)
+
+    found = refinement._balanced(a, b, wanted(a), wanted(b), ["point_spread.sigma_px"], wanted)
+    assert found.values()["point_spread.sigma_px"] == pytest.approx(0.47, rel=0.01)
+
+
+def test_a_width_between_one_that_moves_nothing_and_one_that_moves_far_too_much(stated):
+    """0.04 px of blur is nothing at all, 0.2 px a hundredfold of what 0.13 px is."""
+    pattern = np.array([8.0, -3.0, 1.0])
+
+    def finding(jobs) -> np.ndarray:
+        sigma = [camera.values().get("point_spread.sigma_px", 0.0) for camera, _ in jobs]
+        return np.array([(s / 0.13) ** 10 * pattern * (s > 0.05) for s in sigma])
+
+    reference = SimpleNamespace(null_scale=np.ones(3), coordinates=())
+    fitted = SimpleNamespace(reference=reference, camera=stated, z=pattern)
+    beside = [Trial("point_spread", (("point_spread.sigma_px", sigma),)) for sigma in (0.04, 0.2, 0.6)]
+    starts = refinement._among(SimpleNamespace(finding=finding), fitted, beside)  # type: ignore[arg-type]
+    assert starts[-1].values()["point_spread.sigma_px"] == pytest.approx(0.13, rel=0.05)

@@ -1,0 +1,97 @@
+"""Which trial's signature best matches what the refitted camera leaves over."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from visaug.diagnosis.candidates import Trial
+from visaug.diagnosis.fit import Fitted
+from visaug.diagnosis.law import ROUGH, Metric, metric, scatter_along
+from visaug.diagnosis.signatures import Signatures
+
+CHANCE = (
+    5.0  # log likelihood that the best of a hundred ways gains by chance, where a law is right about them
+)
+SCALES = (0.03, 0.1, 0.3, 0.6, 1.0, 1.6)
+ALMOST = 0.8  # of the gain of an effect's best trial
+
+
+@dataclass(frozen=True)
+class Match:
+    """An effect's best trial.
+
+    Attributes:
+        gain: by how much it raises the logarithm of the residual's likelihood, see `scatter_along`.
+        scale: by how much the trial's signature wants to be multiplied.
+        variance: what spread it brings at that scale, per statistic.
+    """
+
+    trial: Trial
+    gain: float
+    scale: float
+    variance: np.ndarray
+
+
+def matches(
+    signed: Signatures,
+    fitted: Fitted,
+    without: frozenset[str] = frozenset(),
+    allowance: np.ndarray | float = 0.0,
+    form: float = ROUGH,
+) -> list[Match]:
+    """Of every trial, best first.
+
+    Args:
+        form: see `metric`.
+    """
+    m = metric(fitted, form, allowance)
+    nothing = m.log_likelihood(fitted.residual)
+    residual = m.white(fitted.residual)
+    wide = scatter_along(fitted.reference.null, np.hypot(form * fitted.residual, allowance), signed.values)
+    found = [
+        _match(m, trial, signature, variance, fitted.residual, residual, share, nothing)
+        for trial, signature, variance, share in zip(
+            signed.trials, signed.values, signed.variances, wide, strict=True
+        )
+        if trial.effect not in without
+    ]
+    return sorted(found, key=lambda match: -match.gain)
+
+
+def best_of_each(found: Sequence[Match]) -> list[Match]:
+    """The best trial of every effect, and the best that comes from a look, best first.
+
+    Of trials that gain almost as much it is the one that wants to be scaled least: strengths do not act in proportion, and
+    the small one of a wide blur is not a narrow blur.
+    """
+    best: dict[tuple[str, bool], Match] = {}
+    for match in found:
+        kind = (match.trial.effect, match.trial.looked)
+        top = best.setdefault(kind, match)
+        alike = match.gain > ALMOST * top.gain and match.trial.form == top.trial.form
+        if alike and extrapolation(match) < extrapolation(top):
+            best[kind] = match
+    return sorted(best.values(), key=lambda match: -match.gain)
+
+
+def extrapolation(match: Match) -> float:
+    return abs(np.log(max(match.scale, 1e-9)))
+
+
+def _match(
+    m: Metric, trial: Trial, signature, variance, residual, white_residual, wide: float, nothing: float
+) -> Match:
+    fixed = trial.is_fixed
+    spread = variance[m.used] / m.scale**2
+    if spread.max() < 2 and spread.mean() < 0.1:
+        d = m.white(signature)
+        scale = 1.0 if fixed else max(float(d @ white_residual) / max(float(d @ d), 1e-12), 0.0)
+        gain = scale * float(d @ white_residual) - 0.5 * scale**2 * float(d @ d)
+        return Match(trial, gain - CHANCE * (wide - 1), scale, np.zeros_like(variance))
+    tried = [
+        (m.widened_log_likelihood(residual - c * signature, c**2 * variance) - nothing, c)
+        for c in ((1.0,) if fixed else SCALES)
+    ]
+    gain, scale = max(tried)
+    return Match(trial, gain, scale, scale**2 * variance)
