@@ -10,6 +10,7 @@ from tests.diagnosis.residuals import spread, state
 from visaug.comparison import Error
 from visaug.diagnosis.acceptance import (
     State,
+    _along,
     acts_elsewhere,
     disturbs_nothing,
     explains,
@@ -141,6 +142,12 @@ def test_a_faint_effect_must_bring_back_what_is_furthest_off():
     assert accepted([3.5, 3.5, 4.1], [0.5, 0.5, 4.1], [3, 3, 0])  # as one of a thousand is by chance
 
 
+def test_a_faint_effect_counts_where_the_cameras_own_numbers_follow_it_far():
+    """Charge in every frame moves the level one way, the black level takes it back the other: only the refit tells what is gone."""
+    assert accepted([3.9, 3.6], [1.0, 0.5], [0.2, -8.0])
+    assert not accepted([3.9, 3.6], [3.6, 3.3], [0.2, -8.0])  # hardly any of it is
+
+
 def test_a_faint_effect_is_no_guess_where_much_is_off():
     """A refit may bring back what is off, with an effect that moves nothing of it."""
     few, many = [30.0] * 5, [30.0] * 20
@@ -150,13 +157,16 @@ def test_a_faint_effect_is_no_guess_where_much_is_off():
 
 def test_what_the_cameras_own_numbers_undo_does_not_count():
     """Charge in every frame moves the level far, which the black level takes back, and the skewness, which nothing does."""
-    before, after = state([0.5, 3.5]), state([0.5, 0.5], np.array([60.0, 3.5]))
+    moves = np.array([60.0, 3.5])
+    before, after = state([0.5, 3.5]), state([0.5, 0.5], moves)
     statistics = [SimpleNamespace(view="level"), SimpleNamespace(view="tails")]
-    assert not explains(statistics, before, after)  # type: ignore[arg-type]
+    assert not explains(statistics, before, state([-59.5, 0.0], moves))  # type: ignore[arg-type]
+    assert _along(before, after, moves)[0] == pytest.approx((0.5 * 60 + 3.5 * 3.5) / 60.1, abs=0.01)
     black = np.array([[50.0], [0.0]])
     for s in (before, after):
         reference = s.fitted.reference
         reference.null = replace(reference.null, slopes=black, priors=np.array([30.0]))
+    assert _along(before, after, moves) == pytest.approx((3.5, 0.5), abs=0.01)
     assert explains(statistics, before, after)  # type: ignore[arg-type]
 
 

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import pytest
+from independent import effects
 
 from tests.diagnosis.small import PLAN, SENSOR, frame_set, row_noise
 from visaug import Camera, InputError
@@ -88,6 +89,29 @@ def test_bias_frames_alone(stated):
     found = diagnose(stated, frame_set(6, sensor=sensor, plan=tuple(PLAN[:12])), sets=SETS)
     assert found.accepted == ()
     assert {"nonlinearity", "vignetting", "amplifier_glow"} <= set(found.cannot_show)
+
+
+def test_dark_frames_of_one_exposure_alone(stated):
+    """They are their own bias frames; 20 e-/s of glow in a corner, 2 s."""
+    darks = tuple([PLAN[-16]] * 12)
+    assert {(s.kind, s.seconds, s.celsius) for s in darks} == {("dark", 2.0, 30.0)}
+    glow = effects.BY_NAME["amplifier_glow"].at(20.0)
+    found = diagnose(stated, frame_set(8, [glow], plan=darks), sets=SETS)
+    assert found.accepted == ("amplifier_glow",)
+    assert {"nonlinearity", "vignetting", "image_lag"} <= set(found.cannot_show)
+
+
+def test_what_frames_cannot_tell_apart_is_ambiguous_until_those_are_there_that_can(stated):
+    """A step of 3 e- between two halves, with a gain of its own that only light shows."""
+    step = effects.BY_NAME["tap_mismatch"].at(3.0)
+    alone = diagnose(stated, frame_set(77, [step], plan=tuple(PLAN[:12])), sets=SETS)
+    (pair,) = alone.ambiguous
+    assert set(pair["effects"]) == {"tap_mismatch", "fixed_pattern_structure"}
+    assert pair["measure"].startswith("flats")
+    assert len(alone.accepted) == 1
+    both = diagnose(stated, frame_set(77, [step]), sets=SETS)
+    assert both.accepted == ("tap_mismatch",)
+    assert both.ambiguous == ()
 
 
 def test_a_wrong_name_is_refused(stated):

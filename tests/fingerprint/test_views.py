@@ -194,3 +194,36 @@ def test_white_noise_has_no_lone_pixels(slow):
     """Beyond 8 robust deviations comes one normal number in 10^14; a slope of the field is no pixel's own."""
     image = np.random.default_rng(4).normal(0, 1, (ROWS, COLUMNS)) + slow * np.arange(COLUMNS)
     assert np.array_equal(without_lone_pixels(image.astype(np.float32)), image.astype(np.float32))
+
+
+def plan_of(*conditions) -> FrameSet:
+    """Three frames under each condition: kind, exposure, temperature, photons, clean."""
+    rng = np.random.default_rng(3)
+    records = [
+        FrameRecord(3 * k + i, f"{k}-{i}.npy", kind, exposure, temperature, 0.0, photons, clean)
+        for k, (kind, exposure, temperature, photons, clean) in enumerate(conditions)
+        for i in range(3)
+    ]
+    cleans = {clean: np.full((ROWS, COLUMNS), 50.0, np.float32) for *_, clean in conditions if clean}
+    return FrameSet.from_arrays(records, [white(rng, 0).astype(np.float32) for _ in records], cleans)
+
+
+@pytest.mark.parametrize(
+    "conditions",
+    [
+        [("dark", 2.0, 20.0, None, None)],
+        [("dark", 0.2, 20.0, None, None), ("dark", 2.0, 20.0, None, None)],
+        [("bias", 0.0, 20.0, None, None), ("bias", 0.0, 30.0, None, None)],
+        [("flat", 0.01, 20.0, 500.0, None), ("flat", 1.0, 20.0, 500.0, None)],
+        [("dark", 2.0, 20.0000001, None, None), ("dark", 2.0, 20.0000002, None, None)],
+        [("scene", 0.01, 20.0, None, "a/spot.npy"), ("scene", 0.01, 20.0, None, "b/spot.npy")],
+    ],
+    ids=["one dark", "darks", "warm bias", "two exposures", "nearly alike", "two spots"],
+)
+def test_no_two_statistics_have_one_name(conditions):
+    """Uses of the frames find each other's statistics by name; where there are no bias frames darks stand for them."""
+    frames = plan_of(*conditions)
+    whole = fingerprint(frames)
+    assert len(set(whole.labels)) == len(whole.labels)
+    part = fingerprint(frames, [i for i in range(len(frames)) if i % 3 < 2])
+    assert set(part.labels) <= set(whole.labels)

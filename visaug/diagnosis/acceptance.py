@@ -210,15 +210,26 @@ def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
     guess. An effect that moves nothing on the average must give that statistic a spread which covers it.
     """
     scale = before.fitted.reference.null_scale
-    along = before.fitted.reference.null.beyond(moves)
-    length = float(np.linalg.norm(along))
-    off, left = (float(state.z @ along) / max(length, 1e-9) for state in (before, after))
+    # by the effect itself, where the camera's own numbers hide it; by the refit, where they follow it far
+    ways = [
+        (off, left)
+        for way in (moves, before.fitted.residual - after.fitted.residual)
+        for off, left in [_along(before, after, way)]
+        if off > FAINT
+    ]
     worst = int(np.abs(before.z).argmax())
-    if off > FAINT:
+    if ways:
         gone = abs(after.z[worst]) <= max(BY_CHANCE, 0.3 * abs(before.z[worst]))
         alone = FEW * np.count_nonzero(np.abs(before.z) > OFF) <= 1
-        return bool(alone and gone and abs(left) < 0.5 * off)
+        return bool(alone and gone and any(abs(left) < 0.5 * off for off, left in ways))
     return bool(after.fitted.reference.null_scale[worst] > 1.3 * scale[worst])
+
+
+def _along(before: State, after: State, moves: np.ndarray) -> tuple[float, float]:
+    """Standard deviations that each state is off along some moves, as far as the camera's own numbers cannot make them."""
+    along = before.fitted.reference.null.beyond(moves)
+    length = max(float(np.linalg.norm(along)), 1e-9)
+    return float(before.z @ along) / length, float(after.z @ along) / length
 
 
 def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:

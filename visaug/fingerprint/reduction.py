@@ -1,6 +1,7 @@
 """What the views share: each group of frames reduced once to its mean frame, its noise, and their rows and columns."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -23,36 +24,20 @@ class GroupData:
         group: the conditions; its indices are the frames in use.
         frames: (n, H, W) float32.
         reference: the bias group, whose mean frame is taken off for `pattern`; None for the bias itself.
-        named: False leaves statistics without their descriptions, where only their values are wanted.
+        label: of the conditions, in words; without one statistics have no descriptions, where only their values are wanted.
     """
 
-    def __init__(self, group: Group, frames: np.ndarray, reference: "GroupData | None", named: bool = True):
-        self.named = named
+    def __init__(self, group: Group, frames: np.ndarray, reference: "GroupData | None", label: str = ""):
+        self.label = label
         self.group = group
         self.kind = group.kind
         self.frames = frames
         self.reference = reference
         self.count = len(frames)
 
-    @property
-    def label(self) -> str:
-        g = self.group
-        parts = [g.kind]
-        if g.kind == "dark":
-            parts.append(f"{g.exposure_s:g} s")
-        if g.kind == "flat":
-            parts.append(f"{g.photons:g} ph" if g.photons is not None else f"{g.exposure_s:g} s")
-        if g.kind == "scene":
-            parts.append(str(g.clean).rsplit("/", 1)[-1].split(".")[0])
-        if g.kind in ("dark", "flat") and g.temperature_c is not None:
-            parts.append(f"{g.temperature_c:g} C")
-        if g.gain_db:
-            parts.append(f"{g.gain_db:g} dB")
-        return " ".join(parts)
-
     def statistic(self, view: str, name: str, axes: Iterable[str], unit: str = "1") -> Statistic:
         """The description of a statistic of these frames."""
-        if not self.named:
+        if not self.label:
             return UNNAMED
         g = self.group
         return Statistic(
@@ -190,6 +175,16 @@ class FrameData:
         bias = self.bias
         return [bias if bias and g == bias.group else self._load(g, bias) for g in chosen]
 
+    @cached_property
+    def darks(self) -> list[GroupData]:
+        """The bias frames and the dark ladder, each once: where there are no bias frames the shortest darks stand for them."""
+        return list(dict.fromkeys(g for g in (self.bias, *self.of("dark")) if g is not None))
+
+    @property
+    def dark_ends(self) -> list[GroupData]:
+        """The bias frames and the longest darks; one alone where there is no other."""
+        return self.darks[:1] + self.darks[1:][-1:]
+
     def of(self, kind: str, at_least: int = 1) -> list[GroupData]:
         return [g for g in self.groups if g.kind == kind and g.count >= at_least]
 
@@ -197,13 +192,49 @@ class FrameData:
         stack = self.frames.read_many(group.indices)
         if reference is not None and reference.frames.shape[1:] != stack.shape[1:]:
             reference = None
-        return GroupData(group, stack, reference, self.named)
+        return GroupData(group, stack, reference, self._labels[_conditions(group)] if self.named else "")
+
+    @cached_property
+    def _labels(self) -> dict[Group, str]:
+        """Of the conditions in the whole set, so that every use of its frames calls them alike."""
+        return labels(self.frames.groups())
+
+
+def labels(groups: Iterable[Group]) -> dict[Group, str]:
+    """A word for each condition, by what usually tells them apart; where two would read alike, by all, and by a number at last."""
+    conditions = [_conditions(g) for g in groups]
+    words = [_label(g) for g in conditions]
+    words = [
+        _label(g, full=True) if words.count(w) > 1 else w for g, w in zip(conditions, words, strict=True)
+    ]
+    numbers = [f" ({words[: i + 1].count(w)})" if words.count(w) > 1 else "" for i, w in enumerate(words)]
+    return {g: w + n for g, w, n in zip(conditions, words, numbers, strict=True)}
+
+
+def _conditions(group: Group) -> Group:
+    return replace(group, indices=())
+
+
+def _label(group: Group, full: bool = False) -> str:
+    g = group
+    parts = [g.kind]
+    if g.kind == "scene":
+        parts.append(str(g.clean).rsplit("/", 1)[-1].split(".")[0])
+    if g.kind == "flat" and g.photons is not None:
+        parts.append(f"{g.photons:g} ph")
+    if g.kind == "dark" or (g.kind == "flat" and g.photons is None) or full:
+        parts.append(f"{g.exposure_s:g} s")
+    if (g.kind in ("dark", "flat") or full) and g.temperature_c is not None:
+        parts.append(f"{g.temperature_c:g} C")
+    if g.gain_db:
+        parts.append(f"{g.gain_db:g} dB")
+    if full and g.window is not None:
+        parts.append("at {0},{2}".format(*g.window))
+    return " ".join(parts)
 
 
 def used_groups(frames: FrameSet, use: Iterable[int]) -> list[Group]:
     """The groups of a set with only the frames in `use`; groups that keep none are left out."""
-    from dataclasses import replace
-
     allowed = set(use)
     kept = [replace(g, indices=tuple(i for i in g.indices if i in allowed)) for g in frames.groups()]
     return [g for g in kept if g.indices]

@@ -24,8 +24,7 @@ class Codes(View):
     title = "DN codes in use"
 
     def measure(self, data):
-        dark = [g for g in (data.bias, *data.of("dark")) if g is not None]
-        for kind, groups in (("dark", dark), ("flat", data.of("flat"))):
+        for kind, groups in (("dark", data.darks), ("flat", data.of("flat"))):
             if not groups:
                 continue
             counts = histogram(groups).astype(np.float64)

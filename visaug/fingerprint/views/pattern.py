@@ -42,11 +42,7 @@ class FixedPattern(View):
                 )
 
     def picture(self, data):
-        maps = [
-            (f"{g.label}, DN", g.pattern)
-            for g in (data.bias, *data.of("dark")[-1:], *data.of("flat")[-2:-1])
-            if g
-        ]
+        maps = [(f"{g.label}, DN", g.pattern) for g in (*data.dark_ends, *data.of("flat")[-2:-1])]
         return Picture(self.title, maps=tuple(maps)) if maps else None
 
 
@@ -57,10 +53,9 @@ class SmoothMap(View):
     title = "Slow changes over the field"
 
     def measure(self, data):
-        darks, flats = data.of("dark"), data.of("flat")
-        detailed = {
-            id(g) for g in (data.bias, *darks[-1:], *flats[len(flats) * 5 // 8 : len(flats) * 5 // 8 + 1])
-        }
+        flats = data.of("flat")
+        middle = flats[len(flats) * 5 // 8 : len(flats) * 5 // 8 + 1]
+        detailed = {id(g) for g in (*data.dark_ends, *middle)}
         for g in data.groups:
             if g.kind == "scene":
                 continue
@@ -81,9 +76,8 @@ class SmoothMap(View):
                 )
 
     def picture(self, data):
-        chosen = [g for g in (data.bias, *data.of("dark")[-1:], *data.of("flat")[-2:-1]) if g is not None]
         maps = []
-        for g in chosen:
+        for g in (*data.dark_ends, *data.of("flat")[-2:-1]):
             maps.append((f"{g.label}, DN", block_means(g.calm, *(edges(n, 16) for n in g.calm.shape))))
         return Picture(self.title, maps=tuple(maps)) if maps else None
 
@@ -115,9 +109,7 @@ class Seams(View):
 
     def measure(self, data):
         flats = data.of("flat")
-        for g in (data.bias, *data.of("dark")[-1:], *spread(flats, 4)):
-            if g is None:
-                continue
+        for g in (*data.dark_ends, *spread(flats, 4)):
             unit = 100 / max(g.signal, 1.0) if g.kind == "flat" else 1.0
             word = "%" if g.kind == "flat" else "DN"
             for name, profile in (("row", g.pattern_rows), ("column", g.pattern_columns)):
@@ -176,10 +168,7 @@ class Defects(View):
     title = "Pixels far out in the mean frame"
 
     def measure(self, data):
-        darks, flats = data.of("dark"), data.of("flat")
-        for g in (data.bias, *darks, *spread(flats, 3)):
-            if g is None:
-                continue
+        for g in (*data.darks, *spread(data.of("flat"), 3)):
             ratio = g.pattern_pixels / np.float32(g.pattern_scale)
             for limit in (4, 7, 15, 50):
                 yield (
@@ -202,11 +191,10 @@ class Defects(View):
 
     def picture(self, data):
         curves = []
-        for g in (data.bias, *data.of("dark")[-1:], *data.of("flat")[-2:-1]):
-            if g is not None:
-                ratio = np.sort((g.pattern_pixels / g.pattern_scale).ravel())[::-1]
-                rank = np.unique(np.geomspace(1, ratio.size // 4, 200).astype(int))
-                curves.append(Curve(rank, np.maximum(ratio[rank - 1], 0.1), g.label))
+        for g in (*data.dark_ends, *data.of("flat")[-2:-1]):
+            ratio = np.sort((g.pattern_pixels / g.pattern_scale).ravel())[::-1]
+            rank = np.unique(np.geomspace(1, ratio.size // 4, 200).astype(int))
+            curves.append(Curve(rank, np.maximum(ratio[rank - 1], 0.1), g.label))
         if not curves:
             return None
         return Picture(

@@ -85,8 +85,7 @@ class FixedSpectrum(View):
     title = "Spectrum of the row and column means of the fixed pattern"
 
     def measure(self, data):
-        chosen = [g for g in (data.bias, *data.of("dark")[-1:], *_bright(data)) if g is not None]
-        for g in chosen:
+        for g in (*data.dark_ends, *_bright(data)):
             for name, profile, axis in (
                 ("rows", g.pattern_rows, "row"),
                 ("columns", g.pattern_columns, "column"),
