@@ -150,7 +150,10 @@ def is_beyond(lab: Laboratory, chance: Chance, state: State, candidate: Refined)
 
 
 def decided(state: State, simulated: Sequence[tuple[Refined, State]]) -> list[tuple[Refined, State]]:
-    """Rivals in the order of how well their own simulated sets account for what was measured."""
+    """Rivals in the order of how well their own simulated sets account for what was measured.
+
+    The simpler of two that say the same comes first, and counts as no less likely.
+    """
     if len(simulated) < 2:
         return list(simulated)
     used = np.all([after.fitted.reference.null_scale > 0 for _, after in simulated], axis=0)
@@ -168,7 +171,8 @@ def decided(state: State, simulated: Sequence[tuple[Refined, State]]) -> list[tu
     first = ordered[0]
     simpler = [pair for pair in ordered if pair[0].cost < first[0].cost and _is_alike(state, first, pair)]
     simplest = min(simpler, key=lambda pair: pair[0].cost, default=first)
-    return [simplest, *(pair for pair in ordered if pair is not simplest)]
+    as_likely = replace(simplest[0], gain=first[0].gain)
+    return [(as_likely, simplest[1]), *(pair for pair in ordered if pair is not simplest)]
 
 
 def _anothers(state: State, rivals: Sequence[State]) -> np.ndarray:

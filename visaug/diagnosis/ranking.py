@@ -8,12 +8,11 @@ import numpy as np
 
 from visaug.comparison import Distance, Error
 from visaug.diagnosis.acceptance import State
+from visaug.diagnosis.naming import CLOSE
 from visaug.diagnosis.reference import Report
 from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.result import Ranked, estimates
 from visaug.diagnosis.separate import measurement
-
-ALIKE = 3.0  # log likelihood within which two candidates are told as ambiguous
 
 
 class Ranking:
@@ -75,7 +74,7 @@ class Ranking:
 
     def note_ambiguous(self, refined: Sequence[Refined], report: Report) -> None:
         """Those that these frames cannot tell from the best, and the measurement that would."""
-        close = [r.effect for r in refined if refined[0].gain - r.gain < ALIKE]
+        close = [r.effect for r in refined if refined[0].gain - r.gain < CLOSE]
         if len(close) > 1:
             cameras = {r.effect: r.camera for r in refined if r.effect in close}
             self.ambiguous.append({"effects": close, "measure": measurement(cameras, report)})
