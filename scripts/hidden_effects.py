@@ -20,8 +20,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from independent import calibrate, cameras, effects, foreign, getframes_sets, judge, pyxel_sets, real, recipes
 from independent.sets import write_set
 from independent.strengths import WORDS
+from independent.textbook import sets as textbook_sets
 
-PEERS = {"getframes": getframes_sets, "pyxel": pyxel_sets}
+PEERS = {"getframes": getframes_sets, "pyxel": pyxel_sets, "textbook": textbook_sets}
 ALL_KINDS = (*recipes.KINDS, "real", *PEERS)
 
 
