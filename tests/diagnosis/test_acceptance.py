@@ -269,6 +269,10 @@ def test_a_second_effect_that_moves_what_the_first_leaves_alone_has_a_case():
     assert not acts_elsewhere(
         first, state([0.0, 4.0, 4.0], np.array([0.0, 0.3, 0.3]))
     )  # it only brings a spread
+    shared = state([0.0, 0.0, 0.0], np.array([150.0, 4.0, 1.0]))  # two thirds of it elsewhere
+    assert not acts_elsewhere(first, shared)
+    assert acts_elsewhere(first, shared, completes=True)  # smear along the columns beside a blur of all edges
+    assert not acts_elsewhere(first, state([0.0, 0.0, 0.0], np.array([600.0, 4.0, 1.0])), completes=True)
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,10 @@ def test_what_scatters_together_must_be_off_together():
     assert so([30.0, -30.0] * 3, 20.0)  # where each is drawn by itself
     assert so([30.0, -30.0] * 3, 1.0, 0.99)  # no spread of its own
     assert so([30.0, -30.0] * 3, 20.0, 0.99, np.full(6, 90.0))  # it moves them further than it scatters them
+    assert so(
+        [20.0] * 4 + [-450.0, 450.0], 20.0, 0.99
+    )  # the last two are none of its: a lamp's levels beside noise of rows
+    assert not so([30.0, -30.0] * 2 + [-450.0, 450.0], 20.0, 0.99)
 
 
 def test_a_spread_over_what_stays_off_only_covers_it():

@@ -42,7 +42,8 @@ MEAN = 0.2  # standard deviations of that spread to which the mean of a hundred 
 SEEN_AGAIN = 2.0  # standard deviations along an effect's moves from which it is seen again,
 TIMES = 2.0  # and by what factor these may differ from the moves
 SAME_WAY = 0.3  # cosine between the moves of two effects from which they say the same
-ELSEWHERE = 0.8  # share of an effect's moves, squared, that lies where no form of the effects before it leaves as much as noise
+ELSEWHERE = 0.8  # share of an effect's moves, squared, that lies where no form of the effects before it leaves as much as noise,
+MOSTLY = 0.5  # or where the camera holds with it
 
 
 @dataclass(frozen=True)
@@ -247,15 +248,19 @@ def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
     return any(left > max(OWED * off, OWED_LEAST) for off, left in furthest)
 
 
-def acts_elsewhere(before: State, after: State) -> bool:
+def acts_elsewhere(before: State, after: State, completes: bool = False) -> bool:
     """Whether a further effect moves what the effects before it leave alone, so that it cannot mop up what their forms leave.
 
     And moves it by more than noise: one that only brings a spread, wherever that fits, has no case of its own.
+
+    Args:
+        completes: whether nothing stands out any more with the effect, beyond what forms may leave.
     """
     moves = moves_of(before, after)
     form = standardised(before.allowance, before.fitted.reference.null_scale)
     squares = before.fitted.reference.null.beyond(moves) ** 2 / (1 + form**2)
-    return bool(squares[form < 1].sum() > max(ELSEWHERE * squares.sum(), FAINT**2))
+    share = MOSTLY if completes else ELSEWHERE
+    return bool(squares[form < 1].sum() > max(share * squares.sum(), FAINT**2))
 
 
 def says_the_same(before: State, one: np.ndarray, other: np.ndarray) -> bool:

@@ -130,7 +130,7 @@ class Choice:
         beyond = any(by_chance.p_value_of(way) <= SIGNIFICANT for way in taken)
         # no statistic stands out any more; asked after every effect that would be by chance too often, so only of a second one
         completes = len(before.accepted) == 1 and after.p_value > SIGNIFICANT
-        has_a_case = beyond and (gain > SURE or completes) and acts_elsewhere(before, after)
+        has_a_case = beyond and (gain > SURE or completes) and acts_elsewhere(before, after, completes)
         again, in_order = is_there_again(before, after), disturbs_nothing(before, after)
         return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case, again, in_order)
 

@@ -24,6 +24,7 @@ MIDDLE = 0.7  # median of a factor that is no rule where it is less: a few sets 
 MET = 1.6  # factor to which a strength that was scaled must be right
 ALONE = 0.1  # weight of each such statistic by itself in their covariance, which is known from few sets,
 LEAST_KNOWN = 0.3  # and the least of its deviation that is taken as known
+WITHIN = 5.0  # standard deviations of its spread to which an effect covers what is off
 TIMES_FURTHER = 5.0  # squared distance in that covariance, of the furthest simulated set's, that is too far
 CONFIRMED = 4  # statistics covered in the frames that find and in those that confirm, to ask whether they are off alike
 COVERS = 0.8  # share of a residual, and of an error, that stays under a spread that explains nothing
@@ -51,12 +52,13 @@ def scatters_so(before: Fitted, after: Fitted, moves: np.ndarray, allowance: np.
         moves: how far the effect moves each statistic.
         allowance: what forms may leave over, per statistic.
     """
-    reference = after.reference
+    reference, scale = after.reference, after.reference.null_scale
     spread = widened(before, after) & _is_typical(reference.null)
-    spread &= np.abs(before.reference.null.beyond(moves, reference.null_scale)) <= SCATTERED
+    spread &= np.abs(before.reference.null.beyond(moves, scale)) <= SCATTERED
+    # what its spread does not cover is another effect's: a lamp's levels, which rows that share noise widen too
+    spread &= np.abs(after.residual) < WITHIN * np.hypot(scale, allowance)
     if np.count_nonzero(spread) < 2:
         return True
-    scale = reference.null_scale
     sets = standardised(reference.null.residuals, scale)[:, spread]
     off = standardised(after.residual, scale)[spread]
     forms = np.diag(standardised(allowance, scale)[spread] ** 2)
