@@ -43,6 +43,8 @@ def test_a_spread_over_what_stays_off_only_covers_it():
     assert only_covers(before, spread(state([28.0] * 3), 20.0).fitted, off)
     assert not only_covers(before, spread(state([15.0] * 3), 20.0).fitted, off)
     assert not only_covers(before, spread(state([28.0] * 3), 1.0).fitted, off)  # no spread of its own
+    lamp = state([72.0, 72.0, 450.0]).fitted  # rows that share noise, beside a lamp that they widen a little
+    assert not only_covers(lamp, spread(state([0.1, 0.1, 450.0]), 2.0).fitted, off)
 
 
 def test_what_lies_elsewhere_in_every_frame_is_not_off_alike_in_all():

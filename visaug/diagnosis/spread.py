@@ -36,6 +36,15 @@ def widened(before: Fitted, after: Fitted, times: float = WIDENED) -> np.ndarray
     return (known > 0) & (after.reference.null_scale > times * known)
 
 
+def _covered(before: Fitted, after: Fitted, allowance: np.ndarray | float = 0.0) -> np.ndarray:
+    """(statistics,) whether an effect gives each a spread of its own, within which it is off.
+
+    What lies beyond is another effect's: a lamp's levels, which noise that rows share widens a little.
+    """
+    reach = WITHIN * np.hypot(after.reference.null_scale, allowance)
+    return widened(before, after) & (np.abs(after.residual) < reach)
+
+
 def _is_typical(null: Null) -> np.ndarray:
     """(statistics,) whether a set's own residual tells how far sets scatter: where hardly any is off it does not."""
     return np.median(null.residuals**2, axis=0) > TYPICAL * null.residuals.var(0, ddof=1)
@@ -53,10 +62,8 @@ def scatters_so(before: Fitted, after: Fitted, moves: np.ndarray, allowance: np.
         allowance: what forms may leave over, per statistic.
     """
     reference, scale = after.reference, after.reference.null_scale
-    spread = widened(before, after) & _is_typical(reference.null)
+    spread = _covered(before, after, allowance) & _is_typical(reference.null)
     spread &= np.abs(before.reference.null.beyond(moves, scale)) <= SCATTERED
-    # what its spread does not cover is another effect's: a lamp's levels, which rows that share noise widen too
-    spread &= np.abs(after.residual) < WITHIN * np.hypot(scale, allowance)
     if np.count_nonzero(spread) < 2:
         return True
     sets = standardised(reference.null.residuals, scale)[:, spread]
@@ -113,7 +120,7 @@ def only_covers(before: Fitted, after: Fitted, off: np.ndarray) -> bool:
         off: (statistics,) whether each was off before.
     """
     scale = before.reference.null_scale
-    own = off & widened(before, after)
+    own = off & _covered(before, after)
     had, left = (np.linalg.norm(standardised(fitted.residual, scale)[own]) for fitted in (before, after))
     return bool(left > COVERS * had)
 
