@@ -319,6 +319,15 @@ def test_an_effect_owes_the_views_that_it_moves(left, owed):
     assert owes(views, before, after) is owed  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("rows", "wide", "owed"), [(2.0, 1.0, False), (40.0, 1.0, True), (40.0, 20.0, True)])
+def test_a_view_brought_from_far_out_to_order_speaks_for_a_name_whatever_else_is_off(rows, wide, owed):
+    """Noise that rows share on a real camera, whose seams and codes are off by other effects; covered is not brought back."""
+    before, after = state([72.0, 43.0, 88.0]), state([rows, 43.0, 86.0], np.array([72.0, 5.0, 11.0]))
+    after = spread(after, np.array([wide, 1.0, 1.0]))
+    views = [SimpleNamespace(view=view) for view in ("temporal_lines", "seams", "codes")]
+    assert owes(views, before, after) is owed  # type: ignore[arg-type]
+
+
 def test_what_has_no_error_to_lower_leaves_in_order_what_was():
     before = state([500.0, 1.6, 0.0])
     assert disturbs_nothing(before, state([2.0, 4.0, 3.0]))

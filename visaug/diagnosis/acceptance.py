@@ -31,6 +31,9 @@ OWED, OWED_LEAST = (
     0.5,
     10.0,
 )  # share of the furthest statistic of a view, and standard deviations, that no explanation leaves
+FAR_OUT = (
+    30.0  # standard deviations from which a view that is in order afterwards speaks for the effect alone
+)
 POOREST = 0.75  # the same share in the view that it explains least
 LENIENT = 1.5  # factor to which these are known from few simulated sets
 IN_ORDER = 2.0  # standard deviations within which a statistic was in order,
@@ -236,7 +239,8 @@ def _along(before: State, after: State, moves: np.ndarray) -> tuple[float, float
 def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
     """Whether a view that an effect moves is nearly as far off as before, nothing allowed for the effect's form.
 
-    To be asked where nothing more was found: of two effects that move one view the first leaves the other's share.
+    To be asked where nothing more was found: of two effects that move one view the first leaves the other's share. One that brings
+    a whole view from far out to order keeps its name whatever else is off: real cameras lack more than one effect.
     """
     scale = before.fitted.reference.null_scale
     was, now = (
@@ -244,8 +248,20 @@ def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
     )
     seen = (np.abs(standardised(moves_of(before, after), scale)) > OFF) & (was > OFF)
     views = np.array([s.view for s in statistics])
-    furthest = [(was[views == view].max(), now[views == view].max()) for view in dict.fromkeys(views[seen])]
+    moved_views = [views == view for view in dict.fromkeys(views[seen])]
+    if any(_is_in_order(before, after, view) for view in moved_views):
+        return False
+    furthest = [(was[view].max(), now[view].max()) for view in moved_views]
     return any(left > max(OWED * off, OWED_LEAST) for off, left in furthest)
+
+
+def _is_in_order(before: State, after: State, view: np.ndarray) -> bool:
+    """Whether all statistics of a view that was far out are in order with an effect: brought back, not only covered."""
+    own, scale = (state.fitted.reference.null_scale[view] for state in (after, before))
+    was, left = (state.fitted.residual[view] for state in (before, after))
+    off = np.abs(standardised(was, scale)).max()
+    back = np.abs(standardised(left, scale)).max() < 0.3 * off
+    return bool(off > FAR_OUT and back and np.abs(standardised(left, own)).max() <= BY_CHANCE)
 
 
 def acts_elsewhere(before: State, after: State, completes: bool = False) -> bool:
