@@ -22,7 +22,9 @@ def test_an_error_that_surely_stays_is_told_where_something_stands_out(stated, f
     reference = cast(SimpleNamespace, state.fitted.reference)
     reference.whole_null, reference.largest = SimpleNamespace(scale=np.ones(3)), np.linspace(2.5, 5.0, 120)
     assert telling.is_far_off(Error(0.9, 0.3, 1.4), state) is told
-    assert (telling.form([STATISTIC] * 3, state) is None) is not told
+    assert telling.form([STATISTIC] * 3, state) is None  # where the effect does not act
+    acting = replace(state, whole_allowance=np.array([2.0, 0.0, 0.0]))
+    assert (telling.form([STATISTIC] * 3, acting) is None) is not told
 
 
 @pytest.mark.parametrize(("left", "told"), [([0, 27], True), ([0, 6], False), ([60, 0], False)])

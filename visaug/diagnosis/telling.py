@@ -91,10 +91,11 @@ def is_far_off(told: Error | None, state: State) -> bool:
 
 
 def form(statistics: Sequence[Statistic], state: State) -> str | None:
-    """What the forms of accepted effects leave over in all frames, in words."""
-    if not state.accepted or not _stands_out(state):
+    """What the forms of accepted effects leave over in all frames, in words; of what they do not act on nothing is their form's."""
+    acts = state.whole_allowance >= state.fitted.reference.whole_null.scale
+    plain = np.where(acts, np.abs(_plain_z(state)), 0.0)
+    if not state.accepted or plain.max() <= _by_chance(state):
         return None
-    plain = np.abs(_plain_z(state))
     i = int(plain.argmax())
     s = statistics[i]
     return (
@@ -119,5 +120,9 @@ def _plain_z(state: State) -> np.ndarray:
 
 def _stands_out(state: State) -> bool:
     """Whether some statistic is further off than a camera that lacks nothing would leave it, nothing allowed for forms."""
-    largest = float(np.abs(_plain_z(state)).max())
-    return largest > float(np.quantile(state.fitted.reference.largest, 1 - SIGNIFICANT))
+    return float(np.abs(_plain_z(state)).max()) > _by_chance(state)
+
+
+def _by_chance(state: State) -> float:
+    """Standard deviations to which the furthest statistic of a camera that lacks nothing comes."""
+    return float(np.quantile(state.fitted.reference.largest, 1 - SIGNIFICANT))
