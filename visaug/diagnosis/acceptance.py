@@ -31,9 +31,7 @@ OWED, OWED_LEAST = (
     0.5,
     10.0,
 )  # share of the furthest statistic of a view, and standard deviations, that no explanation leaves
-FAR_OUT = (
-    30.0  # standard deviations from which a view that is in order afterwards speaks for the effect alone
-)
+FAR_OUT = 30.0  # standard deviations from which a view that is in order afterwards speaks for the effect
 POOREST = 0.75  # the same share in the view that it explains least
 LENIENT = 1.5  # factor to which these are known from few simulated sets
 IN_ORDER = 2.0  # standard deviations within which a statistic was in order,
@@ -161,10 +159,11 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
 def may_explain(statistics: Sequence[Statistic], before: State, after: State) -> bool:
     """Whether a state that is known from few simulated sets leaves it open that the effect explains what it moves.
 
-    Nothing is said of spreads, which need more sets, nor of what moves nothing that stands out.
+    Not to be asked of an effect that scatters more than it moves, which needs more sets; of one that moves nothing that stands out
+    nothing is said.
     """
     nothing_seen = not _seen(before, moves_of(before, after)).any()
-    return after.scatters_last or nothing_seen or _brings_back(statistics, before, after, LENIENT)
+    return nothing_seen or _brings_back(statistics, before, after, LENIENT)
 
 
 def _seen(before: State, moves: np.ndarray) -> np.ndarray:

@@ -20,10 +20,8 @@ from visaug.diagnosis.signatures import cleared
 from visaug.diagnosis.spread import Scatter, scatter, widened
 from visaug.effects import catalogue
 
-SETS_AFTER, SETS_BEFORE = (
-    120,
-    30,
-)  # simulated sets of a camera with an effect added, and those that tell whether it explains anything
+SETS_AFTER = 120  # simulated sets of a camera with an effect added,
+SETS_BEFORE = 30  # and the first of them, which tell whether it may explain anything
 SCALED = 2  # times that a strength follows its scatter
 BENT = 5.0  # standard deviations that a fit took the camera from what its file says, to try again from there
 
