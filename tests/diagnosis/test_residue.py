@@ -124,3 +124,37 @@ def test_a_step_that_moves_few_levels_grows_with_the_signal(dark, grows):
     z = np.ones(120)
     z[:2], z[60] = (14.8, 9.3), dark
     assert describe([*lit, *unlit], z).grows_with == grows
+
+
+def shared_noise(**z: float) -> tuple[str, ...]:
+    """The axes told where correlations of bias frames' noise, and of a mean frame's pattern, stay."""
+    noise = [
+        Statistic("noise_covariance", name.replace("_", " "), "bias", ("time", "pixel"))
+        for name in z
+        if name != "pattern"
+    ]
+    pattern = Statistic("fixed_pattern", "one column on", "dark 0.1 s 20 C", ("pixel",))
+    return describe(
+        [*noise, pattern], np.array([*(x for name, x in z.items() if name != "pattern"), z["pattern"]])
+    ).axis
+
+
+def test_stripes_are_no_matter_of_single_pixels():
+    """A sine of 25 px along the readout, of any phase in each row, is nearly the same for the next two columns."""
+    along_rows = {
+        "one_column_on": 66.0 * np.cos(2 * np.pi / 25),
+        "two_columns_on": 66.0 * np.cos(4 * np.pi / 25),
+    }
+    assert set(shared_noise(**along_rows, one_row_on=1.0, two_rows_on=-8.0, pattern=29.0)) == {"time", "row"}
+
+
+def test_noise_that_both_ways_share_varies_slowly_over_the_sensor():
+    fringes = {"one_row_on": 25.0, "two_rows_on": 23.0, "one_column_on": 25.0, "two_columns_on": 23.0}
+    assert shared_noise(**fringes, pattern=50.0)[0] == "smooth"
+
+
+def test_charge_that_spreads_to_the_next_pixel_is_a_matter_of_pixels():
+    """A kernel with arms two pixels long, the second a third of the first, shares a third as much with the second pixel."""
+    spread = {"one_column_on": 60.0, "two_columns_on": 20.0, "one_row_on": 60.0, "two_rows_on": 20.0}
+    assert "pixel" in shared_noise(**spread, pattern=100.0)
+    assert "smooth" not in shared_noise(**spread, pattern=100.0)

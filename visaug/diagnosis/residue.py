@@ -17,6 +17,8 @@ MORE = 2.5  # times further off with light than without
 ALIKE = 1.15  # ratio within which two of them say the same
 CODES = 0.25  # how far off the counts of codes count: whatever moves a pixel moves its code
 TOLD = 0.4  # of the clearest axis, from which another is told
+REACH = 0.6  # of the noise shared with the next pixel, shared with the one after it too: no matter of single pixels. A 1/f noise
+# shares more, a kernel of nearest neighbours little, one with long arms a third
 WORDS = {
     "time": "from frame to frame",
     "row": "from row to row",
@@ -60,7 +62,7 @@ def describe(statistics: Sequence[Statistic], z: np.ndarray, nearest: str | None
     size = np.abs(z)
     limit = min(FAR, float(size.max()))
     far = [i for i in np.argsort(-size) if size[i] >= limit]
-    axis = _axes(statistics, size, far, wanders=_wanders(statistics, z))
+    axis = _axes(statistics, size, far, wanders=_wanders(statistics, z), spans=_spans(statistics, z))
     grows = _growth(statistics, size)
     worst = tuple((statistics[i].label, float(z[i])) for i in far[:8])
     first = statistics[far[0]]
@@ -90,8 +92,43 @@ def _wanders(statistics: Sequence[Statistic], z: np.ndarray) -> bool:
     return len(off) >= LEVELS and turns >= WANDERS * (len(off) - 1)
 
 
+def _spans(statistics: Sequence[Statistic], z: np.ndarray) -> frozenset[str]:
+    """The directions, "row" and "column", in which neighbours share noise beyond the next pixel.
+
+    The noise of a stripe is the same for many pixels; it is told from that of charge that spreads, which is the same for two.
+    """
+    shared = {
+        (s.frames, s.name): float(x)
+        for s, x in zip(statistics, z, strict=True)
+        if s.view == "noise_covariance"
+    }
+    return frozenset(
+        direction
+        for direction in ("row", "column")
+        for (frames, name), next_one in shared.items()
+        if name == f"one {direction} on" and next_one > FAR
+        if shared.get((frames, f"two {direction}s on"), 0.0) > REACH * next_one
+    )
+
+
+def _along(statistic: Statistic, spans: frozenset[str]) -> tuple[str, ...]:
+    """Along what a statistic varies, where noise reaches beyond the next pixel in the directions `spans`.
+
+    Noise that neighbouring columns share, and rows do not, differs from row to row; what both share varies slowly over the sensor.
+    Means of few frames keep a part of it, as neighbours that share a pattern.
+    """
+    both = len(spans) == 2
+    tells = statistic.name.endswith(" on") and any(each in statistic.name for each in spans)
+    if statistic.view not in ("noise_covariance", "fixed_pattern") or not (
+        tells or (both and statistic.name == "diagonal")
+    ):
+        return statistic.axes
+    wide = "smooth" if both else "row" if spans == {"column"} else "column"
+    return ("time", wide) if statistic.view == "noise_covariance" else (wide,)
+
+
 def _axes(
-    statistics: Sequence[Statistic], size: np.ndarray, far: list[int], wanders: bool
+    statistics: Sequence[Statistic], size: np.ndarray, far: list[int], wanders: bool, spans: frozenset[str]
 ) -> tuple[str, ...]:
     """Axes by the furthest statistic of each, the clearest first.
 
@@ -100,7 +137,7 @@ def _axes(
     """
     weight: dict[str, float] = dict.fromkeys(AXES, 0.0)
     for i in far:
-        axes = statistics[i].axes
+        axes = _along(statistics[i], spans)
         if wanders and axes == ("level",):
             axes = ("time", "level")
         share = CODES if statistics[i].view == "codes" else 1.0
