@@ -11,9 +11,7 @@ from visaug.cluster import connected
 from visaug.comparison import Laboratory, is_clear, places
 from visaug.comparison.spread import by_ray
 from visaug.diagnosis import cache
-from visaug.diagnosis.acceptance import (
-    State,
-)
+from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.candidates import looked, trials
 from visaug.diagnosis.chance import Chance, chance
