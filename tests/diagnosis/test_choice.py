@@ -137,3 +137,26 @@ def choosing(begun: choice.Choice, monkeypatch, rivals: int, accepted: tuple[str
     )
     monkeypatch.setattr(choice.Choice, "_is_acceptable", is_acceptable)
     return asked
+
+
+@pytest.mark.parametrize(
+    ("names", "before", "after", "again", "completes"),
+    [
+        (1, 0.005, 0.4, False, True),  # what stood out is gone
+        (
+            1,
+            0.09,
+            0.09,
+            False,
+            False,
+        ),  # nothing stood out: the first effect's form may have left what both move
+        (1, 0.09, 0.09, True, True),  # but not in frames that did not find it
+        (1, 0.005, 0.005, True, False),
+        (0, 0.005, 0.4, True, False),
+    ],
+)
+def test_a_second_effect_completes_a_camera_by_what_stood_out_or_is_there_again(
+    names, before, after, again, completes
+):
+    states = [SimpleNamespace(accepted=("brighter_fatter",) * names, p_value=p) for p in (before, after)]
+    assert choice._completes(*states, again=again) is completes  # pyright: ignore[reportArgumentType]

@@ -128,15 +128,24 @@ class Choice:
         taken = [before.fitted.whole_residual - after.fitted.whole_residual]
         taken += [] if after.moves is None else [self.lab.whole_of(after.moves)]
         beyond = any(by_chance.p_value_of(way) <= SIGNIFICANT for way in taken)
-        # no statistic stands out any more; asked after every effect that would be by chance too often, so only of a second one
-        completes = len(before.accepted) == 1 and after.p_value > SIGNIFICANT
-        has_a_case = beyond and (gain > SURE or completes) and acts_elsewhere(before, after, completes)
         again, in_order = is_there_again(before, after), disturbs_nothing(before, after)
+        completes = _completes(before, after, again)
+        has_a_case = beyond and (gain > SURE or completes) and acts_elsewhere(before, after, completes)
         return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case, again, in_order)
 
     def holds(self, state: State) -> bool:
         """Whether a camera leaves no more than chance would."""
         return chance(self.lab, self.signs, state).p_value > SIGNIFICANT
+
+
+def _completes(before: State, after: State, again: bool) -> bool:
+    """Whether nothing is left with a second effect. (Asked after every effect that would be by chance too often.)
+
+    What stood out stands out no more. Where nothing did, and only all along the effect's moves together, the form of the first may
+    have left that: then the frames that confirm must show it too (`again`).
+    """
+    stood_out = before.p_value <= SIGNIFICANT
+    return len(before.accepted) == 1 and after.p_value > SIGNIFICANT and (stood_out or again)
 
 
 def _moves_of(state: State, candidate: Refined) -> np.ndarray:
