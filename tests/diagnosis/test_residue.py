@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from visaug.diagnosis.residue import WORDS, describe
+from visaug.diagnosis.residue import BESIDE, WORDS, describe
 from visaug.fingerprint import AXES, Statistic
+from visaug.fingerprint.views.scene import _Key, _target, templates
 
 CONDITIONS = [(exposure, celsius) for exposure in (0.1, 1.0) for celsius in (20.0, 30.0)]
 
@@ -158,3 +159,28 @@ def test_charge_that_spreads_to_the_next_pixel_is_a_matter_of_pixels():
     spread = {"one_column_on": 60.0, "two_columns_on": 20.0, "one_row_on": 60.0, "two_rows_on": 20.0}
     assert "pixel" in shared_noise(**spread, pattern=100.0)
     assert "smooth" not in shared_noise(**spread, pattern=100.0)
+
+
+@pytest.mark.parametrize(
+    ("place", "z", "axis"),
+    [
+        ("1 to 2", (-27.0, -24.0), "pixel"),
+        ("9 to 30", (27.0, 24.0), "smooth"),
+        ("1 to 2", (27.0, 2.0), "row"),
+        ("1 to 2", (27.0, -24.0), "row"),
+    ],
+)
+def test_what_spreads_all_around_bright_spots_is_no_matter_of_rows_or_columns(place, z, axis):
+    rings = [
+        Statistic("scene", f"{place} px from bright spots along the {line}", "scene spot", (line,))
+        for line in ("row", "column")
+    ]
+    assert describe(rings, np.array(z)).axis[0] == axis
+
+
+def test_the_rings_that_may_be_alike_are_the_views():
+    """A ring renamed there would be told by its line again."""
+    clean = np.zeros((96, 96))
+    clean[40:44, 50:54] = 1e4
+    names = {*_target(_Key(clean)).rings, *templates(clean, np.ones_like(clean))}
+    assert {shape.format(line) for shape in BESIDE for line in ("row", "column")} <= names

@@ -17,6 +17,13 @@ MORE = 2.5  # times further off with light than without
 ALIKE = 1.15  # ratio within which two of them say the same
 CODES = 0.25  # how far off the counts of codes count: whatever moves a pixel moves its code
 TOLD = 0.4  # of the clearest axis, from which another is told
+ROUND = 2.0  # ratio within which what spreads along rows and along columns spreads all around
+BESIDE = {
+    "curvature along {}s": "pixel",
+    "1 to 2 px from bright spots along the {}": "pixel",
+    "3 to 8 px from bright spots along the {}": "smooth",
+    "9 to 30 px from bright spots along the {}": "smooth",
+}
 REACH = 0.6  # of the noise shared with the next pixel, shared with the one after it too: no matter of single pixels. A 1/f noise
 # shares more, a kernel of nearest neighbours little, one with long arms a third
 WORDS = {
@@ -62,7 +69,9 @@ def describe(statistics: Sequence[Statistic], z: np.ndarray, nearest: str | None
     size = np.abs(z)
     limit = min(FAR, float(size.max()))
     far = [i for i in np.argsort(-size) if size[i] >= limit]
-    axis = _axes(statistics, size, far, wanders=_wanders(statistics, z), spans=_spans(statistics, z))
+    spans, around = _spans(statistics, z), _around(statistics, z)
+    axes = [around.get(i) or _along(statistics[i], spans) for i in far]
+    axis = _axes(statistics, size, dict(zip(far, axes, strict=True)), wanders=_wanders(statistics, z))
     grows = _growth(statistics, size)
     worst = tuple((statistics[i].label, float(z[i])) for i in far[:8])
     first = statistics[far[0]]
@@ -127,17 +136,33 @@ def _along(statistic: Statistic, spans: frozenset[str]) -> tuple[str, ...]:
     return ("time", wide) if statistic.view == "noise_covariance" else (wide,)
 
 
+def _around(statistics: Sequence[Statistic], z: np.ndarray) -> dict[int, tuple[str, ...]]:
+    """Axes of what is off beside edges and spots along rows as along columns: from pixel to pixel, or slowly further out."""
+    place = {(s.frames, s.name): i for i, s in enumerate(statistics) if s.view == "scene"}
+    found = {}
+    for shape, axis in BESIDE.items():
+        for frames in {frames for frames, _ in place}:
+            pair = [place.get((frames, shape.format(line))) for line in ("row", "column")]
+            if None not in pair:
+                small, large = sorted((float(z[i]) for i in pair), key=abs)
+                if small * large > 0 and abs(large) < ROUND * abs(small):
+                    found |= dict.fromkeys(pair, (axis,))
+    return found
+
+
 def _axes(
-    statistics: Sequence[Statistic], size: np.ndarray, far: list[int], wanders: bool, spans: frozenset[str]
+    statistics: Sequence[Statistic], size: np.ndarray, far: dict[int, tuple[str, ...]], wanders: bool
 ) -> tuple[str, ...]:
     """Axes by the furthest statistic of each, the clearest first.
 
     A difference along one axis shows a little in the statistics of the others too (a glow in the halves of rows and columns), so
     those stay untold. A statistic along several axes belongs to each by its share.
+
+    Args:
+        far: the axes of each statistic that is far off, by its index.
     """
     weight: dict[str, float] = dict.fromkeys(AXES, 0.0)
-    for i in far:
-        axes = _along(statistics[i], spans)
+    for i, axes in far.items():
         if wanders and axes == ("level",):
             axes = ("time", "level")
         share = CODES if statistics[i].view == "codes" else 1.0
