@@ -227,20 +227,3 @@ def test_no_two_statistics_have_one_name(conditions):
     assert len(set(whole.labels)) == len(whole.labels)
     part = fingerprint(frames, [i for i in range(len(frames)) if i % 3 < 2])
     assert set(part.labels) <= set(whole.labels)
-
-
-def test_a_hot_pixel_is_far_out_in_every_frame_and_a_track_in_one():
-    """Five pixels 4000 DN up in all twelve bias frames; in each frame three others that a track crossed, 60 000 DN up."""
-    rng = np.random.default_rng(5)
-    places = rng.permutation(ROWS * COLUMNS)
-    hot, crossed = places[:5], places[5:41].reshape(12, 3)
-
-    def frame(rng, i):
-        image = white(rng, i)
-        image.ravel()[hot] += 4000
-        image.ravel()[crossed[i]] += 60_000
-        return image
-
-    f = fingerprint(frames_of(frame))
-    assert f["defects/far out in every frame/bias"] == pytest.approx(np.sqrt(5))
-    assert f["defects/above 15 scales/bias"] == pytest.approx(np.sqrt(5 + 36))

@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from visaug.fingerprint.reduction import GroupData, block_means, edges, spread
+from visaug.fingerprint.reduction import block_means, edges, spread
 from visaug.fingerprint.view import Curve, Picture, View
 from visaug.fingerprint.views.noise import correlation
 
@@ -161,15 +161,6 @@ def _steps(profile: np.ndarray, reach: int = 12) -> np.ndarray:
     return (total[place + reach] - 2 * total[place] + total[place - reach]) / reach
 
 
-def _steady(g: GroupData, far: np.ndarray) -> int:
-    """Of pixels far out in the mean frame, how many are so in every frame: hot ones, and none that a track crossed once.
-
-    A track in one frame of n is n - 1 times as far from the mean frame as that is from its neighbours.
-    """
-    about = np.abs(g.noise_pixels[:, far]).max(0)
-    return int(np.count_nonzero(about < 0.5 * g.pattern_pixels[far]))
-
-
 class Defects(View):
     """Pixels far from their neighbours in the mean frame."""
 
@@ -190,11 +181,6 @@ class Defects(View):
                         g.statistic(self.name, f"below {limit} scales", ["pixel"], "sqrt count"),
                         np.sqrt(low),
                     )
-            if g.count > 1 and g.kind != "flat":
-                yield (
-                    g.statistic(self.name, "far out in every frame", ["pixel"], "sqrt count"),
-                    np.sqrt(_steady(g, ratio > 15)),
-                )
             near = np.clip(ratio, -4, 4)
             cubes = near * near * near  # a power of 3 would cost twenty times as much
             yield g.statistic(self.name, "skewness within 4 scales", ["pixel"]), float(cubes.mean())
