@@ -127,10 +127,9 @@ def _along(statistic: Statistic, spans: frozenset[str]) -> tuple[str, ...]:
     Means of few frames keep a part of it, as neighbours that share a pattern.
     """
     both = len(spans) == 2
-    tells = statistic.name.endswith(" on") and any(each in statistic.name for each in spans)
-    if statistic.view not in ("noise_covariance", "fixed_pattern") or not (
-        tells or (both and statistic.name == "diagonal")
-    ):
+    neighbours = statistic.name.endswith(" on") and any(line in statistic.name for line in spans)
+    tells = neighbours or (both and statistic.name == "diagonal")
+    if statistic.view not in ("noise_covariance", "fixed_pattern") or not tells:
         return statistic.axes
     wide = "smooth" if both else "row" if spans == {"column"} else "column"
     return ("time", wide) if statistic.view == "noise_covariance" else (wide,)
