@@ -63,3 +63,18 @@ def test_two_models_are_held_against_each_other_in_the_same_units():
 def test_nothing_to_lower():
     given = sets(0.0)
     assert Distance(STATISTICS, given.mean(0), given, np.zeros(30)).error(given) is None
+
+
+def test_what_is_not_asked_has_no_say():
+    """One statistic far off hides what a model gains in another, unless it is left out."""
+    measured = np.zeros(30)
+    measured[[3, 25]] = 20.0, 500.0
+    given, model = sets(0.0), sets(0.0, seed=1)
+    model[:, 3] += 20
+    distance = Distance(STATISTICS, measured, given, np.zeros(30))
+    asked = np.arange(30) != 25
+    whole, own = distance.error(model), distance.error(model, asked=asked)
+    assert whole is not None
+    assert whole.value == pytest.approx(1, abs=0.01)
+    assert own is not None
+    assert own.value < 0.1

@@ -25,12 +25,27 @@ PLAN = (
 )  # fmt: skip
 
 
+CHART = [Shot("scene", 0.01, 20.0, target="chart.npy"), Shot("dark", 0.01, 20.0)] * 4
+
+
+def chart() -> np.ndarray:
+    """Photons: squares at 0.1 to 0.8 of the full well on a dim ground, and a spot of 3x3 pixels at twelve times it."""
+    target = np.full(SENSOR.shape, 300.0)
+    full = SENSOR.well_e / SENSOR.efficiency
+    for k in range(4):
+        target[8:24, 8 + 18 * k : 20 + 18 * k] = full * (0.1 + 0.7 * k / 3)
+    target[44:47, 30:33] = 12 * full
+    return target
+
+
 def frame_set(seed: int, hidden=(), sensor: Sensor = SENSOR, plan=tuple(PLAN)) -> FrameSet:
-    frames = take(sensor, plan, {}, seed, hidden)
+    targets = {shot.target: chart() for shot in plan if shot.target}
+    frames = take(sensor, plan, targets, seed, hidden)
     records = [
-        FrameRecord(i, f"{i}.npy", s.kind, s.seconds, s.celsius, 0.0, s.photons) for i, s in enumerate(plan)
+        FrameRecord(i, f"{i}.npy", s.kind, s.seconds, s.celsius, 0.0, s.photons, clean=s.target)
+        for i, s in enumerate(plan)
     ]
-    return FrameSet.from_arrays(records, list(frames), bit_depth=sensor.bits)
+    return FrameSet.from_arrays(records, list(frames), targets, bit_depth=sensor.bits)
 
 
 def stated_camera() -> Camera:

@@ -15,6 +15,7 @@ from visaug.diagnosis.acceptance import (
     disturbs_nothing,
     explains,
     improves,
+    is_anothers,
     is_there_again,
     may_explain,
     owes,
@@ -337,10 +338,16 @@ def test_what_has_no_error_to_lower_leaves_in_order_what_was():
 
 
 def test_beside_what_is_a_hundred_times_as_far_off_an_error_falls_by_little():
-    """A veil beside what blooms: it must surely fall, and the effect be there again."""
-    before, after = (at(1.0, 1e-5), at(1.0, 1e-5)), (at(0.994, 1e-5), at(0.995, 1e-5))
-    assert improves(before, after, True, beyond_chance=True, has_a_case=True, there_again=True)
-    assert not improves(before, after, True, beyond_chance=True, has_a_case=True)
-    assert not improves(before, after, True, beyond_chance=True, there_again=True)
-    wavering = (at(0.994, 0.01), at(0.995, 0.01))
-    assert not improves(before, wavering, True, True, has_a_case=True, there_again=True)
+    """A veil beside what blooms: it must surely fall where the effect acts, and the effect be there again."""
+    before, after = (at(1.0, 0.02), at(1.0, 0.02)), (at(1.01, 0.02), at(0.99, 0.02))
+    case = {"beyond_chance": True, "has_a_case": True, "there_again": True, "falls_where_it_acts": True}
+    assert improves(before, after, True, **case)
+    for lacking in case:
+        assert not improves(before, after, True, **{**case, lacking: False})
+
+
+def test_what_stays_far_out_and_is_not_moved_is_anothers():
+    """Codes that never come beside bands of columns: one statistic 55 standard deviations off, whichever bands there are."""
+    before = state([300.0, 20.0, 300.0, 300.0])
+    after = state([310.0, 1.0, 20.0, 290.0], np.array([0.0, 19.0, 280.0, 10.0]))
+    assert is_anothers(before, after).tolist() == [True, False, False, False]

@@ -7,7 +7,7 @@ import pytest
 from independent import effects
 from independent.camera import Shot
 
-from tests.diagnosis.small import PLAN, SENSOR, frame_set, row_noise
+from tests.diagnosis.small import CHART, PLAN, SENSOR, frame_set, row_noise
 from visaug import Camera, InputError
 from visaug.diagnosis import diagnose
 
@@ -103,22 +103,31 @@ def test_dark_frames_of_one_exposure_alone(stated):
 
 
 @pytest.mark.parametrize(
-    ("hidden", "strength", "shot", "rival"),
+    ("hidden", "strength", "shot", "rival", "wanted", "further"),
     [
-        ("tap_mismatch", 3.0, PLAN[0], "fixed_pattern_structure"),  # a step; with a gain of its own that only light shows
-        ("interpixel_crosstalk", 0.01, Shot("flat", 0.01, 20.0, 9000.0), "brighter_fatter"),  # alike at one level
+        # a step, whose gain shows in light
+        ("tap_mismatch", 3.0, PLAN[0], "fixed_pattern_structure", "flats over the whole range", PLAN),
+        # alike at one level
+        (
+            "interpixel_crosstalk",
+            0.01,
+            Shot("flat", 0.01, 20.0, 9000.0),
+            "brighter_fatter",
+            "a chart of edges",
+            CHART,
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_frames_cannot_tell_apart_is_ambiguous_until_those_are_there_that_can(
-    stated, hidden, strength, shot, rival
+    stated, hidden, strength, shot, rival, wanted, further
 ):
     effect = effects.BY_NAME[hidden].at(strength)
     alone = diagnose(stated, frame_set(77, [effect], plan=(shot,) * 12), sets=SETS)
     (pair,) = alone.ambiguous
     assert set(pair["effects"]) == {hidden, rival}
-    assert pair["measure"].startswith("flats over the whole range")
+    assert pair["measure"].startswith(wanted)
     assert alone.accepted == (alone.ranking[0].effect,)  # under its likeliest name
-    both = diagnose(stated, frame_set(77, [effect]), sets=SETS)
+    both = diagnose(stated, frame_set(77, [effect], plan=(shot,) * 12 + tuple(further)), sets=SETS)
     assert both.accepted == (hidden,)
     assert both.ambiguous == ()
 

@@ -35,7 +35,7 @@ def searching(veiled) -> search._Search:
     ]
     begun.walk = [leaving([300, 200, 90, 40], veiled["trail"]), *(alone, alone)]
     begun.adding = adding.Adding(None, None, (), None)  # pyright: ignore[reportArgumentType]
-    begun.ranking = Ranking(None)  # pyright: ignore[reportArgumentType]
+    begun.ranking = Ranking(None, ())  # pyright: ignore[reportArgumentType]
     begun.ranking._ranked = {
         name: Ranked(name, probability, None, {})
         for name, probability in (

@@ -58,6 +58,7 @@ class Distance:
         residual: np.ndarray | None = None,
         follows: np.ndarray | None = None,
         beside: np.ndarray | None = None,
+        asked: np.ndarray | None = None,
     ) -> Error | None:
         """Of a model by its simulated sets (R, statistics); None where the file as given shows no excess.
 
@@ -68,19 +69,26 @@ class Distance:
             residual: measured less the model's mean, where the sets are of a neighbouring camera.
             follows: standard deviations of the model's spread, where they are better known than from `sets`.
             beside: simulated sets of another model; s is not less than their spread either, so that both errors share their units.
+            asked: (statistics,) whether each counts; all where left out.
         """
         spread = variance(sets) if follows is None else follows**2
         given = variance(self.given)
         wide = spread if beside is None else np.maximum(spread, variance(beside))
-        return self._error(sets, residual, spread, np.maximum(given, wide)) or self._error(
-            sets, residual, spread, given
+        counts = np.ones(len(given), bool) if asked is None else asked
+        return self._error(sets, residual, spread, np.maximum(given, wide), counts) or self._error(
+            sets, residual, spread, given, counts
         )
 
     def _error(
-        self, sets: np.ndarray, residual: np.ndarray | None, spread: np.ndarray, scale: np.ndarray
+        self,
+        sets: np.ndarray,
+        residual: np.ndarray | None,
+        spread: np.ndarray,
+        scale: np.ndarray,
+        counts: np.ndarray,
     ) -> Error | None:
         scale = np.maximum(scale, self.least**2)
-        usable = scale > 0
+        usable = (scale > 0) & counts
         weight = np.divide(1.0, scale, out=np.zeros_like(scale), where=usable)
         center = sets.mean(0) if residual is None else self.measured - residual
         floor = self._mean(2 * spread * weight, usable)

@@ -298,6 +298,15 @@ def is_there_again(before: State, after: State) -> bool:
     return bool(off > SEEN_AGAIN and length / TIMES < off < length * TIMES)
 
 
+def is_anothers(before: State, after: State) -> np.ndarray:
+    """(statistics,) what is far out, stays so and is not moved by the last effect: it says nothing about that effect."""
+    was, left = (
+        np.abs(standardised(s.fitted.residual, before.fitted.reference.null_scale)) for s in (before, after)
+    )
+    moves = np.abs(standardised(moves_of(before, after), before.fitted.reference.null_scale))
+    return (was > FAR_OUT) & (left > FAR_OUT) & (moves < OFF)
+
+
 def disturbs_nothing(before: State, after: State) -> bool:
     """Whether all that was in order stays so."""
     return not bool(((np.abs(before.z) < IN_ORDER) & (np.abs(after.z) > DISTURBED)).any())
@@ -311,6 +320,7 @@ def improves(
     has_a_case: bool = False,
     there_again: bool = False,
     in_order: bool = True,
+    falls_where_it_acts: bool = False,
 ) -> bool:
     """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
 
@@ -334,6 +344,7 @@ def improves(
         has_a_case: whether it gains enough, beyond chance, where the effects before it move next to nothing.
         there_again: see `is_there_again`; with a case of its own it is confirmed by that.
         in_order: see `disturbs_nothing`.
+        falls_where_it_acts: whether the error surely falls without what is another's, see `is_anothers`.
     """
     (found_before, confirmed_before), (found, confirmed) = before, after
     if found is None or found_before is None:
@@ -348,7 +359,7 @@ def improves(
         all_that_is_left = found_before.value > LITTLE and taken > NEARLY_ALL * found_before.value
         if taken < SHARE and not all_that_is_left and not has_a_case:
             return False
-    beside_more = first and has_a_case and there_again and found.high < found_before.value
+    beside_more = first and has_a_case and there_again and falls_where_it_acts
     if found.value > REMAINING * found_before.value + _noise(found, beyond_chance) and not beside_more:
         return False
     if found.high >= found_before.value and not beyond_chance:

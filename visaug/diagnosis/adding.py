@@ -9,7 +9,7 @@ from visaug.camera import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis import cache
 from visaug.diagnosis.acceptance import OFF, State, may_explain, moves_of
-from visaug.diagnosis.candidates import Trial
+from visaug.diagnosis.candidates import Trial, exchanged
 from visaug.diagnosis.fit import TWINS, Fitted, refit
 from visaug.diagnosis.naming import SIGNIFICANT, decided
 from visaug.diagnosis.parameters import Coordinate, effect_coordinates, moved, strengths_of
@@ -104,8 +104,7 @@ class Adding:
 
     def swapped(self, state: State, own: Refined, rival: Refined) -> State:
         """The state with a rival in the place of an effect, everything refitted."""
-        entry = next(e for e in rival.camera.to_dict()["effects"] if e["name"] == rival.effect)
-        camera = state.fitted.camera.without_effect(own.effect).with_effect(**entry)
+        camera = exchanged(state.fitted.camera, own.effect, rival.camera, rival.effect)
         kept = [c for c in state.fitted.reference.coordinates if not c.path.startswith(f"{own.effect}.")]
         accepted = tuple(rival.effect if name == own.effect else name for name in state.accepted)
         fitted = self._fitted(state, camera, [*kept, *rival.coordinates])

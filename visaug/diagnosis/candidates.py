@@ -152,3 +152,9 @@ def strengths_to_try(parameter: Parameter) -> tuple:
     if parameter.low < 0 < parameter.high:
         values = (*values, *(-v for v in values))
     return values
+
+
+def exchanged(camera: Camera, own: str, other: Camera, rival: str) -> Camera:
+    """The camera with a rival as another camera has it, in the place of one of its own further effects."""
+    entry = next(entry for entry in other.to_dict()["effects"] if entry["name"] == rival)
+    return camera.without_effect(own).with_effect(**entry)

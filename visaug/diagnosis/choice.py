@@ -13,6 +13,7 @@ from visaug.diagnosis.acceptance import (
     disturbs_nothing,
     explains,
     improves,
+    is_anothers,
     is_there_again,
     moves_of,
     says_the_same,
@@ -131,7 +132,10 @@ class Choice:
         again, in_order = is_there_again(before, after), disturbs_nothing(before, after)
         completes = _completes(before, after, again)
         has_a_case = beyond and (gain > SURE or completes) and acts_elsewhere(before, after, completes)
-        return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case, again, in_order)
+        asked = ~is_anothers(before, after)
+        own = [self.errors.found(x, y, asked) for x, y in both]
+        falls = own[0] is not None and own[1] is not None and own[1].high < own[0].value
+        return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case, again, in_order, falls)
 
     def holds(self, state: State) -> bool:
         """Whether a camera leaves no more than chance would."""

@@ -1,5 +1,7 @@
 """Errors of fitted cameras on the frames that find and on those that confirm, and which of the two is told."""
 
+import numpy as np
+
 from visaug.comparison import Distance, Error, Laboratory, is_clear
 from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.reference import Reference
@@ -29,15 +31,18 @@ class Errors:
         known = [error for error in errors if error is not None and error.high - error.low <= VAGUE]
         return next((error for error in known if is_clear(error)), known[0] if known else None)
 
-    def found(self, fitted: Fitted, beside: Fitted | None = None) -> Error | None:
+    def found(
+        self, fitted: Fitted, beside: Fitted | None = None, asked: np.ndarray | None = None
+    ) -> Error | None:
         """On the frames that find.
 
         Args:
             beside: a fitted camera whose error it is held against: both in the same units, or an effect that brings a wide
                 spread where the camera as given was far off would seem to raise the error of all the rest.
+            asked: (statistics,) whether each counts; all where left out.
         """
         other = None if beside is None else beside.reference.sets
-        return self.distance.error(fitted.reference.sets, fitted.residual, beside=other)
+        return self.distance.error(fitted.reference.sets, fitted.residual, beside=other, asked=asked)
 
     def confirmed(self, fitted: Fitted, beside: Fitted | None = None) -> Error | None:
         """On the frames that confirm, in the same way."""

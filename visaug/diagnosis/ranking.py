@@ -13,6 +13,7 @@ from visaug.diagnosis.reference import Report
 from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.result import Ranked, estimates
 from visaug.diagnosis.separate import measurement
+from visaug.fingerprint import Statistic
 
 
 class Ranking:
@@ -20,10 +21,11 @@ class Ranking:
 
     Args:
         distance: on the frames that find.
+        at_hand: statistics of all frames.
     """
 
-    def __init__(self, distance: Distance):
-        self._distance = distance
+    def __init__(self, distance: Distance, at_hand: Sequence[Statistic]):
+        self._distance, self._at_hand = distance, at_hand
         self._ranked: dict[str, Ranked] = {}
         self.ambiguous: list[dict[str, Any]] = []
 
@@ -77,4 +79,4 @@ class Ranking:
         close = [r.effect for r in refined if refined[0].gain - r.gain < CLOSE]
         if len(close) > 1:
             cameras = {r.effect: r.camera for r in refined if r.effect in close}
-            self.ambiguous.append({"effects": close, "measure": measurement(cameras, report)})
+            self.ambiguous.append({"effects": close, "measure": measurement(cameras, self._at_hand, report)})

@@ -255,20 +255,20 @@ def derivatives(
     """
     if not coordinates:
         return [np.zeros((len(f.values), 0)) for f in lab.measured]
-    pairs = _differences(lab, camera, coordinates, range(PAIRS), report)
+    pairs = differences(lab, camera, coordinates, range(PAIRS), report)
     answers = standardised(pairs[0].mean(1), scale)
     noise = standardised(pairs[0].std(1, ddof=1), scale) / np.sqrt(PAIRS)
     noisy = np.flatnonzero((noise**2).sum(-1) > NOISY * (answers**2).sum(-1)).tolist()
     slopes = [found.mean(1) for found in pairs]
     if noisy:
-        more = _differences(lab, camera, [coordinates[k] for k in noisy], range(PAIRS, MORE_PAIRS), report)
+        more = differences(lab, camera, [coordinates[k] for k in noisy], range(PAIRS, MORE_PAIRS), report)
         for slope, first, further in zip(slopes, pairs, more, strict=True):
             of = np.concatenate([first[noisy], further], axis=1)
             slope[noisy] = drawn_to_zero(of.mean(1), of.var(1, ddof=1) / MORE_PAIRS)
     return [slope.T for slope in slopes]
 
 
-def _differences(
+def differences(
     lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], numbers: range, report: Report
 ) -> list[np.ndarray]:
     """(coordinates, pairs, statistics) difference quotients of each use, one pair of simulations for each random number."""

@@ -96,7 +96,7 @@ class _Search:
         self.adding = Adding(self.lab, first, self.signs.trials, self.report)
         self.errors = Errors(self.lab, first, fitted)
         self.choice = Choice(self.lab, self.signs, self.adding, self.errors)
-        self.ranking = Ranking(self.errors.distance)
+        self.ranking = Ranking(self.errors.distance, self._of_all)
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
         state = refitted = State.plain(fitted)
         by_chance = chance(self.lab, self.signs, state)

@@ -1,41 +1,99 @@
 """Which frames would tell two effects apart."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.diagnosis.reference import Report
-from visaug.fingerprint import fingerprint
+from visaug.comparison import Laboratory
+from visaug.diagnosis.candidates import exchanged
+from visaug.diagnosis.parameters import base_coordinates
+from visaug.diagnosis.reference import Report, differences
+from visaug.diagnosis.robust import adjust
+from visaug.effects import catalogue
+from visaug.fingerprint import Statistic, fingerprint
 from visaug.frames import FrameSet
 from visaug.frames.plan import default_plan
-from visaug.simulation import simulate
+from visaug.simulation import simulate, with_chart
 
 SETS = 6
+SEEN = 3.0  # standard deviations of one set from which two cameras differ in a statistic; the mean of six is known to half of one
 WINDOW = (128, 160)
+TAKEN = 0.5  # share of a plan's settings of one kind of frame that must be there,
+BRIGHT = 0.8  # and of its brightest level, for more such frames to say little that is new
 WORDS = {
     "bias": "a stack of bias frames",
     "dark": "a ladder of dark frames over exposure and temperature",
     "flat": "flats over the whole range up to saturation, several at each level",
+    "scene": "a chart of edges with a small spot beyond saturation, several times, each followed by a dark frame",
 }
 
 
-def measurement(cameras: Mapping[str, Camera], report: Report) -> str:
-    """The frames in which two cameras differ most, in words, from simulations of a full plan of frames."""
-    first, second = list(cameras.values())[:2]
-    plan = _plan(first)
-    prints = []
-    for n, (camera, k) in enumerate((camera, k) for camera in (first, second) for k in range(SETS)):
-        prints.append(fingerprint(simulate(camera, plan, seed=k)))
-        report("frames that would tell them apart", n + 1, 2 * SETS)
-    values = np.array([p.values for p in prints]).reshape(2, SETS, -1)
-    apart = np.abs(values[0].mean(0) - values[1].mean(0))
-    least = np.array([s.least_spread for s in prints[0].statistics])
-    spread = np.maximum(values.std(1, ddof=1).max(0), np.maximum(least, 1e-9))
-    best = prints[0].statistics[int((apart / spread).argmax())]
+def measurement(cameras: Mapping[str, Camera], at_hand: Sequence[Statistic], report: Report) -> str:
+    """The frames in which two cameras differ most, in words, from simulations of a full plan of frames.
+
+    What a refit of the first camera could follow is no difference. Frames that are at hand have been asked already: they are
+    told only where no others would say more.
+
+    Args:
+        at_hand: statistics of the frames that could not tell the two apart.
+    """
+    pair = _on_one_base(cameras)
+    lab = Laboratory(_plan(pair[0]), pair[0], folds=False)
+    statistics = fingerprint(simulate(pair[0], lab.plan)).statistics
+    apart = np.abs(_apart(lab, pair, statistics, report))
+    kinds = np.array([s.kind for s in statistics])
+    known = taken(at_hand, statistics)
+    squares = {kind: float((apart[(kinds == kind) & (apart > SEEN)] ** 2).sum()) for kind in WORDS}
+    tell = [kind for kind in WORDS if squares[kind] > 0]
+    if not tell:
+        return "many more frames than these of every kind: they differ by little in each"
+    kind = max([k for k in tell if k not in known] or tell, key=lambda k: squares[k])
+    best = statistics[int(np.where(kinds == kind, apart, 0.0).argmax())]
+    more = "many more of the frames that are there, above all " if kind in known else ""
     view = best.view.replace("_", " ")
-    return f"{WORDS[best.kind]}: they differ most in {best.name} of {best.frames} ({view})"
+    return f"{more}{WORDS[kind]}: they differ most in {best.name} of {best.frames} ({view})"
+
+
+def _on_one_base(cameras: Mapping[str, Camera]) -> tuple[Camera, Camera]:
+    """The first camera, and it with the second's effect in place of its own.
+
+    What few frames leave open of the camera's own numbers may lie anywhere in the two, and is no difference between the effects.
+    """
+    (own, first), (rival, second) = list(cameras.items())[:2]
+    if any(catalogue()[name].base for name in (own, rival)):
+        return first, second
+    return first, exchanged(first, own, second, rival)
+
+
+def taken(at_hand: Sequence[Statistic], plan: Sequence[Statistic]) -> frozenset[str]:
+    """Kinds of frames that are there in about as many settings as in a plan, and as bright."""
+
+    def settings(statistics: Sequence[Statistic], kind: str) -> int:
+        return len({s.frames for s in statistics if s.kind == kind})
+
+    def brightest(statistics: Sequence[Statistic]) -> float:
+        return max((s.signal for s in statistics if s.kind == "flat"), default=0.0)
+
+    there = {k for k in WORDS if settings(at_hand, k) >= max(TAKEN * settings(plan, k), 1)}
+    dim = brightest(at_hand) < BRIGHT * brightest(plan)
+    return frozenset(there - {"flat"} if dim else there)
+
+
+def _apart(
+    lab: Laboratory, pair: Sequence[Camera], statistics: Sequence[Statistic], report: Report
+) -> np.ndarray:
+    """(statistics,) by how much two cameras differ, in standard deviations of one set, beyond what a refit of the first follows."""
+    label, jobs = "frames that would tell them apart", [(camera, k) for camera in pair for k in range(SETS)]
+    sets = lab.finding(jobs, lambda n: report(label, n, len(jobs))).reshape(2, SETS, -1)
+    least = np.maximum([s.least_spread for s in statistics], 1e-9)
+    spread = np.maximum(np.sqrt(sets.var(1, ddof=1).mean(0)), least)
+    free = base_coordinates(pair[0], lab.frames, calibrated=True)
+    slopes = differences(lab, pair[0], free, range(1), report)[0].mean(1).T
+    differ = sets[0].mean(0) - sets[1].mean(0)
+    (steps,) = adjust(differ[None], slopes, spread, np.array([c.prior for c in free]))
+    return (differ - slopes @ steps) / spread
 
 
 def _plan(camera: Camera) -> FrameSet:
@@ -54,4 +112,5 @@ def _plan(camera: Camera) -> FrameSet:
         for record in default_plan()
         if record.kind in WORDS and record.gain_db == 0
     ]
-    return FrameSet.from_arrays(records, [np.zeros((height, width), np.uint16)] * len(records))
+    plan = FrameSet.from_arrays(records, [np.zeros((height, width), np.uint16)] * len(records))
+    return with_chart(camera, plan)
