@@ -15,7 +15,7 @@ from visaug.diagnosis.matches import Match, best_of_each
 from visaug.diagnosis.naming import first_matches
 from visaug.diagnosis.reference import Null
 from visaug.diagnosis.refinement import Refined
-from visaug.diagnosis.signatures import Signatures
+from visaug.diagnosis.signatures import Signatures, is_random, own_variance
 
 
 def test_shrinkage_keeps_strong_correlations_and_drops_chance():
@@ -125,12 +125,13 @@ def leaving(residual) -> State:
     return State.plain(Fitted(reference, None, left, left, left))  # pyright: ignore[reportArgumentType]
 
 
-def test_of_two_that_say_the_same_the_simpler_is_taken(stated, monkeypatch):
-    """A flare without its ghost is a veil: which of them simulations favour a little is their noise."""
+@pytest.mark.parametrize("favoured", [60.0, 450.0])
+def test_of_two_that_say_the_same_the_simpler_is_taken(stated, monkeypatch, favoured):
+    """A flare without its ghost is a veil: which of them simulations favour a little is their noise, or the rim of the halo."""
     before, after, elsewhere = leaving([100, 80, 60, 0]), leaving([1, 0, 2, 0]), leaving([1, 0, 2, 30])
     flare, veil = refined("lens_flare", stated, 1890.0, 5.0), refined("veiling_glare", stated, 1900.0, 2.0)
     simulated = [(veil, leaving([0, 1, 0, 1])), (flare, after)]
-    density = {id(after.fitted): 60.0, id(elsewhere.fitted): -300.0}
+    density = {id(after.fitted): favoured, id(elsewhere.fitted): -300.0}
     monkeypatch.setattr(naming, "log_density", lambda fitted, *_: density.get(id(fitted), 0.0))
     (first, _), (second, _) = naming.decided(before, simulated)
     assert (first.effect, second.effect) == ("veiling_glare", "lens_flare")
@@ -215,3 +216,16 @@ def test_a_width_between_one_that_moves_nothing_and_one_that_moves_far_too_much(
     beside = [Trial("point_spread", (("point_spread.sigma_px", sigma),)) for sigma in (0.04, 0.2, 0.6)]
     starts = refinement._among(SimpleNamespace(finding=finding), fitted, beside)  # type: ignore[arg-type]
     assert starts[-1].values()["point_spread.sigma_px"] == pytest.approx(0.13, rel=0.05)
+
+
+def test_what_is_rare_is_seen_to_bring_a_spread_of_its_own():
+    """Of six sets of codes that never come one has them among the few codes of a dark frame."""
+    scale = np.ones(400)
+    moves = np.tile(np.append(30.0, np.zeros(399)), (6, 1)) + 0.05 * np.random.default_rng(0).standard_normal(
+        (6, 400)
+    )
+    assert not is_random(moves, scale)
+    assert not own_variance(moves, scale).any()
+    moves[2, 5] = 90.0
+    assert is_random(moves, scale)
+    assert np.flatnonzero(own_variance(moves, scale)).tolist() == [5]

@@ -1,7 +1,7 @@
 """A candidate effect with its own numbers fitted, the camera's following."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +16,7 @@ from visaug.diagnosis.matches import CHANCE, Match, extrapolation
 from visaug.diagnosis.parameters import Coordinate, base_coordinates, effect_coordinates, moved
 from visaug.diagnosis.reference import Report
 from visaug.diagnosis.robust import adjust, standardised
-from visaug.diagnosis.signatures import FEW, cleared, following
+from visaug.diagnosis.signatures import FEW, cleared, following, is_random, own_variance
 from visaug.effects import catalogue
 
 SCALED_FAR = 3.0  # times that a signature wants to be multiplied: neither a level nor a variance, perhaps
@@ -98,7 +98,13 @@ def refine(
     own = coordinates_of(match.trial.effect, camera, lab)
     climb = Climb(lab, fitted, metric(fitted, FINE, allowance), match, camera, own)
     report(f"refining {match.trial.effect}", 0, iterations)
-    best = climb.upwards(climb.start(cameras))
+    begun = climb.start(cameras)
+    if not match.variance.any() and is_random(begun.moves, fitted.reference.null_scale):
+        # what is rare, the signature's first simulations did not show: a code that never comes among the few of a dark frame
+        match = replace(match, variance=own_variance(begun.moves, fitted.reference.null_scale))
+        climb = Climb(lab, fitted, metric(fitted, FINE, allowance), match, camera, own)
+        begun = climb.start(cameras)
+    best = climb.upwards(begun)
     step, damping, gains = None, 1.0, [best.gain]
     for i in range(1, iterations if own and best.gain > least else 1):
         report(f"refining {match.trial.effect}", i, iterations)

@@ -12,7 +12,7 @@ from visaug.diagnosis.fit import bias_level
 from visaug.diagnosis.law import ROUGH, law
 from visaug.diagnosis.parameters import BLACK, moved
 from visaug.diagnosis.reference import Reference, Report
-from visaug.diagnosis.robust import drawn_to_zero
+from visaug.diagnosis.robust import drawn_to_zero, standardised
 
 FAR_DN = 0.3  # that the black level has to follow to be moved along
 REDRAWN = 2.0  # variances of the null that a difference of two independent sets has
@@ -50,18 +50,29 @@ def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], re
     if again:
         moves[again] = _moves(lab, reference, [tried[i] for i in again], range(FEW), report, "following")
     scale = reference.null_scale
-    z = np.divide(moves, scale, out=np.zeros_like(moves), where=scale > 0)
-    own = z.var(1, ddof=1).mean(1)
-    random = [i for i in range(len(tried)) if own[i] > max(0.15, 0.02 * (z[i].mean(0) ** 2).mean())]
+    random = [i for i in range(len(tried)) if is_random(moves[i], scale)]
     means, variances = cleared(moves, scale), np.zeros_like(moves[:, 0])
     if random:
         again = _moves(lab, reference, [tried[i] for i in random], range(FEW, MORE), report, "trying again")
         whole = np.concatenate([moves[random], again], 1)
-        own_variance = whole.var(1, ddof=1)
         means[random] = cleared(whole, scale)
-        # noise that is drawn anew is in the null already; what the effect brings of its own exceeds it
-        variances[random] = np.where(own_variance > REDRAWN * scale**2, own_variance, 0)
+        variances[random] = own_variance(whole, scale)
     return Signatures(tuple(tried), means, variances)
+
+
+def is_random(moves: np.ndarray, scale: np.ndarray) -> bool:
+    """Whether moves (simulations, statistics) differ by more than what noise drawn once does: the effect has numbers of its own."""
+    z = standardised(moves, scale)
+    return bool(z.var(0, ddof=1).mean() > max(0.15, 0.02 * (z.mean(0) ** 2).mean()))
+
+
+def own_variance(moves: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Of moves (..., simulations, statistics): the spread that an effect brings of its own.
+
+    Noise that is drawn anew is in the null already; what the effect brings exceeds it.
+    """
+    variance = moves.var(-2, ddof=1)
+    return np.where(variance > REDRAWN * scale**2, variance, 0.0)
 
 
 def cleared(moves: np.ndarray, scale: np.ndarray) -> np.ndarray:
