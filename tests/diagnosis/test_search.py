@@ -94,7 +94,7 @@ def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
         return SimpleNamespace()
 
     monkeypatch.setattr(adding.cache, "reference", reference)
-    monkeypatch.setattr(adding.Adding, "_refitted", lambda self, reference: reference)
+    monkeypatch.setattr(adding.Adding, "_refitted", lambda self, begun, near: begun)
     monkeypatch.setattr(adding.cache, "settled", lambda lab, fitted, *_: fitted)
     both = leaving([0, 0, 0, 25], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
     state = begun.adding.swapped(both, own, rival)

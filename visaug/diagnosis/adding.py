@@ -24,6 +24,7 @@ SETS_AFTER = 120  # simulated sets of a camera with an effect added,
 SETS_BEFORE = 30  # and the first of them, which tell whether it may explain anything
 SCALED = 2  # times that a strength follows its scatter
 BENT = 5.0  # standard deviations that a fit took the camera from what its file says, to try again from there
+AS_DEEP = 1.1  # times the least misfit, to which a valley counts as deep
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Adding:
         coordinates = [*known.coordinates, *candidate.coordinates]
         few = min(SETS_BEFORE, self.sets)
         begun = cache.reference(self.lab, candidate.camera, coordinates, few, self.report, known)
-        fitted = self._refitted(begun)
+        fitted = self._refitted(begun, state.fitted)
         sketch = state.with_effect(candidate.effect, fitted, *self._moves_of(candidate.effect, state, fitted))
         scatters = self._scatter(state, sketch, strengths_of(candidate.effect, candidate.coordinates))
         if scatters is None and not may_explain(self.lab.statistics, state, sketch):
@@ -148,25 +149,37 @@ class Adding:
         """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over, and sets that are there."""
         known = near.fitted.reference
         reference = cache.reference(self.lab, camera, coordinates, self.sets, self.report, known, begun)
-        return cache.settled(self.lab, self._refitted(reference), self.sets, self.report)
+        return cache.settled(self.lab, self._refitted(reference, near.fitted), self.sets, self.report)
 
-    def _refitted(self, reference: Reference) -> Fitted:
-        """Refitted from where the refit without the effect had taken the camera, or from the camera as given: the one that fits.
+    def _refitted(self, reference: Reference, near: Fitted) -> Fitted:
+        """Refitted from where the candidate had taken the camera, from the camera as given, and with the numbers of accepted effects
+        as near has them: the one that fits.
 
-        A robust fit that was bent by the effect may stay where it is, one number off held by the others.
+        A robust fit that was bent may stay where it is, one number off held by the others. Where two valleys are about as deep, of
+        a form that meets a spot's shoulders or its edges but not both, these numbers stay in the one that they were in.
         """
         fitted = refit(self.lab, reference, self.report)
-        given = {c.path: c.read(self.first.camera) for c in self.first.coordinates}
-        own = [
-            (c, known)
-            for c, known in zip(reference.coordinates, reference.null_steps.std(0))
-            if c.path in given
-        ]
-        if all(abs(c.read(fitted.camera) - given[c.path]) <= BENT * known for c, known in own):
-            return fitted
-        as_given = moved(fitted.camera, [c for c, _ in own], [given[c.path] for c, _ in own])
-        again = refit(self.lab, reference, self.report, begin=as_given)
-        return min(fitted, again, key=lambda f: f.misfit)
+        given = {c.path for c in self.first.coordinates}
+        gained = [c for c in near.reference.coordinates if c.path not in given]
+        starts = ((self.first.camera, self.first.coordinates, 1.0), (near.camera, gained, AS_DEEP))
+        for camera, numbers, share in starts:
+            start = self._where_elsewhere(fitted.camera, camera, numbers, reference)
+            if start is not None:
+                again = refit(self.lab, reference, self.report, begin=start)
+                fitted = again if again.misfit < share * fitted.misfit else fitted
+        return fitted
+
+    @staticmethod
+    def _where_elsewhere(
+        fitted: Camera, camera: Camera, numbers: Sequence[Coordinate], reference: Reference
+    ) -> Camera | None:
+        """A fitted camera with some numbers as another has them; None where they are hardly elsewhere."""
+        at = {c.path: c.read(camera) for c in numbers}
+        spread = reference.null_steps.std(0)
+        own = [(c, known) for c, known in zip(reference.coordinates, spread) if c.path in at]
+        if all(abs(c.read(fitted) - at[c.path]) <= BENT * known for c, known in own):
+            return None
+        return moved(fitted, [c for c, _ in own], [at[c.path] for c, _ in own])
 
     def _moves_of(
         self, effect: str, before: State, fitted: Fitted
