@@ -152,8 +152,8 @@ class Adding:
         return cache.settled(self.lab, self._refitted(reference, near.fitted), self.sets, self.report)
 
     def _refitted(self, reference: Reference, near: Fitted) -> Fitted:
-        """Refitted from where the candidate had taken the camera, from the camera as given, and with the numbers of accepted effects
-        as near has them: the one that fits.
+        """Refitted from where the candidate had taken the camera, from the camera as given, and with the numbers of accepted
+        effects as near has them: the one that fits.
 
         A robust fit that was bent may stay where it is, one number off held by the others. Where two valleys are about as deep, of
         a form that meets a spot's shoulders or its edges but not both, these numbers stay in the one that they were in.
