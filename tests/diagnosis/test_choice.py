@@ -160,3 +160,15 @@ def test_a_second_effect_completes_a_camera_by_what_stood_out_or_is_there_again(
 ):
     states = [SimpleNamespace(accepted=("brighter_fatter",) * names, p_value=p) for p in (before, after)]
     assert choice._completes(*states, again=again) is completes  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    ("names", "gain", "after", "has"),
+    [(1, 14.0, 0.005, True), (2, 14.0, 0.005, False), (2, 14.0, 0.4, True), (2, 6.0, 0.4, False)],
+)
+def test_beside_two_effects_a_third_must_leave_nothing(monkeypatch, names, gain, after, has):
+    """A ghost of a ten-thousandth met one statistic of many that the forms of a veil and of a bent response left."""
+    monkeypatch.setattr(choice, "acts_elsewhere", lambda *_: True)
+    accepted = ("veiling_glare", "nonlinearity")[:names]
+    states = [SimpleNamespace(accepted=accepted, p_value=p) for p in (0.005, after)]
+    assert choice._has_a_case(*states, gain=gain, again=True) is has  # pyright: ignore[reportArgumentType]

@@ -28,6 +28,7 @@ from visaug.diagnosis.spread import recurs_so
 
 DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
 SURE = 10.0  # in log likelihood: what an effect must gain that lowers no error beside others, or is far behind its rivals
+MANY = 2  # effects beside which a further one must leave nothing, or lower the error
 
 Standing = list[tuple[Refined, State]]  # candidates with the state that each would give, the accepted first
 
@@ -130,8 +131,7 @@ class Choice:
         taken += [] if after.moves is None else [self.lab.whole_of(after.moves)]
         beyond = any(by_chance.p_value_of(way) <= SIGNIFICANT for way in taken)
         again, in_order = is_there_again(before, after), disturbs_nothing(before, after)
-        completes = _completes(before, after, again)
-        has_a_case = beyond and (gain > SURE or completes) and acts_elsewhere(before, after, completes)
+        has_a_case = beyond and _has_a_case(before, after, gain, again)
         asked = ~is_anothers(before, after)
         own = [self.errors.found(x, y, asked) for x, y in both]
         falls = own[0] is not None and own[1] is not None and own[1].high < own[0].value
@@ -140,6 +140,16 @@ class Choice:
     def holds(self, state: State) -> bool:
         """Whether a camera leaves no more than chance would."""
         return chance(self.lab, self.signs, state).p_value > SIGNIFICANT
+
+
+def _has_a_case(before: State, after: State, gain: float, again: bool) -> bool:
+    """Whether an effect gains enough where the effects before it move next to nothing, or leaves nothing.
+
+    Beside two effects both: of what their forms leave here and there a third one's moves are always like a part.
+    """
+    completes = _completes(before, after, again)
+    sure = gain > SURE and (len(before.accepted) < MANY or after.p_value > SIGNIFICANT)
+    return (sure or completes) and acts_elsewhere(before, after, completes)
 
 
 def _completes(before: State, after: State, again: bool) -> bool:
