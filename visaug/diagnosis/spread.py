@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm, rankdata
 
 from visaug.camera import Camera
 from visaug.diagnosis.fit import Fitted
@@ -28,7 +27,6 @@ LEAST_KNOWN = 0.3  # and the least of its deviation that is taken as known
 WITHIN = 5.0  # standard deviations of its spread to which an effect covers what is off
 TIMES_FURTHER = 5.0  # squared distance in that covariance, of the furthest simulated set's, that is too far
 CONFIRMED = 4  # statistics covered in the frames that find and in those that confirm, to ask whether they are off alike
-SAME = 1e-9  # rounding of a cosine
 COVERS = 0.8  # share of a residual, and of an error, that stays under a spread that explains nothing
 
 
@@ -96,8 +94,7 @@ def moves_are_there(before: Fitted, after: Fitted, moves: np.ndarray) -> bool:
 def recurs_so(before: Fitted, after: Fitted, off: np.ndarray, same: tuple[np.ndarray, np.ndarray]) -> bool:
     """Whether what an effect covers is off alike in the frames that find and in those that confirm no more than in its own sets.
 
-    Tracks of cosmic rays lie elsewhere in every frame: they may cover a bright corner, or hot pixels, but not what is there in all
-    frames. Alike is which statistics are further off than others, not that all are: that may be the effect's strength.
+    Tracks of cosmic rays lie elsewhere in every frame: they may cover a bright corner, but not one that is bright in all frames.
 
     Args:
         off: (statistics,) whether each was off before, in the frames that find.
@@ -106,25 +103,14 @@ def recurs_so(before: Fitted, after: Fitted, off: np.ndarray, same: tuple[np.nda
     reference = after.reference
     stays = np.abs(after.residual) > COVERS * np.abs(before.residual)
     own = (off & stays & widened(before, after, WIDE))[same[0]]
-    if np.count_nonzero(own) < CONFIRMED:
-        return True
     uses = ((after.residual, reference.null), (after.confirm_residual, reference.confirm_null))
+    # the sign alone: where a few tracks make the spread, one statistic in which they happen to be would outweigh all others
     find, confirm = (
-        _scores(np.vstack([null.residuals, left])[:, place[own]])
+        np.sign(np.vstack([null.residuals, left]))[:, place[own]]
         for (left, null), place in zip(uses, same, strict=True)
     )
-    alike = (find * confirm).sum(1)  # cosines
-    return bool(alike[-1] <= alike[:-1].max() + SAME)
-
-
-def _scores(residuals: np.ndarray) -> np.ndarray:
-    """Normal scores of residuals (sets, statistics), each among all sets; of each set less their mean, and of length 1.
-
-    By rank: where a few tracks make the spread, one statistic in which they happen to be would outweigh all others.
-    """
-    scores = norm.ppf((rankdata(residuals, axis=0) - 0.5) / len(residuals))
-    scores -= scores.mean(1, keepdims=True)
-    return standardised(scores, np.linalg.norm(scores, axis=1, keepdims=True))
+    alike = (find * confirm).sum(1)
+    return bool(np.count_nonzero(own) < CONFIRMED or alike[-1] <= alike[:-1].max())
 
 
 def only_covers(before: Fitted, after: Fitted, off: np.ndarray) -> bool:
