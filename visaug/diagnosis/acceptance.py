@@ -300,10 +300,9 @@ def is_there_again(before: State, after: State) -> bool:
 
 def is_anothers(before: State, after: State) -> np.ndarray:
     """(statistics,) what is far out, stays so and is not moved by the last effect: it says nothing about that effect."""
-    was, left = (
-        np.abs(standardised(s.fitted.residual, before.fitted.reference.null_scale)) for s in (before, after)
-    )
-    moves = np.abs(standardised(moves_of(before, after), before.fitted.reference.null_scale))
+    scale = before.fitted.reference.null_scale
+    off = (before.fitted.residual, after.fitted.residual, moves_of(before, after))
+    was, left, moves = (np.abs(standardised(each, scale)) for each in off)
     return (was > FAR_OUT) & (left > FAR_OUT) & (moves < OFF)
 
 

@@ -96,13 +96,14 @@ def refine(
     if beside and extrapolation(match) > np.log(SCALED_FAR):
         cameras += _among(lab, fitted, beside)
     own = coordinates_of(match.trial.effect, camera, lab)
-    climb = Climb(lab, fitted, metric(fitted, FINE, allowance), match, camera, own)
+    judged = metric(fitted, FINE, allowance)
+    climb = Climb(lab, fitted, judged, match, camera, own)
     report(f"refining {match.trial.effect}", 0, iterations)
     begun = climb.start(cameras)
     if not match.variance.any() and is_random(begun.moves, fitted.reference.null_scale):
         # what is rare, the signature's first simulations did not show: a code that never comes among the few of a dark frame
         match = replace(match, variance=own_variance(begun.moves, fitted.reference.null_scale))
-        climb = Climb(lab, fitted, metric(fitted, FINE, allowance), match, camera, own)
+        climb = Climb(lab, fitted, judged, match, camera, own)
         begun = climb.start(cameras)
     best = climb.upwards(begun)
     step, damping, gains = None, 1.0, [best.gain]
