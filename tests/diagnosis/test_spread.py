@@ -68,6 +68,23 @@ def test_what_lies_elsewhere_in_every_frame_is_not_off_alike_in_all():
     assert so(0.9 * pattern, off=~off)  # nothing was off
 
 
+def test_a_mean_that_few_sets_make_is_no_place_to_count_signs_from():
+    """Where few sets of a hundred have the tracks that make the spread, most others lie below their mean, in both uses."""
+    places, rng = np.arange(12), np.random.default_rng(8)
+    before, off = state([30.0] * 12).fitted, np.ones(12, bool)
+    after = spread(state([28.0] * 12), 20.0).fitted
+    after.confirm_residual = np.full(12, 25.0)
+
+    def rare() -> Null:
+        sets = rng.lognormal(0.0, 2.0, (100, 12))
+        return Null(20 * (sets - sets.mean(0)), np.ones(12), np.zeros((12, 0)), np.ones(0))
+
+    null = after.reference.null = rare()
+    after.reference.null_scale, after.reference.confirm_null = null.scale, rare()
+    assert (np.sign(null.residuals).sum(1) == -12).any()
+    assert not recurs_so(before, after, off, (places, places))
+
+
 @pytest.mark.parametrize("true", [0.5, 1.0, 4.0])
 def test_the_square_of_what_is_off_tells_the_strength(true):
     """400 draws of ten levels that scatter `true` times as far as simulated: the mean square is chi-squared, 4000 degrees.
