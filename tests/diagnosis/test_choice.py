@@ -95,28 +95,6 @@ def test_one_that_is_not_promising_is_told_far_behind_and_stands_for_none(monkey
     assert [r.effect for r, _ in refused[-1]] == [hopeless]
 
 
-@pytest.mark.parametrize(("may", "scatters"), [(True, False), (False, False), (False, True)])
-def test_a_few_simulated_sets_end_what_does_not_explain_what_it_moves(monkeypatch, stated, may, scatters):
-    """But for an effect that scatters: how strong it is, and so what it explains, is not told by a few sets."""
-    (found,) = candidates(stated, {"row_noise": 9.0})
-    state, full, sets = leaving([9.0], stated), leaving([0.0], stated), []
-
-    def reference(lab, camera, coordinates, count, *_):
-        sets.append(count)
-        return state.fitted.reference
-
-    monkeypatch.setattr(adding.cache, "reference", reference)
-    monkeypatch.setattr(adding.Adding, "_refitted", lambda *_: state.fitted)
-    monkeypatch.setattr(adding.Adding, "_moves_of", lambda *_: (None, None))
-    monkeypatch.setattr(adding.Adding, "_scatter", lambda *_: "so much" if scatters else None)
-    monkeypatch.setattr(adding, "may_explain", lambda *_: may)
-    monkeypatch.setattr(adding.Adding, "with_candidate", lambda self, state, r, begun: full)
-    lab = SimpleNamespace(statistics=())
-    added = adding.Adding(lab, None, (), None).where_promising(state, found)  # pyright: ignore[reportArgumentType]
-    assert added is (full if may or scatters else None)
-    assert sets == [adding.SETS_BEFORE]
-
-
 def candidates(stated, gains: dict[str, float]) -> list[Refined]:
     return [refined(name, stated.with_effect(name), gain, 1.0) for name, gain in gains.items()]
 

@@ -47,53 +47,88 @@ class Adding:
 
     def where_promising(self, state: State, candidate: Refined) -> State | None:
         """What `with_candidate` gives; None where a few simulated sets show that the effect does not explain what it moves."""
-        known = state.fitted.reference
-        coordinates = [*known.coordinates, *candidate.coordinates]
-        few = min(SETS_BEFORE, self.sets)
-        begun = cache.reference(self.lab, candidate.camera, coordinates, few, self.report, known)
-        fitted = self._refitted(begun, state.fitted)
-        sketch = state.with_effect(candidate.effect, fitted, *self._moves_of(candidate.effect, state, fitted))
-        scatters = self._scatter(state, sketch, strengths_of(candidate.effect, candidate.coordinates))
-        if scatters is None and not may_explain(self.lab.statistics, state, sketch):
+        sketch = self._sketched(state, candidate)
+        if not self._may_explain(state, candidate, sketch):
             return None
-        return self.with_candidate(state, candidate, begun)
+        so = self._as_it_scatters(state, candidate, sketch)
+        if so is not None:
+            return so
+        settled = self._settled(state, candidate, sketch)
+        if not self._may_explain(state, candidate, settled):
+            return None
+        return self._completed(state, candidate, settled)
 
-    def with_candidate(self, state: State, candidate: Refined, begun: Reference | None = None) -> State:
-        """The state with a candidate added: simulated, refitted; its strengths by what scatters, where no moves tell them.
+    def with_candidate(self, state: State, candidate: Refined) -> State:
+        """The state with a candidate added: simulated, refitted; its strengths by what scatters, where no moves tell them."""
+        sketch = self._sketched(state, candidate)
+        so = self._as_it_scatters(state, candidate, sketch)
+        return so or self._completed(state, candidate, self._settled(state, candidate, sketch))
 
-        Args:
-            begun: the first of the simulated sets.
+    def _sketched(self, state: State, candidate: Refined) -> State:
+        """By the first of the simulated sets, wherever the fit goes from there."""
+        return self._added(state, candidate.effect, candidate.camera, candidate.coordinates, self._few)
+
+    def _may_explain(self, state: State, candidate: Refined, sketch: State) -> bool:
+        scatters = self._scatter(state, sketch, strengths_of(candidate.effect, candidate.coordinates))
+        return scatters is not None or may_explain(self.lab.statistics, state, sketch)
+
+    def _settled(self, state: State, candidate: Refined, sketch: State) -> State:
+        """The sketch where its fit lies, if that is far."""
+        fitted = cache.settled(self.lab, sketch.fitted, self._few, self.report)
+        if fitted is sketch.fitted:
+            return sketch
+        return state.with_effect(candidate.effect, fitted, *self._moves_of(candidate.effect, state, fitted))
+
+    def _completed(self, state: State, candidate: Refined, sketch: State) -> State:
+        begun = sketch.fitted.reference
+        return self._added(state, candidate.effect, begun.camera, candidate.coordinates, self.sets, begun)
+
+    @property
+    def _few(self) -> int:
+        return min(SETS_BEFORE, self.sets)
+
+    def _as_it_scatters(self, state: State, candidate: Refined, sketch: State) -> State | None:
+        """The state with an effect as strong as its scatter tells; None where that tells nothing, or no strength meets it.
+
+        Where what it acts on stays off, its other numbers are tried too. Few sets tell which of them it is.
         """
-        after = self._added(state, candidate.effect, candidate.camera, candidate.coordinates, begun)
-        strengths = strengths_of(candidate.effect, candidate.coordinates)
-        told = self._scatter(state, after, strengths)
+        effect, strengths = candidate.effect, strengths_of(candidate.effect, candidate.coordinates)
+        told = self._scatter(state, sketch, strengths)
         if told is None or not told.tells:
-            return after
-        held = {c.path for c in strengths}
-        told_so = []
-        for camera in self._otherwise(candidate.effect, told.scaled(after.fitted.camera), held):
-            again = self._scattering(state, candidate.effect, camera, strengths)
+            return None
+        sketches = []
+        for camera in self._otherwise(effect, told.scaled(sketch.fitted.camera), {c.path for c in strengths}):
+            again = self._scattering(state, effect, camera, strengths, self._few)
             if again is None:
                 break
-            told_so.append(again)
-            if again.p_value > SIGNIFICANT or self._holds_where_it_acts(state, again):
+            sketches.append(again)
+            if self._holds_where_it_acts(state, again):
                 break
-        return decided(state, [(candidate, each) for each in told_so or [after]])[0][1]
+        if not sketches:
+            return None
+        best = decided(state, [(candidate, each) for each in sketches])[0][1].fitted.reference
+        return self._scattering(state, effect, best.camera, strengths, self.sets, best)
 
     def _scattering(
-        self, state: State, effect: str, camera: Camera, strengths: tuple[Coordinate, ...]
+        self,
+        state: State,
+        effect: str,
+        camera: Camera,
+        strengths: tuple[Coordinate, ...],
+        sets: int,
+        begun: Reference | None = None,
     ) -> State | None:
         """The state with an effect as strong as the camera has it, or as its scatter then says; None if they do not agree."""
         held = {c.path for c in strengths}
         for _ in range(SCALED):
             others = [c for c in effect_coordinates(camera, effect) if c.path not in held]
-            after = self._added(state, effect, camera, others)
+            after = self._added(state, effect, camera, others, sets, begun)
             told = self._scatter(state, after, strengths)
             if told is None:
                 return None
             if told.is_met:
                 return replace(after, scatters=(*after.scatters, told))
-            camera = told.scaled(after.fitted.camera)
+            camera, begun = told.scaled(after.fitted.camera), None
         return None
 
     @staticmethod
@@ -108,7 +143,7 @@ class Adding:
         camera = exchanged(state.fitted.camera, own.effect, rival.camera, rival.effect)
         kept = [c for c in state.fitted.reference.coordinates if not c.path.startswith(f"{own.effect}.")]
         accepted = tuple(rival.effect if name == own.effect else name for name in state.accepted)
-        fitted = self._fitted(state, camera, [*kept, *rival.coordinates])
+        fitted = self._fitted(state, camera, [*kept, *rival.coordinates], self.sets)
         scatters = tuple(s for s in state.scatters if s.effect != own.effect)
         return replace(
             state, fitted=fitted, accepted=accepted, moves=None, confirm_moves=None, scatters=scatters
@@ -137,19 +172,29 @@ class Adding:
         effect: str,
         camera: Camera,
         own: Sequence[Coordinate],
+        sets: int,
         begun: Reference | None = None,
     ) -> State:
         """The state with an effect whose free numbers are `own`."""
-        fitted = self._fitted(state, camera, [*state.fitted.reference.coordinates, *own], begun)
+        fitted = self._fitted(state, camera, [*state.fitted.reference.coordinates, *own], sets, begun)
         return state.with_effect(effect, fitted, *self._moves_of(effect, state, fitted))
 
     def _fitted(
-        self, near: State, camera: Camera, coordinates: Sequence[Coordinate], begun: Reference | None = None
+        self,
+        near: State,
+        camera: Camera,
+        coordinates: Sequence[Coordinate],
+        sets: int,
+        begun: Reference | None = None,
     ) -> Fitted:
-        """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over, and sets that are there."""
+        """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over, and sets that are there.
+
+        With few sets it stays a sketch: where it lies far from its reference that is not made anew.
+        """
         known = near.fitted.reference
-        reference = cache.reference(self.lab, camera, coordinates, self.sets, self.report, known, begun)
-        return cache.settled(self.lab, self._refitted(reference, near.fitted), self.sets, self.report)
+        reference = cache.reference(self.lab, camera, coordinates, sets, self.report, known, begun)
+        fitted = self._refitted(reference, near.fitted)
+        return fitted if sets < self.sets else cache.settled(self.lab, fitted, sets, self.report)
 
     def _refitted(self, reference: Reference, near: Fitted) -> Fitted:
         """Refitted from where the candidate had taken the camera, from the camera as given, and with the numbers of accepted
