@@ -66,7 +66,8 @@ class Adding:
 
     def _sketched(self, state: State, candidate: Refined) -> State:
         """By the first of the simulated sets, wherever the fit goes from there."""
-        return self._added(state, candidate.effect, candidate.camera, candidate.coordinates, self._few)
+        effect, own = candidate.effect, candidate.coordinates
+        return self._added(state, effect, candidate.camera, own, self._few, settle=False)
 
     def _may_explain(self, state: State, candidate: Refined, sketch: State) -> bool:
         scatters = self._scatter(state, sketch, strengths_of(candidate.effect, candidate.coordinates))
@@ -80,8 +81,8 @@ class Adding:
         return state.with_effect(candidate.effect, fitted, *self._moves_of(candidate.effect, state, fitted))
 
     def _completed(self, state: State, candidate: Refined, sketch: State) -> State:
-        begun = sketch.fitted.reference
-        return self._added(state, candidate.effect, begun.camera, candidate.coordinates, self.sets, begun)
+        effect, own, begun = candidate.effect, candidate.coordinates, sketch.fitted.reference
+        return self._added(state, effect, begun.camera, own, self.sets, begun, settle=False)
 
     @property
     def _few(self) -> int:
@@ -122,7 +123,7 @@ class Adding:
         held = {c.path for c in strengths}
         for _ in range(SCALED):
             others = [c for c in effect_coordinates(camera, effect) if c.path not in held]
-            after = self._added(state, effect, camera, others, sets, begun)
+            after = self._added(state, effect, camera, others, sets, begun, settle=sets == self.sets)
             told = self._scatter(state, after, strengths)
             if told is None:
                 return None
@@ -174,9 +175,11 @@ class Adding:
         own: Sequence[Coordinate],
         sets: int,
         begun: Reference | None = None,
+        settle: bool = True,
     ) -> State:
         """The state with an effect whose free numbers are `own`."""
-        fitted = self._fitted(state, camera, [*state.fitted.reference.coordinates, *own], sets, begun)
+        coordinates = [*state.fitted.reference.coordinates, *own]
+        fitted = self._fitted(state, camera, coordinates, sets, begun, settle)
         return state.with_effect(effect, fitted, *self._moves_of(effect, state, fitted))
 
     def _fitted(
@@ -186,15 +189,17 @@ class Adding:
         coordinates: Sequence[Coordinate],
         sets: int,
         begun: Reference | None = None,
+        settle: bool = True,
     ) -> Fitted:
         """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over, and sets that are there.
 
-        With few sets it stays a sketch: where it lies far from its reference that is not made anew.
+        Args:
+            settle: whether the reference is made anew where the fit lies far from it.
         """
         known = near.fitted.reference
         reference = cache.reference(self.lab, camera, coordinates, sets, self.report, known, begun)
         fitted = self._refitted(reference, near.fitted)
-        return fitted if sets < self.sets else cache.settled(self.lab, fitted, sets, self.report)
+        return cache.settled(self.lab, fitted, sets, self.report) if settle else fitted
 
     def _refitted(self, reference: Reference, near: Fitted) -> Fitted:
         """Refitted from where the candidate had taken the camera, from the camera as given, and with the numbers of accepted

@@ -133,6 +133,15 @@ def _descended(
                 damping = max(10 * damping, 0.1)  # more along what the statistics tell well
         if damping > 100:
             break
+    if np.any(share[bends] < 1):  # by itself, for it may have been held for what other numbers did
+        _, at, camera, mean = best
+        left, own = (measured - mean)[None], reference.slopes[:, bends]
+        step = np.zeros(len(at))
+        step[bends] = adjust(left, own, reference.scale, priors[bends], (at - start)[bends])[0]
+        camera = moved(camera, coordinates, list(at + np.clip(step, -0.6 * priors, 0.6 * priors)))
+        mean = mean_at(camera)
+        alone = (misfit(measured - mean, reference.scale), np.array([c.read(camera) for c in coordinates]))
+        best = min(best, (*alone, camera, mean), key=lambda fit: fit[0])
     _, at, camera, _ = best
     means = _means_at(lab, reference, camera)
     # what is left of a step is small, or was tried and found worse
