@@ -1,5 +1,7 @@
 """Steps, derivatives, references and refits against linear algebra that is done by hand."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -182,3 +184,42 @@ def test_noise_of_derivatives_does_not_shorten_the_step():
     assert step[0] == pytest.approx(truth, rel=0.2)
     whole, pull = design.mean(1)[0], left.mean(0)
     assert whole @ pull / (whole @ whole) < 0.5 * truth  # what products of the same twins give
+
+
+class Bent:
+    """Sets of 60 statistics: the first is the DN at which the well cuts, the others answer the quantum efficiency."""
+
+    statistics = ()
+
+    def __init__(self, free, given, truth):
+        self.free, self.at = free, np.array([c.read(given) for c in free])
+        self.measured = [SimpleNamespace(values=self._set(truth, 0))] * 3
+
+    def finding(self, jobs, report=None):
+        return np.array([self._set(camera, number) for camera, number in jobs])
+
+    def simulated(self, jobs, report=None):
+        return [self.finding(jobs)] * 3
+
+    def _set(self, camera, number):
+        well, efficiency = np.array([c.read(camera) for c in self.free]) - self.at
+        noise = np.random.default_rng(number).normal(size=60)
+        return np.r_[well / self.free[0].step, np.full(59, 400 * efficiency)] + noise
+
+
+def test_a_well_that_was_held_for_another_number_is_tried_by_itself(stated):
+    """Derivatives of another number that are an eighth of what they should be make every step too long: the well's are shortened.
+
+    The well belongs 5 steps further, each a standard deviation; what stays is the noise of one set, 3.3 of them (1 in 1000).
+    """
+    paths = ("full_well_e", "quantum_efficiency")
+    by_path = {c.path: c for c in base_coordinates(stated, frame_set(0), True)}
+    free = [by_path[path] for path in paths]
+    truth = moved(stated, free, [c.read(stated) + s for c, s in zip(free, (5 * free[0].step, 0.02))])
+    lab = Bent(free, stated, truth)
+    sets = lab.finding([(stated, k) for k in range(1, 31)])
+    slopes = np.zeros((60, 2))
+    slopes[0, 0], slopes[1:, 1] = 1 / free[0].step, 50
+    reference = Reference(stated, tuple(free), *[Sample(sets, slopes, np.zeros(60))] * 3)
+    fitted = refit(lab, reference, lambda *_: None)  # pyright: ignore[reportArgumentType]
+    assert abs(fitted.z[0]) < 3.3
