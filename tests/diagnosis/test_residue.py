@@ -34,6 +34,37 @@ def test_a_glow_that_no_temperature_changes(warm):
     assert grown({n: (1, 1, 20 + i, warm * (20 + i)) for i, n in enumerate("abcd")}) == ("exposure",)
 
 
+@pytest.mark.parametrize(
+    ("excess", "time", "said"),
+    [
+        ((9.5, 35.1, 240.0, 840.0), False, ("exposure", "temperature")),
+        ((9.5, 9.0, 240.0, 250.0), False, ("exposure",)),  # pixels that gather light from an amplifier
+        ((9.8, 0.1, 0.4, 1.2), False, ("exposure",)),  # by turns
+        (
+            (9.5, 35.1, 240.0, 840.0),
+            True,
+            ("exposure",),
+        ),  # tracks, of which the warm frames happen to have more
+    ],
+)
+def test_the_excess_of_a_pattern_tells_its_growth_with_temperature(excess, time, said):
+    """The logarithm of a variance that is a thousand times too large hardly answers in standard deviations."""
+    statistics = [
+        Statistic(
+            "fixed_pattern", "pixels", s.frames, ("pixel",), "log DN^2", "dark", s.exposure_s, s.temperature_c
+        )
+        for s in darks("pixels")
+    ]
+    view = ("time",) if time else ("pixel",)
+    noise = [
+        Statistic("noise_tails", f"beyond {k}", "dark 1 s 20 C", view, "1", "dark", 1.0, 20.0) for k in (3, 5)
+    ]
+    z = np.array([92.0, 98.0, 480.0, 490.0, 300.0, 290.0])
+    found = describe([*statistics, *noise], z, excess=np.array([*excess, 1.0, 1.0]))
+    assert found.grows_with == said
+    assert describe([*statistics, *noise], z).grows_with == ("exposure",)
+
+
 def test_what_is_measured_on_all_dark_frames_together_tells_no_growth():
     """Codes are counted over all dark frames, under the name of the longest."""
     statistics = [

@@ -10,7 +10,7 @@ import pytest
 from tests.diagnosis.states import leaving
 from visaug.comparison import Error
 from visaug.diagnosis import telling
-from visaug.fingerprint import Statistic
+from visaug.fingerprint import Fingerprint, Statistic
 
 STATISTIC = Statistic("scene", "slope", "scene spot", ("level",))
 
@@ -38,3 +38,15 @@ def test_a_trace_is_told_where_it_stands_far_out_and_no_accepted_effect_acts(sta
     state = replace(state, fitted=fitted, whole_allowance=np.array([60.0, 0.0]))
     errors = SimpleNamespace(found=lambda fitted: Error(0.01, 0.005, 0.015))
     assert telling.is_worth_telling(errors, state) is told  # pyright: ignore[reportArgumentType]
+
+
+def test_the_excess_of_a_logarithm_is_that_of_what_was_measured():
+    """4 DN^2 where 1 was expected, and a level 3 DN low."""
+    measured = Fingerprint(
+        (
+            Statistic("fixed_pattern", "pixels", "bias", ("pixel",), "log DN^2"),
+            Statistic("level", "mean", "bias", ("level",), "DN"),
+        ),
+        np.array([np.log(4.0), 1e4]),
+    )
+    assert telling._excess(measured, np.array([np.log(4.0), -3.0])) == pytest.approx([3.0, -3.0])

@@ -15,6 +15,7 @@ WANDERS = 0.5  # share of neighbouring levels between which whole frames change 
 LEVELS = 5  # of at least so many that are off
 MORE = 2.5  # times further off with light than without
 ALIKE = 1.15  # ratio within which two of them say the same
+WARMS = 2.0  # times a pattern's variance: dark current that doubles in 10 K makes it four times as large
 CODES = 0.25  # how far off the counts of codes count: whatever moves a pixel moves its code
 TOLD = 0.4  # of the clearest axis, from which another is told
 ROUND = 2.0  # ratio within which what spreads along rows and along columns spreads all around
@@ -64,15 +65,26 @@ class Residue:
         }
 
 
-def describe(statistics: Sequence[Statistic], z: np.ndarray, nearest: str | None = None) -> Residue:
-    """Describes standardised residuals (statistics,)."""
+def describe(
+    statistics: Sequence[Statistic],
+    z: np.ndarray,
+    nearest: str | None = None,
+    excess: np.ndarray | None = None,
+) -> Residue:
+    """Describes standardised residuals (statistics,).
+
+    Args:
+        nearest: an effect that lowers the error and does not explain it.
+        excess: (statistics,) the residuals themselves, DN^2 and not its logarithm; left out, z alone tells a pattern's growth.
+    """
     size = np.abs(z)
     limit = min(FAR, float(size.max()))
     far = [i for i in np.argsort(-size) if size[i] >= limit]
     spans, around = _spans(statistics, z), _around(statistics, z)
     axes = [around.get(i) or _along(statistics[i], spans) for i in far]
     axis = _axes(statistics, size, dict(zip(far, axes, strict=True)), wanders=_wanders(statistics, z))
-    grows = _growth(statistics, size)
+    pattern = None if excess is None or "time" in axis else excess
+    grows = _growth(statistics, size, pattern)
     worst = tuple((statistics[i].label, float(z[i])) for i in far[:8])
     first = statistics[far[0]]
     ways = [WORDS[each] for each in axis]
@@ -171,8 +183,12 @@ def _axes(
     return tuple(axis for axis in sorted(weight, key=lambda a: -weight[a]) if weight[axis] >= TOLD * top)
 
 
-def _growth(statistics: Sequence[Statistic], size: np.ndarray) -> tuple[str, ...]:
-    """With what it grows, from the same statistics in frames of different conditions."""
+def _growth(statistics: Sequence[Statistic], size: np.ndarray, pattern: np.ndarray | None) -> tuple[str, ...]:
+    """With what it grows, from the same statistics in frames of different conditions.
+
+    Args:
+        pattern: (statistics,) excess, of what is the same in all frames.
+    """
     grows = []
     by_kind = {
         kind: [i for i, s in enumerate(statistics) if s.kind == kind]
@@ -202,7 +218,8 @@ def _growth(statistics: Sequence[Statistic], size: np.ndarray) -> tuple[str, ...
         ]
         if strength(longest) > 2 * max(strength(shortest), 1.5) and strength(longest) > FAR:
             grows.append("exposure")
-            if _grows_with_temperature(statistics, size):
+            warms = pattern is not None and _pattern_grows_with_temperature(statistics, size, pattern)
+            if warms or _grows_with_temperature(statistics, size):
                 grows.append("temperature")
     return tuple(grows)
 
@@ -257,3 +274,27 @@ def _grows_with_temperature(statistics: Sequence[Statistic], size: np.ndarray) -
     more = sum(w > ALIKE * c for c, w in pairs)
     less = sum(c > ALIKE * w for c, w in pairs)
     return more >= max(2, 4 * less)
+
+
+def _pattern_grows_with_temperature(
+    statistics: Sequence[Statistic], size: np.ndarray, excess: np.ndarray
+) -> bool:
+    """Whether the excess of pixels' variance is some times as large in the warmest of equally long dark frames, at all exposures.
+
+    Of a few hundred times a variance the standard deviations hardly grow any more: its logarithm is measured.
+    """
+    pixels = {
+        (s.exposure_s, s.temperature_c): i
+        for i, s in enumerate(statistics)
+        if (s.view, s.name, s.kind) == ("fixed_pattern", "pixels", "dark")
+    }
+    celsius = sorted({t for _, t in pixels})
+    equally_long = [
+        (pixels.get((e, celsius[0])), pixels.get((e, celsius[-1]))) for e in {e for e, _ in pixels}
+    ]
+    pairs = [
+        (excess[cold], excess[warm])
+        for cold, warm in equally_long
+        if cold is not None and warm is not None and max(size[cold], size[warm]) > FAR
+    ]
+    return len(celsius) > 1 and bool(pairs) and all(warm > WARMS * cold > 0 for cold, warm in pairs)

@@ -136,7 +136,7 @@ class _Search:
             ambiguous=tuple(
                 pair for pair in self.ranking.ambiguous if set(pair["effects"]) & set(state.accepted)
             ),
-            unexplained=residue(told, self.errors, self._of_all, state, missing, nearest),
+            unexplained=residue(told, self.errors, self.lab.measured[2], state, missing, nearest),
             form=form(self._of_all, state),
             cannot_show=cannot_show(self.signs, first),
         )

@@ -13,7 +13,7 @@ from visaug.diagnosis.residue import Residue, describe
 from visaug.diagnosis.robust import standardised
 from visaug.diagnosis.signatures import Signatures
 from visaug.diagnosis.spread import COVERS, only_covers
-from visaug.fingerprint import Statistic
+from visaug.fingerprint import Fingerprint, Statistic
 
 TRACE = 0.03  # error beside an accepted effect that is a finding, if it is surely so much
 MUCH = 0.1  # error beside an accepted effect that is a finding, if it may be so much; and if it surely is, though the camera holds
@@ -63,7 +63,7 @@ def is_no_explanation(
 def residue(
     told: Error | None,
     errors: Errors,
-    statistics: Sequence[Statistic],
+    measured: Fingerprint,
     state: State,
     missing: bool,
     nearest: str | None,
@@ -72,13 +72,14 @@ def residue(
 
     Args:
         told: the error of the state.
-        statistics: of all frames together.
+        measured: in all frames together.
         missing: whether something is missing.
         nearest: an effect that lowers the error and does not explain it.
     """
+    excess = _excess(measured, state.fitted.whole_residual)
     if missing and is_worth_telling(errors, state):
-        return describe(statistics, state.whole_z, nearest)
-    return describe(statistics, _plain_z(state)) if is_far_off(told, state) else None
+        return describe(measured.statistics, state.whole_z, nearest, excess)
+    return describe(measured.statistics, _plain_z(state), excess=excess) if is_far_off(told, state) else None
 
 
 def is_far_off(told: Error | None, state: State) -> bool:
@@ -111,6 +112,13 @@ def cannot_show(signs: Signatures, first: Reference) -> tuple[str, ...]:
         moves, spread = (standardised(v, first.null_scale) for v in (signature, np.sqrt(variance)))
         seen[trial.effect] = max(seen.get(trial.effect, 0.0), float((np.abs(moves) + spread).max()))
     return tuple(effect for effect, z in seen.items() if z < SHOWN)
+
+
+def _excess(measured: Fingerprint, residual: np.ndarray) -> np.ndarray:
+    """(statistics,) measured less modelled, of what is measured as a logarithm the thing itself."""
+    logarithmic = np.array([s.unit.startswith("log ") for s in measured.statistics])
+    values = np.where(logarithmic, measured.values, 0.0)
+    return np.where(logarithmic, np.exp(values) - np.exp(values - residual), residual)
 
 
 def _plain_z(state: State) -> np.ndarray:
