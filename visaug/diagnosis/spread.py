@@ -103,6 +103,8 @@ def recurs_so(before: Fitted, after: Fitted, off: np.ndarray, same: tuple[np.nda
     reference = after.reference
     stays = np.abs(after.residual) > COVERS * np.abs(before.residual)
     own = (off & stays & widened(before, after, WIDE))[same[0]]
+    if np.count_nonzero(own) < CONFIRMED:
+        return True
     uses = ((after.residual, reference.null), (after.confirm_residual, reference.confirm_null))
     # the sign alone: where a few tracks make the spread, one statistic in which they happen to be would outweigh all others;
     # beside the median, for most sets lie below a mean that a few tracks make
@@ -111,7 +113,7 @@ def recurs_so(before: Fitted, after: Fitted, off: np.ndarray, same: tuple[np.nda
         for (left, null), place in zip(uses, same, strict=True)
     )
     alike = (find * confirm).sum(1)
-    return bool(np.count_nonzero(own) < CONFIRMED or alike[-1] <= alike[:-1].max())
+    return bool(alike[-1] <= alike[:-1].max())
 
 
 def only_covers(before: Fitted, after: Fitted, off: np.ndarray) -> bool:
