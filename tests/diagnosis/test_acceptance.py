@@ -21,6 +21,7 @@ from visaug.diagnosis.acceptance import (
     owes,
     says_the_same,
 )
+from visaug.fingerprint import Statistic
 
 
 def at(value: float, half: float = 0.01) -> Error:
@@ -256,24 +257,40 @@ def test_a_single_number_among_many_is_a_coincidence():
 
 
 def test_a_second_effect_that_moves_what_the_first_leaves_alone_has_a_case():
+    apart = [Statistic(view, "", "", ()) for view in ("codes", "rows", "columns")]
     first = State(
         state([0.0, 4.0, 4.0]).fitted,
         ("bit_truncation",),
         np.array([50.0, 0.0, 0.0]),
         np.array([50.0, 0.0, 0.0]),
     )
-    assert acts_elsewhere(first, state([0.0, 0.0, 0.0], np.array([1.0, 4.0, 4.0])))
+    assert acts_elsewhere(apart, first, state([0.0, 0.0, 0.0], np.array([1.0, 4.0, 4.0])))
     assert acts_elsewhere(
-        first, state([0.0, 0.0, 0.0], np.array([20.0, 4.0, 4.0]))
+        apart, first, state([0.0, 0.0, 0.0], np.array([20.0, 4.0, 4.0]))
     )  # its share of a form's fifty is nothing
-    assert not acts_elsewhere(first, state([0.0, 4.0, 4.0], np.array([60.0, 0.3, 0.0])))
+    assert not acts_elsewhere(apart, first, state([0.0, 4.0, 4.0], np.array([60.0, 0.3, 0.0])))
     assert not acts_elsewhere(
-        first, state([0.0, 4.0, 4.0], np.array([0.0, 0.3, 0.3]))
+        apart, first, state([0.0, 4.0, 4.0], np.array([0.0, 0.3, 0.3]))
     )  # it only brings a spread
     shared = state([0.0, 0.0, 0.0], np.array([150.0, 4.0, 1.0]))  # two thirds of it elsewhere
-    assert not acts_elsewhere(first, shared)
-    assert acts_elsewhere(first, shared, completes=True)  # smear along the columns beside a blur of all edges
-    assert not acts_elsewhere(first, state([0.0, 0.0, 0.0], np.array([600.0, 4.0, 1.0])), completes=True)
+    assert not acts_elsewhere(apart, first, shared)
+    assert acts_elsewhere(
+        apart, first, shared, completes=True
+    )  # smear along the columns beside a blur of all edges
+    assert not acts_elsewhere(
+        apart, first, state([0.0, 0.0, 0.0], np.array([600.0, 4.0, 1.0])), completes=True
+    )
+
+
+@pytest.mark.parametrize(("rest", "has"), [(20.0, False), (1.0, True)])
+def test_what_forms_leave_in_a_view_is_more_than_a_little_beside_it(rest, has):
+    """Two statistics of a mirrored scene 4 off beside a veil: a ghost, but not where the veil's form leaves 20 in such scenes."""
+    scene = [Statistic("scene", "", "", ())] * 4
+    explained = np.array([500.0, 500.0, 0.0, 0.0])
+    veil = State(state([rest, rest, 4.0, 4.0]).fitted, ("veiling_glare",), explained, explained)
+    ghost = state([rest, rest, 0.0, 0.0], np.array([0.0, 0.0, 4.0, 4.0]))
+    assert acts_elsewhere(scene, veil, ghost) is has
+    assert acts_elsewhere([*scene[:2], *[Statistic("mirrored", "", "", ())] * 2], veil, ghost)
 
 
 @pytest.mark.parametrize(

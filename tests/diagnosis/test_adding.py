@@ -148,8 +148,8 @@ def test_of_what_scatters_the_better_numbers_are_simulated_in_full(
     monkeypatch.setattr(Adding, "_scatter", lambda *_: told)
     monkeypatch.setattr(Adding, "_scattering", scattering)
     monkeypatch.setattr(Adding, "_holds_where_it_acts", lambda *_: holds[len(calls) - 1])
-    monkeypatch.setattr(adding, "decided", lambda state, pairs: pairs[::-1])
-    begun = Adding(None, None, (), None)  # pyright: ignore[reportArgumentType]
+    monkeypatch.setattr(adding, "decided", lambda statistics, state, pairs: pairs[::-1])
+    begun = Adding(SimpleNamespace(statistics=()), None, (), None)  # pyright: ignore[reportArgumentType]
     sketch = SimpleNamespace(fitted=SimpleNamespace(camera=drift.camera))
     so = begun._as_it_scatters(before, drift, sketch)  # pyright: ignore[reportArgumentType]
     correlation, sketched = taken

@@ -108,7 +108,7 @@ def choosing(begun: choice.Choice, monkeypatch, rivals: int, accepted: tuple[str
         return candidate[0].effect in accepted
 
     monkeypatch.setattr(choice, "rivals", lambda lab, found, *_: found[:rivals])
-    monkeypatch.setattr(choice, "decided", lambda state, simulated: simulated)
+    monkeypatch.setattr(choice, "decided", lambda statistics, state, simulated: simulated)
     monkeypatch.setattr(choice, "is_beyond", lambda *_: True)
     monkeypatch.setattr(
         adding.Adding, "where_promising", lambda self, state, r: leaving([0.0], r.camera, r.effect)
@@ -149,4 +149,4 @@ def test_beside_two_effects_a_third_must_leave_nothing(monkeypatch, names, gain,
     monkeypatch.setattr(choice, "acts_elsewhere", lambda *_: True)
     accepted = ("veiling_glare", "nonlinearity")[:names]
     states = [SimpleNamespace(accepted=accepted, p_value=p) for p in (0.005, after)]
-    assert choice._has_a_case(*states, gain=gain, again=True) is has  # pyright: ignore[reportArgumentType]
+    assert choice._has_a_case([], *states, gain=gain, again=True) is has  # pyright: ignore[reportArgumentType]

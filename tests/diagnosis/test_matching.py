@@ -16,6 +16,7 @@ from visaug.diagnosis.naming import first_matches
 from visaug.diagnosis.reference import Null
 from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.signatures import Signatures, is_random, own_variance
+from visaug.fingerprint import Statistic
 
 
 def test_shrinkage_keeps_strong_correlations_and_drops_chance():
@@ -115,6 +116,9 @@ def test_the_least_scaled_of_an_effects_good_trials_is_where_it_starts():
     assert best_of_each([wide, other, near, poor]) == [other, near]
 
 
+SCENE = 4 * [Statistic("scene", "slope", "scene spots", ("level",))]
+
+
 def refined(effect: str, camera: Camera, gain: float, cost: float) -> Refined:
     return Refined(effect, camera, (), np.zeros(0), gain, np.full(4, 20.0), np.zeros(4), cost)
 
@@ -133,11 +137,11 @@ def test_of_two_that_say_the_same_the_simpler_is_taken(stated, monkeypatch, favo
     simulated = [(veil, leaving([0, 1, 0, 1])), (flare, after)]
     density = {id(after.fitted): favoured, id(elsewhere.fitted): -300.0}
     monkeypatch.setattr(naming, "log_density", lambda fitted, *_: density.get(id(fitted), 0.0))
-    (first, _), (second, _) = naming.decided(before, simulated)
+    (first, _), (second, _) = naming.decided(SCENE, before, simulated)
     assert (first.effect, second.effect) == ("veiling_glare", "lens_flare")
     assert first.gain == second.gain  # no less likely for being simpler: it is what is accepted
     other = [(veil, elsewhere), (flare, after)]  # it says another thing, and far less well
-    assert [r.effect for r, _ in naming.decided(before, other)] == ["lens_flare", "veiling_glare"]
+    assert [r.effect for r, _ in naming.decided(SCENE, before, other)] == ["lens_flare", "veiling_glare"]
 
 
 def test_what_no_rival_explains_does_not_tell_rivals_apart():
@@ -177,6 +181,7 @@ def test_what_only_one_of_two_moves_is_no_matter_of_form():
         return SimpleNamespace(gain=gain), SimpleNamespace(fitted=SimpleNamespace(residual=left))
 
     edges, noise = np.full(6, 100.0), np.full(30, 2.2)
+    statistics = [Statistic(view, "", "", ()) for view in 6 * ["scene"] + 30 * ["spectrum"]]
     reference = SimpleNamespace(null_scale=np.ones(36))
 
     def alike(noise_before: np.ndarray, noise_left: np.ndarray) -> bool:
@@ -184,11 +189,30 @@ def test_what_only_one_of_two_moves_is_no_matter_of_form():
             fitted=SimpleNamespace(reference=reference, residual=np.append(edges, noise_before))
         )
         first, other = rival(np.zeros(36), 1000.0), rival(np.append(np.ones(6), noise_left), 950.0)
-        return naming._is_alike(state, first, other)  # type: ignore[arg-type]
+        return naming._is_alike(statistics, state, first, other)  # type: ignore[arg-type]
 
     assert not alike(noise, noise)
     assert alike(noise, 0.3 * noise)  # it moves them too, in a form of its own
     assert alike(0.1 * noise, 0.1 * noise)
+
+
+@pytest.mark.parametrize(("edge", "says_the_same"), [(30.0, True), (1.0, False)])
+def test_a_mirrored_scene_a_little_off_tells_nothing_beside_edges_that_the_form_leaves_far_off(
+    edge, says_the_same
+):
+    """A ghost meets two statistics 4 standard deviations off; the halo leaves 30 at the edges, of a veil and of a flare alike."""
+    statistics = 8 * SCENE[:1]
+    reference = SimpleNamespace(null_scale=np.ones(8))
+
+    def rival(gain: float, edges: float, mirrored: float):
+        left = np.array([edges] * 6 + [mirrored] * 2)
+        return SimpleNamespace(gain=gain), SimpleNamespace(fitted=SimpleNamespace(residual=left))
+
+    state = SimpleNamespace(
+        fitted=SimpleNamespace(reference=reference, residual=np.array([500.0] * 6 + [4.0] * 2))
+    )
+    flare, veil = rival(1550.0, edge, 0.0), rival(1542.0, edge, 4.0)
+    assert naming._is_alike(statistics, state, flare, veil) == says_the_same  # type: ignore[arg-type]
 
 
 def test_between_two_widths_the_one_whose_moves_are_as_large_as_what_is_left(stated):

@@ -30,6 +30,7 @@ def searching(veiled) -> search._Search:
     alone = leaving([2, 20, 0, 0], veiled["veil"], "veiling_glare")
     begun.stood = [[(flare, leaving([0, 0, 0, 30], veiled["flare"])), (veil, alone)], []]
     begun.errors = SimpleNamespace(told=lambda fitted: None)  # pyright: ignore[reportAttributeAccessIssue]
+    begun.lab = SimpleNamespace(statistics=())  # pyright: ignore[reportAttributeAccessIssue]
     begun.steps = [
         Step(word, None) for word in ("refit", "add lens_flare", "add charge_transfer_inefficiency")
     ]

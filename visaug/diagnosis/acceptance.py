@@ -263,19 +263,34 @@ def _is_in_order(before: State, after: State, view: np.ndarray) -> bool:
     return bool(off > FAR_OUT and back and np.abs(standardised(left, own)).max() <= BY_CHANCE)
 
 
-def acts_elsewhere(before: State, after: State, completes: bool = False) -> bool:
+def acts_elsewhere(
+    statistics: Sequence[Statistic], before: State, after: State, completes: bool = False
+) -> bool:
     """Whether a further effect moves what the effects before it leave alone, so that it cannot mop up what their forms leave.
 
-    And moves it by more than noise: one that only brings a spread, wherever that fits, has no case of its own.
+    And moves it by more than noise: one that only brings a spread, wherever that fits, has no case of its own. And by more than
+    their forms leave in the same view: of a veil that stays 20 standard deviations off beside edges, 4 of a mirrored scene are no
+    ghost.
 
     Args:
         completes: whether nothing stands out any more with the effect, beyond what forms may leave.
     """
-    moves = moves_of(before, after)
-    form = standardised(before.allowance, before.fitted.reference.null_scale)
+    moves, scale = moves_of(before, after), before.fitted.reference.null_scale
+    form = standardised(before.allowance, scale)
     squares = before.fitted.reference.null.beyond(moves) ** 2 / (1 + form**2)
+    rest = left_in_view(statistics, standardised(after.fitted.residual, scale), form >= 1)
+    elsewhere = (form < 1) & (np.abs(standardised(moves, scale)) > rest)
     share = MOSTLY if completes else ELSEWHERE
-    return bool(squares[form < 1].sum() > max(share * squares.sum(), FAINT**2))
+    return bool(squares[elsewhere].sum() > max(share * squares.sum(), FAINT**2))
+
+
+def left_in_view(statistics: Sequence[Statistic], left: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """(statistics,) root mean square that effects leave of what they move in the view of each; 0 in views that they do not move."""
+    views = np.array([s.view for s in statistics])
+    rest = np.zeros(len(left))
+    for view in dict.fromkeys(views[moved]):
+        rest[views == view] = np.sqrt(np.mean(left[(views == view) & moved] ** 2))
+    return rest
 
 
 def says_the_same(before: State, one: np.ndarray, other: np.ndarray) -> bool:

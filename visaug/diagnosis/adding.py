@@ -107,7 +107,9 @@ class Adding:
                 break
         if not sketches:
             return None
-        best = decided(state, [(candidate, each) for each in sketches])[0][1].fitted.reference
+        best = decided(self.lab.statistics, state, [(candidate, each) for each in sketches])[0][
+            1
+        ].fitted.reference
         return self._scattering(state, effect, best.camera, strengths, self.sets, best)
 
     def _scattering(

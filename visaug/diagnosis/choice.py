@@ -25,6 +25,7 @@ from visaug.diagnosis.naming import CLOSE, SIGNIFICANT, decided, is_beyond, riva
 from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.signatures import Signatures
 from visaug.diagnosis.spread import recurs_so
+from visaug.fingerprint import Statistic
 
 DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
 SURE = 10.0  # in log likelihood: what an effect must gain that lowers no error beside others, or is far behind its rivals
@@ -67,7 +68,9 @@ class Choice:
         """
         close = rivals(self.lab, found, state, by_chance)
         simulated = [(r, self.adding.where_promising(state, r)) for r in close]
-        ordered = decided(state, [(r, after) for r, after in simulated if after is not None])
+        ordered = decided(
+            self.lab.statistics, state, [(r, after) for r, after in simulated if after is not None]
+        )
         behind = [r for r in found if r.effect not in {other.effect for other in close}]
         refused: list[tuple[Refined, np.ndarray]] = []
         accepted = [pair for pair in ordered if self._is_acceptable(state, pair, refused, by_chance)]
@@ -131,7 +134,7 @@ class Choice:
         taken += [] if after.moves is None else [self.lab.whole_of(after.moves)]
         beyond = any(by_chance.p_value_of(way) <= SIGNIFICANT for way in taken)
         again, in_order = is_there_again(before, after), disturbs_nothing(before, after)
-        has_a_case = beyond and _has_a_case(before, after, gain, again)
+        has_a_case = beyond and _has_a_case(self.lab.statistics, before, after, gain, again)
         asked = ~is_anothers(before, after)
         own = [self.errors.found(x, y, asked) for x, y in both]
         falls = own[0] is not None and own[1] is not None and own[1].high < own[0].value
@@ -142,14 +145,16 @@ class Choice:
         return chance(self.lab, self.signs, state).p_value > SIGNIFICANT
 
 
-def _has_a_case(before: State, after: State, gain: float, again: bool) -> bool:
+def _has_a_case(
+    statistics: Sequence[Statistic], before: State, after: State, gain: float, again: bool
+) -> bool:
     """Whether an effect gains enough where the effects before it move next to nothing, or leaves nothing.
 
     Beside two effects both: of what their forms leave here and there a third one's moves are always like a part.
     """
     completes = _completes(before, after, again)
     sure = gain > SURE and (len(before.accepted) < MANY or after.p_value > SIGNIFICANT)
-    return (sure or completes) and acts_elsewhere(before, after, completes)
+    return (sure or completes) and acts_elsewhere(statistics, before, after, completes)
 
 
 def _completes(before: State, after: State, again: bool) -> bool:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from visaug.comparison import Laboratory
-from visaug.diagnosis.acceptance import State
+from visaug.diagnosis.acceptance import OFF, State, left_in_view
 from visaug.diagnosis.chance import Chance
 from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.law import FINE, log_density
@@ -15,6 +15,7 @@ from visaug.diagnosis.reference import Report
 from visaug.diagnosis.refinement import Refined, refine
 from visaug.diagnosis.robust import standardised
 from visaug.diagnosis.signatures import Signatures
+from visaug.fingerprint import Statistic
 
 SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
 TRIED = 4  # candidates whose numbers are refined in a step, if they gain
@@ -52,16 +53,19 @@ def candidates(
         refined = refine(lab, fitted, m, report, state.allowance, beaten, beside=beside)
         best[refined.effect] = max(refined, best.get(refined.effect, refined), key=lambda r: r.gain)
     found = sorted(best.values(), key=lambda r: -r.gain)
-    if found:
-        begun = [m for m in chosen if m.trial.effect == found[0].effect]
+    for k, r in enumerate(found):
+        if r.gain < (1 - ALIKE) * found[0].gain:
+            break
+        begun = [m for m in chosen if m.trial.effect == r.effect]
         least, forms = OTHER * max(m.gain for m in begun), [m.trial.form for m in begun]
         others = [
-            m
-            for m in tried
-            if m.trial.effect == found[0].effect and m.trial.form not in forms and m.gain > least
+            m for m in tried if m.trial.effect == r.effect and m.trial.form not in forms and m.gain > least
         ]
-        found[0] = from_other_starts(lab, fitted, found[0], others, report, state.allowance)
-    return found
+        if k > 0:
+            # one that may say the same is asked in other words too, or it would be behind for its words
+            others = [m for m in others if _reworded(fitted, r, m) is not None]
+        found[k] = from_other_starts(lab, fitted, r, others, report, state.allowance)
+    return sorted(found, key=lambda r: -r.gain)
 
 
 def first_matches(
@@ -149,7 +153,9 @@ def is_beyond(lab: Laboratory, chance: Chance, state: State, candidate: Refined)
     return chance.p_value_of(taken) <= SIGNIFICANT
 
 
-def decided(state: State, simulated: Sequence[tuple[Refined, State]]) -> list[tuple[Refined, State]]:
+def decided(
+    statistics: Sequence[Statistic], state: State, simulated: Sequence[tuple[Refined, State]]
+) -> list[tuple[Refined, State]]:
     """Rivals in the order of how well their own simulated sets account for what was measured.
 
     The simpler of two that say the same comes first, and counts as no less likely.
@@ -169,7 +175,7 @@ def decided(state: State, simulated: Sequence[tuple[Refined, State]]) -> list[tu
     ]
     ordered = sorted(judged, key=lambda pair: -pair[0].gain)
     first = ordered[0]
-    simpler = [pair for pair in ordered if pair[0].cost < first[0].cost and _is_alike(state, first, pair)]
+    simpler = [p for p in ordered if p[0].cost < first[0].cost and _is_alike(statistics, state, first, p)]
     simplest = min(simpler, key=lambda pair: pair[0].cost, default=first)
     as_likely = replace(simplest[0], gain=first[0].gain)
     return [(as_likely, simplest[1]), *(pair for pair in ordered if pair is not simplest)]
@@ -185,10 +191,14 @@ def _anothers(state: State, rivals: Sequence[State]) -> np.ndarray:
     return np.all((left > FAR_OUT) & (left > HARDLY * np.abs(state.fitted.z)), axis=0)
 
 
-def _is_alike(state: State, first: tuple[Refined, State], other: tuple[Refined, State]) -> bool:
+def _is_alike(
+    statistics: Sequence[Statistic], state: State, first: tuple[Refined, State], other: tuple[Refined, State]
+) -> bool:
     """Whether two rivals say the same of the frames, to less than forms differ: a flare without its ghost is a veil.
 
-    What the other does not move at all is no matter of form: crosstalk blurs the noise too, which a blur of the light leaves.
+    What the other does not move at all is no matter of form: crosstalk blurs the noise too, which a blur of the light leaves. It
+    counts by what the first leaves in that view where it acts: 3 standard deviations of a mirrored scene tell nothing beside
+    edges that the form of a halo leaves 30 off.
     """
     if other[0].gain < first[0].gain - max(CLOSE, ALIKE * abs(first[0].gain)):
         return False
@@ -197,6 +207,7 @@ def _is_alike(state: State, first: tuple[Refined, State], other: tuple[Refined, 
     left = [standardised(after.fitted.residual, scale) for _, after in (first, other)]
     moved = [np.abs(before - z) for z in left]
     alone = moved[1] < UNMOVED * moved[0]
-    told = 0.5 * float((left[1][alone] ** 2 - left[0][alone] ** 2).sum())
+    form = np.maximum(left_in_view(statistics, left[0], moved[0] > OFF), 1)
+    told = 0.5 * float(((left[1][alone] ** 2 - left[0][alone] ** 2) / form[alone] ** 2).sum())
     alike = float(np.linalg.norm(left[1] - left[0])) < FINE * float(np.linalg.norm(moved[0]))
     return alike and told < CLOSE

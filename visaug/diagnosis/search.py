@@ -199,7 +199,7 @@ class _Search:
                     break
         if not accepted:
             return None, nearest
-        best = decided(state, [(one.refined, one.state) for one in accepted])[0][1]
+        best = decided(self.lab.statistics, state, [(one.refined, one.state) for one in accepted])[0][1]
         chosen = next(one for one in accepted if one.state is best)
         standing = [r for r, _ in chosen.standing]
         self.ranking.restore(standings)
@@ -232,7 +232,7 @@ class _Search:
             if rival.effect in state.accepted or far_behind or is_base:
                 continue
             swapped = self.adding.swapped(state, own, rival)
-            (best, _), _ = decided(plain, [(own, state), (rival, swapped)])
+            (best, _), _ = decided(self.lab.statistics, plain, [(own, state), (rival, swapped)])
             if best.effect == rival.effect:
                 self._stand(alone)
                 self._stand(swapped)
