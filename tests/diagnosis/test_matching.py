@@ -92,6 +92,27 @@ def test_what_was_seen_in_the_frames_takes_no_effects_place():
     assert [m.trial.effect for m in chosen] == ["tap_mismatch", "clock_induced_charge"]
 
 
+def test_an_effect_is_tried_for_what_its_best_trial_gains_though_it_starts_from_another(monkeypatch):
+    """The banding that was looked for gains 12.6, of the 1/f noise the strong trial a fifth of it, the weak one a little less."""
+    nothing = np.zeros(60)
+
+    def match(path: str, gain: float, scale: float) -> Match:
+        return Match(a_trial(path), gain, scale, nothing)
+
+    strong, weak = match("flicker_noise.sigma_e", 2.6, 0.03), match("flicker_noise.sigma_e", 2.4, 0.5)
+    tried = [
+        match("periodic_banding.amplitude_e", 12.6, 0.7),
+        strong,
+        weak,
+        match("row_noise.sigma_e", 2.4, 0.5),
+    ]
+    monkeypatch.setattr(naming, "matches", lambda *_, **__: tried)
+    _, chosen = first_matches(
+        Signatures((), nothing[None], nothing[None]), standing(nothing), frozenset(), 0.0
+    )
+    assert chosen == [tried[0], weak]
+
+
 def test_rare_events_are_tried_where_something_stands_far_out():
     """A single track is two hundred deviations off in one statistic: with its form left wide open it gains next to nothing."""
     track, glow = np.zeros(60), np.zeros(60)

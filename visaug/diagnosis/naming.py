@@ -81,7 +81,9 @@ def first_matches(
     """
     tried = matches(signs, fitted, without, allowance)
     best = best_of_each(tried)
-    chosen = [m for m in best if m.gain > max(LEAST_GAIN, SHARE * best[0].gain)][:TRIED]
+    most = {(m.trial.effect, m.trial.looked): m.gain for m in reversed(tried)}
+    least = max(LEAST_GAIN, SHARE * best[0].gain)
+    chosen = [m for m in best if most[m.trial.effect, m.trial.looked] > least][:TRIED]
     far_out = np.abs(fitted.z).max() > FAR_OUT
     exact = matches(signs, fitted, without, allowance, form=FINE if far_out else 0.0)
     claim = [m for m in exact if far_out or not (m.variance.any() or m.trial.looked)][:1]
