@@ -290,21 +290,23 @@ def test_transfers_are_counted_on_the_sensor(run_effect):
     torch.testing.assert_close(part[..., 20:, :], whole[..., 60:80, :])
 
 
-@pytest.mark.parametrize(("aspect", "diagonal"), [(1.0, 0.0), (0.6, 0.3)])
-def test_crosstalk_correlates_noise_alike_at_every_level(run_effect, aspect, diagonal):
+@pytest.mark.parametrize(("aspect", "diagonal", "tail"), [(1.0, 0.0, 0.0), (0.6, 0.3, 0.0), (0.8, 0.2, 0.4)])
+def test_crosstalk_correlates_noise_alike_at_every_level(run_effect, aspect, diagonal, tail):
     a = 0.02
-    kernel = a * np.array([[diagonal, aspect, diagonal], [1, 0, 1], [diagonal, aspect, diagonal]])
-    kernel[1, 1] = 1 - kernel.sum()
+    kernel = np.zeros((5, 5))
+    kernel[1:4, 1:4] = a * np.array([[diagonal, aspect, diagonal], [1, 0, 1], [diagonal, aspect, diagonal]])
+    kernel[2, [0, 4]], kernel[[0, 4], 2] = a * tail, a * tail * aspect
+    kernel[2, 2] = 1 - kernel.sum()
     for mean in (100.0, 5000.0):
         flats = poisson(mean)
-        out = run_effect("interpixel_crosstalk", flats, share=a, aspect=aspect, diagonal=diagonal)
+        out = run_effect("interpixel_crosstalk", flats, share=a, aspect=aspect, diagonal=diagonal, tail=tail)
         assert float(out.double().sum()) == pytest.approx(float(flats.double().sum()), rel=1e-6)
-        inner = out[..., 1:-1, 1:-1]
+        inner = out[..., 2:-2, 2:-2]
         assert covariance(inner, 0, 0) == pytest.approx(mean * (kernel**2).sum(), rel=1.5 * ERRORS)
-        for down, across in ((0, 1), (1, 0), (1, 1)):
-            overlap = (kernel[down:, across:] * kernel[: 3 - down, : 3 - across]).sum()
+        for down, across in ((0, 1), (1, 0), (1, 1), (0, 2), (2, 0)):
+            overlap = (kernel[down:, across:] * kernel[: 5 - down, : 5 - across]).sum()
             assert covariance(inner, down, across) == pytest.approx(mean * overlap, abs=mean * ERRORS)
-    if diagonal == 0:  # the rule of thumb: 2 a of the variance, to first order
+    if diagonal == tail == 0:  # the rule of thumb: 2 a of the variance, to first order
         assert (kernel[:, 1:] * kernel[:, :-1]).sum() == pytest.approx(2 * a, rel=8 * a)
 
 
@@ -314,3 +316,6 @@ def test_crosstalk_of_a_point_is_the_kernel(run_effect):
     out = run_effect("interpixel_crosstalk", point, share=0.02, aspect=0.5, diagonal=0.25)[0, 0, 1:4, 1:4]
     expected = torch.tensor([[5.0, 10.0, 5.0], [20.0, 920.0, 20.0], [5.0, 10.0, 5.0]])
     torch.testing.assert_close(out, expected)
+    out = run_effect("interpixel_crosstalk", point, share=0.02, aspect=0.5, tail=0.5)[0, 0]
+    assert out[2].tolist() == pytest.approx([10, 20, 910, 20, 10])
+    assert out[:, 2].tolist() == pytest.approx([5, 10, 910, 10, 5])
