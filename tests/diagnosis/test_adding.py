@@ -157,3 +157,36 @@ def test_of_what_scatters_the_better_numbers_are_simulated_in_full(
     if so is not None:
         assert calls[-1] == (adding.SETS_AFTER, correlation)
         assert [sets for sets, _ in calls[:-1]][:sketched] == [adding.SETS_BEFORE] * sketched
+
+
+@pytest.mark.parametrize(
+    ("explaining", "may", "taken"),
+    [
+        (("scatter", "moves"), True, "scatter"),
+        (
+            ("moves",),
+            True,
+            "moves",
+        ),  # one rare code in the dark scatters as many would, of which a flat knows nothing
+        (("moves",), False, "scatter"),  # a few sets show that it would not
+        ((), True, "scatter"),
+    ],
+)
+def test_a_strength_by_scatter_that_explains_nothing_gives_way_to_the_moves(
+    monkeypatch, stated, explaining, may, taken
+):
+    found = refined("missing_codes", stated.with_effect("missing_codes"), 9.0, 1.0)
+    states = {name: leaving([1.0], stated) for name in ("sketch", "scatter", "moves")}
+    monkeypatch.setattr(Adding, "_sketched", lambda *_: states["sketch"])
+    monkeypatch.setattr(Adding, "_may_explain", lambda *_: True)
+    monkeypatch.setattr(Adding, "_as_it_scatters", lambda *_: states["scatter"])
+    monkeypatch.setattr(Adding, "_settled", lambda self, state, r, sketch: sketch)
+    monkeypatch.setattr(Adding, "_completed", lambda *_: states["moves"])
+    monkeypatch.setattr(adding, "may_explain", lambda *_: may)
+    monkeypatch.setattr(
+        adding, "explains", lambda _, before, after: any(after is states[k] for k in explaining)
+    )
+    added = Adding(SimpleNamespace(statistics=()), None, (), None).where_promising(
+        leaving([9.0], stated), found
+    )  # pyright: ignore[reportArgumentType]
+    assert added is states[taken]

@@ -1,5 +1,6 @@
 """Which of the candidates is accepted, and in what order they are asked."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -93,6 +94,38 @@ def test_one_that_is_not_promising_is_told_far_behind_and_stands_for_none(monkey
     )
     assert begun.accepted(state, found, None) is None  # pyright: ignore[reportArgumentType]
     assert [r.effect for r, _ in refused[-1]] == [hopeless]
+
+
+@pytest.mark.parametrize(
+    ("explaining", "promising", "taken"),
+    [
+        (("even", "random"), ("even", "random"), "even"),  # the other words are not asked
+        (("random",), ("even", "random"), "random"),
+        (("random",), ("random",), "random"),
+        ((), ("even",), "even"),
+        ((), (), "even"),
+    ],
+)
+def test_what_does_not_explain_is_asked_in_other_words(monkeypatch, stated, explaining, promising, taken):
+    """Codes missing evenly fit a little better than the random ones that are missing, and explain nothing."""
+    states, asked = {word: leaving([0.0], stated) for word in ("even", "random")}, []
+
+    def where_promising(self, state, r):
+        asked.append(word := r.camera.choices()["missing_codes.pattern"])
+        return states[word] if word in promising else None
+
+    even, other = (
+        refined("missing_codes", stated.with_effect("missing_codes", density=0.02, pattern=word), gain, 1.0)
+        for word, gain in (("even", 218.0), ("random", 186.0))
+    )
+    monkeypatch.setattr(adding.Adding, "where_promising", where_promising)
+    monkeypatch.setattr(
+        choice, "explains", lambda _, before, after: any(after is states[w] for w in explaining)
+    )
+    found, after = deciding()._simulated(leaving([9.0], stated), replace(even, otherwise=other))
+    assert found.words == {"missing_codes.pattern": taken}
+    assert after is (states[taken] if taken in promising else None)
+    assert asked == ["even"] if "even" in explaining else ["even", "random"]
 
 
 def candidates(stated, gains: dict[str, float]) -> list[Refined]:

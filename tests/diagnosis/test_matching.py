@@ -144,6 +144,23 @@ def refined(effect: str, camera: Camera, gain: float, cost: float) -> Refined:
     return Refined(effect, camera, (), np.zeros(0), gain, np.full(4, 20.0), np.zeros(4), cost)
 
 
+def test_of_two_fits_the_better_keeps_the_other_words_that_gain_nearly_as_much(stated):
+    def fit(word: str, gain: float) -> Refined:
+        return refined("missing_codes", stated.with_effect("missing_codes", pattern=word), gain, 1.0)
+
+    even, random = fit("even", 218.0), fit("random", 186.0)
+    for best in (naming.better(even, random), naming.better(random, even)):
+        assert (best.words, best.gain) == (even.words, 218.0)
+        assert best.otherwise is random
+        assert naming.better(best, fit("even", 100.0)).otherwise is random
+        turned = naming.better(best, fit("random", 300.0))
+        assert turned.words == random.words
+        assert turned.otherwise is not None
+        assert turned.otherwise.gain == 218.0
+    assert naming.better(even, fit("random", 100.0)).otherwise is None  # far behind
+    assert naming.better(even, fit("even", 200.0)).otherwise is None
+
+
 def leaving(residual) -> State:
     left = np.array(residual, float)
     reference = SimpleNamespace(null_scale=np.ones(len(left)), coordinates=())

@@ -12,7 +12,14 @@ from visaug.diagnosis import diagnose
 from visaug.diagnosis.adding import Adding
 from visaug.diagnosis.parameters import Coordinate
 from visaug.diagnosis.reference import Null
-from visaug.diagnosis.spread import moves_are_there, only_covers, recurs_so, scatter, scatters_so
+from visaug.diagnosis.spread import (
+    moves_are_there,
+    only_covers,
+    recurs_so,
+    scatter,
+    scatters_again,
+    scatters_so,
+)
 
 SIGMA = (Coordinate("light_drift.sigma", True, 0.1, 1.5),)
 STILL = np.zeros(6)
@@ -45,6 +52,22 @@ def test_a_spread_over_what_stays_off_only_covers_it():
     assert not only_covers(before, spread(state([28.0] * 3), 1.0).fitted, off)  # no spread of its own
     lamp = state([72.0, 72.0, 450.0]).fitted  # rows that share noise, beside a lamp that they widen a little
     assert not only_covers(lamp, spread(state([0.1, 0.1, 450.0]), 2.0).fitted, off)
+
+
+def test_what_scatters_is_seen_again_where_the_frames_that_confirm_are_off_within_its_spread():
+    """Tracks of cosmic rays lie elsewhere in other frames; that they are there is told by how far these are off."""
+
+    def again(was: list[float], left: list[float], scale: float) -> bool:
+        after = spread(state(left), scale)
+        after.fitted.reference.confirm_null = after.fitted.reference.null
+        return scatters_again(state(was).fitted, after.fitted)
+
+    far, left = [60.0] * 4, [50.0, -20.0, 40.0, 10.0]
+    assert again(far, left, 20.0)
+    assert not again([0.5] * 4, left, 20.0)  # these frames are in order
+    assert not again(far, left, 1.0)  # no spread of its own
+    assert not again(far, [250.0, -200.0, 40.0, 10.0], 20.0)  # beyond it
+    assert not again([60.0, 60.0, 1.0, 1.0], left, 20.0)  # two statistics are a coincidence
 
 
 def test_what_lies_elsewhere_in_every_frame_is_not_off_alike_in_all():

@@ -358,7 +358,8 @@ def improves(
         has_a_case: whether it gains enough, beyond chance, where the effects before it move next to nothing.
         there_again: see `is_there_again`; with a case of its own it is confirmed by that.
         in_order: see `disturbs_nothing`.
-        falls_where_it_acts: whether the error surely falls without what is another's, see `is_anothers`.
+        falls_where_it_acts: whether the effect is seen again, and the error surely falls without what is another's, see
+            `is_anothers`.
     """
     (found_before, confirmed_before), (found, confirmed) = before, after
     if found is None or found_before is None:
@@ -373,7 +374,7 @@ def improves(
         all_that_is_left = found_before.value > LITTLE and taken > NEARLY_ALL * found_before.value
         if taken < SHARE and not all_that_is_left and not has_a_case:
             return False
-    beside_more = first and has_a_case and there_again and falls_where_it_acts
+    beside_more = first and has_a_case and falls_where_it_acts
     if found.value > REMAINING * found_before.value + _noise(found, beyond_chance) and not beside_more:
         return False
     if found.high >= found_before.value and not beyond_chance:

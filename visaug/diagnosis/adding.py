@@ -8,7 +8,7 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis import cache
-from visaug.diagnosis.acceptance import OFF, State, may_explain, moves_of
+from visaug.diagnosis.acceptance import OFF, State, explains, may_explain, moves_of
 from visaug.diagnosis.candidates import Trial, exchanged
 from visaug.diagnosis.fit import TWINS, Fitted, refit
 from visaug.diagnosis.naming import SIGNIFICANT, decided
@@ -51,12 +51,21 @@ class Adding:
         if not self._may_explain(state, candidate, sketch):
             return None
         so = self._as_it_scatters(state, candidate, sketch)
-        if so is not None:
+        if so is not None and explains(self.lab.statistics, state, so):
             return so
         settled = self._settled(state, candidate, sketch)
-        if not self._may_explain(state, candidate, settled):
-            return None
-        return self._completed(state, candidate, settled)
+        if so is None:
+            return (
+                self._completed(state, candidate, settled)
+                if self._may_explain(state, candidate, settled)
+                else None
+            )
+        # one rare code in the dark scatters as four times as many would, of which a flat knows nothing
+        if may_explain(self.lab.statistics, state, settled):
+            by_moves = self._completed(state, candidate, settled)
+            if explains(self.lab.statistics, state, by_moves):
+                return by_moves
+        return so
 
     def with_candidate(self, state: State, candidate: Refined) -> State:
         """The state with a candidate added: simulated, refitted; its strengths by what scatters, where no moves tell them."""

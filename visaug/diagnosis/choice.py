@@ -24,7 +24,7 @@ from visaug.diagnosis.errors import Errors
 from visaug.diagnosis.naming import CLOSE, SIGNIFICANT, decided, is_beyond, rivals
 from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.signatures import Signatures
-from visaug.diagnosis.spread import recurs_so
+from visaug.diagnosis.spread import recurs_so, scatters_again
 from visaug.fingerprint import Statistic
 
 DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
@@ -67,7 +67,7 @@ class Choice:
         gains much is asked by itself if all rivals are refused: what these say wrongly is no reason against other moves.
         """
         close = rivals(self.lab, found, state, by_chance)
-        simulated = [(r, self.adding.where_promising(state, r)) for r in close]
+        simulated = [self._simulated(state, r) for r in close]
         ordered = decided(
             self.lab.statistics, state, [(r, after) for r, after in simulated if after is not None]
         )
@@ -88,13 +88,25 @@ class Choice:
         for r in behind:
             is_said = self._is_said(state, r, _moves_of(state, r), refused)
             if r.gain > SURE and not is_said and is_beyond(self.lab, by_chance, state, r):
-                after = self.adding.where_promising(state, r)
+                asked, after = self._simulated(state, r)
                 if after is None:
                     refused.append((r, _moves_of(state, r)))
-                elif self._is_acceptable(state, (r, after), refused, by_chance):
+                elif self._is_acceptable(state, (asked, after), refused, by_chance):
                     others = [other for other in behind if other is not r]
-                    return Accepted(r, after, [(r, after)], others)
+                    return Accepted(asked, after, [(asked, after)], others)
         return None
+
+    def _simulated(self, state: State, candidate: Refined) -> tuple[Refined, State | None]:
+        """A candidate with its simulated state; in other words if it does not explain what it moves, and these may.
+
+        (Codes that are missing evenly move the same bits in every set, and fit better than the random ones that they stand for.)
+        """
+        after = self.adding.where_promising(state, candidate)
+        other = candidate.otherwise
+        if other is None or (after is not None and explains(self.lab.statistics, state, after)):
+            return candidate, after
+        reworded = self.adding.where_promising(state, other)
+        return (candidate, after) if reworded is None else (other, reworded)
 
     def _is_acceptable(
         self,
@@ -138,6 +150,8 @@ class Choice:
         asked = ~is_anothers(before, after)
         own = [self.errors.found(x, y, asked) for x, y in both]
         falls = own[0] is not None and own[1] is not None and own[1].high < own[0].value
+        # tracks lie elsewhere in the frames that confirm, along no moves, but scatter there as they do here
+        falls &= again or (in_order and scatters_again(before.fitted, after.fitted))
         return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case, again, in_order, falls)
 
     def holds(self, state: State) -> bool:

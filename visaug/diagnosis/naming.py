@@ -51,7 +51,7 @@ def candidates(
         beaten = max((r.gain for r in best.values()), default=0.0)
         beside = [t.trial for t in tried if t.trial.kind == m.trial.kind]
         refined = refine(lab, fitted, m, report, state.allowance, beaten, beside=beside)
-        best[refined.effect] = max(refined, best.get(refined.effect, refined), key=lambda r: r.gain)
+        best[refined.effect] = better(refined, best.get(refined.effect, refined))
     found = sorted(best.values(), key=lambda r: -r.gain)
     for k, r in enumerate(found):
         if r.gain < (1 - ALIKE) * found[0].gain:
@@ -118,14 +118,26 @@ def from_other_starts(
         if np.abs(standardised(refined.residual, own)).max() < MUCH:
             break
         again = refine(lab, fitted, m, report, allowance, refined.gain, least=NOT_FAR * refined.gain)
-        refined = max(refined, again, key=lambda r: r.gain)
+        refined = better(refined, again)
     return refined
+
+
+def better(one: Refined, other: Refined) -> Refined:
+    """That of two fits of an effect which gains more; it keeps the best in other words that gains nearly as much."""
+    best, behind = (one, other) if one.gain >= other.gain else (other, one)
+    reworded = [
+        r for r in (behind, behind.otherwise, best.otherwise) if r is not None and r.words != best.words
+    ]
+    otherwise = max(reworded, key=lambda r: r.gain, default=None)
+    if otherwise is not None and otherwise.gain < (1 - ALIKE) * best.gain:
+        otherwise = None
+    return best if best.otherwise is otherwise else replace(best, otherwise=otherwise)
 
 
 def _reworded(fitted: Fitted, refined: Refined, other: Match) -> Match | None:
     """What was refined, with the words of another trial; None where they are the same."""
     camera, effect = refined.camera, f"{refined.effect}."
-    words = {path: word for path, word in camera.choices().items() if path.startswith(effect)}
+    words = refined.words
     others = {path: word for path, word in other.trial.values if isinstance(word, str)}
     if all(words.get(path, word) == word for path, word in others.items()):
         return None

@@ -45,6 +45,7 @@ class Refined:
         residual: what is left of the residual per statistic, the camera's own numbers following.
         variance: what spread the effect brings, per statistic.
         cost: what its free numbers gain by fitting noise.
+        otherwise: the same effect in other words, if it gains nearly as much.
     """
 
     effect: str
@@ -55,6 +56,13 @@ class Refined:
     residual: np.ndarray
     variance: np.ndarray
     cost: float = 0.0
+    otherwise: "Refined | None" = None
+
+    @property
+    def words(self) -> dict[str, str]:
+        return {
+            path: word for path, word in self.camera.choices().items() if path.startswith(f"{self.effect}.")
+        }
 
 
 def coordinates_of(effect: str, camera: Camera, lab: Laboratory) -> list[Coordinate]:

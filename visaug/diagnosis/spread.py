@@ -116,6 +116,14 @@ def recurs_so(before: Fitted, after: Fitted, off: np.ndarray, same: tuple[np.nda
     return bool(alike[-1] <= alike[:-1].max())
 
 
+def scatters_again(before: Fitted, after: Fitted) -> bool:
+    """Whether the frames that confirm are off too where an effect gives them a spread of its own, and lie within it."""
+    scale, own = before.reference.confirm_null.scale, after.reference.confirm_null.scale
+    off = (own > WIDE * scale) & (np.abs(standardised(before.confirm_residual, scale)) > SEEN)
+    within = np.abs(after.confirm_residual) < WITHIN * own
+    return bool(np.count_nonzero(off) >= FEW and within[off].mean() >= COVERS)
+
+
 def only_covers(before: Fitted, after: Fitted, off: np.ndarray) -> bool:
     """Whether what was off, and gets a spread of the effect's, stays nearly as far off as it was: covered, not brought back.
 
