@@ -5,13 +5,15 @@ from itertools import pairwise
 import numpy as np
 
 MOST = 256  # lines of a profile; of a longer one means of neighbours are taken
+# Of the profile. What is narrower are single lines that stand out, as every sensor has some, and no level.
+NARROWEST = 1 / 16
 
 
 def edges(profile: np.ndarray, count: int) -> tuple[list[int], np.ndarray]:
     """The staircase of one or two steps that fits a profile best, by least squares over all places.
 
     Args:
-        profile: (n,), the means of lines, n > count.
+        profile: (n,), the means of lines, n > count. Every level takes a sixteenth of them or more.
         count: of steps, 1 or 2.
 
     Returns:
@@ -20,8 +22,9 @@ def edges(profile: np.ndarray, count: int) -> tuple[list[int], np.ndarray]:
     starts = np.unique(np.linspace(0, len(profile), MOST + 1).astype(int)[:-1])
     sums = np.concatenate([[0.0], np.cumsum(np.add.reduceat(profile.astype(np.float64), starts))])
     lines = np.append(starts, len(profile))
-    inner = np.arange(1, len(starts))
-    places = [inner] if count == 1 else [inner[i] for i in np.triu_indices(len(inner), 1)]
+    least = max(1, int(NARROWEST * len(starts)))
+    inner = np.arange(least, len(starts) - least + 1)
+    places = [inner] if count == 1 else [inner[i] for i in np.triu_indices(len(inner), least)]
     bounds = [np.zeros_like(places[0]), *places, np.full_like(places[0], len(starts))]
     parts = list(pairwise(bounds))
     explained = sum((sums[b] - sums[a]) ** 2 / (lines[b] - lines[a]) for a, b in parts)
