@@ -13,7 +13,7 @@ def edges(profile: np.ndarray, count: int) -> tuple[list[int], np.ndarray]:
     """The staircase of one or two steps that fits a profile best, by least squares over all places.
 
     Args:
-        profile: (n,), the means of lines, n > count. Every level takes a sixteenth of them or more.
+        profile: (n,), the means of lines, n > count. Every level takes a sixteenth of them (rounded down) or more.
         count: of steps, 1 or 2.
 
     Returns:
