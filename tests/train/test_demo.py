@@ -1,11 +1,15 @@
 """The main job in small: one report that refers to nothing outside itself, and a second call that only reads."""
 
+import json
 import re
+from functools import partial
 from pathlib import Path
 
 import pytest
 import yaml
 
+import visaug
+from visaug.effects import catalogue
 from visaug_train import demo
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -29,12 +33,18 @@ def test_demo_writes_one_report_and_goes_on(tmp_path, monkeypatch):
     small = tmp_path / "demo.yaml"
     small.write_text(yaml.safe_dump(content))
     monkeypatch.setattr(demo, "CONFIG", small)
+    tried = {"amplifier_glow", "row_noise"}  # of the catalogue: the story is told all the same
+    without = [name for name, effect in catalogue().items() if not effect.base and name not in tried]
+    monkeypatch.setattr(visaug, "diagnose", partial(visaug.diagnose, sets=60, without=without))
     seen = set()
     report = demo.run_demo(tmp_path / "out", progress=lambda title, done, total: seen.add(title))
     page = report.read_text()
     assert "keypoint AP50-95" in page
     words = re.sub(r"base64,[A-Za-z0-9+/=]+", "", page)  # in which four given letters come by chance
     assert "http" not in words.replace("http://www.w3.org", "")
+    assert "Hidden effect: " in page
+    answer = json.loads((tmp_path / "out" / "hidden_effect" / "diagnosis-0.json").read_text())
+    assert answer["accepted"] == ["row_noise"]
     assert (tmp_path / "out" / "tables" / "tables.md").is_file()
     assert {"rendering", "converting", "training baseline seed 0", "training vis seed 0"} <= seen
     seen.clear()
