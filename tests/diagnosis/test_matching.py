@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.diagnosis import states
 from visaug import Camera
 from visaug.diagnosis import naming, refinement
 from visaug.diagnosis.acceptance import State
@@ -210,6 +211,22 @@ def test_other_words_are_tried_first_with_the_numbers_that_were_found(stated, mo
     first, second = begun
     assert (first["vignetting.law"], first["vignetting.corner_loss"]) == ("cos4", pytest.approx(0.17))
     assert second == {"vignetting.corner_loss": 0.3, "vignetting.power": 4.0}
+
+
+def test_the_numbers_of_an_earlier_step_are_a_start_if_they_are_of_the_same_words(stated):
+    """Bands fitted before a flare was there: where they lie has not changed since."""
+    found = refined("vignetting", stated.with_effect("vignetting", corner_loss=0.17, power=1.8), 50.0, 2.0)
+    fitted = states.leaving([100, 80, 60, 0], stated).fitted
+
+    def match(**values) -> Match:
+        named = tuple((f"vignetting.{key}", value) for key, value in values.items())
+        return Match(Trial("vignetting", named), 9.0, 1.0, np.zeros(4))
+
+    (start,) = naming._as_earlier(fitted, match(corner_loss=0.3, power=4.0), found)
+    expected = {"vignetting.corner_loss": 0.17, "vignetting.power": 1.8}
+    assert {key: start.values()[key] for key in expected} == pytest.approx(expected)
+    assert naming._as_earlier(fitted, match(corner_loss=0.3, law="cos4"), found) == []
+    assert naming._as_earlier(fitted, match(corner_loss=0.3), None) == []
 
 
 def test_what_only_one_of_two_moves_is_no_matter_of_form():

@@ -1,10 +1,11 @@
 """Which effects are worth simulating in full, and for which of them the measurement speaks."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from visaug.camera import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis.acceptance import OFF, State, left_in_view
 from visaug.diagnosis.chance import Chance
@@ -15,6 +16,7 @@ from visaug.diagnosis.reference import Report
 from visaug.diagnosis.refinement import Refined, refine
 from visaug.diagnosis.robust import standardised
 from visaug.diagnosis.signatures import Signatures
+from visaug.effects import catalogue
 from visaug.fingerprint import Statistic
 
 SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
@@ -38,19 +40,27 @@ EXACT = 0.03  # what a form may leave over where rivals are compared
 
 
 def candidates(
-    lab: Laboratory, signs: Signatures, fitted: Fitted, state: State, without: frozenset[str], report: Report
+    lab: Laboratory,
+    signs: Signatures,
+    fitted: Fitted,
+    state: State,
+    without: frozenset[str],
+    report: Report,
+    earlier: Mapping[str, Refined] | None = None,
 ) -> list[Refined]:
     """The effects that match what a fitted camera leaves best, refined, best first.
 
     Args:
         fitted: the camera from which they are tried: the state's, or the camera as given.
+        earlier: effects as they were refined before the state's last one was there; their numbers are starts too.
     """
     tried, chosen = first_matches(signs, fitted, frozenset(state.accepted) | without, state.allowance)
     best: dict[str, Refined] = {}
     for m in chosen:
         beaten = max((r.gain for r in best.values()), default=0.0)
         beside = [t.trial for t in tried if t.trial.kind == m.trial.kind]
-        refined = refine(lab, fitted, m, report, state.allowance, beaten, beside=beside)
+        also = _as_earlier(fitted, m, (earlier or {}).get(m.trial.effect))
+        refined = refine(lab, fitted, m, report, state.allowance, beaten, beside=beside, also=also)
         best[refined.effect] = better(refined, best.get(refined.effect, refined))
     found = sorted(best.values(), key=lambda r: -r.gain)
     for k, r in enumerate(found):
@@ -66,6 +76,21 @@ def candidates(
             others = [m for m in others if _reworded(fitted, r, m) is not None]
         found[k] = from_other_starts(lab, fitted, r, others, report, state.allowance)
     return sorted(found, key=lambda r: -r.gain)
+
+
+def _as_earlier(fitted: Fitted, match: Match, earlier: Refined | None) -> list[Camera]:
+    """The fitted camera with the numbers that an effect had in an earlier step, if it is now tried in the same words.
+
+    Beside a flare the bands of columns were fitted; once it is there, the look at the frames that they start from is no better
+    than before, and what lies between takes other edges.
+    """
+    if earlier is None or catalogue()[earlier.effect].base:
+        return []
+    camera, own = match.trial.on(fitted.camera), f"{earlier.effect}."
+    if any(camera.choices()[path] != word for path, word in earlier.words.items()):
+        return []
+    numbers = {path: value for path, value in earlier.camera.values().items() if path.startswith(own)}
+    return [camera.replace(numbers)]
 
 
 def first_matches(

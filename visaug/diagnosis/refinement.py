@@ -82,6 +82,7 @@ def refine(
     beaten: float = 0.0,
     least: float = -np.inf,
     beside: Sequence[Trial] = (),
+    also: Sequence[Camera] = (),
     iterations: int = 8,
 ) -> Refined:
     """Fits the effect's numbers by damped Gauss-Newton with common random numbers; the camera's own stay open.
@@ -95,6 +96,7 @@ def refine(
         least: what the start must gain to be worth iterating.
         beside: trials of the same kind, among which it is started too where the match wants to be scaled far: what a blur moves
             grows a thousandfold from 0.1 to 0.6 px, by no power of its width.
+        also: cameras with the effect in the match's words, from whose numbers it is started too.
     """
     cameras = [_scaled(fitted, match, power) for power in POWERS]
     camera = cameras[0]
@@ -103,6 +105,7 @@ def refine(
         cameras.append(match.trial.on(fitted.camera))
     if beside and extrapolation(match) > np.log(SCALED_FAR):
         cameras += _among(lab, fitted, beside)
+    cameras += also
     own = coordinates_of(match.trial.effect, camera, lab)
     judged = metric(fitted, FINE, allowance)
     climb = Climb(lab, fitted, judged, match, camera, own)

@@ -22,6 +22,7 @@ from visaug.diagnosis.naming import CLOSE_SHARE, SIGNIFICANT, candidates, decide
 from visaug.diagnosis.parameters import base_coordinates
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.reference import FAR, Reference, Report, is_far
+from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.result import Diagnosis, Step
 from visaug.diagnosis.robust import p_value, standardised
 from visaug.diagnosis.signatures import Signatures, signatures
@@ -87,6 +88,7 @@ class _Search:
         self.walk: list[State] = []  # the refitted camera, and after each effect added
         self.steps: list[Step] = []  # the same, as it is told
         self.stood: list[Standing] = []  # of every effect added
+        self.refined: dict[str, Refined] = {}  # as the last step that tried it had it
 
     def run(self) -> Diagnosis:
         first = self.first = self._reference()
@@ -179,15 +181,17 @@ class _Search:
         Where the camera with an effect that was found from one start does not hold, the other start has its say too.
         """
         nearest: str | None = None
-        standings = self.ranking.standings()
+        earlier, standings = self.refined, self.ranking.standings()
         accepted: list[Accepted] = []
         for fitted in self._starts(state):
             if accepted and fitted is self._unfitted:
                 break  # it comes last where it is there for want of anything else
-            found = candidates(self.lab, self.signs + self._seen, fitted, state, self.without, self.report)
+            tried = self.signs + self._seen
+            found = candidates(self.lab, tried, fitted, state, self.without, self.report, earlier)
             if not found:
                 continue
             if fitted is state.fitted:
+                self.refined = {**earlier, **{r.effect: r for r in found}}
                 self.ranking.rank(state, found)
                 nearest = found[0].effect if found[0].gain > 3 else None
             if accepted and found[0].effect == accepted[0].refined.effect:
