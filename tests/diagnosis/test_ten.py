@@ -20,7 +20,7 @@ SINGLE = [
     ("amplifier_glow", 20.0),
     ("nonlinearity", 0.03),
     ("interpixel_crosstalk", 0.02),
-    ("image_lag", 0.01),
+    ("image_lag", 0.02),
     ("tap_mismatch", 6.0),
     ("bit_truncation", 2.0),
 ]

@@ -54,7 +54,8 @@ def diagnose(
         frames: measured bias, dark, flat or scene frames.
         effects: files with effects of one's own, to be tried beside the catalogue's.
         without: effects of the catalogue that are not tried.
-        seed: of all simulations: the same seed gives the same answer.
+        seed: of all simulations: the same seed gives the same answer. (Other kinds of processors round sums in another way: there
+            what lies on a knife edge may fall to the other side.)
         progress: called with (description, done, total).
         sets: simulated sets of the camera; fewer are faster and less sure.
         cluster: address of a Ray cluster that does the simulations, or `local`; None for the threads of this machine.
