@@ -16,8 +16,10 @@ def stated() -> Camera:
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory):
-    """What one test simulates of the camera the next may use, and nothing of an earlier run."""
-    os.environ["VISAUG_CACHE"] = str(tmp_path_factory.mktemp("cache"))
+    """What one test simulates of the camera the next may use, whichever process runs it, and nothing of an earlier run."""
+    of_process = tmp_path_factory.getbasetemp()
+    of_run = of_process.parent if "PYTEST_XDIST_WORKER" in os.environ else of_process
+    os.environ["VISAUG_CACHE"] = str(of_run / "cache")
 
 
 @pytest.fixture(scope="module", autouse=True)
