@@ -212,7 +212,7 @@ class _Search:
         self.ranking.accept(
             best, chosen.refined.effect, self.steps[-1].error and self.errors.told(best.fitted)
         )
-        self.ranking.note_ambiguous(standing + chosen.others, self.report)
+        self.ranking.note_ambiguous(standing, chosen.others, self.report)
         self.stood.append(chosen.standing)
         return best, None
 
