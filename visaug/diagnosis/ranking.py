@@ -80,8 +80,8 @@ class Ranking:
     def note_ambiguous(self, simulated: Sequence[Refined], others: Sequence[Refined], report: Report) -> None:
         """Those that these frames cannot tell from the first of the simulated, and the measurement that would.
 
-        Each of the simulated is judged by a law from sets of its own, after a refit of its own: of six names whose rival was 8 to
-        15 behind three were wrong. What was not simulated is judged by the law that the first was found by.
+        Each of the simulated is judged by a law from sets of its own, after a refit of its own: of seven names whose rival was 8 to
+        15 behind four were wrong. What was not simulated is judged by the law that the first was found by.
         """
         best = simulated[0].gain
         close = [r for r in simulated if best - r.gain < UNCLEAR]
