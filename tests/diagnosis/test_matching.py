@@ -229,6 +229,23 @@ def test_the_numbers_of_an_earlier_step_are_a_start_if_they_are_of_the_same_word
     assert naming._as_earlier(fitted, match(corner_loss=0.3), None) == []
 
 
+def test_candidates_are_refined_from_the_numbers_of_an_earlier_step_too(stated, monkeypatch):
+    fitted = states.leaving([100, 80, 60, 0], stated)
+    found = refined("vignetting", stated.with_effect("vignetting", corner_loss=0.17), 50.0, 2.0)
+    match = Match(Trial("vignetting", (("vignetting.corner_loss", 0.3),)), 9.0, 1.0, np.zeros(4))
+    begun: list[list[float]] = []
+
+    def refine(*_, also=(), **__):
+        begun.append([camera.values()["vignetting.corner_loss"] for camera in also])
+        return found
+
+    monkeypatch.setattr(naming, "first_matches", lambda *_: ([match], [match]))
+    monkeypatch.setattr(naming, "refine", refine)
+    for earlier in ({}, {"vignetting": found}, {"smear": found}):
+        naming.candidates(None, None, fitted.fitted, fitted, frozenset(), lambda *_: None, earlier)  # pyright: ignore[reportArgumentType]
+    assert begun == [[], [pytest.approx(0.17)], []]
+
+
 def test_what_only_one_of_two_moves_is_no_matter_of_form():
     """A blur of the light in place of crosstalk: all edges come back, and the noise, which it leaves, stays correlated a little."""
 

@@ -106,3 +106,23 @@ def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
     assert "charge_transfer_inefficiency.share_per_transfer" in made["paths"]
     assert "veiling_glare.share" in made["paths"]
     assert not any(path.startswith("lens_flare.") for path in made["paths"])
+
+
+def test_a_step_has_the_numbers_of_the_steps_before(veiled, monkeypatch):
+    begun = searching(veiled)
+    state = leaving([2, 20, 0, 0], veiled["veil"], "veiling_glare")
+    (flare, _), (veil, _) = begun.stood[0]
+    begun.signs = begun._seen = ()  # pyright: ignore[reportAttributeAccessIssue]
+    begun.without, begun.report, begun.refined = frozenset(), lambda *_: None, {}
+    begun.ranking = SimpleNamespace(standings=dict, rank=lambda *_: None)  # pyright: ignore[reportAttributeAccessIssue]
+    begun.choice = SimpleNamespace(accepted=lambda *_: None)  # pyright: ignore[reportAttributeAccessIssue]
+    had: list[dict] = []
+
+    def candidates(*known):
+        had.append(dict(known[-1]))
+        return [flare] if len(had) == 1 else [veil]
+
+    monkeypatch.setattr(search, "candidates", candidates)
+    for _ in range(3):
+        begun._add(state, None)  # pyright: ignore[reportArgumentType]
+    assert had == [{}, {"lens_flare": flare}, {"lens_flare": flare, "veiling_glare": veil}]

@@ -46,7 +46,7 @@ def candidates(
     state: State,
     without: frozenset[str],
     report: Report,
-    earlier: Mapping[str, Refined] | None = None,
+    earlier: Mapping[str, Refined],
 ) -> list[Refined]:
     """The effects that match what a fitted camera leaves best, refined, best first.
 
@@ -59,7 +59,7 @@ def candidates(
     for m in chosen:
         beaten = max((r.gain for r in best.values()), default=0.0)
         beside = [t.trial for t in tried if t.trial.kind == m.trial.kind]
-        also = _as_earlier(fitted, m, (earlier or {}).get(m.trial.effect))
+        also = _as_earlier(fitted, m, earlier.get(m.trial.effect))
         refined = refine(lab, fitted, m, report, state.allowance, beaten, beside=beside, also=also)
         best[refined.effect] = better(refined, best.get(refined.effect, refined))
     found = sorted(best.values(), key=lambda r: -r.gain)
@@ -86,11 +86,10 @@ def _as_earlier(fitted: Fitted, match: Match, earlier: Refined | None) -> list[C
     """
     if earlier is None or catalogue()[earlier.effect].base:
         return []
-    camera, own = match.trial.on(fitted.camera), f"{earlier.effect}."
+    camera = match.trial.on(fitted.camera)
     if any(camera.choices()[path] != word for path, word in earlier.words.items()):
         return []
-    numbers = {path: value for path, value in earlier.camera.values().items() if path.startswith(own)}
-    return [camera.replace(numbers)]
+    return [camera.replace(earlier.numbers)]
 
 
 def first_matches(
@@ -161,15 +160,15 @@ def better(one: Refined, other: Refined) -> Refined:
 
 def _reworded(fitted: Fitted, refined: Refined, other: Match) -> Match | None:
     """What was refined, with the words of another trial; None where they are the same."""
-    camera, effect = refined.camera, f"{refined.effect}."
-    words = refined.words
+    camera, words = refined.camera, refined.words
     others = {path: word for path, word in other.trial.values if isinstance(word, str)}
     if all(words.get(path, word) == word for path, word in others.items()):
         return None
-    numbers = {path: value for path, value in camera.values().items() if path.startswith(effect)}
-    own = [c for c in fitted.reference.coordinates if not c.path.startswith(effect)]
+    own = [c for c in fitted.reference.coordinates if not c.path.startswith(f"{refined.effect}.")]
     following = tuple((c.path, c.read(camera) - c.read(fitted.camera)) for c in own)
-    trial = replace(other.trial, values=tuple({**numbers, **words, **others}.items()), following=following)
+    trial = replace(
+        other.trial, values=tuple({**refined.numbers, **words, **others}.items()), following=following
+    )
     return Match(trial, other.gain, 1.0, refined.variance)
 
 

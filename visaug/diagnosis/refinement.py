@@ -64,6 +64,13 @@ class Refined:
             path: word for path, word in self.camera.choices().items() if path.startswith(f"{self.effect}.")
         }
 
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Those under the effect's own name, free or not."""
+        return {
+            path: value for path, value in self.camera.values().items() if path.startswith(f"{self.effect}.")
+        }
+
 
 def coordinates_of(effect: str, camera: Camera, lab: Laboratory) -> list[Coordinate]:
     """The free numbers of a candidate: those of a further effect, or of a base term that was at zero."""
