@@ -183,6 +183,26 @@ def test_of_two_that_say_the_same_the_simpler_is_taken(stated, monkeypatch, favo
     assert [r.effect for r, _ in naming.decided(SCENE, before, other)] == ["lens_flare", "veiling_glare"]
 
 
+def test_of_two_that_say_other_things_as_well_the_one_with_fewer_numbers_is_likelier(stated, monkeypatch):
+    """By Schwarz's criterion, of 1000 statistics 3.45 a number: what has four imitates what has one, not the other way round."""
+    blur = states.refined("point_spread", stated.with_effect("point_spread"), 100.0, 1.0)
+    pushed = states.refined("brighter_fatter", stated.with_effect("brighter_fatter"), 100.0, 4.0)
+    assert (len(blur.coordinates), len(pushed.coordinates)) == (1, 4)
+    before, narrow, wide = (
+        leaving(np.tile(row, 250)) for row in ([9.0, 9, 9, 9], [0.0, 9, 0, 9], [9.0, 0, 9, 0])
+    )
+    ahead = {id(wide.fitted): 0.0}
+    monkeypatch.setattr(naming, "log_density", lambda fitted, *_: ahead.get(id(fitted), 0.0))
+    statistics = 250 * SCENE
+    for favoured, name in ((10.0, "point_spread"), (10.7, "brighter_fatter")):
+        ahead[id(wide.fitted)] = favoured
+        found = naming.decided(statistics, before, [(pushed, wide), (blur, narrow)])
+        assert found[0][0].effect == name
+        assert found[0][0].gain - found[1][0].gain == pytest.approx(
+            abs(favoured - 1.5 * np.log(1000)), abs=1e-9
+        )
+
+
 def test_what_no_rival_explains_does_not_tell_rivals_apart():
     """5350 or 5340 standard deviations of what blooms, beside a veil and beside a flare."""
     before = leaving([7000.0, 100, 60, 40])
