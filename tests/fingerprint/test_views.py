@@ -227,3 +227,17 @@ def test_no_two_statistics_have_one_name(conditions):
     assert len(set(whole.labels)) == len(whole.labels)
     part = fingerprint(frames, [i for i in range(len(frames)) if i % 3 < 2])
     assert set(part.labels) <= set(whole.labels)
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_each_of_two_star_fields_has_its_own_target(alone):
+    """Fields that differ in the place of one star: the frame's top is the star's level, wherever another set has its own."""
+    fields = {}
+    for name, (row, column) in {"first.npy": (13, 20), "second.npy": (33, 50)}.items():
+        fields[name] = np.full((ROWS, COLUMNS), 20.0, np.float32)
+        fields[name][row : row + 2, column : column + 2] = 5000.0
+    names = ["second.npy"] if alone else ["first.npy", "second.npy"]
+    records = [FrameRecord(i, f"{i}.npy", "scene", 0.01, 20.0, clean=name) for i, name in enumerate(names)]
+    frames = FrameSet.from_arrays(records, [0.5 * fields[name] + 100 for name in names], fields)
+    f = fingerprint(frames)
+    assert f["scene/top of bright spots/scene second"] == pytest.approx(2600)

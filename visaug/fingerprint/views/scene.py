@@ -1,5 +1,6 @@
 """How a frame of a known scene differs from the scene: edges, halos, trails, ghosts, spills."""
 
+import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -97,11 +98,12 @@ class Target:
 
 
 class _Key:
-    """A target as a key of the cache: by content, cheaply."""
+    """A target as a key of the cache: by the content of every pixel, so that two star fields are never taken for one."""
 
     def __init__(self, clean: np.ndarray):
         self.clean = clean
-        self.identity = (clean.shape, clean[:: max(1, len(clean) // 16)].tobytes())
+        pixels = hashlib.blake2b(np.ascontiguousarray(clean).data, digest_size=16).digest()
+        self.identity = (clean.shape, clean.dtype.str, pixels)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Key) and self.identity == other.identity
