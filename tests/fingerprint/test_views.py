@@ -233,7 +233,7 @@ def test_no_two_statistics_have_one_name(conditions):
 def test_each_of_two_star_fields_has_its_own_target(alone):
     """Fields that differ in the place of one star: the frame's top is the star's level, wherever another set has its own."""
     fields = {}
-    for name, (row, column) in {"first.npy": (13, 20), "second.npy": (33, 50)}.items():
+    for name, (row, column) in {"first.npy": (13, 20), "second.npy": (34, 50)}.items():
         fields[name] = np.full((ROWS, COLUMNS), 20.0, np.float32)
         fields[name][row : row + 2, column : column + 2] = 5000.0
     names = ["second.npy"] if alone else ["first.npy", "second.npy"]
