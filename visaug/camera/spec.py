@@ -7,7 +7,8 @@ from typing import Any, Literal
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from visaug.effects import Effect, Parameter, catalogue
+from visaug.effects import catalogue
+from visaug.effects.parameter import check_value
 from visaug.errors import InputError
 
 
@@ -170,7 +171,7 @@ def _check_effect(entry: dict[str, Any], path: str, file: Path | None) -> None:
                 f"is not a parameter of {name}", file=file, field=f"{path}.{key}", expected=expected
             )
         entry[key] = _number(value)
-        check_value(known[name], key, entry[key], f"{path}.{key}", file)
+        check_value(known[name].parameters[key], entry[key], f"{path}.{key}", file)
 
 
 def _number(value: Any) -> Any:
@@ -179,27 +180,6 @@ def _number(value: Any) -> Any:
         return float(value) if isinstance(value, str) else value
     except ValueError:
         return value
-
-
-def check_value(effect: type[Effect], key: str, value: Any, path: str, file: Path | None = None) -> None:
-    """Refuses a value that is no number, or out of the parameter's bounds."""
-    parameter = effect.parameters[key]
-    if parameter.options:
-        if value not in parameter.options:
-            expected = f"one of {', '.join(parameter.options)}"
-            raise InputError(f"{value!r} is not a choice", file=file, field=path, expected=expected)
-        return
-    number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    if not number or not parameter.low <= value <= parameter.high:
-        raise InputError(f"{value!r} is out of range", file=file, field=path, expected=bounds_text(parameter))
-    if parameter.integer and value != int(value):
-        raise InputError(
-            f"{value!r} is no whole number", file=file, field=path, expected=bounds_text(parameter)
-        )
-
-
-def bounds_text(parameter: Parameter) -> str:
-    return f"a number from {parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip()
 
 
 def _check_randomize(spec: CameraSpec, file: Path | None) -> None:

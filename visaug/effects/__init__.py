@@ -1,6 +1,21 @@
-"""Physical effects, one a file, sorted by where in the chain they act."""
+"""Physical effects, one a file, sorted by where in the chain they act.
+
+Every class of the catalogue can be imported from here: `visaug.effects.RowNoise(sigma_e=1.5)(electrons, seed=0)`.
+"""
 
 from visaug.effects.catalogue import catalogue, load_file, register
-from visaug.effects.effect import Context, Effect, Look, Parameter, Stage
+from visaug.effects.effect import Context, Effect, Look, Stage
+from visaug.effects.parameter import Parameter
 
 __all__ = ["Context", "Effect", "Look", "Parameter", "Stage", "catalogue", "load_file", "register"]
+
+
+def __getattr__(name: str) -> type[Effect]:
+    for effect in catalogue().values():
+        if effect.__name__ == name:
+            return effect
+    raise AttributeError(f"module 'visaug.effects' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *(effect.__name__ for effect in catalogue().values())})

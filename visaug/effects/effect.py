@@ -9,7 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from visaug.sampling import Stream
+from visaug.effects.parameter import Parameter, check_value
+from visaug.errors import InputError
+from visaug.sampling import Stream, derive_key
 
 
 class Stage(IntEnum):
@@ -22,38 +24,6 @@ class Stage(IntEnum):
     CHARGE = 3  # electrons counted in the pixel: after shot noise, while stored, shared and transferred
     READOUT = 4  # electrons, as the voltage that stands for them: amplifiers and lines, before the converter
     DIGITAL = 5  # DN of the converter
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One number of an effect.
-
-    Args:
-        default: the value where a camera file leaves it out.
-        unit: e.g. "e-", "DN", "fraction", "px", "s", "e-/s"; "1" for a pure number.
-        low, high: bounds; a value outside is refused, a random draw is truncated to them.
-        source: paper, standard or datasheet that the parameter and its default come from.
-        strength: True if the effect vanishes where this parameter is zero.
-        trials: values at which a diagnosis first tries it, from weak to strong for a strength, all over the range for others.
-        options: for a choice (no number): the allowed words. A choice has no bounds and is not randomised.
-        integer: True where only whole numbers make sense; a random draw is rounded.
-        of: words of the effect's choices that use this number; empty where all do. A fit leaves it alone under other words.
-    """
-
-    default: Any = 0.0
-    unit: str = "1"
-    low: float = 0.0
-    high: float = float("inf")
-    source: str = ""
-    strength: bool = False
-    trials: tuple = ()
-    options: tuple[str, ...] = ()
-    integer: bool = False
-    of: tuple[str, ...] = ()
-    name: str = field(default="", compare=False)
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        object.__setattr__(self, "name", name)
 
 
 @dataclass
@@ -133,6 +103,24 @@ class Look:
         return ("columns", self.dark_e.mean(0), self.columns), ("rows", self.dark_e.mean(1), self.rows)
 
 
+# What an effect meets where it is called without a camera.
+CONDITIONS = {
+    "exposure_s": 0.01,
+    "temperature_c": 20.0,
+    "gain_e_per_dn": 1.0,
+    "black_level_dn": 0.0,
+    "full_well_e": float("inf"),
+    "quantum_efficiency": 1.0,
+    "dark_current_e": 0.0,
+    "bit_depth": 16,
+}
+
+
+def _as_value(value: float, like: Tensor) -> Tensor:
+    """As the chain hands numbers to an effect."""
+    return torch.as_tensor(value, dtype=torch.float32, device=like.device).reshape(1, 1, 1, 1)
+
+
 class Effect:
     """One physical effect. A subclass states `name`, `stage`, `Parameter`s and `apply`; that is all a new effect takes.
 
@@ -166,6 +154,95 @@ class Effect:
         super().__init_subclass__(**kwargs)
         own = {key: value for key, value in vars(cls).items() if isinstance(value, Parameter)}
         cls.parameters = {**cls.parameters, **own}
+
+    def __init__(self, **given: Any):
+        """An effect with these parameters; those left out have their defaults.
+
+        Raises:
+            InputError: a parameter that the effect does not have, or a value outside its bounds.
+        """
+        for key, value in given.items():
+            if key not in self.parameters:
+                expected = f"one of {', '.join(self.parameters) or 'none'}"
+                raise InputError(f"is not a parameter of {self.name}", field=key, expected=expected)
+            check_value(self.parameters[key], value, f"{self.name}.{key}")
+        self.given = given
+
+    def __call__(
+        self, signal: Tensor, seed: int = 0, camera_seed: int = 0, sequence: bool = False, **conditions: float
+    ) -> Tensor:
+        """Applies this effect alone, with no camera around it.
+
+        Args:
+            signal: (B, C, H, W), (C, H, W) or (H, W), in the unit of the effect's stage (`Stage`): photons, electrons or DN.
+            seed: of the random numbers of each image; image k of a batch gets its own stream.
+            camera_seed: of the fixed pattern, which all images of the call share.
+            sequence: True: the batch is consecutive frames, which effects with memory need.
+            conditions: what the effect may ask of the camera: exposure_s (0.01), temperature_c (20), gain_e_per_dn (1),
+                black_level_dn (0), full_well_e (infinite), quantum_efficiency (1), dark_current_e (0), bit_depth (16).
+
+        Returns:
+            A tensor of the same shape and dtype.
+
+        Raises:
+            InputError: a condition that is not known, or a signal of another shape.
+
+        Example:
+            >>> import torch, visaug
+            >>> electrons = torch.full((64, 64), 500.0)
+            >>> noisy = visaug.effects.RowNoise(sigma_e=1.5)(electrons, seed=0)
+            >>> noisy.shape
+            torch.Size([64, 64])
+        """
+        unknown = set(conditions) - set(CONDITIONS)
+        if unknown:
+            raise InputError(
+                "is not a condition", field=min(unknown), expected=f"one of {', '.join(CONDITIONS)}"
+            )
+        if not 2 <= signal.ndim <= 4:
+            raise InputError(
+                f"signal has shape {tuple(signal.shape)}", expected="(B, C, H, W), (C, H, W) or (H, W)"
+            )
+        batch = signal.float().reshape((1,) * (4 - signal.ndim) + tuple(signal.shape))
+        p = SimpleNamespace(
+            **{
+                key: value if isinstance(value, str) else _as_value(value, signal)
+                for key, value in self.values().items()
+            }
+        )
+        known = {**CONDITIONS, **conditions}
+        window = (range(batch.shape[2]), range(batch.shape[3]))
+        bit_depth = int(known.pop("bit_depth"))
+        numbers: dict[str, Any] = {key: _as_value(value, signal) for key, value in known.items()}
+        size = (batch.shape[2], batch.shape[3])
+        context = Context(
+            **numbers,
+            bit_depth=bit_depth,
+            reading="physical",
+            resolution=size,
+            window=window,
+            sequence=sequence,
+        )
+        if {"a_e_per_s", "b_per_c"} <= set(
+            self.parameters
+        ):  # the dark current's own law gives the context its mean
+            context.dark_current_e = (
+                context.exposure_s * p.a_e_per_s * torch.exp(p.b_per_c * context.temperature_c)
+            )
+        keys = [derive_key(seed, "image", k) for k in range(len(batch))]
+        stream = Stream(
+            keys, [derive_key(camera_seed, "camera")] * len(batch), batch.shape[1], window, signal.device
+        )
+        return self.apply(batch, p, stream, context).reshape(signal.shape).to(signal.dtype)
+
+    def __repr__(self) -> str:
+        return (
+            f"{type(self).__name__}({', '.join(f'{key}={value!r}' for key, value in self.values().items())})"
+        )
+
+    def values(self) -> dict[str, Any]:
+        """Every parameter with the value in use: as given, or the default."""
+        return {key: self.given.get(key, parameter.default) for key, parameter in self.parameters.items()}
 
     def apply(self, signal: Tensor, p: SimpleNamespace, stream: Stream, context: Context) -> Tensor:
         """The signal after the effect.

@@ -1,0 +1,59 @@
+"""An effect that is constructed and called without a camera."""
+
+import pytest
+import torch
+
+import visaug
+from visaug import InputError
+from visaug.effects import DSNU, DarkCurrent, RowNoise, Vignetting, catalogue
+
+
+def test_row_noise_has_its_standard_deviation_and_is_constant_along_a_row():
+    noise = RowNoise(sigma_e=2.5)(torch.full((4000, 3), 100.0), seed=4) - 100
+    assert torch.equal(noise, noise[:, :1].expand(-1, 3))
+    # The standard deviation of 4000 normal numbers is known to 1.1 %: 5 % is 4.5 standard errors, 1e-5 of false alarms.
+    assert noise[:, 0].std().item() == pytest.approx(2.5, rel=0.05)
+
+
+def test_the_law_of_a_deterministic_effect():
+    signal = torch.full((1, 1, 20, 20), 1000.0)
+    warm = DarkCurrent(a_e_per_s=3.0, b_per_c=0.07)(signal, exposure_s=4.0, temperature_c=30.0)
+    assert warm[0, 0, 7, 7].item() == pytest.approx(1000 + 4 * 3 * 2.718281828**2.1, rel=1e-5)
+    light = Vignetting(corner_loss=0.3)(signal)
+    assert light.amax().item() == pytest.approx(1000, rel=1e-2)
+    assert light[0, 0, 0, 0].item() == pytest.approx(1000 * (1 - 0.3 * (9.5 / 10) ** 2), rel=1e-4)
+
+
+def test_seeds():
+    signal = torch.full((2, 1, 16, 16), 50.0)
+    noise = RowNoise(sigma_e=1.0)
+    assert torch.equal(noise(signal, seed=1), noise(signal, seed=1))
+    assert not torch.equal(noise(signal, seed=1), noise(signal, seed=2))
+    assert not torch.equal(noise(signal)[0], noise(signal)[1])
+    pattern = DSNU(pixel_e=2.0)
+    assert torch.equal(pattern(signal, seed=1)[0], pattern(signal, seed=2)[1])  # a fixed pattern
+    assert not torch.equal(pattern(signal, camera_seed=1), pattern(signal, camera_seed=2))
+
+
+@pytest.mark.parametrize("effect", catalogue().values(), ids=list(catalogue()))
+def test_every_effect_runs_alone_and_shows_how_it_was_made(effect):
+    made = effect()
+    signal = torch.full((3, 12, 16), 300.0, dtype=torch.float64)
+    out = made(signal)
+    assert out.shape == signal.shape
+    assert out.dtype == signal.dtype
+    assert torch.isfinite(out).all()
+    assert getattr(visaug.effects, effect.__name__) is effect
+    again = eval(repr(made), {effect.__name__: effect, "inf": float("inf")})
+    assert again.values() == made.values()
+
+
+def test_mistakes():
+    with pytest.raises(InputError, match="sigma: is not a parameter of row_noise; expected one of sigma_e"):
+        RowNoise(sigma=1.0)
+    with pytest.raises(InputError, match=r"row_noise.sigma_e: -1 is out of range"):
+        RowNoise(sigma_e=-1)
+    with pytest.raises(InputError, match="exposure: is not a condition"):
+        RowNoise()(torch.zeros(4, 4), exposure=1.0)
+    with pytest.raises(InputError, match=r"signal has shape \(4,\)"):
+        RowNoise()(torch.zeros(4))
