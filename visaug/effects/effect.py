@@ -165,7 +165,8 @@ class Effect:
             if key not in self.parameters:
                 expected = f"one of {', '.join(self.parameters) or 'none'}"
                 raise InputError(f"is not a parameter of {self.name}", field=key, expected=expected)
-            check_value(self.parameters[key], value, f"{self.name}.{key}")
+            if value != self.parameters[key].default:  # which may be infinite: a full well that is left out
+                check_value(self.parameters[key], value, f"{self.name}.{key}")
         self.given = given
 
     def __call__(
