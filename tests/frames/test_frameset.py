@@ -59,6 +59,20 @@ def test_saved_set_is_the_same_set(tmp_path, keep_names):
     assert again.bit_depth == 16
 
 
+def test_bit_depth_of_the_records_is_the_sets(tmp_path):
+    frames = np.full((2, 3, 4), 4000, np.uint16)
+    records = [FrameRecord(i, f"{i}.tif", "dark", 1.0, bit_depth=12) for i in range(2)]
+    FrameSet.from_arrays(records, frames).save(tmp_path / "out", keep_names=True)
+    assert FrameSet.load(tmp_path / "out").bit_depth == 12
+    # What is said on the command line wins, and is what a copy of the set holds.
+    again = FrameSet.load(tmp_path / "out", bit_depth=14)
+    assert again.bit_depth == 14
+    again.save(tmp_path / "copy")
+    assert FrameSet.load(tmp_path / "copy").bit_depth == 14
+    with pytest.raises(InputError, match="14 and 12 bits stand in one set"):
+        FrameSet.from_arrays([records[0], FrameRecord(1, "b", "dark", bit_depth=14)], frames)
+
+
 def test_saving_is_all_or_nothing(tmp_path):
     fs, _ = small_set()
     bad = FrameSet.from_arrays(fs.records, [*[np.ones((2, 2))] * 5, np.full((2, 2), np.nan)])
@@ -317,7 +331,8 @@ def test_real_descriptor_set(shared_data):
 def test_trial_sets_have_what_their_tables_say(shared_data):
     for folder in sorted((shared_data / "trial_sets").glob("set_*")):
         fs = FrameSet.load(folder)
-        assert (len(fs), fs.bit_depth, fs.shape(0)) == (70, 16, (200, 256))
+        rows = (folder / "frames.csv").read_text().splitlines()[1:]
+        assert (len(fs), fs.bit_depth, fs.shape(0)) == (len(rows), 16, (200, 256))
         scene = next(i for i, r in enumerate(fs.records) if r.kind == "scene")
         assert fs.clean(scene).shape == (200, 256)
         assert fs.check() == [], folder.name

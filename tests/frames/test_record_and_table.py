@@ -4,6 +4,7 @@ import pytest
 
 from visaug.errors import InputError
 from visaug.frames import FrameRecord, read_table, write_table
+from visaug.frames.kinds import is_master, kind_of
 from visaug.frames.record import group_records, parse_window
 
 HEADER = "sequence,file,kind,exposure_s,temperature_c,gain_db,photons,clean"
@@ -54,7 +55,9 @@ def test_writing_then_reading_gives_the_same_records(tmp_path):
         ("0,a.npy,dark,1,warm,0,,", "row 2, temperature_c"),
         ("0,a.npy,dark,1,20,1000,,", "row 2, gain_db"),
         ("0,a.npy,flat,1,20,0,-5,", "row 2, photons"),
-        ("0,a.npy,flat,1,20,0,5,,,,", "row 2"),
+        ("0,a.npy,flat,1,20,0,5,,7,", "row 2"),
+        ("1.5,a.npy,flat,1,20,0,5,", "row 2, sequence"),
+        ('0,a.npy,flat,1,20,0,"1,500",', "row 2, photons"),
     ],
 )
 def test_bad_cell_is_named_in_one_line(tmp_path, row, named):
@@ -66,10 +69,76 @@ def test_bad_cell_is_named_in_one_line(tmp_path, row, named):
     assert "\n" not in message
 
 
-@pytest.mark.parametrize("header", ["file,kind", HEADER + ",colour", HEADER + ",kind", ""])
+@pytest.mark.parametrize(
+    "header", ["sequence,file", HEADER + ",kind", HEADER.replace("exposure_s", "exposure"), HEADER + ",setings", "", "file,kind"]
+)
 def test_bad_header_is_refused(tmp_path, header):
     with pytest.raises(InputError, match=r"frames.csv"):
         read_table(table(tmp_path, "0,a.npy,bias,0.1,20,0,,", header=header))
+
+
+def test_tables_as_laboratories_write_them(tmp_path):
+    """Capitals, semicolons with decimal commas, tabs, further columns, no column that may be absent."""
+    path = table(
+        tmp_path,
+        "b.npy;Bias Frame;;-9,5;x",
+        "d.npy;DARK;0,001;;y",
+        "m.npy;Master Flat;2;1,5;",
+        header="File;Kind;Exposure_s;Temperature_C;remark",
+    )
+    warnings: list[str] = []
+    assert read_table(path, warnings) == [
+        FrameRecord(0, "b.npy", "bias", 0.0, -9.5),
+        FrameRecord(1, "d.npy", "dark", 0.001),
+        FrameRecord(2, "m.npy", "flat", 2.0, 1.5, combined=0),
+    ]
+    assert [w.split(":")[0] for w in warnings] == ["columns_ignored"]
+    assert "remark" in warnings[0]
+    path.write_text("file\tkind\texposure_s\nd.npy\tdark\t0.25\n")
+    assert read_table(path) == [FrameRecord(0, "d.npy", "dark", 0.25)]
+
+
+def test_further_conditions_are_read_and_written(tmp_path):
+    path = table(
+        tmp_path,
+        "a.npy,flat,1,100,10,525 nm,1,rggb,12,2026-01-31T23:59:58",
+        "b.npy,flat,1,100,,,8,,,2026-01-31T23:59:57.5",
+        header="file,kind,exposure_s,gain,offset,filter,combined,bayer,bit_depth,time_s",
+    )
+    moment = 1769903998.0  # date -d 2026-01-31T23:59:58Z +%s
+    records = [
+        FrameRecord(0, "b.npy", "flat", 1.0, setting="GAIN=100", combined=8, time_s=moment - 0.5),
+        FrameRecord(
+            1, "a.npy", "flat", 1.0, setting="GAIN=100 OFFSET=10", filter="525 nm", bayer="RGGB",
+            bit_depth=12, time_s=moment,
+        ),
+    ]  # fmt: skip
+    assert read_table(path) == records
+    write_table(tmp_path / "again.csv", records)
+    assert read_table(tmp_path / "again.csv") == records
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "master"),
+    [
+        ("Bias Frame", "bias", False),
+        ("ZERO", "bias", False),
+        ("Offset", "bias", False),
+        ("Master Bias", "bias", True),
+        ("masterdark_300s", "dark", True),
+        ("superflat", "flat", False),
+        ("Flat Dark", "dark", False),
+        ("DOME FLAT", "flat", False),
+        ("bias_000", "bias", False),
+        ("Light Frame", "scene", False),
+        ("lamp", None, False),
+        ("unbiased", None, False),
+        ("", None, False),
+    ],
+)
+def test_kind_of_a_word(text, kind, master):
+    assert kind_of(text) == kind
+    assert is_master(text) == (master or text == "superflat")
 
 
 def test_sequence_must_be_unique(tmp_path):
@@ -81,6 +150,12 @@ def test_sequence_must_be_unique(tmp_path):
 def test_bad_window_text_is_refused(text):
     with pytest.raises(InputError, match="r0:r1,c0:c1"):
         parse_window(text)
+
+
+@pytest.mark.parametrize("change", [{"bayer": "RGBG"}, {"combined": -1}, {"bit_depth": 40}])
+def test_impossible_condition_is_refused(change):
+    with pytest.raises(InputError, match=next(iter(change))):
+        FrameRecord(0, "a.npy", "dark", 1.0, **change)
 
 
 @pytest.mark.parametrize("window", [(5, 5, 0, 4), (-1, 5, 0, 4), (0, 5, 4, 3)])
@@ -102,8 +177,12 @@ def test_groups_part_on_every_condition_and_keep_the_order():
             {"photons": 101.0},
             {"clean": "c.npy"},
             {"window": (0, 1, 0, 1)},
-            {},
+            {"setting": "GAIN=100"},
+            {"filter": "V"},
+            {"combined": 0},
+            {"bayer": "RGGB"},
+            {"time_s": 5.0},
         )
     ]
     groups = group_records((base, *others))
-    assert [g.indices for g in groups] == [(0, 1, 9), (2,), (3,), (4,), (5,), (6,), (7,), (8,)]
+    assert [g.indices for g in groups] == [(0, 1, 13), *((i,) for i in range(2, 13))]

@@ -68,7 +68,7 @@ class FrameSet:
         kind, root, files = sources.find(path)
         warnings: list[str] = []
         if kind == "table":
-            records = read_table(files[0])
+            records = read_table(files[0], warnings)
         elif kind == "descriptor":
             records, bits, shape = sources.read_descriptor(files[0])
             bit_depth, resolution = bit_depth or bits, resolution or shape
@@ -80,6 +80,7 @@ class FrameSet:
             records = sources.read_fits_folder(root, files)
         else:
             records = sources.read_pictures(root, files)
+        bit_depth = bit_depth or _common_depth(records)
         store = FileStore(records, root, _pair(resolution), bit_depth, byte_order, bits_at, warnings)
         return cls(records, store)
 
@@ -100,6 +101,7 @@ class FrameSet:
                 field="frames",
                 expected="as many of one as of the other",
             )
+        bit_depth = bit_depth or _common_depth(records)
         return cls(records, MemoryStore(records, frames, dict(cleans or {}), bit_depth))
 
     def __len__(self) -> int:
@@ -194,6 +196,20 @@ class FrameSet:
         from visaug.frames.writers import save
 
         return save(self, Path(folder), keep_names, overwrite)
+
+
+def _common_depth(records: Sequence[FrameRecord]) -> int | None:
+    """The bit depth that the records give, None where they give none."""
+    given = {r.bit_depth: r for r in records if r.bit_depth is not None}
+    if len(given) > 1:
+        (one, _), (other, record), *_ = given.items()
+        raise InputError(
+            f"{other} and {one} bits stand in one set",
+            file=record.file,
+            field="bit_depth",
+            expected="frames of one bit depth; put the others in a set of their own",
+        )
+    return next(iter(given), None)
 
 
 def _pair(resolution: Sequence[int] | None) -> tuple[int, int] | None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from visaug.errors import InputError
 
 KINDS = ("bias", "dark", "flat", "scene", "image")
+MOSAICS = ("RGGB", "BGGR", "GRBG", "GBRG")
 Window = tuple[int, int, int, int]  # r0, r1, c0, c1: rows r0..r1-1 and columns c0..c1-1 of the sensor
 
 
@@ -26,6 +27,15 @@ class FrameRecord:
         photons: mean photons per pixel of a flat, None where the source is not calibrated.
         clean: name of a scene's noiseless target in photons per pixel.
         window: which window of the sensor the file holds, None for the whole sensor.
+        setting: the camera's settings that are not in decibels, as ``GAIN=200 OFFSET=10`` (a FITS header's
+            GAIN, OFFSET, READOUTM; a photograph's ISO). Frames of different settings are different cameras.
+        filter: what stood in the light of a flat or scene: a filter's name, a wavelength, a lamp.
+        combined: number of exposures averaged into the frame: 1 for a raw frame, 0 for a master frame of
+            an unknown number of exposures.
+        bayer: colours of the mosaic at the frame's own pixel (0, 0), one of ``MOSAICS``; None for a
+            monochrome sensor.
+        bit_depth: bits of the converter, None where not known. One for the whole set.
+        time_s: time of acquisition in seconds since any fixed moment, None where not known.
     """
 
     sequence: int
@@ -37,6 +47,12 @@ class FrameRecord:
     photons: float | None = None
     clean: str | None = None
     window: Window | None = None
+    setting: str | None = None
+    filter: str | None = None
+    combined: int = 1
+    bayer: str | None = None
+    bit_depth: int | None = None
+    time_s: float | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -49,6 +65,13 @@ class FrameRecord:
             )
         if self.photons is not None:
             _check("photons", self.photons, 0.0, 1e12, "photons per pixel, 0 or more")
+        _check("combined", self.combined, 0, 1e6, "how many exposures were averaged, 1 for a raw frame")
+        if self.bayer is not None and self.bayer not in MOSAICS:
+            raise InputError(
+                f"{self.bayer!r} is no mosaic of colours", field="bayer", expected=" or ".join(MOSAICS)
+            )
+        if self.bit_depth is not None:
+            _check("bit_depth", self.bit_depth, 1, 32, "1 to 32 bits")
         if self.window is not None:
             r0, r1, c0, c1 = self.window
             if not (0 <= r0 < r1 and 0 <= c0 < c1):
@@ -71,15 +94,38 @@ class Group:
     clean: str | None
     window: Window | None
     indices: tuple[int, ...]
+    setting: str | None = None
+    filter: str | None = None
+    combined: int = 1
+    bayer: str | None = None
+
+
+_CONDITIONS = (
+    "kind",
+    "exposure_s",
+    "temperature_c",
+    "gain_db",
+    "photons",
+    "clean",
+    "window",
+    "setting",
+    "filter",
+    "combined",
+    "bayer",
+)
 
 
 def group_records(records: tuple[FrameRecord, ...]) -> tuple[Group, ...]:
-    """Groups of same kind, exposure, temperature, gain, photons, clean and window, by first appearance."""
+    """Groups of frames alike in all conditions (every field but order, file, bit depth and time), by first
+    appearance.
+    """
     found: dict[tuple, list[int]] = {}
-    for i, r in enumerate(records):
-        key = (r.kind, r.exposure_s, r.temperature_c, r.gain_db, r.photons, r.clean, r.window)
-        found.setdefault(key, []).append(i)
-    return tuple(Group(*key, indices=tuple(indices)) for key, indices in found.items())
+    for i, record in enumerate(records):
+        found.setdefault(tuple(getattr(record, name) for name in _CONDITIONS), []).append(i)
+    return tuple(
+        Group(**dict(zip(_CONDITIONS, key, strict=True)), indices=tuple(indices))
+        for key, indices in found.items()
+    )
 
 
 def parse_window(text: str) -> Window:

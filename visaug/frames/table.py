@@ -3,38 +3,49 @@
 from __future__ import annotations
 
 import csv
+import difflib
+import io
 from collections.abc import Iterable
+from dataclasses import MISSING, fields
+from datetime import UTC, datetime
 from pathlib import Path
 
 from visaug.errors import InputError
-from visaug.frames.record import FrameRecord, format_window, parse_window
+from visaug.frames.kinds import is_master, kind_of
+from visaug.frames.record import KINDS, FrameRecord, format_window, parse_window
 
 COLUMNS = ("sequence", "file", "kind", "exposure_s", "temperature_c", "gain_db", "photons", "clean")
-_REQUIRED = ("sequence", "file", "kind")
+FURTHER = ("region", "setting", "filter", "combined", "bayer", "bit_depth", "time_s")
+SETTINGS = ("gain", "offset", "iso", "readoutm", "readout_mode")  # columns that together are the setting
+_REQUIRED = ("file", "kind")
 _MAY_LACK_EXPOSURE = ("bias", "image")
+_ALIKE = 0.75  # similarity of difflib from which an unknown column is taken for a slip of the pen
 
 
-def read_table(path: str | Path) -> list[FrameRecord]:
-    """The records of a frames.csv, in order of ``sequence``.
+def read_table(path: str | Path, warnings: list[str] | None = None) -> list[FrameRecord]:
+    """The records of a frames.csv, in order of ``sequence`` (of ``time_s``, or of rows, where it is absent).
+
+    Comma, semicolon and tab separate; capitals and small letters are alike; where semicolons or tabs separate,
+    a comma is a decimal point. Columns of other names are left out and named in `warnings`.
 
     Raises:
         InputError: file, row, column and what was expected.
     """
     path = Path(path)
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as handle:
-            rows = list(csv.reader(handle))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"cannot be read ({error})", file=path, expected="a CSV file in UTF-8") from None
-    rows = [(n, row) for n, row in enumerate(rows, start=1) if any(cell.strip() for cell in row)]
-    if not rows:
-        raise InputError("is empty", file=path, expected="the columns " + ",".join(COLUMNS))
-    header = [cell.strip() for cell in rows[0][1]]
-    _check_header(header, path)
-    records: list[FrameRecord] = []
+    rows, decimal = _rows(path)
+    header = ["_".join(cell.lower().split()) for cell in rows[0][1]]
+    ignored = _check_header(header, path)
+    if ignored and warnings is not None:
+        warnings.append(f"columns_ignored: {path.name} has further columns: {', '.join(ignored)}")
+    made = [(number, _record(_cells(header, row, path, number), decimal, path, number, order))
+            for order, (number, row) in enumerate(rows[1:])]  # fmt: skip
+    if not made:
+        raise InputError("names no frames", file=path, expected="one row for each frame")
+    records = [record for _, record in made]
+    if "sequence" not in header:
+        return _by_time(records)
     seen: dict[int, int] = {}
-    for number, row in rows[1:]:
-        record = _record(header, row, path, number)
+    for number, record in made:
         if record.sequence in seen:
             raise InputError(
                 f"{record.sequence} stands in row {seen[record.sequence]} too",
@@ -43,111 +54,177 @@ def read_table(path: str | Path) -> list[FrameRecord]:
                 expected="a number of its own for each frame",
             )
         seen[record.sequence] = number
-        records.append(record)
-    if not records:
-        raise InputError("names no frames", file=path, expected="one row for each frame")
     return sorted(records, key=lambda r: r.sequence)
 
 
 def write_table(path: str | Path, records: Iterable[FrameRecord]) -> None:
-    """Write records as a frames.csv; a `region` column appears where a record has a window."""
-    records = list(records)
-    windows = any(r.window is not None for r in records)
+    """Write records as a frames.csv; a column beyond `COLUMNS` appears where a record fills it."""
     with open(path, "w", newline="", encoding="utf-8") as handle:
-        writer = csv.writer(handle, lineterminator="\n")
-        writer.writerow([*COLUMNS, "region"] if windows else COLUMNS)
-        for r in records:
-            row = [
-                r.sequence,
-                r.file,
-                r.kind,
-                _number(r.exposure_s),
-                _number(r.temperature_c),
-                _number(r.gain_db),
-                _number(r.photons),
-                r.clean or "",
-            ]
-            if windows:
-                row.append("" if r.window is None else format_window(r.window))
-            writer.writerow(row)
+        handle.write(table_text(records))
 
 
-def _check_header(header: list[str], path: Path) -> None:
-    known = {*COLUMNS, "region"}
+def table_text(records: Iterable[FrameRecord]) -> str:
+    """The content of a frames.csv."""
+    records = list(records)
+    used = [name for name in FURTHER if any(_written(r, name) for r in records)]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*COLUMNS, *used])
+    writer.writerows([_written(r, name) for name in (*COLUMNS, *used)] for r in records)
+    return text.getvalue()
+
+
+_DEFAULTS = {f.name: f.default for f in fields(FrameRecord) if f.default is not MISSING}
+
+
+def _written(record: FrameRecord, column: str) -> str:
+    if column == "region":
+        return "" if record.window is None else format_window(record.window)
+    value = getattr(record, column)
+    if value is None or (column in FURTHER and value == _DEFAULTS[column]):
+        return ""
+    if isinstance(value, str):
+        return value
+    return repr(float(value)) if value != int(value) else str(int(value))
+
+
+def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], str]:
+    """Numbered rows that hold something, and the sign of decimals, ``.`` or ``,``."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        first = next((line for line in text.splitlines() if line.strip()), "")
+        delimiter = max((",", ";", "\t"), key=first.count)
+        rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"cannot be read ({error})", file=path, expected="a CSV file in UTF-8") from None
+    held = [(n, row) for n, row in enumerate(rows, start=1) if any(cell.strip() for cell in row)]
+    if not held:
+        raise InputError("is empty", file=path, expected="the columns " + ",".join(COLUMNS))
+    return held, "." if delimiter == "," else ","
+
+
+def _check_header(header: list[str], path: Path) -> list[str]:
+    """Refuse what cannot be a frame set's header; returns the columns that mean nothing here."""
+    known = (*COLUMNS, *FURTHER, *SETTINGS)
     for name in _REQUIRED:
         if name not in header:
             raise InputError(
-                f"has no column {name!r}", file=path, expected="the columns " + ",".join(COLUMNS)
-            )
-    for name in header:
-        if name not in known:
-            raise InputError(
-                f"{name!r} is no column of a frame set",
+                f"has no column {name!r}",
                 file=path,
                 field="header",
-                expected="columns out of " + ",".join((*COLUMNS, "region")),
+                expected="at least the columns file and kind, of " + ",".join((*COLUMNS, *FURTHER)),
             )
-        if header.count(name) > 1:
+    for name in header:
+        if name and header.count(name) > 1:
             raise InputError(f"the column {name!r} stands there twice", file=path, field="header")
+    ignored = [name for name in header if name and name not in known]
+    for name in ignored:
+        missing = [column for column in (*COLUMNS, *FURTHER) if column not in header]
+        likely = [c for c in missing if name == c.rsplit("_", 1)[0]]
+        likely = likely or difflib.get_close_matches(name, missing, 1, _ALIKE)
+        if likely:
+            raise InputError(
+                f"{name!r} is no column of a frame set", file=path, field="header", expected=likely[0]
+            )
+    return ignored
 
 
-def _record(header: list[str], row: list[str], path: Path, number: int) -> FrameRecord:
-    if len(row) == len(header) + 1 and header[-1] == "region":
-        row = [*row[:-2], f"{row[-2]},{row[-1]}"]  # r0:r1,c0:c1 written without quotation marks
-    if len(row) > len(header) or len(row) < len(_REQUIRED):
+def _cells(header: list[str], row: list[str], path: Path, number: int) -> dict[str, str]:
+    if len(row) == len(header) + 1 and "region" in header:  # r0:r1,c0:c1 written without quotation marks
+        at = header.index("region")
+        row = [*row[:at], f"{row[at]},{row[at + 1]}", *row[at + 2 :]]
+    if any(cell.strip() for cell in row[len(header) :]) or len(row) < len(_REQUIRED):
         raise InputError(
             f"has {len(row)} cells", file=path, field=f"row {number}", expected=f"{len(header)} cells"
         )
-    cells = dict(zip(header, [cell.strip() for cell in row], strict=False))
+    return dict(zip(header, [cell.strip() for cell in row], strict=False))
 
-    def number_in(column: str, default: float | None) -> float | None:
+
+def _record(cells: dict[str, str], decimal: str, path: Path, number: int, order: int) -> FrameRecord:
+    def wrong(column: str, problem: str, expected: str) -> InputError:
+        return InputError(problem, file=path, field=f"row {number}, {column}", expected=expected)
+
+    def number_in(column: str) -> float | None:
         text = cells.get(column, "")
         if not text:
-            return default
+            return None
         try:
-            return float(text)
+            return float(text.replace(",", ".") if decimal == "," else text)
         except ValueError:
-            raise InputError(
-                f"{text!r} is no number", file=path, field=f"row {number}, {column}", expected="a number"
-            ) from None
+            raise wrong(column, f"{text!r} is no number", "a number") from None
 
-    try:
-        sequence = int(cells["sequence"])
-    except ValueError:
-        raise InputError(
-            f"{cells['sequence']!r} is no whole number",
-            file=path,
-            field=f"row {number}, sequence",
-            expected="the place in the order of acquisition",
-        ) from None
+    def whole(column: str, default: int, what: str) -> int:
+        value = number_in(column)
+        if value is None:
+            return default
+        if value != value or value != value // 1 or abs(value) > 1e15:
+            raise wrong(column, f"{cells[column]!r} is no whole number", what)
+        return int(value)
+
+    if "sequence" in cells and not cells["sequence"]:
+        raise wrong("sequence", "is blank", "the place in the order of acquisition")
     if not cells["file"]:
-        raise InputError("is blank", file=path, field=f"row {number}, file", expected="the name of a file")
-    exposure_s = number_in("exposure_s", None)
-    if exposure_s is None:
-        if cells["kind"] not in _MAY_LACK_EXPOSURE:
-            raise InputError(
-                "is blank", file=path, field=f"row {number}, exposure_s", expected="seconds, 0 or more"
-            )
-        exposure_s = 0.0
+        raise wrong("file", "is blank", "the name of a file")
+    kind = kind_of(cells["kind"])
+    if kind is None:
+        raise wrong("kind", f"{cells['kind']!r} is no kind of frame", " or ".join(KINDS))
+    exposure_s = number_in("exposure_s")
+    if exposure_s is None and kind not in _MAY_LACK_EXPOSURE:
+        raise wrong("exposure_s", "is blank", "seconds, 0 or more")
+    parts = [f"{name.upper()}={cells[name]}" for name in SETTINGS if cells.get(name)]
+    setting = " ".join([*([cells["setting"]] if cells.get("setting") else []), *parts]) or None
     try:
         return FrameRecord(
-            sequence=sequence,
+            sequence=whole("sequence", order, "the place in the order of acquisition"),
             file=cells["file"],
-            kind=cells["kind"],
-            exposure_s=exposure_s,
-            temperature_c=number_in("temperature_c", None),
-            gain_db=number_in("gain_db", 0.0) or 0.0,
-            photons=number_in("photons", None),
+            kind=kind,
+            exposure_s=exposure_s or 0.0,
+            temperature_c=number_in("temperature_c"),
+            gain_db=number_in("gain_db") or 0.0,
+            photons=number_in("photons"),
             clean=cells.get("clean") or None,
             window=parse_window(cells["region"]) if cells.get("region") else None,
+            setting=setting,
+            filter=cells.get("filter") or None,
+            combined=whole("combined", 0 if is_master(cells["kind"]) else 1, "how many exposures, 0 or more"),
+            bayer=cells.get("bayer", "").upper() or None,
+            bit_depth=whole("bit_depth", 0, "bits of the converter") or None,
+            time_s=_time(cells.get("time_s", ""), number_in, wrong),
         )
     except InputError as error:
         if error.file is not None:
             raise
-        raise InputError(
-            error.problem, file=path, field=f"row {number}, {error.field}", expected=error.expected
-        ) from None
+        raise wrong(str(error.field), error.problem, str(error.expected)) from None
 
 
-def _number(value: float | None) -> str:
-    return "" if value is None else repr(float(value)) if value != int(value) else str(int(value))
+def _time(text: str, number_in, wrong) -> float | None:
+    """Seconds, from a number or a date and time as ISO 8601 writes it."""
+    seconds = iso_seconds(text)
+    if seconds is None and text:
+        try:
+            return number_in("time_s")
+        except InputError:
+            raise wrong("time_s", f"{text!r} is no time", "seconds, or 2026-01-31T23:59:58.5") from None
+    return seconds
+
+
+def iso_seconds(text: str) -> float | None:
+    """Seconds since 1970 of ``2026-01-31T23:59:58.5`` (UTC where no zone is given); None for other text."""
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    if "-" not in text:  # 20260131 is a number of seconds as well
+        return None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def _by_time(records: list[FrameRecord]) -> list[FrameRecord]:
+    """In order of time where every frame has one, else as they stand; numbered from 0."""
+    from dataclasses import replace
+
+    times = [r.time_s for r in records]
+    order = range(len(records))
+    if None not in times:
+        order = sorted(order, key=lambda i: times[i] or 0.0)
+    return [replace(records[i], sequence=n) for n, i in enumerate(order)]

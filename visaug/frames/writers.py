@@ -31,7 +31,11 @@ def save(frames: FrameSet, folder: Path, keep_names: bool = False, overwrite: bo
     try:
         temporary.chmod(0o755)
         cleans = _write_cleans(frames, temporary)
-        records = [replace(r, clean=cleans.get(r.clean) if r.clean else None) for r in frames.records]
+        # 8 and 16 bits show in the files; what lies between does not.
+        bits = None if frames.bit_depth in (8, 16) else frames.bit_depth
+        records = [
+            replace(r, clean=cleans.get(r.clean) if r.clean else None, bit_depth=bits) for r in frames.records
+        ]
         if keep_names:
             _write_named(frames, temporary)
         else:
