@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from visaug.documents import read_yaml
 from visaug.errors import InputError
 
 
@@ -184,14 +184,7 @@ RESERVED = {
 def load_config(path: str | Path) -> Config:
     """Read and check a config; paths in it are relative to the working directory, cameras also to the config."""
     path = Path(path)
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(
-            "no such file", file=path, expected="a YAML config such as configs/demo.yaml"
-        ) from None
-    except (yaml.YAMLError, UnicodeDecodeError, IsADirectoryError) as error:
-        raise InputError(f"is not YAML: {error}", file=path) from None
+    content = read_yaml(path, "a YAML config such as configs/demo.yaml")
     config = check_config(content, path)
     for arm in config.arms.values():
         for part in (arm.white, arm.vis):

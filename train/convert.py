@@ -15,9 +15,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from visaug.documents import read_json
 from visaug.errors import InputError
 from visaug.files import write_bytes, write_json, write_text, write_yaml
-from visaug_train.geometry import Keypoints, Pinhole, project_targets, read_json
+from visaug_train.geometry import Keypoints, Pinhole, project_targets
 from visaug_train.speed import PoseSet
 
 Progress = Callable[[str, int, int], None]

@@ -4,14 +4,13 @@ Pixel coordinates count from the outer corner of the first pixel, so the image c
 and resizing by s multiplies them by s; SPEED's principal point (960, 600) of a 1920 x 1200 image is meant so.
 """
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
+from visaug.documents import read_json, read_yaml
 from visaug.errors import InputError
 
 TANGO = Path(__file__).with_name("tango.yaml")
@@ -41,12 +40,13 @@ class Pinhole:
             fx, fy, ppx, ppy = (_number(content, key, path) for key in ("fx", "fy", "ppx", "ppy"))
             matrix = np.array([[fx / ppx, 0, width / 2], [0, fy / ppy, height / 2], [0, 0, 1.0]])
         distortion = np.zeros(5)
-        given = np.ravel(content.get("distCoeffs", []))
-        if given.size not in (0, 4, 5):
-            raise InputError(
-                f"{path}: distCoeffs: expected 4 or 5 numbers (k1 k2 p1 p2 k3), got {given.size}"
-            )
-        distortion[: given.size] = _array(given, (given.size,), f"{path}: distCoeffs")
+        given = content.get("distCoeffs", [])
+        while isinstance(given, list) and len(given) == 1:  # a row, as OpenCV writes it
+            given = given[0]
+        if not isinstance(given, list) or len(given) not in (0, 4, 5):
+            raise InputError(f"{path}: distCoeffs: expected 4 or 5 numbers (k1 k2 p1 p2 k3), got {given!r}")
+        given = [each[0] if isinstance(each, list) and len(each) == 1 else each for each in given]  # a column
+        distortion[: len(given)] = _array(given, (len(given),), f"{path}: distCoeffs")
         if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and np.allclose(matrix[2], [0, 0, 1])):
             raise InputError(
                 f"{path}: cameraMatrix: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0"
@@ -135,12 +135,7 @@ class Keypoints:
     def load(cls, source: str | Path = "tango") -> "Keypoints":
         """A YAML file with `points_m` (name: [x, y, z], or a list of points), or `tango`."""
         path = TANGO if str(source) == "tango" else Path(source)
-        try:
-            content = yaml.safe_load(path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise InputError(f"{path}: keypoints: no such file; expected `tango` or a YAML file") from None
-        except (yaml.YAMLError, UnicodeDecodeError):
-            raise InputError(f"{path}: expected YAML with points_m: {{name: [x, y, z]}}") from None
+        content = read_yaml(path, "`tango`, or YAML with points_m: {name: [x, y, z]}")
         points = content.get("points_m") if isinstance(content, dict) else None
         if isinstance(points, list):
             points = {f"point_{i + 1}": point for i, point in enumerate(points)}
@@ -180,20 +175,10 @@ def project_targets(
     return Targets(np.concatenate([low, high], axis=1), points, inside & seen[:, None], seen)
 
 
-def read_json(path: Path) -> Any:
-    """The content of a JSON file; what cannot be read is the user's mistake."""
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: expected JSON ({error})") from None
-
-
 def _number(content: dict, key: str, path: Path) -> float:
     value = content.get(key)
-    if not isinstance(value, (int, float)) or isinstance(value, bool) or not value > 0:
-        raise InputError(f"{path}: {key}: expected a number > 0, got {value!r}")
+    if not isinstance(value, (int, float)) or isinstance(value, bool) or not 0 < value < 1e9:
+        raise InputError(f"{path}: {key}: expected a number from 0 to 1e9, got {value!r}")
     return value
 
 

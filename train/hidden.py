@@ -16,13 +16,13 @@ import cv2
 import numpy as np
 
 import visaug
+from visaug.documents import read_json
 from visaug.errors import InputError
 from visaug.files import write_bytes, write_json
 from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.plan import default_plan
 from visaug.simulation import simulate, with_chart
 from visaug_train.config import Arm, Config
-from visaug_train.geometry import read_json
 from visaug_train.plots import read_gray
 from visaug_train.render.dataset import LINEAR_WHITE_DN
 from visaug_train.speed import PoseSet

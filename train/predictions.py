@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from visaug.documents import read_json
 from visaug.errors import InputError
 from visaug.files import write_json
-from visaug_train.geometry import read_json
 from visaug_train.metrics import Detections
 from visaug_train.quiet import quiet_ultralytics
 from visaug_train.speed import PoseSet

@@ -5,10 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import visaug
+from visaug.documents import read_json
 from visaug.files import write_json
 from visaug.report.html import Section, Text
 from visaug.report.pages import diagnosis_sections
-from visaug_train.geometry import read_json
 
 Progress = Callable[[str, int, int], None]
 FRAMES = Path(visaug.__file__).parent / "data" / "hidden_effect"

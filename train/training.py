@@ -19,12 +19,13 @@ from typing import Any
 
 from torch import nn
 
+from visaug.documents import read_json
 from visaug.errors import InputError
 from visaug.files import write_json, write_text
 from visaug_train.batch_noise import GaussianBlur, GaussianNoise, WhiteSensorNoise
 from visaug_train.config import Arm, Config, Vis
 from visaug_train.convert import convert
-from visaug_train.geometry import Keypoints, read_json
+from visaug_train.geometry import Keypoints
 from visaug_train.hidden import HiddenEffect, check_hidden, hide_effects
 from visaug_train.quiet import check_tracking, quiet_ultralytics, set_tracking
 from visaug_train.render.dataset import RenderSettings, read_back, render_dataset

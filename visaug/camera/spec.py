@@ -4,9 +4,9 @@ import math
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from visaug.documents import read_yaml
 from visaug.effects import catalogue
 from visaug.effects.parameter import check_value
 from visaug.errors import InputError
@@ -98,12 +98,7 @@ class CameraSpec(_Part):
 
 def read_spec(path: Path) -> CameraSpec:
     """The checked content of a camera file."""
-    try:
-        content = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError("cannot be read", file=path, expected="a camera.yaml") from error
-    except yaml.YAMLError as error:
-        raise InputError(f"is not YAML: {' '.join(str(error).split())}", file=path) from error
+    content = read_yaml(path, "a camera.yaml")
     if not isinstance(content, dict):
         raise InputError(
             "holds no keys", file=path, expected="a camera.yaml with name, resolution, gain_e_per_dn ..."
