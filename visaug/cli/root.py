@@ -1,6 +1,10 @@
 """The command group, and the one place where a user's mistake becomes exit status 2."""
 
+import os
+import signal
 import sys
+import threading
+from types import FrameType
 
 import click
 
@@ -25,27 +29,49 @@ for module in (take, measure, learn):
         program.add_command(command)
 
 
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM: ends what runs as Ctrl-C does, so that temporary files go."""
+
+
+def _terminate(_signal: int, _frame: FrameType | None) -> None:
+    raise _Terminated
+
+
 def main(arguments: list[str] | None = None) -> None:
-    """Run the program; ends the process with status 0, 2 on bad input, 130 when interrupted."""
+    """Run the program; ends the process with status 0, 1 where part of the work failed, 2 on bad input or an error of the
+    operating system, 130 when interrupted, 143 when terminated.
+    """
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _terminate)
     try:
         program.main(args=arguments, prog_name="visaug", standalone_mode=False)
     except click.ClickException as mistake:
         # click's own mistakes (unknown option, missing file) already carry status 2 or 1.
         mistake.show()
         sys.exit(2)
-    except (InputError, FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError) as mistake:
-        click.echo(f"visaug: {one_line(mistake)}", err=True)
-        sys.exit(2)
-    except (KeyboardInterrupt, click.exceptions.Abort):
-        click.echo("visaug: interrupted; run the same command again to go on", err=True)
-        sys.exit(130)
+    except (KeyboardInterrupt, click.exceptions.Abort) as stop:
+        terminated = isinstance(stop, _Terminated) or isinstance(stop.__cause__, _Terminated)
+        word = "terminated" if terminated else "interrupted"
+        click.echo(f"visaug: {word}; run the same command again to go on", err=True)
+        sys.exit(143 if terminated else 130)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)
+    except (InputError, OSError, MemoryError) as mistake:
+        click.echo(f"visaug: {one_line(mistake)}", err=True)
+        sys.exit(2)
 
 
-def one_line(mistake: Exception) -> str:
+def one_line(mistake: BaseException) -> str:
     """The message without line breaks; `file: what` for an operating system's error."""
-    if isinstance(mistake, OSError) and mistake.filename is not None:
-        return f"{mistake.filename}: {mistake.strerror or 'cannot be used'}"
-    return " ".join(str(mistake).split())
+    if isinstance(mistake, MemoryError):
+        return f"not enough memory ({mistake})" if str(mistake) else "not enough memory"
+    if isinstance(mistake, OSError) and mistake.strerror:
+        place = "" if mistake.filename is None else f"{os.fsdecode(mistake.filename)}: "
+        return printable(f"{place}{mistake.strerror}")
+    return printable(" ".join(str(mistake).split()))
+
+
+def printable(text: str) -> str:
+    """The text as a terminal takes it: what is no Unicode is escaped."""
+    return text.encode(errors="backslashreplace").decode()
