@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from visaug.errors import PartlyFailed
 from visaug_train.ablation import ablate as run_ablation
 from visaug_train.ablation import evaluate_run
 from visaug_train.config import Config, load_config
@@ -24,7 +25,11 @@ def train(config_path: Path, seed: int = 0, progress: Progress | None = None) ->
 
 
 def ablate(config_path: Path, seed: int = 0, progress: Progress | None = None) -> str:
-    """Train and score all arms; writes tables and report into the config's output; what to print."""
+    """Train and score all arms; writes tables and report into the config's output; what to print.
+
+    Raises:
+        PartlyFailed: with what to print, where a run failed.
+    """
     from visaug_train.report import write_report
 
     ablation = run_ablation(_seeded(config_path, seed), progress)
@@ -32,7 +37,10 @@ def ablate(config_path: Path, seed: int = 0, progress: Progress | None = None) -
     report = write_report(ablation)
     lines = [table.to_markdown() for table in ablation.tables().values()]
     lines += [f"failed: {f.arm}, seed {f.seed}: {f.error}" for f in ablation.failures]
-    return "\n".join([*lines, f"{ablation.interval_covers}", f"tables: {written}", f"report: {report}"])
+    text = "\n".join([*lines, f"{ablation.interval_covers}", f"tables: {written}", f"report: {report}"])
+    if ablation.failures:
+        raise PartlyFailed(text)
+    return text
 
 
 def evaluate(config_path: Path, seed: int = 0, progress: Progress | None = None) -> dict[str, dict[str, Any]]:

@@ -170,6 +170,7 @@ RESERVED = {
     "data",
     "project",
     "name",
+    "save_dir",
     "exist_ok",
     "seed",
     "resume",

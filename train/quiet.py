@@ -26,6 +26,7 @@ def quiet_ultralytics(folder: str | Path) -> None:
     os.environ.setdefault("YOLO_OFFLINE", "1")
     os.environ.setdefault("YOLO_AUTOINSTALL", "0")
     os.environ.setdefault("YOLO_VERBOSE", "false")
+    os.environ.setdefault("ULTRALYTICS_SAFE_LOAD", "1")  # networks and checkpoints are data, and run no code
     if "YOLO_CONFIG_DIR" not in os.environ:
         Path(folder).mkdir(parents=True, exist_ok=True)
         os.environ["YOLO_CONFIG_DIR"] = str(Path(folder).resolve())

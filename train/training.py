@@ -22,6 +22,7 @@ from torch import nn
 from visaug.documents import read_json
 from visaug.errors import InputError
 from visaug.files import write_json, write_text
+from visaug_train import checkpoints
 from visaug_train.batch_noise import GaussianBlur, GaussianNoise, WhiteSensorNoise
 from visaug_train.config import Arm, Config, Vis
 from visaug_train.convert import convert
@@ -124,9 +125,7 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
     arguments = {**config.training, **arm.training}
     folder = run_folder(study, arm_name, seed)
     if not (folder / "run.json").is_file():
-        began = time.monotonic()
-        earlier = _seconds_so_far(folder)
-        _train(
+        seconds = _train(
             config,
             batch_noise(arm),
             arguments,
@@ -144,9 +143,10 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
                 "model": config.model,
                 "training": arguments,
                 "noise": arm.model_dump(mode="json", exclude={"training", "why", "like"}),
-                "seconds": earlier + time.monotonic() - began,
+                "seconds": seconds,
             },
         )
+        checkpoints.forget(folder)
     record = read_json(folder / "run.json")
     return Run(
         arm_name,
@@ -241,35 +241,40 @@ def _train(
     seed: int,
     title: str,
     progress: Progress | None,
-) -> None:
+) -> float:
+    """Train what is left of a run; the seconds of all of it."""
     quiet_ultralytics(config.output / "ultralytics-settings")
     from ultralytics import YOLO
 
     from visaug.ultralytics import vis_trainer
 
     set_tracking(config.tracking)
-    last = folder / "weights" / "last.pt"
     trainer = vis_trainer(noise)
-    if last.is_file():
-        model = YOLO(str(last))
-        _follow(model, title, progress)
-        model.train(resume=True, trainer=trainer)
-        return
-    shutil.rmtree(folder, ignore_errors=True)
-    model = YOLO(config.model, task="pose", verbose=False)
+    state = checkpoints.load_state(folder)
+    if state is not None and state["exact"]["over"]:
+        checkpoints.finish(folder, state)
+        return state["exact"]["seconds"]
+    kept = checkpoints.Checkpoints(seed, state)
+    if state is None:
+        shutil.rmtree(folder, ignore_errors=True)
+        model = YOLO(config.model, task="pose", verbose=False)
+        how = {
+            "project": str(folder.parent.resolve()),
+            "name": folder.name,
+            "exist_ok": True,
+            "pretrained": False,
+            "plots": False,
+            "verbose": False,
+            "seed": seed,
+            **arguments,
+        }
+    else:
+        model = YOLO(str(checkpoints.restore(folder, state)), task="pose")
+        how = {"resume": True, "save_dir": str(folder.resolve())}
     _follow(model, title, progress)
-    model.train(
-        trainer=trainer,
-        data=str(data_yaml),
-        project=str(folder.parent.resolve()),
-        name=folder.name,
-        exist_ok=True,
-        pretrained=False,
-        plots=False,
-        verbose=False,
-        seed=seed,
-        **arguments,
-    )
+    kept.attach(model)
+    model.train(trainer=trainer, data=str(data_yaml), **how)
+    return kept.seconds_before + time.monotonic() - kept.began
 
 
 def _follow(model: Any, title: str, progress: Progress | None) -> None:
@@ -296,15 +301,6 @@ def _follow(model: Any, title: str, progress: Progress | None) -> None:
 
     model.add_callback("on_train_start", started)
     model.add_callback("on_train_batch_end", advance)
-
-
-def _seconds_so_far(folder: Path) -> float:
-    """Seconds of the epochs that an interrupted run has behind it."""
-    results = folder / "results.csv"
-    if not (folder / "weights" / "last.pt").is_file() or not results.is_file():
-        return 0.0
-    times = read_curves(results).get("time", [])
-    return times[-1] if times else 0.0
 
 
 def _digest(value: Any) -> str:

@@ -1,4 +1,4 @@
-"""The one exception a user's mistake raises: which file, which field, what was expected, in one line."""
+"""A user's mistake: which file, which field, what was expected, in one line; and work of which a part failed."""
 
 from __future__ import annotations
 
@@ -29,3 +29,7 @@ class InputError(ValueError):
         if expected:
             message += f"; expected {expected}"
         super().__init__(" ".join(message.split()))
+
+
+class PartlyFailed(Exception):
+    """Work that was done but for a part. The message is what there is to tell; commands print it and end with status 1."""

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 # imported.
 os.environ.setdefault("YOLO_OFFLINE", "1")
 os.environ.setdefault("YOLO_AUTOINSTALL", "0")
+# Networks and checkpoints are read as data: neither a YAML's `activation` nor a pickle in a .pt runs code.
+os.environ.setdefault("ULTRALYTICS_SAFE_LOAD", "1")
 
 import torch
 from torch import Tensor, nn

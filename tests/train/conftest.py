@@ -8,6 +8,7 @@ import pytest
 os.environ.setdefault("YOLO_OFFLINE", "1")
 os.environ.setdefault("YOLO_AUTOINSTALL", "0")
 os.environ.setdefault("YOLO_VERBOSE", "false")
+os.environ.setdefault("ULTRALYTICS_SAFE_LOAD", "1")
 
 from visaug_train.render.dataset import RenderSettings, render_dataset
 

@@ -1,13 +1,20 @@
 """A whole small study: interrupted, gone on with, one arm failing; and the arithmetic of differences."""
 
+import os
+import pickle
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import torch
+import yaml
 from torch import nn
+from ultralytics import YOLO
+from ultralytics.nn.tasks import yaml_model_load
 
-from visaug_train import training
+from visaug.errors import InputError
+from visaug_train import checkpoints, training
 from visaug_train.ablation import Ablation, ablate
 from visaug_train.config import check_config
 from visaug_train.evaluate import evaluate
@@ -51,6 +58,10 @@ class Broken(nn.Module):
         raise RuntimeError("this arm fails")
 
 
+def weights_of(run):
+    return YOLO(str(run / "weights" / "best.pt")).model.state_dict()
+
+
 @pytest.mark.slow
 def test_a_study_goes_on_where_it_was_and_outlives_a_failing_arm(rendered, tmp_path, monkeypatch):
     real = training.batch_noise
@@ -68,8 +79,9 @@ def test_a_study_goes_on_where_it_was_and_outlives_a_failing_arm(rendered, tmp_p
     with pytest.raises(KeyboardInterrupt):
         ablate(config, stop)
     (half,) = (tmp_path / "out" / "runs").glob("baseline-*")
-    assert (half / "weights" / "last.pt").is_file()
     assert not (half / "run.json").exists()
+    last = half / "weights" / "last.pt"
+    os.truncate(last, last.stat().st_size // 2)  # as a kill in the midst of ultralytics' writing leaves it
 
     ablation = ablate(config)
     assert {arm for arm, _ in ablation.scored} == {"baseline", "vis"}
@@ -77,6 +89,12 @@ def test_a_study_goes_on_where_it_was_and_outlives_a_failing_arm(rendered, tmp_p
     assert "this arm fails" in ablation.failures[0].error
     assert read_curves(half / "results.csv")["epoch"] == [1, 2]
     assert ablation.interval_covers.startswith("the intervals cover the choice of test images only")
+
+    undisturbed = ablate(study_config(rendered, tmp_path / "other", arms={"baseline": {"gaussian": {}}}))
+    assert undisturbed.summaries["baseline", 0] == ablation.summaries["baseline", 0]
+    (whole,) = (tmp_path / "other" / "runs").glob("baseline-*")
+    assert weights_of(whole).keys() == weights_of(half).keys()
+    assert all(torch.equal(value, weights_of(half)[name]) for name, value in weights_of(whole).items())
 
     stamps = {f: f.stat().st_mtime_ns for f in (tmp_path / "out" / "runs").glob("[bv][ai]*/weights/*.pt")}
     again = ablate(config)
@@ -87,6 +105,51 @@ def test_a_study_goes_on_where_it_was_and_outlives_a_failing_arm(rendered, tmp_p
     assert "| baseline |" in written
     assert "Failed: broken, seed 0" in written
     assert len((tmp_path / "tables" / "images" / "vis-seed0-lightbox.csv").read_text().splitlines()) == 5
+
+
+@pytest.mark.slow
+def test_a_training_stopped_after_its_last_epoch_is_finished_not_repeated(rendered, tmp_path, monkeypatch):
+    config = study_config(rendered, tmp_path / "out", arms={"baseline": {"gaussian": {}}})
+    config.training["epochs"] = 1
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(training, "write_json", killed)  # run.json is what comes after the training
+        ablate(config)
+    (run,) = (tmp_path / "out" / "runs").iterdir()
+    trained = weights_of(run)
+    (run / "weights" / "best.pt").write_bytes(b"torn")  # killed in the midst of stripping it
+    told = []
+    ablation = ablate(config, lambda title, *_: told.append(title))
+    assert not ablation.failures
+    assert not any(title.startswith("training") for title in told)
+    assert all(torch.equal(value, trained[name]) for name, value in weights_of(run).items())
+    assert not list((run / "weights").glob("resume*"))
+
+
+class Evil:
+    def __reduce__(self):
+        return os.mkdir, ("evil",)
+
+
+def test_neither_a_checkpoint_nor_a_network_runs_code(rendered, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for content in (b"", b"no archive", pickle.dumps(Evil())):
+        (tmp_path / "weights").mkdir(exist_ok=True)
+        (tmp_path / "weights" / checkpoints.STATE).write_bytes(content)
+        assert checkpoints.load_state(tmp_path) is None
+    torch.save(
+        {"exact": Evil(), "ema": 1, "optimizer": 1, "epoch": 1}, tmp_path / "weights" / checkpoints.STATE
+    )
+    assert checkpoints.load_state(tmp_path) is None
+
+    network = yaml_model_load("yolov8n-pose.yaml") | {"activation": "(__import__('os').mkdir('evil'),)[0]"}
+    (tmp_path / "yolov8n-mine.yaml").write_text(yaml.safe_dump(network))
+    with pytest.raises(InputError, match="activation"):
+        ablate(study_config(rendered, tmp_path / "out", model="yolov8n-mine.yaml"))
+    assert not (tmp_path / "evil").exists()
 
 
 def constructed(rendered, shifts):

@@ -10,7 +10,7 @@ import click
 
 from visaug import __version__
 from visaug.cli import learn, measure, take
-from visaug.errors import InputError
+from visaug.errors import InputError, PartlyFailed
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -54,6 +54,9 @@ def main(arguments: list[str] | None = None) -> None:
         word = "terminated" if terminated else "interrupted"
         click.echo(f"visaug: {word}; run the same command again to go on", err=True)
         sys.exit(143 if terminated else 130)
+    except PartlyFailed as partly:
+        click.echo(printable(str(partly)))
+        sys.exit(1)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)

@@ -1,0 +1,180 @@
+"""What an interrupted training goes on from: as if it had not been interrupted, and whatever moment it was killed at.
+
+ultralytics overwrites last.pt in place, in half precision and with the moving average in place of the network, and
+strips it when training has ended. So a kill can leave it torn, a resumed training differs from an undisturbed one, and
+one that is killed after its last epoch looks as if it had never been trained. Beside last.pt, a run therefore keeps
+
+- ``resume.pt``: last.pt with network, moving average and optimizer in full precision, written whole after each epoch;
+- ``resume-best.pt``: best.pt of the epochs up to then, written whole before it.
+
+Random numbers are drawn anew at each epoch from seed and epoch, so that an epoch does not depend on whether the earlier
+ones ran in the same process.
+"""
+
+import csv
+import os
+import random
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from visaug.files import whole_file, write_text
+
+STATE, BEST = "resume.pt", "resume-best.pt"
+
+
+def load_state(folder: Path) -> dict[str, Any] | None:
+    """The checkpoint that a run's folder goes on from; None where there is none that can be read."""
+    from ultralytics.nn.tasks import torch_safe_load
+
+    path = folder / "weights" / STATE
+    if not path.is_file():
+        return None
+    try:
+        state, _ = torch_safe_load(str(path), safe_only=True)  # as data: a file in a folder runs no code
+        return state if {"exact", "ema", "optimizer", "epoch"} <= state.keys() else None
+    except Exception:  # a damaged file raises whatever its bytes lead to
+        return None
+
+
+def restore(folder: Path, state: dict[str, Any]) -> Path:
+    """Put best.pt and results.csv back to where the checkpoint was written; the checkpoint's path."""
+    weights = folder / "weights"
+    if (weights / BEST).is_file():
+        with whole_file(weights / "best.pt") as temporary:
+            shutil.copyfile(weights / BEST, temporary)
+    keep_epochs(folder / "results.csv", state["epoch"] + 1)
+    return weights / STATE
+
+
+def keep_epochs(results: Path, epochs: int) -> None:
+    """Cut results.csv to its first `epochs` epochs: a later or a torn line comes again."""
+    if not results.is_file():
+        return
+    with results.open(newline="", encoding="utf-8") as file:
+        lines = list(csv.reader(file))
+    whole = [line for line in lines[1:] if len(line) == len(lines[0]) and float(line[0]) <= epochs]
+    write_text(results, "".join(",".join(line) + "\n" for line in [*lines[:1], *whole[:epochs]]))
+
+
+def finish(folder: Path, state: dict[str, Any]) -> None:
+    """What is left to do for a training that was stopped after its last epoch: best.pt without what only training needs."""
+    from ultralytics.utils.torch_utils import strip_optimizer
+
+    keep_epochs(folder / "results.csv", state["epoch"] + 1)
+    weights = folder / "weights"
+    best = weights / BEST if (weights / BEST).is_file() else weights / STATE
+    with whole_file(weights / "best.pt") as temporary:
+        strip_optimizer(str(best), str(temporary), updates={"train_results": state.get("train_results")})
+
+
+def forget(folder: Path) -> None:
+    """Remove the checkpoints of a finished run."""
+    for name in (STATE, BEST):
+        (folder / "weights" / name).unlink(missing_ok=True)
+
+
+class Checkpoints:
+    """Callbacks of one training that keep its state.
+
+    Args:
+        seed: of the training.
+        state: the checkpoint that it goes on from; None for a new one.
+    """
+
+    def __init__(self, seed: int, state: dict[str, Any] | None = None) -> None:
+        self.seed, self.exact = seed, (state or {}).get("exact")
+        self.seconds_before = self.exact["seconds"] if self.exact else 0.0
+        self.began = time.monotonic()
+        self.last_step, self.batch, self.epoch = -1, -1, -1
+
+    def attach(self, model: Any) -> None:
+        """Follow a training of this model."""
+        for event in (
+            "on_train_start",
+            "on_train_epoch_start",
+            "on_train_batch_start",
+            "on_train_batch_end",
+            "on_model_save",
+        ):
+            model.add_callback(event, getattr(self, event))
+
+    def on_train_start(self, trainer: Any) -> None:
+        # ultralytics counts from the start of the process when to step; here the count outlives it.
+        trainer.optimizer_step = _nothing
+        if self.exact is None:
+            return
+        _network(trainer).load_state_dict(self.exact["network"])
+        trainer.ema.ema.load_state_dict(self.exact["average"])
+        trainer.ema.updates = self.exact["updates"]
+        trainer.optimizer.load_state_dict(self.exact["optimizer"])
+        self.last_step = self.exact["last_step"]
+        self.epoch = trainer.start_epoch - 1
+
+    def on_train_epoch_start(self, trainer: Any) -> None:
+        if trainer.epoch == self.epoch:  # ultralytics does the epoch again, with fresh gradients
+            self.last_step = -1
+        self.epoch, self.batch = trainer.epoch, -1
+        rank = int(os.getenv("RANK", "-1"))
+        words = np.random.SeedSequence([self.seed, trainer.epoch, rank + 1]).generate_state(4)
+        random.seed(int(words[0]))
+        np.random.seed(int(words[1]))  # noqa: NPY002 - what ultralytics' augmentation draws from
+        torch.manual_seed(int(words[2]))
+        loader = trainer.train_loader
+        loader.generator.manual_seed(int(words[3]))
+        loader.reset()
+        dataset = loader.dataset
+        for index in getattr(dataset, "buffer", ()):  # images that mosaics are drawn from
+            if dataset.cache != "ram":
+                dataset.ims[index] = None
+        getattr(dataset, "buffer", []).clear()
+        pending = self.exact and self.exact.get("gradients")
+        if pending:
+            for name, parameter in _network(trainer).named_parameters():
+                if name in pending:
+                    parameter.grad = pending[name].to(parameter.device)
+        self.exact = None
+
+    def on_train_batch_start(self, trainer: Any) -> None:
+        self.batch += 1
+
+    def on_train_batch_end(self, trainer: Any) -> None:
+        number = self.batch + len(trainer.train_loader) * trainer.epoch
+        if number - self.last_step >= trainer.accumulate:
+            type(trainer).optimizer_step(trainer)
+            self.last_step = number
+
+    def on_model_save(self, trainer: Any) -> None:
+        weights = Path(trainer.wdir)
+        if trainer.best_fitness == trainer.fitness:
+            with whole_file(weights / BEST) as temporary:
+                shutil.copyfile(trainer.best, temporary)
+        checkpoint = torch.load(
+            trainer.last, map_location="cpu", weights_only=False
+        )  # this process wrote it just now
+        checkpoint["exact"] = {
+            "network": _network(trainer).state_dict(),
+            "average": trainer.ema.ema.state_dict(),
+            "updates": trainer.ema.updates,
+            "optimizer": trainer.optimizer.state_dict(),
+            "gradients": {n: p.grad for n, p in _network(trainer).named_parameters() if p.grad is not None},
+            "last_step": self.last_step,
+            "seconds": self.seconds_before + time.monotonic() - self.began,
+            "over": bool(trainer.stop),
+        }
+        with whole_file(weights / STATE) as temporary:
+            torch.save(checkpoint, temporary)
+
+
+def _nothing() -> None:
+    """The step that ultralytics takes by its own count."""
+
+
+def _network(trainer: Any) -> torch.nn.Module:
+    from ultralytics.utils.torch_utils import unwrap_model
+
+    return unwrap_model(trainer.model)
