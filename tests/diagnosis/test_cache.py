@@ -1,9 +1,7 @@
 """What one diagnosis keeps serves the next, and nothing stale does."""
 
-import os
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from tests.diagnosis.small import frame_set
@@ -79,17 +77,6 @@ def test_a_camera_with_an_effect_is_simulated_once(stated, tmp_path, monkeypatch
     bent = replace(known, find=replace(known.find, slopes=1.1 * known.find.slopes))
     with pytest.raises(TypeError):  # other derivatives are another reference
         cache.reference(lab, camera, free, 12, lambda *_: None, bent)
-
-
-def test_what_was_not_used_for_longest_makes_room(tmp_path, monkeypatch):
-    monkeypatch.setenv("VISAUG_CACHE", str(tmp_path))
-    monkeypatch.setattr(cache, "MOST", 2500)
-    for age, name in enumerate(("first", "second")):
-        cache.keep(name, {"values": np.zeros(100)})
-        os.utime(tmp_path / f"{name}.npz", ns=(age, age))
-    assert cache.load("first") is not None  # used now, so the second is the older
-    cache.keep("third", {"values": np.zeros(100)})
-    assert {file.stem for file in tmp_path.iterdir()} == {"first", "third"}
 
 
 def test_a_changed_effect_file_is_simulated_anew(stated, tmp_path):

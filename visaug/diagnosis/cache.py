@@ -1,7 +1,6 @@
 """What a diagnosis keeps for the next one with the same camera and plan: simulated fingerprints, never measured ones."""
 
 import hashlib
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,17 +17,8 @@ from visaug.diagnosis.parameters import Coordinate
 from visaug.diagnosis.reference import USES, Reference, Report, is_far, make_reference
 from visaug.diagnosis.signatures import Signatures
 from visaug.diagnosis.signatures import signatures as simulated_signatures
+from visaug.diagnosis.store import keep, load
 from visaug.effects import catalogue
-
-MOST = 2**30  # bytes that are kept; what was not used for longest goes first
-
-
-def folder() -> Path:
-    """Where it is kept: $VISAUG_CACHE, or the user's cache folder."""
-    base = os.environ.get("VISAUG_CACHE")
-    if base:
-        return Path(base)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "visaug"
 
 
 def key(lab: Laboratory, camera: Camera, *words: object) -> str:
@@ -147,38 +137,3 @@ def settled(lab: Laboratory, fitted: Fitted, sets: int, report: Report) -> Fitte
         return fitted
     near = reference(lab, fitted.camera, fitted.reference.coordinates, sets, report)
     return refit(lab, near, report)
-
-
-def load(name: str) -> dict[str, np.ndarray] | None:
-    """Arrays from the cache; None where it has none or cannot be read."""
-    path = folder() / f"{name}.npz"
-    try:
-        with np.load(path) as archive:
-            arrays = dict(archive)
-        os.utime(path)
-    except (OSError, ValueError, EOFError, KeyError):
-        return None
-    return arrays
-
-
-def keep(name: str, arrays: dict[str, np.ndarray]) -> None:
-    """Into the cache; one that cannot be written is done without."""
-    path = folder() / f"{name}.npz"
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        scratch = path.with_name(f".{name}.{os.getpid()}.npz")
-        np.savez(scratch, allow_pickle=False, **arrays)
-        os.replace(scratch, path)
-        _make_room(path.parent)
-    except OSError:
-        pass
-
-
-def _make_room(among: Path) -> None:
-    files = [(file.stat(), file) for file in among.glob("*.npz")]
-    excess = sum(stat.st_size for stat, _ in files) - MOST
-    for stat, file in sorted(files, key=lambda pair: pair[0].st_mtime_ns):
-        if excess <= 0:
-            break
-        file.unlink(missing_ok=True)
-        excess -= stat.st_size
