@@ -76,8 +76,8 @@ def test_gain_and_quantum_efficiency_leave_the_mean(gain_db, quantum_efficiency,
 def test_variance_is_that_of_the_linear_model(fast):
     # EMVA 1288: sigma_y^2 = K^2 (sigma_d^2 + mu_e) + 1/12; five standard errors of a variance are 5 sqrt(2/N)
     flat = torch.full((1, 1, 500, 500), 0.3)
-    noisy = VISNoise(camera(prnu={}, dsnu={}), fast=fast)(flat) * 65535
-    electrons = 0.3 * 65535 * 0.19
+    noisy = VISNoise(camera(prnu={}, dsnu={}), fast=fast)(flat) * (65535 - 240)
+    electrons = 0.3 * (65535 - 240) * 0.19
     expected = (2.37**2 + electrons) / 0.19**2 + 1 / 12
     assert noisy.double().var().item() == pytest.approx(expected, rel=5 * (2 / 500**2) ** 0.5)
 
@@ -87,19 +87,52 @@ def test_any_input_depth_has_the_same_noise(bits):
     levels = torch.round(torch.full((1, 1, 300, 300), 0.5) * (2**bits - 1)) / (2**bits - 1)
     noisy = VISNoise(camera(prnu={}, dsnu={}))(levels)
     assert abs(noisy.mean() - levels.mean()) < 5 * noisy.std() / 300
-    expected = (2.37**2 + levels.mean() * 65535 * 0.19) ** 0.5 / 0.19 / 65535
+    range_dn = 65535 - 240
+    expected = (2.37**2 + levels.mean() * range_dn * 0.19) ** 0.5 / 0.19 / range_dn
     assert noisy.std().item() == pytest.approx(expected.item(), rel=5 * (0.5 / 300**2) ** 0.5)
 
 
-def test_gray_images_get_the_same_noise_in_all_channels(fast):
+def test_a_monochrome_camera_adds_one_noise_to_all_channels(fast):
     gray, colour = eight_bit(1, 1, 40, 50).expand(1, 3, 40, 50), eight_bit(1, 3, 40, 50)
     noisy = VISNoise(camera(), fast=fast)(torch.cat([gray, colour]))
     assert torch.equal(noisy[0, 0], noisy[0, 1])
     assert torch.equal(noisy[0, 0], noisy[0, 2])
     noise = noisy[1] - colour[0]
-    assert abs(torch.corrcoef(noise.flatten(1))[0, 1]) < 5 / 2000**0.5
+    assert (noise - noise[:1]).abs().max() < 1e-6
     alone = VISNoise(camera(), fast=fast)
-    assert torch.equal(alone(gray)[0, 0], alone(gray, params=alone._params)[0, 1])
+    one = alone(gray[:, :1])
+    assert torch.equal(alone(gray, params=alone._params)[0, 1], one[0, 0])
+
+
+def test_a_tint_changes_the_noise_no_more_than_the_image(fast):
+    """The luminance of the tinted pixel alone is taken anew; the others keep their noise."""
+    gray = torch.full((1, 3, 30, 30), 0.4)
+    tinted = gray.clone()
+    tinted[0, 2, 3, 4] += 0.01
+    noise = VISNoise(camera(), fast=fast)
+    before = noise(gray)
+    after = noise(tinted, params=noise._params)
+    changed = (before != after).any(1)[0].nonzero().tolist()
+    assert changed == [[3, 4]]
+    assert (after - before).abs().max() < 0.0101 + 3 / 65535 + 0.01 * 0.0722
+
+
+def test_noise_of_a_colour_image_is_that_of_its_luminance():
+    """Var = (mu_Y + sigma^2) G^-2, mu_Y the electrons of 0.2126 R + 0.7152 G + 0.0722 B (BT.709)."""
+    colour = torch.tensor([0.6, 0.3, 0.1]).view(1, 3, 1, 1).expand(1, 3, 300, 300)
+    noisy = VISNoise(camera(prnu={}, dsnu={}))(colour)
+    full_e = (65535 - 240) * 0.19
+    expected = (0.2126 * 0.6 + 0.7152 * 0.3 + 0.0722 * 0.1) / full_e + (2.37 / full_e) ** 2
+    deviation = noisy.std((2, 3)).flatten() / expected**0.5
+    assert (deviation - 1).abs().max() < 5 * (0.5 / 300**2) ** 0.5
+    assert (noisy.mean((2, 3)) - colour[..., 0, 0]).abs().max() < 5 * expected**0.5 / 300
+
+
+def test_channels_of_their_own_are_independent(fast):
+    gray = torch.full((1, 3, 60, 60), 0.4)
+    noise = (VISNoise(camera(), mono=False, fast=fast)(gray) - gray)[0].flatten(1)
+    off = torch.corrcoef(noise)[0, 1:]
+    assert off.abs().max() < 5 / 60
 
 
 def test_black_level_is_taken_off_or_kept(fast):
@@ -214,7 +247,7 @@ def test_full_scale_photons_make_brightness_depend_on_the_gain(fast):
     flat = torch.full((1, 1, 100, 100), 0.5)
     cam = camera(prnu={}, dsnu={})
     mean = VISNoise(cam, full_scale_photons=10_000.0, fast=fast)(flat).mean().item()
-    assert mean == pytest.approx(5000 * 0.61 / 0.19 / 65535, rel=1e-3)
+    assert mean == pytest.approx(5000 * 0.61 / 0.19 / (65535 - 240), rel=1e-3)
 
 
 def test_irradiance_is_the_relation_of_emva_1288():
@@ -225,13 +258,82 @@ def test_irradiance_is_the_relation_of_emva_1288():
     assert photons == pytest.approx(2.0e-2 * (3.45e-6) ** 2 * 4e-3 / energy)
 
 
-def test_wrong_options_are_refused():
-    with pytest.raises(InputError, match="transfer"):
-        VISNoise(camera(), transfer="gamma")
-    with pytest.raises(InputError, match="population"):
-        VISNoise([])
-    with pytest.raises(InputError, match="no parameter"):
-        VISNoise(camera(), values={"gain": 1.0})
+@pytest.mark.parametrize(
+    ("field", "options"),
+    [
+        ("transfer", {"transfer": "gamma"}),
+        ("mono", {"mono": "yes"}),
+        ("mono", {"mono": 1}),
+        ("full_scale_photons", {"full_scale_photons": 0.0}),
+        ("full_scale_photons", {"full_scale_photons": -5.0}),
+        ("gain_db", {"gain_db": (20, 10)}),
+        ("gain_db", {"gain_db": (1, 2, 3)}),
+        ("gain_db", {"gain_db": 500}),
+        ("gain_db", {"gain_db": 3, "values": {"gain_db": 3.0}}),
+        ("exposure", {"exposure": 0}),
+        ("exposure", {"exposure": (0.5, 1.5)}),
+        ("strength", {"strength": -1}),
+        ("strength", {"strength": float("nan")}),
+        ("p", {"p": 1.5}),
+        ("p", {"p": -0.1}),
+        ("gain", {"values": {"gain": 1.0}}),
+    ],
+)
+def test_wrong_options_are_refused_by_name(field, options):
+    with pytest.raises(InputError) as caught:
+        VISNoise(camera(), **options)
+    assert caught.value.field == field
+
+
+@pytest.mark.parametrize("source", [[], None, 3])
+def test_what_is_no_camera_is_refused(source):
+    with pytest.raises(InputError, match="camera"):
+        VISNoise(source)
+
+
+@pytest.mark.parametrize("module", [SensorNoise, VISNoise])
+@pytest.mark.parametrize(
+    ("images", "says"),
+    [
+        (torch.full((1, 3, 8, 8), 120, dtype=torch.uint8), "uint8"),
+        (torch.full((1, 3, 8, 8), 120.0), "120"),
+        (torch.full((1, 3, 8, 8), -0.7), "-0.7"),
+        (torch.rand(2, 30, 40, 3), "channels last"),
+        (torch.rand(1, 3, 0, 8), "no pixels"),
+        (None, "NoneType"),
+        ([0.5, 0.5], "list"),
+    ],
+)
+def test_what_is_no_batch_of_images_is_refused(module, images, says):
+    with pytest.raises(InputError, match=says):
+        module(camera())(images)
+
+
+def test_values_a_little_outside_are_cut_and_nan_stays_at_its_pixel(fast):
+    images = torch.full((1, 3, 20, 20), 0.5)
+    images[..., 0, 0], images[..., 1, 1] = 1.2, -0.2
+    images[0, 1, 2, 2] = float("nan")
+    noisy = SensorNoise(camera(), fast=fast)(images)
+    assert noisy[..., 0, 0].min() > 0.99
+    assert noisy[..., 1, 1].max() < 0.01
+    lost = noisy.isnan().any(1)[0]
+    assert lost[2, 2]
+    assert lost.sum() == 1
+
+
+def test_the_repr_names_what_was_chosen():
+    text = repr(VISNoise(camera(), seed=4, gain_db=(0, 12), strength=2, mono=False))
+    for part in (
+        "'test camera'",
+        "transfer='auto'",
+        "seed=4",
+        "gain_db=(0.0, 12.0)",
+        "strength=2",
+        "mono=False",
+    ):
+        assert part in text
+    assert "exposure" not in text
+    assert "test camera" in repr(SensorNoise(camera()))
 
 
 def test_gradients_take_the_exact_chain():

@@ -167,3 +167,22 @@ def test_another_sensor_has_another_pattern_the_same_sensor_the_same():
     other = frames(camera, 0.0, 1, sensor=1)[0]
     correlation = np.corrcoef(first.flatten(), other.flatten())[0, 1]
     assert abs(correlation) < 5 / np.sqrt(50_000)
+
+
+@pytest.mark.parametrize("gain_db", [-2.0, 13.0])
+def test_a_replaced_gain_in_db_acts_from_the_cameras_own_reference(gain_db):
+    """10 dB more are 10^-0.5 of the electrons; the read noise in DN tells the gain in use."""
+    camera = Camera.load({"resolution": [200, 200], "gain_e_per_dn": 0.9, "gain_db": 3, "black_level_dn": 900,
+                          "read_noise": {"sigma_e": 20.0}})  # fmt: skip
+    expected = 0.9 * 10 ** ((3 - gain_db) / 20)
+    turned = camera.replace({"gain_db": gain_db})
+    assert turned.gain_at(gain_db) == pytest.approx(expected)
+    assert turned.gain_at(3.0) == pytest.approx(0.9)
+    dark = turned.expose(torch.zeros(1, 1, 200, 200), Stream([1], [2], 1, (range(200), range(200))))
+    assert dark.std().item() == pytest.approx(20 / expected, rel=5 * (0.5 / 200**2) ** 0.5)
+
+
+def test_a_gain_replaced_with_its_decibels_is_a_new_reference():
+    camera = Camera.load({"resolution": [8, 8], "gain_e_per_dn": 0.9, "gain_db": 3})
+    values = camera.replace({"gain_db": 10.0, "gain_e_per_dn": 0.5}).values()
+    assert (values["gain_db"], values["gain_e_per_dn"]) == (10.0, 0.5)

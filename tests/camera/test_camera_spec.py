@@ -134,3 +134,9 @@ def test_a_datasheets_dark_current_doubles_as_told():
     assert dark_current(45.0) == pytest.approx(3.0)
     assert dark_current(52.0) == pytest.approx(6.0)
     assert dark_current(38.0) == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize(("bits", "black"), [(12, 4095), (12, 5000), (8, 255)])
+def test_a_black_level_that_leaves_no_range_is_refused(bits, black):
+    with pytest.raises(InputError, match="black_level_dn"):
+        Camera.load(with_values(bit_depth=bits, black_level_dn=black))

@@ -12,6 +12,7 @@ import torch
 from scipy import special, stats
 
 from visaug.camera import Camera, fast, tables
+from visaug.camera.scale import Scale
 from visaug.sampling import Stream
 
 pytest.importorskip("numba")
@@ -30,12 +31,17 @@ def camera(**changes) -> Camera:
     return Camera.load(content)
 
 
+def plain(cam: Camera, electrons: float) -> Scale:
+    """So many electrons for the value 1; DN come out as a share of the converter's range."""
+    return Scale(np.array([electrons]), np.zeros(1), np.array([1 / (2**cam.bit_depth - 1)]))
+
+
 def shoot(cam: Camera, level: float, shape: tuple[int, int] = (1024, 1024), seed: int = 1) -> np.ndarray:
     """DN of an evenly lit image at `level`, in photo-electrons."""
     image = torch.full((1, 1, *shape), level / 30000.0)
     values = {path: np.array([value]) for path, value in cam.values().items()}
     keys = torch.tensor([seed * 7919]), torch.tensor([seed * 104729])
-    out = fast.take(cam, image, np.array([30000.0]), values, *keys, subtract_black_level=False)
+    out = fast.take(cam, image, plain(cam, 30000.0), values, *keys)
     return (out.double() * (2**cam.bit_depth - 1)).round().numpy().astype(int).ravel()
 
 
@@ -128,7 +134,7 @@ def test_moments_are_the_exact_chains(level):
     exact = cam.expose(torch.full(shape, level), stream).double()
     values = {path: np.array([value]) for path, value in cam.values().items()}
     image, keys = torch.full(shape, level / 5000), torch.arange(64)
-    quick = fast.take(cam, image, np.array([5000.0]), values, keys, keys + 100, subtract_black_level=False)
+    quick = fast.take(cam, image, plain(cam, 5000.0), values, keys, keys + 100)
     quick = quick.double() * 65535
     # Row and column parts are the same fixed patterns in both; the rest differs by its own noise alone.
     for axis in (2, 3):
@@ -151,11 +157,11 @@ def test_rows_and_threads_do_not_change_a_pixel():
     taken = []
     for threads in (1, 2, 3):
         torch.set_num_threads(threads)
-        taken.append(fast.take(cam, images, np.array([9000.0]), values, keys, keys + 9))
+        taken.append(fast.take(cam, images, plain(cam, 9000.0), values, keys, keys + 9))
     torch.set_num_threads(before)
     assert torch.equal(taken[0], taken[1])
     assert torch.equal(taken[0], taken[2])
-    crop = fast.take(cam, images[1:2], np.array([9000.0]), values, keys[1:2], keys[1:2] + 9)
+    crop = fast.take(cam, images[1:2], plain(cam, 9000.0), values, keys[1:2], keys[1:2] + 9)
     assert torch.equal(crop, taken[0][1:2])
 
 
@@ -227,7 +233,7 @@ def test_law_of_a_faint_mean_beside_gaussian_offsets(sigma, read_e):
     """A mean just below the largest that is drawn together with the offsets, where the expansion has to carry most."""
     cam = camera(dsnu={"pixel_e": sigma}, read_noise={"sigma_e": read_e, "shape": 0.14})
     values = {path: np.array([value]) for path, value in cam.values().items()}
-    numbers = fast._numbers(cam, 1, np.array([1.0]), values, False, False)
+    numbers = fast._numbers(cam, 1, plain(cam, 1.0), values, False)
     level = 0.95 * float(numbers[0, fast.kernel().FAINT_E])
     assert level > 0
     assert chi_square(shoot(cam, level, (2048, 2048)), *law(cam, level)) > ALARM

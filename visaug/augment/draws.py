@@ -1,7 +1,8 @@
 """Everything random about a batch of noisy images, as tensors of a few numbers an image: drawn, stored, replayed.
 
 A draw is a dict: `keys` (B,) int64, of the temporal noise; `pattern_keys` (B,) int64, of the fixed patterns;
-`camera` (B,) int64, which camera of the population; and each randomised value by its path, (B,) float32. The noise
+`camera` (B,) int64, which camera of the population; each randomised value by its path, (B,) float32; and `exposure`, (B,)
+float32, where the option is set. The noise
 itself is a pure function of them, so they are all that has to be kept.
 """
 
@@ -31,6 +32,7 @@ def draw(
     count: int,
     generator: torch.Generator | None = None,
     pattern_key: int | None = None,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
 ) -> dict[str, Tensor]:
     """Draws for `count` images.
 
@@ -38,6 +40,7 @@ def draw(
         spreads_of: what is random about each camera of the population; each image gets one, all equally likely.
         generator: source of the randomness; None is torch's own, which `torch.manual_seed` sets.
         pattern_key: the key of one camera's fixed patterns; None draws them anew for every image.
+        ranges: names and ends of further numbers, drawn uniformly; such a name replaces a camera's value.
     """
     draws = {"keys": random_keys(count, generator)}
     if pattern_key is None:
@@ -50,6 +53,9 @@ def draw(
         for path, value in random.values(uniform).items():
             other = draws.get(path)  # of another camera that has it too
             draws[path] = value if other is None else torch.where(draws["camera"] == number, value, other)
+    for name, (low, high) in (ranges or {}).items():
+        uniform = torch.rand(count, generator=generator) if low < high else torch.zeros(count)
+        draws[name] = low + (high - low) * uniform
     return draws
 
 

@@ -12,30 +12,54 @@ from torch.nn.functional import avg_pool2d
 from torch.utils.data import get_worker_info
 
 from visaug.augment import draws as drawing
-from visaug.augment.light import image_to_photons, linear_to_srgb, srgb_to_linear
+from visaug.augment.light import linear_to_srgb, srgb_to_linear
+from visaug.augment.options import (
+    Range,
+    check_choice,
+    check_flag,
+    check_images,
+    check_number,
+    check_range,
+    check_values,
+)
+from visaug.augment.planes import through_luminance
 from visaug.camera import Camera, fast, fast_gpu
 from visaug.camera.randomize import spreads
+from visaug.camera.scale import Scale, scale_of
+from visaug.camera.strength import at_strength, with_maps_at_strength
 from visaug.errors import InputError
 from visaug.sampling import Stream, derive_key
 
-Source = Camera | str | Path | Mapping[str, Any]
-CHOICES = {
-    "fixed_pattern": ("image", "camera"),
-    "transfer": ("linear", "srgb"),
-    "black_level": ("subtract", "keep"),
-    "resolution": ("network", "sensor"),
+DEFAULTS: dict[str, Any] = {  # of the options that a repr names only where they differ
+    "fixed_pattern": "image",
+    "black_level": "subtract",
+    "resolution": "network",
+    "mono": None,
+    "gain_db": None,
+    "exposure": None,
+    "strength": 1.0,
+    "full_scale_photons": None,
+    "origin": None,
+    "fast": True,
 }
+Source = Camera | str | Path | Mapping[str, Any]
 
 
 class SensorNoise(nn.Module):
     """Images as a camera would have taken them.
+
+    The image value 1 stands for the saturation of the exposure, min(full well, (max_dn - black level) gain), at the gain
+    and quantum efficiency of each image: what `randomize` draws changes the noise and not the brightness. A camera file
+    with `reading: paper` takes the converter's whole range instead, the paper's eq. 7.
 
     Args:
         camera: a Camera, the file or name of one, or a list of these: a population, of which each image gets one.
         fixed_pattern: "image" draws row, column and pixel patterns anew for every image, as of another specimen;
             "camera" keeps one specimen's, chosen by `seed`.
         transfer: "linear" takes pixel values as linear in light; "srgb" makes them linear first and encodes again.
-        black_level: "subtract" takes the camera's offset off again, "keep" leaves it in.
+            "auto" is linear here; adapters that see a file or its type decide.
+        black_level: "subtract" takes the camera's offset off again and scales, so that saturation is 1; "keep" gives the
+            converter's DN as a share of its range.
         resolution: "network": each pixel of the image is a pixel of the sensor. "sensor": each pixel of the image
             stands for k x k pixels of the sensor, k as the sensor's size over the image's has it (rounded, at least
             1). The noise acts on these and is averaged, so it is about k times weaker.
@@ -43,17 +67,36 @@ class SensorNoise(nn.Module):
             wanted, CPU. False always runs the exact chain.
         seed: of the kept fixed pattern, and of the random numbers; None follows `torch.manual_seed`. Ranks of a
             distributed training share the kept pattern and have random numbers of their own.
-        full_scale_photons: mean photons per pixel that the image's value 1 stands for. None: as many as make DN
-            of the camera's full range at the gain and quantum efficiency of each image (the paper's eq. 7), so
-            that these change the noise and not the brightness.
+        full_scale_photons: mean photons per pixel that the image's value 1 stands for, > 0, in place of saturation.
+            Brightness then follows gain and quantum efficiency; 1 still comes out where the exposure saturates.
         values: numbers that replace the camera's by path, e.g. {"read_noise.sigma_e": nn.Parameter(...)};
             gradients reach them.
         origin: row and column of the sensor at which the image begins, where it is a crop; then kept patterns are
             the crop of the sensor's, and effects that depend on the place on the sensor know it.
+        mono: how one sensor serves several channels. None: as the camera is, monochrome. True: the noise of the exposed
+            luminance 0.2126 R + 0.7152 G + 0.0722 B is added to every channel, so equal channels stay equal. False: every
+            channel is a sensor of its own, with independent noise.
+        gain_db: gain in dB on the camera's own scale (the one of `gain_db` in its file), or a pair (low, high) from which each
+            image's is drawn uniformly; takes the place of the camera's and of its spread.
+        exposure: share of the light that would saturate, in (0, 1]: 0.05 takes the image with a twentieth of the light and
+            brightens it by 20 after the converter. A pair (low, high) is drawn from uniformly. Exposure time and dark current
+            stay as they are.
+        strength: factor on the standard deviation of all noise, temporal and fixed, at the same brightness; 0 changes
+            nothing, 1 is the camera. Realised by 1/strength^2 of the electrons, see `visaug.camera.strength`: shot noise
+            stays Poisson, and effects that are no noise (blur, shares, densities) stay as they are.
 
     Shape:
-        (B, 1|3, H, W) in [0, 1] -> the same shape, dtype and device, in [0, 1]. Three equal channels, as a gray
-        image has them, get the same noise; different ones get noise of their own.
+        (B, 1|3, H, W), floating point in [0, 1] -> the same shape, dtype and device, in [0, 1]. Values below 0 or above 1
+        are cut by the sensor; values below -0.5 or above 1.5 are refused. A NaN stays at its pixel.
+
+    Raises:
+        InputError: an option or an image that is not valid.
+
+    Example:
+        >>> import torch
+        >>> from visaug.augment import SensorNoise
+        >>> SensorNoise("sony_imx174", gain_db=(0, 24), exposure=0.1)(torch.rand(2, 1, 32, 32)).shape
+        torch.Size([2, 1, 32, 32])
     """
 
     def __init__(
@@ -61,7 +104,7 @@ class SensorNoise(nn.Module):
         camera: Source | Sequence[Source],
         *,
         fixed_pattern: str = "image",
-        transfer: str = "linear",
+        transfer: str = "auto",
         black_level: str = "subtract",
         resolution: str = "network",
         fast: bool = True,
@@ -69,18 +112,29 @@ class SensorNoise(nn.Module):
         full_scale_photons: float | None = None,
         values: Mapping[str, Tensor | float] | None = None,
         origin: tuple[int, int] | None = None,
+        mono: bool | None = None,
+        gain_db: Range = None,
+        exposure: Range = None,
+        strength: float = 1.0,
     ):
         super().__init__()
         self.cameras = _population(camera)
         self._spreads = [spreads(camera) for camera in self.cameras]
-        options = {"fixed_pattern": fixed_pattern, "transfer": transfer}
-        options |= {"black_level": black_level, "resolution": resolution}
-        for name, word in options.items():
-            if word not in CHOICES[name]:
-                raise InputError(f"{word!r} is not a choice", field=name, expected=" or ".join(CHOICES[name]))
-        self.fixed_pattern, self.transfer, self.black_level = fixed_pattern, transfer, black_level
-        self.resolution, self.fast, self.seed, self.origin = resolution, fast, seed, origin
+        self.fixed_pattern = check_choice("fixed_pattern", fixed_pattern)
+        self.transfer = check_choice("transfer", transfer)
+        self.black_level = check_choice("black_level", black_level)
+        self.resolution = check_choice("resolution", resolution)
+        self.fast, self.seed, self.origin, self.mono = fast, seed, origin, check_flag("mono", mono)
+        if full_scale_photons is not None:
+            full_scale_photons = check_number("full_scale_photons", full_scale_photons, 0, 1e12, above=True)
         self.full_scale_photons = full_scale_photons
+        self.gain_db = check_range("gain_db", gain_db, -60, 120)
+        self.exposure = check_range("exposure", exposure, 0, 1, above=True)
+        self.strength = check_number("strength", strength, 0, 100)
+        if self.strength not in (0, 1):
+            self.cameras = tuple(with_maps_at_strength(camera, self.strength) for camera in self.cameras)
+        if gain_db is not None and "gain_db" in (values or {}):
+            raise InputError("is given twice", field="gain_db", expected="the option, or an entry of values")
         self._generator: tuple[tuple[int | None, int], torch.Generator] | None = None
         self._names: dict[str, str] = {}
         for path, value in (values or {}).items():
@@ -101,7 +155,14 @@ class SensorNoise(nn.Module):
     def draw(self, count: int, same_on_batch: bool = False) -> dict[str, Tensor]:
         """Fresh random draws for `count` images; see `visaug.augment.draws`."""
         key = drawing.pattern_key_of(self.seed or 0) if self.fixed_pattern == "camera" else None
-        drawn = drawing.draw(self._spreads, 1 if same_on_batch else count, self._random_source(), key)
+        ranges = {"gain_db": self.gain_db, "exposure": self.exposure}
+        drawn = drawing.draw(
+            self._spreads,
+            1 if same_on_batch else count,
+            self._random_source(),
+            key,
+            {name: ends for name, ends in ranges.items() if ends is not None},
+        )
         return {name: value.expand(count) for name, value in drawn.items()} if same_on_batch else drawn
 
     def _random_source(self) -> torch.Generator | None:
@@ -120,23 +181,26 @@ class SensorNoise(nn.Module):
         return self._generator[1]
 
     def forward(self, images: Tensor) -> Tensor:
-        return self.apply_draws(images, self.draw(images.shape[0]))
+        return self.apply_draws(images, self.draw(check_images(images).shape[0]))
 
-    def apply_draws(self, images: Tensor, draws: Mapping[str, Tensor]) -> Tensor:
-        """The noisy images that belong to the draws: the same draws and images, the same noise."""
-        if images.ndim != 4:
-            raise InputError(f"images have shape {tuple(images.shape)}", expected="(B, C, H, W)")
-        light = images.float()
-        if self.transfer == "srgb":
-            light = srgb_to_linear(light)
+    def apply_draws(self, images: Tensor, draws: Mapping[str, Tensor], transfer: str | None = None) -> Tensor:
+        """The noisy images that belong to the draws: the same draws and images, the same noise.
+
+        Args:
+            images, draws: of the same number.
+            transfer: what "auto" means for these images, as an adapter finds it: "linear" (also where None) or "srgb".
+        """
+        check_values(check_images(images))
+        if self.strength == 0:
+            return images
+        encoded = (transfer if self.transfer == "auto" else self.transfer) == "srgb"
+        light = srgb_to_linear(images.float()) if encoded else images.float()
         noisy = self._by_camera(light, draws)
-        if self.transfer == "srgb":
-            noisy = linear_to_srgb(noisy)
-        return noisy.to(images.dtype)
+        return (linear_to_srgb(noisy) if encoded else noisy).to(images.dtype)
 
     def _by_camera(self, light: Tensor, draws: Mapping[str, Tensor]) -> Tensor:
         if len(self.cameras) == 1:
-            return self._gray_or_colour(self.cameras[0], light, draws)
+            return self._planes(self.cameras[0], light, draws)
         noisy = torch.empty_like(light)
         for number in draws["camera"].unique().tolist():
             chosen = (draws["camera"] == number).nonzero().squeeze(1)
@@ -146,18 +210,14 @@ class SensorNoise(nn.Module):
                 if value.shape[:1] == draws["camera"].shape
             }
             here = chosen.to(light.device)
-            noisy = noisy.index_copy(0, here, self._gray_or_colour(self.cameras[number], light[here], own))
+            noisy = noisy.index_copy(0, here, self._planes(self.cameras[number], light[here], own))
         return noisy
 
-    def _gray_or_colour(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor]) -> Tensor:
-        """Equal channels are one image of a mono camera; the numbers of a plane depend on its place, not on others."""
-        if light.shape[1] == 1:
+    def _planes(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor]) -> Tensor:
+        """How the channels of an image meet the sensor."""
+        if self.mono is False:
             return self._take(camera, light, draws)
-        gray = (light == light[:, :1]).flatten(1).all(1).view(-1, 1, 1, 1)
-        if not torch.compiler.is_compiling() and bool(gray.all()):
-            return self._take(camera, light[:, :1], draws).expand(light.shape).clone()
-        noisy = self._take(camera, light, draws)
-        return torch.where(gray, noisy[:, :1], noisy)
+        return through_luminance(light, lambda plane: self._take(camera, plane, draws))
 
     def _take(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor]) -> Tensor:
         """One exposure of each image, scaled back to [0, 1]."""
@@ -195,21 +255,17 @@ class SensorNoise(nn.Module):
         kept = self.fixed_pattern == "camera"
         if not fast.suits(camera, values, kept):
             return None
-        gain = values["gain_e_per_dn"] * 10 ** ((camera.spec.gain_db - values["gain_db"]) / 20)
-        electrons = _max_dn(camera) * gain
-        if self.full_scale_photons is not None:
-            electrons = self.full_scale_photons * values["quantum_efficiency"]
+        scale = self._scale(camera, values, draws.get("exposure", torch.ones(1)).double().numpy())
         take = fast.take if light.device.type == "cpu" else fast_gpu.take
         return take(
             camera,
             light,
-            electrons,
+            scale,
             values,
             draws["keys"],
             draws["pattern_keys"][:1] if kept else draws["pattern_keys"],
             kept,
             self.origin or (0, 0),
-            self.black_level == "subtract",
         )
 
     def _exact(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor]) -> Tensor:
@@ -218,11 +274,9 @@ class SensorNoise(nn.Module):
             path: torch.as_tensor(value, dtype=torch.float32, device=light.device).reshape(-1, 1, 1, 1)
             for path, value in self._given(camera, draws).items()
         }
-        if self.full_scale_photons is None:
-            gain = values["gain_e_per_dn"] * 10 ** ((camera.spec.gain_db - values["gain_db"]) / 20)
-            photons = image_to_photons(light, _max_dn(camera), gain, values["quantum_efficiency"])
-        else:
-            photons = light * self.full_scale_photons
+        exposure = draws.get("exposure", torch.ones(1)).to(light).view(-1, 1, 1, 1)
+        scale = self._scale(camera, values, exposure)
+        photons = light * (scale.electrons / values["quantum_efficiency"])
         rows, columns = light.shape[2:]
         r0, c0 = self.origin or (0, 0)
         window = (range(r0, r0 + rows), range(c0, c0 + columns))
@@ -231,15 +285,35 @@ class SensorNoise(nn.Module):
         # Unless the image is a crop, it is the whole sensor: vignetting is centred on it.
         whole = None if self.origin or camera.maps else (rows, columns)
         dn = camera.expose(photons, stream, values, resolution=whole)
-        if self.black_level == "subtract":
-            dn = dn - values["black_level_dn"]
-        return (dn * (1 / _max_dn(camera))).clamp(0, 1)
+        return ((dn - scale.less_dn) * scale.per_dn).clamp(0, 1)
+
+    def _scale(self, camera: Camera, values: Mapping[str, Any], exposure: Any) -> Scale:
+        return scale_of(camera, values, exposure, self.black_level == "subtract", self.full_scale_photons)
 
     def _given(self, camera: Camera, draws: Mapping[str, Tensor]) -> dict[str, Tensor | float]:
         """Every number of the camera by path: given by the user, drawn for each image, or nominal."""
         given: dict[str, Tensor | float] = dict(camera.values())
         given |= {path: draws[path] for path in given if path in draws}
-        return given | {path: getattr(self, name) for path, name in self._names.items()}
+        given |= {path: getattr(self, name) for path, name in self._names.items()}
+        return given if self.strength == 1 else at_strength(given, self.strength)
+
+    def extra_repr(self) -> str:
+        return self.described()
+
+    def described(self) -> str:
+        """Cameras, transfer function, seed, and the options that are not at their defaults, as in a call."""
+        words = [repr(camera.name) for camera in self.cameras[:3]]
+        if len(self.cameras) > 3:
+            words = [f"{len(self.cameras)} cameras"]
+        words += [f"transfer={self.transfer!r}", f"seed={self.seed}"]
+        for name, default in DEFAULTS.items():
+            value = getattr(self, name)
+            if value != default:
+                value = value[0] if isinstance(value, tuple) and value[0] == value[-1] else value
+                words.append(f"{name}={value!r}")
+        if self._names:
+            words.append(f"values of {', '.join(self._names)}")
+        return ", ".join(words)
 
 
 def _rank() -> int:
@@ -247,10 +321,6 @@ def _rank() -> int:
     if distributed.is_available() and distributed.is_initialized():
         return distributed.get_rank()
     return max(int(os.environ.get("RANK", 0)), 0)
-
-
-def _max_dn(camera: Camera) -> int:
-    return 2**camera.bit_depth - 1
 
 
 def _population(camera: Source | Sequence[Source]) -> tuple[Camera, ...]:

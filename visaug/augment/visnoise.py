@@ -6,6 +6,7 @@ from typing import Any
 from kornia.augmentation import IntensityAugmentationBase2D
 from torch import Tensor
 
+from visaug.augment.options import Range, check_images, check_number
 from visaug.augment.sensor_noise import SensorNoise, Source
 
 
@@ -17,7 +18,8 @@ class VISNoise(IntensityAugmentationBase2D):
     Args:
         camera: a Camera, the file or name of one, or a list of these, of which each image gets one at random.
         p: probability for each image to be taken by the camera; the others pass unchanged.
-        fixed_pattern, transfer, black_level, resolution, fast, seed, further: see `SensorNoise`.
+        fixed_pattern, transfer, black_level, resolution, fast, seed, mono, gain_db, exposure, strength, further: see
+            `SensorNoise`.
         same_on_batch: one draw (and one noise) for all images of a batch.
         keepdim: True gives (C, H, W) for (C, H, W); False adds the batch's axis, as kornia does.
 
@@ -36,15 +38,20 @@ class VISNoise(IntensityAugmentationBase2D):
         camera: Source | Sequence[Source],
         p: float = 1.0,
         fixed_pattern: str = "image",
-        transfer: str = "linear",
+        transfer: str = "auto",
         black_level: str = "subtract",
         resolution: str = "network",
         fast: bool = True,
         same_on_batch: bool = False,
         keepdim: bool = True,
         seed: int | None = None,
+        mono: bool | None = None,
+        gain_db: Range = None,
+        exposure: Range = None,
+        strength: float = 1.0,
         **further: Any,
     ):
+        p = check_number("p", p, 0, 1)
         super().__init__(p=p, same_on_batch=same_on_batch, keepdim=keepdim)
         self.sensor = SensorNoise(
             camera,
@@ -54,8 +61,17 @@ class VISNoise(IntensityAugmentationBase2D):
             resolution=resolution,
             fast=fast,
             seed=seed,
+            mono=mono,
+            gain_db=gain_db,
+            exposure=exposure,
+            strength=strength,
             **further,
         )
+
+    def forward(self, input: Any, *args: Any, **kwargs: Any) -> Any:
+        if not isinstance(input, Tensor) or not input.dtype.is_floating_point:
+            check_images(input)
+        return super().forward(input, *args, **kwargs)
 
     def generate_parameters(self, batch_shape: tuple[int, ...]) -> dict[str, Tensor]:
         return self.sensor.draw(batch_shape[0], self.same_on_batch)
@@ -70,5 +86,4 @@ class VISNoise(IntensityAugmentationBase2D):
         return self.sensor.apply_draws(input, params)
 
     def __repr__(self) -> str:
-        names = ", ".join(repr(camera.name) for camera in self.sensor.cameras)
-        return f"VISNoise({names}, p={self.p}, fixed_pattern={self.sensor.fixed_pattern!r})"
+        return f"VISNoise({self.sensor.described()}, p={self.p})"

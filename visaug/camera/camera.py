@@ -64,11 +64,15 @@ class Camera:
             return source
         if isinstance(source, Mapping):
             return cls(check_spec(dict(source)))
+        if not isinstance(source, str | Path):
+            raise InputError(
+                f"{source!r} is not a camera", field="camera", expected="a camera.yaml, a name, or a Camera"
+            )
         path = Path(source)
         if path.is_file():
             return cls(read_spec(path), path.parent)
         known = shipped()
-        name = path.name.removesuffix(".yaml")
+        name = path.name.removesuffix(".yaml").lower().replace(" ", "_").replace("-", "_")
         if path.parent == Path() and name in known:
             return cls(read_spec(known[name]))
         raise InputError(
@@ -104,10 +108,16 @@ class Camera:
     def replace(self, values: Mapping[str, Any]) -> "Camera":
         """The same camera with other values, given by path.
 
+        `gain_db` alone turns the camera's gain: `gain_e_per_dn`, which a camera file gives at `gain_db`, follows it, so
+        that 20 dB more are a tenth of the electrons per DN. `gain_e_per_dn` alone is the gain at the present `gain_db`;
+        both together are a new reference.
+
         Raises:
             InputError: a path that the camera lacks, or a value out of bounds.
         """
         content = self.to_dict()
+        if "gain_db" in values and "gain_e_per_dn" not in values:
+            values = {**values, "gain_e_per_dn": self.gain_at(float(values["gain_db"]))}
         for path, value in values.items():
             value = value.item() if hasattr(value, "item") else value
             effect, _, key = path.partition(".")

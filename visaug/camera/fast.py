@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from visaug.camera import tables
+from visaug.camera.scale import Scale, gain_of
 from visaug.sampling import Stream, derive_key
 from visaug.sampling.stream import kernels
 
@@ -48,27 +49,25 @@ def suits(camera: "Camera", values: Values, kept: bool) -> bool:
 def take(
     camera: "Camera",
     images: Tensor,
-    electrons: np.ndarray,
+    scale: Scale,
     values: Values,
     keys: Tensor,
     pattern_keys: Tensor,
     kept: bool = False,
     origin: tuple[int, int] = (0, 0),
-    subtract_black_level: bool = True,
 ) -> Tensor:
-    """Images as the camera takes them, scaled to its range.
+    """Images as the camera takes them.
 
     Args:
         images: (B, C, H, W) float32 on the CPU, in [0, 1], linear in light.
-        electrons: mean photo-electrons of the image's value 1, (B,) or (1,).
+        scale: from image values to electrons and from DN to image values, arrays (B,) or (1,).
         values: every number of the camera by path, (B,) or (1,).
         keys: (B,) int64 of the temporal noise.
         pattern_keys: (B,) int64: patterns of each image; where `kept`, (1,): patterns of one camera.
         origin: row and column of the sensor at which the images begin.
-        subtract_black_level: whether the camera's offset is taken off again.
 
     Returns:
-        (B, C, H, W) float32: (DN - black level) / (2^bits - 1), in [0, 1].
+        (B, C, H, W) float32 in [0, 1].
     """
     batch, channels, height, width = images.shape
     window = (range(origin[0], origin[0] + height), range(origin[1], origin[1] + width))
@@ -93,7 +92,7 @@ def take(
         for i, path in enumerate(("prnu.pixel", "dsnu.pixel_e")):
             if sigma := float(values[path][0]):
                 maps[i] = _kept_map(int(pattern_keys[0]), path.partition(".")[0], sigma, channels, window)
-    numbers = _numbers(camera, batch, electrons, values, kept, subtract_black_level)
+    numbers = _numbers(camera, batch, scale, values, kept)
     source = images.detach().contiguous()
     out = torch.empty_like(source)
     _in_threads(
@@ -154,26 +153,22 @@ def _tukey_table(shape: float) -> np.ndarray:
     return tables.tukey_tables(np.array([shape]))
 
 
-def _numbers(
-    camera: "Camera", batch: int, electrons: np.ndarray, values: Values, kept: bool, subtract: bool
-) -> np.ndarray:
+def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: bool) -> np.ndarray:
     """The kernel's table, one row an image."""
     k = kernel()
     n = np.zeros((batch, k.NUMBERS), np.float32)
-    gain_db = camera.spec.gain_db - values["gain_db"]
     sigma, shape = values["read_noise.sigma_e"], values["read_noise.shape"]
     if camera.spec.read_noise.meaning == "scale":
         sigma = sigma * tables.tukey_deviation(shape)
     heat = np.exp(values["dark_current.b_per_c"] * values["temperature_c"])
     well = values["full_well_e"]
     prnu, dsnu = (0.0, 0.0) if kept else (values["prnu.pixel"], values["dsnu.pixel_e"])
-    n[:, k.ELECTRONS] = electrons
+    n[:, k.ELECTRONS], n[:, k.LESS_DN], n[:, k.PER_DN] = scale
     n[:, k.DARK_E] = values["exposure_s"] * values["dark_current.a_e_per_s"] * heat
     n[:, k.PRNU_PIXEL], n[:, k.DSNU_PIXEL_E] = prnu, dsnu
     n[:, k.READ_SIGMA_E] = sigma
-    n[:, k.DN_PER_E] = 1 / (values["gain_e_per_dn"] * 10 ** (gain_db / 20))
+    n[:, k.DN_PER_E] = 1 / gain_of(camera, values)
     n[:, k.OFFSET_DN] = values["black_level_dn"]
-    n[:, k.SUBTRACT_DN] = values["black_level_dn"] if subtract else 0
     n[:, k.FULL_WELL_E] = well
     n[:, k.MAX_DN] = 2**camera.bit_depth - 1
     # Where pixel offsets are Gaussian and drawn anew, they share the count's draw unless it is near the full well

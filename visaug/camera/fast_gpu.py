@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from visaug.camera.scale import Scale, gain_of
 from visaug.camera.tables import tukey_deviation
 from visaug.sampling import Stream
 from visaug.sampling.philox import MASK, mix
@@ -33,7 +34,7 @@ def noisy(
     Args:
         images: (B, C, H, W) float32.
         n: `electrons` of the value 1, `dark_e`, `prnu_pixel`, `dsnu_pixel_e`, `read_scale_e` (Tukey-lambda's scale, not
-            its standard deviation), `read_shape`, `dn_per_e`, `black_level_dn`, `subtract_dn`, `full_well_e`, `max_dn`;
+            its standard deviation), `read_shape`, `dn_per_e`, `black_level_dn`, `less_dn`, `per_dn`, `full_well_e`, `max_dn`;
             (B, 1, 1, 1) each.
         gain, offset: of rows, columns and kept maps, fractions and electrons; broadcast against the images.
         keys: (B,) int64 of the temporal noise.
@@ -56,7 +57,7 @@ def noisy(
     count = torch.minimum(torch.where(m < LARGE_MEAN, few, many).clamp_min(0), n["full_well_e"])
     e = count + n["dsnu_pixel_e"] * z + offset + n["read_scale_e"] * _tukey(two, n["read_shape"])
     dn = torch.minimum(torch.round(e * n["dn_per_e"] + n["black_level_dn"]).clamp_min(0), n["max_dn"])
-    return ((dn - n["subtract_dn"]) / n["max_dn"]).clamp(0, 1)
+    return ((dn - n["less_dn"]) * n["per_dn"]).clamp(0, 1)
 
 
 def _unit(bits: Tensor) -> Tensor:
@@ -103,13 +104,12 @@ def compiled() -> Callable[..., Tensor]:
 def take(
     camera: "Camera",
     images: Tensor,
-    electrons: np.ndarray,
+    scale: Scale,
     values: Mapping[str, np.ndarray],
     keys: Tensor,
     pattern_keys: Tensor,
     kept: bool = False,
     origin: tuple[int, int] = (0, 0),
-    subtract_black_level: bool = True,
     expression: Callable[..., Tensor] | None = None,
 ) -> Tensor:
     """As `fast.take`, on the images' device; `expression` is `noisy` itself or, where left out, compiled."""
@@ -119,20 +119,20 @@ def take(
 
     v = {path: on_device(value) for path, value in values.items()}
     shape, sigma = values["read_noise.shape"], values["read_noise.sigma_e"]
-    scale = sigma if camera.spec.read_noise.meaning == "scale" else sigma / tukey_deviation(shape)
+    unit = sigma if camera.spec.read_noise.meaning == "scale" else sigma / tukey_deviation(shape)
     heat = torch.exp(v["dark_current.b_per_c"] * v["temperature_c"])
-    decibels = (camera.spec.gain_db - v["gain_db"]) / 20
     none = torch.zeros_like(v["exposure_s"])
     numbers = {
-        "electrons": on_device(electrons),
+        "electrons": on_device(scale.electrons),
         "dark_e": v["exposure_s"] * v["dark_current.a_e_per_s"] * heat,
         "prnu_pixel": none if kept else v["prnu.pixel"],
         "dsnu_pixel_e": none if kept else v["dsnu.pixel_e"],
-        "read_scale_e": on_device(scale),
+        "read_scale_e": on_device(unit),
         "read_shape": v["read_noise.shape"],
-        "dn_per_e": 1 / (v["gain_e_per_dn"] * 10**decibels),
+        "dn_per_e": 1 / gain_of(camera, v),
         "black_level_dn": v["black_level_dn"],
-        "subtract_dn": v["black_level_dn"] if subtract_black_level else none,
+        "less_dn": on_device(scale.less_dn),
+        "per_dn": on_device(scale.per_dn),
         "full_well_e": v["full_well_e"],
         "max_dn": none + (2**camera.bit_depth - 1),
     }

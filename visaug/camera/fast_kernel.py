@@ -27,7 +27,7 @@ DSNU_PIXEL_E = 3
 READ_SIGMA_E = 4
 DN_PER_E = 5
 OFFSET_DN = 6  # black level
-SUBTRACT_DN = 7  # what is taken off again
+LESS_DN = 7  # the DN that becomes 0
 FULL_WELL_E = 8
 LIMIT_E = 9  # means above it draw each part on its own: they may meet the full well
 MAX_DN = 10
@@ -37,7 +37,8 @@ LATTICE = (
 FAINT_E = (
     12  # means up to it are so small beside the pixel offsets that they too are drawn together with these
 )
-NUMBERS = 13
+PER_DN = 13  # image value of one DN
+NUMBERS = 14
 
 f32, i32, u32, u64 = np.float32, np.int32, np.uint32, np.uint64
 PER_BIT, HALF_BIT = f32(2.0**-32), f32(2.0**-33)
@@ -139,8 +140,8 @@ def _together(light, w, t, offset, n, out):
         n[DN_PER_E],
         n[OFFSET_DN] + HALF,
         n[MAX_DN],
-        n[SUBTRACT_DN],
-        ONE / n[MAX_DN],
+        n[LESS_DN],
+        n[PER_DN],
     )
     lattice, well = n[LATTICE], n[FULL_WELL_E] if n[LATTICE] > ZERO else f32(np.inf)
     for x in range(light.size):
@@ -176,8 +177,8 @@ def _apart(light, w, t, z, offset, nodes, fractions, entries, n, prnu, out):
         n[DN_PER_E],
         n[OFFSET_DN] + HALF,
         n[MAX_DN],
-        n[SUBTRACT_DN],
-        ONE / n[MAX_DN],
+        n[LESS_DN],
+        n[PER_DN],
     )
     for x in range(light.size):
         m = light[x] + dark

@@ -49,7 +49,13 @@ def spreads(camera: "Camera") -> Spreads:
         deviation = spread["std"] if isinstance(spread, Mapping) else spread * abs(nominal)
         if deviation > 0 and np.isfinite(nominal):
             parameter = place_of(path).parameter
-            found[path] = nominal, deviation, parameter.low, parameter.high, float(parameter.integer)
+            # A black level must leave the converter a range: half of it at the least is the signal's.
+            high = (
+                min(parameter.high, 2 ** (camera.bit_depth - 1))
+                if path == "black_level_dn"
+                else parameter.high
+            )
+            found[path] = nominal, deviation, parameter.low, max(high, nominal), float(parameter.integer)
     table = torch.tensor(list(found.values()), dtype=torch.float64).reshape(-1, 5)
     nominal, deviation, low, high, step = table.T
     below, above = (

@@ -123,6 +123,13 @@ def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"{name} stands twice", file=file, field="effects", expected="each effect once")
+    if spec.black_level_dn >= 2**spec.bit_depth - 1:
+        raise InputError(
+            f"{spec.black_level_dn:g} leaves no range to the signal",
+            file=file,
+            field="black_level_dn",
+            expected=f"less than {2**spec.bit_depth - 1}, the last DN of {spec.bit_depth} bit",
+        )
     _check_randomize(spec, file)
     return spec
 

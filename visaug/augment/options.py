@@ -1,0 +1,105 @@
+"""What SensorNoise and its adapters accept: options and images, checked with errors that name what is wrong."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from visaug.errors import InputError
+
+Range = float | tuple[float, float] | None
+CHOICES = {
+    "fixed_pattern": ("image", "camera"),
+    "transfer": ("auto", "linear", "srgb"),
+    "black_level": ("subtract", "keep"),
+    "resolution": ("network", "sensor"),
+}
+LEAST, MOST = (
+    -0.5,
+    1.5,
+)  # of image values: beyond, the image is of another scale; between, it is cut by the sensor
+
+
+def check_choice(name: str, word: Any) -> str:
+    """One of the words that an option takes."""
+    if word not in CHOICES[name]:
+        raise InputError(f"{word!r} is not a choice", field=name, expected=" or ".join(CHOICES[name]))
+    return word
+
+
+def check_number(name: str, value: Any, low: float, high: float, above: bool = False) -> float:
+    """A finite number in [low, high], or in (low, high] where `above`."""
+    try:
+        value = math.nan if isinstance(value, bool | str | bytes) else float(value)
+    except (TypeError, ValueError):
+        value = math.nan
+    if not low <= value <= high or not math.isfinite(value) or (above and value == low):
+        end = f" up to {high:g}" if math.isfinite(high) else ""
+        expected = f"a number {'above' if above else 'from'} {low:g}{end}"
+        raise InputError("is not a valid number", field=name, expected=expected)
+    return value
+
+
+def check_range(
+    name: str, value: Any, low: float, high: float, above: bool = False
+) -> tuple[float, float] | None:
+    """None, or the ends of a range; a single number is a range of no width."""
+    if value is None:
+        return None
+    pair = isinstance(value, Sequence) and not isinstance(value, str | bytes)
+    if pair and len(value) != 2:
+        raise InputError(f"has {len(value)} entries", field=name, expected="a number or a pair (low, high)")
+    ends = tuple(check_number(name, one, low, high, above) for one in (value if pair else (value, value)))
+    if ends[0] > ends[1]:
+        raise InputError(f"{value!r} falls", field=name, expected="a pair (low, high) with low <= high")
+    return ends[0], ends[1]
+
+
+def check_flag(name: str, value: Any) -> bool | None:
+    """True, False or None."""
+    if value is None or isinstance(value, bool):
+        return value
+    raise InputError(f"{value!r} is not a choice", field=name, expected="True, False or None")
+
+
+def check_images(images: Any) -> Tensor:
+    """A batch of images (B, C, H, W) of floating-point values in about [0, 1].
+
+    Raises:
+        InputError: no tensor, another number of axes, whole numbers, channels last, no pixels, or values below -0.5 or
+            above 1.5, as an image of 0..255 has them. A NaN is no error.
+    """
+    if not isinstance(images, Tensor):
+        raise InputError(
+            f"is a {type(images).__name__}", field="images", expected="a tensor (B, C, H, W); for PIL and NumPy "
+            "images use visaug.augment.ImageNoise",
+        )  # fmt: skip
+    shape = tuple(images.shape)
+    if images.ndim != 4:
+        raise InputError(f"has shape {shape}", field="images", expected="(B, C, H, W)")
+    if not images.dtype.is_floating_point:
+        raise InputError(
+            f"has type {images.dtype}", field="images", expected="floating point in [0, 1]: divide by the "
+            "largest value of the type (255 for uint8)",
+        )  # fmt: skip
+    if shape[1] > 4 and shape[3] in (1, 3, 4):
+        raise InputError(
+            f"has shape {shape}, channels last", field="images", expected="(B, C, H, W): permute(0, 3, 1, 2)"
+        )
+    if 0 in shape[1:]:
+        raise InputError(f"has shape {shape}, no pixels", field="images", expected="(B, C, H, W)")
+    return images
+
+
+def check_values(images: Tensor) -> None:
+    """Refuses values of another scale than [0, 1]; see `check_images`."""
+    if images.numel() == 0 or torch.compiler.is_compiling():
+        return
+    low, high = (float(end) for end in images.detach().aminmax())
+    if low < LEAST or high > MOST:
+        raise InputError(
+            f"holds values from {low:g} to {high:g}", field="images", expected="values in [0, 1]: divide an image "
+            "of 8 bit by 255",
+        )  # fmt: skip
