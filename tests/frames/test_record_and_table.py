@@ -70,7 +70,15 @@ def test_bad_cell_is_named_in_one_line(tmp_path, row, named):
 
 
 @pytest.mark.parametrize(
-    "header", ["sequence,file", HEADER + ",kind", HEADER.replace("exposure_s", "exposure"), HEADER + ",setings", "", "file,kind"]
+    "header",
+    [
+        "sequence,file",
+        HEADER + ",kind",
+        HEADER.replace("exposure_s", "exposure"),
+        HEADER + ",setings",
+        "",
+        "file,kind",
+    ],
 )
 def test_bad_header_is_refused(tmp_path, header):
     with pytest.raises(InputError, match=r"frames.csv"):

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import struct
 import zipfile
-import zlib
 from collections.abc import Callable
 from math import prod
 from pathlib import Path
@@ -20,6 +19,7 @@ from typing import IO
 import numpy as np
 
 from visaug.errors import InputError
+from visaug.frames.limits import check_axes, check_shape
 
 WHOLE_BYTES = 64 * 2**20  # a compressed array up to this size is decompressed at once and kept
 
@@ -48,8 +48,10 @@ class ArrayFile:
             raise
         except FileNotFoundError:
             raise InputError("no such file", file=path) from None
-        except (OSError, EOFError, ValueError, zipfile.BadZipFile, struct.error) as error:
-            raise InputError(f"cannot be read ({error}); truncated or no array", file=path) from None
+        except Exception as error:  # NumPy's header reader and zipfile raise many kinds for damaged files
+            self.close()
+            reason = getattr(error, "strerror", None) or error
+            raise InputError(f"cannot be read ({reason}); truncated or no array", file=path) from None
 
     @property
     def frame_shape(self) -> tuple[int, ...]:
@@ -68,6 +70,7 @@ class ArrayFile:
             )
         if self._whole is not None:
             return self._whole[index]
+        check_shape(inner, self.path)
         count = prod(inner)
         offset = int(np.ravel_multi_index(index, self.shape[: len(index)])) * count if index else 0
         if self._fortran or (self._compressed and prod(self.shape) * self.dtype.itemsize <= WHOLE_BYTES):
@@ -104,11 +107,14 @@ class ArrayFile:
                 self._handle = self._archive.open(member)
                 start = 0
             else:
+                check_sum(self._archive, member, self.path)
                 self._handle = open(self.path, "rb")  # noqa: SIM115 - kept open
                 start = _data_offset(self._handle, member)
                 self._handle.seek(start)
+            end = start + member.file_size
         else:
             self._handle = open(self.path, "rb")  # noqa: SIM115 - kept open
+            end = self.path.stat().st_size
         handle = self._handle
         version = np.lib.format.read_magic(handle)
         read_header = (
@@ -123,6 +129,10 @@ class ArrayFile:
                 field=self.key,
                 expected="integers or floats in DN",
             )
+        check_axes(self.shape, self.path)
+        check_shape(self.shape if self._fortran else self.frame_shape, self.path)
+        if self._data_start + prod(self.shape) * self.dtype.itemsize > end:
+            raise ValueError(f"its header claims the shape {self.shape}, which is more than it holds")
 
     def _bytes(self, offset: int, count: int) -> np.ndarray:
         assert self._handle is not None
@@ -130,7 +140,7 @@ class ArrayFile:
         try:
             self._handle.seek(self._data_start + offset * self.dtype.itemsize)
             data = self._handle.read(size)
-        except (OSError, EOFError, zlib.error, zipfile.BadZipFile) as error:
+        except Exception as error:  # the decompressors raise many kinds for damaged files
             raise InputError(
                 f"cannot be read ({error}); truncated?", file=self.path, field=self.key
             ) from None
@@ -181,3 +191,21 @@ def _data_offset(handle: IO[bytes], member: zipfile.ZipInfo) -> int:
     if fields[0] != b"PK\x03\x04":
         raise zipfile.BadZipFile("bad local header")
     return member.header_offset + 30 + fields[-2] + fields[-1]
+
+
+_checked: set[tuple] = set()  # members whose checksum was right, by file, size, time of change and name
+
+
+def check_sum(archive: zipfile.ZipFile, member: zipfile.ZipInfo, path: Path) -> None:
+    """Refuse a stored member whose bytes do not match its checksum: zipfile checks only what it reads itself.
+
+    A member is read through once for each state of its file.
+    """
+    status = path.stat()
+    known = (path.resolve(), status.st_size, status.st_mtime_ns, member.filename)
+    if known in _checked:
+        return
+    with archive.open(member) as handle:
+        while handle.read(2**20):
+            pass
+    _checked.add(known)

@@ -10,6 +10,7 @@ import numpy as np
 
 from visaug.errors import InputError
 from visaug.frames.arrays import ArrayStore
+from visaug.frames.limits import check_shape, pillow_image
 from visaug.frames.raw import read_raw
 
 ARRAYS = (".npy", ".npz")
@@ -17,7 +18,7 @@ TIFFS = (".tif", ".tiff")
 FITS = (".fits", ".fit", ".fts")
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
 SUFFIXES = (*ARRAYS, *TIFFS, *FITS, *PICTURES, ".raw")
-_FRAGMENT = re.compile(r"^(?P<key>[^\[\]]*)(\[(?P<index>\s*\d+(\s*,\s*\d+)*\s*)\])?$")
+_FRAGMENT = re.compile(r"^(?P<key>[^\[\]]*)(\[(?P<index>\s*[0-9]{1,9}(\s*,\s*[0-9]{1,9})*\s*)\])?$")
 
 
 def split_name(name: str) -> tuple[str, str | None, tuple[int, ...]]:
@@ -56,7 +57,7 @@ class PixelReader:
         if suffix in ARRAYS:
             pixels = self._arrays.read(path, key, index)
             index = ()
-        elif not path.is_file():
+        elif not _is_file(path):
             raise InputError("no such file", file=path)
         elif suffix == ".raw":
             pixels = read_raw(path, raw_shape, self.byte_order)
@@ -100,11 +101,20 @@ class PixelReader:
         return np.dtype(np.uint16) if suffix == ".raw" else None
 
 
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that is too long, or a loop of links
+        return False
+
+
 def _read_tiff(path: Path) -> np.ndarray:
     import tifffile
 
     try:
-        return _gray(tifffile.imread(path), path)
+        with tifffile.TiffFile(path) as file:
+            check_shape([int(n) for n in file.series[0].shape], path)
+            return _gray(file.asarray(series=0), path)
     except InputError:
         raise
     except Exception as error:  # tifffile and its codecs raise many kinds
@@ -122,24 +132,28 @@ def read_fits(path: Path) -> np.ndarray:
             warnings.simplefilter("ignore")  # of missing padding; missing pixels raise
             with fits.open(path, memmap=False) as units:
                 for unit in units:
+                    if unit.is_image and unit.header.get("NAXIS", 0):
+                        check_shape([unit.header[f"NAXIS{n + 1}"] for n in range(unit.header["NAXIS"])], path)
                     if unit.is_image and unit.data is not None:
                         data = np.asarray(unit.data)
                         return data.astype(data.dtype.newbyteorder("="), copy=False)
+    except InputError:
+        raise
     except Exception as error:  # astropy raises many kinds for damaged files
         raise InputError(f"cannot be read ({error}); truncated or no FITS", file=path) from None
     raise InputError("holds no image", file=path)
 
 
 def _read_picture(path: Path) -> np.ndarray:
-    from PIL import Image
-
     if path.suffix.lower() == ".png":
         _refuse_deep_colour(path)
     try:
-        with Image.open(path) as picture:
+        with pillow_image(path) as picture:
             if picture.mode in ("P", "1", "CMYK", "YCbCr"):
                 picture = picture.convert("RGB")
             pixels = np.asarray(picture)
+    except InputError:
+        raise
     except Exception as error:  # Pillow raises many kinds for damaged files
         raise InputError(f"cannot be read ({error}); truncated or no picture", file=path) from None
     return _gray(pixels, path)

@@ -234,6 +234,8 @@ def check_values(pixels: np.ndarray, bit_depth: int | None, file: str | Path) ->
         raise InputError(
             f"{bad} of {pixels.size} pixels are NaN or infinite", file=file, expected="finite DN"
         )
+    if high > np.finfo(np.float32).max:
+        raise InputError(f"the largest value is {high:g}", file=file, expected="at most 3.4e38")
     if low < 0:
         raise InputError(
             f"the smallest value is {low:g}", file=file, expected="DN of 0 or more, nothing subtracted"

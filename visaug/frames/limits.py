@@ -1,0 +1,68 @@
+"""How large a picture may claim to be, and which formats Pillow may take it for.
+
+A file of a few bytes can claim any size. Above the limit it is refused before memory is asked for; VISAUG_MAX_PIXELS raises
+the limit for sensors that are larger.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from math import prod
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from visaug.errors import InputError
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+MAX_PIXELS = 500_000_000  # above the largest sensors that are sold, of 411 million
+VARIABLE = "VISAUG_MAX_PIXELS"
+PILLOW_FORMATS = ("PNG", "JPEG", "BMP", "PPM")
+_pillow = threading.Lock()  # Pillow's own limit is a global
+
+
+def max_pixels() -> int:
+    """The largest number of values in one picture."""
+    given = os.environ.get(VARIABLE)
+    if given is None:
+        return MAX_PIXELS
+    if not given.isascii() or not given.isdigit() or len(given) > 15 or int(given) < 1:
+        raise InputError(f"{given!r} is no limit", field=VARIABLE, expected="a whole number of pixels")
+    return int(given)
+
+
+def check_axes(shape: Sequence[int], file: Path | str) -> None:
+    """Refuse a shape with an axis that is no positive whole number."""
+    if not all(type(n) is int and n > 0 for n in shape):
+        raise InputError(f"has shape {tuple(shape)}", file=file, expected="axes of 1 or more")
+
+
+def check_shape(shape: Sequence[int], file: Path | str) -> None:
+    """Refuse a shape that is none, or has more values than `max_pixels`."""
+    check_axes(shape, file)
+    if prod(shape) > max_pixels():
+        raise InputError(
+            f"claims {' x '.join(map(str, shape))} values",
+            file=file,
+            expected=f"at most {max_pixels()}; set {VARIABLE} to read larger pictures",
+        )
+
+
+@contextmanager
+def pillow_image(path: Path, formats: tuple[str, ...] = PILLOW_FORMATS) -> Iterator[Image]:
+    """An opened picture of one of the formats, its size checked and its pixels not yet read."""
+    from PIL import Image
+
+    with _pillow:
+        before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+        try:
+            image = Image.open(path, formats=formats)
+        finally:
+            Image.MAX_IMAGE_PIXELS = before
+    with image:
+        check_shape((image.height, image.width), path)
+        yield image
