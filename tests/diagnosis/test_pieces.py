@@ -180,3 +180,12 @@ def test_a_form_is_tried_in_both_signs_where_its_strength_has_two(stated):
     assert found == {(True, 0.0), (False, 0.0), (True, 0.5), (False, 0.5)}
     glows = [dict(t.values) for t in trials(stated) if t.effect == "amplifier_glow"]
     assert all(g["amplifier_glow.rate_e_per_s"] >= 0 for g in glows)
+
+
+def test_a_diagnosis_proposes_no_effect_that_frames_cannot_show():
+    """Frames end at the converter; the three shapes of blur beside point_spread are tried where they are named."""
+    camera = Camera.load({"resolution": [16, 16], "gain_e_per_dn": 1.0})
+    blurs, pictures = {"motion_blur", "defocus", "diffraction"}, {"tone_curve", "sharpening", "jpeg"}
+    assert not {trial.effect for trial in trials(camera)} & (blurs | pictures)
+    asked = {trial.effect for trial in trials(camera, only=frozenset(blurs | pictures))}
+    assert asked & (blurs | pictures) == blurs

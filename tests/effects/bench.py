@@ -15,6 +15,7 @@ LEVEL = {
     Stage.CHARGE: 800.0,
     Stage.READOUT: 800.0,
     Stage.DIGITAL: 700.0,
+    Stage.PICTURE: 0.4,
 }
 CONTEXT = {
     "exposure_s": 0.5,
@@ -100,4 +101,6 @@ def scene(effect: type[Effect], batch=3, channels=1, shape=(48, 64), dtype=torch
     image = level * (0.5 + torch.rand(batch, channels, *shape, generator=generator, dtype=dtype))
     image[..., 10:13, 20:23] *= 6
     image[..., 25, 41] *= 9
+    if effect.stage == Stage.PICTURE:
+        return image.clamp(0, 0.95)  # a curve has a kink at 1
     return image.round().clamp(0, 4095) if effect.stage == Stage.DIGITAL else image

@@ -32,10 +32,12 @@ def names(text: str) -> set[str]:
 LOOK_AROUND = names(
     """
     point_spread veiling_glare lens_flare smear blooming interpixel_crosstalk brighter_fatter
-    charge_transfer_inefficiency cosmic_rays
+    charge_transfer_inefficiency cosmic_rays motion_blur defocus diffraction sharpening jpeg
     """
 )
-NO_GRADIENT = {"dead_pixels", "cosmic_rays", "bit_truncation", "missing_codes", "rts_noise"}
+NO_GRADIENT = names(
+    "dead_pixels cosmic_rays bit_truncation missing_codes rts_noise picture_quantization jpeg"
+)
 # Their output moves in steps, so only its expectation has a derivative.
 STEPWISE = {"photon_shot_noise", "quantization"}
 COUNTED = {"image_lag"}  # along a sequence, where what stays is a count
@@ -73,7 +75,8 @@ def test_catalogue_is_complete():
         brighter_fatter blooming smear nonlinearity charge_transfer_inefficiency
         clock_induced_charge row_noise column_noise flicker_noise periodic_banding tap_mismatch
         row_parity black_level_drift light_drift bit_truncation missing_codes
-        fixed_pattern_structure
+        fixed_pattern_structure motion_blur defocus diffraction tone_curve sharpening
+        picture_quantization jpeg
         """
     )
     own = {effect.name for effect in OWN}

@@ -1,7 +1,7 @@
 """A camera: its parameters, its chain of effects, and exposures with it."""
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from torch import Tensor
 from visaug.camera import chain, paths
 from visaug.camera.maps import load_maps, moved, named_maps
 from visaug.camera.spec import CameraSpec, check_spec, read_spec
-from visaug.effects import Context, Effect, catalogue
+from visaug.effects import Context, Effect, Stage, catalogue
 from visaug.errors import InputError
 from visaug.files import write_text
 from visaug.sampling import Stream
@@ -192,8 +192,9 @@ class Camera:
         memory: dict[str, Tensor] | None = None,
         watch: Any = None,
         resolution: tuple[int, int] | None = None,
+        mosaic: Callable[[Tensor], Tensor] | None = None,
     ) -> Tensor:
-        """Frames of this camera: the exact, differentiable chain.
+        """Frames of this camera: the exact, differentiable chain, up to the converter.
 
         Args:
             photons: (B, C, H, W) float32, mean photons per pixel and exposure.
@@ -204,19 +205,71 @@ class Camera:
                 over batches.
             watch: called with (effect, signal) after each effect.
             resolution: rows and columns of the whole sensor, where they are not this camera's own.
+            mosaic: of a colour camera, what lets one of three planes of photons through to each pixel, after the optics.
 
         Returns:
-            (B, C, H, W) float32, DN in [0, 2^bit_depth - 1].
+            (B, C, H, W) float32, DN in [0, 2^bit_depth - 1]. Effects of stage PICTURE act on pictures: see `finish`.
         """
-        device = photons.device
+        full = self._full(values, photons.device)
+        context = self._context(full, stream, sequence, memory, resolution)
+        return chain.expose(self.effects, photons, full, self.choices(), stream, context, watch, mosaic)
+
+    @property
+    def finishes(self) -> bool:
+        """Whether any effect acts on the developed picture."""
+        return any(effect.stage == Stage.PICTURE for effect in self.effects)
+
+    @property
+    def sensor_maps(self) -> dict[str, Tensor]:
+        """The measured maps that are patterns of the sensor."""
+        return {name: value for name, value in self.maps.items() if not catalogue()[name].map_is_table}
+
+    def finish(
+        self,
+        picture: Tensor,
+        stream: Stream | None = None,
+        values: Mapping[str, Tensor | float] | None = None,
+    ) -> Tensor:
+        """The picture after the camera's effects of stage PICTURE: tone curve, sharpening, compression.
+
+        Args:
+            picture: (B, C, H, W) float32 in [0, 1].
+            stream: the random numbers, for effects of this stage that have any; None: those of seed 0.
+            values: numbers that differ from the nominal ones, as of `expose`.
+
+        Returns:
+            The same shape, in [0, 1].
+        """
+        if stream is None:
+            batch, channels, rows, columns = picture.shape
+            stream = Stream(
+                range(batch), range(batch), channels, (range(rows), range(columns)), picture.device
+            )
+        full = self._full(values, picture.device)
+        context = self._context(full, stream, False, None, None)
+        return chain.finish(self.effects, picture, full, self.choices(), stream, context)
+
+    def _full(self, values: Mapping[str, Tensor | float] | None, device: torch.device) -> dict[str, Tensor]:
+        """Every number by path, (1 or B, 1, 1, 1)."""
         nominal = self.values()
         full: dict[str, Tensor] = {}
         for path, value in {**nominal, **(values or {})}.items():
             tensor = torch.as_tensor(value, dtype=torch.float32, device=device)
             full[path] = tensor.reshape(-1, 1, 1, 1)
+        return full
+
+    def _context(
+        self,
+        full: dict[str, Tensor],
+        stream: Stream,
+        sequence: bool,
+        memory: dict[str, Tensor] | None,
+        resolution: tuple[int, int] | None,
+    ) -> Context:
+        device = full["gain_db"].device
         boost = (self.spec.gain_db - full["gain_db"]) * (torch.log(torch.tensor(10.0, device=device)) / 20)
         heat = torch.exp(full["dark_current.b_per_c"] * full["temperature_c"])
-        context = Context(
+        return Context(
             exposure_s=full["exposure_s"],
             temperature_c=full["temperature_c"],
             gain_e_per_dn=full["gain_e_per_dn"] * torch.exp(boost),
@@ -232,7 +285,6 @@ class Camera:
             memory={} if memory is None else memory,
             maps=self.maps,
         )
-        return chain.expose(self.effects, photons, full, self.choices(), stream, context, watch)
 
     def __repr__(self) -> str:
         rows, columns = self.resolution

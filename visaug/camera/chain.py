@@ -32,6 +32,7 @@ def expose(
     stream: Stream,
     context: Context,
     watch: Callable[[Effect, Tensor], None] | None = None,
+    mosaic: Callable[[Tensor], Tensor] | None = None,
 ) -> Tensor:
     """DN of one exposure for each image.
 
@@ -44,20 +45,51 @@ def expose(
             no other's.
         context: exposure, window and the like.
         watch: called with each effect and the signal after it.
+        mosaic: the colour filters, where there are any: they let one of three planes through to each pixel, after the optics.
 
     Returns:
-        (B, C, H, W) float32, DN.
+        (B, C, H, W) float32, DN; of stage PICTURE nothing is applied.
     """
     signal = photons
     for effect in effects:
-        own = parameters_of(effect, values, choices)
-        strengths = [] if effect.name in context.maps else [getattr(own, name) for name in effect.strengths()]
-        if strengths and all(_is_zero(value) for value in strengths):
+        if effect.stage == Stage.PICTURE:
             continue
-        signal = effect.apply(signal, own, stream.fork(effect.name), context)
+        if mosaic is not None and effect.stage != Stage.OPTICS:
+            signal, mosaic = mosaic(signal), None
+        signal = _applied(effect, signal, values, choices, stream, context)
         if watch is not None:
             watch(effect, signal)
     return signal
+
+
+def finish(
+    effects: list[Effect],
+    picture: Tensor,
+    values: Mapping[str, Tensor],
+    choices: Mapping[str, str],
+    stream: Stream,
+    context: Context,
+) -> Tensor:
+    """The picture (B, C, H, W), in [0, 1], after the effects of stage PICTURE; arguments as of `expose`."""
+    for effect in effects:
+        if effect.stage == Stage.PICTURE:
+            picture = _applied(effect, picture, values, choices, stream, context)
+    return picture
+
+
+def _applied(
+    effect: Effect,
+    signal: Tensor,
+    values: Mapping[str, Tensor],
+    choices: Mapping[str, str],
+    stream: Stream,
+    context: Context,
+) -> Tensor:
+    own = parameters_of(effect, values, choices)
+    strengths = [] if effect.name in context.maps else [getattr(own, name) for name in effect.strengths()]
+    if strengths and all(_is_zero(value) for value in strengths):
+        return signal
+    return effect.apply(signal, own, stream.fork(effect.name), context)
 
 
 def parameters_of(

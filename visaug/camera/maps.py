@@ -23,7 +23,7 @@ def named_maps(spec: "CameraSpec") -> dict[str, tuple[str, str]]:
 
 
 def load_maps(spec: "CameraSpec", folder: Path | None) -> dict[str, Tensor]:
-    """The camera's measured maps by effect, each (rows, columns) float32 in the effect's `map_unit`.
+    """The camera's measured maps by effect, each (rows, columns) float32 in the effect's `map_unit`, or (n,) of a table.
 
     A profile, (1, columns) or (rows, 1), holds for all rows or columns.
 
@@ -37,6 +37,9 @@ def load_maps(spec: "CameraSpec", folder: Path | None) -> dict[str, Tensor]:
     """
     found = {}
     for effect, (name, key) in named_maps(spec).items():
+        if catalogue()[effect].map_is_table:
+            found[effect] = torch.from_numpy(_read_table(name, key, folder or Path()))
+            continue
         pixels = _read(name, key, folder or Path(), spec.resolution)
         if catalogue()[effect].map_low > pixels.min():
             raise InputError("holds negative values", file=(folder or Path()) / name, field=key)
@@ -69,3 +72,24 @@ def _read(name: str, field: str, folder: Path, resolution: tuple[int, int]) -> n
     if not np.isfinite(pixels).all():
         raise InputError("holds values that are not finite", file=folder / name, field=field)
     return pixels
+
+
+def _read_table(name: str, field: str, folder: Path) -> np.ndarray:
+    """Values of a table in [0, 1], one after another: from a .npy, or from text with a number or more a line."""
+    file = folder / name
+    try:
+        values = np.load(file) if file.suffix == ".npy" else np.loadtxt(file)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            "cannot be read", file=file, field=field, expected=".npy or a text of numbers"
+        ) from error
+    values = np.atleast_1d(np.asarray(values).squeeze())
+    if values.ndim != 1 or len(values) < 2 or values.dtype.kind not in "fiu":
+        raise InputError(
+            f"has shape {values.shape}", file=file, field=field, expected="2 numbers or more in a row"
+        )
+    if not np.isfinite(values).all() or values.min() < 0 or values.max() > 1:
+        raise InputError(
+            "holds a value below 0, above 1 or not finite", file=file, field=field, expected="0 to 1"
+        )
+    return values.astype(np.float32)

@@ -7,7 +7,7 @@ from visaug.camera import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis.look import look
 from visaug.diagnosis.parameters import GAUSSIAN_SHAPE
-from visaug.effects import Effect, Parameter, catalogue
+from visaug.effects import Effect, Parameter, Stage, catalogue
 
 
 @dataclass(frozen=True)
@@ -67,14 +67,23 @@ def missing_base(camera: Camera) -> list[str]:
     return absent
 
 
-def trials(camera: Camera, without: frozenset[str] = frozenset()) -> list[Trial]:
-    """Every effect that the camera lacks, at several strengths and forms."""
+def is_proposed(effect: type[Effect]) -> bool:
+    """Whether a diagnosis tries the effect of its own accord: frames end at the converter, before the picture."""
+    return effect.proposed and effect.stage < Stage.PICTURE
+
+
+def trials(
+    camera: Camera, without: frozenset[str] = frozenset(), only: frozenset[str] = frozenset()
+) -> list[Trial]:
+    """Every effect that the camera lacks and a diagnosis proposes, at several strengths and forms; of `only`, also others."""
     found = []
     for name in missing_base(camera):
         if name not in without:
             found += base_trials(camera, name)
     for name, effect in catalogue().items():
-        if not effect.base and name not in camera.effect_names and name not in without:
+        if effect.base or name in camera.effect_names or name in without:
+            continue
+        if is_proposed(effect) or (name in only and effect.stage < Stage.PICTURE):
             found += effect_trials(effect)
     return found
 
@@ -135,7 +144,7 @@ def looked(lab: Laboratory, camera: Camera, without: frozenset[str] = frozenset(
     return [
         _trial(effect, point, looked=True)
         for name, effect in catalogue().items()
-        if not effect.base and name not in camera.effect_names and name not in without
+        if not effect.base and name not in camera.effect_names and name not in without and is_proposed(effect)
         for point in effect.looks(seen)
     ]
 

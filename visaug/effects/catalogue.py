@@ -11,7 +11,7 @@ from types import ModuleType
 from visaug.effects.effect import Effect
 from visaug.errors import InputError
 
-ROOMS = ("optics", "charge", "readout", "digital")
+ROOMS = ("optics", "charge", "readout", "digital", "picture")
 
 
 @cache

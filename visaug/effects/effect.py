@@ -24,6 +24,9 @@ class Stage(IntEnum):
     CHARGE = 3  # electrons counted in the pixel: after shot noise, while stored, shared and transferred
     READOUT = 4  # electrons, as the voltage that stands for them: amplifiers and lines, before the converter
     DIGITAL = 5  # DN of the converter
+    PICTURE = (
+        6  # the developed picture in [0, 1], encoded as it is shown; frames of a frame set end before it
+    )
 
 
 @dataclass
@@ -131,9 +134,11 @@ class Effect:
         differentiable: whether gradients pass to the image and all continuous parameters; if not, `why_not` says why.
         base: True for the terms of the base chain, whose values stand at the top level of a camera file.
         separates: what to measure to tell this effect from its look-alikes, in words (optional).
+        proposed: whether a diagnosis tries the effect of its own accord; never one of stage PICTURE, which frames do not show.
         map_unit: unit of a measured map that may take the place of the effect's own spatial profile and strength
             (`map: file` in a camera file, `context.measured_map` in `apply`); empty where it takes none.
         map_low: least value that such a map may hold.
+        map_is_table: True where the map is a list of numbers and no pattern of the sensor.
     """
 
     name: ClassVar[str] = ""
@@ -146,8 +151,10 @@ class Effect:
     why_not: ClassVar[str] = ""
     base: ClassVar[bool] = False
     separates: ClassVar[str] = ""
+    proposed: ClassVar[bool] = True
     map_unit: ClassVar[str] = ""
     map_low: ClassVar[float] = float("-inf")
+    map_is_table: ClassVar[bool] = False
     parameters: ClassVar[dict[str, Parameter]] = {}
 
     def __init_subclass__(cls, **kwargs: Any) -> None:

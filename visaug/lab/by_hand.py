@@ -91,7 +91,7 @@ class ByHand:
         """Effects that a camera lacks and that have a strength to fit, in the order of the chain."""
         fittable = {name for name, effect in catalogue().items() if effect.base or effect.strengths()}
         without = frozenset(catalogue()) - fittable
-        names = {trial.effect for trial in trials(camera, without)}
+        names = {trial.effect for trial in trials(camera, without, only=frozenset(fittable))}
         return [name for name in catalogue() if name in names]
 
     def forget(self, name: str) -> None:
@@ -117,7 +117,10 @@ class ByHand:
         known = before.fitted.reference
         others = frozenset(catalogue()) - {name}
         signs = signatures(
-            self.lab, known, trials(known.camera, others) + looked(self.lab, known.camera, others), report
+            self.lab,
+            known,
+            trials(known.camera, others, only=frozenset({name})) + looked(self.lab, known.camera, others),
+            report,
         )
         tried = matches(signs, before.fitted, others, before.allowance)
         best = refine(self.lab, before.fitted, tried[0], report, before.allowance)

@@ -1,4 +1,4 @@
-"""Light spread over its surroundings: a near blur by convolution, a far halo by the cosine transform."""
+"""Light spread over its surroundings: a near blur by convolution, what reaches far by the cosine transform."""
 
 import math
 from functools import lru_cache
@@ -22,6 +22,27 @@ def gaussian_blur(signal: Tensor, sigma_rows: Tensor, sigma_columns: Tensor) -> 
     """
     signal = _convolve(signal, _gaussian(sigma_rows).transpose(-1, -2))
     return _convolve(signal, _gaussian(sigma_columns))
+
+
+def convolve(light: Tensor, kernel: Tensor) -> Tensor:
+    """Light, (B, C, H, W) and never negative, convolved with a kernel of each image, (B, 1, K, K), K odd; the image goes on beyond
+    its edge.
+
+    By Fourier transform, whose time does not grow with the kernel; the rounding that leaves some light negative is taken off.
+    """
+    rows, columns = light.shape[-2:]
+    reach = kernel.shape[-1] // 2
+    padded = F.pad(light, (reach, reach, reach, reach), mode="replicate")
+    size = padded.shape[-2:]
+    product = torch.fft.rfft2(padded) * torch.fft.rfft2(kernel.to(light.dtype), s=size)
+    full = torch.fft.irfft2(product, s=size)
+    return full[..., 2 * reach : 2 * reach + rows, 2 * reach : 2 * reach + columns].clamp_min(0)
+
+
+def pixels_around(reach: int, like: Tensor) -> tuple[Tensor, Tensor]:
+    """Places of the pixels of a kernel, along the rows (1, 1, 1, K) and down the columns (1, 1, K, 1), px from its middle."""
+    away = torch.arange(-reach, reach + 1, device=like.device, dtype=like.dtype)
+    return away.view(1, 1, 1, -1), away.view(1, 1, -1, 1)
 
 
 def _gaussian(sigma: Tensor) -> Tensor:
@@ -55,11 +76,7 @@ def halo(signal: Tensor, width_px: Tensor, profile: str) -> Tensor:
         exponential  exp(-r / w) / (2 pi w^2)            (1 + (2 pi w f)^2)^(-3/2)
         power_law    w / (2 pi (r^2 + w^2)^(3/2))        exp(-2 pi w f)
     """
-    rows, columns = signal.shape[-2:]
-    down, across = (_cosines(n, signal.dtype, str(signal.device)) for n in (rows, columns))
-    like = {"device": signal.device, "dtype": signal.dtype}
-    f_rows = torch.arange(rows, **like).view(1, 1, -1, 1) / (2 * rows)
-    f_columns = torch.arange(columns, **like).view(1, 1, 1, -1) / (2 * columns)
+    f_rows, f_columns = frequencies(signal)
     scaled = 2 * math.pi * width_px * (f_rows**2 + f_columns**2).sqrt()
     if profile == "gaussian":
         transfer = torch.exp(-(scaled**2) / 2)
@@ -67,6 +84,20 @@ def halo(signal: Tensor, width_px: Tensor, profile: str) -> Tensor:
         transfer = (1 + scaled**2) ** -1.5
     else:
         transfer = torch.exp(-scaled)
+    return filtered(signal, transfer)
+
+
+def frequencies(signal: Tensor) -> tuple[Tensor, Tensor]:
+    """Of the mirrored frame's modes, in cycles/px: down the columns (1, 1, H, 1), along the rows (1, 1, 1, W)."""
+    rows, columns = signal.shape[-2:]
+    like = {"device": signal.device, "dtype": signal.dtype}
+    f_rows = torch.arange(rows, **like).view(1, 1, -1, 1) / (2 * rows)
+    return f_rows, torch.arange(columns, **like).view(1, 1, 1, -1) / (2 * columns)
+
+
+def filtered(signal: Tensor, transfer: Tensor) -> Tensor:
+    """(B, C, H, W) with each mode of the mirrored frame multiplied by `transfer`, (B, 1, H, W)."""
+    down, across = (_cosines(n, signal.dtype, str(signal.device)) for n in signal.shape[-2:])
     return down.T @ ((down @ signal @ across.T) * transfer) @ across
 
 

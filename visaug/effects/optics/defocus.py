@@ -1,0 +1,58 @@
+"""Defocus."""
+
+import math
+
+import torch
+
+from visaug.effects.effect import Effect, Stage
+from visaug.effects.optics.spread import convolve, pixels_around
+from visaug.effects.parameter import Parameter
+
+STRIPS = 16  # of the disc's part of a pixel, whose area is then right to 1e-3
+LEAST_PX = 0.25  # a disc within the middle of a pixel is a point
+
+
+class Defocus(Effect):
+    """The sensor lies before or behind the image: a point becomes a disc of even light, the shadow of the aperture.
+
+    A pixel collects the part of the disc that falls on it. All of the scene is out of focus alike.
+    """
+
+    name = "defocus"
+    stage = Stage.OPTICS
+    order = 34
+    summary = "Out of focus, a point becomes a disc."
+    equation = "mu_p convolved with a disc of the radius, integrated over each pixel"
+    source = "J. W. Goodman, Introduction to Fourier Optics (4th ed. 2017), section 7.4; geometrical limit"
+    separates = "a bright point: an even disc with a sharp rim, where point_spread has a Gaussian"
+    proposed = False  # a diagnosis names the blur by point_spread; bright points tell them apart
+    radius_px = Parameter(
+        2.0,
+        unit="px",
+        high=100.0,
+        strength=True,
+        trials=(1.0, 3.0),
+        source="defocus / (2 x f-number) / pixel; 20 um at f/2.8 on 3.45 um: 1 px",
+    )
+
+    def apply(self, signal, p, stream, context):
+        return torch.where(p.radius_px > 0, convolve(signal, disc(p.radius_px.to(signal.dtype))), signal)
+
+    def moments(self, mean, p, context):
+        return mean, mean * 0
+
+
+def disc(radius_px):
+    """Kernels (B, 1, K, K): the share of the disc's area in each pixel, by strips at even angles x = radius sin(angle)."""
+    radius = radius_px.clamp_min(LEAST_PX)
+    x, y = (
+        place.unsqueeze(-1)
+        for place in pixels_around(math.ceil(float(radius.detach().max()) - 0.5), radius_px)
+    )
+    radius = radius.unsqueeze(-1)
+    first, last = (torch.asin((edge / radius).clamp(-1 + 1e-6, 1 - 1e-6)) for edge in (x - 0.5, x + 0.5))
+    share = (torch.arange(STRIPS, dtype=x.dtype, device=x.device) + 0.5) / STRIPS
+    half_chord = radius * torch.cos(first + (last - first) * share)
+    inside = torch.minimum(y + 0.5, half_chord) - torch.maximum(y - 0.5, -half_chord)
+    area = (inside.clamp_min(0) * half_chord * (last - first)).mean(-1)
+    return area / area.sum((2, 3), keepdim=True)

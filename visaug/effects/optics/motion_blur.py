@@ -1,0 +1,70 @@
+"""Motion blur."""
+
+import math
+
+import torch
+
+from visaug.effects.effect import Effect, Stage
+from visaug.effects.optics.spread import convolve, pixels_around
+from visaug.effects.parameter import Parameter
+
+LEAST_PX = 1e-3  # a shorter way is one
+
+
+class MotionBlur(Effect):
+    """The image moves evenly along a straight line while the shutter is open.
+
+    The image of a point is a line of `length_px`, with the point in its middle; a pixel collects the part of the line that
+    crosses it, so a way shorter than a pixel does nothing. Shot noise comes after it, so noise stays white. All of the
+    scene moves alike: a camera that turns, or a target that moves across.
+    """
+
+    name = "motion_blur"
+    stage = Stage.OPTICS
+    order = 36
+    summary = "The image moves along a line during the exposure."
+    equation = (
+        "mu_p <- integral of mu_p(x - v t, y - w t) dt / T: a line of length L at the angle, counter-clockwise from the rows, "
+        "its share in each pixel"
+    )
+    source = "A. N. Rajagopalan and R. Chellappa, Motion Deblurring (Cambridge 2014), chapter 1"
+    separates = "a bright point: a line, and not a disc; at half the exposure half as long"
+    proposed = False  # frames under test are taken with camera and target at rest
+    length_px = Parameter(
+        5.0,
+        unit="px",
+        high=200.0,
+        strength=True,
+        trials=(2.0, 7.0),
+        source="angular rate x exposure / angle of a pixel; 1 deg/s, 20 ms, 0.005 deg: 4 px",
+    )
+    angle_deg = Parameter(
+        0.0,
+        unit="deg",
+        low=-180.0,
+        high=180.0,
+        trials=(30.0,),
+        source="counter-clockwise from the direction of the rows",
+    )
+
+    def apply(self, signal, p, stream, context):
+        moved = convolve(signal, line(p.length_px.to(signal.dtype), p.angle_deg.to(signal.dtype)))
+        return torch.where(p.length_px > 0, moved, signal)
+
+    def moments(self, mean, p, context):
+        return mean, mean * 0
+
+
+def line(length_px, angle_deg):
+    """Kernels (B, 1, K, K): the share of the line that lies in each pixel."""
+    half = length_px.clamp_min(LEAST_PX) / 2
+    x, y = pixels_around(math.ceil(float(half.detach().max())), length_px)
+    angle = torch.deg2rad(angle_deg)
+    first, last = -half, half
+    for place, rate in ((x, torch.cos(angle)), (y, -torch.sin(angle))):  # rows are counted downwards
+        rate = torch.where(rate.abs() < 1e-6, 1e-6, rate)
+        enters, leaves = (place - 0.5) / rate, (place + 0.5) / rate
+        first = torch.maximum(first, torch.minimum(enters, leaves))
+        last = torch.minimum(last, torch.maximum(enters, leaves))
+    inside = (last - first).clamp_min(0)
+    return inside / inside.sum((2, 3), keepdim=True)

@@ -1,0 +1,26 @@
+"""Quantisation of the picture."""
+
+from visaug.effects.effect import Effect, Stage
+from visaug.effects.parameter import Parameter
+from visaug.effects.straight_through import round_through
+
+
+class PictureQuantization(Effect):
+    """The picture is kept in whole numbers of few bits, as a file or a link does. The converter's own steps are `bit_depth`."""
+
+    name = "picture_quantization"
+    stage = Stage.PICTURE
+    order = 30
+    summary = "The picture is stored in whole numbers of few bits."
+    equation = "y <- round(y (2^bits - 1)) / (2^bits - 1)"
+    source = "B. Widrow and I. Kollar, Quantization Noise (Cambridge 2008)"
+    separates = "codes of the picture: 2^bits at most"
+    differentiable = False
+    why_not = "the number of bits is whole; the image's gradient passes straight through, as in rounding"
+    bits = Parameter(
+        8.0, unit="bits", low=1.0, high=16.0, integer=True, trials=(8,), source="most pictures: 8"
+    )
+
+    def apply(self, signal, p, stream, context):
+        top = 2.0 ** p.bits.round() - 1
+        return round_through(signal.clamp(0, 1) * top) / top
