@@ -73,6 +73,22 @@ class WhiteSensorNoise(nn.Module):
         return torch.where(chosen(self.p, images), noisy, images)
 
 
+class WhiteTwin(nn.Module):
+    """White Gaussian noise with the variance, image by image, of what a noise module adds.
+
+    Its mean, its patterns and its dependence on the level are left out, so that it differs from the module in
+    structure alone.
+    """
+
+    def __init__(self, noise: nn.Module) -> None:
+        super().__init__()
+        self.noise = noise
+
+    def forward(self, images: Tensor) -> Tensor:
+        std = (self.noise(images) - images).std(dim=(1, 2, 3))
+        return torch.where((std > 0)[:, None, None, None], add_white(images, std), images)
+
+
 def add_white(images: Tensor, std: Tensor) -> Tensor:
     """Images plus normal noise of standard deviation `std` (B), one draw for all channels, clipped to [0, 1]."""
     b, _, h, w = images.shape

@@ -3,17 +3,14 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from visaug.documents import read_yaml
 from visaug.errors import InputError
+from visaug_train.arms import Arm, Part
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Rendered(_Part):
+class Rendered(Part):
     """A dataset of the built-in ray-caster: see `visaug_train.render.dataset.RenderSettings`."""
 
     width: int = Field(240, ge=32)
@@ -26,7 +23,7 @@ class Rendered(_Part):
     seed: int = 0
 
 
-class Source(_Part):
+class Source(Part):
     """A domain and split of the data's folder, or (with `root`) of another:
 
     SPEED and SPEED+ are two folders.
@@ -37,13 +34,19 @@ class Source(_Part):
     root: Path | None = None
 
 
-class Data(_Part):
+class Data(Part):
     """Either `rendered` or `root`, a SPEED or SPEED+ folder or one of your own in that layout."""
 
     root: Path | None = None
     rendered: Rendered | None = None
     keypoints: str = "tango"
-    image_size: tuple[int, int] | None = Field(None, description="width, height of resized training copies")
+    image_size: tuple[int, int] | None = Field(
+        None, description="width, height to which training and test images are reduced first"
+    )
+    reduce: Literal["area", "linear"] | None = Field(
+        None, description="how, in training and in testing alike; area where left out"
+    )
+    channels: Literal[1, 3] = Field(3, description="1: a network with one input channel, for gray images")
     split_seed: int = 0
     train: Source = Source(domain="synthetic", split="train")
     validation: Source = Source(domain="synthetic", split="validation")
@@ -54,58 +57,19 @@ class Data(_Part):
     }
 
 
-class Blur(_Part):
-    p: float = Field(0.1, ge=0, le=1)
-    sigma_px: tuple[float, float] = (0.3, 1.0)
+class Start(Part):
+    """A network that all runs start from: trained once, without an arm's noise, and kept.
 
-
-class Gaussian(_Part):
-    p: float = Field(0.5, ge=0, le=1)
-    std: tuple[float, float] = Field((0.0, 0.02), description="of full scale, drawn per image")
-
-
-class White(_Part):
-    """White noise of a camera's variance (the paper's eq. 6)."""
-
-    camera: str
-    p: float = Field(1.0, ge=0, le=1)
-
-
-class Vis(_Part):
-    """The sensor noise. `set` changes values of the camera, which are then not randomised; `effects` are
-    added to it.
-
-    `white_std_present` is what white noise the images carry already (1 is full scale): its variance is taken
-    off the read noise.
+    Its training arguments are the study's with `training` on top; `seed` is its own, so all seeds of the study share it.
     """
 
-    camera: str
-    p: float = Field(1.0, ge=0, le=1)
-    resolution: Literal["network", "sensor"] = "network"
-    fixed_pattern: Literal["image", "camera"] = "image"
-    transfer: Literal["linear", "srgb"] = "linear"
-    black_level: Literal["subtract", "keep"] = "subtract"
-    set: dict[str, float] = {}
-    effects: list[dict[str, Any]] = []
-    white_std_present: float = Field(0.0, ge=0, le=1)
-
-
-class Arm(_Part):
-    """What a run does to its training images.
-
-    `like` names an arm to take everything from that is not said here.
-    """
-
-    like: str | None = None
-    why: str | None = None
-    blur: Blur | None = None
-    gaussian: Gaussian | None = None
-    white: White | None = None
-    vis: Vis | None = None
+    epochs: int = Field(ge=1)
+    like: str | None = Field(None, description="the arm whose augmentation it has; none where left out")
+    seed: int = 0
     training: dict[str, Any] = {}
 
 
-class Hidden(_Part):
+class Hidden(Part):
     """Effects that a test camera has and its file leaves out, each with a test set and an arm of its own.
 
     The camera is that of the baseline's `vis`; `views` is the test set whose noiseless images it takes, at
@@ -117,7 +81,7 @@ class Hidden(_Part):
     light: float = Field(1.0, gt=0, le=100)
 
 
-class Cluster(_Part):
+class Cluster(Part):
     """Runs spread by Ray: on this machine, or with an `address` on a cluster whose nodes share the output folder."""
 
     address: str | None = Field(
@@ -128,18 +92,20 @@ class Cluster(_Part):
     retries: int = Field(3, ge=0, description="of a run whose node or process was lost")
 
 
-class Config(_Part):
+class Config(Part):
     """One study."""
 
     name: str
     output: Path
     data: Data
-    model: str = "yolov8n-pose.yaml"
+    model: str = Field("yolov8n-pose.yaml", description="a YAML, or the file of trained weights, NAME.pt")
     training: dict[str, Any] = Field({}, description="ultralytics' training arguments, the same in all arms")
     arms: dict[str, Arm]
     baseline: str = "baseline"
     seeds: list[int] = [0]
-    bootstrap: int = Field(2000, ge=0)
+    bootstrap: int = Field(400, ge=0, description="resamples of the test images, for the variance between images")
+    weights: Literal["best", "last"] = Field("best", description="best by the clean validation images, or last")
+    start: Start | None = None
     hidden: Hidden | None = None
     cluster: Cluster | None = Field(None, description="`{}` spreads the runs over this machine")
     tracking: list[Literal["tensorboard", "mlflow", "wandb", "comet", "clearml", "dvc"]] = []
@@ -188,10 +154,15 @@ def load_config(path: str | Path) -> Config:
     content = read_yaml(path, "a YAML config such as configs/demo.yaml")
     config = check_config(content, path)
     for arm in config.arms.values():
-        for part in (arm.white, arm.vis):
-            if part is not None and (path.parent / part.camera).is_file():
-                part.camera = str(path.parent / part.camera)
+        for part in filter(None, (arm.white, arm.vis)):
+            names = [_beside(path, name) for name in part.cameras]
+            part.camera = names[0] if isinstance(part.camera, str) else names
     return config
+
+
+def _beside(path: Path, camera: str) -> str:
+    """A camera file that lies beside the config, by its path; another name as it is."""
+    return str(path.parent / camera) if (path.parent / camera).is_file() else camera
 
 
 def check_config(content: Any, path: Path | None = None) -> Config:
@@ -210,12 +181,17 @@ def check_config(content: Any, path: Path | None = None) -> Config:
     if (config.data.root is None) == (config.data.rendered is None):
         raise InputError("give one of root and rendered", file=path, field="data")
     arguments = {"training": config.training}
+    arguments |= {"start.training": config.start.training} if config.start else {}
     arguments |= {f"arms.{name}.training": arm.training for name, arm in config.arms.items()}
     for where, given in arguments.items():
         for key in RESERVED & given.keys():
             raise InputError(
                 "is set by the harness", file=path, field=f"{where}.{key}", expected="another argument"
             )
+    if config.data.reduce and not config.data.image_size:
+        raise InputError("needs data.image_size", file=path, field="data.reduce", expected="[width, height]")
+    if config.start and config.start.like and config.start.like not in config.arms:
+        raise InputError(f"{config.start.like} is no arm", file=path, field="start.like")
     if config.baseline not in config.arms:
         raise InputError(f"{config.baseline} is no arm", file=path, field="baseline")
     if not config.seeds:

@@ -23,11 +23,11 @@ from visaug.documents import read_json
 from visaug.errors import InputError
 from visaug.files import write_json, write_text
 from visaug_train import checkpoints
-from visaug_train.batch_noise import GaussianBlur, GaussianNoise, WhiteSensorNoise
-from visaug_train.config import Arm, Config, Vis
+from visaug_train.config import Config
 from visaug_train.convert import convert
 from visaug_train.geometry import Keypoints
 from visaug_train.hidden import HiddenEffect, check_hidden, hide_effects
+from visaug_train.noise import batch_noise
 from visaug_train.quiet import check_tracking, quiet_ultralytics, set_tracking
 from visaug_train.render.dataset import RenderSettings, read_back, render_dataset
 from visaug_train.speed import PoseSet, read_poses
@@ -177,52 +177,6 @@ def run_folder(study: Study, arm_name: str, seed: int) -> Path:
         "data": read_json(study.data_yaml.with_name("conversion.json")),
     }
     return config.output / "runs" / f"{arm_name}-seed{seed}-{_digest(decides)}"
-
-
-def batch_noise(arm: Arm) -> nn.Module:
-    """The arm's noise on a batch in the order of physics:
-
-    blur by the optics, then the sensor, then what is added.
-    """
-    parts: list[nn.Module] = []
-    if arm.blur is not None:
-        parts.append(GaussianBlur(arm.blur.p, arm.blur.sigma_px))
-    if arm.vis is not None:
-        parts.append(vis_noise(arm.vis))
-    if arm.white is not None:
-        from visaug.camera import Camera
-
-        parts.append(WhiteSensorNoise(Camera.load(arm.white.camera), arm.white.p))
-    if arm.gaussian is not None:
-        parts.append(GaussianNoise(arm.gaussian.p, arm.gaussian.std))
-    return nn.Sequential(*parts)
-
-
-def vis_noise(vis: Vis) -> nn.Module:
-    """The sensor noise with the arm's changes to its camera."""
-    import visaug
-
-    camera = visaug.Camera.load(vis.camera)
-    values = dict(vis.set)
-    if vis.white_std_present:
-        full_scale_e = (2**camera.bit_depth - 1) * camera.spec.gain_e_per_dn
-        sigma_e = values.get("read_noise.sigma_e", camera.spec.read_noise.sigma_e)
-        left = sigma_e**2 - (vis.white_std_present * full_scale_e) ** 2
-        values["read_noise.sigma_e"] = max(left, 0.0) ** 0.5
-    camera = camera.replace(values)
-    content = camera.to_dict()
-    content["randomize"] = {k: v for k, v in content.get("randomize", {}).items() if k not in vis.set}
-    camera = visaug.Camera.load(content)
-    for effect in vis.effects:
-        camera = camera.with_effect(**effect)
-    return visaug.VISNoise(
-        camera,
-        p=vis.p,
-        resolution=vis.resolution,
-        fixed_pattern=vis.fixed_pattern,
-        transfer=vis.transfer,
-        black_level=vis.black_level,
-    )
 
 
 def read_curves(path: Path) -> dict[str, list[float]]:

@@ -44,18 +44,21 @@ class Domain:
     """How a domain is lit and by which camera it is seen; `brightness` is the target's mean, a share of full
     scale.
 
-    Without a camera the image is the noiseless 8-bit one that a renderer gives.
+    Without a camera the image is the noiseless 8-bit one that a renderer gives. A domain with `views_of` shows the
+    views of another one, image by image, with the same light and the same random numbers, by its own camera.
     """
 
     lighting: Lighting
     brightness: tuple[float, float]
     camera: IndependentCamera | None = None
+    views_of: str | None = None
 
 
 DOMAINS = {
     "synthetic": Domain(SYNTHETIC, (0.12, 0.35)),
     "lightbox": Domain(LIGHTBOX, (0.10, 0.25), LIGHTBOX_CAMERA),
     "sunlamp": Domain(SUNLAMP, (0.5, 1.1), SUNLAMP_CAMERA),
+    "lightbox_base": Domain(LIGHTBOX, (0.10, 0.25), LIGHTBOX_CAMERA.without_effects(), views_of="lightbox"),
 }
 
 
@@ -215,7 +218,8 @@ def _name(number: int) -> str:
 
 
 def _stream(settings: RenderSettings, domain: str, number: int, part: int) -> np.random.Generator:
-    return np.random.default_rng([settings.seed, list(DOMAINS).index(domain), number, part])
+    views = DOMAINS[domain].views_of or domain
+    return np.random.default_rng([settings.seed, list(DOMAINS).index(views), number, part])
 
 
 def _png(image: np.ndarray) -> bytes:

@@ -1,0 +1,171 @@
+"""What an arm of a study does to its training images, as its config says it."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+Share = Annotated[float, Field(ge=0, le=1)]
+Pair = tuple[float, float]
+
+
+class Part(BaseModel):
+    """A part of a config; a key that it does not know is refused."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class Blur(Part):
+    """Gaussian blur."""
+
+    p: Share = 0.1
+    sigma_px: Pair = (0.3, 1.0)
+
+
+class Gaussian(Part):
+    """White Gaussian noise."""
+
+    p: Share = 0.5
+    std: Pair = Field((0.0, 0.02), description="of full scale, drawn per image")
+
+
+class Vis(Part):
+    """The sensor noise.
+
+    Attributes:
+        camera: a camera's file or shipped name, or a list of these: a population, of which each image gets one.
+        set: values of the camera by path, which are then not randomised.
+        effects: added to the camera. A number may be a pair [low, high], drawn uniformly for each image; `p` is the
+            share of the images that have the effect.
+        gain_db, exposure, strength: as in `visaug.VISNoise`; left out, the camera's own.
+        white_std_present: white noise that the images carry already (1 is full scale); its variance is taken off the
+            read noise.
+    """
+
+    camera: str | list[str]
+    p: Share = 1.0
+    resolution: Literal["network", "sensor"] = "network"
+    fixed_pattern: Literal["image", "camera"] = "image"
+    transfer: Literal["linear", "srgb"] = "linear"
+    black_level: Literal["subtract", "keep"] = "subtract"
+    gain_db: float | Pair | None = None
+    exposure: float | Pair | None = None
+    strength: float | None = None
+    set: dict[str, float | str] = {}
+    effects: list[dict[str, Any]] = []
+    white_std_present: Share = 0.0
+
+    @property
+    def cameras(self) -> list[str]:
+        """The population's files or names."""
+        return [self.camera] if isinstance(self.camera, str) else self.camera
+
+    @field_validator("effects")
+    @classmethod
+    def _effects_have_names(cls, effects: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        for number, entry in enumerate(effects):
+            if not isinstance(entry.get("name"), str):
+                raise ValueError(f"entry {number} has no name; expected {{name: row_noise, sigma_e: 2}}")
+            p = entry.get("p", 1.0)
+            if isinstance(p, bool) or not isinstance(p, int | float) or not 0 <= p <= 1:
+                raise ValueError(f"{entry['name']}.p: expected a share in [0, 1], got {p!r}")
+        return effects
+
+
+class White(Vis):
+    """White Gaussian noise of a camera's variance.
+
+    `variance: eq6` is the paper's eq. 6 at the image's mean level. `sensor` is the variance, image by image, of the
+    sensor noise that a `vis` with these keys would add: the two arms then differ in the noise's structure alone.
+    """
+
+    variance: Literal["eq6", "sensor"] = "eq6"
+
+
+class Erase(Part):
+    """Random erasing (Z. Zhong et al., AAAI 2020): a rectangle of an image filled with uniform noise."""
+
+    p: Share = 0.5
+    area: Pair = (0.02, 0.33)
+    aspect: Pair = (0.3, 3.3)
+
+
+class SunFlare(Part):
+    """A bright disc with a halo and ghosts on the line through the image's centre, as Albumentations' RandomSunFlare."""
+
+    p: Share = 0.5
+    radius: Pair = Field((0.05, 0.3), description="of the source's halo, of the image's longer side")
+    ghosts: tuple[int, int] = (3, 7)
+
+
+class BrightnessContrast(Part):
+    """x -> (1 + c) x + b, with c and b uniform within the limits."""
+
+    p: Share = 0.5
+    brightness: float = Field(0.2, ge=0, le=1)
+    contrast: float = Field(0.2, ge=0, le=1)
+
+
+class MotionBlur(Part):
+    """Blur along a line of random length and angle."""
+
+    p: Share = 0.5
+    length_px: Pair = (3.0, 7.0)
+
+
+class IsoNoise(Part):
+    """Albumentations' ISONoise on luminance: Poisson noise scaled by the image's own standard deviation, fading out
+    towards white.
+    """
+
+    p: Share = 0.5
+    intensity: Pair = (0.1, 0.5)
+
+
+class RandConv(Part):
+    """A random convolution (Z. Xu et al., ICLR 2021), mixed with the image: a x + (1 - a) k * x, a uniform."""
+
+    p: Share = 0.5
+    kernels: list[int] = [1, 3, 5, 7]
+
+    @field_validator("kernels")
+    @classmethod
+    def _odd(cls, kernels: list[int]) -> list[int]:
+        if not kernels or any(k < 1 or k % 2 == 0 for k in kernels):
+            raise ValueError("expected odd sizes such as [1, 3, 5, 7]")
+        return kernels
+
+
+class Corruptions(Part):
+    """One corruption for each image, in the manner of D. Hendrycks and T. Dietterich (ICLR 2019): contrast, pixelation,
+    posterisation, impulse noise, speckle noise or defocus.
+    """
+
+    p: Share = 0.5
+    severity: Pair = Field((0.2, 1.0), description="0 does nothing, 1 is the strongest")
+
+
+class Arm(Part):
+    """What a run does to its training images.
+
+    `like` names an arm to take everything from that is not said here.
+    """
+
+    like: str | None = None
+    why: str | None = None
+    sun_flare: SunFlare | None = None
+    motion_blur: MotionBlur | None = None
+    blur: Blur | None = None
+    vis: Vis | None = None
+    white: White | None = None
+    iso_noise: IsoNoise | None = None
+    gaussian: Gaussian | None = None
+    brightness_contrast: BrightnessContrast | None = None
+    randconv: RandConv | None = None
+    corruptions: Corruptions | None = None
+    erase: Erase | None = None
+    training: dict[str, Any] = {}
+
+    @property
+    def camera_files(self) -> list[str]:
+        """The cameras whose values decide this arm's noise."""
+        return [name for part in (self.vis, self.white) if part is not None for name in part.cameras]
