@@ -21,7 +21,15 @@ from visaug_train.cluster import spread
 from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation, evaluate
 from visaug_train.predictions import load_predictions, predict, save_predictions
-from visaug_train.training import Run, Study, check_arms, note_failure, prepare, train_run
+from visaug_train.training import (
+    Run,
+    Study,
+    check_arms,
+    note_failure,
+    prepare,
+    start_network,
+    train_run,
+)
 
 Progress = Callable[[str, int, int], None]
 
@@ -206,6 +214,7 @@ def ablate(config: Config, progress: Progress | None = None) -> Ablation:
     study = prepare(config, progress)
     config = study.config
     runs = [(arm, seed) for seed in config.seeds for arm in config.arms]
+    start_network(study, progress)  # before the runs are spread, for all start from it
     lost = spread(study, runs, run_and_score, config.cluster, progress) if config.cluster else {}
     scored, failures = {}, []
     for arm, seed in runs:
@@ -235,7 +244,7 @@ def evaluate_run(study: Study, run: Run, progress: Progress | None = None) -> di
     arguments = {**study.config.training, **study.config.arm(run.arm).training}
     found = {}
     for domain, poses in study.tests.items():
-        names = "\n".join(str(file) for file in poses.files)
+        names = "\n".join([run.weights.name, *map(str, poses.files)])
         digest = hashlib.sha256(names.encode()).hexdigest()[:8]
         path = run.folder / "predictions" / f"{domain}-{digest}.json"
         if not path.is_file():
@@ -247,6 +256,8 @@ def evaluate_run(study: Study, run: Run, progress: Progress | None = None) -> di
                 arguments.get("device"),
                 f"evaluating {run.arm} seed {run.seed} on {domain}",
                 progress,
+                size=study.config.data.image_size,
+                reduce=study.config.data.reduction,
             )
             save_predictions(path, poses, detections)
         detections = load_predictions(path, poses, len(study.keypoints))

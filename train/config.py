@@ -50,11 +50,24 @@ class Data(Part):
     split_seed: int = 0
     train: Source = Source(domain="synthetic", split="train")
     validation: Source = Source(domain="synthetic", split="validation")
-    test: dict[str, Source] = {
-        "synthetic": Source(domain="synthetic", split="test"),
-        "lightbox": Source(domain="lightbox"),
-        "sunlamp": Source(domain="sunlamp"),
-    }
+    test: dict[str, Source] = Field(
+        {
+            "synthetic": Source(domain="synthetic", split="test"),
+            "lightbox": Source(domain="lightbox"),
+            "sunlamp": Source(domain="sunlamp"),
+        }
+    )
+
+    @property
+    def reduction(self) -> str:
+        """How images are reduced before the network sees them; without `image_size` ultralytics does it, linearly."""
+        return (self.reduce or "area") if self.image_size else "linear"
+
+    @property
+    def copies(self) -> list[str]:
+        """What tells one set of training copies from another."""
+        size = [f"{self.image_size[0]}x{self.image_size[1]}", self.reduction] if self.image_size else []
+        return [*size, *(["gray"] if self.channels == 1 else [])]
 
 
 class Start(Part):
@@ -66,7 +79,7 @@ class Start(Part):
     epochs: int = Field(ge=1)
     like: str | None = Field(None, description="the arm whose augmentation it has; none where left out")
     seed: int = 0
-    training: dict[str, Any] = {}
+    training: dict[str, Any] = Field({})
 
 
 class Hidden(Part):
@@ -102,13 +115,17 @@ class Config(Part):
     training: dict[str, Any] = Field({}, description="ultralytics' training arguments, the same in all arms")
     arms: dict[str, Arm]
     baseline: str = "baseline"
-    seeds: list[int] = [0]
-    bootstrap: int = Field(400, ge=0, description="resamples of the test images, for the variance between images")
-    weights: Literal["best", "last"] = Field("best", description="best by the clean validation images, or last")
+    seeds: list[int] = Field([0])
+    bootstrap: int = Field(
+        400, ge=0, description="resamples of the test images, for the variance between images"
+    )
+    weights: Literal["best", "last"] = Field(
+        "best", description="best by the clean validation images, or last"
+    )
     start: Start | None = None
     hidden: Hidden | None = None
     cluster: Cluster | None = Field(None, description="`{}` spreads the runs over this machine")
-    tracking: list[Literal["tensorboard", "mlflow", "wandb", "comet", "clearml", "dvc"]] = []
+    tracking: list[Literal["tensorboard", "mlflow", "wandb", "comet", "clearml", "dvc"]] = Field([])
 
     def arm(self, name: str) -> Arm:
         """An arm with what it takes from others filled in."""

@@ -19,6 +19,7 @@ from visaug.documents import read_json
 from visaug.errors import InputError
 from visaug.files import write_bytes, write_json, write_text, write_yaml
 from visaug_train.geometry import Keypoints, Pinhole, project_targets
+from visaug_train.reduction import read_image, reduced
 from visaug_train.speed import PoseSet
 
 Progress = Callable[[str, int, int], None]
@@ -30,6 +31,8 @@ def convert(
     destination: str | Path,
     size: tuple[int, int] | None = None,
     progress: Progress | None = None,
+    reduce: str = "area",
+    channels: int = 3,
 ) -> Path:
     """Write the parts (``train``, ``val``, ...) as a dataset for ultralytics and return its data.yaml.
 
@@ -38,7 +41,7 @@ def convert(
         to be had).
     """
     destination = Path(destination)
-    described = _describe(parts, keypoints, size)
+    described = _describe(parts, keypoints, size, reduce, channels)
     data_yaml = destination / "data.yaml"
     if data_yaml.is_file():
         if read_json(destination / "conversion.json") != described:
@@ -57,7 +60,7 @@ def convert(
             labels = label_lines(poses, keypoints)
             folder = partial_folder / "images" / name
             folder.mkdir(parents=True, exist_ok=True)
-            copy = partial(_copy, folder=folder, camera=poses.camera, size=size)
+            copy = partial(_copy, folder=folder, camera=poses.camera, size=size, reduce=reduce)
             for file, target, line in zip(poses.files, pool.map(copy, poses.files), labels):
                 write_text(partial_folder / "labels" / name / f"{target.stem}.txt", line)
                 if not target.is_file():
@@ -73,6 +76,7 @@ def convert(
             **{name: f"images/{name}" for name in parts},
             "names": {0: keypoints.name},
             "kpt_shape": [len(keypoints), 3],
+            "channels": channels,
         },
     )
     if destination.exists():
@@ -95,34 +99,35 @@ def label_lines(poses: PoseSet, keypoints: Keypoints) -> list[str]:
     ]
 
 
-def _copy(file: Path, folder: Path, camera: Pinhole, size: tuple[int, int] | None) -> Path:
-    target = folder / file.name
-    if target.is_file():
-        return target
+def _copy(file: Path, folder: Path, camera: Pinhole, size: tuple[int, int] | None, reduce: str) -> Path:
     if size is None:
+        target = folder / file.name
+        if target.is_file():
+            return target
         try:
             target.symlink_to(file.resolve())
         except OSError:  # a file system or an account without links
             write_bytes(target, file.read_bytes())
         return target
-    image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise InputError("cannot be read", file=file, expected="an image")
-    if image.shape[:2] != (camera.height, camera.width):
-        raise InputError(
-            f"wrong camera: the image has {image.shape[1]} x {image.shape[0]} pixels",
-            file=file,
-            expected=f"{camera.width} x {camera.height}, as camera.json says",
-        )
-    resized = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    write_bytes(target, cv2.imencode(file.suffix, resized)[1].tobytes())
+    target = folder / f"{file.stem}.png"
+    if not target.is_file():
+        image = reduced(read_image(file, camera), size, reduce)
+        write_bytes(target, cv2.imencode(".png", image)[1].tobytes())
     return target
 
 
-def _describe(parts: dict[str, PoseSet], keypoints: Keypoints, size: tuple[int, int] | None) -> dict:
+def _describe(
+    parts: dict[str, PoseSet],
+    keypoints: Keypoints,
+    size: tuple[int, int] | None,
+    reduce: str,
+    channels: int,
+) -> dict:
     return {
         "keypoints": keypoints.points_m.tolist(),
         "size": list(size) if size else None,
+        "reduce": reduce,
+        "channels": channels,
         "parts": {
             name: {
                 "images": len(poses),

@@ -1,6 +1,7 @@
 """Score predictions on a test set: means, AP, pose errors; image by image and as the summary of a domain."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,8 @@ from visaug_train.metrics import (
     box_iou,
     keypoint_similarity,
 )
-from visaug_train.pose import estimate_pose, pose_errors, spec_score
+from visaug_train.pose import FLOORED_DOMAINS, estimate_pose, pose_errors, spec_score
+from visaug_train.poses import Pose, load_poses, save_poses
 from visaug_train.predictions import load_predictions
 from visaug_train.speed import PoseSet, read_poses
 
@@ -31,9 +33,10 @@ class Evaluation:
     """Scores of one network on one test set.
 
     `table` holds one array (N) a column: iou, oks_paper, oks_coco (the likeliest detection's; 0 where there
-    is none), score, pose_found, position_error, attitude_error_deg, spec_score, and what they may hang on:
-    distance_m, aspect_deg (angle between the line of sight and the body's z axis), brightness (mean of the
-    target's box, 0 to 1).
+    is none), score, pose_found, position_error (a fraction of the distance), position_error_m, attitude_error_deg,
+    spec_score (with floors where the domain has them), spec_score_floored, spec_score_unfloored, and what they may hang
+    on: distance_m, aspect_deg (angle between the line of sight and the body's z axis), brightness (mean of the
+    target's box, 0 to 1). `found` are the poses, None where there is none.
     """
 
     domain: str
@@ -42,6 +45,7 @@ class Evaluation:
     detections: list[Detections]
     table: dict[str, np.ndarray]
     precision: dict[str, PrecisionTable]
+    found: list[Pose | None] = field(default_factory=list)
 
     def summary(self, weights: np.ndarray | None = None) -> dict[str, Any]:
         """The scores of the domain; `weights` (N) are how often each image counts."""
@@ -52,16 +56,16 @@ class Evaluation:
             known = np.isfinite(value)
             return float((weights * np.where(known, value, 0)).sum() / max((weights * known).sum(), 1e-12))
 
+        def median(column: str) -> float:
+            return weighted_median(self.table[column], weights)
+
         return {
             "images": len(self.poses),
             "iou": mean("iou"),
             "oks": {name: mean(f"oks_{name}") for name in DEFINITIONS},
             "box_ap50_95": self.precision["box"].average(weights),
             "keypoint_ap50_95": {name: self.precision[name].average(weights) for name in DEFINITIONS},
-            "position_error": mean("position_error"),
-            "attitude_error_deg": mean("attitude_error_deg"),
-            "spec_score": mean("spec_score"),
-            "poses_found": mean("pose_found"),
+            **pose_summary(mean, median),
         }
 
     def __repr__(self) -> str:
@@ -92,17 +96,87 @@ class Evaluation:
         return np.lexsort([self.table["iou"], self.table["oks_paper"]])[::-1][:count]
 
 
+def pose_summary(mean: Callable[[str], float], median: Callable[[str], float]) -> dict[str, float]:
+    """Pose errors of a domain; a target without a pose counts as one wholly wrong."""
+    return {
+        "position_error": mean("position_error"),
+        "position_error_median": median("position_error"),
+        "position_error_m": mean("position_error_m"),
+        "position_error_m_median": median("position_error_m"),
+        "attitude_error_deg": mean("attitude_error_deg"),
+        "attitude_error_deg_median": median("attitude_error_deg"),
+        "spec_score": mean("spec_score"),
+        "spec_score_floored": mean("spec_score_floored"),
+        "spec_score_unfloored": mean("spec_score_unfloored"),
+        "poses_found": mean("pose_found"),
+    }
+
+
+def weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
+    """The value that half of the weight does not exceed, the mean of two where they share it; NaN are left out."""
+    counted = np.isfinite(values) & (weights > 0)
+    if not counted.any():
+        return float("nan")
+    order = np.argsort(values[counted])
+    sorted_values, total = values[counted][order], np.cumsum(weights[counted][order])
+    half = total[-1] / 2
+    low, high = np.searchsorted(total, half, side="left"), np.searchsorted(total, half, side="right")
+    return float((sorted_values[low] + sorted_values[min(high, len(order) - 1)]) / 2)
+
+
 def evaluate_predictions(
     predictions: str | Path,
     data: str | Path,
     domain: str,
     keypoints: str | Path = "tango",
     split: str | None = None,
+    images: str | Path | None = None,
+    poses_csv: str | Path | None = None,
 ) -> dict[str, Any]:
-    """Scores of any network's predictions on a domain of a SPEED or SPEED+ folder: {domain: summary}."""
+    """Scores of any network's predictions on a domain of a SPEED or SPEED+ folder: {domain: summary}.
+
+    Args:
+        predictions: COCO's results of keypoints, or poses as Kelvins takes them (NAME.csv). Poses alone say nothing of
+            boxes and keypoints; these scores are None then.
+        data: the folder.
+        domain: which of its test sets.
+        keypoints: the model that the keypoints belong to.
+        split: of the domain, where it has several.
+        images: COCO's annotations file, for records with `image_id`.
+        poses_csv: where to write the poses that the keypoints give.
+    """
     poses = read_poses(data, domain, split)
     points = Keypoints.load(keypoints)
-    return evaluate(domain, poses, points, load_predictions(predictions, poses, len(points))).to_json()
+    if Path(predictions).suffix.lower() == ".csv":
+        return {domain: evaluate_poses(poses, points, load_poses(predictions, poses))}
+    detections = load_predictions(predictions, poses, len(points), images)
+    evaluation = evaluate(domain, poses, points, detections)
+    if poses_csv is not None:
+        save_poses(poses_csv, poses, evaluation.found)
+    return evaluation.to_json()
+
+
+def evaluate_poses(poses: PoseSet, keypoints: Keypoints, found: list[Pose | None]) -> dict[str, Any]:
+    """The summary of a domain from poses alone."""
+    seen = project_targets(poses.camera, keypoints, poses.quaternions, poses.translations).seen
+    rows = [_pose_row(i, pose, poses, bool(seen[i])) for i, pose in enumerate(found)]
+    table = {column: np.array([row[column] for row in rows]) for column in rows[0]}
+
+    def mean(column: str) -> float:
+        return float(np.nanmean(table[column]))
+
+    def median(column: str) -> float:
+        return float(np.nanmedian(table[column]))
+
+    nothing = dict.fromkeys(DEFINITIONS)
+    return {
+        "images": len(poses),
+        "iou": None,
+        "oks": nothing,
+        "box_ap50_95": None,
+        "keypoint_ap50_95": nothing,
+        **pose_summary(mean, median),
+    }
 
 
 def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list[Detections]) -> Evaluation:
@@ -110,20 +184,16 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
     targets = project_targets(poses.camera, keypoints, poses.quaternions, poses.translations)
     similarities: dict[str, list[np.ndarray]] = {name: [] for name in ("box", *DEFINITIONS)}
     rows: list[dict[str, float]] = []
+    found: list[Pose | None] = []
     for i, each in enumerate(detections):
         box, points, inside = targets.boxes[i], targets.points[i], targets.inside[i]
         similarities["box"].append(box_iou(each.boxes, box))
         for name in DEFINITIONS:
             similarities[name].append(keypoint_similarity(each.points, points, inside, box, name))
+        latest = {name: values[-1] for name, values in similarities.items()}
+        found.append(_pose(each, keypoints, poses))
         rows.append(
-            _row(
-                i,
-                each,
-                {name: values[-1] for name, values in similarities.items()},
-                targets,
-                poses,
-                keypoints,
-            )
+            _row(i, each, latest, targets, poses) | _pose_row(i, found[-1], poses, bool(targets.seen[i]))
         )
     table = {column: np.array([row[column] for row in rows]) for column in rows[0]}
     scores = [each.scores for each in detections]
@@ -138,7 +208,34 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
         )
         for name, values in similarities.items()
     }
-    return Evaluation(domain, poses, targets, detections, table, precision)
+    return Evaluation(domain, poses, targets, detections, table, precision, found)
+
+
+def _pose(each: Detections, keypoints: Keypoints, poses: PoseSet) -> Pose | None:
+    """From the likeliest detection's keypoints."""
+    if not len(each):
+        return None
+    best = int(np.argmax(each.scores))
+    return estimate_pose(each.points[best], each.point_scores[best], keypoints.points_m, poses.camera)
+
+
+def _pose_row(i: int, pose: Pose | None, poses: PoseSet, seen: bool) -> dict[str, float]:
+    true = poses.quaternions[i], poses.translations[i]
+    position, attitude_deg = NO_POSE if pose is None else pose_errors(*pose, *true)
+    if not seen:
+        position, attitude_deg = float("nan"), float("nan")
+    floored, exact = (
+        float(spec_score(np.array(position), np.array(attitude_deg), floors)) for floors in (True, False)
+    )
+    return {
+        "pose_found": float(pose is not None),
+        "position_error": position,
+        "position_error_m": position * float(np.linalg.norm(true[1])),
+        "attitude_error_deg": attitude_deg,
+        "spec_score": floored if poses.domain in FLOORED_DOMAINS else exact,
+        "spec_score_floored": floored,
+        "spec_score_unfloored": exact,
+    }
 
 
 def _row(
@@ -147,7 +244,6 @@ def _row(
     similarity: dict[str, np.ndarray],
     targets: Targets,
     poses: PoseSet,
-    keypoints: Keypoints,
 ) -> dict[str, float]:
     best = int(np.argmax(each.scores)) if len(each) else None
     seen, visible = bool(targets.seen[i]), bool(targets.inside[i].any())
@@ -155,12 +251,6 @@ def _row(
     def of(name: str, counts: bool) -> float:
         return float("nan") if not counts else 0.0 if best is None else float(similarity[name][best])
 
-    pose = None
-    if best is not None:
-        pose = estimate_pose(each.points[best], each.point_scores[best], keypoints.points_m, poses.camera)
-    errors = NO_POSE if pose is None else pose_errors(*pose, poses.quaternions[i], poses.translations[i])
-    if not seen:
-        errors = (float("nan"), float("nan"))
     sight = poses.translations[i] / np.linalg.norm(poses.translations[i])
     axis = rotation_matrix(poses.quaternions[i])[:, 2]
     return {
@@ -168,10 +258,6 @@ def _row(
         "oks_paper": of("paper", visible),
         "oks_coco": of("coco", visible),
         "score": 0.0 if best is None else float(each.scores[best]),
-        "pose_found": float(pose is not None),
-        "position_error": errors[0],
-        "attitude_error_deg": errors[1],
-        "spec_score": float(spec_score(np.array(errors[0]), np.array(errors[1]))),
         "distance_m": float(np.linalg.norm(poses.translations[i])),
         "aspect_deg": float(np.degrees(np.arccos(np.clip(-sight @ axis, -1, 1)))),
         "brightness": _brightness(poses.files[i], targets.boxes[i]) if seen else float("nan"),

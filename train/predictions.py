@@ -1,12 +1,13 @@
-"""Predictions in a file:
+"""Predictions in a file, in COCO's results format; and a network's own.
 
-COCO's results format with `file_name` in place of `image_id`; and a network's own.
+A record names its image by `file_name`, or by `image_id` where COCO's annotations file says which image that is.
 """
 
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from visaug.documents import read_json
@@ -14,15 +15,26 @@ from visaug.errors import InputError
 from visaug.files import write_json
 from visaug_train.metrics import Detections
 from visaug_train.quiet import quiet_ultralytics
+from visaug_train.reduction import fitting, read_image, reduced
 from visaug_train.speed import PoseSet
 
 Progress = Callable[[str, int, int], None]
 LEAST_SCORE, MOST_PER_IMAGE = 0.001, 20
 
 
-def load_predictions(path: str | Path, poses: PoseSet, keypoints: int) -> list[Detections]:
-    """The detections of each image of `poses`; an image that the file does not name has none."""
+def load_predictions(
+    path: str | Path, poses: PoseSet, keypoints: int, images: str | Path | None = None
+) -> list[Detections]:
+    """The detections of each image of `poses`; an image that the file does not name has none.
+
+    Args:
+        path: COCO's results.
+        poses: the images.
+        keypoints: how many a record has.
+        images: COCO's annotations file, whose `images` say which file an `image_id` is.
+    """
     path = Path(path)
+    names = {} if images is None else image_names(images)
     records = read_json(path)
     if not isinstance(records, list):
         raise InputError(
@@ -37,9 +49,21 @@ def load_predictions(path: str | Path, poses: PoseSet, keypoints: int) -> list[D
                 "is no object", file=path, field=field, expected="file_name, bbox, keypoints and score"
             )
         name = record.get("file_name")
+        if name is None and names:
+            name = names.get(record.get("image_id"))
+            if name is None:
+                raise InputError(
+                    f"{record.get('image_id')!r} is no image of the annotations file",
+                    file=path,
+                    field=f"{field}.image_id",
+                    expected=f"an id of {images}",
+                )
         if name is None:
             raise InputError(
-                "is missing", file=path, field=f"{field}.file_name", expected="an image's name, not image_id"
+                "is missing",
+                file=path,
+                field=f"{field}.file_name",
+                expected="an image's name; for image_id give the annotations file (--images)",
             )
         index = known.get(Path(name).name) if isinstance(name, str) else None
         if index is None:
@@ -58,6 +82,21 @@ def load_predictions(path: str | Path, poses: PoseSet, keypoints: int) -> list[D
             )
         found[index].append((box, points, score))
     return [_stack(each, keypoints) for each in found]
+
+
+def image_names(path: str | Path) -> dict[Any, str]:
+    """Which file each id is, by a COCO annotations file."""
+    content = read_json(path)
+    images = content.get("images") if isinstance(content, dict) else None
+    if not isinstance(images, list) or not images:
+        raise InputError("is missing", file=path, field="images", expected="COCO's list of id and file_name")
+    found = {}
+    for number, image in enumerate(images):
+        known = isinstance(image, dict) and isinstance(image.get("file_name"), str)
+        if not known or not isinstance(image.get("id"), int | str):
+            raise InputError("is malformed", file=path, field=f"images.{number}", expected="id and file_name")
+        found[image["id"]] = image["file_name"]
+    return found
 
 
 def save_predictions(path: str | Path, poses: PoseSet, detections: list[Detections]) -> None:
@@ -87,17 +126,35 @@ def predict(
     device: str | None = None,
     title: str = "evaluating",
     progress: Progress | None = None,
+    size: tuple[int, int] | None = None,
+    reduce: str = "area",
 ) -> list[Detections]:
-    """A trained network's detections; all above a score of 0.001, as AP wants the doubtful ones too."""
+    """A trained network's detections; all above a score of 0.001, as AP wants the doubtful ones too.
+
+    Args:
+        weights: the network's file.
+        poses: the images.
+        image_size: ultralytics' `imgsz`.
+        size, reduce: width and height to which the images are reduced before ultralytics sees them, and how: as the
+            training images were. Without `size` the longer side gets `image_size` pixels.
+
+    Returns:
+        Boxes and points in pixels of the files.
+    """
     quiet_ultralytics(settings_folder)
     from ultralytics import YOLO
 
     model = YOLO(str(weights))
+    size = size or fitting(poses.camera, image_size)
+    back = np.array([poses.camera.width, poses.camera.height]) / size
     detections = []
     for first in range(0, len(poses), 64):
-        files = [str(file) for file in poses.files[first : first + 64]]
+        images = [
+            reduced(read_image(file, poses.camera, cv2.IMREAD_COLOR), size, reduce)
+            for file in poses.files[first : first + 64]
+        ]
         results = model.predict(
-            files,
+            images,
             imgsz=image_size,
             conf=LEAST_SCORE,
             max_det=MOST_PER_IMAGE,
@@ -112,8 +169,8 @@ def predict(
             points = result.keypoints.data.cpu().numpy().astype(float)
             detections.append(
                 Detections(
-                    result.boxes.xyxy.cpu().numpy().astype(float),
-                    points[..., :2],
+                    result.boxes.xyxy.cpu().numpy().astype(float) * np.tile(back, 2),
+                    points[..., :2] * back,
                     points[..., 2],
                     result.boxes.conf.cpu().numpy().astype(float),
                 )

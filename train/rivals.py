@@ -90,7 +90,7 @@ class MotionBlur(nn.Module):
         self.p, self.length_px = p, length_px
 
     def forward(self, images: Tensor) -> Tensor:
-        b, c, h, w = images.shape
+        b, c = images.shape[:2]
         reach = int(self.length_px[1] / 2 + 1)
         length = uniform(b, self.length_px, images)
         angle = uniform(b, (0.0, torch.pi), images)

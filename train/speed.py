@@ -38,6 +38,11 @@ class PoseSet:
     def __len__(self) -> int:
         return len(self.files)
 
+    @property
+    def domain(self) -> str:
+        """The data set's own name of the domain: `name` is domain/split."""
+        return self.name.split("/")[0]
+
     def select(self, indices: np.ndarray, name: str | None = None) -> "PoseSet":
         """The images at `indices`."""
         files = tuple(self.files[i] for i in indices)

@@ -23,12 +23,15 @@ from visaug.documents import read_json
 from visaug.errors import InputError
 from visaug.files import write_json, write_text
 from visaug_train import checkpoints
+from visaug_train.arms import Arm
 from visaug_train.config import Config
 from visaug_train.convert import convert
 from visaug_train.geometry import Keypoints
 from visaug_train.hidden import HiddenEffect, check_hidden, hide_effects
 from visaug_train.noise import batch_noise
+from visaug_train.noise import vis_noise as vis_noise
 from visaug_train.quiet import check_tracking, quiet_ultralytics, set_tracking
+from visaug_train.record import decides, surroundings
 from visaug_train.render.dataset import RenderSettings, read_back, render_dataset
 from visaug_train.speed import PoseSet, read_poses
 
@@ -77,10 +80,17 @@ def prepare(config: Config, progress: Progress | None = None) -> Study:
     keypoints = Keypoints.load(data.keypoints)
     parts = {"train": read(data.train), "val": read(data.validation)}
     tests = {name: read(source) for name, source in data.test.items()}
-    destination = (
-        root.resolve() / "ultralytics" if data.rendered else config.output / f"{root.name}-ultralytics"
+    name = "-".join(["ultralytics", *data.copies])
+    destination = root.resolve() / name if data.rendered else config.output / f"{root.name}-{name}"
+    data_yaml = convert(
+        parts,
+        keypoints,
+        destination,
+        data.image_size,
+        progress,
+        reduce=data.reduction,
+        channels=data.channels,
     )
-    data_yaml = convert(parts, keypoints, destination, data.image_size, progress)
     hidden: list[HiddenEffect] = []
     if config.hidden is not None:
         config, tests, hidden = hide_effects(config, tests, progress)
@@ -98,12 +108,15 @@ def check_arms(config: Config) -> None:
     from ultralytics.cfg import get_cfg
     from ultralytics.nn.tasks import yaml_model_load
 
-    try:
-        yaml_model_load(config.model)
-    except (OSError, AssertionError):  # the latter for another suffix
-        raise InputError(
-            f"no such network: {config.model}", field="model", expected="a YAML such as yolov8n-pose.yaml"
-        ) from None
+    if not (config.model.endswith(".pt") and Path(config.model).is_file()):
+        try:
+            yaml_model_load(config.model)
+        except (OSError, AssertionError):  # the latter for another suffix
+            raise InputError(
+                f"no such network: {config.model}",
+                field="model",
+                expected="a YAML such as yolov8n-pose.yaml, or the file of trained weights (NAME.pt)",
+            ) from None
     for name in config.arms:
         arm = config.arm(name)
         batch_noise(arm)
@@ -126,7 +139,7 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
     folder = run_folder(study, arm_name, seed)
     if not (folder / "run.json").is_file():
         seconds = _train(
-            config,
+            config.model_copy(update={"model": start_network(study, progress) or config.model}),
             batch_noise(arm),
             arguments,
             study.data_yaml,
@@ -140,9 +153,9 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
             {
                 "arm": arm_name,
                 "seed": seed,
-                "model": config.model,
-                "training": arguments,
-                "noise": arm.model_dump(mode="json", exclude={"training", "why", "like"}),
+                "hash": folder.name.rsplit("-", 1)[-1],
+                **decides(config, arm, study.data_yaml),
+                "surroundings": surroundings(arguments.get("device")),
                 "seconds": seconds,
             },
         )
@@ -152,10 +165,37 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
         arm_name,
         seed,
         folder,
-        folder / "weights" / "best.pt",
+        folder / "weights" / f"{config.weights}.pt",
         record["seconds"],
         read_curves(folder / "results.csv"),
     )
+
+
+def start_network(study: Study, progress: Progress | None = None) -> str | None:
+    """The file of the network that all runs start from, trained now where it is not yet; None where there is none."""
+    config, start = study.config, study.config.start
+    if start is None:
+        return None
+    arm = config.arm(start.like) if start.like else Arm()
+    arguments = {**config.training, **arm.training, **start.training, "epochs": start.epochs}
+    decided = {**decides(config, arm, study.data_yaml), "training": arguments}
+    folder = config.output / "runs" / f"start-seed{start.seed}-{_digest(decided)}"
+    if not (folder / "run.json").is_file():
+        title = f"training the network that all arms start from, seed {start.seed}"
+        seconds = _train(
+            config,
+            batch_noise(arm),
+            arguments,
+            study.data_yaml,
+            folder,
+            start.seed,
+            title,
+            progress,
+        )
+        around = surroundings(arguments.get("device"))
+        write_json(folder / "run.json", {**decided, "surroundings": around, "seconds": seconds})
+        checkpoints.forget(folder)
+    return str(folder / "weights" / "last.pt")
 
 
 def note_failure(study: Study, arm: str, seed: int, error: Exception) -> str:
@@ -166,17 +206,9 @@ def note_failure(study: Study, arm: str, seed: int, error: Exception) -> str:
 
 
 def run_folder(study: Study, arm_name: str, seed: int) -> Path:
-    """Where a run lies: arm, seed and a hash of model, arguments, noise (with its camera files) and data."""
-    config, arm = study.config, study.config.arm(arm_name)
-    cameras = [Path(part.camera) for part in (arm.white, arm.vis) if part is not None]
-    decides = {
-        "model": config.model,
-        "training": {**config.training, **arm.training},
-        "noise": arm.model_dump(mode="json", exclude={"training", "why", "like"}),
-        "cameras": [camera.read_text() for camera in cameras if camera.is_file()],
-        "data": read_json(study.data_yaml.with_name("conversion.json")),
-    }
-    return config.output / "runs" / f"{arm_name}-seed{seed}-{_digest(decides)}"
+    """Where a run lies: arm, seed and a hash of all that decides its outcome."""
+    digest = _digest(decides(study.config, study.config.arm(arm_name), study.data_yaml))
+    return study.config.output / "runs" / f"{arm_name}-seed{seed}-{digest}"
 
 
 def read_curves(path: Path) -> dict[str, list[float]]:
@@ -216,7 +248,7 @@ def _train(
             "project": str(folder.parent.resolve()),
             "name": folder.name,
             "exist_ok": True,
-            "pretrained": False,
+            "pretrained": config.model.endswith(".pt"),
             "plots": False,
             "verbose": False,
             "seed": seed,

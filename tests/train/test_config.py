@@ -75,8 +75,8 @@ def test_arms_of_the_ablation_differ_where_they_say():
 
 def test_white_noise_that_is_there_already_is_taken_off():
     from visaug.camera import Camera
-    from visaug_train.config import Vis
-    from visaug_train.training import vis_noise
+    from visaug_train.arms import Vis
+    from visaug_train.noise import vis_noise
 
     path = str(CONFIGS / "demo_camera.yaml")
     spec = Camera.load(path).spec

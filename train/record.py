@@ -1,0 +1,96 @@
+"""What decides the outcome of a run, and what surrounded it: the values, not the names of files."""
+
+import hashlib
+import platform
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import visaug
+from visaug.camera import Camera
+from visaug.documents import read_json
+from visaug_train.arms import Arm
+from visaug_train.config import Config
+
+PACKAGES = (
+    "torch",
+    "torchvision",
+    "numpy",
+    "ultralytics",
+    "ultralytics-opencv-headless",
+    "opencv-python-headless",
+)
+
+
+def decides(config: Config, arm: Arm, data_yaml: Path) -> dict[str, Any]:
+    """Network, arguments, noise, cameras by value, data: what a run's hash is made of."""
+    return {
+        "visaug": visaug.__version__,
+        "model": config.model,
+        "model_sha256": _file_digest(config.model),
+        "training": {**config.training, **arm.training},
+        "start": start_decides(config),
+        "noise": arm.model_dump(mode="json", exclude={"training", "why", "like"}),
+        "cameras": {name: camera_values(name) for name in arm.camera_files},
+        "data": read_json(data_yaml.with_name("conversion.json")),
+    }
+
+
+def start_decides(config: Config) -> dict[str, Any] | None:
+    """The same of the network that all runs start from."""
+    if config.start is None:
+        return None
+    arm = config.arm(config.start.like) if config.start.like else Arm()
+    return {
+        **config.start.model_dump(mode="json"),
+        "noise": arm.model_dump(mode="json", exclude={"why", "like"}),
+        "cameras": {name: camera_values(name) for name in arm.camera_files},
+    }
+
+
+def camera_values(name: str) -> dict[str, Any]:
+    """Every value of a camera, and a digest of its measured maps: a shipped camera that changes is another one."""
+    camera = Camera.load(name)
+    values = camera.to_dict()
+    values.pop("source", None)
+    if camera.maps:
+        maps = {
+            key: hashlib.sha256(value.numpy().tobytes()).hexdigest() for key, value in camera.maps.items()
+        }
+        values["maps_sha256"] = maps
+    return values
+
+
+def surroundings(device: Any = None) -> dict[str, Any]:
+    """Versions and the device; recorded beside a run, no part of its hash."""
+    import torch
+
+    found = {"python": platform.python_version(), "visaug": visaug.__version__}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    wanted = str(device) if device not in (None, "") else ""
+    on_cpu = wanted == "cpu" or not torch.cuda.is_available()
+    where = platform.processor() or platform.machine() if on_cpu else torch.cuda.get_device_name()
+    return {
+        **found,
+        "device": f"cpu: {where}" if on_cpu else f"cuda: {where}",
+        "threads": torch.get_num_threads(),
+    }
+
+
+def _file_digest(path: str) -> str | None:
+    """Of a file of weights; a YAML that comes with ultralytics is known by its name and version."""
+    file = Path(path)
+    if not file.is_file():
+        return None
+    return _digest_at(file, file.stat().st_mtime_ns)
+
+
+@lru_cache
+def _digest_at(file: Path, _changed: int) -> str:
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
