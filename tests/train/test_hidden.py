@@ -90,7 +90,7 @@ def stubbed(monkeypatch):
         (folder / "weights" / "best.pt").write_bytes(b"")
         (folder / "results.csv").write_text("epoch,train/pose_loss\n1,2.0\n")
 
-    def predict(weights, poses, *_):
+    def predict(weights, poses, *_, **__):
         arm, domain = weights.parts[-3], poses.name
         targets = project_targets(poses.camera, Keypoints.load(), poses.quaternions, poses.translations)
         knows = arm.startswith(domain) and not arm.startswith(
