@@ -14,11 +14,13 @@ import zipfile
 from collections.abc import Callable
 from math import prod
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
 from visaug.errors import InputError
+from visaug.frames import hdf5
+from visaug.frames.hdf5 import Hdf5File
 from visaug.frames.limits import check_axes, check_shape
 
 WHOLE_BYTES = 64 * 2**20  # a compressed array up to this size is decompressed at once and kept
@@ -158,7 +160,7 @@ class ArrayStore:
 
     def __init__(self, limit_bytes: int = 2 * WHOLE_BYTES, limit_open: int = 32) -> None:
         self.limit_bytes, self.limit_open = limit_bytes, limit_open
-        self._files: dict[tuple[Path, str | None], ArrayFile] = {}
+        self._files: dict[tuple[Path, str | None], ArrayFile | Hdf5File] = {}
 
     def read(self, path: Path, key: str | None, index: tuple[int, ...]) -> np.ndarray:
         return self._use(path, key, lambda f: f.read(index))
@@ -171,7 +173,7 @@ class ArrayStore:
 
     def _use(self, path: Path, key: str | None, what: Callable):
         name = (path, key)
-        file = self._files.pop(name, None) or ArrayFile(path, key)
+        file = self._files.pop(name, None) or _open(path, key)
         self._files[name] = file  # the last used stands last
         result = what(file)
         while len(self._files) > 1 and (
@@ -180,6 +182,30 @@ class ArrayStore:
         ):
             self._files.pop(next(iter(self._files))).close()
         return result
+
+
+def _open(path: Path, key: str | None) -> ArrayFile | Hdf5File:
+    return (Hdf5File if path.suffix.lower() in hdf5.SUFFIXES else ArrayFile)(path, key)
+
+
+def arrays_in(path: Path) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
+    """Name, shape and attributes of every array of numbers in a .npy, .npz or HDF5 file."""
+    if path.suffix.lower() in hdf5.SUFFIXES:
+        return hdf5.data_sets(path)
+    if path.suffix.lower() == ".npy":
+        keys: list[str | None] = [None]
+    else:
+        try:
+            with zipfile.ZipFile(path) as archive:
+                keys = [n.removesuffix(".npy") for n in archive.namelist() if n.endswith(".npy")]
+        except (OSError, zipfile.BadZipFile) as error:
+            raise InputError(f"cannot be read ({error}); truncated or no archive", file=path) from None
+    found = []
+    for key in keys:
+        file = ArrayFile(path, key)
+        found.append((key or "", file.shape, {}))
+        file.close()
+    return found
 
 
 def _data_offset(handle: IO[bytes], member: zipfile.ZipInfo) -> int:

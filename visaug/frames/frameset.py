@@ -77,7 +77,9 @@ class FrameSet:
                 "in which it lists the frames is taken"
             )
         elif kind == "fits":
-            records = sources.read_fits_folder(root, files)
+            records = sources.read_fits_folder(root, files, warnings)
+        elif kind == "named" or path.is_dir():
+            records = sources.read_named(root, files, warnings) or sources.read_pictures(root, files)
         else:
             records = sources.read_pictures(root, files)
         bit_depth = bit_depth or _common_depth(records)

@@ -9,15 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from visaug.errors import InputError
+from visaug.frames import fits, hdf5, photo
 from visaug.frames.arrays import ArrayStore
 from visaug.frames.limits import check_shape, pillow_image
 from visaug.frames.raw import read_raw
 
 ARRAYS = (".npy", ".npz")
+HDF5 = hdf5.SUFFIXES
 TIFFS = (".tif", ".tiff")
-FITS = (".fits", ".fit", ".fts")
+FITS = fits.SUFFIXES
+PHOTOS = photo.SUFFIXES
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
-SUFFIXES = (*ARRAYS, *TIFFS, *FITS, *PICTURES, ".raw")
+SUFFIXES = (*ARRAYS, *HDF5, *TIFFS, *FITS, *PICTURES, *PHOTOS, ".raw")
 _FRAGMENT = re.compile(r"^(?P<key>[^\[\]]*)(\[(?P<index>\s*[0-9]{1,9}(\s*,\s*[0-9]{1,9})*\s*)\])?$")
 
 
@@ -33,13 +36,22 @@ def split_name(name: str) -> tuple[str, str | None, tuple[int, ...]]:
     return file, match["key"].strip() or None, tuple(int(i) for i in index.split(",")) if index else ()
 
 
+def suffix_of(path: Path) -> str:
+    """The file's ending in small letters; both parts of ``.fits.fz`` and ``.fits.gz``."""
+    last = path.suffix.lower()
+    return Path(path.stem).suffix.lower() + last if last in (".fz", ".gz") else last
+
+
 class PixelReader:
     """Reads frames named relative to a folder, as they are stored: (H, W), integer or float, native
     byte order.
+
+    Attributes:
+        layout: how .raw files are laid out, see `visaug.frames.raw`.
     """
 
-    def __init__(self, root: Path, byte_order: str = "little") -> None:
-        self.root, self.byte_order = root, byte_order
+    def __init__(self, root: Path, layout: str = "little") -> None:
+        self.root, self.layout = root, layout
         self._arrays = ArrayStore()
 
     def path(self, name: str) -> Path:
@@ -53,18 +65,20 @@ class PixelReader:
         """
         file, key, index = split_name(name)
         path = self.root / file
-        suffix = path.suffix.lower()
-        if suffix in ARRAYS:
+        suffix = suffix_of(path)
+        if suffix in ARRAYS or suffix in HDF5:
             pixels = self._arrays.read(path, key, index)
             index = ()
         elif not _is_file(path):
             raise InputError("no such file", file=path)
         elif suffix == ".raw":
-            pixels = read_raw(path, raw_shape, self.byte_order)
+            pixels = read_raw(path, raw_shape, self.layout)
         elif suffix in TIFFS:
-            pixels = _read_tiff(path)
+            pixels, index = _read_tiff(path, index)
         elif suffix in FITS:
-            pixels = read_fits(path)
+            pixels, index = fits.read_fits(path, key, index), ()
+        elif suffix in PHOTOS:
+            pixels = photo.read_photo(path)
         elif suffix in PICTURES:
             pixels = _read_picture(path)
         else:
@@ -95,10 +109,12 @@ class PixelReader:
         """Type of the stored pixels where the file's header tells it without decoding, else None."""
         file, key, _ = split_name(name)
         path = self.root / file
-        suffix = path.suffix.lower()
-        if suffix in ARRAYS:
+        suffix = suffix_of(path)
+        if suffix in ARRAYS or suffix in HDF5:
             return self._arrays.dtype(path, key)
-        return np.dtype(np.uint16) if suffix == ".raw" else None
+        if suffix == ".raw":
+            return np.dtype(np.uint8 if self.layout == "mono8" else np.uint16)
+        return np.dtype(np.uint16) if suffix in PHOTOS else None
 
 
 def _is_file(path: Path) -> bool:
@@ -108,40 +124,26 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _read_tiff(path: Path) -> np.ndarray:
+def _read_tiff(path: Path, index: tuple[int, ...]) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Pixels, and the part of `index` that is still to be taken; of a plain stack one page alone is read."""
     import tifffile
 
     try:
         with tifffile.TiffFile(path) as file:
-            check_shape([int(n) for n in file.series[0].shape], path)
-            return _gray(file.asarray(series=0), path)
+            series = file.series[0]
+            if len(index) == 1 and len(series.shape) == 3 and len(series.pages) == series.shape[0]:
+                if index[0] >= series.shape[0]:
+                    raise InputError(f"index {list(index)} is outside shape {series.shape}", file=path)
+                page = series.pages[index[0]]
+                if page is not None and page.shape == series.shape[1:]:
+                    check_shape([int(n) for n in page.shape], path)
+                    return page.asarray(), ()
+            check_shape([int(n) for n in series.shape], path)
+            return _gray(series.asarray(), path), index
     except InputError:
         raise
     except Exception as error:  # tifffile and its codecs raise many kinds
         raise InputError(f"cannot be read ({error}); truncated or no TIFF", file=path) from None
-
-
-def read_fits(path: Path) -> np.ndarray:
-    """The first image in a FITS file, scaled by BZERO and BSCALE."""
-    import warnings
-
-    from astropy.io import fits
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of missing padding; missing pixels raise
-            with fits.open(path, memmap=False) as units:
-                for unit in units:
-                    if unit.is_image and unit.header.get("NAXIS", 0):
-                        check_shape([unit.header[f"NAXIS{n + 1}"] for n in range(unit.header["NAXIS"])], path)
-                    if unit.is_image and unit.data is not None:
-                        data = np.asarray(unit.data)
-                        return data.astype(data.dtype.newbyteorder("="), copy=False)
-    except InputError:
-        raise
-    except Exception as error:  # astropy raises many kinds for damaged files
-        raise InputError(f"cannot be read ({error}); truncated or no FITS", file=path) from None
-    raise InputError("holds no image", file=path)
 
 
 def _read_picture(path: Path) -> np.ndarray:

@@ -1,9 +1,15 @@
-"""Mono16 .raw: bare 16-bit pixels, row by row. Byte order and the place of the bits are found from
-the pixels.
+""".raw: bare pixels, row by row, 16 bits each or packed. How they are laid out is found from the file's size and
+from the pixels.
+
+Packed formats: GenICam Pixel Format Naming Convention 2.4 (``Mono10p``, ``Mono12p``: the bits of neighbouring pixels
+follow one another, lowest first) and GigE Vision 1.2 (``Mono10Packed``, ``Mono12Packed``: two pixels in three bytes,
+the low bits of both in the middle one).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,51 +19,115 @@ from visaug.errors import InputError
 BYTE_ORDERS = ("little", "big")
 
 
-def read_raw(path: Path, shape: tuple[int, int] | None, byte_order: str) -> np.ndarray:
-    """(H, W) uint16 as stored, `byte_order` ``little`` or ``big``.
+@dataclass(frozen=True)
+class _Layout:
+    """`pixels` pixels lie in `size` bytes; `unpack` takes (n, size) bytes to (n, pixels)."""
+
+    bits: int
+    pixels: int
+    size: int
+    unpack: Callable[[np.ndarray], np.ndarray]
+
+
+def _lowest_first(bits: int) -> Callable[[np.ndarray], np.ndarray]:
+    def unpack(groups: np.ndarray) -> np.ndarray:
+        word = np.zeros(len(groups), np.uint64)
+        for n in range(groups.shape[1]):
+            word |= groups[:, n].astype(np.uint64) << np.uint64(8 * n)
+        pixels = 8 * groups.shape[1] // bits
+        mask = np.uint64((1 << bits) - 1)
+        return np.stack([(word >> np.uint64(bits * n)) & mask for n in range(pixels)], 1).astype(np.uint16)
+
+    return unpack
+
+
+def _middle_byte(low_bits: int) -> Callable[[np.ndarray], np.ndarray]:
+    def unpack(groups: np.ndarray) -> np.ndarray:
+        first, middle, second = (groups[:, n].astype(np.uint16) for n in range(3))
+        low = (1 << low_bits) - 1
+        return np.stack([first << low_bits | (middle & low), second << low_bits | (middle >> 4 & low)], 1)
+
+    return unpack
+
+
+LAYOUTS = {
+    "little": _Layout(16, 1, 2, lambda b: b.copy().view("<u2")),
+    "big": _Layout(16, 1, 2, lambda b: b.copy().view(">u2").astype(np.uint16)),
+    "mono8": _Layout(8, 1, 1, lambda b: b),
+    "mono10p": _Layout(10, 4, 5, _lowest_first(10)),
+    "mono12p": _Layout(12, 2, 3, _lowest_first(12)),
+    "mono12packed": _Layout(12, 2, 3, _middle_byte(4)),
+    "mono10packed": _Layout(10, 2, 3, _middle_byte(2)),
+}
+
+
+def read_raw(path: Path, shape: tuple[int, int] | None, layout: str) -> np.ndarray:
+    """(H, W) as stored, uint16 (uint8 of ``mono8``); `layout` one of `LAYOUTS`.
 
     Raises:
         InputError: no resolution, or a file of another size.
     """
-    if shape is None:
-        raise InputError(
-            "a .raw file does not tell its size",
-            file=path,
-            field="resolution",
-            expected="the camera's rows and columns",
-        )
-    rows, columns = shape
-    try:
-        found = path.stat().st_size
-    except OSError:
-        raise InputError("no such file", file=path) from None
-    if found != 2 * rows * columns:
-        what = "is truncated" if found < 2 * rows * columns else "is too long"
+    rows, columns = _needed(shape, path)
+    form = LAYOUTS[layout]
+    size, found = _bytes(form, rows * columns), _size(path)
+    if found != size:
+        what = "is truncated" if found < size else "is too long"
         raise InputError(
             f"{what}: {found} bytes",
             file=path,
-            expected=f"{2 * rows * columns} bytes for {rows} x {columns} pixels of 16 bits",
+            expected=f"{size} bytes for {rows} x {columns} pixels of {form.bits} bits",
         )
-    return np.fromfile(path, dtype="<u2" if byte_order == "little" else ">u2").reshape(shape)
+    groups = np.fromfile(path, np.uint8).reshape(-1, form.size)
+    return form.unpack(groups).reshape(-1)[: rows * columns].reshape(rows, columns)
 
 
-def guess_byte_order(path: Path) -> str:
-    """The order in which neighbours are more alike; little endian, as GenICam has it, where both fit.
+def guess_layout(path: Path, shape: tuple[int, int] | None) -> str:
+    """The layout of the file's size in which neighbours are most alike; little endian, as GenICam has it, where
+    both orders of 16 bits fit, and where no layout has that size.
 
-    Swapping the bytes of a real picture turns its finest bits into its coarsest, so neighbours differ far
-    more.
+    Pixels unpacked in a wrong way have their coarsest bits among their finest, so neighbours differ far more.
     """
-    try:
-        pixels = np.fromfile(path, dtype="<u2", count=2**20).astype(np.int64)
-    except OSError:
-        raise InputError("no such file", file=path) from None
-    swapped = ((pixels & 0xFF) << 8) | (pixels >> 8)
-    if pixels.size < 2:
-        return "little"
-    return "big" if np.abs(np.diff(swapped)).mean() < np.abs(np.diff(pixels)).mean() else "little"
+    size, count = _size(path), None if shape is None else shape[0] * shape[1]
+    fitting = [n for n, f in LAYOUTS.items() if count is not None and _bytes(f, count) == size]
+    if not fitting or fitting[0] == "little":
+        fitting = list(BYTE_ORDERS)
+    data = np.fromfile(path, np.uint8, count=30 * 2**16)  # a whole number of groups of any size
+    best, least = fitting[0], float("inf")
+    for name in fitting:
+        form = LAYOUTS[name]
+        groups = data[: len(data) // form.size * form.size].reshape(-1, form.size)
+        if name == "mono10packed" and (groups[:, 1] & 0b11001100).any():
+            continue  # ten bits leave these free
+        pixels = form.unpack(groups).reshape(-1).astype(np.int64) / 2.0**form.bits
+        unlike = float(np.abs(np.diff(pixels)).mean()) if pixels.size > 1 else 0.0
+        if unlike < least:
+            best, least = name, unlike
+    return best
 
 
 def unused_low_bits(pixels: np.ndarray) -> int:
     """How many low bits are 0 in every pixel (16 where all pixels are 0)."""
     used = int(np.bitwise_or.reduce(pixels, axis=None))
     return 16 if used == 0 else (used & -used).bit_length() - 1
+
+
+def _bytes(form: _Layout, count: int) -> int:
+    return -(-count // form.pixels) * form.size
+
+
+def _needed(shape: tuple[int, int] | None, path: Path) -> tuple[int, int]:
+    if shape is None:
+        raise InputError(
+            "a .raw file does not tell its size",
+            file=path,
+            field="resolution",
+            expected="the camera's rows and columns (--camera), or a region 0:rows,0:columns in frames.csv",
+        )
+    return shape
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        raise InputError("no such file", file=path) from None

@@ -7,10 +7,13 @@ from __future__ import annotations
 from pathlib import Path, PureWindowsPath
 
 from visaug.errors import InputError
-from visaug.frames.pixels import FITS, PICTURES, SUFFIXES, TIFFS
+from visaug.frames.names import facts_of_name
+from visaug.frames.pixels import ARRAYS, FITS, HDF5, PHOTOS, PICTURES, SUFFIXES, TIFFS, suffix_of
 from visaug.frames.record import FrameRecord
+from visaug.frames.survey import frame_files, survey
 
 DESCRIPTOR = "EMVA1288_Data.txt"
+_SAID = ("overscan", "combined", "setting")  # notes of a survey that matter to who measures
 
 
 def read_descriptor(path: Path) -> tuple[list[FrameRecord], int, tuple[int, int]]:
@@ -58,72 +61,32 @@ def read_descriptor(path: Path) -> tuple[list[FrameRecord], int, tuple[int, int]
     return records, bits, shape
 
 
-def read_fits_folder(folder: Path, files: list[Path]) -> list[FrameRecord]:
-    """Records of FITS files with the usual headers (IMAGETYP, EXPTIME, CCD-TEMP, GAIN_DB), by
-    DATE-OBS or name.
+def read_fits_folder(folder: Path, files: list[Path], warnings: list[str]) -> list[FrameRecord]:
+    """Records of FITS files by their headers (IMAGETYP or OBSTYPE, EXPTIME, CCD-TEMP, GAIN, ...), their folders'
+    names where a header is silent, by DATE-OBS or name.
     """
-    from astropy.io import fits
-
-    found = []
-    for file in files:
-        try:
-            header = fits.getheader(file)
-            if "IMAGETYP" not in header and header.get("NAXIS") == 0:
-                header = fits.getheader(file, 1)
-        except Exception as error:  # astropy raises many kinds for damaged files
-            raise InputError(f"cannot be read ({error}); truncated or no FITS", file=file) from None
-        found.append((str(header.get("DATE-OBS", "")), file.name, file, header))
-    found.sort(key=lambda entry: entry[:2])
-    return [_fits_record(n, folder, file, header) for n, (_, _, file, header) in enumerate(found)]
+    found = survey(folder, files=files)
+    warnings += [note for note in found.notes if note.split(":")[0] in _SAID]
+    return found.records()
 
 
-def _fits_record(number: int, folder: Path, file: Path, header) -> FrameRecord:
-    text = str(header.get("IMAGETYP", header.get("FRAME", ""))).strip().lower()
-    kinds = {
-        "bias": "bias",
-        "zero": "bias",
-        "dark": "dark",
-        "flat": "flat",
-        "light": "scene",
-        "object": "scene",
-        "science": "scene",
-        "scene": "scene",
-    }
-    kind = next((value for word, value in kinds.items() if word in text), None)
-    if kind is None:
-        raise InputError(
-            f"IMAGETYP {text!r} is no kind of frame",
-            file=file,
-            field="IMAGETYP",
-            expected="bias, zero, dark, flat, light or object",
-        )
+def read_named(folder: Path, files: list[Path], warnings: list[str]) -> list[FrameRecord] | None:
+    """Records of pictures that a laboratory named (``bias_000.tif``, ``darks/dark_2s_20C_003.tif``); None where the
+    names are those of ordinary pictures.
 
-    def number_of(*names: str) -> float | None:
-        for name in names:
-            if header.get(name) not in (None, ""):
-                try:
-                    return float(header[name])
-                except (TypeError, ValueError):
-                    raise InputError(f"{header[name]!r} is no number", file=file, field=name) from None
+    Frames of a laboratory are those among which a bias frame is named, or dark frames and flats.
+    """
+    kinds = [facts_of_name(f.relative_to(folder).as_posix()).get("kind") for f in files]
+    named = sum(kind in ("bias", "dark", "flat") for kind in kinds)
+    if not ({"bias"} <= set(kinds) or {"dark", "flat"} <= set(kinds)) or 2 * named <= len(files):
         return None
-
-    exposure_s = number_of("EXPTIME", "EXPOSURE")
-    if exposure_s is None:
-        if kind != "bias":
-            raise InputError("is missing", file=file, field="EXPTIME", expected="the exposure in seconds")
-        exposure_s = 0.0
-    try:
-        return FrameRecord(
-            number,
-            file.relative_to(folder).as_posix(),
-            kind,
-            exposure_s,
-            number_of("CCD-TEMP", "CCD_TEMP", "DET-TEMP"),
-            number_of("GAIN_DB", "GAINDB") or 0.0,
-            photons=number_of("PHOTONS"),
-        )
-    except InputError as error:
-        raise InputError(error.problem, file=file, field=error.field, expected=error.expected) from None
+    found = survey(folder, files=files)
+    records = found.records()
+    warnings.append(
+        "read_from_names: kinds and exposures are those of the files' headers and names; `visaug frames` shows them"
+    )
+    warnings += [note for note in found.notes if note.split(":")[0] in _SAID]
+    return records
 
 
 def read_pictures(folder: Path, files: list[Path]) -> list[FrameRecord]:
@@ -143,7 +106,7 @@ def find(path: Path) -> tuple[str, Path, list[Path]]:
             return "table", path.parent, [path]
         if path.suffix.lower() == ".txt":
             return "descriptor", path.parent, [path]
-        if path.suffix.lower() in SUFFIXES:
+        if suffix_of(path) in SUFFIXES:
             return "pictures", path.parent, [path]
         raise InputError(
             "is no frame set", file=path, expected=f"a folder, a frames.csv, an {DESCRIPTOR} or a picture"
@@ -154,12 +117,21 @@ def find(path: Path) -> tuple[str, Path, list[Path]]:
         if (path / name).is_file():
             return kind, path, [path / name]
     files = sorted(f for f in path.iterdir() if f.is_file())
-    for kind, suffixes in (("fits", FITS), ("pictures", (*PICTURES, *TIFFS, ".npy", ".raw"))):
-        chosen = [f for f in files if f.suffix.lower() in suffixes]
+    for kind, suffixes in (
+        ("fits", FITS),
+        ("pictures", (*PICTURES, *TIFFS, *PHOTOS, ".npy", ".raw")),
+        ("named", (*ARRAYS, *HDF5)),
+    ):
+        chosen = [f for f in files if suffix_of(f) in suffixes]
         if chosen:
             return kind, path, chosen
+    below = frame_files(path)
+    kinds = {facts_of_name(f.relative_to(path).as_posix()).get("kind") for f in below}
+    if kinds & {"bias", "dark", "flat"}:
+        return ("fits" if all(suffix_of(f) in FITS for f in below) else "named"), path, below
     raise InputError(
-        "holds no frames",
+        "holds no frames" if not below else f"holds no frames itself; {len(below)} lie in folders below",
         file=path,
-        expected=f"frames.csv, {DESCRIPTOR}, FITS files or pictures ({' '.join(SUFFIXES)})",
+        expected=f"frames.csv (`visaug frames {path} -o {path / 'frames.csv'}` writes one), {DESCRIPTOR}, FITS files, "
+        f"pictures ({' '.join(SUFFIXES)}), or folders named bias, dark and flat",
     )

@@ -13,7 +13,7 @@ import numpy as np
 
 from visaug.errors import InputError
 from visaug.frames.pixels import PixelReader
-from visaug.frames.raw import BYTE_ORDERS, guess_byte_order, unused_low_bits
+from visaug.frames.raw import BYTE_ORDERS, LAYOUTS, guess_layout, unused_low_bits
 from visaug.frames.record import FrameRecord
 
 _PROBED = 8  # frames looked at to find where the bits lie
@@ -87,7 +87,7 @@ class FileStore:
         warnings: list[str],
     ) -> None:
         for field, value, choices in (
-            ("byte_order", byte_order, BYTE_ORDERS),
+            ("byte_order", byte_order, tuple(LAYOUTS)),
             ("bits_at", bits_at, ("top", "bottom")),
         ):
             if value is not None and value not in choices:
@@ -180,22 +180,32 @@ class FileStore:
         raws = [i for i, r in enumerate(self._records) if r.file.lower().endswith(".raw")]
         if raws and self._byte_order is None:
             probes = [raws[n] for n in np.unique(np.linspace(0, len(raws) - 1, _PROBED).astype(int))]
-            votes = [guess_byte_order(self._root / self._records[i].file) for i in probes]
-            self._byte_order = max(BYTE_ORDERS, key=votes.count)
-            self._reader.byte_order = self._byte_order
+            votes = [self._guess(i) for i in probes]
+            self._byte_order = max(dict.fromkeys(votes), key=votes.count)
+            self._reader.layout = self._byte_order
             self.warnings.append(
                 f"byte_order_assumed: .raw files are read as {self._byte_order} endian, in which "
                 "neighbouring pixels are more alike"
+                if self._byte_order in BYTE_ORDERS
+                else f"packing_assumed: .raw files are read as {self._byte_order}, by their size and because "
+                "neighbouring pixels are more alike so"
             )
+        packed_bits = LAYOUTS[self._reader.layout].bits if raws else 16
+        if packed_bits < 16 and self._bit_depth is None:
+            self._bit_depth = packed_bits
         dtype = self._reader.dtype(self._records[0].file)
         if dtype is None:
             dtype = self._stored(0).dtype
         deep = dtype.kind == "u" and dtype.itemsize == 2
+        deep = deep and packed_bits == 16
         unclear = (raws and self._bit_depth is None) or (deep and self._bit_depth not in (None, 16))
         if deep and (self._bits_at == "top" or (self._bits_at is None and unclear)):
             self._find_shift()
         if self._bit_depth is None:
             self._bit_depth = _bits_of(dtype)
+
+    def _guess(self, i: int) -> str:
+        return guess_layout(self._root / self._records[i].file, self._shape_of_raw(self._records[i]))
 
     def _find_shift(self) -> None:
         """Bits at the top of 16 leave the low bits 0 in every pixel."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import csv
 import difflib
 import io
-from collections.abc import Iterable
-from dataclasses import MISSING, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from visaug.errors import InputError
 from visaug.frames.kinds import is_master, kind_of
@@ -65,24 +66,29 @@ def write_table(path: str | Path, records: Iterable[FrameRecord]) -> None:
 
 def table_text(records: Iterable[FrameRecord]) -> str:
     """The content of a frames.csv."""
-    records = list(records)
-    used = [name for name in FURTHER if any(_written(r, name) for r in records)]
+    return rows_text({name: getattr(r, name) for name in _DEFAULTS} for r in records)
+
+
+def rows_text(rows: Iterable[Mapping[str, Any]]) -> str:
+    """The content of a frames.csv from mappings with the fields of `FrameRecord`; None leaves a cell blank."""
+    rows = list(rows)
+    used = [name for name in FURTHER if any(_written(r, name) for r in rows)]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*COLUMNS, *used])
-    writer.writerows([_written(r, name) for name in (*COLUMNS, *used)] for r in records)
+    writer.writerows([_written(r, name) for name in (*COLUMNS, *used)] for r in rows)
     return text.getvalue()
 
 
-_DEFAULTS = {f.name: f.default for f in fields(FrameRecord) if f.default is not MISSING}
+_DEFAULTS = {f.name: f.default for f in fields(FrameRecord)}
 
 
-def _written(record: FrameRecord, column: str) -> str:
-    if column == "region":
-        return "" if record.window is None else format_window(record.window)
-    value = getattr(record, column)
-    if value is None or (column in FURTHER and value == _DEFAULTS[column]):
+def _written(row: Mapping[str, Any], column: str) -> str:
+    value = row["window" if column == "region" else column]
+    if value is None or (column in FURTHER and value == _DEFAULTS.get(column)):
         return ""
+    if column == "region":
+        return format_window(value)
     if isinstance(value, str):
         return value
     return repr(float(value)) if value != int(value) else str(int(value))

@@ -1,0 +1,101 @@
+"""Data sets in HDF5 files, one frame at a time (extra `raw`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from visaug.errors import InputError
+from visaug.frames.limits import check_shape
+
+SUFFIXES = (".h5", ".hdf5", ".hdf")
+
+
+class Hdf5File:
+    """One data set, read in slices along its leading axes; the same interface as `ArrayFile`."""
+
+    held_bytes = 0
+
+    def __init__(self, path: Path, key: str | None = None) -> None:
+        self.path, self.key = path, key
+        self._file = open_hdf5(path)
+        sets = [name for name, _, _ in _data_sets(self._file)]
+        name = key or (sets[0] if len(sets) == 1 else None)
+        if name not in sets:
+            raise InputError(
+                f"holds no data set {key!r}" if key else "holds several data sets",
+                file=path,
+                expected="one of " + ", ".join(sets[:20]) + " after a #",
+            )
+        self._set = self._file[name]
+        self.shape, self.dtype = tuple(self._set.shape), self._set.dtype
+        if self.dtype.kind not in "uif":
+            raise InputError(
+                f"holds {self.dtype}", file=path, field=name, expected="integers or floats in DN"
+            )
+
+    @property
+    def frame_shape(self) -> tuple[int, ...]:
+        return self.shape[-2:]
+
+    def read(self, index: tuple[int, ...]) -> np.ndarray:
+        if len(index) > len(self.shape) or any(
+            not 0 <= i < n for i, n in zip(index, self.shape, strict=False)
+        ):
+            raise InputError(
+                f"index {list(index)} is outside the array of shape {self.shape}",
+                file=self.path,
+                field=self.key,
+            )
+        check_shape([int(n) for n in self.shape[len(index) :]], self.path)
+        try:
+            return np.asarray(self._set[index])
+        except (OSError, RuntimeError) as error:
+            raise InputError(f"cannot be read ({error}); truncated?", file=self.path) from None
+
+    def close(self) -> None:
+        self._file.close()
+
+
+def open_hdf5(path: Path) -> Any:
+    try:
+        import h5py
+    except ModuleNotFoundError:
+        raise InputError(
+            "HDF5 files need h5py", file=path, expected="the extra `raw`: pip install 'visaug[raw]'"
+        ) from None
+    try:
+        return h5py.File(path, "r")
+    except FileNotFoundError:
+        raise InputError("no such file", file=path) from None
+    except OSError as error:
+        raise InputError(f"cannot be read ({error}); truncated or no HDF5", file=path) from None
+
+
+def data_sets(path: Path) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
+    """Name, shape and attributes (those of its groups and the file under them) of every data set of numbers."""
+    with open_hdf5(path) as file:
+        return _data_sets(file)
+
+
+def _data_sets(file: Any) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
+    found = []
+
+    def visit(name: str, thing: Any) -> None:
+        if hasattr(thing, "dtype") and thing.dtype.kind in "uif" and len(thing.shape) >= 2:
+            attributes = dict(file.attrs)
+            parts = name.split("/")
+            for n in range(1, len(parts) + 1):
+                attributes.update(file["/".join(parts[:n])].attrs)
+            found.append((name, tuple(thing.shape), {k: _plain(v) for k, v in attributes.items()}))
+
+    file.visititems(visit)
+    return found
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    return value.item() if getattr(value, "size", 0) == 1 else value

@@ -1,0 +1,166 @@
+"""What files of every format say of the frames in them, without reading the pixels."""
+
+from __future__ import annotations
+
+import json
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from visaug.errors import InputError
+from visaug.frames import fits, pixels
+
+Facts = dict[str, Any]
+
+
+def frames_of(path: Path) -> list[tuple[str, Facts]]:
+    """Every frame of a file as (name behind ``#``, facts); ``""`` where the file is one frame.
+
+    Raises:
+        InputError: not readable.
+    """
+    suffix = pixels.suffix_of(path)
+    if suffix in pixels.FITS:
+        return fits.fits_frames(path)
+    if suffix in pixels.TIFFS:
+        return _tiff(path)
+    if suffix in pixels.PHOTOS:
+        return _photo(path)
+    if suffix in pixels.PICTURES:
+        return [("", _exif_of_picture(path))]
+    if suffix in pixels.ARRAYS or suffix in pixels.HDF5:
+        return _arrays(path)
+    return [("", {})]
+
+
+def _tiff(path: Path) -> list[tuple[str, Facts]]:
+    import tifffile
+
+    try:
+        with tifffile.TiffFile(path) as file:
+            series = file.series[0]
+            facts = _exif(_tags(file.pages[0]))
+            for text in (file.ome_metadata, file.micromanager_metadata):
+                facts.update(_microscope(text))
+            shape, axes = series.shape, series.axes
+    except Exception as error:  # tifffile and its codecs raise many kinds
+        raise InputError(f"cannot be read ({error}); truncated or no TIFF", file=path) from None
+    # The last two axes but colour are the frame; a stack runs along one axis before them.
+    depth = len(shape) - (3 if axes.endswith("S") else 2)
+    count = 1
+    for n in shape[: max(depth, 0)]:
+        count *= n
+    if count == 1:
+        return [("", facts)]
+    if depth > 1:
+        raise InputError(f"has shape {shape}", file=path, expected="one frame, or one stack of frames")
+    return [(f"[{i}]", dict(facts)) for i in range(count)]
+
+
+def _tags(page: Any) -> dict[str, Any]:
+    """EXIF fields of a TIFF page: its own tags and those of its EXIF directory."""
+    tags = {tag.name: tag.value for tag in page.tags if tag.count < 1000}
+    exif = tags.pop("ExifTag", None)
+    return {**tags, **exif} if isinstance(exif, dict) else tags
+
+
+def _photo(path: Path) -> list[tuple[str, Facts]]:
+    """A raw photograph: exposure and ISO from EXIF (most raw formats are TIFF files), mosaic and bits from the
+    raw data's description.
+    """
+    from visaug.frames.photo import describe_photo
+
+    facts: Facts = {}
+    try:
+        import tifffile
+
+        with tifffile.TiffFile(path) as file:
+            facts = _exif(_tags(file.pages[0]))
+    except Exception:  # a format of its own (CR3): EXIF is not to be had, the rest is
+        facts = {}
+    return [("", {**facts, **describe_photo(path)})]
+
+
+def _exif_of_picture(path: Path) -> Facts:
+    from PIL import ExifTags, Image
+
+    try:
+        with Image.open(path) as picture:
+            exif = picture.getexif()
+            tags = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
+    except Exception:  # the pixels' reader says what is wrong with the file
+        return {}
+    return _exif({ExifTags.TAGS.get(number, ""): value for number, value in tags.items()})
+
+
+def _exif(tags: dict[str, Any]) -> Facts:
+    """Exposure, ISO and time from EXIF fields (CIPA DC-008)."""
+    facts: Facts = {}
+    exposure = _ratio(tags.get("ExposureTime"))
+    if exposure is not None and exposure > 0:
+        facts["exposure_s"] = exposure
+    iso = tags.get("ISOSpeedRatings", tags.get("PhotographicSensitivity"))
+    iso = iso[0] if isinstance(iso, tuple) and iso else iso
+    if isinstance(iso, int) and iso > 0:
+        facts["setting"] = f"ISO={iso}"
+    text = str(tags.get("DateTimeOriginal", tags.get("DateTime", "")))
+    try:
+        moment = datetime.strptime(text[:19], "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC)
+        fraction = re.sub(r"\D", "", str(tags.get("SubsecTimeOriginal", "")))
+        facts["time_s"] = moment.timestamp() + (float(f"0.{fraction}") if fraction else 0.0)
+    except ValueError:
+        pass
+    return facts
+
+
+def _ratio(value: Any) -> float | None:
+    try:
+        if isinstance(value, tuple):
+            return round(value[0] / value[1], 12)
+        return None if value is None else float(value)
+    except (TypeError, ValueError, ZeroDivisionError, IndexError):
+        return None
+
+
+def _microscope(found: Any) -> Facts:
+    """Exposure of a microscope's TIFF: OME-XML (``ExposureTime``, its unit seconds unless told) or Micro-Manager."""
+    if isinstance(found, str):
+        match = re.search(r'ExposureTime="([\d.eE+-]+)"', found)
+        unit = re.search(r'ExposureTimeUnit="([^"]+)"', found)
+        scale = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "us": 1e-6}.get(unit[1] if unit else "s")
+        value = _ratio(match[1]) if match else None
+        return {"exposure_s": value * scale} if value is not None and scale else {}
+    if isinstance(found, dict):
+        match = re.search(r'"Exposure-ms":\s*"?([\d.]+)', json.dumps(found, default=str))
+        return {"exposure_s": float(match[1]) * 1e-3} if match else {}
+    return {}
+
+
+_ATTRIBUTES = ("exposure_s", "temperature_c", "gain_db", "photons", "bit_depth")
+_TEXTS = ("setting", "filter", "bayer")
+
+
+def _arrays(path: Path) -> list[tuple[str, Facts]]:
+    """Arrays by name: two axes are a frame, three a stack; an HDF5 data set's attributes are facts by the names
+    of frames.csv's columns.
+    """
+    from visaug.frames.arrays import arrays_in
+    from visaug.frames.names import facts_of_name
+
+    found: list[tuple[str, Facts]] = []
+    for key, shape, attributes in arrays_in(path):
+        facts = facts_of_name(key) if key else {}
+        for name in _ATTRIBUTES:
+            if (value := _ratio(attributes.get(name))) is not None:
+                facts[name] = int(value) if name == "bit_depth" else value
+        facts.update({n: str(attributes[n]) for n in _TEXTS if n in attributes})
+        if "kind" in attributes:
+            from visaug.frames.kinds import kind_of
+
+            facts["kind"] = kind_of(str(attributes["kind"]))
+        if len(shape) == 2:
+            found.append((key, facts))
+        elif len(shape) == 3:
+            found += [(f"{key}[{i}]", dict(facts)) for i in range(shape[0])]
+    return found

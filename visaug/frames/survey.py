@@ -1,0 +1,236 @@
+"""A folder's frames by their headers, subfolders and names: the table that frames.csv would be."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from visaug.errors import InputError
+from visaug.frames import pixels
+from visaug.frames.headers import Facts, frames_of
+from visaug.frames.names import facts_of_name
+from visaug.frames.record import FrameRecord, Window
+from visaug.frames.table import rows_text
+
+_FIELDS = tuple(f.name for f in fields(FrameRecord) if f.name not in ("sequence", "file", "clean"))
+_NAMED = 6  # files that a note lists
+
+
+@dataclass
+class Survey:
+    """What was found in a folder.
+
+    Attributes:
+        rows: one mapping a frame with the fields of `FrameRecord`; `kind` and `exposure_s` are None where nothing
+            tells them.
+        notes: what could not be found and how to give it, what was assumed.
+        complete: whether every row can become a record.
+    """
+
+    folder: Path
+    rows: list[Facts]
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def complete(self) -> bool:
+        return not self.missing("kind") and not self.missing("exposure_s")
+
+    def missing(self, name: str) -> list[Facts]:
+        """Rows that lack a field which a frame set cannot do without."""
+        if name == "exposure_s":
+            return [r for r in self.rows if r[name] is None and r["kind"] not in (None, "bias", "image")]
+        return [r for r in self.rows if r[name] is None]
+
+    def records(self) -> list[FrameRecord]:
+        """The rows as records.
+
+        Raises:
+            InputError: not complete, or a value out of range.
+        """
+        for name, what in (("kind", "bias, dark, flat or scene"), ("exposure_s", "seconds")):
+            if lacking := self.missing(name):
+                raise InputError(
+                    f"nothing tells the {name} of {_names(lacking)}",
+                    file=self.folder,
+                    field=name,
+                    expected=f"{what}: write a table with `visaug frames {self.folder} -o frames.csv` and "
+                    "complete it",
+                )
+        return [_record(row) for row in self.rows]
+
+    def text(self) -> str:
+        """The content of frames.csv; a cell stays blank where nothing tells it."""
+        return rows_text(self.rows)
+
+
+def survey(
+    folder: str | Path,
+    given: Mapping[str, Any] | None = None,
+    resolution: tuple[int, int] | None = None,
+    files: Sequence[Path] | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Survey:
+    """Find every frame below `folder` and what is known of it.
+
+    A header is believed before a file's name, a file's name before its folder's, all before `given`.
+
+    Args:
+        folder: searched with its subfolders; hidden ones are left out.
+        given: values for frames of which nothing tells them, by the columns of frames.csv.
+        resolution: rows and columns of .raw files, written as their region.
+        files: look at these alone.
+        progress: called with (description, done, total).
+
+    Raises:
+        InputError: no frames there, or a file that cannot be read.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError("is no folder", file=folder, expected="the folder that holds the frames")
+    files = frame_files(folder) if files is None else files
+    if not files:
+        raise InputError(
+            "holds no frames", file=folder, expected="files of the kinds " + " ".join(pixels.SUFFIXES)
+        )
+    rows: list[Facts] = []
+    for n, file in enumerate(files):
+        name = file.relative_to(folder).as_posix()
+        by_name = facts_of_name(name)
+        for fragment, facts in frames_of(file):
+            rows.append(_row(f"{name}#{fragment}" if fragment else name, facts, by_name, given or {}))
+            if resolution is not None and file.suffix.lower() == ".raw":
+                rows[-1]["window"] = rows[-1]["window"] or (0, resolution[0], 0, resolution[1])
+        if progress is not None:
+            progress("reading headers", n + 1, len(files))
+    notes = _order(rows)
+    found = Survey(folder, rows, notes)
+    found.notes += _notes(found)
+    return found
+
+
+def frame_files(folder: Path) -> list[Path]:
+    """Files that may hold frames, in natural order of their paths (2 before 10)."""
+    files = [
+        f
+        for f in folder.rglob("*")
+        if pixels.suffix_of(f) in pixels.SUFFIXES
+        and not any(part.startswith(".") for part in f.relative_to(folder).parts)
+        and f.is_file()
+    ]
+    return sorted(files, key=lambda f: natural(f.relative_to(folder).as_posix()))
+
+
+def natural(text: str) -> list[tuple[int, int, str]]:
+    """A key that sorts numbers in names by value."""
+    parts = re.split(r"(\d+)", text)
+    return [(1, int(p), "") if p.isdigit() else (0, 0, p) for p in parts]
+
+
+def _row(file: str, facts: Facts, by_name: Facts, given: Mapping[str, Any]) -> Facts:
+    row: Facts = {"sequence": 0, "file": file, "clean": None}
+    for name in _FIELDS:
+        values = (facts.get(name), by_name.get(name), given.get(name))
+        row[name] = next((v for v in values if v is not None), None)
+    if facts.get("combined") == 1 and "combined" in by_name:  # a header seldom says that it is no master
+        row["combined"] = by_name["combined"]
+    row["gain_db"] = row["gain_db"] or 0.0
+    row["combined"] = 1 if row["combined"] is None else row["combined"]
+    if row["kind"] == "bias" and row["exposure_s"] is None:
+        row["exposure_s"] = 0.0
+    if row["kind"] in ("bias", "dark"):
+        row["filter"] = row["photons"] = None
+    row["_header_kind"], row["_name_kind"] = facts.get("kind"), by_name.get("kind")
+    row["_overscan"] = facts.get("overscan", "")
+    row["_kind_text"] = facts.get("kind_text", "")
+    return row
+
+
+def _order(rows: list[Facts]) -> list[str]:
+    """Number the rows by time where all have one, else as they stand."""
+    timed = all(r["time_s"] is not None for r in rows)
+    if timed:
+        rows.sort(key=lambda r: (r["time_s"], natural(r["file"])))
+    for n, row in enumerate(rows):
+        row["sequence"] = n
+    if timed:
+        return []
+    return [
+        "order_assumed: not every frame has its time of acquisition; they are numbered by name. If that was not the "
+        "order, give it in the column sequence"
+    ]
+
+
+def _notes(found: Survey) -> list[str]:
+    notes = []
+    if lacking := found.missing("kind"):
+        notes.append(
+            f"kind: nothing tells what {_names(lacking)} are; put them into folders named bias, dark or flat, or fill "
+            "in the column kind"
+        )
+    if lacking := found.missing("exposure_s"):
+        notes.append(
+            f"exposure_s: nothing tells the exposure of {_names(lacking)}; put it into the names (dark_2s_003), give "
+            "it with --exposure where it is one for all, or fill in the column"
+        )
+    rows = found.rows
+    cold = [r for r in rows if r["kind"] == "dark" and r["temperature_c"] is None]
+    if cold:
+        notes.append(
+            f"temperature_c: not known of {_names(cold)}; without it the dark current has no temperature law. Give "
+            "--temperature, or fill in the column"
+        )
+    dim = [r for r in rows if r["kind"] == "flat" and r["photons"] is None]
+    if dim:
+        notes.append(
+            f"photons: not known of {_names(dim)}; without them quantum efficiency stays open. Where the light was "
+            "measured, fill in the mean number of photons per pixel"
+        )
+    if any(r["bit_depth"] is None and not r["file"].lower().endswith((".png", ".jpg")) for r in rows):
+        notes.append(
+            "bit_depth: not told by the files; a camera of 10, 12 or 14 bits often writes files of 16. Give --bit-depth"
+        )
+    unlike = [
+        r for r in rows if r["_header_kind"] and r["_name_kind"] and r["_header_kind"] != r["_name_kind"]
+    ]
+    if unlike:
+        notes.append(f"kind: header and name disagree for {_names(unlike)}; the header was believed")
+    if masters := [r for r in rows if r["combined"] != 1]:
+        notes.append(
+            f"combined: {_names(masters)} are combined from several exposures; they are no raw frames and tell no "
+            "temporal noise"
+        )
+    notes += _of_settings(rows)
+    if cut := [r for r in rows if r["_overscan"]]:
+        sections = ", ".join(sorted({r["_overscan"] for r in cut}))
+        notes.append(f"overscan: columns or rows outside TRIMSEC are cut off (BIASSEC {sections})")
+    return notes
+
+
+def _of_settings(rows: Sequence[Facts]) -> list[str]:
+    settings = sorted({r["setting"] for r in rows if r["setting"]})
+    if len(settings) < 2:
+        return []
+    return [
+        f"setting: frames of {len(settings)} settings ({'; '.join(settings[:_NAMED])}); each is a camera of its own, "
+        "and is measured apart"
+    ]
+
+
+def _names(rows: Sequence[Facts]) -> str:
+    names = [r["file"] for r in rows]
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f"{len(names)} frames ({', '.join(names[:_NAMED])}{more})" if len(names) > 1 else names[0]
+
+
+def _record(row: Facts) -> FrameRecord:
+    values = {name: row[name] for name in ("sequence", "file", "clean", *_FIELDS)}
+    window: Window | None = values["window"]
+    try:
+        return FrameRecord(**{**values, "window": window, "exposure_s": values["exposure_s"] or 0.0})
+    except InputError as error:
+        raise InputError(
+            error.problem, file=row["file"], field=error.field, expected=error.expected
+        ) from None
