@@ -1,7 +1,9 @@
 """Frame sets as a camera would take them."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -79,6 +81,31 @@ def _saturation_photons(camera: Camera) -> float:
     spec = camera.spec
     top_e = (2**spec.bit_depth - 1 - spec.black_level_dn) * spec.gain_e_per_dn
     return min(top_e, spec.full_well_e or top_e) / spec.quantum_efficiency
+
+
+def plan_for(camera: Camera) -> dict[str, Any]:
+    """Options of `visaug.frames.plan.plan_groups` that suit a camera: its saturation, exposure, temperature and
+    gain, and a dark ladder on which the dark current's shot noise passes the read noise.
+
+    Where the camera has dark current of D e-/s and read noise of sigma e-, both variances are equal at
+    sigma^2 / D seconds; the ladder stands at a quarter of that, at it, and at four times, below half of
+    saturation. The temperature is the camera's alone, for not every camera can change it.
+    """
+    spec = camera.spec
+    options: dict[str, Any] = {
+        "saturation_photons": _saturation_photons(camera),
+        "exposure_s": spec.exposure_s,
+        "temperatures_c": (spec.temperature_c,),
+        "gains_db": (spec.gain_db,),
+    }
+    dark = spec.dark_current
+    rate = dark.a_e_per_s * math.exp(dark.b_per_c * spec.temperature_c)
+    if rate > 0 and spec.read_noise.sigma_e > 0:
+        equal = spec.read_noise.sigma_e**2 / rate
+        longest = 0.5 * _saturation_photons(camera) * spec.quantum_efficiency / rate
+        ladder = (min(x * equal, longest) for x in (0.25, 1.0, 4.0))
+        options["dark_exposures_s"] = tuple(dict.fromkeys(float(f"{t:.2g}") for t in ladder))
+    return options
 
 
 def exposures(camera: Camera, plan: FrameSet, seed: int) -> Iterator[tuple[Sequence[int], Tensor]]:

@@ -216,3 +216,98 @@ def test_lists(program_run):
     assert status == 0
     assert "bias" in out
     assert Path("mine.csv").read_text().startswith("sequence,file,kind")
+
+
+def test_own_effects_are_loaded_by_every_command_that_reads_a_camera(program_run, tmp_path):
+    status, _, err = program_run("effects", "new", "step_of_mine", "-o", "own.py")
+    assert status == 0, err
+    own = {**CAMERA, "effects": [{"name": "step_of_mine"}]}
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(own))
+    for name in (
+        "simulate",
+        "plan",
+        "characterize",
+        "compare",
+        "diagnose",
+        "lab",
+        "train",
+        "ablate",
+        "evaluate",
+    ):
+        assert "--effects" in program_run(name, "--help")[1], name
+    refused, _, err = program_run("simulate", "plan.csv", "--camera", "own.yaml", "-o", "out")
+    assert refused == 2
+    assert "--effects FILE.py" in err
+    assert "visaug.effects.load_file" in err
+    status, _, err = program_run(
+        "simulate", "plan.csv", "--camera", "own.yaml", "--effects", "own.py", "-o", "out"
+    )
+    assert status == 0, err
+
+
+def test_nothing_edited_is_overwritten_without_force(program_run, tmp_path):
+    for name, words in (
+        ("frames.csv", ["plan"]),
+        ("frames.csv", ["frames", "shots"]),
+        ("camera.yaml", ["characterize", "shots"]),
+        ("camera.yaml", ["diagnose", "shots", "--camera", "camera.yaml"]),
+    ):
+        (tmp_path / name).write_text("mine")
+        status, _, err = program_run(*words, "-o", name)
+        assert status == 2, err
+        assert f"{name}: is there already; expected another name, or --force to overwrite it" in err
+        assert (tmp_path / name).read_text() == "mine"
+    assert program_run("plan", "-o", "frames.csv", "--force")[0] == 0
+    assert (tmp_path / "frames.csv").read_text().startswith("sequence,file,kind")
+
+
+def test_simulating_into_a_full_folder_names_the_option_that_there_is(program_run, tmp_path):
+    words = ("simulate", "plan.csv", "--camera", "camera.yaml", "-o", "out")
+    (tmp_path / "camera.yaml").write_text(yaml.safe_dump(CAMERA))
+    assert program_run(*words)[0] == 0
+    status, _, err = program_run(*words)
+    assert status == 2
+    assert "--force" in err
+    assert program_run(*words, "--force")[0] == 0
+
+
+def test_frames_of_a_folder_as_a_table(program_run, tmp_path):
+    import tifffile
+
+    for name in ("bias/1.tif", "bias/2.tif", "darks/1s_20C_1.tif", "flat/1.tif"):
+        (tmp_path / "shots" / name).parent.mkdir(parents=True, exist_ok=True)
+        tifffile.imwrite(tmp_path / "shots" / name, np.full((6, 8), 90, np.uint16), photometric="minisblack")
+    status, out, err = program_run("frames", "shots", "-o", "shots/frames.csv")
+    assert status == 0, err
+    assert "nothing tells the exposure of flat/1.tif" in out
+    assert "not complete" in out
+    words = ("frames", "shots", "-o", "shots/frames.csv", "--exposure", "0.1", "--bit-depth", "12", "--force")
+    status, out, err = program_run(*words)
+    assert status == 0, err
+    assert "not complete" not in out
+    frames = visaug.FrameSet.load(tmp_path / "shots")
+    assert [r.exposure_s for r in frames.records] == [0.0, 0.0, 1.0, 0.1]
+    assert frames.bit_depth == 12
+
+
+def test_a_plan_for_a_camera_and_by_hand(program_run, tmp_path):
+    hot = {**CAMERA, "dark_current": {"a_e_per_s": 5.0, "b_per_c": 0.0}, "exposure_s": 0.02}
+    (tmp_path / "hot.yaml").write_text(yaml.safe_dump(hot))
+    words = ("plan", "--camera", "hot.yaml", "--levels", "0.1,0.5", "--repeats", "2", "-o", "p.csv")
+    status, _, err = program_run(*words)
+    assert status == 0, err
+    plan = visaug.frames.read_table(tmp_path / "p.csv")
+    # Read noise of 5 e- against 5 e-/s: the dark shot noise equals it at 25 / 5 s.
+    darks = {r.exposure_s for r in plan if r.kind == "dark" and r.exposure_s > 0.1}
+    assert darks == {1.2, 5.0, 20.0}
+    assert {r.temperature_c for r in plan} == {20.0}
+    assert {r.gain_db for r in plan} == {0.0}
+    # (4095 - 30) DN of 2 e-/DN at half an electron a photon
+    saturation = 4065 * 2.0 / 0.5
+    assert {r.photons for r in plan if r.kind == "flat" and r.exposure_s == 0.02} == {
+        round(0.1 * saturation),
+        round(0.5 * saturation),
+    }
+    status, _, err = program_run("plan", "--temperatures", "none", "--gains-db", "0;3", "-o", "q.csv")
+    assert status == 2
+    assert "--gains-db" in err

@@ -153,7 +153,10 @@ def _check_effect(entry: dict[str, Any], path: str, file: Path | None) -> None:
     name = entry.get("name")
     known = {key: effect for key, effect in catalogue().items() if not effect.base}
     if name not in known:
-        expected = f"one of {', '.join(known)}"
+        expected = (
+            f"one of {', '.join(known)}; an effect of your own is loaded first: --effects FILE.py, or "
+            "visaug.effects.load_file in Python"
+        )
         raise InputError(f"{name!r} is not an effect", file=file, field=f"{path}.name", expected=expected)
     for key, value in list(entry.items()):
         if key == "name":

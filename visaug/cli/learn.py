@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from visaug.cli.options import command, json_option, output_option, written
+from visaug.cli.options import command, effects_option, json_option, output_option, written
 from visaug.cli.tables import print_table
 from visaug.errors import InputError
 from visaug.progress import progress_bars
@@ -41,6 +41,7 @@ def demo(output: Path, seed: int) -> None:
 
 @command("train", example="visaug train configs/demo.yaml")
 @config_argument
+@effects_option("Effects of your own that the cameras name.")
 def train(config_path: Path, seed: int) -> None:
     """Train one network as CONFIG says."""
     run("train", config_path, seed)
@@ -48,6 +49,7 @@ def train(config_path: Path, seed: int) -> None:
 
 @command("ablate", example="visaug ablate configs/speedplus.yaml")
 @config_argument
+@effects_option("Effects of your own that the cameras name.")
 def ablate(config_path: Path, seed: int) -> None:
     """Train the arms that CONFIG names with all else equal, and compare them."""
     run("ablate", config_path, seed)
@@ -71,6 +73,7 @@ def run(what: str, config_path: Path, seed: int) -> None:
 )
 @click.option("--data", metavar="DIR", type=click.Path(path_type=Path), help="A SPEED or SPEED+ folder.")
 @click.option("--domain", metavar="NAME", help="Which of its test sets.")
+@effects_option("Effects of your own that the cameras name.")
 @json_option
 def evaluate(
     config_path: Path | None,

@@ -7,11 +7,15 @@ import click
 
 from visaug.cli import summaries
 from visaug.cli.options import (
+    bit_depth_option,
     camera_option,
     command,
+    effects_option,
+    force_option,
     frames_argument,
     json_option,
     load_camera,
+    may_write,
     output_option,
     report_option,
     written,
@@ -22,6 +26,8 @@ from visaug.progress import progress_bars
 @command("characterize", example="visaug characterize frames/ -o camera.yaml --report characterization.html")
 @frames_argument
 @camera_option(required=False)
+@effects_option()
+@bit_depth_option
 @click.option(
     "--method",
     type=click.Choice(["emva", "paper"]),
@@ -37,14 +43,17 @@ from visaug.progress import progress_bars
     type=click.Path(path_type=Path),
     help="Write master bias, dark-current and defect maps as FITS.",
 )
+@force_option
 @json_option
 @report_option
 def characterize(
     frames_path: Path,
     camera_name: str | None,
+    bit_depth: int | None,
     method: Literal["emva", "paper"],
     output: Path | None,
     maps_path: Path | None,
+    force: bool,
     json_path: Path | None,
     report_path: Path | None,
     seed: int,
@@ -57,8 +66,9 @@ def characterize(
     import visaug
     from visaug.files import write_json
 
+    may_write(output, force)
     camera = load_camera(camera_name) if camera_name else None
-    frames = visaug.FrameSet.load(frames_path, resolution=camera.resolution if camera else None)
+    frames = visaug.FrameSet.load(frames_path, camera.resolution if camera else None, bit_depth)
     with progress_bars() as progress:
         progress("characterizing", 0, 1)
         result = visaug.characterize(frames, camera, seed=seed, method=method)
@@ -81,17 +91,24 @@ def characterize(
 @command("compare", example="visaug compare frames/ --camera camera.yaml --report comparison.html")
 @frames_argument
 @camera_option()
+@effects_option()
+@bit_depth_option
 @json_option
 @report_option
 def compare(
-    frames_path: Path, camera_name: str, json_path: Path | None, report_path: Path | None, seed: int
+    frames_path: Path,
+    camera_name: str,
+    bit_depth: int | None,
+    json_path: Path | None,
+    report_path: Path | None,
+    seed: int,
 ) -> None:
     """Where model and measurement differ, and by how much."""
     import visaug
     from visaug.files import write_json
 
     camera = load_camera(camera_name)
-    frames = visaug.FrameSet.load(frames_path, resolution=camera.resolution)
+    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
     with progress_bars() as progress:
         result = visaug.compare(camera, frames, seed=seed, progress=progress)
     content = result.to_json()
@@ -112,14 +129,8 @@ def compare(
 )
 @frames_argument
 @camera_option()
-@click.option(
-    "--effects",
-    "effects",
-    metavar="my.py",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="Effects of your own to try beside the catalogue's (see `visaug effects new`). May be repeated.",
-)
+@effects_option("Effects of your own to try beside the catalogue's (see `visaug effects new`).", pass_on=True)
+@bit_depth_option
 @click.option(
     "--without", metavar="NAME", multiple=True, help="Leave an effect of the catalogue out. May be repeated."
 )
@@ -129,15 +140,18 @@ def compare(
     help="Simulate on a Ray cluster: its address, auto, or local for this machine (extra `cluster`).",
 )
 @output_option("camera2.yaml", "Write the camera with what was missing.")
+@force_option
 @json_option
 @report_option
 def diagnose(
     frames_path: Path,
     camera_name: str,
     effects: tuple[Path, ...],
+    bit_depth: int | None,
     without: tuple[str, ...],
     cluster: str | None,
     output: Path | None,
+    force: bool,
     json_path: Path | None,
     report_path: Path | None,
     seed: int,
@@ -147,10 +161,11 @@ def diagnose(
     from visaug.cli.effect_pages import find
     from visaug.files import write_json
 
+    may_write(output, force)
     for name in without:
         find(name)
     camera = load_camera(camera_name)
-    frames = visaug.FrameSet.load(frames_path, resolution=camera.resolution)
+    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
     with progress_bars() as progress:
         result = visaug.diagnose(
             camera,
@@ -177,14 +192,8 @@ def diagnose(
 @command("lab", example="visaug lab frames/ --camera camera.yaml")
 @frames_argument
 @camera_option()
-@click.option(
-    "--effects",
-    "effects",
-    metavar="my.py",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="Effects of your own; the page can load more. May be repeated.",
-)
+@effects_option("Effects of your own; the page can load more.", pass_on=True)
+@bit_depth_option
 @output_option("camera2.yaml", "Where the page's Save camera writes it, beside the download.")
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=0, show_default="a free one", help="Port on 127.0.0.1."
@@ -194,6 +203,7 @@ def lab(
     frames_path: Path,
     camera_name: str,
     effects: tuple[Path, ...],
+    bit_depth: int | None,
     output: Path | None,
     port: int,
     browser: bool,
@@ -217,7 +227,7 @@ def lab(
         raise
     own = [name for file in effects for name in load_own(file)]  # first: the camera may name one of them
     camera = load_camera(camera_name)
-    frames = visaug.FrameSet.load(frames_path, resolution=camera.resolution)
+    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
     bench = Bench(camera, frames, own, seed=seed, output=output)
     try:
         serve(bench, port, say=click.echo, ready=click.launch if browser else None)

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from visaug.errors import InputError
+
 if TYPE_CHECKING:
     from visaug.camera import Camera
 
@@ -67,6 +69,57 @@ def output_option(metavar: str, text: str, **more: Any) -> Decorator:
     return click.option(
         "-o", "--output", "output", metavar=metavar, type=click.Path(path_type=Path), help=text, **more
     )
+
+
+def _load_effects(_: click.Context, __: click.Parameter, files: tuple[Path, ...]) -> tuple[Path, ...]:
+    """Loads them while the options are read, so that a camera file may name them."""
+    from visaug.effects.catalogue import load_file
+
+    for file in files:
+        load_file(file)
+    return files
+
+
+def effects_option(
+    text: str = "Effects of your own that the camera names.", *, pass_on: bool = False
+) -> Decorator:
+    """`--effects FILE.py`, loaded before the command runs; handed to it as `effects` where `pass_on`."""
+    return click.option(
+        "--effects",
+        "effects",
+        metavar="FILE.py",
+        multiple=True,
+        type=click.Path(path_type=Path),
+        callback=_load_effects,
+        expose_value=pass_on,
+        help=text + " May be repeated.",
+    )
+
+
+bit_depth_option = click.option(
+    "--bit-depth",
+    "bit_depth",
+    metavar="N",
+    type=click.IntRange(1, 32),
+    help="Bits of the converter, where files of 16 bits hold 10, 12 or 14.",
+)
+force_option = click.option("--force", is_flag=True, help="Overwrite what is there.")
+
+
+def may_write(path: Path | None, force: bool) -> None:
+    """Refuse, before any work, to overwrite what a user may have edited."""
+    if path is not None and path.exists() and not force:
+        raise InputError("is there already", file=path, expected="another name, or --force to overwrite it")
+
+
+def numbers(text: str, field: str) -> tuple[float, ...]:
+    """Numbers of a list as ``0.1,0.5,2``."""
+    try:
+        return tuple(float(word) for word in text.replace(",", " ").split())
+    except ValueError:
+        raise InputError(
+            f"{text!r} is no list of numbers", field=field, expected="for instance 0.1,0.5,2"
+        ) from None
 
 
 def load_camera(name: str) -> "Camera":

@@ -1,10 +1,13 @@
 """Results on the terminal, from their JSON form."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from visaug.cli.tables import print_table
+
+if TYPE_CHECKING:
+    from visaug.frames.survey import Survey
 
 MARK = "…"
 
@@ -20,6 +23,25 @@ def print_characterization(result: dict[str, Any]) -> None:
         click.echo(f"not determined: {entry['parameter']}; needs {entry['needs']}")
     for warning in result["warnings"]:
         click.echo(f"warning: {warning}")
+
+
+def print_survey(found: "Survey") -> None:
+    """The frames of each condition, then what is missing."""
+    rows = [
+        [kind or "?", str(count), *(_cell(v) for v in values)]
+        for (kind, *values), count in found.conditions().items()
+    ]
+    print_table(
+        ["kind", "frames", "exposure s", "temperature C", "gain dB", "setting", "filter", "photons"], rows
+    )
+    for note in found.notes:
+        click.echo(note)
+    if not found.complete:
+        click.echo("the table is not complete: fill in the blank cells before it is used")
+
+
+def _cell(value: float | str | None) -> str:
+    return "" if value is None else value if isinstance(value, str) else f"{value:g}"
 
 
 def print_comparison(result: dict[str, Any]) -> None:

@@ -1,10 +1,23 @@
 """Commands that make images or tell what can be made: augment, simulate, plan, cameras, effects."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
-from visaug.cli.options import camera_option, command, load_camera, output_option, written
+from visaug.cli import summaries
+from visaug.cli.options import (
+    bit_depth_option,
+    camera_option,
+    command,
+    effects_option,
+    force_option,
+    load_camera,
+    may_write,
+    numbers,
+    output_option,
+    written,
+)
 from visaug.cli.tables import print_table
 from visaug.progress import progress_bars
 
@@ -73,8 +86,10 @@ def augment(
 )
 @click.argument("plan_path", metavar="PLAN", type=click.Path(path_type=Path))
 @camera_option()
+@effects_option()
 @output_option("DIR", "Folder for the frames, frames.csv and camera.yaml.", required=True)
-def simulate(plan_path: Path, camera_name: str, output: Path, seed: int) -> None:
+@force_option
+def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed: int) -> None:
     """A frame set as a camera would take it.
 
     PLAN is a frames.csv, whose `file` names what to write, or a frame set to take again. A scene whose
@@ -83,28 +98,102 @@ def simulate(plan_path: Path, camera_name: str, output: Path, seed: int) -> None
     from visaug.frames import FrameSet
     from visaug.simulation import simulate, with_chart
 
+    if output.is_dir() and any(output.iterdir()):
+        may_write(output, force)
     camera = load_camera(camera_name)
     plan = with_chart(camera, FrameSet.load(plan_path, resolution=camera.resolution))
     with progress_bars() as progress:
         frames = simulate(camera, plan, seed=seed, progress=progress)
-        frames.save(output, keep_names=True)
+        frames.save(output, keep_names=True, overwrite=force)
     camera.save(output / "camera.yaml")
     click.echo(f"wrote {len(frames)} frames to {output}")
 
 
-@command("plan", example="visaug plan -o frames.csv")
+@command(
+    "plan",
+    example="visaug plan --camera sony_imx174 --temperatures 20 --gains-db 0 -o frames.csv\n"
+    "visaug plan --exposure 0.02 --dark-exposures 0.1,1,10 --levels 0.1,0.3,0.6,1.1 -o frames.csv",
+)
+@camera_option(required=False)
+@effects_option()
+@click.option("--saturation", "saturation_photons", type=float, metavar="PHOTONS",
+              help="Photons per pixel that fill the pixel at the exposure of the flats.")  # fmt: skip
+@click.option("--exposure", "exposure_s", type=float, metavar="S", help="Exposure of flats and scenes.")
+@click.option("--dark-exposures", metavar="S,S,...", help="Exposures of the dark ladder in seconds.")
+@click.option("--levels", metavar="X,X,...", help="Light of the flats, in shares of saturation.")
+@click.option("--temperatures", metavar="C,C,... | none",
+              help="Of the dark ladder; the first is that of all other frames. `none` where it is not known.")  # fmt: skip
+@click.option("--gains-db", metavar="DB,DB,...", help="Gain settings; the first is that of all other frames.")
+@click.option("--repeats", type=int, metavar="N", help="Frames at every setting, 2 or more.")
+@click.option("--bias-frames", type=int, metavar="N", help="Frames of the master bias, 2 or more.")
 @output_option("frames.csv", "Write the plan as a frames.csv.")
-def plan(output: Path | None, seed: int) -> None:
-    """Which frames to take of a camera, and why."""
-    from visaug.frames.plan import default_plan, describe_plan
+@force_option
+def plan(camera_name: str | None, output: Path | None, force: bool, seed: int, **given: Any) -> None:
+    """Which frames to take of a camera, and why.
+
+    With --camera, light, exposures, temperature and gain are chosen to suit it; what is given besides wins.
+    """
+    from visaug.files import whole_file
+    from visaug.frames.plan import describe_plan, plan_groups
     from visaug.frames.table import write_table
 
-    click.echo(describe_plan())
-    if output:
-        from visaug.files import whole_file
+    may_write(output, force)
+    options: dict[str, Any] = {}
+    if camera_name:
+        from visaug.simulation import plan_for
 
+        options = plan_for(load_camera(camera_name))
+    for option, field in (
+        ("dark_exposures", "dark_exposures_s"),
+        ("levels", "levels"),
+        ("temperatures", "temperatures_c"),
+        ("gains_db", "gains_db"),
+    ):
+        text = given.pop(option)
+        if text is not None:
+            given[field] = (None,) if text == "none" else numbers(text, "--" + option.replace("_", "-"))
+    options.update({name: value for name, value in given.items() if value is not None})
+    groups = plan_groups(**options)
+    click.echo(describe_plan(groups))
+    if output:
         with whole_file(output) as temporary:
-            write_table(temporary, default_plan())
+            write_table(temporary, [record for group in groups for record in group.records])
+    written(output)
+
+
+@command("frames", example="visaug frames measured/ -o measured/frames.csv --bit-depth 12 --temperature 20")
+@click.argument("folder", metavar="FOLDER", type=click.Path(path_type=Path))
+@bit_depth_option
+@click.option("--exposure", "exposure_s", type=float, metavar="S", help="Where nothing tells it, in seconds.")
+@click.option("--temperature", "temperature_c", type=float, metavar="C", help="Where nothing tells it.")
+@click.option("--gain-db", "gain_db", type=float, metavar="DB", help="Where nothing tells it.")
+@click.option("--resolution", metavar="ROWSxCOLUMNS", help="Of .raw files.")
+@output_option("frames.csv", "Write the table; `file` is relative to the folder that it lies in.")
+@force_option
+def frames(
+    folder: Path,
+    bit_depth: int | None,
+    resolution: str | None,
+    output: Path | None,
+    force: bool,
+    seed: int,
+    **given: float | None,
+) -> None:
+    """The table of a folder's frames, from headers (FITS, TIFF, EXIF), subfolders and file names.
+
+    Names such as bias_000.tif, darks/dark_2s_20C_003.fits and flat_10ms_500ph.png are understood. What nothing
+    tells stays blank and is listed with how to give it.
+    """
+    from visaug.files import write_text
+    from visaug.frames.survey import parse_resolution, survey
+
+    may_write(output, force)
+    values = {**given, "bit_depth": bit_depth}
+    with progress_bars() as progress:
+        found = survey(folder, values, parse_resolution(resolution), progress=progress)
+    summaries.print_survey(found)
+    if output:
+        write_text(output, found.text(output.parent))
     written(output)
 
 
@@ -157,4 +246,4 @@ def effects(words: tuple[str, ...], output: Path | None, files: tuple[Path, ...]
             )
 
 
-COMMANDS: list[click.Command] = [augment, simulate, plan, cameras, effects]
+COMMANDS: list[click.Command] = [augment, simulate, plan, frames, cameras, effects]

@@ -25,6 +25,7 @@ def _shipped() -> dict[str, type[Effect]]:
 
 
 _loaded: dict[str, type[Effect]] = {}
+_files: dict[tuple[Path, bytes], list[type[Effect]]] = {}  # what files gave, by place and content
 
 
 def catalogue() -> dict[str, type[Effect]]:
@@ -46,10 +47,15 @@ def register(effect: type[Effect]) -> type[Effect]:
 
 
 def load_file(path: str | Path) -> list[type[Effect]]:
-    """Adds every effect class that a Python file defines."""
+    """Adds every effect class that a Python file defines; a file that was loaded before is not run again
+    unless it has changed.
+    """
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file; expected a Python file that defines an Effect")
+    version = (path.resolve(), hashlib.blake2b(path.read_bytes(), digest_size=16).digest())
+    if version in _files:
+        return [register(effect) for effect in _files[version]]
     tag = hashlib.blake2b(str(path.resolve()).encode(), digest_size=4).hexdigest()
     spec = importlib.util.spec_from_file_location(f"visaug_user_{path.stem}_{tag}", path)
     assert spec is not None
@@ -62,7 +68,8 @@ def load_file(path: str | Path) -> list[type[Effect]]:
     effects = _effects_in(module)
     if not effects:
         raise InputError(f"{path}: defines no Effect; see `visaug effects new NAME` for one that runs")
-    return [register(effect) for effect in effects.values()]
+    _files[version] = [register(effect) for effect in effects.values()]
+    return _files[version]
 
 
 def _effects_in(module: ModuleType) -> dict[str, type[Effect]]:

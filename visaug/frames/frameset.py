@@ -79,7 +79,10 @@ class FrameSet:
         elif kind == "fits":
             records = sources.read_fits_folder(root, files, warnings)
         elif kind == "named" or path.is_dir():
-            records = sources.read_named(root, files, warnings) or sources.read_pictures(root, files)
+            named = sources.read_named(root, files, warnings)
+            if named is None and kind == "named":
+                raise sources.nothing_here(path, len(files))
+            records = named or sources.read_pictures(root, files)
         else:
             records = sources.read_pictures(root, files)
         bit_depth = bit_depth or _common_depth(records)

@@ -27,10 +27,11 @@ def plan_groups(
     saturation_photons: float = 20000.0,
     exposure_s: float = 0.01,
     dark_exposures_s: Sequence[float] = (0.1, 0.5, 2.0),
-    temperatures_c: Sequence[float] = (15, 20, 25, 30),
+    temperatures_c: Sequence[float | None] = (15, 20, 25, 30),
     gains_db: Sequence[float] = (0, 6, 12),
     repeats: int = 4,
     bias_frames: int = 32,
+    levels: Sequence[float] = LEVELS,
     suffix: str = ".tif",
 ) -> tuple[PlannedGroup, ...]:
     """The groups of the default plan, numbered in the order of acquisition.
@@ -39,10 +40,12 @@ def plan_groups(
         saturation_photons: photons per pixel that fill the pixel at `exposure_s` and the lowest gain.
         exposure_s: exposure of flats and scenes in seconds.
         dark_exposures_s: exposures of the dark ladder; the longest should give a few electrons or more.
-        temperatures_c: temperatures of the dark ladder; the first is that of all other frames.
+        temperatures_c: temperatures of the dark ladder; the first is that of all other frames; ``(None,)`` where
+            the camera does not tell it.
         gains_db: gain settings; the first is that of all other frames.
         repeats: frames at every setting; 2 at least, for temporal noise is a difference of frames.
         bias_frames: frames of the master bias.
+        levels: light of the flats in shares of saturation; the standard asks for nine or more, one beyond it.
         suffix: format of the files.
     """
     if saturation_photons <= 0:
@@ -61,14 +64,16 @@ def plan_groups(
             field="plan",
             expected="2 or more bias frames, one or more temperatures, gains and dark exposures",
         )
+    if not levels or min(levels) <= 0:
+        raise InputError(f"{list(levels)}", field="levels", expected="shares of saturation above 0")
     groups: list[PlannedGroup] = []
-    warm, base_gain = float(temperatures_c[0]), float(gains_db[0])
+    warm, base_gain = temperatures_c[0], float(gains_db[0])
     count = 0
 
     def frame(
         kind: str,
         exposure: float,
-        temperature_c: float = warm,
+        temperature_c: float | None = warm,
         gain_db: float = base_gain,
         photons: float | None = None,
     ) -> FrameRecord:
@@ -79,7 +84,7 @@ def plan_groups(
             f"{kind}_{count - 1:04d}{suffix}",
             kind,
             float(exposure),
-            float(temperature_c),
+            None if temperature_c is None else float(temperature_c),
             float(gain_db),
             photons,
         )
@@ -97,20 +102,22 @@ def plan_groups(
     )
     add(
         "dark ladder",
-        f"lens capped, {len(dark_exposures_s)} exposures at {len(temperatures_c)} temperatures",
+        f"lens capped, {len(dark_exposures_s)} exposures at {len(temperatures_c)} temperature"
+        f"{'s' if len(temperatures_c) > 1 else ''}",
         "dark current and its temperature law, its non-uniformity, hot pixels, glow, random telegraph noise",
         "dark current; one temperature alone leaves its temperature coefficient open",
         [frame("dark", t, c) for c in temperatures_c for t in dark_exposures_s for _ in range(repeats)],
     )
     add(
         "flats",
-        f"even light at {len(LEVELS)} levels from near dark to beyond saturation, photons per pixel measured",
+        f"even light at {len(levels)} levels from {min(levels):g} to {max(levels):g} of saturation, photons per "
+        "pixel measured",
         "gain by photon transfer, quantum efficiency, PRNU by row, column and pixel, linearity, full "
         "well, vignetting",
         "gain: nothing can be told in electrons; photons left blank: quantum efficiency alone is lost",
         [
             frame("flat", exposure_s, photons=round(level * saturation_photons))
-            for level in LEVELS
+            for level in levels
             for _ in range(repeats)
         ],
     )

@@ -7,13 +7,14 @@ from __future__ import annotations
 from pathlib import Path, PureWindowsPath
 
 from visaug.errors import InputError
+from visaug.frames.headers import frames_of
 from visaug.frames.names import facts_of_name
 from visaug.frames.pixels import ARRAYS, FITS, HDF5, PHOTOS, PICTURES, SUFFIXES, TIFFS, suffix_of
 from visaug.frames.record import FrameRecord
 from visaug.frames.survey import frame_files, survey
 
 DESCRIPTOR = "EMVA1288_Data.txt"
-_SAID = ("overscan", "combined", "setting")  # notes of a survey that matter to who measures
+_SAID = ("overscan", "combined", "setting", "order_assumed")  # notes of a survey that matter to who measures
 
 
 def read_descriptor(path: Path) -> tuple[list[FrameRecord], int, tuple[int, int]]:
@@ -76,9 +77,15 @@ def read_named(folder: Path, files: list[Path], warnings: list[str]) -> list[Fra
 
     Frames of a laboratory are those among which a bias frame is named, or dark frames and flats.
     """
-    kinds = [facts_of_name(f.relative_to(folder).as_posix()).get("kind") for f in files]
+    kinds: list[str | None] = []
+    for file in files:
+        by_name = facts_of_name(file.relative_to(folder).as_posix()).get("kind")
+        if suffix_of(file) in (".npz", *HDF5):
+            kinds += [facts.get("kind") or by_name for _, facts in frames_of(file)]
+        else:
+            kinds.append(by_name)
     named = sum(kind in ("bias", "dark", "flat") for kind in kinds)
-    if not ({"bias"} <= set(kinds) or {"dark", "flat"} <= set(kinds)) or 2 * named <= len(files):
+    if not ({"bias"} <= set(kinds) or {"dark", "flat"} <= set(kinds)) or 2 * named <= len(kinds):
         return None
     found = survey(folder, files=files)
     records = found.records()
@@ -91,9 +98,12 @@ def read_named(folder: Path, files: list[Path], warnings: list[str]) -> list[Fra
 
 def read_pictures(folder: Path, files: list[Path]) -> list[FrameRecord]:
     """Plain pictures, of which nothing is known, by name."""
-    return [
-        FrameRecord(n, file.relative_to(folder).as_posix(), "image") for n, file in enumerate(sorted(files))
-    ]
+    records = []
+    for n, file in enumerate(sorted(files)):
+        facts = frames_of(file)[0][1] if suffix_of(file) in PHOTOS else {}
+        known = {name: facts[name] for name in ("bayer", "bit_depth") if facts.get(name)}
+        records.append(FrameRecord(n, file.relative_to(folder).as_posix(), "image", **known))
+    return records
 
 
 def find(path: Path) -> tuple[str, Path, list[Path]]:
@@ -129,9 +139,14 @@ def find(path: Path) -> tuple[str, Path, list[Path]]:
     kinds = {facts_of_name(f.relative_to(path).as_posix()).get("kind") for f in below}
     if kinds & {"bias", "dark", "flat"}:
         return ("fits" if all(suffix_of(f) in FITS for f in below) else "named"), path, below
-    raise InputError(
-        "holds no frames" if not below else f"holds no frames itself; {len(below)} lie in folders below",
-        file=path,
-        expected=f"frames.csv (`visaug frames {path} -o {path / 'frames.csv'}` writes one), {DESCRIPTOR}, FITS files, "
-        f"pictures ({' '.join(SUFFIXES)}), or folders named bias, dark and flat",
+    raise nothing_here(path, len(below))
+
+
+def nothing_here(folder: Path, below: int) -> InputError:
+    """The error for a folder that tells of no frames; `below` files lie in or under it that may hold some."""
+    return InputError(
+        "holds no frames" if not below else f"does not tell what its frames are; {below} files may hold some",
+        file=folder,
+        expected=f"frames.csv (`visaug frames {folder} -o {folder / 'frames.csv'}` writes one), {DESCRIPTOR}, FITS "
+        f"files, pictures ({' '.join(SUFFIXES)}), or folders named bias, dark and flat",
     )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -61,9 +63,17 @@ class Survey:
                 )
         return [_record(row) for row in self.rows]
 
-    def text(self) -> str:
-        """The content of frames.csv; a cell stays blank where nothing tells it."""
-        return rows_text(self.rows)
+    def text(self, folder: Path | None = None) -> str:
+        """The content of a frames.csv that lies in `folder`; a cell stays blank where nothing tells it."""
+        if folder is None or folder.resolve() == self.folder.resolve():
+            return rows_text(self.rows)
+        way = Path(os.path.relpath(self.folder.resolve(), folder.resolve()))
+        return rows_text([{**r, "file": (way / r["file"]).as_posix()} for r in self.rows])
+
+    def conditions(self) -> Counter:
+        """Number of frames by kind, exposure, temperature, gain, setting, filter and photons."""
+        names = ("kind", "exposure_s", "temperature_c", "gain_db", "setting", "filter", "photons")
+        return Counter(tuple(r[name] for name in names) for r in self.rows)
 
 
 def survey(
@@ -111,6 +121,18 @@ def survey(
     return found
 
 
+def parse_resolution(text: str | None) -> tuple[int, int] | None:
+    """Rows and columns of ``1024x1280``."""
+    if text is None:
+        return None
+    match = re.fullmatch(r"\s*([1-9]\d*)\s*[x×]\s*([1-9]\d*)\s*", text)
+    if match is None:
+        raise InputError(
+            f"{text!r} is no size", field="--resolution", expected="rows x columns, as 1024x1280"
+        )
+    return int(match[1]), int(match[2])
+
+
 def frame_files(folder: Path) -> list[Path]:
     """Files that may hold frames, in natural order of their paths (2 before 10)."""
     files = [
@@ -138,8 +160,8 @@ def _row(file: str, facts: Facts, by_name: Facts, given: Mapping[str, Any]) -> F
         row["combined"] = by_name["combined"]
     row["gain_db"] = row["gain_db"] or 0.0
     row["combined"] = 1 if row["combined"] is None else row["combined"]
-    if row["kind"] == "bias" and row["exposure_s"] is None:
-        row["exposure_s"] = 0.0
+    if row["kind"] == "bias":  # of the shortest exposure there is, whatever is given for the others
+        row["exposure_s"] = facts.get("exposure_s") or by_name.get("exposure_s") or 0.0
     if row["kind"] in ("bias", "dark"):
         row["filter"] = row["photons"] = None
     row["_header_kind"], row["_name_kind"] = facts.get("kind"), by_name.get("kind")
@@ -157,10 +179,11 @@ def _order(rows: list[Facts]) -> list[str]:
         row["sequence"] = n
     if timed:
         return []
-    return [
+    said = (
         "order_assumed: not every frame has its time of acquisition; they are numbered by name. If that was not the "
         "order, give it in the column sequence"
-    ]
+    )
+    return [said]
 
 
 def _notes(found: Survey) -> list[str]:
@@ -213,10 +236,11 @@ def _of_settings(rows: Sequence[Facts]) -> list[str]:
     settings = sorted({r["setting"] for r in rows if r["setting"]})
     if len(settings) < 2:
         return []
-    return [
+    said = (
         f"setting: frames of {len(settings)} settings ({'; '.join(settings[:_NAMED])}); each is a camera of its own, "
         "and is measured apart"
-    ]
+    )
+    return [said]
 
 
 def _names(rows: Sequence[Facts]) -> str:

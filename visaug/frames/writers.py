@@ -25,7 +25,7 @@ def save(frames: FrameSet, folder: Path, keep_names: bool = False, overwrite: bo
     if folder.exists() and not folder.is_dir():
         raise InputError("is a file", file=folder, expected="a folder")
     if folder.is_dir() and any(folder.iterdir()) and not overwrite:
-        raise InputError("is not empty", file=folder, expected="a new or empty folder, or overwrite")
+        raise InputError("is not empty", file=folder, expected="a new or empty folder, or overwrite=True")
     folder.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:

@@ -1,0 +1,283 @@
+"""Tables from names and headers; and formats that laboratories bring."""
+
+import json
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from visaug.errors import InputError
+from visaug.frames import FrameSet, read_table
+from visaug.frames.names import facts_of_name
+from visaug.frames.survey import natural, parse_resolution, survey
+
+RNG = np.random.default_rng(31)
+
+
+def pixels(shape=(6, 8), top=4000):
+    return RNG.integers(100, top, shape, dtype=np.uint16)
+
+
+def put(folder, *names, shape=(6, 8)):
+    for name in names:
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        tifffile.imwrite(path, pixels(shape), photometric="minisblack")
+
+
+@pytest.mark.parametrize(
+    ("name", "facts"),
+    [
+        ("bias_000.tif", {"kind": "bias"}),
+        ("bias001.fits.fz", {"kind": "bias"}),
+        ("dark_2s_20C_003.fits", {"kind": "dark", "exposure_s": 2.0, "temperature_c": 20.0}),
+        ("darks/2.5s_-10C/7.tif", {"kind": "dark", "exposure_s": 2.5, "temperature_c": -10.0}),
+        ("dark-10C-2s.tif", {"kind": "dark", "exposure_s": 2.0}),  # a dash or a minus: nobody knows
+        (
+            "flat_10ms_500ph_525nm.tif",
+            {"kind": "flat", "exposure_s": 0.01, "photons": 500.0, "filter": "525 nm"},
+        ),
+        ("flat_0p5s_6dB_12bit.png", {"kind": "flat", "exposure_s": 0.5, "gain_db": 6.0, "bit_depth": 12}),
+        ("gain100/flat_1,5s.tif", {"kind": "flat", "exposure_s": 1.5, "setting": "GAIN=100"}),
+        ("MasterBias.fits", {"kind": "bias", "combined": 0}),
+        ("lights/img_20.tif", {"kind": "scene"}),
+        ("darks/flat_1s.tif", {"kind": "flat", "exposure_s": 1.0}),  # the nearer name wins
+        ("IMG_2016s04.tif", {}),
+        ("session3/x.tif", {}),
+    ],
+)
+def test_facts_of_names(name, facts):
+    assert facts_of_name(name) == facts
+
+
+def test_subfolders_give_a_table_that_can_be_loaded(tmp_path):
+    put(
+        tmp_path,
+        "bias/1.tif",
+        "bias/10.tif",
+        "bias/2.tif",
+        "darks/1s_20C_1.tif",
+        "flat/5ms_1.tif",
+        ".x/bias.tif",
+    )
+    found = survey(tmp_path, {"bit_depth": 12})
+    assert found.complete
+    assert [r["file"] for r in found.rows] == [
+        "bias/1.tif",
+        "bias/2.tif",
+        "bias/10.tif",
+        "darks/1s_20C_1.tif",
+        "flat/5ms_1.tif",
+    ]
+    (tmp_path / "frames.csv").write_text(found.text())
+    assert read_table(tmp_path / "frames.csv") == found.records()
+    frames = FrameSet.load(tmp_path)
+    assert frames.bit_depth == 12
+    assert frames.read(4).shape == (6, 8)
+    # A table elsewhere names the files from where it lies.
+    elsewhere = tmp_path / "tables"
+    elsewhere.mkdir()
+    (elsewhere / "frames.csv").write_text(found.text(elsewhere))
+    np.testing.assert_array_equal(FrameSet.load(elsewhere).read(1), frames.read(1))
+    # Without a table the folder is read in the same way, and says so.
+    (tmp_path / "frames.csv").unlink()
+    direct = FrameSet.load(tmp_path)
+    assert [r.kind for r in direct.records] == ["bias", "bias", "bias", "dark", "flat"]
+    assert any(w.startswith("read_from_names") for w in direct.warnings)
+
+
+def test_what_is_missing_is_said_with_how_to_give_it(tmp_path):
+    put(tmp_path, "bias_0.tif", "dark_0.tif", "dark_1.tif", "flat_2s_0.tif", "what.tif")
+    found = survey(tmp_path)
+    notes = {note.split(":")[0]: note for note in found.notes}
+    assert not found.complete
+    assert "what.tif" in notes["kind"]
+    assert "dark_0.tif, dark_1.tif" in notes["exposure_s"]
+    assert "--exposure" in notes["exposure_s"]
+    assert {"photons", "temperature_c", "bit_depth", "order_assumed"} <= set(notes)
+    (tmp_path / "frames.csv").write_text(found.text())
+    with pytest.raises(InputError, match="row 3, exposure_s: is blank"):
+        read_table(tmp_path / "frames.csv")
+    (tmp_path / "frames.csv").unlink()
+    with pytest.raises(InputError, match="visaug frames"):
+        FrameSet.load(tmp_path)
+    assert not survey(tmp_path, {"exposure_s": 1.0}).missing("exposure_s")
+
+
+@pytest.mark.parametrize("names", [["dark_alley.tif", "a.tif"], ["dark_1.tif", "dark_2.tif"], ["flat_1.tif"]])
+def test_pictures_stay_pictures_whatever_their_names(tmp_path, names):
+    put(tmp_path, *names)
+    assert {r.kind for r in FrameSet.load(tmp_path).records} == {"image"}
+
+
+def test_nothing_to_find(tmp_path):
+    with pytest.raises(InputError, match="holds no frames"):
+        survey(tmp_path)
+    with pytest.raises(InputError, match="is no folder"):
+        survey(tmp_path / "absent")
+    put(tmp_path, "deep/er/a.tif")
+    with pytest.raises(InputError, match=r"1 files may hold some.*visaug frames"):
+        FrameSet.load(tmp_path)
+
+
+def test_natural_order_and_sizes():
+    assert sorted(["a10", "a9", "a", "10", "9b"], key=natural) == ["9b", "10", "a", "a9", "a10"]
+    assert parse_resolution(" 20 x 30") == (20, 30)
+    with pytest.raises(InputError, match="--resolution"):
+        parse_resolution("20")
+
+
+def test_stack_and_exif_of_tiff(tmp_path):
+    stack = pixels((3, 6, 8))
+    tifffile.imwrite(tmp_path / "dark_stack.tif", stack, photometric="minisblack")
+    exif = Image.Exif()
+    exif[0x8769] = {0x829A: 0.004, 0x8827: 800, 0x9003: "2026:03:01 12:00:00"}
+    Image.fromarray(pixels()).save(tmp_path / "flat.png", exif=exif)
+    found = {r["file"]: r for r in survey(tmp_path, {"exposure_s": 3.0}).rows}
+    assert [found[f"dark_stack.tif#[{i}]"]["exposure_s"] for i in range(3)] == [3.0] * 3
+    flat = found["flat.png"]
+    assert flat["exposure_s"] == pytest.approx(0.004)
+    assert flat["setting"] == "ISO=800"
+    assert flat["time_s"] == datetime(2026, 3, 1, 12, tzinfo=UTC).timestamp()
+    (tmp_path / "flat.png").unlink()
+    (tmp_path / "frames.csv").write_text(survey(tmp_path, {"exposure_s": 3.0}).text())
+    frames = FrameSet.load(tmp_path)
+    for i in range(3):
+        np.testing.assert_array_equal(frames.read(i), stack[i])
+
+
+def test_exposures_of_microscopes(tmp_path):
+    tifffile.imwrite(
+        tmp_path / "dark.ome.tif",
+        pixels((2, 6, 8)),
+        metadata={"axes": "TYX", "Plane": {"ExposureTime": [40.0, 40.0], "ExposureTimeUnit": ["ms", "ms"]}},
+    )
+    rows = survey(tmp_path).rows
+    assert [(r["file"], r["kind"], r["exposure_s"]) for r in rows] == [
+        (f"dark.ome.tif#[{i}]", "dark", 0.04) for i in range(2)
+    ]
+
+
+def test_hdf5_stacks_with_attributes(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    stacks = {"bias": pixels((2, 6, 8)), "run/dark_2s": pixels((3, 6, 8))}
+    with h5py.File(tmp_path / "set.h5", "w") as file:
+        file.attrs["bit_depth"] = 12
+        for name, values in stacks.items():
+            file.create_dataset(name, data=values, chunks=(1, 6, 8), compression="gzip")
+        file["run"].attrs["temperature_c"] = 21.5
+    frames = FrameSet.load(tmp_path)
+    assert [(r.file, r.kind, r.exposure_s, r.temperature_c) for r in frames.records] == [
+        *((f"set.h5#bias[{i}]", "bias", 0.0, None) for i in range(2)),
+        *((f"set.h5#run/dark_2s[{i}]", "dark", 2.0, 21.5) for i in range(3)),
+    ]
+    assert frames.bit_depth == 12
+    np.testing.assert_array_equal(frames.read(3), stacks["run/dark_2s"][1])
+    for name, message in (
+        ("nothing[0]", "holds no data set 'nothing'; expected one of bias"),
+        ("bias[9]", "outside"),
+    ):
+        (tmp_path / "frames.csv").write_text(f"file,kind\nset.h5#{name},bias\n")
+        with pytest.raises(InputError, match=message):
+            FrameSet.load(tmp_path).read(0)
+    (tmp_path / "frames.csv").write_text("file,kind\nset.h5#bias[0],bias\n")
+    (tmp_path / "set.h5").write_bytes(b"no HDF5")
+    with pytest.raises(InputError, match="no HDF5"):
+        FrameSet.load(tmp_path).read(0)
+
+
+def test_npz_arrays_by_name(tmp_path):
+    np.savez(tmp_path / "all.npz", bias=pixels((2, 6, 8)), dark_1s=pixels((6, 8)), times=np.zeros(3))
+    assert [(r.file, r.kind, r.exposure_s) for r in FrameSet.load(tmp_path).records] == [
+        ("all.npz#bias[0]", "bias", 0.0),
+        ("all.npz#bias[1]", "bias", 0.0),
+        ("all.npz#dark_1s", "dark", 1.0),
+    ]
+
+
+def bits_to_bytes(bits):
+    """Bytes from bits, lowest first, padded with zeros."""
+    bits = np.concatenate([bits, np.zeros(-len(bits) % 8, int)])
+    return (bits.reshape(-1, 8) << np.arange(8)).sum(1).astype(np.uint8)
+
+
+def packed(values, form):
+    """Packing written from the text of the standards, one pixel at a time."""
+    if form in ("mono10p", "mono12p"):
+        width = int(form[4:6])
+        return bits_to_bytes(np.concatenate([(int(v) >> np.arange(width)) & 1 for v in values]))
+    low = 4 if form == "mono12packed" else 2
+    out = []
+    for a, b in values.reshape(-1, 2).astype(int):
+        out += [a >> low, (a & ((1 << low) - 1)) | (b & ((1 << low) - 1)) << 4, b >> low]
+    return np.array(out, np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("form", "bits"),
+    [("mono8", 8), ("mono10p", 10), ("mono12p", 12), ("mono10packed", 10), ("mono12packed", 12)],
+)
+@pytest.mark.parametrize("kind", ["flat", "dark"])
+def test_packed_raw_files_are_found_out(tmp_path, form, bits, kind):
+    rows, columns = np.mgrid[:12, :20]
+    level = 0.4 * 2**bits + 3 * rows + 2 * columns if kind == "flat" else 0.05 * 2**bits + 0 * rows
+    image = np.rint(level + RNG.normal(0, 2, rows.shape)).astype(int)
+    data = image.ravel().astype(np.uint8) if form == "mono8" else packed(image.ravel(), form)
+    data.tofile(tmp_path / f"{kind}_1s.raw")
+    (tmp_path / "frames.csv").write_text(survey(tmp_path, resolution=(12, 20)).text())
+    frames = FrameSet.load(tmp_path)
+    np.testing.assert_array_equal(frames.read(0), image)
+    assert frames.bit_depth == bits
+    assert any(form in w for w in frames.warnings if w.startswith("packing_assumed"))
+
+
+def dng(path, mosaic):
+    """A small DNG 1.4 written with tifffile: the tags that the specification demands of a mosaic."""
+    matrix = [v for entry in np.eye(3).ravel() for v in (int(entry * 10000), 10000)]
+    tags = [
+        (50706, 1, 4, (1, 4, 0, 0), False),  # DNGVersion
+        (50708, 2, 0, "Test Camera", False),  # UniqueCameraModel
+        (33421, 3, 2, (2, 2), False),  # CFARepeatPatternDim
+        (33422, 1, 4, (1, 0, 2, 1), False),  # CFAPattern: G R, B G
+        (50721, 10, 9, matrix, False),  # ColorMatrix1
+        (50714, 3, 1, 512, False),  # BlackLevel
+        (50717, 3, 1, 16383, False),  # WhiteLevel
+        (33434, 5, 1, (1, 8), False),  # ExposureTime
+        (34855, 3, 1, 400, False),  # ISOSpeedRatings
+    ]
+    tifffile.imwrite(path, mosaic, photometric=32803, extratags=tags, planarconfig="contig")
+
+
+def test_raw_photographs(tmp_path):
+    pytest.importorskip("rawpy")
+    mosaic = RNG.integers(500, 16000, (64, 96), dtype=np.uint16)
+    dng(tmp_path / "bias_1.dng", mosaic)
+    dng(tmp_path / "flat_1.dng", mosaic[::-1])
+    frames = FrameSet.load(tmp_path)
+    bias, flat = frames.records
+    assert (bias.kind, flat.kind, flat.exposure_s, flat.setting) == ("bias", "flat", 0.125, "ISO=400")
+    assert (flat.bayer, frames.bit_depth) == ("GRBG", 14)
+    np.testing.assert_array_equal(frames.read(0), mosaic)
+    (tmp_path / "flat_1.dng").write_bytes(b"no photograph at all")
+    with pytest.raises(InputError, match=r"flat_1.dng"):
+        FrameSet.load(tmp_path)
+
+
+def test_missing_extras_are_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "rawpy", None)
+    monkeypatch.setitem(__import__("sys").modules, "h5py", None)
+    for name in ("bias.nef", "bias.h5"):
+        (tmp_path / name).write_bytes(b"x")
+        (tmp_path / "frames.csv").write_text(f"file,kind\n{name},bias\n")
+        with pytest.raises(InputError, match=r"visaug\[raw\]"):
+            FrameSet.load(tmp_path).read(0)
+
+
+def test_micro_manager_exposure(tmp_path):
+    from visaug.frames.headers import _microscope
+
+    assert _microscope({"Summary": {}, "Frames": [json.loads('{"Exposure-ms": "12.5"}')]}) == {
+        "exposure_s": 0.0125
+    }
