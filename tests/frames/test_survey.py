@@ -182,8 +182,8 @@ def test_hdf5_stacks_with_attributes(tmp_path):
         (tmp_path / "frames.csv").write_text(f"file,kind\nset.h5#{name},bias\n")
         with pytest.raises(InputError, match=message):
             FrameSet.load(tmp_path).read(0)
-    (tmp_path / "frames.csv").write_text("file,kind\nset.h5#bias[0],bias\n")
-    (tmp_path / "set.h5").write_bytes(b"no HDF5")
+    (tmp_path / "frames.csv").write_text("file,kind\nbroken.h5#bias[0],bias\n")
+    (tmp_path / "broken.h5").write_bytes(b"no HDF5")
     with pytest.raises(InputError, match="no HDF5"):
         FrameSet.load(tmp_path).read(0)
 

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from visaug.errors import InputError
-from visaug.frames.limits import check_shape
 from visaug.frames.kinds import is_master, kind_of
+from visaug.frames.limits import check_shape
 from visaug.frames.record import MOSAICS, Window
 from visaug.frames.table import iso_seconds
 
