@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+USER_MODULE = "visaug_user_"  # how the names of modules from a user's effect files begin
+
 
 class InputError(ValueError):
     """Bad input by a user. The message is one line; commands print it and end with status 2.
@@ -33,3 +35,11 @@ class InputError(ValueError):
 
 class PartlyFailed(Exception):
     """Work that was done but for a part. The message is what there is to tell; commands print it and end with status 1."""
+
+
+def described(error: BaseException) -> str:
+    """Kind and text of an exception, whose own text may fail."""
+    try:
+        return f"{type(error).__name__}: {error}"
+    except Exception:
+        return type(error).__name__

@@ -10,7 +10,8 @@ import click
 
 from visaug import __version__
 from visaug.cli import learn, measure, take
-from visaug.errors import InputError, PartlyFailed
+from visaug.cli.tables import printable
+from visaug.errors import USER_MODULE, InputError, PartlyFailed, described
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -63,6 +64,12 @@ def main(arguments: list[str] | None = None) -> None:
     except (InputError, OSError, MemoryError) as mistake:
         click.echo(f"visaug: {one_line(mistake)}", err=True)
         sys.exit(2)
+    except Exception as failure:
+        fault = users_fault(failure)
+        if fault is None:
+            raise
+        click.echo(f"visaug: {fault}", err=True)
+        sys.exit(2)
 
 
 def one_line(mistake: BaseException) -> str:
@@ -75,6 +82,12 @@ def one_line(mistake: BaseException) -> str:
     return printable(" ".join(str(mistake).split()))
 
 
-def printable(text: str) -> str:
-    """The text as a terminal takes it: what is no Unicode is escaped."""
-    return text.encode(errors="backslashreplace").decode()
+def users_fault(failure: Exception) -> str | None:
+    """One line on an exception that a user's effect raised: file, line, what; None for any other."""
+    at = None
+    trace = failure.__traceback__
+    while trace:
+        if str(trace.tb_frame.f_globals.get("__name__", "")).startswith(USER_MODULE):
+            at = f"{trace.tb_frame.f_code.co_filename}: line {trace.tb_lineno}"
+        trace = trace.tb_next
+    return at and printable(" ".join(f"{at}: {described(failure)}".split()))

@@ -8,8 +8,9 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
+from visaug.effects.checks import check_effect
 from visaug.effects.effect import Effect
-from visaug.errors import InputError
+from visaug.errors import USER_MODULE, InputError, described
 
 ROOMS = ("optics", "charge", "readout", "digital", "picture")
 
@@ -36,12 +37,9 @@ def catalogue() -> dict[str, type[Effect]]:
 
 def register(effect: type[Effect]) -> type[Effect]:
     """Adds an effect class to the catalogue; usable as a decorator. A name of the shipped catalogue cannot be taken."""
-    if not effect.name:
-        raise InputError(f"effect {effect.__name__}: name: expected a non-empty string")
+    check_effect(effect)
     if effect.name in _shipped():
         raise InputError(f"effect {effect.__name__}: name: {effect.name!r} is taken by the shipped catalogue")
-    if not hasattr(effect, "stage"):
-        raise InputError(f"effect {effect.name}: stage: expected a Stage")
     _loaded[effect.name] = effect
     return effect
 
@@ -51,20 +49,22 @@ def load_file(path: str | Path) -> list[type[Effect]]:
     unless it has changed.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; expected a Python file that defines an Effect")
+    if not path.is_file() or path.suffix != ".py":
+        raise InputError(f"{path}: no such file; expected a Python file (.py) that defines an Effect")
     version = (path.resolve(), hashlib.blake2b(path.read_bytes(), digest_size=16).digest())
     if version in _files:
         return [register(effect) for effect in _files[version]]
     tag = hashlib.blake2b(str(path.resolve()).encode(), digest_size=4).hexdigest()
-    spec = importlib.util.spec_from_file_location(f"visaug_user_{path.stem}_{tag}", path)
+    spec = importlib.util.spec_from_file_location(f"{USER_MODULE}{path.stem}_{tag}", path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
-        raise InputError(f"{path}: cannot be imported: {type(error).__name__}: {error}") from error
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a file may raise anything, and may call sys.exit
+        raise InputError(f"{path}: cannot be imported: {described(error)}") from error
     effects = _effects_in(module)
     if not effects:
         raise InputError(f"{path}: defines no Effect; see `visaug effects new NAME` for one that runs")
@@ -78,4 +78,7 @@ def _effects_in(module: ModuleType) -> dict[str, type[Effect]]:
         for value in vars(module).values()
         if isinstance(value, type) and value.__module__ == module.__name__
     )
-    return {value.name: value for value in own if issubclass(value, Effect) and value.name}
+    effects = [value for value in own if issubclass(value, Effect) and value.name]
+    for effect in effects:
+        check_effect(effect)
+    return {effect.name: effect for effect in effects}

@@ -1,0 +1,74 @@
+"""Whether a class is an effect that the rest of the program can work with; found out once, when it is registered."""
+
+import math
+from typing import Any
+
+from visaug.effects.effect import Effect, Stage
+from visaug.effects.parameter import Parameter, check_value
+from visaug.errors import InputError
+
+TEXTS = ("summary", "equation", "source", "why_not", "separates", "map_unit")
+TAKEN = ("name", "map")  # keys of an effect in a camera file that are no parameters
+
+
+def check_effect(effect: type[Effect]) -> None:
+    """Refuse a class with an attribute of a wrong type or value, before anything uses it.
+
+    Raises:
+        InputError: which attribute, and what was expected.
+    """
+    where = f"effect {effect.__name__}"
+    name = effect.name
+    if not isinstance(name, str) or not name.isascii() or not name.isidentifier():
+        raise InputError(
+            f"{where}: name: {name!r} is none; expected letters, digits and _, such as my_effect"
+        )
+    where = f"effect {name}"
+    if not isinstance(getattr(effect, "stage", None), Stage):
+        raise InputError(f"{where}: stage: expected a Stage such as Stage.READOUT")
+    if not _number(effect.order) or not math.isfinite(effect.order):
+        raise InputError(f"{where}: order: {effect.order!r} is no number")
+    if not _number(effect.map_low):
+        raise InputError(f"{where}: map_low: {effect.map_low!r} is no number")
+    for key in TEXTS:
+        if not isinstance(getattr(effect, key), str):
+            raise InputError(f"{where}: {key}: {getattr(effect, key)!r} is no text")
+    for key in ("differentiable", "base"):
+        if not isinstance(getattr(effect, key), bool):
+            raise InputError(f"{where}: {key}: expected True or False")
+    parameters = effect.parameters
+    if not isinstance(parameters, dict) or not all(isinstance(p, Parameter) for p in parameters.values()):
+        raise InputError(
+            f"{where}: parameters: expected one class attribute for each, such as sigma_e = Parameter(...)"
+        )
+    for key, parameter in parameters.items():
+        if not isinstance(key, str) or key in TAKEN:
+            raise InputError(f"{where}: parameters: {key!r} cannot be the name of a parameter")
+        _check_parameter(parameter, f"{where}: {key}")
+    if not callable(effect.apply):
+        raise InputError(f"{where}: apply: expected a method")
+
+
+def _check_parameter(parameter: Parameter, where: str) -> None:
+    for key in ("unit", "source"):
+        if not isinstance(getattr(parameter, key), str):
+            raise InputError(f"{where}: {key}: {getattr(parameter, key)!r} is no text")
+    for key in ("options", "of"):
+        words = getattr(parameter, key)
+        if not isinstance(words, tuple) or not all(isinstance(word, str) for word in words):
+            raise InputError(f"{where}: {key}: {words!r} is no tuple of words")
+    for key in ("low", "high"):
+        if not _number(getattr(parameter, key)):
+            raise InputError(f"{where}: {key}: {getattr(parameter, key)!r} is no number")
+    if not parameter.low <= parameter.high:
+        raise InputError(f"{where}: low, high: {parameter.low} is not below {parameter.high}")
+    if not isinstance(parameter.trials, tuple):
+        raise InputError(f"{where}: trials: {parameter.trials!r} is no tuple")
+    if parameter.default != math.inf or parameter.options:
+        check_value(parameter, parameter.default, f"{where}: default")
+    for trial in parameter.trials:
+        check_value(parameter, trial, f"{where}: trials")
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and not math.isnan(value)
