@@ -91,6 +91,30 @@ def test_a_full_file_is_read(tmp_path: Path):
         (with_values(randomize={"row_noise.sigma_e": 1}), "randomize.row_noise.sigma_e"),  # it has none
         (with_values(randomize={"gain_db": {"range": 1}}), "randomize.gain_db"),
         (with_values(randomize={"gain_db": -1}), "randomize.gain_db"),
+        (with_values(randomize={"gain_db": {"half_normal": -1}}), "randomize.gain_db"),
+        (with_values(randomize={"gain_db": {"uniform": 3}}), "randomize.gain_db"),
+        (with_values(randomize={"gain_db": {"uniform": [3, 2]}}), "randomize.gain_db"),
+        (with_values(randomize={"gain_db": {"uniform": [3, 200]}}), "randomize.gain_db"),
+        (with_values(randomize={"gain_db": {"std": [3, 20]}}), "randomize.gain_db"),
+        (with_values(randomize={"gain_db": {"std": 1, "uniform": [0, 1]}}), "randomize.gain_db"),
+        (with_values(randomize={"gain_db": {"log_uniform": [0, 3]}}), "randomize.gain_db"),
+        (with_values(correlated=[["gain_db", "gain", 0.2]]), "correlated.0"),
+        (with_values(correlated=[["gain_db", "gain_db", 0.2]]), "correlated.0"),
+        (with_values(correlated=[["gain_db", "exposure_s", 1.0]]), "correlated.0"),
+        (with_values(correlated=[["gain_db", "exposure_s"]]), "correlated.0"),
+        (
+            with_values(
+                randomize={"gain_db": {"std": 1}, "exposure_s": 0.1, "temperature_c": {"std": 1}},
+                correlated=[
+                    ["gain_db", "exposure_s", 0.9],
+                    ["exposure_s", "temperature_c", 0.9],
+                    ["gain_db", "temperature_c", -0.9],
+                ],
+            ),
+            "correlated",
+        ),
+        (with_values(read_noise={"shape": -0.4}), "read_noise.shape"),
+        (with_values(read_noise={"after_gain_dn": -1}), "read_noise.after_gain_dn"),
         ({"name": "no gain", "resolution": [20, 30]}, "gain_e_per_dn"),
     ],
 )

@@ -151,6 +151,11 @@ class Camera:
         content["randomize"] = {
             k: v for k, v in content.get("randomize", {}).items() if not k.startswith(f"{name}.")
         }
+        content["correlated"] = [
+            pair
+            for pair in content.get("correlated", ())
+            if not any(path.startswith(f"{name}.") for path in pair[:2])
+        ]
         return self._changed(content)
 
     def _changed(self, content: dict[str, Any]) -> "Camera":

@@ -162,18 +162,22 @@ def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: b
         sigma = sigma * tables.tukey_deviation(shape)
     heat = np.exp(values["dark_current.b_per_c"] * values["temperature_c"])
     well = values["full_well_e"]
+    gain = gain_of(camera, values)
     prnu, dsnu = (0.0, 0.0) if kept else (values["prnu.pixel"], values["dsnu.pixel_e"])
+    gaussian_e = np.hypot(
+        dsnu, values["read_noise.after_gain_dn"] * gain
+    )  # Gaussian offsets, drawn anew, are one
     n[:, k.ELECTRONS], n[:, k.LESS_DN], n[:, k.PER_DN] = scale
     n[:, k.DARK_E] = values["exposure_s"] * values["dark_current.a_e_per_s"] * heat
-    n[:, k.PRNU_PIXEL], n[:, k.DSNU_PIXEL_E] = prnu, dsnu
+    n[:, k.PRNU_PIXEL], n[:, k.GAUSSIAN_E] = prnu, gaussian_e
     n[:, k.READ_SIGMA_E] = sigma
-    n[:, k.DN_PER_E] = 1 / gain_of(camera, values)
+    n[:, k.DN_PER_E] = 1 / gain
     n[:, k.OFFSET_DN] = values["black_level_dn"]
     n[:, k.FULL_WELL_E] = well
     n[:, k.MAX_DN] = 2**camera.bit_depth - 1
     # Where pixel offsets are Gaussian and drawn anew, they share the count's draw unless it is near the full well
     # or its whole numbers would show.
-    gaussian = n[:, k.DSNU_PIXEL_E]
+    gaussian = n[:, k.GAUSSIAN_E]
     n[:, k.LATTICE] = gaussian == 0
     finite = np.minimum(well, 1e9)
     below = finite - 6 * np.sqrt(finite + (finite * prnu) ** 2)

@@ -33,7 +33,7 @@ def noisy(
 
     Args:
         images: (B, C, H, W) float32.
-        n: `electrons` of the value 1, `dark_e`, `prnu_pixel`, `dsnu_pixel_e`, `read_scale_e` (Tukey-lambda's scale, not
+        n: `electrons` of the value 1, `dark_e`, `prnu_pixel`, `gaussian_e`, `read_scale_e` (Tukey-lambda's scale, not
             its standard deviation), `read_shape`, `dn_per_e`, `black_level_dn`, `less_dn`, `per_dn`, `full_well_e`, `max_dn`;
             (B, 1, 1, 1) each.
         gain, offset: of rows, columns and kept maps, fractions and electrons; broadcast against the images.
@@ -55,7 +55,7 @@ def noisy(
     many = torch.floor(_count(m.clamp_min(LARGE_MEAN), light * n["prnu_pixel"], w) + 0.5)
     few = _few((light * (1 + n["prnu_pixel"] * w)).clamp_min(0) + n["dark_e"], _unit(two >> 32))
     count = torch.minimum(torch.where(m < LARGE_MEAN, few, many).clamp_min(0), n["full_well_e"])
-    e = count + n["dsnu_pixel_e"] * z + offset + n["read_scale_e"] * _tukey(two, n["read_shape"])
+    e = count + n["gaussian_e"] * z + offset + n["read_scale_e"] * _tukey(two, n["read_shape"])
     dn = torch.minimum(torch.round(e * n["dn_per_e"] + n["black_level_dn"]).clamp_min(0), n["max_dn"])
     return ((dn - n["less_dn"]) * n["per_dn"]).clamp(0, 1)
 
@@ -121,15 +121,15 @@ def take(
     shape, sigma = values["read_noise.shape"], values["read_noise.sigma_e"]
     unit = sigma if camera.spec.read_noise.meaning == "scale" else sigma / tukey_deviation(shape)
     heat = torch.exp(v["dark_current.b_per_c"] * v["temperature_c"])
-    none = torch.zeros_like(v["exposure_s"])
+    none, gain = torch.zeros_like(v["exposure_s"]), gain_of(camera, v)
     numbers = {
         "electrons": on_device(scale.electrons),
         "dark_e": v["exposure_s"] * v["dark_current.a_e_per_s"] * heat,
         "prnu_pixel": none if kept else v["prnu.pixel"],
-        "dsnu_pixel_e": none if kept else v["dsnu.pixel_e"],
+        "gaussian_e": torch.hypot(none if kept else v["dsnu.pixel_e"], v["read_noise.after_gain_dn"] * gain),
         "read_scale_e": on_device(unit),
         "read_shape": v["read_noise.shape"],
-        "dn_per_e": 1 / gain_of(camera, v),
+        "dn_per_e": 1 / gain,
         "black_level_dn": v["black_level_dn"],
         "less_dn": on_device(scale.less_dn),
         "per_dn": on_device(scale.per_dn),

@@ -23,7 +23,7 @@ from visaug.sampling.kernels import mix
 ELECTRONS = 0  # mean electrons of the image's value 1
 DARK_E = 1
 PRNU_PIXEL = 2  # drawn anew for each pixel; 0 where a map is kept
-DSNU_PIXEL_E = 3
+GAUSSIAN_E = 3  # offsets drawn anew for each pixel: DSNU, where no map is kept, and noise after the gain
 READ_SIGMA_E = 4
 DN_PER_E = 5
 OFFSET_DN = 6  # black level
@@ -135,7 +135,7 @@ def _count(m, v, added, w, lattice):
 @njit(**_options)
 def _together(light, w, t, offset, n, out):
     """Values in [0, 1] of pixels whose count and fixed patterns make one draw."""
-    dark, prnu, sigma, added = n[DARK_E], n[PRNU_PIXEL], n[READ_SIGMA_E], n[DSNU_PIXEL_E] * n[DSNU_PIXEL_E]
+    dark, prnu, sigma, added = n[DARK_E], n[PRNU_PIXEL], n[READ_SIGMA_E], n[GAUSSIAN_E] * n[GAUSSIAN_E]
     scale, black, top, less, per_dn = (
         n[DN_PER_E],
         n[OFFSET_DN] + HALF,
@@ -171,7 +171,7 @@ def _entries(poisson, light, k, nodes, spare_bits, dark, prnu, places, entries):
 @njit(**_options)
 def _apart(light, w, t, z, offset, nodes, fractions, entries, n, prnu, out):
     """Values in [0, 1] of pixels whose count is drawn as a whole number, on its own."""
-    dark, sigma, well, deviation = n[DARK_E], n[READ_SIGMA_E], n[FULL_WELL_E], n[DSNU_PIXEL_E]
+    dark, sigma, well, deviation = n[DARK_E], n[READ_SIGMA_E], n[FULL_WELL_E], n[GAUSSIAN_E]
     hidden = n[PRNU_PIXEL] - prnu  # small means whose gain is not in the count have it in the Gaussian part
     scale, black, top, less, per_dn = (
         n[DN_PER_E],
@@ -224,7 +224,7 @@ def _draw_apart(seeds, light, w, t, offset, nodes, fractions, n, normal, poisson
     prnu = n[PRNU_PIXEL] if n[LIMIT_E] < ZERO else ZERO
     z[:], k[:] = ZERO, ZERO
     _more_bits(seeds, one, other)
-    if n[DSNU_PIXEL_E] > ZERO or n[PRNU_PIXEL] > ZERO:
+    if n[GAUSSIAN_E] > ZERO or n[PRNU_PIXEL] > ZERO:
         _places(one, c, fraction)
         _look_up(normal, c, fraction, z)
     if prnu > ZERO:

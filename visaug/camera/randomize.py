@@ -1,26 +1,35 @@
-"""Per-image camera parameters: Gaussian about the nominal value, truncated to physical bounds."""
+"""Per-image camera parameters: the laws of `randomize`, within the parameters' bounds, and their correlations."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from visaug.camera.paths import place_of
+from visaug.effects import Parameter
 
 if TYPE_CHECKING:
     from visaug.camera.camera import Camera
 
+NORMAL, UNIFORM, LOG_UNIFORM = 0.0, 1.0, 2.0
+
 
 class Spreads(NamedTuple):
-    """Gaussians truncated, not clipped, at [low, high], so that no value piles up there; tensors (P,), float64.
+    """Laws of the numbers that differ from image to image; tensors (P,), float64, in the parameters' units.
 
-    `below` and `above` are the probabilities of the Gaussian up to the bounds. Units are the parameters'. `step`
-    is 1 where a draw is rounded, as only whole numbers make sense, else 0.
+    A normal law is truncated, not clipped, at [low, high], so that no value piles up there: `below` and `above` are the
+    Gaussian's probabilities up to the bounds. The other laws lie between low and high.
+
+    Attributes:
+        law: NORMAL, UNIFORM or LOG_UNIFORM.
+        step: 1 where a draw is rounded, as only whole numbers make sense, else 0.
+        factor: (P, P), the Cholesky factor of the correlations of the underlying normals; None where there are none.
     """
 
     paths: tuple[str, ...]
+    law: Tensor
     nominal: Tensor
     deviation: Tensor
     low: Tensor
@@ -28,11 +37,18 @@ class Spreads(NamedTuple):
     below: Tensor
     above: Tensor
     step: Tensor
+    factor: Tensor | None
 
     def values(self, uniform: Tensor) -> dict[str, Tensor]:
-        """Values by path, (N,) float32 each, from uniform numbers (N, P) in [0, 1), float64."""
+        """Values by path, (N,) float32 each, from independent uniform numbers (N, P) in [0, 1), float64."""
+        if self.factor is not None:
+            normals = torch.special.ndtri(uniform.clamp(2.0**-53, 1 - 2.0**-53))
+            uniform = torch.special.ndtr(normals @ self.factor.T)
         normal = torch.special.ndtri(self.below + (self.above - self.below) * uniform)
         values = torch.clamp(self.nominal + self.deviation * normal, self.low, self.high)
+        values = torch.where(self.law == UNIFORM, torch.lerp(self.low, self.high, uniform), values)
+        rising = torch.exp(torch.lerp(self.low.log(), self.high.log(), uniform))
+        values = torch.where(self.law == LOG_UNIFORM, rising, values)
         values = torch.where(self.step > 0, values.round(), values).float()
         return dict(zip(self.paths, values.unbind(1)))
 
@@ -40,29 +56,59 @@ class Spreads(NamedTuple):
 def spreads(camera: "Camera") -> Spreads:
     """Which numbers of a camera differ from image to image, and how.
 
-    A spread s in `randomize` is a standard deviation relative to the nominal value, `{std: s}` an absolute one.
+    A number s in `randomize` is the standard deviation of a Gaussian, relative to the nominal value; {std: s} the same in the
+    parameter's unit; {half_normal: s} that Gaussian's upper half, from the nominal value upwards; {uniform: [a, b]} and
+    {log_uniform: [a, b]} lie between a and b, whatever the nominal value is. `correlated` gives correlations of the
+    Gaussians (of the underlying Gaussians, for another law).
     """
-    found = {}
     values = camera.values()
+    found = {}
     for path, spread in camera.spec.randomize.items():
-        nominal = values[path]
-        deviation = spread["std"] if isinstance(spread, Mapping) else spread * abs(nominal)
-        if deviation > 0 and np.isfinite(nominal):
-            parameter = place_of(path).parameter
-            # A black level must leave the converter a range: half of it at the least is the signal's.
-            high = (
-                min(parameter.high, 2 ** (camera.bit_depth - 1))
-                if path == "black_level_dn"
-                else parameter.high
-            )
-            found[path] = nominal, deviation, parameter.low, max(high, nominal), float(parameter.integer)
-    table = torch.tensor(list(found.values()), dtype=torch.float64).reshape(-1, 5)
-    nominal, deviation, low, high, step = table.T
-    below, above = (
-        torch.special.ndtr((low - nominal) / deviation),
-        torch.special.ndtr((high - nominal) / deviation),
-    )
-    return Spreads(tuple(found), nominal, deviation, low, high, below, above, step)
+        row = _law(spread, values[path], _bounds(camera, path))
+        if row is not None:
+            found[path] = row
+    table = torch.tensor(list(found.values()), dtype=torch.float64).reshape(-1, 6)
+    law, nominal, deviation, low, high, step = table.T
+    below, above = (torch.special.ndtr((end - nominal) / deviation) for end in (low, high))
+    factor = _factor(camera, tuple(found))
+    return Spreads(tuple(found), law, nominal, deviation, low, high, below, above, step, factor)
+
+
+def _bounds(camera: "Camera", path: str) -> Parameter:
+    parameter = place_of(path).parameter
+    if path != "black_level_dn":
+        return parameter
+    # It must leave the converter a range: at least half of it is the signal's.
+    return Parameter(low=0.0, high=max(2.0 ** (camera.bit_depth - 1), camera.spec.black_level_dn))
+
+
+def _law(spread: Any, nominal: float, bounds: Parameter) -> tuple[float, ...] | None:
+    """Law, nominal value, deviation, low, high and rounding; None where nothing varies."""
+    step = float(bounds.integer)
+    kind, size = next(iter(spread.items())) if isinstance(spread, Mapping) else ("relative", spread)
+    if kind in ("uniform", "log_uniform"):
+        low, high = size
+        return (UNIFORM if kind == "uniform" else LOG_UNIFORM, low, 1.0, low, high, step)
+    deviation = size * abs(nominal) if kind == "relative" else size
+    if deviation <= 0 or not np.isfinite(nominal):
+        return None
+    low = nominal if kind == "half_normal" else bounds.low
+    return NORMAL, nominal, deviation, low, bounds.high, step
+
+
+def _factor(camera: "Camera", paths: tuple[str, ...]) -> Tensor | None:
+    matrix = correlations(camera.spec.correlated, paths)
+    return None if matrix is None else torch.from_numpy(np.linalg.cholesky(matrix))
+
+
+def correlations(pairs: list[tuple[str, str, float]], paths: tuple[str, ...]) -> np.ndarray | None:
+    """The matrix of correlations of what varies, (P, P); None where no pair of it is correlated."""
+    matrix = np.eye(len(paths))
+    for one, other, coefficient in pairs:
+        if one in paths and other in paths:
+            i, j = paths.index(one), paths.index(other)
+            matrix[i, j] = matrix[j, i] = coefficient
+    return matrix if (matrix != np.eye(len(paths))).any() else None
 
 
 def draw(camera: "Camera", count: int, rng: np.random.Generator) -> dict[str, Tensor]:

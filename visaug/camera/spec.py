@@ -4,11 +4,13 @@ import math
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from visaug.documents import read_yaml
-from visaug.effects import catalogue
-from visaug.effects.parameter import check_value
+from visaug.effects import Parameter, catalogue
+from visaug.effects.parameter import bounds_text, check_value
+from visaug.effects.readout.read_noise import LEAST_SHAPE
 from visaug.errors import InputError
 
 
@@ -18,7 +20,8 @@ class _Part(BaseModel):
 
 class ReadNoise(_Part):
     sigma_e: float = Field(0.0, ge=0, le=1e4)
-    shape: float = Field(0.14, ge=-0.45, le=1)
+    shape: float = Field(0.14, ge=LEAST_SHAPE, le=1)
+    after_gain_dn: float = Field(0.0, ge=0, le=65535)
     meaning: Literal["standard_deviation", "scale"] = "standard_deviation"
 
 
@@ -86,7 +89,10 @@ class CameraSpec(_Part):
     prnu: PRNU = Field(default_factory=lambda: PRNU.model_validate({}))
     dsnu: DSNU = Field(default_factory=lambda: DSNU.model_validate({}))
     effects: list[dict[str, Any]] = Field(default_factory=list)
-    randomize: dict[str, float | dict[str, float]] = Field(default_factory=dict)
+    randomize: dict[str, float | dict[str, float | list[float]]] = Field(default_factory=dict)
+    correlated: list[tuple[str, str, float]] = Field(
+        default_factory=list, description="pairs of randomized paths and the correlation of their draws"
+    )
 
     @field_validator("resolution")
     @classmethod
@@ -188,7 +194,8 @@ def _number(value: Any) -> Any:
 
 
 def _check_randomize(spec: CameraSpec, file: Path | None) -> None:
-    from visaug.camera.paths import numeric_values
+    from visaug.camera.paths import numeric_values, place_of
+    from visaug.camera.randomize import correlations
 
     known = numeric_values(spec)
     for path, spread in spec.randomize.items():
@@ -200,13 +207,42 @@ def _check_randomize(spec: CameraSpec, file: Path | None) -> None:
                 field=field,
                 expected=f"one of {', '.join(known)}",
             )
-        if isinstance(spread, dict):
-            if set(spread) != {"std"}:
-                raise InputError(
-                    f"{spread!r} is no spread", file=file, field=field, expected="a number or {std: x}"
-                )
-            spread = spread["std"]
-        if spread < 0:
+        _check_spread(spread, place_of(path).parameter, field, file)
+    for i, (one, other, coefficient) in enumerate(spec.correlated):
+        field = f"correlated.{i}"
+        for path in (one, other):
+            if path not in known:
+                raise InputError(f"{path!r} is no numeric parameter of this camera", file=file, field=field)
+        if one == other or not -1 < coefficient < 1:
+            expected = "two different paths and a correlation between -1 and 1"
+            raise InputError("is not a correlation", file=file, field=field, expected=expected)
+    matrix = correlations(spec.correlated, tuple(spec.randomize))
+    if matrix is not None and np.linalg.eigvalsh(matrix)[0] < 1e-6:
+        expected = "correlations that can hold together (a positive definite matrix)"
+        raise InputError("contradict one another", file=file, field="correlated", expected=expected)
+
+
+def _check_spread(spread: Any, parameter: Parameter, field: str, file: Path | None) -> None:
+    laws = "a number, {std: x}, {half_normal: x}, {uniform: [a, b]} or {log_uniform: [a, b]}"
+    kind, size = ("std", spread)
+    if isinstance(spread, dict):
+        if len(spread) != 1:
+            raise InputError(f"{spread!r} is no spread", file=file, field=field, expected=laws)
+        kind, size = next(iter(spread.items()))
+    if kind in ("std", "half_normal") and isinstance(size, int | float):
+        if not 0 <= size < math.inf:
             raise InputError(
-                f"{spread!r} is negative", file=file, field=field, expected="a standard deviation, 0 or more"
+                f"{size!r} is out of range",
+                file=file,
+                field=field,
+                expected="a standard deviation, 0 or more",
             )
+    elif kind in ("uniform", "log_uniform") and isinstance(size, list) and len(size) == 2:
+        low, high = size
+        if not parameter.low <= low <= high <= parameter.high or not math.isfinite(high):
+            expected = f"[a, b] with a <= b, each {bounds_text(parameter)}"
+            raise InputError(f"{size!r} is out of range", file=file, field=field, expected=expected)
+        if kind == "log_uniform" and low <= 0:
+            raise InputError(f"{size!r} is out of range", file=file, field=field, expected="a above 0")
+    else:
+        raise InputError(f"{spread!r} is no spread", file=file, field=field, expected=laws)

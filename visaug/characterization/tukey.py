@@ -10,8 +10,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import gammaln
 
+from visaug.effects.readout.read_noise import LEAST_SHAPE
+
 GAUSSIAN_SHAPE = 0.14
-SHAPE_BOUNDS = (-0.45, 0.6)
+SHAPE_BOUNDS = (LEAST_SHAPE, 0.6)
 _STEP = 1 / 64
 _REACH = 128.0
 _FINER = 4  # nodes of the characteristic function: its powers of n show every kink of a coarser spline

@@ -94,7 +94,10 @@ def base_trials(camera: Camera, name: str) -> list[Trial]:
         return [Trial(name, (("full_well_e", share * full_scale),)) for share in (0.3, 0.6, 0.85)]
     if name == "read_noise" and camera.spec.read_noise.sigma_e > 0:
         return [Trial(name, (("read_noise.shape", shape),)) for shape in (0.0, -0.15)]
-    strengths = {key: catalogue()[name].parameters[key] for key in catalogue()[name].strengths()}
+    known = {key: catalogue()[name].parameters[key] for key in catalogue()[name].strengths()}
+    strengths = {
+        key: p for key, p in known.items() if p.trials
+    }  # one gain cannot part what is after it from before
     together = [tuple((f"{name}.{key}", p.trials[i]) for key, p in strengths.items()) for i in (0, -1)]
     alone = [
         tuple(

@@ -12,7 +12,7 @@ PARTS = {
     "PRNU": {"prnu.column": 0.0, "prnu.row": 0.0, "prnu.pixel": 0.0},
     "DSNU": {"dsnu.column_e": 0.0, "dsnu.row_e": 0.0, "dsnu.pixel_e": 0.0},
     "dark current": {"dark_current.a_e_per_s": 0.0},
-    "read noise": {"read_noise.sigma_e": 0.0},
+    "read noise": {"read_noise.sigma_e": 0.0, "read_noise.after_gain_dn": 0.0},
 }
 
 

@@ -1,13 +1,22 @@
 """Read noise."""
 
+import torch
+
 from visaug.effects.effect import Effect, Parameter, Stage
 from visaug.sampling.distributions import tukey_standard_deviation
 
+# A random number of 32 bits ends at a tail of p = 2^-33. Beyond it lies a share of the variance that grows as the shape falls,
+# 2 p^(2L + 1) / (L^2 (2L + 1) var): 0.3 % here, so that the standard deviation is 0.2 % short at most; 2 % at -0.4.
+LEAST_SHAPE = -0.35
+
 
 class ReadNoise(Effect):
-    """Tukey-lambda noise of mean 0. `sigma_e` is its standard deviation; `meaning: scale` takes it as the scale instead,
+    """Tukey-lambda noise of mean 0 before the gain stage, and Gaussian noise after it.
 
-    as a fit that does not normalise the quantile function gives it (at shape -0.23 the standard deviation is then 2.96 times it).
+    `sigma_e` is the standard deviation of the first; `meaning: scale` takes it as the scale instead, as a fit that does not
+    normalise the quantile function gives it (at shape -0.23 the standard deviation is then 2.96 times it). `after_gain_dn` is the
+    standard deviation of the second in DN: converter and line noise that no gain amplifies, so that in electrons it falls as
+    the gain rises.
     """
 
     name = "read_noise"
@@ -15,8 +24,8 @@ class ReadNoise(Effect):
     order = 60
     base = True
     summary = "Reading a pixel adds noise, whatever the signal; its tails may be heavier than Gaussian."
-    equation = "V <- V + sigma TL(shape), TL normalised to standard deviation 1"
-    source = "the paper, eq. 4; K. Wei et al., IEEE TPAMI 44 (2022) 8520"
+    equation = "V <- V + sigma TL(shape) + G(dB) sigma_after N, TL normalised to standard deviation 1"
+    source = "the paper, eq. 4; K. Wei et al., IEEE TPAMI 44 (2022) 8520; after the gain: EMVA 1288 release 4 Linear, eq. 8"
     separates = (
         "bias frames: this is what their pixels scatter by, each on its own; shot noise comes with light or exposure, "
         "row_noise and column_noise are common to a line; histograms of the residuals tell the shape"
@@ -25,18 +34,33 @@ class ReadNoise(Effect):
         0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: temporal dark noise", trials=(1.0, 3.0)
     )
     shape = Parameter(
-        0.14, unit="1", low=-0.45, high=1.0, source="0.14 is nearly Gaussian; the paper's camera has -0.23"
+        0.14,
+        unit="1",
+        low=LEAST_SHAPE,
+        high=1.0,
+        source="0.14 is nearly Gaussian; the paper's camera has -0.23",
+    )
+    after_gain_dn = Parameter(
+        0.0, unit="DN", high=65535.0, source="converter and line noise, behind the gain stage"
     )
     meaning = Parameter(
         "standard_deviation", options=("standard_deviation", "scale"), source="the paper fits the scale"
     )
 
+    @classmethod
+    def strengths(cls):
+        return "sigma_e", "after_gain_dn"  # no fit moves the second: frames at one gain cannot part the two
+
     def apply(self, signal, p, stream, context):
         sigma = p.sigma_e
         if p.meaning == "scale":
             sigma = sigma * tukey_standard_deviation(p.shape).float()
-        return signal + sigma * stream.tukey_lambda(p.shape)
+        signal = signal + sigma * stream.tukey_lambda(p.shape)
+        after = p.after_gain_dn
+        if after.requires_grad or after.is_cuda or torch.compiler.is_compiling() or bool(after.any()):
+            signal = signal + after * context.gain_e_per_dn * stream.fork("after gain").normal()
+        return signal
 
     def moments(self, mean, p, context):
         sigma = p.sigma_e * (tukey_standard_deviation(p.shape).float() if p.meaning == "scale" else 1)
-        return mean, sigma**2
+        return mean, sigma**2 + (p.after_gain_dn * context.gain_e_per_dn) ** 2
