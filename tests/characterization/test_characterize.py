@@ -48,7 +48,7 @@ def test_intervals_are_not_idly_wide(many):
 def test_json_is_whole_and_finite(many):
     content = json.loads(json.dumps(many[1][0].to_json(), allow_nan=False))
     assert content["schema"] == 1
-    assert set(content) == {"schema", "parameters", "not_determined", "warnings"}
+    assert set(content) == {"schema", "parameters", "not_determined", "warnings", "warning_details"}
     for name, entry in content["parameters"].items():
         assert set(entry) == {"value", "low", "high", "unit", "from"}, name
         assert entry["low"] <= entry["value"] <= entry["high"], name

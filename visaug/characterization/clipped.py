@@ -1,14 +1,14 @@
-"""Bias frames that clip at 0: read noise, DSNU and dark current where means and residuals are cut.
+"""Bias frames that clip at 0, or whose noise is finer than the converter: read noise, DSNU and dark current.
 
 Every pixel's value is its location plus noise, rounded and cut at 0. The likelihood of a pixel's values is
 known for any location; integrated over a normal law of locations it tells read noise and pattern together,
-with nothing lost to the cut but what the cut hides.
+with nothing lost to the cut and to rounding but what they hide.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import optimize
@@ -19,25 +19,33 @@ from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
 from visaug.characterization.intervals import mean_error, root, symmetric, t_quantile, variance_combination
 from visaug.characterization.moments import GroupMoments, mean_map
-from visaug.characterization.still import add_in_electrons, add_profiles
+from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly
+from visaug.characterization.still import CLIPPED, add_in_electrons, add_profiles
 from visaug.frames import FrameSet
 
 _PIXELS = 3000
 _BINS_PER_SIGMA = 6
 _ROUNDS = 2
 _ITERATIONS = 12
+_BLIND = 3.0  # upper over lower bound of the read noise from which on it counts as not determined
+_FAINTEST = 0.02  # DN
+_RISE = 3.0  # of minus the log-likelihood: 1.92 for 95 %, and what pixels of a column have in common
+_DITHER_DN = 0.3  # spread of values below which the mean of many pixels keeps the steps of the converter
 _GAIN = 0.02  # log-likelihood that a further step would gain: a seventh of a standard error
 
 
 @dataclass(frozen=True)
 class Sample:
-    """Counts (P, bins) of chosen pixels, edges between bins (DN; bin 0 is the cut), places of the pixels."""
+    """Counts (P, bins) of chosen pixels, edges between bins (DN above `origin`; bin 0 may be the cut), places of
+    the pixels.
+    """
 
     counts: np.ndarray
     edges: np.ndarray
     rows: np.ndarray
     columns: np.ndarray
     frames: int
+    origin: int
 
 
 @dataclass(frozen=True)
@@ -72,29 +80,92 @@ class Lines:
 
 
 def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, seed: int) -> None:
-    """Black level, read noise, DSNU and dark current from frames of which a share is cut at 0."""
+    """Black level, read noise, DSNU and dark current from frames cut at 0, or of noise finer than a DN."""
     indices = still.group.indices
     master = mean_map(measured.frames, indices)
     found.maps["master_bias"] = master.astype("float32")
     add_profiles(found, master)
     sample = _sample(measured.frames, indices, still, seed)
-    fit = _fit(sample, np.zeros(len(sample.rows)), None)
+    coarse = not rounds_evenly(still)
+    master = master - sample.origin
+    free = (0, 2, 3) if coarse else (0, 1, 2, 3)  # tails within a DN cannot be seen: normal noise
+    start, bounds = _profile(sample) if coarse else (None, None)
+    fit = _fit(sample, np.zeros(len(sample.rows)), start, free)
     rows, columns = Lines(np.zeros(still.shape[0]), 0.0), Lines(np.zeros(still.shape[1]), 0.0)
     pixel_var = None
-    for _ in range(_ROUNDS):
+    for _ in range(0 if coarse else _ROUNDS):  # a coarse fit's spread is that of rows and columns too
         columns, rows, pixel_var = _lines(master, fit, columns, rows, pixel_var)
         centre = columns.places[sample.columns] + rows.places[sample.rows] - rows.places.mean()
-        fit = _fit(sample, centre, fit)
+        fit = _fit(sample, centre, fit, free)
         # Measured rows and columns hold their share of the pixels' own pattern.
         pixel_var = fit.spread**2 / (1 - 1 / still.shape[0] - 1 / still.shape[1])
     columns, rows, pixel_var = _lines(master, fit, columns, rows, pixel_var)
-    source = f"likelihood of {still.n} {still.group.kind} frames cut at 0"
-    _add(found, still, fit, rows, columns, source)
-    _dark(found, measured, fit, columns.places, pixel_var + rows.variance)
+    if coarse:
+        fit = replace(fit, log_spread=0.5 * math.log(max(pixel_var, 1e-12)))
+    cut = " cut at 0" if still.clipped_low > CLIPPED else ""
+    source = f"likelihood of {still.n} {still.group.kind} frames{cut}, rounded"
+    _add(found, still, fit, rows, columns, source, sample.origin)
+    _dark(found, measured, fit, columns.places, pixel_var + rows.variance, sample.origin)
+    if cut:
+        found.warn(
+            f"clipped_at_zero: {still.clipped_low:.0%} of the pixels of the {still.group.kind} frames are 0; "
+            "gain, quantum efficiency and PRNU come from flats alone, read noise, DSNU and dark current from a "
+            "likelihood that knows the cut; the emva figures do not",
+            spoils=("emva.*", "emva4.*"),
+        )
+    if bounds:
+        _coarse(found, fit, bounds, source)
+
+
+def _coarse(found: Findings, fit: Fit, bounds: tuple[float, float], source: str) -> None:
+    """What a converter coarser than the noise leaves open; `bounds` of the read noise in DN."""
+    finer = "a finer converter or more gain: the noise is below half a DN"
+    found.drop("read_noise.shape", finer)
     found.warn(
-        f"clipped_at_zero: {still.clipped_low:.0%} of the pixels of the {still.group.kind} frames are 0; "
-        "read noise, DSNU and dark current come from a likelihood that knows the cut, the emva figures do not"
+        f"coarse_converter: the noise of the dark frames is below {EVEN_DN} DN; read noise and DSNU come from "
+        "a likelihood that knows the rounding, for normal noise; the emva figures do not know it",
+        spoils=("emva.*", "emva4.*", "temporal.*"),
     )
+    low, high = bounds
+    told = high < _BLIND * low
+    unit = "e" if found.gain is not None else "dn"
+    if not told:
+        most = f"{high / found.gain.dn_per_e:.3g} e-" if found.gain is not None else f"{high:.3g} DN"
+        found.drop(f"read_noise.sigma_{unit}", f"{finer}; it is at most {most} (95 %)")
+    if math.hypot(fit.sigma, fit.spread) < _DITHER_DN or not told:
+        for name in [n for n in found.parameters if n.startswith(("dsnu.", "dark_current."))]:
+            found.drop(name, finer)
+        value = found.parameters["black_level_dn"].value
+        found.add("black_level_dn", (value, value - 0.5, value + 0.5), "DN", source + ", known to half a DN")
+
+
+def _profile(sample: Sample) -> tuple[Fit, tuple[float, float]]:
+    """Where to start a fit of normal noise finer than a DN, and the read noise's 95 % bounds in DN.
+
+    The likelihood may be flat down to no noise at all, and may have several tops: it is mapped.
+    """
+    patterns, times = np.unique(sample.counts, axis=0, return_counts=True)
+    few = replace(sample, counts=patterns)
+    centre = np.zeros(len(patterns))
+    mids = np.concatenate([[0.0], 0.5 * (sample.edges[:-1] + sample.edges[1:]), sample.edges[-1:] + 0.5])
+    mean = sample.counts @ mids / sample.frames
+    start = np.array([float(mean.mean()), math.log(max(float(mean.std()), 0.05))])
+    grid = np.geomspace(_FAINTEST, 1.2, 25)
+    tops = []
+    for sigma in grid:
+
+        def loss(q: np.ndarray, sigma: float = float(sigma)) -> float:
+            p = np.array([math.log(sigma), tukey.GAUSSIAN_SHAPE, q[0], np.clip(q[1], -6, 3)])
+            return -float(times @ _log_likelihood(p, few, centre))
+
+        tops.append(optimize.minimize(loss, start, method="Nelder-Mead", options={"xatol": 2e-3, "fatol": 0.01,
+            "initial_simplex": start + np.array([[0.0, 0.0], [0.2, 0.0], [0.0, -1.5]])}))  # fmt: skip
+    values = np.array([t.fun for t in tops])
+    best = int(values.argmin())
+    inside = np.flatnonzero(values - values[best] < _RISE)
+    first, last = max(int(inside[0]) - 1, 0), min(int(inside[-1]) + 1, len(grid) - 1)
+    fit = Fit(math.log(grid[best]), tukey.GAUSSIAN_SHAPE, tops[best].x[0], tops[best].x[1], np.zeros((4, 4)))
+    return fit, (0.0 if inside[0] == 0 else float(grid[first]), float(grid[last]))
 
 
 def _lines(
@@ -115,7 +186,15 @@ def _lines(
     return columns, rows, share
 
 
-def _add(found: Findings, still: GroupMoments, fit: Fit, rows: Lines, columns: Lines, source: str) -> None:
+def _add(
+    found: Findings,
+    still: GroupMoments,
+    fit: Fit,
+    rows: Lines,
+    columns: Lines,
+    source: str,
+    origin: int,
+) -> None:
     half = t_quantile(19) * math.sqrt(fit.covariance[0, 0])
     sigma = (fit.sigma, fit.sigma * math.exp(-half), fit.sigma * math.exp(half))
     add_in_electrons(found, "read_noise.sigma", sigma, source)
@@ -138,7 +217,7 @@ def _add(found: Findings, still: GroupMoments, fit: Fit, rows: Lines, columns: L
             (still.frame_variance / still.n, still.n - 1),
         ]
     )
-    found.add("black_level_dn", symmetric(float(columns.places.mean()), error, df), "DN", source)
+    found.add("black_level_dn", symmetric(origin + float(columns.places.mean()), error, df), "DN", source)
 
 
 def _row_errors(master: np.ndarray) -> np.ndarray:
@@ -153,12 +232,14 @@ def _sample(frames: FrameSet, indices: tuple[int, ...], still: GroupMoments, see
     values = np.stack([frames.read(i)[rows, columns] for i in indices])
     sigma = 1.4826 * np.median(np.abs(values - values.mean(0)))
     step = max(1, round(max(sigma, 1.0) / _BINS_PER_SIGMA))
+    origin = max(int(values.min()) - 1, 0)
+    values = values - origin
     edges = _edges(float(np.median(values)) + 5 * max(sigma, 1.0), float(values.max()), step)
     bins = np.searchsorted(edges, values)
     n = len(edges) + 1
     flat = (np.arange(len(rows))[None] * n + bins).ravel()
     counts = np.bincount(flat, minlength=len(rows) * n).reshape(len(rows), n).astype(np.float64)
-    return Sample(counts, edges, rows, columns, len(indices))
+    return Sample(counts, edges, rows, columns, len(indices), origin)
 
 
 def _edges(dense: float, top: float, step: int) -> np.ndarray:
@@ -170,8 +251,8 @@ def _edges(dense: float, top: float, step: int) -> np.ndarray:
     return np.array(edges)
 
 
-def _fit(sample: Sample, centre: np.ndarray, start: Fit | None) -> Fit:
-    """Maximum likelihood, the location of pixel p being N(centre_p + shift, spread)."""
+def _fit(sample: Sample, centre: np.ndarray, start: Fit | None, free: tuple[int, ...]) -> Fit:
+    """Maximum likelihood, the location of pixel p being N(centre_p + shift, spread); `free` parameters only."""
     if start is None:
         mids = np.concatenate([[0.0], 0.5 * (sample.edges[:-1] + sample.edges[1:]), sample.edges[-1:]])
         mean = sample.counts @ mids / sample.frames
@@ -180,20 +261,28 @@ def _fit(sample: Sample, centre: np.ndarray, start: Fit | None) -> Fit:
             float(np.sqrt(np.median((sample.counts @ mids**2) / sample.frames - mean**2))),
         )
         first = np.array(
-            [math.log(max(noise, 0.3) * 1.1), 0.0, level - 0.3 * noise, math.log(max(mean.std(), 0.3))]
+            [
+                math.log(max(noise, 0.3) * 1.1),
+                0.0 if 1 in free else tukey.GAUSSIAN_SHAPE,
+                level - 0.3 * noise if 1 in free else level,
+                math.log(max(mean.std(), 0.3)),
+            ]
         )
     else:
         first = np.array(
-            [start.log_sigma, start.shape, 0.0, start.log_spread - (0.3 if not centre.any() else 0.0)]
+            [start.log_sigma, start.shape, 0.0, start.log_spread]
+            if centre.any()
+            else [start.log_sigma, start.shape, start.shift, start.log_spread]
         )
 
     p = first
     value = _log_likelihood(p, sample, centre).sum()
     for _ in range(_ITERATIONS):  # Fisher scoring: the information is the scores' outer product
-        scores = _scores(p, sample, centre)
+        scores = _scores(p, sample, centre)[list(free)]
         gradient = scores.sum(1)
-        step = np.linalg.solve(scores @ scores.T + 1e-9 * np.eye(4), gradient)
-        if gradient @ step < _GAIN:
+        step = np.zeros(4)
+        step[list(free)] = np.linalg.solve(scores @ scores.T + 1e-6 * np.eye(len(free)), gradient)
+        if gradient @ step[list(free)] < _GAIN:
             break
         step *= min(
             1.0, *(most / max(abs(s), 1e-12) for s, most in zip(step, (0.3, 0.1, math.exp(p[0]), 0.5)))
@@ -209,7 +298,9 @@ def _fit(sample: Sample, centre: np.ndarray, start: Fit | None) -> Fit:
             step *= 0.4
         else:
             break
-    return Fit(*map(float, p), covariance=_sandwich(p, sample, centre))
+    covariance = np.zeros((4, 4))
+    covariance[np.ix_(free, free)] = _sandwich(_scores(p, sample, centre)[list(free)], sample)
+    return Fit(*map(float, p), covariance=covariance)
 
 
 def _log_likelihood(p: np.ndarray, sample: Sample, centre: np.ndarray) -> np.ndarray:
@@ -237,20 +328,23 @@ def _scores(p: np.ndarray, sample: Sample, centre: np.ndarray) -> np.ndarray:
     )  # fmt: skip
 
 
-def _sandwich(p: np.ndarray, sample: Sample, centre: np.ndarray, blocks: int = 20) -> np.ndarray:
+def _sandwich(scores: np.ndarray, sample: Sample, blocks: int = 20) -> np.ndarray:
     """Covariance from scores summed over blocks of rows and over columns.
 
     Pixels of a column share the error of its centre, which near the cut moves the spread at first order. Sums
     over rows and over columns, less what both count, hold either dependence (A. C. Cameron, J. B. Gelbach and
     D. L. Miller, J. Bus. Econ. Stat. 29 (2011) 238).
     """
-    scores = _scores(p, sample, centre)
     information = scores @ scores.T
-    inverse = np.linalg.pinv(information)
+    inverse = np.linalg.inv(information + 1e-6 * np.eye(len(scores)))  # of what is not told: no information
     by_row = _clustered(scores, np.minimum(sample.rows * blocks // (sample.rows.max() + 1), blocks - 1))
     by_both = by_row + _clustered(scores, sample.columns) - information
     rows_alone, both = (inverse @ spread @ inverse for spread in (by_row, by_both))
-    return both if (np.diag(both) > np.diag(rows_alone)).all() else np.maximum(both, rows_alone) * np.eye(4)
+    return (
+        both
+        if (np.diag(both) > np.diag(rows_alone)).all()
+        else np.maximum(both, rows_alone) * np.eye(len(both))
+    )
 
 
 def _clustered(scores: np.ndarray, cluster: np.ndarray) -> np.ndarray:
@@ -297,13 +391,19 @@ def _cut_mean(fit: Fit, within: float, electrons: float = 0.0, dn_per_e: float =
     )
     density = np.fft.fftshift(np.fft.irfft(spectrum, law.x.size)) / step  # of the noise with its sign turned
     below = (np.cumsum(density) - 0.5 * density) * step
-    cut = (np.cumsum(below) - 0.5 * below) * step * fit.sigma  # the mean of max(0, x + noise), by parts
     x = law.x * fit.sigma
+    if math.hypot(fit.sigma, math.sqrt(within)) < EVEN_DN:  # the mean of max(0, round(x + noise))
+        codes = np.arange(math.ceil(max(x[-1], 1.0)) + 1)
+        cut = np.interp(x[:, None] - codes - 0.5, x, below, left=0.0, right=1.0).sum(1)
+    else:
+        cut = (np.cumsum(below) - 0.5 * below) * step * fit.sigma  # the mean of max(0, x + noise), by parts
     keep = np.concatenate([[True], np.diff(cut) > 0]) & (np.abs(x) < 60 * fit.sigma)
     return x[keep], np.maximum.accumulate(cut[keep])
 
 
-def _dark(found: Findings, measured: Measured, fit: Fit, columns: np.ndarray, within: float) -> None:
+def _dark(
+    found: Findings, measured: Measured, fit: Fit, columns: np.ndarray, within: float, origin: int
+) -> None:
     """Dark signal of every group as the shift of all columns that explains its cut mean."""
     points = []
     dn_per_e = 0.0 if found.gain is None else found.gain.dn_per_e
@@ -317,10 +417,11 @@ def _dark(found: Findings, measured: Measured, fit: Fit, columns: np.ndarray, wi
             places = columns + shift
             return float(np.where(places > x[-1], places, np.interp(places, x, cut)).mean()) - target
 
-        reach = 10 * fit.sigma + 2 * m.mean + float(np.ptp(columns))
-        if mean_at(-reach, m.mean) > 0 or mean_at(reach, m.mean) < 0:
+        level = m.mean - origin
+        reach = 10 * fit.sigma + 2 * level + float(np.ptp(columns))
+        if mean_at(-reach, level) > 0 or mean_at(reach, level) < 0:
             continue
-        found_root = optimize.root_scalar(mean_at, (m.mean,), bracket=(-reach, reach), xtol=1e-4 * fit.sigma)
+        found_root = optimize.root_scalar(mean_at, (level,), bracket=(-reach, reach), xtol=1e-4 * fit.sigma)
         shift = float(found_root.root)
         h = 0.05 * fit.sigma
         slope = (mean_at(shift + h) - mean_at(shift - h)) / (2 * h)

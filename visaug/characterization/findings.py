@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -22,14 +23,19 @@ class Gain:
 
 @dataclass
 class Findings:
-    """Parameters found so far, what stays open, warnings, curves and maps."""
+    """Parameters found so far, what stays open, warnings, curves, maps and effects.
+
+    `spoils` holds, by warning, patterns of the parameters whose value or interval it puts in doubt.
+    """
 
     parameters: dict[str, Estimate] = field(default_factory=dict)
     open: dict[str, str] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     curves: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     maps: dict[str, np.ndarray] = field(default_factory=dict)
+    spoils: dict[str, tuple[str, ...]] = field(default_factory=dict)
     gain: Gain | None = None
+    bit_depth: int | None = None
 
     def add(
         self, name: str, interval: Sequence[float], unit: str, source: str, most: float = math.inf
@@ -46,6 +52,23 @@ class Findings:
         if name not in self.parameters:
             self.open.setdefault(name, needs)
 
-    def warn(self, text: str) -> None:
+    def drop(self, name: str, needs: str) -> None:
+        """What was found is not determined after all."""
+        self.parameters.pop(name, None)
+        self.open[name] = needs
+
+    def warn(self, text: str, spoils: Sequence[str] = ()) -> None:
+        """A warning, ``word: sentence``.
+
+        Args:
+            spoils: parameters whose value or interval is not to be trusted; ``prnu.*`` stands for several.
+        """
         if text not in self.warnings:
             self.warnings.append(text)
+        self.spoils[text] = (*self.spoils.get(text, ()), *spoils)
+
+    def spoiled_by(self, text: str) -> tuple[str, ...]:
+        """Parameters found that a warning puts in doubt."""
+        patterns = self.spoils.get(text, ())
+        known = (*self.parameters, "bit_depth")
+        return tuple(n for n in known if any(fnmatch.fnmatchcase(n, p) for p in patterns))

@@ -8,7 +8,7 @@ import numpy as np
 
 from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Level, Measured
-from visaug.characterization.intervals import root, symmetric, t_quantile
+from visaug.characterization.intervals import mean_error, root, symmetric, t_quantile
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import Parts, parts, surface
 from visaug.characterization.photon_transfer import (
@@ -20,39 +20,90 @@ from visaug.characterization.photon_transfer import (
 )
 
 NEEDS_FLATS = "flats: two or more frames at each of several light levels, and dark frames beside them"
+NEEDS_CLEAR_FLATS = (
+    "a higher black level or more gain, or two or more levels of flats whose noise spreads over several DN, "
+    "clear of 0 and of the converter's top"
+)
 NEEDS_PHOTONS = "flats with known photons per pixel"
 
 
-def gain_and_efficiency(found: Findings, measured: Measured) -> PhotonTransfer | None:
+def gain_and_efficiency(
+    found: Findings, measured: Measured, dark_tells: bool = True
+) -> PhotonTransfer | None:
     """Photon transfer at the base gain."""
-    result = transfer(measured.sweep)
+    result = transfer(measured.sweep, dark_tells)
     if result is None:
-        found.miss("gain_e_per_dn", NEEDS_FLATS)
+        found.miss("gain_e_per_dn", NEEDS_FLATS if dark_tells else NEEDS_CLEAR_FLATS)
         found.miss("quantum_efficiency", NEEDS_PHOTONS)
         return None
     gain, half = result.gain_dn_per_e, t_quantile(result.df) * result.gain_error
     source = f"photon transfer over {len(result.safe)} levels"
+    if result.curvature_per_dn:
+        source += ", slope at zero signal"
+    if not dark_tells:
+        source += ", without dark frames"
     low, high = 1 / (gain + half), 1 / (gain - half) if gain > half else math.inf
     found.add("gain_e_per_dn", (1 / gain, low, high), "e-/DN", source)
     found.gain = Gain(gain, result.gain_error / gain, measured=True)
-    if result.response_dn_per_photon is None:
-        found.miss("quantum_efficiency", NEEDS_PHOTONS)
-    else:
-        value = result.response_dn_per_photon / gain
-        error = value * math.hypot(result.gain_error / gain, result.response_relative_error)
-        found.add(
-            "quantum_efficiency",
-            symmetric(value, error, result.df),
-            "e-/photon",
-            "responsivity over gain",
-            1.0,
-        )
-        if value > 1:
-            found.warn(
-                "quantum_efficiency_above_one: the photons given are too few, or the light is not even"
-            )
+    _curvature(found, result)
+    _efficiency(found, result)
     _transfer_curves(found, result)
     return result
+
+
+def _curvature(found: Findings, result: PhotonTransfer) -> None:
+    if result.curvature_per_dn is None:
+        return
+    interval = symmetric(*result.curvature_per_dn, result.df)
+    found.add("photon_transfer.curvature_per_dn", interval, "1/DN", "c of the variance K S (1 + c S)")
+    if result.bent:
+        top = result.levels[result.safe[-1]].signal
+        found.warn(
+            f"photon_transfer_bent: at {top:.4g} DN the variance is {interval[0] * top:+.1%} off the straight "
+            "line (a response that bends, or charge that shares); gain_e_per_dn is the slope at zero signal, "
+            "the emva gain that of the straight line the standard asks for",
+            spoils=("emva.system_gain_dn_per_e", "emva.quantum_efficiency", "emva.saturation_e",
+                    "emva.dark_noise_e", "emva.dsnu_e", "emva4.*_e"),
+        )  # fmt: skip
+
+
+def _efficiency(found: Findings, result: PhotonTransfer) -> None:
+    line = result.response
+    if line is None:
+        found.miss("quantum_efficiency", NEEDS_PHOTONS)
+        return
+    gain = result.gain_dn_per_e
+    value = line.dn_per_photon / gain
+    error, df = mean_error(
+        [((value * result.gain_error / gain) ** 2, result.df), ((value * line.relative_error) ** 2, line.df)]
+    )
+    found.add("quantum_efficiency", symmetric(value, error, df), "e-/photon", "responsivity over gain", 1.0)
+    if value > 1:
+        found.warn(
+            "quantum_efficiency_above_one: the photons given are too few, or the light is not even",
+            spoils=("quantum_efficiency", "emva.quantum_efficiency"),
+        )
+    if line.bent:
+        top = max(float(result.levels[i].photons or 0.0) for i in result.safe)
+        found.warn(
+            f"nonlinear_response: at {top:.4g} photons the signal is {line.curvature_per_photon * top:+.1%} off "
+            "the straight line; quantum_efficiency is that of faint light",
+            spoils=("emva.quantum_efficiency",),
+        )
+    if line.dark == "unknown":
+        found.warn(
+            "dark_exposure: flats were exposed longer than their dark frames and dark frames at two exposures "
+            "are missing, so that dark current counts as light",
+            spoils=("quantum_efficiency", "prnu.*", "emva.quantum_efficiency", "emva.prnu_fraction",
+                    "emva4.prnu_*", "emva.linearity_error_*", "full_well_e", "emva.saturation_e"),
+        )  # fmt: skip
+    elif line.dark_share > max(0.003, 2 * line.relative_error):
+        found.warn(
+            "dark_exposure: flats were exposed longer than their dark frames; quantum_efficiency allows for "
+            "the dark current, the emva figures do not",
+            spoils=("emva.quantum_efficiency", "emva.prnu_fraction", "emva4.prnu_*", "emva.linearity_error_*",
+                    "emva.saturation_e"),
+        )  # fmt: skip
 
 
 def _transfer_curves(found: Findings, result: PhotonTransfer) -> None:
@@ -77,13 +128,22 @@ def response_pattern(found: Findings, measured: Measured, result: PhotonTransfer
     shape = max((result.levels[i].flat.shape for i in result.safe), key=lambda s: s[0] * s[1])
     levels = [v for i in result.safe if (v := result.levels[i]).flat.shape == shape]
     darks: dict[int, tuple[GroupMoments, np.ndarray]] = {}
-    weights = np.array([v.signal * v.flat.n / max(v.flat.variance, 1e-9) for v in levels])
-    weights /= (weights * np.array([v.signal for v in levels])).sum()
+    line = result.response
+    fitted = line is not None and line.dark == "fitted"
+    signals = np.array([line.at(v.photons or 0.0) if line and fitted else v.light for v in levels])
+    weights = np.array([v.flat.n / max(v.flat.variance, 1e-9) for v in levels])
+    free = result.intercept_dn2 is not None  # dark frames do not tell the pattern either: flats alone
+    if free and len(levels) < 2:
+        for name in ("row", "column", "pixel"):
+            found.miss(f"prnu.{name}", NEEDS_CLEAR_FLATS)
+        return None
+    weights *= signals - (weights @ signals / weights.sum() if free else 0.0)
+    weights /= (weights * signals).sum()
     pattern = np.zeros(shape)
     for v, a in zip(levels, weights):
         pattern += a * mean_map(measured.frames, v.flat.group.indices)
     noise = [(float(a) ** 2 / v.flat.n, v.flat) for v, a in zip(levels, weights)]
-    for v in levels:
+    for v in () if free else levels:
         if id(v.dark) not in darks:
             darks[id(v.dark)] = (v.dark, mean_map(measured.frames, v.dark.group.indices))
     for key, (dark, master) in darks.items():

@@ -10,11 +10,17 @@ import numpy as np
 from scipy import optimize, stats
 
 from visaug.characterization.groups import Level
-from visaug.characterization.intervals import jackknife, row_blocks
+from visaug.characterization.intervals import jackknife
+from visaug.characterization.moments import GroupMoments
+from visaug.characterization.response import Response, response
 
 _FIT_SHARE = 0.7  # EMVA 1288: the fits of gain and responsivity end at 70 % of saturation
 _LINEAR_SHARE = (0.05, 0.95)
 _SAFE_SHARE = 0.85  # the camera's own gain may use more levels than the standard's fit
+_SPAN = 3  # brightest over faintest level from which on a bend can be seen
+_DOUBT = 0.002
+_CUT = 1e-4
+EVEN_DN = 0.6  # noise from which on rounding is an even error
 _COLLAPSE = 0.7  # variance below this share of the shot noise's tells clipping
 
 
@@ -23,8 +29,12 @@ class PhotonTransfer:
     """Results in DN and photons; errors are one standard deviation, relative where the name says so.
 
     Attributes:
-        gain_dn_per_e: by weighted least squares over all safe levels.
-        response_dn_per_photon: mean signal over photons, None where the source is not calibrated.
+        gain_dn_per_e: slope at zero signal by weighted least squares over all safe levels.
+        curvature_per_dn: c of the variance K S (1 + c S), its standard error beside it; None for fewer levels
+            than tell it.
+        intercept_dn2: variance without light, DN^2, where dark frames do not tell it; else None.
+        pedestal_dn: mean level at which that is.
+        response: the signal's course over photons, None where the source is not calibrated.
         saturation: position in `levels` of the largest temporal variance, None where it is not reached.
         safe: positions of the levels that are clear of saturation.
     """
@@ -33,34 +43,80 @@ class PhotonTransfer:
     gain_dn_per_e: float
     gain_error: float
     df: float
-    response_dn_per_photon: float | None
-    response_relative_error: float
+    curvature_per_dn: tuple[float, float] | None
+    intercept_dn2: tuple[float, float] | None
+    pedestal_dn: float
+    response: Response | None
     saturation: int | None
     safe: tuple[int, ...]
 
+    @property
+    def bent(self) -> bool:
+        """Whether the curve bends beyond doubt (once in 500 by chance)."""
+        return _established(self.curvature_per_dn, self.df)
 
-def transfer(levels: Sequence[Level]) -> PhotonTransfer | None:
-    """The photon transfer of a sweep of flats; None where no level has signal and temporal noise."""
+
+def _established(estimate: tuple[float, float] | None, df: float) -> bool:
+    return estimate is not None and abs(estimate[0]) > float(stats.t.ppf(1 - _DOUBT / 2, df)) * estimate[1]
+
+
+def transfer(levels: Sequence[Level], dark_tells: bool = True) -> PhotonTransfer | None:
+    """The photon transfer of a sweep of flats; None where no level has signal and temporal noise.
+
+    Variance V against signal S follows K S (1 + c S): c is what the response, or charge that shares, bends.
+
+    Args:
+        dark_tells: whether mean and variance of the dark frames are those of the camera. Where they are cut
+            at 0 or rounded away, the flats alone tell the gain: V against the mean, its intercept free.
+    """
     levels = tuple(levels)
     if not levels:
         return None
     saturation = saturated_level(levels)
-    safe = safe_levels(levels, saturation)
-    if not safe:
+    safe = safe_levels(levels, saturation, dark_tells)
+    if len(safe) < (1 if dark_tells else 2):
         return None
-    noise = np.array([levels[i].flat.variance + levels[i].dark.variance for i in safe])
-    weights = 1 / np.maximum(noise, 1e-12) ** 2  # a variance is known to a share of itself
+    chosen = [levels[i] for i in safe]
+    noise = np.array([v.flat.variance + v.dark.variance for v in chosen])
+    weights = 1 / np.maximum(noise, 1e-12)  # a variance is known to a share of itself
+    pedestal = 0.0 if dark_tells else min(v.flat.mean for v in chosen)
+    powers = _powers(chosen, dark_tells)
 
-    def gain(rows: np.ndarray) -> dict[str, float]:
-        x = np.array([levels[i].signal_of(rows) for i in safe])
-        y = np.array([levels[i].variance_of(rows) for i in safe])
-        return {"gain": float((weights * x * y).sum() / (weights * x * x).sum())}
+    def curve(rows: np.ndarray) -> dict[str, float]:
+        if dark_tells:
+            x = np.array([v.signal_of(rows) for v in chosen])
+            y = np.array([v.noise_of(rows) for v in chosen])
+        else:
+            x = np.array([(v.flat.row_means * rows).sum() / rows.sum() for v in chosen]) - pedestal
+            y = np.array([(v.flat.row_variances * rows).sum() / rows.sum() - v.flat.frame_variance
+                          - v.lamp_variance for v in chosen])  # fmt: skip
+        basis = np.stack([x**p for p in powers], axis=1)
+        fit = dict(zip(powers, np.linalg.lstsq(basis * weights[:, None], y * weights, rcond=None)[0]))
+        return {"gain": fit[1], "curvature": fit.get(2, 0.0) / fit[1], "intercept": fit.get(0, 0.0)}
 
-    value, error, df = jackknife(gain, levels[0].flat.shape[0])["gain"]
+    found = jackknife(curve, chosen[0].flat.shape[0])
+    value, error, df = found["gain"]
     if not value > 0:
         return None
-    response, relative = _response([levels[i] for i in safe])
-    return PhotonTransfer(levels, value, error, df, response, relative, saturation, safe)
+    return PhotonTransfer(
+        levels,
+        value,
+        error,
+        df,
+        found["curvature"][:2] if 2 in powers else None,
+        found["intercept"][:2] if 0 in powers else None,
+        pedestal,
+        response(chosen, dark_tells),
+        saturation,
+        safe,
+    )
+
+
+def _powers(levels: Sequence[Level], dark_tells: bool) -> tuple[int, ...]:
+    """Powers of the signal in the fit: as many as the levels carry."""
+    signals = [v.flat.mean if not dark_tells else v.signal for v in levels]
+    carries = len(levels) >= 4 and max(signals) >= _SPAN * min(signals)
+    return (1, 2) if dark_tells and carries else (1,) if dark_tells else (0, 1)
 
 
 def saturated_level(levels: Sequence[Level]) -> int | None:
@@ -73,47 +129,27 @@ def saturated_level(levels: Sequence[Level]) -> int | None:
     return top if falls or clips else None
 
 
-def safe_levels(levels: Sequence[Level], saturation: int | None) -> tuple[int, ...]:
+def safe_levels(levels: Sequence[Level], saturation: int | None, dark_tells: bool = True) -> tuple[int, ...]:
     limit = math.inf if saturation is None else _SAFE_SHARE * levels[saturation].signal
     chosen = [
         i
         for i, v in enumerate(levels)
         if 0 < v.signal <= limit and v.flat.clipped_high == 0 and v.variance_of_all > 0 and v.photons != 0
     ]
+    if not dark_tells:
+        return tuple(i for i in chosen if rounds_evenly(levels[i].flat) and levels[i].flat.clipped_low < _CUT)
     if not chosen and saturation is not None:
         chosen = [i for i in range(saturation + 1) if levels[i].signal > 0]
     return tuple(chosen)
 
 
-def _response(levels: Sequence[Level]) -> tuple[float | None, float]:
-    """Signal per photon, and its relative standard error as an estimate of the camera's own.
+def rounds_evenly(moments: GroupMoments) -> bool:
+    """Whether the noise spreads over enough DN that rounding adds 1/12 DN^2 and no bias of the mean.
 
-    Parts of the error: pixels and rows (blocks of rows left out), columns (blocks of columns left out), and
-        what
-    the lamp does from frame to frame and from level to level.
+    For normal noise of s DN the variance is off by at most 4 (s^2 + 1/(4 pi^2)) exp(-2 pi^2 s^2), below 0.3 %
+    from s = 0.6 on (W. F. Sheppard's corrections; B. Widrow, IRE Trans. Circuit Theory 3 (1956) 266).
     """
-    if any(v.photons is None or v.photons <= 0 for v in levels):
-        return None, math.nan
-    photons = np.array([v.photons for v in levels], float)
-    weights = 1 / photons  # shot noise
-
-    def slope(signals: np.ndarray) -> float:
-        return float((weights * photons * signals).sum() / (weights * photons**2).sum())
-
-    def left_out(profiles: list[np.ndarray]) -> float:
-        keep = row_blocks(profiles[0].size)
-        parts = np.array([slope(np.array([(p * k).sum() / k.sum() for p in profiles])) for k in keep])
-        return float((len(keep) - 1) / len(keep) * ((parts - parts.mean()) ** 2).sum())
-
-    value = slope(np.array([v.signal for v in levels]))
-    error = left_out([v.flat.row_means - v.dark.row_means for v in levels])
-    error += left_out([v.flat.column_means - v.dark.column_means for v in levels])
-    relative = [v.flat.frame_variance / v.signal**2 for v in levels]
-    lamp = np.median(relative) / sum(v.flat.n for v in levels)
-    bright = [v.signal / float(v.photons or 1.0) for v in levels if v.signal > 0.2 * levels[-1].signal]
-    if len(bright) > 1:
-        lamp += (np.std(bright, ddof=1) / value) ** 2 / len(bright)
-    return value, math.sqrt(error / value**2 + lamp)
+    return moments.variance - 1 / 12 >= EVEN_DN**2
 
 
 def emva_sensitivity(
@@ -178,11 +214,11 @@ def full_well(found: PhotonTransfer, nonuniformity: float) -> tuple[float, float
     The mean of a normal signal (shot noise and PRNU) clipped at F is known; F is where it meets the measured
     one.
     """
-    if found.response_dn_per_photon is None:
+    if found.response is None:
         return None
     level = found.levels[-1]
     signal_e = level.signal / found.gain_dn_per_e
-    expected = float(level.photons or 0.0) * found.response_dn_per_photon / found.gain_dn_per_e
+    expected = found.response.at(float(level.photons or 0.0)) / found.gain_dn_per_e
     spread = math.sqrt(expected + (nonuniformity * expected) ** 2)
     shot = level.variance_of_all / found.gain_dn_per_e**2
     if converter_clips(level) or shot > _COLLAPSE * expected or expected - signal_e < 0.1 * spread:
@@ -198,5 +234,5 @@ def full_well(found: PhotonTransfer, nonuniformity: float) -> tuple[float, float
     well = float(optimize.root_scalar(excess, bracket=(low, high)).root)
     clipped = float(stats.norm.cdf((expected - well) / spread))
     gain = found.gain_error / found.gain_dn_per_e
-    response = (1 - clipped) / clipped * expected * math.hypot(found.response_relative_error, gain)
-    return well, math.hypot(well * gain, response)
+    light = (1 - clipped) / clipped * expected * math.hypot(found.response.relative_error, gain)
+    return well, math.hypot(well * gain, light)

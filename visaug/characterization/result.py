@@ -60,6 +60,18 @@ class Estimate:
         }
 
 
+@dataclass(frozen=True, slots=True)
+class Warned:
+    """A warning by its stable word, and the parameters whose value or interval is not to be trusted."""
+
+    word: str
+    text: str
+    spoils: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        return {"word": self.word, "text": self.text, "spoils": list(self.spoils)}
+
+
 @dataclass(frozen=True)
 class Characterization:
     """Camera parameters measured from frames.
@@ -68,6 +80,7 @@ class Characterization:
         parameters: by the keys of camera.yaml with dots, and `emva.*`, `temporal.*`, `image.*` beside them.
         not_determined: parameters that the frames cannot tell, and what it would need.
         warnings: named sentences about the frames and the fits.
+        warning_details: the same, each with the parameters that it puts in doubt.
         curves: arrays for plots, by name (see the `plot_*` methods).
         maps: (H, W) float32 arrays by name: `master_bias` (DN), `dark_current` (e-/s), `defects` (bits: 1
             hot, 2 dead, 4 unsteady).
@@ -77,13 +90,17 @@ class Characterization:
 
     parameters: Mapping[str, Estimate]
     not_determined: Mapping[str, str]
-    warnings: tuple[str, ...] = ()
+    warning_details: tuple[Warned, ...] = ()
     curves: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict, repr=False)
     maps: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
     assumed: Mapping[str, float] = field(default_factory=dict, repr=False)
     base: Mapping[str, Any] | None = field(default=None, repr=False)
     resolution: tuple[int, int] | None = None
     method: str = "emva"
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        return tuple(w.text for w in self.warning_details)
 
     def __repr__(self) -> str:
         return (
@@ -101,6 +118,7 @@ class Characterization:
             "parameters": {name: e.to_json() for name, e in self.parameters.items()},
             "not_determined": [{"parameter": p, "needs": n} for p, n in self.not_determined.items()],
             "warnings": list(self.warnings),
+            "warning_details": [w.to_json() for w in self.warning_details],
         }
 
     def to_camera_dict(self) -> dict[str, Any]:

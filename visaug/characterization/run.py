@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from visaug.characterization import dark, light, still
+from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
 from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Measured, measure_groups
 from visaug.characterization.maps import add_maps
-from visaug.characterization.result import CAMERA_KEYS, Characterization
+from visaug.characterization.result import CAMERA_KEYS, Characterization, Warned
 from visaug.errors import InputError
 from visaug.frames import FrameSet
 
@@ -43,7 +44,8 @@ def characterize(
     if method not in ("emva", "paper"):
         raise InputError(f"{method!r} is unknown", field="method", expected="emva or paper")
     found = Findings()
-    found.warnings += frames.warnings
+    for warning in frames.warnings:
+        found.warn(warning)
     kinds = {r.kind for r in frames.records}
     if not kinds & {"bias", "dark", "flat"}:
         if "image" not in kinds:
@@ -55,19 +57,34 @@ def characterize(
         noise_of_pictures(found, frames, seed)
         return _result(found, frames, camera, None, method)
     for warning in frames.check():
-        found.warn(warning)
-    measured = measure_groups(frames)
+        if not warning.startswith("few_frames"):  # of groups as they are measured: below
+            found.warn(warning)
+    told_bits = frames.told_bits or (camera.bit_depth if camera is not None else None)
+    ready, facts = prepared(frames, found, told_bits)
+    measured = measure_groups(ready, facts)
+    _few_frames(found, measured)
     if method == "paper":
         from visaug.characterization.paper import procedure
 
         procedure(found, measured, camera)
     else:
         _measure(found, measured, camera, seed)
-    return _result(found, frames, camera, measured, method)
+    return _result(found, ready, camera, measured, method)
+
+
+def _few_frames(found: Findings, measured: Measured) -> None:
+    alone = sorted(measured.frames.records[m.group.indices[0]].sequence for m in measured.moments if m.n == 1)
+    if alone:
+        numbers = ", ".join(map(str, alone[:8])) + (f" and {len(alone) - 8} more" if len(alone) > 8 else "")
+        found.warn(
+            f"few_frames: frames {numbers} stand alone at their settings; temporal noise needs two or more"
+        )
 
 
 def _measure(found: Findings, measured: Measured, camera: Camera | None, seed: int) -> None:
-    transfer = light.gain_and_efficiency(found, measured)
+    dark_tells = still.dark_frames_tell(measured)
+    measured = measured.with_dark_signal() if dark_tells else measured
+    transfer = light.gain_and_efficiency(found, measured, dark_tells)
     if transfer is None and camera is not None:
         given = camera.gain_at(measured.gain_db)
         found.gain = Gain(1 / given, 0.0, measured=False)
@@ -82,7 +99,8 @@ def _measure(found: Findings, measured: Measured, camera: Camera | None, seed: i
         light.capacity(found, transfer, pattern)
         light.gain_law(found, measured, transfer)
     emva(found, measured)
-    add_maps(found, measured)
+    if dark_tells:
+        add_maps(found, measured)
 
 
 def _without_light(found: Findings, measured: Measured, seed: int) -> None:
@@ -94,7 +112,7 @@ def _without_light(found: Findings, measured: Measured, seed: int) -> None:
             found.miss(name, still.NEEDS_STILL)
         dark.dark_law(found, measured)
         return
-    if frames.clipped_low > still.CLIPPED:
+    if not still.tells(frames):
         from visaug.characterization.clipped import clipped_frames
 
         clipped_frames(found, measured, frames, seed)
@@ -115,8 +133,8 @@ def _result(
     if measured is not None:
         resolution = _resolution(measured, camera)
         settings["gain_db"] = measured.gain_db
-        if frames.bit_depth is not None:
-            settings["bit_depth"] = min(frames.bit_depth, 16)
+        if found.bit_depth is not None:
+            settings["bit_depth"] = found.bit_depth
         flats = [v.flat.group.exposure_s for v in measured.levels]
         if flats:
             settings["exposure_s"] = float(np.median(flats))
@@ -141,7 +159,7 @@ def _result(
     return Characterization(
         parameters=dict(sorted(found.parameters.items(), key=_order)),
         not_determined=found.open,
-        warnings=tuple(found.warnings),
+        warning_details=tuple(Warned(t.split(":")[0], t, found.spoiled_by(t)) for t in found.warnings),
         curves=found.curves,
         maps=found.maps,
         assumed=settings,

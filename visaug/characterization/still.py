@@ -19,9 +19,20 @@ from visaug.characterization.intervals import (
 )
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import Parts, parts
+from visaug.characterization.photon_transfer import rounds_evenly
 
 CLIPPED = 0.002  # share of pixels at 0 above which moments of bias frames are cut
 NEEDS_STILL = "two or more bias frames (lens capped, shortest exposure)"
+
+
+def tells(moments: GroupMoments) -> bool:
+    """Whether mean and variance of dark frames are the camera's: not cut at 0, not rounded away."""
+    return moments.clipped_low <= CLIPPED and (moments.n < 2 or rounds_evenly(moments))
+
+
+def dark_frames_tell(measured: Measured) -> bool:
+    """Whether the photon transfer may lean on dark frames."""
+    return all(tells(v.dark) for v in measured.levels)
 
 
 def black_level(found: Findings, still: GroupMoments, pattern: Parts, dark_signal_dn: float) -> None:

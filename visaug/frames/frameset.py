@@ -122,6 +122,11 @@ class FrameSet:
         """Bits of the converter: as told, or by the files' type (8 or 16); None for floats."""
         return self._store.bit_depth
 
+    @property
+    def told_bits(self) -> int | None:
+        """Bits of the converter where the caller, a table or a descriptor told them; else None."""
+        return self._store.told_bits
+
     def read(self, i: int) -> np.ndarray:
         """Frame `i`, (H, W) float32 in DN.
 

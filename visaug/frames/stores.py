@@ -24,6 +24,7 @@ class Store(Protocol):
     """Pixels by position."""
 
     warnings: list[str]
+    told_bits: int | None
 
     @property
     def bit_depth(self) -> int | None: ...
@@ -44,7 +45,7 @@ class MemoryStore:
     ) -> None:
         self._records, self._frames = list(records), frames
         self._cleans = {name: np.asarray(c, np.float32) for name, c in cleans.items()}
-        self._bit_depth = bit_depth
+        self._bit_depth = self.told_bits = bit_depth
         self.warnings: list[str] = []
 
     @property
@@ -96,6 +97,7 @@ class FileStore:
             raise InputError(f"{bit_depth} is out of range", field="bit_depth", expected="1 to 32 bits")
         self._records, self._root, self._resolution = list(records), root, resolution
         self._bit_depth, self._bits_at, self.warnings = bit_depth, bits_at, warnings
+        self.told_bits = bit_depth
         self._reader = PixelReader(root, byte_order or "little")
         self._byte_order = byte_order
         self._shift: int | None = None

@@ -1,0 +1,148 @@
+"""Frames as laboratories have them, made ready to be measured: one setting, raw frames, whole DN of the converter."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from visaug.characterization.facts import Facts, look, temporal_variances
+from visaug.characterization.findings import Findings
+from visaug.characterization.groups import KINDS, merged_groups
+from visaug.characterization.views import at_bits, shifted
+from visaug.frames import FrameSet
+
+_DEPTHS = (8, 10, 12, 14, 16)
+_PILE = 1e-3  # share of a flat's pixels at the converter's top that no signal piles up by itself
+_MASTER = 0.55  # of the temporal variance of a raw frame: two or more frames averaged have half or less
+_TELLING = 0.2  # DN^2: below, rounding hides the noise of a single frame
+_LOSSY = (".jpg", ".jpeg")
+
+
+def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[FrameSet, list[Facts]]:
+    """The frames that can be measured together, and the facts of each.
+
+    Left out, with a warning: frames of other camera settings than the commonest, and master frames.
+
+    Args:
+        told_bits: bits of the converter where somebody told them.
+    """
+    frames = frames.subset([i for i, r in enumerate(frames.records) if r.kind in KINDS])
+    frames = _one_setting(frames, found)
+    frames = _without_told_masters(frames, found)
+    facts = look(frames)
+    _lossy(frames, found)
+    frames, facts = _aligned(frames, facts, found, told_bits)
+    frames, facts = _without_masters(frames, facts, found)
+    _bit_depth(frames, facts, found, told_bits)
+    return at_bits(frames, found.bit_depth or frames.bit_depth), facts
+
+
+def _one_setting(frames: FrameSet, found: Findings) -> FrameSet:
+    """Two settings (a FITS header's GAIN, OFFSET) are two cameras."""
+    weights: Counter[str | None] = Counter()
+    for r in frames.records:
+        weights[r.setting] += 1000 if r.kind == "flat" else 1
+    if len(weights) < 2:
+        return frames
+    usual = weights.most_common(1)[0][0]
+    kept = [i for i, r in enumerate(frames.records) if r.setting == usual]
+    others = ", ".join(sorted(str(s or "no setting") for s in weights if s != usual))
+    found.warn(
+        f"settings_mixed: {len(frames) - len(kept)} frames of other settings ({others}) are left out; "
+        f"measured is {usual or 'the frames without a setting'}"
+    )
+    return frames.subset(kept)
+
+
+def _without_told_masters(frames: FrameSet, found: Findings) -> FrameSet:
+    masters = [i for i, r in enumerate(frames.records) if r.combined != 1]
+    return _leave_out(frames, masters, found, "as their headers or the column `combined` say")
+
+
+def _leave_out(frames: FrameSet, masters: Sequence[int], found: Findings, why: str) -> FrameSet:
+    if not masters or len(masters) == len(frames):
+        return frames
+    numbers = ", ".join(str(frames.records[i].sequence) for i in masters[:8])
+    found.warn(
+        f"master_frame: frames {numbers}{' and more' if len(masters) > 8 else ''} are averages of several "
+        f"exposures, {why}, and are left out: their noise is not the camera's"
+    )
+    return frames.subset([i for i in range(len(frames)) if i not in set(masters)])
+
+
+def _without_masters(frames: FrameSet, facts: list[Facts], found: Findings) -> tuple[FrameSet, list[Facts]]:
+    """Dark frames of half the temporal variance of their like, or less; any of fractions among whole DN."""
+    whole = sum(f.bits is not None for f in facts)
+    masters = [i for i, f in enumerate(facts) if f.bits is None] if whole > 0.5 * len(facts) else []
+    for group in merged_groups(frames, facts):
+        raw = [i for i in group.indices if i not in masters]
+        if group.kind == "flat" or len(raw) < 3:  # a lamp that drifts is no master
+            continue
+        variances = temporal_variances(frames, raw)
+        usual = float(np.median(variances))
+        if usual > _TELLING:
+            masters += [i for i, v in zip(raw, variances) if v < _MASTER * usual]
+    kept = _leave_out(frames, sorted(masters), found, "as their variance tells")
+    return kept, [f for i, f in enumerate(facts) if i not in set(masters)] if kept is not frames else facts
+
+
+def _aligned(
+    frames: FrameSet, facts: list[Facts], found: Findings, told_bits: int | None
+) -> tuple[FrameSet, list[Facts]]:
+    """Words aligned at the top of 16 bits: the low bits are 0 in every pixel of every frame."""
+    if frames.bit_depth != 16 or any(f.bits is None for f in facts):
+        return frames, facts
+    used = 0
+    for f in facts:
+        used |= f.bits or 0
+    low = 0 if used == 0 else (used & -used).bit_length() - 1
+    if low == 0 or 16 - low not in (_DEPTHS if told_bits is None else (told_bits,)):
+        return frames, facts
+    found.warn(
+        f"bits_at_top_assumed: the lowest {low} of 16 bits are 0 in every pixel; the frames are read as "
+        f"{16 - low}-bit values at the top of the word"
+    )
+    scale = 1 << low
+    return shifted(frames, low), [
+        replace(
+            f,
+            mean=f.mean / scale,
+            noise=f.noise / scale,
+            largest=f.largest / scale,
+            bits=(f.bits or 0) >> low,
+            phases=(f.phases[0] / scale, f.phases[1] / scale, f.phases[2] / scale, f.phases[3] / scale),
+        )
+        for f in facts
+    ]
+
+
+def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits: int | None) -> None:
+    """Bits of the converter: as told, as the files' type tells, or by where bright flats pile up."""
+    depth = frames.bit_depth
+    if told_bits is not None or depth is None or depth < 16:
+        found.bit_depth = None if depth is None else min(told_bits or depth, depth, 16)
+        return
+    largest = max(f.largest for f in facts)
+    piles = {f.largest for f in facts if f.at_largest > _PILE and f.largest == largest and f.noise < largest}
+    tops = [n for n in _DEPTHS if piles and largest == (1 << n) - 1]
+    if tops:
+        found.bit_depth = tops[0]
+        return
+    found.bit_depth = next(n for n in _DEPTHS if largest <= (1 << n) - 1)
+    found.warn(
+        f"bit_depth_assumed: no flat reaches the converter's top, so its bits are not known; "
+        f"{found.bit_depth} hold the largest value, {largest:g} DN (say --bit-depth, or take a saturated flat)",
+        spoils=("bit_depth",),
+    )
+
+
+def _lossy(frames: FrameSet, found: Findings) -> None:
+    if any(r.file.lower().endswith(_LOSSY) for r in frames.records):
+        found.warn(
+            "lossy_frames: JPEG compression removes noise and rounds coarsely; measure raw or lossless frames",
+            spoils=("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "read_noise.shape",
+                    "prnu.*", "dsnu.*", "dark_current.*", "full_well_e", "emva.*", "emva4.*", "temporal.*"),
+        )  # fmt: skip

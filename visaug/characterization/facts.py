@@ -1,0 +1,82 @@
+"""What one look at each frame's pixels tells before frames are grouped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from visaug.frames import FrameSet
+
+_PHASES = ((0, 0), (0, 1), (1, 0), (1, 1))
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Of one frame.
+
+    Attributes:
+        mean: mean level, DN.
+        noise: robust standard deviation of single pixels about their neighbours, DN.
+        largest: largest value, DN.
+        at_largest: share of the pixels that have it.
+        bits: bitwise or of all values; None where a value is no whole number.
+        phases: mean of the pixels at (0, 0), (0, 1), (1, 0), (1, 1) of every 2 x 2, DN.
+    """
+
+    mean: float
+    noise: float
+    largest: float
+    at_largest: float
+    bits: int | None
+    phases: tuple[float, float, float, float]
+
+
+def look(frames: FrameSet) -> list[Facts]:
+    """Facts of every frame, in one pass that holds one frame."""
+    return [facts_of(frames.read(i)) for i in range(len(frames))]
+
+
+def facts_of(frame: np.ndarray) -> Facts:
+    largest = float(frame.max())
+    whole = frame.astype(np.int64)
+    bits = int(np.bitwise_or.reduce(whole, axis=None)) if (whole == frame).all() else None
+    return Facts(
+        mean=float(frame.mean(dtype=np.float64)),
+        noise=_noise(frame),
+        largest=largest,
+        at_largest=float(np.count_nonzero(frame == largest) / frame.size),
+        bits=bits,
+        phases=tuple(float(frame[r::2, c::2].mean(dtype=np.float64)) if frame[r::2, c::2].size else 0.0
+                     for r, c in _PHASES),  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def _noise(frame: np.ndarray) -> float:
+    """From second neighbours, which a mosaic's colours share."""
+    if frame.shape[1] < 4:
+        return float(frame.std(dtype=np.float64))
+    difference = frame[::4, 2:] - frame[::4, :-2]
+    return float(1.4826 * np.median(np.abs(difference - np.median(difference))) / np.sqrt(2))
+
+
+def temporal_variances(frames: FrameSet, indices: Sequence[int]) -> np.ndarray:
+    """Temporal variance of each of three or more frames by itself, DN^2 (n,).
+
+    The variances of the differences of three frames, D_ab = v_a + v_b and so on, tell that of each:
+    v_a = (D_ab + D_ac - D_bc) / 2.
+    """
+    n = len(indices)
+    first, second = (frames.read(indices[k]).astype(np.float64) for k in (0, 1))
+    steps = np.empty(n)  # between neighbours, cyclic
+    leaps = np.empty(n)  # between a frame's two neighbours
+    before, here = first, second
+    steps[0] = np.var(second - first)
+    for k in range(2, n + 2):
+        following = first if k == n else second if k == n + 1 else frames.read(indices[k]).astype(np.float64)
+        if k < n + 1:
+            steps[k - 1] = np.var(following - here)
+        leaps[(k - 1) % n] = np.var(following - before)
+        before, here = here, following
+    return 0.5 * (steps + np.roll(steps, 1) - leaps)

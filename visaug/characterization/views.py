@@ -1,0 +1,58 @@
+"""Frame sets that show the pixels of another one changed: shifted words, one colour of a mosaic."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from visaug.frames import FrameRecord, FrameSet
+
+
+class _View:
+    """A store of frames that changes each frame as it is read."""
+
+    def __init__(
+        self, frames: FrameSet, change: Callable[[np.ndarray], np.ndarray], bit_depth: int | None
+    ) -> None:
+        self._frames, self._change, self._bit_depth = frames, change, bit_depth
+        self.told_bits = frames.told_bits
+        self.warnings = frames.warnings
+
+    @property
+    def bit_depth(self) -> int | None:
+        return self._bit_depth
+
+    def read(self, i: int) -> np.ndarray:
+        return self._change(self._frames.read(i))
+
+    def clean(self, i: int) -> np.ndarray:
+        return self._change(self._frames.clean(i))
+
+    def shape(self, i: int) -> tuple[int, int]:
+        return self._change(np.empty(self._frames.shape(i), np.float32)).shape[:2]  # type: ignore[return-value]
+
+
+def shifted(frames: FrameSet, low: int) -> FrameSet:
+    """Values without their lowest bits."""
+    bits = None if frames.bit_depth is None else frames.bit_depth - low
+    return FrameSet(frames.records, _View(frames, lambda frame: frame / np.float32(1 << low), bits))
+
+
+def colour_plane(frames: FrameSet, row: int, column: int) -> FrameSet:
+    """The pixels of a mosaic at (row, column) of every 2 x 2, as a sensor of half the size."""
+
+    def record(r: FrameRecord) -> FrameRecord:
+        window = r.window and (r.window[0] // 2, r.window[1] // 2, r.window[2] // 2, r.window[3] // 2)
+        return replace(r, bayer=None, window=window)
+
+    view = _View(frames, lambda frame: frame[row::2, column::2], frames.bit_depth)
+    return FrameSet([record(r) for r in frames.records], view)
+
+
+def at_bits(frames: FrameSet, bit_depth: int | None) -> FrameSet:
+    """The same pixels with another number of bits of the converter."""
+    if bit_depth == frames.bit_depth:
+        return frames
+    return FrameSet(frames.records, _View(frames, lambda frame: frame, bit_depth))
