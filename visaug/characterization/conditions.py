@@ -74,17 +74,20 @@ def _leave_out(frames: FrameSet, masters: Sequence[int], found: Findings, why: s
 
 
 def _without_masters(frames: FrameSet, facts: list[Facts], found: Findings) -> tuple[FrameSet, list[Facts]]:
-    """Dark frames of half the temporal variance of their like, or less; any of fractions among whole DN."""
+    """Dark frames of half the temporal variance of raw ones, or less; any of fractions among whole DN."""
     whole = sum(f.bits is not None for f in facts)
     masters = [i for i, f in enumerate(facts) if f.bits is None] if whole > 0.5 * len(facts) else []
+    variances: dict[int, float] = {}
+    usual = np.inf  # of the quietest group: what flickers or lingers makes others noisier
     for group in merged_groups(frames, facts):
         raw = [i for i in group.indices if i not in masters]
         if group.kind == "flat" or len(raw) < 3:  # a lamp that drifts is no master
             continue
-        variances = temporal_variances(frames, raw)
-        usual = float(np.median(variances))
-        if usual > _TELLING:
-            masters += [i for i, v in zip(raw, variances) if v < _MASTER * usual]
+        found_here = temporal_variances(frames, raw)
+        variances |= dict(zip(raw, found_here))
+        usual = min(usual, float(np.median(found_here)))
+    if usual > _TELLING:
+        masters += [i for i, v in variances.items() if v < _MASTER * usual]
     kept = _leave_out(frames, sorted(masters), found, "as their variance tells")
     return kept, [f for i, f in enumerate(facts) if i not in set(masters)] if kept is not frames else facts
 

@@ -134,8 +134,9 @@ def safe_levels(levels: Sequence[Level], saturation: int | None, dark_tells: boo
     chosen = [
         i
         for i, v in enumerate(levels)
-        if 0 < v.signal <= limit and v.flat.clipped_high == 0 and v.variance_of_all > 0 and v.photons != 0
+        if 0 < v.signal <= limit and v.flat.clipped_high == 0 and v.photons != 0
     ]
+    chosen = [i for i in chosen if levels[i].variance_of_all > 0 or not dark_tells]
     if not dark_tells:
         return tuple(i for i in chosen if rounds_evenly(levels[i].flat) and levels[i].flat.clipped_low < _CUT)
     if not chosen and saturation is not None:

@@ -83,6 +83,12 @@ def _few_frames(found: Findings, measured: Measured) -> None:
 
 def _measure(found: Findings, measured: Measured, camera: Camera | None, seed: int) -> None:
     dark_tells = still.dark_frames_tell(measured)
+    if any(still.noisier(v) for v in measured.sweep):
+        found.warn(
+            "dark_frames_noisier: dark frames scatter more than flats that are brighter (an image that lingers, "
+            "cosmic rays, unsteady pixels); gain_e_per_dn and PRNU come from flats alone",
+            spoils=("read_noise.*", "dsnu.*", "dark_current.*", "emva.*", "emva4.*"),
+        )
     measured = measured.with_dark_signal() if dark_tells else measured
     transfer = light.gain_and_efficiency(found, measured, dark_tells)
     if transfer is None and camera is not None:

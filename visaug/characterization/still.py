@@ -8,7 +8,7 @@ import numpy as np
 
 from visaug.characterization import read_noise, structure
 from visaug.characterization.findings import Findings
-from visaug.characterization.groups import Measured
+from visaug.characterization.groups import Level, Measured
 from visaug.characterization.intervals import (
     mean_error,
     root,
@@ -19,7 +19,7 @@ from visaug.characterization.intervals import (
 )
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import Parts, parts
-from visaug.characterization.photon_transfer import rounds_evenly
+from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly
 
 CLIPPED = 0.002  # share of pixels at 0 above which moments of bias frames are cut
 NEEDS_STILL = "two or more bias frames (lens capped, shortest exposure)"
@@ -31,8 +31,20 @@ def tells(moments: GroupMoments) -> bool:
 
 
 def dark_frames_tell(measured: Measured) -> bool:
-    """Whether the photon transfer may lean on dark frames."""
-    return all(tells(v.dark) for v in measured.levels)
+    """Whether the photon transfer may lean on dark frames: not where they are noisier than a flat."""
+    return all(tells(v.dark) and not noisier(v) for v in measured.sweep)
+
+
+def noisier(level: Level) -> bool:
+    """Whether dark frames scatter more than a flat of more signal: something but noise is in them."""
+    df = level.dark.n - 1 if level.dark.n > 1 else 1
+    excess = level.dark.variance / max(level.flat.variance, 1e-12) - 1
+    unclipped = level.flat.clipped_high == 0 and level.signal > 0
+    return (
+        unclipped
+        and level.flat.variance > EVEN_DN**2
+        and excess > 0.1 + 6 / math.sqrt(df * level.dark.shape[0] * level.dark.shape[1])
+    )
 
 
 def black_level(found: Findings, still: GroupMoments, pattern: Parts, dark_signal_dn: float) -> None:
