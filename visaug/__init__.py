@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from visaug.frames import FrameSet
     from visaug.simulation import simulate
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOME = {
     "Camera": "visaug.camera",
