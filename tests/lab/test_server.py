@@ -51,7 +51,7 @@ def found(bench) -> Diagnosis:
     after = Error(0.01, -0.02, 0.04)
     return Diagnosis(
         camera=better, accepted=("row_noise",), error_after=after, p_value_before=0.005, p_value_after=0.4,
-        adequate_before=False, adequate_after=True, where=bench.comparison.places,
+        adequate_before=False, adequate_after=True, where=bench.comparison.where,
         ranking=(Ranked("row_noise", 0.99, 0.01, sigma), Ranked("flicker_noise", 0.01, 0.4, {})),
         steps=(Step("refit", Error(0.98, 0.95, 1.01)), Step("add row_noise", after)),
         frames={"fit": [0], "select": [1], "confirm": [2]}, ambiguous=(), unexplained=None, form=None,

@@ -108,7 +108,7 @@ def test_diagnosis_page_tells_the_answer(camera, frames, tmp_path):
         "row_noise",
         "0.04",
         "1.19",
-        "[1.1, 1.3]",
+        "[1.10, 1.30]",
         "Something grows",
         "two temperatures",
         "8 bias, 12 flat",

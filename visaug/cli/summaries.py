@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from visaug.cli.tables import print_table
+from visaug.report.headline import comparison_headline, diagnosis_details, diagnosis_headline, view_title
+from visaug.wording import number, with_interval
 
 if TYPE_CHECKING:
     from visaug.frames.survey import Survey
-
-MARK = "…"
 
 
 def print_characterization(result: dict[str, Any]) -> None:
@@ -45,76 +45,34 @@ def _cell(value: float | str | None) -> str:
 
 
 def print_comparison(result: dict[str, Any]) -> None:
-    """Whether the model holds, and where it fails."""
-    print_verdict(result["fits"])
+    """Where the model fails, then the answer in one sentence."""
     print_places(result["where"])
+    click.echo(comparison_headline(result))
 
 
 def print_diagnosis(result: dict[str, Any]) -> None:
-    """What was missing, the error falling step by step, and what is left."""
-    error, fits = result["error"], result["fits"]
-    if result["accepted"]:
-        click.echo("missing: " + ", ".join(map(described(result["ranking"]), result["accepted"])))
-    elif fits["adequate_before"]:
-        click.echo("nothing is missing: the camera as given explains these frames")
-    else:
-        click.echo("no effect of the catalogue was accepted")
+    """The error step by step, then the answer as the report has it."""
     for step in result["steps"]:
-        value = f"{number(step['error'])} {interval_of(step.get('interval'))}".rstrip()
-        click.echo(f"  {step['action']:<32} error {value}")
-    if error["before"] is not None:
-        after = f"{number(error['after'])} {interval_of(error.get('interval_after'))}".rstrip()
-        click.echo(f"error: {number(error['before'])} before, {after} after")
-        click.echo("       (0 is as close as another set of that camera would come)")
-    for group in result["ambiguous"]:
-        click.echo(
-            f"cannot be told apart here: {', '.join(group['effects'])}; to tell them: {group['measure']}"
-        )
-    if result.get("form"):
-        click.echo(result["form"])
+        low, high = step.get("interval") or (None, None)
+        click.echo(f"  {step['action']:<32} error {with_interval(step['error'], low, high)}")
     if result.get("cannot_show"):
-        click.echo("frames like these could not show: " + ", ".join(result["cannot_show"]))
+        click.echo("these frames cannot show: " + ", ".join(result["cannot_show"]))
+    click.echo(diagnosis_headline(result))
+    for line in diagnosis_details(result):
+        click.echo(line)
     if result["unexplained"]:
-        click.echo(f"unexplained: {result['unexplained']['description']}")
-        click.echo("if you know what it is, write it down: visaug effects new NAME")
-
-
-def described(ranking: list[dict[str, Any]]):
-    """Name of an effect with its fitted parameters, from the ranking where it stands there."""
-    known = {entry["effect"]: entry.get("parameters") or {} for entry in ranking}
-
-    def describe(name: str) -> str:
-        values = [
-            f"{key} {number(entry['value'])} {interval(entry)}".rstrip()
-            for key, entry in known.get(name, {}).items()
-        ]
-        return f"{name} ({', '.join(values)})" if values else name
-
-    return describe
-
-
-def print_verdict(fits: dict[str, Any]) -> None:
-    says = "holds" if fits["adequate_before"] else "does not hold"
-    click.echo(f"the model {says} (p = {number(fits['p_value_before'])})")
+        click.echo("visaug effects new NAME writes a file in which you can model it")
 
 
 def print_places(where: list[dict[str, Any]], most: int = 10) -> None:
     rows = [
-        [place["view"], f"{place['share']:.0%}", str(place["worst"]), number(place["z"])]
+        [view_title(place["view"]), f"{place['share']:.0%}", str(place["worst"]), f"{place['z']:.2g}"]
         for place in where[:most]
     ]
     if rows:
         print_table(["view", "share of the misfit", "worst statistic", "standard deviations"], rows)
 
 
-def number(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.4g}"
-
-
 def interval(entry: dict[str, Any]) -> str:
     low, high = entry.get("low"), entry.get("high")
-    return "" if low is None and high is None else f"[{number(low)}{MARK}{number(high)}]"
-
-
-def interval_of(pair: list[float] | None) -> str:
-    return f"[{number(pair[0])}{MARK}{number(pair[1])}]" if pair else ""
+    return "" if low is None and high is None else f"[{number(low)}, {number(high)}]"

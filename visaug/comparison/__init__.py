@@ -1,6 +1,6 @@
 """Measured frames beside a model's: how far they differ, and where."""
 
-from visaug.comparison.comparison import Comparison, Place, compare, places, z_scores
+from visaug.comparison.comparison import Comparison, Place, Places, compare, data_frame, places, z_scores
 from visaug.comparison.distance import Distance, Error, is_clear
 from visaug.comparison.laboratory import Folds, Laboratory, share_out
 
@@ -11,7 +11,9 @@ __all__ = [
     "Folds",
     "Laboratory",
     "Place",
+    "Places",
     "compare",
+    "data_frame",
     "is_clear",
     "places",
     "share_out",

@@ -1,7 +1,9 @@
 """A camera file beside measured frames: whether it holds, how far it is off, and where."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,8 +11,10 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.comparison.distance import Distance, variance
 from visaug.comparison.laboratory import Laboratory
+from visaug.errors import InputError
 from visaug.fingerprint import Statistic
 from visaug.frames import FrameSet
+from visaug.wording import p_text
 
 SETS = 100  # simulated sets of the camera
 SIGNIFICANT = 0.02
@@ -29,6 +33,15 @@ class Place:
         return {"view": self.view, "share": round(self.share, 4), "worst": self.worst, "z": round(self.z, 2)}
 
 
+class Places(tuple[Place, ...]):
+    """Views that differ, the largest share of the excess first. Calling it gives them as plain dictionaries."""
+
+    __slots__ = ()
+
+    def __call__(self) -> list[dict[str, Any]]:
+        return [place.to_json() for place in self]
+
+
 @dataclass(frozen=True)
 class Comparison:
     """What `compare` found.
@@ -36,7 +49,8 @@ class Comparison:
     Attributes:
         p_value: of the largest standardised residual, against simulated sets of the camera itself.
         statistics, measured, modelled, spread: each statistic's value, and its mean and standard deviation under the camera.
-        places: views by their share of the excess.
+        where: views that differ, the largest share of the excess first.
+        frame_set, seed: what was compared, and the seed of the simulations.
     """
 
     camera: Camera
@@ -45,17 +59,15 @@ class Comparison:
     measured: np.ndarray
     modelled: np.ndarray
     spread: np.ndarray
-    places: tuple[Place, ...]
+    where: Places
     warnings: tuple[str, ...]
+    frame_set: FrameSet | None = field(default=None, repr=False, compare=False)
+    seed: int = 0
 
     @property
     def adequate(self) -> bool:
         """Whether the camera explains the frames: no difference beyond chance at a false-alarm rate of 2 %."""
         return self.p_value > SIGNIFICANT
-
-    def where(self) -> list[dict[str, Any]]:
-        """Views that differ, the largest share of the excess first."""
-        return [place.to_json() for place in self.places]
 
     def to_json(self) -> dict[str, Any]:
         before = None if self.adequate else 1.0
@@ -68,7 +80,7 @@ class Comparison:
                 "adequate": self.adequate,
                 "adequate_before": self.adequate,
             },
-            "where": self.where(),
+            "where": [place.to_json() for place in self.where],
             "differences": self.differences(),
             "warnings": list(self.warnings),
         }
@@ -94,9 +106,44 @@ class Comparison:
             )
         return rows
 
+    def to_frame(self) -> Any:
+        """All statistics as a pandas DataFrame: view, statistic, frames, unit, measured, modelled, standard_deviation, z.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        columns = ["view", "statistic", "frames", "unit", "measured", "modelled", "standard_deviation", "z"]
+        return data_frame(self.differences(len(self.statistics)), columns)
+
+    def report(self, path: str | Path) -> Path:
+        """Writes the one-file HTML report, with the pictures of all views in a folder beside it.
+
+        Args:
+            path: the file to write.
+
+        Returns:
+            The path that was written.
+        """
+        report = import_module("visaug.report")  # by name: reports know results, not the other way round
+        report.write_comparison(path, self, self.camera, self.frame_set, self.seed)
+        return Path(path)
+
     def __repr__(self) -> str:
-        verdict = "holds" if self.adequate else "fails in " + ", ".join(p.view for p in self.places[:3])
-        return f"Comparison({self.camera.name!r} {verdict}, p = {self.p_value:.3g})"
+        verdict = "holds" if self.adequate else "fails in " + ", ".join(p.view for p in self.where[:3])
+        return f"Comparison({self.camera.name!r} {verdict}, {p_text(self.p_value)})"
+
+
+def data_frame(rows: list[dict[str, Any]], columns: list[str]) -> Any:
+    """Rows as a pandas DataFrame.
+
+    Raises:
+        InputError: pandas is not installed.
+    """
+    try:
+        pandas = import_module("pandas")
+    except ModuleNotFoundError:
+        raise InputError("pandas is not installed", field="to_frame", expected="pip install pandas") from None
+    return pandas.DataFrame([{name: row.get(name) for name in columns} for row in rows], columns=columns)
 
 
 def z_scores(residual: np.ndarray, spread: np.ndarray) -> np.ndarray:
@@ -104,7 +151,7 @@ def z_scores(residual: np.ndarray, spread: np.ndarray) -> np.ndarray:
     return np.divide(residual, spread, out=np.zeros_like(residual), where=spread > 0)
 
 
-def places(distance: Distance, statistics: tuple[Statistic, ...], z: np.ndarray) -> tuple[Place, ...]:
+def places(distance: Distance, statistics: tuple[Statistic, ...], z: np.ndarray) -> Places:
     """Views by their share of the excess, with their worst statistic."""
     found = []
     for view, share in distance.shares().items():
@@ -114,7 +161,7 @@ def places(distance: Distance, statistics: tuple[Statistic, ...], z: np.ndarray)
             found.append(
                 Place(view, share, f"{statistics[worst].name}, {statistics[worst].frames}", float(z[worst]))
             )
-    return tuple(sorted(found, key=lambda place: (-place.share, -abs(place.z))))
+    return Places(sorted(found, key=lambda place: (-place.share, -abs(place.z))))
 
 
 def compare(
@@ -153,4 +200,6 @@ def compare(
         spread,
         places(distance, fingerprint.statistics, z),
         tuple(frames.warnings),
+        frames,
+        seed,
     )

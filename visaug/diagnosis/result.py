@@ -2,15 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from visaug.camera import Camera
 from visaug.camera.paths import place_of
-from visaug.comparison import Error, Place
+from visaug.comparison import Error, Places, data_frame
 from visaug.diagnosis.parameters import Coordinate, intervals
 from visaug.diagnosis.residue import Residue
+from visaug.frames import FrameSet
 
 
 @dataclass(frozen=True)
@@ -97,6 +100,7 @@ class Diagnosis:
         where: views by their share of the excess of the file as given.
         form: what an accepted effect's own form leaves over, in words.
         cannot_show: effects that frames like these could not show even where they are strong.
+        given, frame_set, seed: what was diagnosed: the camera file, the frames, and the seed of the simulations.
         frames: sequence numbers of the frames that fit, select and confirm.
     """
 
@@ -107,7 +111,7 @@ class Diagnosis:
     p_value_after: float
     adequate_before: bool
     adequate_after: bool
-    where: tuple[Place, ...]
+    where: Places
     ranking: tuple[Ranked, ...]
     steps: tuple[Step, ...]
     frames: dict[str, list[int]]
@@ -115,6 +119,9 @@ class Diagnosis:
     unexplained: Residue | None
     form: str | None
     cannot_show: tuple[str, ...]
+    given: Camera | None = field(default=None, repr=False, compare=False)
+    frame_set: FrameSet | None = field(default=None, repr=False, compare=False)
+    seed: int = 0
 
     def to_json(self) -> dict[str, Any]:
         """As `visaug diagnose --json` writes it."""
@@ -143,6 +150,49 @@ class Diagnosis:
             "form": self.form,
             "cannot_show": list(self.cannot_show),
         }
+
+    def to_frame(self) -> Any:
+        """The ranking as a pandas DataFrame: effect, probability, error_after, parameter, value, low, high, unit, accepted.
+
+        One row for each parameter of an effect, one row for an effect without parameters.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        rows = []
+        for entry in self.ranking:
+            about = {
+                "effect": entry.effect,
+                "probability": entry.probability,
+                "error_after": entry.error_after,
+            }
+            about["accepted"] = entry.effect in self.accepted
+            numbers = [{"parameter": name, **e.to_json()} for name, e in entry.parameters.items()]
+            rows += [about | one for one in numbers or [{}]]
+        columns = [
+            "effect",
+            "probability",
+            "error_after",
+            "parameter",
+            "value",
+            "low",
+            "high",
+            "unit",
+            "accepted",
+        ]
+        return data_frame(rows, columns)
+
+    def report(self, path: str | Path) -> Path:
+        """Writes the one-file HTML report.
+
+        Args:
+            path: the file to write.
+
+        Returns:
+            The path that was written.
+        """
+        report = import_module("visaug.report")  # by name: reports know results, not the other way round
+        return report.write_diagnosis(path, self, self.given, self.frame_set, self.seed)
 
     def __repr__(self) -> str:
         told = list(self.accepted)

@@ -1,6 +1,7 @@
 """Which physical effect is missing: fit, name, add, refit, until nothing is missing or nothing known explains the rest."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -70,10 +71,12 @@ def diagnose(
             raise InputError(f"{name!r} is no effect", field="without", expected="a name of `visaug effects`")
     left_out, report = frozenset(without), progress or (lambda *_: None)
     if cluster is None:
-        return _Search(Laboratory(frames, camera, seed), camera, left_out, report, sets).run()
-    with connected(cluster) as ray:
-        lab = Laboratory(frames, camera, seed, spread=by_ray(ray))
-        return _Search(lab, camera, left_out, report, sets).run()
+        found = _Search(Laboratory(frames, camera, seed), camera, left_out, report, sets).run()
+    else:
+        with connected(cluster) as ray:
+            lab = Laboratory(frames, camera, seed, spread=by_ray(ray))
+            found = _Search(lab, camera, left_out, report, sets).run()
+    return replace(found, given=camera, frame_set=frames, seed=seed)
 
 
 class _Search:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from visaug.camera import Camera
-from visaug.comparison import Distance, Error, Laboratory, Place, places
+from visaug.comparison import Distance, Error, Laboratory, Places, places
 from visaug.diagnosis import Estimate, cache
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.adding import SETS_AFTER, Adding
@@ -32,14 +32,14 @@ class Fit:
     Attributes:
         error: as `visaug.diagnose` tells it; None where the camera file as given has no excess over chance.
         p_value: of the largest residual, against that of the camera's own simulated sets.
-        places: views by their share of what is left.
+        where: views by their share of what is left.
         parameters: of the effects that were added, by effect and name.
     """
 
     camera: Camera
     error: Error | None
     p_value: float
-    places: tuple[Place, ...]
+    where: Places
     parameters: dict[str, dict[str, Estimate]]
 
     @property

@@ -9,7 +9,9 @@ from visaug.diagnosis import Diagnosis, Estimate
 from visaug.diagnosis.acceptance import SHARE
 from visaug.fingerprint import VIEWS
 from visaug.lab.bench import Bench, summary
-from visaug.report.pages import described, finding, number
+from visaug.report.headline import diagnosis_headline
+from visaug.report.pages import described
+from visaug.wording import number, p_text, with_interval
 
 FIRST = 4  # views that are shown before the others
 
@@ -45,36 +47,37 @@ def verdict(bench: Bench) -> str:
     """Whether the camera on the bench explains the frames, and what is missing, in a few sentences."""
     fit = bench.now.fit
     if fit:
-        said = _judged(_changes(bench), fit.adequate, fit.p_value, fit.places)
+        said = _judged(_changes(bench), fit.adequate, fit.p_value, fit.where)
         return f"{said} Its error is {_with_interval(fit.error)}." if fit.error and bench.has_excess else said
     if bench.diagnosis:
         return _diagnosed(bench.diagnosis)
     if bench.comparison:
         c = bench.comparison
-        return _judged("The camera as given", c.adequate, c.p_value, c.places) + (
+        return _judged("The camera as given", c.adequate, c.p_value, c.where) + (
             "" if c.adequate else " Diagnose finds out which effect is missing."
         )
     return "The same frames are being simulated with this camera, many times over, to compare them with the measured ones."
 
 
 def _diagnosed(found: Diagnosis) -> str:
-    if not found.accepted:
-        return finding(found.to_json())
-    names, error = " and ".join(found.accepted), found.error_after
-    falls = f"takes the error from 1 to {_with_interval(error)}" if error else "explains what differs"
-    left = "nothing significant is left" if found.adequate_after else "something is left, described below"
-    return f"Missing: {names}. Adding it {falls} on frames that were not used for finding it; {left}."
+    said = diagnosis_headline(found.to_json())
+    if not found.accepted or found.error_after is None:
+        return said
+    left = (
+        "No significant difference is left." if found.adequate_after else "A significant difference is left."
+    )
+    return f"{said} Adding it takes the error on hold-out frames from 1 to {_with_interval(found.error_after)}. {left}"
 
 
 def _with_interval(error: Error) -> str:
-    return f"{error.value:.2f} [{error.low:.2f}, {error.high:.2f}]"
+    return with_interval(error.value, error.low, error.high)
 
 
 def _judged(subject: str, holds: bool, p: float, places: tuple[Place, ...]) -> str:
     if holds:
-        return f"{subject} explains these frames: nothing differs beyond chance (p = {p:.2g})."
+        return f"{subject} explains these frames: nothing differs beyond chance ({p_text(p)})."
     worst = [_title(place.view).lower() for place in places[:2]]
-    said = f"{subject} does not explain these frames (p = {p:.2g})."
+    said = f"{subject} does not explain these frames ({p_text(p)})."
     return f"{said} It differs most in: {'; '.join(worst)}." if worst else said
 
 
@@ -180,16 +183,13 @@ def _candidates(bench: Bench) -> list[dict[str, Any]]:
 
 def _said(key: str, estimate: Estimate) -> str:
     """A number with its interval, where it has one."""
-    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-    if estimate.low is None or estimate.high is None or estimate.low == estimate.high:
-        return f"{key} {estimate.value:.3g}{unit}"
-    return f"{key} {estimate.value:.3g} [{estimate.low:.3g}, {estimate.high:.3g}]{unit}"
+    return f"{key} {with_interval(estimate.value, estimate.low, estimate.high, estimate.unit)}"
 
 
 def _places(bench: Bench) -> tuple[Place, ...]:
     """Where the camera on the bench fails; nowhere, where it holds."""
     judged = bench.now.fit or bench.comparison
-    return judged.places if judged and not judged.adequate else ()
+    return judged.where if judged and not judged.adequate else ()
 
 
 def _place(place: Place) -> dict[str, Any]:
@@ -198,7 +198,7 @@ def _place(place: Place) -> dict[str, Any]:
 
 def _views(bench: Bench) -> list[Mapping[str, str]]:
     """Views, those first in which the file as given fails most: adding an effect does not move the pictures about."""
-    worst = [place.view for place in bench.comparison.places] if bench.comparison else []
+    worst = [place.view for place in bench.comparison.where] if bench.comparison else []
     names = list(dict.fromkeys([*worst, *(view.name for view in VIEWS)]))
     return [{"name": name, "title": _title(name)} for name in names]
 

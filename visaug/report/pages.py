@@ -3,9 +3,19 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from visaug.report.headline import (
+    PROBABILITY,
+    comparison_headline,
+    diagnosis_details,
+    diagnosis_headline,
+    effect_texts,
+    view_title,
+)
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
 from visaug.report.plots.error import plot_error_steps, plot_ranking
+from visaug.report.provenance import footer
 from visaug.report.views import ViewGallery, all_views
+from visaug.wording import number, p_text, probability_text, with_interval
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -44,6 +54,7 @@ def write_characterization(path: str | Path, result: "Characterization", frames:
         f"What {described(frames)} tell of the camera that took them. {INTERVALS}",
         [Section("Parameters", blocks), Section("Measurements", pictures)],
         facts=_headline(content["parameters"]),
+        footer=footer(None, frames),
     )
     return write_page(path, page)
 
@@ -61,17 +72,29 @@ def write_comparison(
     worst = list(dict.fromkeys(place["view"] for place in content["where"]))
     others = [name for name in all_views() if name not in worst]
     fits = content["fits"]
-    verdict = _verdict(fits["adequate_before"], fits["p_value_before"])
-    pictures = gallery.pictures([*worst, *others], _captions(content["where"]))
+    pictures = gallery.pictures(
+        [*worst, *others], _captions(content["where"]), _worst_frames(content["where"])
+    )
+    blocks: list[Text | Table | Figure] = [Text(comparison_headline(content), "finding")]
+    if content["where"]:
+        blocks += [*(pictures[name] for name in worst[:1] if name in pictures), where_table(content["where"])]
+        blocks.append(
+            Text("Next: visaug diagnose FRAMES --camera CAMERA names the effect that is missing.", "note")
+        )
     sections = [
-        Section("Where it fails", [Text(verdict, "finding"), where_table(content["where"])]),
-        Section("These views differ", [pictures[name] for name in worst if name in pictures]),
+        Section("Where it fails" if content["where"] else "Answer", blocks),
+        Section("These views differ", [pictures[name] for name in worst[1:] if name in pictures]),
         Section("The other views", [pictures[name] for name in others if name in pictures]),
     ]
     page = Page(
         "Model and measurement",
         f"{described(frames)} beside the same frames simulated with {camera.name}.",
         [section for section in sections if section.blocks],
+        facts=[
+            ("yes" if fits["adequate_before"] else "no", "does the camera explain the frames?"),
+            (p_text(fits["p_value_before"]), "probability of such a difference by chance"),
+        ],
+        footer=footer(camera, frames, seed),
     )
     folder = write_page(path, page).with_suffix("")
     folder = folder.with_name(f"{folder.name}_pictures")
@@ -83,17 +106,12 @@ def write_diagnosis(
 ) -> Path:
     """What was missing, the error falling, the views before and after, and what is left."""
     content = result.to_json()
-    error = content["error"]
     page = Page(
         "Diagnosis",
         f"{described(frames)} against {camera.name}: which physical effect does the model lack?",
         diagnosis_sections(content, camera, result.camera, frames, seed),
-        facts=[
-            (number(error["before"]), "error before"),
-            (number(error["after"]), "error after"),
-            (", ".join(content["accepted"]) or "nothing", "accepted"),
-            (number(content["fits"]["p_value_after"]), "p value after"),
-        ],
+        facts=_diagnosis_facts(content),
+        footer=footer(camera, frames, seed),
     )
     return write_page(path, page)
 
@@ -103,10 +121,13 @@ def diagnosis_sections(
 ) -> list[Section]:
     """The sections of a diagnosis, also part of the demo's page."""
     error = content["error"]
-    found: list[Text | Table | Figure] = [Text(finding(content), "finding")]
+    found: list[Text | Table | Figure] = [Text(diagnosis_headline(content), "finding")]
+    found += [Text(line) for line in diagnosis_details(content)]
+    found += [Text(line) for line in effect_texts(content["accepted"])]
+    found.append(Text(next_step(content), "note"))
     if any(step["error"] is not None for step in content["steps"]):
         steps = plot_error_steps(content["steps"], error["before"], error["floor"])
-        found.append(figure(steps, f"The error falling, on frames that were not used for finding. {ERROR}"))
+        found.append(figure(steps, f"The error on hold-out frames after each step. {ERROR}"))
     if content["accepted"]:
         found.append(_accepted_table(content))
     sections = [Section("What is missing", found)]
@@ -115,65 +136,80 @@ def diagnosis_sections(
         sections.append(
             Section(
                 "Before",
-                [where_table(content["where"]), *ViewGallery(frames, camera, seed).pictures(views).values()],
+                [
+                    where_table(content["where"]),
+                    *ViewGallery(frames, camera, seed)
+                    .pictures(views, None, _worst_frames(content["where"]))
+                    .values(),
+                ],
             )
         )
         if content["accepted"]:
             sections.append(
-                Section("After", list(ViewGallery(frames, better, seed).pictures(views).values()))
+                Section(
+                    "After",
+                    list(
+                        ViewGallery(frames, better, seed)
+                        .pictures(views, None, _worst_frames(content["where"]))
+                        .values()
+                    ),
+                )
             )
     if any(entry["error_after"] is not None for entry in content["ranking"]):
-        picture = figure(plot_ranking(content["ranking"]), "What each effect alone would leave of the error.")
-        sections.append(Section("Ranking", [picture]))
-    left = [
-        Text(f"{', '.join(a['effects'])} cannot be told apart here; {a['measure']}")
-        for a in content["ambiguous"]
-    ]
-    if content.get("form"):
-        left.append(Text(content["form"]))
+        picture = figure(plot_ranking(content["ranking"]), "Error that each effect alone would leave.")
+        sections.append(Section("Ranking", [picture, Text(PROBABILITY, "note")]))
+    left: list[Text] = []
     if content["unexplained"]:
         left.append(Text(content["unexplained"]["description"], "finding"))
-        left.append(
-            Text("If you know what it is, `visaug effects new NAME` writes a file to put it in.", "note")
-        )
+        left.append(Text("visaug effects new NAME writes a file in which you can model it.", "note"))
     if content.get("cannot_show"):
-        left.append(
-            Text("Frames like these could not show: " + ", ".join(content["cannot_show"]) + ".", "note")
-        )
+        left.append(Text("These frames cannot show: " + ", ".join(content["cannot_show"]) + ".", "note"))
     if left:
         sections.append(Section("What is left", left))
     return sections
 
 
-def finding(content: dict[str, Any]) -> str:
-    """The diagnosis in a sentence or two."""
-    error, fits = content["error"], content["fits"]
-    if not content["accepted"]:
-        if fits["adequate_before"]:
-            return "Nothing is missing: the camera as given explains these frames."
-        return "No effect of the catalogue was accepted" + (
-            ", but what is left is described below."
-            if content["unexplained"]
-            else "; refitting the camera was enough."
-        )
-    names = " and ".join(content["accepted"])
+def next_step(content: dict[str, Any]) -> str:
+    """The command that follows from the answer."""
+    if content["accepted"]:
+        return "Next: visaug augment IMAGES -o noisy/ --camera BETTER trains with the camera that diagnose -o BETTER wrote."
+    if content["unexplained"]:
+        return "Next: visaug effects new NAME writes a file in which you can model it; then diagnose --effects NAME.py."
+    return "Next: visaug augment IMAGES -o noisy/ --camera CAMERA."
+
+
+def _diagnosis_facts(content: dict[str, Any]) -> list[tuple[str, str]]:
+    error = content["error"]
     low, high = error["interval_after"] or (None, None)
-    left = (
-        "and nothing significant is left"
-        if fits["adequate_after"]
-        else "and something is left that is described below"
-    )
-    return (
-        f"The model lacked {names}. Adding it takes the error from {number(error['before'])} to "
-        f"{number(error['after'])} [{number(low)}, {number(high)}] on frames that were not used for "
-        f"finding it, {left}."
-    )
+    known = {entry["effect"]: entry for entry in content["ranking"]}
+    facts = [(", ".join(content["accepted"]) or "nothing", "missing effect")]
+    for name in content["accepted"][:2]:
+        entry = known.get(name, {})
+        for key, e in list((entry.get("parameters") or {}).items())[:1]:
+            facts.append(
+                (with_interval(e["value"], e.get("low"), e.get("high"), e.get("unit", "")), f"{name}: {key}")
+            )
+        if entry.get("probability") is not None:
+            facts.append((probability_text(entry["probability"]), f"probability of {name}"))
+    if error["before"] is not None:
+        facts.append(
+            (f"{error['before']:.2g} → {with_interval(error['after'], low, high)}", "error before and after")
+        )
+    return facts
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit
+
+
+def _worst_frames(where: list[dict[str, Any]]) -> dict[str, str]:
+    """The worst statistic of each view, whose frames its picture shows first."""
+    return {w["view"]: str(w["worst"]) for w in reversed(where)}
 
 
 def where_table(where: list[dict[str, Any]], most: int = 10) -> Table:
     rows = [
-        [w["view"].replace("_", " "), f"{w['share']:.0%}", str(w["worst"]), number(w["z"])]
-        for w in where[:most]
+        [view_title(w["view"]), f"{w['share']:.0%}", str(w["worst"]), f"{w['z']:.2g}"] for w in where[:most]
     ]
     head = ["view", "share of the misfit", "worst statistic", "standard deviations"]
     return Table(
@@ -184,23 +220,18 @@ def where_table(where: list[dict[str, Any]], most: int = 10) -> Table:
 def _accepted_table(content: dict[str, Any]) -> Table:
     parameters = {entry["effect"]: entry.get("parameters") or {} for entry in content["ranking"]}
     rows = [
-        [effect, key, number(e["value"]), f"[{number(e.get('low'))}, {number(e.get('high'))}]"]
+        [effect, key, with_interval(e["value"], e.get("low"), e.get("high")), _unit(e.get("unit", ""))]
         for effect in content["accepted"]
         for key, e in parameters.get(effect, {}).items()
     ]
-    return Table(["effect", "parameter", "value", "95 % interval"], rows, caption="How strong it is.")
-
-
-def _verdict(adequate: bool | None, p_value: float | None) -> str:
-    says = "holds: nothing differs beyond chance" if adequate else "does not hold"
-    return f"The model {says} (p = {number(p_value)})."
+    return Table(["effect", "parameter", "value [95 % interval]", "unit"], rows, caption="Fitted parameters.")
 
 
 def _captions(where: list[dict[str, Any]]) -> dict[str, str]:
     return {
         w[
             "view"
-        ]: f"{w['share']:.0%} of the misfit; {w['worst']} is off by {number(w['z'])} standard deviations."
+        ]: f"{w['share']:.0%} of the misfit; {w['worst']}: {w['z']:.2g} standard deviations from the model."
         for w in reversed(where)
     }
 
@@ -231,7 +262,3 @@ def described(frames: "FrameSet") -> str:
     """How many frames of which kind, in words."""
     kinds = [record.kind for record in frames.records]
     return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds)) + " frames"
-
-
-def number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.4g}"

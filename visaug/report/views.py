@@ -29,7 +29,7 @@ class ViewGallery:
         self.measured: FrameData = FrameData(plan)
         self.modelled: FrameData = FrameData(simulate(camera, plan, seed=seed))
 
-    def figure(self, name: str, caption: str = "") -> Figure | None:
+    def figure(self, name: str, caption: str = "", focus: str = "") -> Figure | None:
         """The picture of a view by its name; None where these frames do not show it."""
         from visaug.fingerprint import VIEWS
 
@@ -40,14 +40,21 @@ class ViewGallery:
         if measured is None:
             return None
         text = f"{view.title}. {caption}".strip()
-        drawn = plot_view(measured, modelled, width=8.0 if measured.maps else 4.7)
-        return figure(
-            drawn, text, wide=bool(measured.maps), raster=bool(measured.maps) or _many_points(measured)
-        )
+        drawn = plot_view(measured, modelled, focus=focus)
+        wide = bool(measured.maps) or drawn.get_figwidth() > 6
+        return figure(drawn, text, wide=wide, raster=bool(measured.maps) or _many_points(measured))
 
-    def pictures(self, names: Sequence[str], captions: dict[str, str] | None = None) -> dict[str, Figure]:
-        """Pictures of several views by name, those that these frames show."""
-        found = {name: self.figure(name, (captions or {}).get(name, "")) for name in names}
+    def pictures(
+        self,
+        names: Sequence[str],
+        captions: dict[str, str] | None = None,
+        focus: dict[str, str] | None = None,
+    ) -> dict[str, Figure]:
+        """Pictures of several views by name, those that these frames show; `focus` names what each shows first."""
+        found = {
+            name: self.figure(name, (captions or {}).get(name, ""), (focus or {}).get(name, ""))
+            for name in names
+        }
         return {name: picture for name, picture in found.items() if picture is not None}
 
 

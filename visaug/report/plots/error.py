@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from visaug.report.plots.style import MEASURED, MODELLED, SOFT, blank, styled
+from visaug.wording import probability_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,7 +32,7 @@ def plot_error_steps(
         for i, point in enumerate(points):
             if point.get("interval"):
                 axes.plot([i, i], point["interval"], color=MEASURED, linewidth=7, alpha=0.3)
-        axes.plot(x, y, "o-", color=MEASURED, label="error on frames not used for finding, 95 % interval")
+        axes.plot(x, y, "o-", color=MEASURED, label="error on hold-out frames, 95 % interval")
         for i, value in enumerate(y):
             axes.annotate(f"{value:.2f}", (i, value), textcoords="offset points", xytext=(9, 5), fontsize=9)
         if floor is not None:
@@ -40,7 +41,7 @@ def plot_error_steps(
                 color=MODELLED,
                 linestyle="--",
                 linewidth=1.2,
-                label="floor: another set of the same camera",
+                label="floor: another specimen of the accepted camera",
             )
         axes.axhline(0, color=SOFT, linewidth=0.8)
         axes.set_xticks(list(x), [wrapped(point["action"]) for point in points])
@@ -52,7 +53,7 @@ def plot_error_steps(
         )
         axes.set_ylabel("error (1: camera as given, 0: floor)")
         axes.grid(axis="x", visible=False)
-        axes.legend(loc="center left")
+        figure.legend(loc="outside upper left", ncols=2, fontsize=8.5)
     return figure
 
 
@@ -68,7 +69,7 @@ def plot_ranking(ranking: Sequence[Mapping[str, Any]], most: int = 12) -> "Figur
         axes.set_yticks(range(len(shown)), [entry["effect"] for entry in shown])
         for i, entry in enumerate(shown):
             axes.annotate(
-                f"p = {entry['probability']:.2f}",
+                f"probability {probability_text(entry['probability'])}",
                 (max(values[i], 0), i),
                 textcoords="offset points",
                 xytext=(5, -3),

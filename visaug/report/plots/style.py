@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MEASURED, MODELLED, THIRD, SOFT = "#c2410c", "#0b5cad", "#3f7d3a", "#7a8594"
+# Vermilion, blue and bluish green of Okabe and Ito: distinct for colour-blind readers and in grey.
+MEASURED, MODELLED, THIRD, SOFT = "#d55e00", "#0072b2", "#009e73", "#7a8594"
 
 _STYLE = {
     "font.family": "sans-serif",

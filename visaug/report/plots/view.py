@@ -15,46 +15,85 @@ if TYPE_CHECKING:
 _LINES = ("-", "--", ":", "-.")
 _MARKERS = ("o", "s", "^", "D")
 _FEW = 16  # curves of so few points get markers
+APART = 4.0  # ratio of ranges from which curves get axes of their own
 
 
-def plot_view(measured: "Picture", modelled: "Picture | None" = None, width: float = 8.0) -> "Figure":
-    """What a view shows of the measured frames and, if given, of the modelled ones."""
+def plot_view(
+    measured: "Picture", modelled: "Picture | None" = None, width: float = 0.0, focus: str = ""
+) -> "Figure":
+    """What a view shows of the measured frames and, if given, of the modelled ones.
+
+    Args:
+        measured, modelled: the same view of both frame sets.
+        width: inches; 0 takes what the content needs.
+        focus: words of the statistic that differs most. Where curves have very different ranges each gets axes of its own, that of
+            these words first.
+    """
     if measured.maps:
-        return _plot_maps(measured, modelled, width)
+        return _plot_maps(measured, modelled, width or 8.0)
+    panels = _panels(measured, focus)
     with styled():
-        figure = blank(width, 3.5 if width > 5 else 3.2)
-        axes = figure.subplots()
-        # Measured last, so that it lies on top.
-        for picture, colour, name in ((modelled, MODELLED, "modelled"), (measured, MEASURED, "measured")):
-            if picture is not None:
-                _draw_curves(axes, picture, colour, name)
-        if measured.log_x:
-            axes.set_xscale("log" if _all_positive(measured, "x") else "symlog")
-        if measured.log_y:
-            axes.set_yscale("log")
-        axes.set(xlabel=measured.x_label, ylabel=textwrap.fill(measured.y_label, 28))
-        _legend(figure, axes, len(measured.curves))
+        figure = blank(width or (8.0 if len(panels) > 1 else 4.7), 3.5)
+        grid = figure.subplots(1, len(panels), squeeze=False)[0]
+        for axes, chosen in zip(grid, panels, strict=True):
+            _draw_panel(axes, measured, modelled, chosen, alone=len(panels) > 1)
+        grid[0].set_ylabel(textwrap.fill(measured.y_label, 28))
+        _legend(figure, grid[0], len(measured.curves) if len(panels) == 1 else 1)
     return figure
 
 
+def _panels(picture: "Picture", focus: str) -> list[list[int]]:
+    """Which curves share axes: all of them, or each alone where one would hide another."""
+    curves = picture.curves
+    spans = [float(np.ptp(np.asarray(c.y, float)[np.isfinite(c.y)])) if len(c.y) else 0.0 for c in curves]
+    apart = not picture.log_y and 1 < len(curves) <= 3 and max(spans) > APART * max(min(spans), 1e-12)
+    if not apart:
+        return [list(range(len(curves)))]
+    words = set(focus.replace(",", " ").split())
+    return [
+        [i]
+        for i in sorted(
+            range(len(curves)), key=lambda i: -len(words & set(curves[i].label.replace(",", " ").split()))
+        )
+    ]
+
+
+def _draw_panel(
+    axes: Any, measured: "Picture", modelled: "Picture | None", chosen: list[int], alone: bool
+) -> None:
+    # Measured last, so that it lies on top.
+    for picture, colour, name in ((modelled, MODELLED, "modelled"), (measured, MEASURED, "measured")):
+        if picture is not None:
+            _draw_curves(axes, picture, colour, name, chosen, alone)
+    if measured.log_x:
+        axes.set_xscale("log" if _all_positive(measured, "x") else "symlog")
+    if measured.log_y:
+        axes.set_yscale("log")
+    if alone:
+        axes.set_title(textwrap.fill(measured.curves[chosen[0]].label, 40), fontsize=9)
+    axes.set(xlabel=measured.x_label)
+
+
 def _legend(figure: "Figure", axes: Any, curves: int) -> None:
-    """Within the axes for few curves, above them for some; for many, only who is who."""
+    """Above the axes, so that it covers no data; for many curves, only which colour is measured."""
     handles, labels = axes.get_legend_handles_labels()
     if curves > 5:
         firsts = [next(i for i, label in enumerate(labels) if label.startswith(who)) for who in _who(labels)]
         handles, labels = [handles[i] for i in firsts], _who(labels)
-    if len(handles) <= 4:
-        axes.legend(handles, labels, fontsize=8.5)
-    else:
-        figure.legend(handles, labels, loc="outside upper left", ncols=2, fontsize=8)
+    figure.legend(handles, labels, loc="outside upper left", ncols=2, fontsize=8)
 
 
 def _who(labels: list[str]) -> list[str]:
     return list(dict.fromkeys(label.split(",")[0] for label in labels))
 
 
-def _draw_curves(axes: Any, picture: "Picture", colour: str, name: str) -> None:
-    for i, curve in enumerate(picture.curves):
+def _draw_curves(
+    axes: Any, picture: "Picture", colour: str, name: str, chosen: list[int], alone: bool
+) -> None:
+    for i in chosen:
+        if i >= len(picture.curves):
+            continue
+        curve = picture.curves[i]
         y = np.asarray(curve.y, float)
         if picture.log_y:
             y = np.where(y > 0, y, np.nan)
@@ -62,18 +101,24 @@ def _draw_curves(axes: Any, picture: "Picture", colour: str, name: str) -> None:
             curve.x,
             y,
             color=colour,
-            linestyle=_LINES[i % len(_LINES)],
-            marker=_MARKERS[i % len(_MARKERS)] if len(y) <= _FEW else None,
+            linestyle=_LINES[0 if alone else i % len(_LINES)],
+            marker=_MARKERS[0 if alone else i % len(_MARKERS)] if len(y) <= _FEW else None,
             markersize=4,
             linewidth=1.2 if name == "measured" else 2.6,
             alpha=0.95 if name == "measured" else 0.55,
-            label=f"{name}, {curve.label}" if curve.label else name,
+            label=f"{name}, {curve.label}" if curve.label and not alone else name,
         )
 
 
 def _plot_maps(measured: "Picture", modelled: "Picture | None", width: float) -> "Figure":
-    """Maps side by side, measured above modelled, one scale for both."""
-    rows = [(measured, "measured")] + ([(modelled, "modelled")] if modelled is not None else [])
+    """Maps side by side at one scale: measured, modelled, and their difference."""
+    rows = [("measured", measured.maps)]
+    if modelled is not None:
+        pairs = zip(measured.maps, modelled.maps, strict=False)
+        rows += [
+            ("modelled", modelled.maps),
+            ("measured - modelled", tuple((t, a - b) for (t, a), (_, b) in pairs)),
+        ]
     columns = len(measured.maps)
     height, breadth = measured.maps[0][1].shape
     cell = min(width / columns, 3.2)
@@ -81,19 +126,28 @@ def _plot_maps(measured: "Picture", modelled: "Picture | None", width: float) ->
         figure = blank(cell * columns, len(rows) * cell * 0.8 * height / breadth + 0.6)
         grid = figure.subplots(len(rows), columns, squeeze=False)
         for column in range(columns):
-            images = [picture.maps[column][1] for picture, _ in rows if column < len(picture.maps)]
+            images = [maps[column][1] for _, maps in rows[:2] if column < len(maps)]
             low, high = np.percentile(np.concatenate([image.ravel() for image in images]), [1, 99])
+            high = high if high > low else low + 1
             shown = None
-            for row, (axes, (picture, name)) in enumerate(zip(grid[:, column], rows)):
+            for row, (axes, (name, maps)) in enumerate(zip(grid[:, column], rows, strict=True)):
                 axes.set(xticks=[], yticks=[], ylabel=name if column == 0 else "")
                 axes.spines[:].set_visible(False)
-                if column < len(picture.maps):
-                    title, image = picture.maps[column]
-                    shown = axes.imshow(image, cmap="viridis", vmin=low, vmax=high if high > low else low + 1)
+                if column < len(maps):
+                    title, image = maps[column]
+                    middle = (
+                        0.0 if row == 2 else (low + high) / 2
+                    )  # a difference is centred on 0, at the same scale
+                    half = (high - low) / 2
+                    shown = axes.imshow(image, cmap="cividis", vmin=middle - half, vmax=middle + half)
                     if row == 0:
                         axes.set_title(textwrap.fill(title, int(cell * 11)), fontsize=8.5)
-            if shown is not None:
-                figure.colorbar(shown, ax=list(grid[:, column]), label=measured.y_label, shrink=0.8, pad=0.03)
+                    if row == 2:
+                        figure.colorbar(shown, ax=[axes], shrink=0.8, pad=0.03)
+                    elif row == min(1, len(rows) - 1):
+                        figure.colorbar(
+                            shown, ax=list(grid[:2, column]), label=measured.y_label, shrink=0.8, pad=0.03
+                        )
     return figure
 
 

@@ -1,0 +1,104 @@
+"""The answer of a result in one sentence, what it means, and the next command: the same on pages, terminal and lab."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from visaug.wording import p_text, probability_text, with_interval
+
+Content = Mapping[str, Any]
+
+
+def view_title(name: str) -> str:
+    """The plain name of a view."""
+    from visaug.fingerprint import VIEWS
+
+    return next((view.title for view in VIEWS if view.name == name), name.replace("_", " ")).rstrip(".")
+
+
+def comparison_headline(content: Content) -> str:
+    """Whether the camera file explains the frames and, if not, where they differ most."""
+    fits = content["fits"]
+    p = p_text(fits["p_value_before"])
+    if fits["adequate_before"]:
+        return f"The camera file explains these frames: no difference beyond chance ({p})."
+    said = f"The camera file does not explain these frames ({p})."
+    if not content["where"]:
+        return said
+    worst = content["where"][0]
+    return (
+        f"{said} The largest difference: {view_title(worst['view'])[0].lower()}{view_title(worst['view'])[1:]} "
+        f"({worst['worst']}), {abs(worst['z']):.2g} standard deviations {'above' if worst['z'] > 0 else 'below'} the model."
+    )
+
+
+def diagnosis_headline(content: Content) -> str:
+    """What is missing, how strong, and how sure."""
+    if content["accepted"]:
+        known = {entry["effect"]: entry for entry in content["ranking"]}
+        named = [_named(name, known.get(name, {})) for name in content["accepted"]]
+        verb = "effects are" if len(named) > 1 else "effect is"
+        return f"The missing {verb} {' and '.join(named)}."
+    if content["fits"]["adequate_before"]:
+        p = p_text(content["fits"]["p_value_before"])
+        return f"Nothing is missing: the camera explains these frames ({p})."
+    if content["unexplained"]:
+        return f"No effect of the catalogue explains these frames. {content['unexplained']['description']}"
+    return "No effect of the catalogue was accepted; refitting the camera was enough."
+
+
+def diagnosis_details(content: Content) -> list[str]:
+    """The error before and after, and what else is known."""
+    error, fits = content["error"], content["fits"]
+    lines = []
+    if error["before"] is not None and content["accepted"]:
+        low, high = error["interval_after"] or (None, None)
+        lines.append(
+            f"Error on hold-out frames: {error['before']:.2g} with the camera file, {with_interval(error['after'], low, high)} "
+            "with the added effects. 0 is as close as another specimen of that camera would be."
+        )
+    if content["accepted"]:
+        lines.append(
+            f"After adding, no significant difference is left ({p_text(fits['p_value_after'])})."
+            if fits["adequate_after"]
+            else f"After adding, a significant difference is left ({p_text(fits['p_value_after'])})."
+        )
+    for group in content["ambiguous"]:
+        lines.append(
+            f"These frames cannot tell apart: {', '.join(group['effects'])}. To separate them: {group['measure']}."
+        )
+    if content.get("form"):
+        lines.append(content["form"])
+    if content["unexplained"] and content["accepted"]:
+        lines.append(f"Unexplained: {content['unexplained']['description']}")
+    return lines
+
+
+def effect_texts(names: list[str]) -> list[str]:
+    """What each effect is physically: summary, law and source."""
+    from visaug.effects import catalogue
+
+    known = catalogue()
+    texts = []
+    for name in names:
+        if name in known:
+            effect = known[name]
+            law = f" Law: {effect.equation}." if effect.equation else ""
+            source = f" Source: {effect.source}." if effect.source else ""
+            texts.append(f"{name}: {effect.summary}{law}{source} More: visaug effects {name}")
+    return texts
+
+
+PROBABILITY = (
+    "Probability: posterior probability among the effects that were tried, if one of them is right. It leaves out effects that "
+    "are not in the catalogue. p-value: probability that a complete camera shows a difference at least as large."
+)
+
+
+def _named(name: str, entry: Content) -> str:
+    numbers = [
+        f"{key} = {with_interval(e['value'], e.get('low'), e.get('high'), e.get('unit', ''))}"
+        for key, e in (entry.get("parameters") or {}).items()
+    ]
+    if entry.get("probability") is not None:
+        numbers.append(f"probability {probability_text(entry['probability'])}")
+    return f"{name} ({'; '.join(numbers)})" if numbers else name
