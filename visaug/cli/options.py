@@ -1,5 +1,6 @@
 """What the commands share: the camera, the seed, an example in the help, and one way to write results."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from visaug.camera import Camera
 
 Decorator = Callable[[Callable], Callable]
+STANDARD_OUTPUT = Path("-")
 
 
 class _Command(click.Command):
@@ -54,8 +56,13 @@ def camera_option(required: bool = True) -> Decorator:
 
 frames_argument = click.argument("frames_path", metavar="FRAMES", type=click.Path(path_type=Path))
 json_option = click.option(
-    "--json", "json_path", metavar="F", type=click.Path(path_type=Path), help="Write it as JSON."
+    "--json",
+    "json_path",
+    metavar="F",
+    type=click.Path(path_type=Path),
+    help="Write it as JSON; - writes it to standard output, and nothing else.",
 )
+quiet_option = click.option("-q", "--quiet", is_flag=True, help="No progress and no tables; errors only.")
 report_option = click.option(
     "--report",
     "report_path",
@@ -128,7 +135,23 @@ def load_camera(name: str) -> "Camera":
     return Camera.load(name)
 
 
-def written(path: Path | None) -> None:
-    """Say where a result lies."""
-    if path is not None:
-        click.echo(f"wrote {path}")
+def is_silent(quiet: bool, json_path: Path | None) -> bool:
+    """Whether standard output is left to JSON, or to nothing."""
+    return quiet or json_path == STANDARD_OUTPUT
+
+
+def write_result(json_path: Path | None, content: Any) -> None:
+    """The JSON of a result, to a file or to standard output."""
+    from visaug.files import write_json
+
+    if json_path == STANDARD_OUTPUT:
+        click.echo(json.dumps(content, indent=2))
+    elif json_path is not None:
+        write_json(json_path, content)
+
+
+def written(*paths: Path | None) -> None:
+    """Say where results lie."""
+    for path in paths:
+        if path not in (None, STANDARD_OUTPUT):
+            click.echo(f"wrote {path}")

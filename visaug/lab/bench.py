@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from visaug.camera import Camera
-from visaug.comparison import Comparison, compare
+from visaug.comparison import Comparison, Places, compare
 from visaug.diagnosis import Diagnosis, Step, diagnose
 from visaug.diagnosis.search import SETS
 from visaug.effects import catalogue, load_file
@@ -205,7 +205,7 @@ class Bench:
             return None
         known = {entry.effect: entry.parameters for entry in found.ranking}
         parameters = {name: known[name] for name in added}
-        fit = Fit(found.camera, found.error_after, found.p_value_after, (), parameters)
+        fit = Fit(found.camera, found.error_after, found.p_value_after, Places(), parameters)
         return Setup((), added, fit, found.steps)
 
 

@@ -10,7 +10,7 @@ from threading import Lock
 from typing import Any
 
 from visaug.errors import InputError
-from visaug.progress import Progress
+from visaug.progress import Progress, phase_of
 
 
 class _Stopped(Exception):
@@ -40,7 +40,7 @@ class _Job:
         if self.stopped:
             raise _Stopped
         now = time.monotonic()
-        name = _phase(description)
+        name = phase_of(description)
         if not self.phases or self.phases[-1].name != name:
             self.phases.append(_Phase(name, now, now))
         self.phases[-1].ended = now
@@ -56,14 +56,6 @@ class _Job:
             "seconds": time.monotonic() - self.began,
             "phases": [{"name": p.name, "seconds": p.ended - p.began} for p in self.phases[:-1]],
         }
-
-
-def _phase(description: str) -> str:
-    """One phase for all effects that are tried, one for all that are refined."""
-    for word in ("trying again", "trying", "refining"):
-        if description.startswith(f"{word} "):
-            return f"{word}, one effect after the other"
-    return description
 
 
 class Jobs:

@@ -20,8 +20,8 @@ def comparison_headline(content: Content) -> str:
     fits = content["fits"]
     p = p_text(fits["p_value_before"])
     if fits["adequate_before"]:
-        return f"The camera file explains these frames: no difference beyond chance ({p})."
-    said = f"The camera file does not explain these frames ({p})."
+        return f"The model holds: nothing differs beyond chance ({p})."
+    said = f"The model does not hold: the frames differ from it ({p})."
     if not content["where"]:
         return said
     worst = content["where"][0]
