@@ -1,5 +1,6 @@
 """The program: help with an example for every command, status 2 and one line for a user's mistake."""
 
+import json
 import os
 import subprocess
 import sys
@@ -311,3 +312,16 @@ def test_a_plan_for_a_camera_and_by_hand(program_run, tmp_path):
     status, _, err = program_run("plan", "--temperatures", "none", "--gains-db", "0;3", "-o", "q.csv")
     assert status == 2
     assert "--gains-db" in err
+
+
+def test_scripts_can_read_the_answer_of_compare(program_run, tmp_path):
+    status, _, _ = program_run("simulate", "plan.csv", "--camera", "camera.yaml", "-o", "frames")
+    assert status == 0
+    status, out, err = program_run("compare", "frames", "--camera", "camera.yaml", "--json", "-", "--quiet")
+    assert (status, err) == (0, "")
+    assert json.loads(out)["fits"]["adequate_before"]
+    noisy = {**CAMERA, "read_noise": {"sigma_e": 60.0}}
+    (tmp_path / "noisy.yaml").write_text(yaml.safe_dump(noisy))
+    status, out, _ = program_run("compare", "frames", "--camera", "noisy.yaml", "--fail-on-misfit")
+    assert status == 3
+    assert "does not hold" in out.splitlines()[-1]

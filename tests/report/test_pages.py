@@ -166,7 +166,7 @@ def test_every_view_is_drawn_measured_beside_modelled(frames):
         drawn += 1
         if picture.curves:
             axes = figure.axes[0]
-            assert len(axes.lines) == 2 * len(picture.curves), view.name
+            assert sum(len(panel.lines) for panel in figure.axes) == 2 * len(picture.curves), view.name
             assert axes.get_xlabel(), view.name
             assert axes.get_ylabel(), view.name
     assert drawn >= 5

@@ -7,7 +7,15 @@ from typing import Any
 
 import click
 
-from visaug.cli.options import command, effects_option, json_option, output_option, written
+from visaug.cli.options import (
+    command,
+    effects_option,
+    is_silent,
+    json_option,
+    output_option,
+    write_result,
+    written,
+)
 from visaug.cli.tables import print_table
 from visaug.errors import InputError
 from visaug.progress import progress_bars
@@ -87,7 +95,6 @@ def evaluate(
 
     P.json is COCO's results format with `file_name` in place of `image_id`.
     """
-    from visaug.files import write_json
 
     given = {"--predictions": predictions, "--data": data, "--domain": domain}
     absent = [name for name, value in given.items() if value is None]
@@ -105,9 +112,9 @@ def evaluate(
             scores = commands.evaluate(config_path, seed=seed, progress=progress)
         else:
             scores = commands.evaluate_predictions(predictions, data, domain)
-    print_scores(scores)
-    if json_path:
-        write_json(json_path, scores)
+    if not is_silent(False, json_path):
+        print_scores(scores)
+    write_result(json_path, scores)
     written(json_path)
 
 

@@ -13,14 +13,19 @@ from visaug.cli.options import (
     effects_option,
     force_option,
     frames_argument,
+    is_silent,
     json_option,
     load_camera,
     may_write,
     output_option,
+    quiet_option,
     report_option,
+    write_result,
     written,
 )
 from visaug.progress import progress_bars
+
+MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of the program and of its input
 
 
 @command("characterize", example="visaug characterize frames/ -o camera.yaml --report characterization.html")
@@ -46,6 +51,7 @@ from visaug.progress import progress_bars
 @force_option
 @json_option
 @report_option
+@quiet_option
 def characterize(
     frames_path: Path,
     camera_name: str | None,
@@ -56,6 +62,7 @@ def characterize(
     force: bool,
     json_path: Path | None,
     report_path: Path | None,
+    quiet: bool,
     seed: int,
 ) -> None:
     """Camera parameters with 95 % intervals from measured frames.
@@ -64,28 +71,27 @@ def characterize(
     calibrated source) is taken from there. What stays open is said, not guessed.
     """
     import visaug
-    from visaug.files import write_json
 
     may_write(output, force)
     camera = load_camera(camera_name) if camera_name else None
     frames = visaug.FrameSet.load(frames_path, camera.resolution if camera else None, bit_depth)
-    with progress_bars() as progress:
+    with progress_bars(quiet=quiet) as progress:
         progress("characterizing", 0, 1)
         result = visaug.characterize(frames, camera, seed=seed, method=method)
         progress("characterizing", 1, 1)
-    summaries.print_characterization(result.to_json())
+    if not is_silent(quiet, json_path):
+        summaries.print_characterization(result.to_json())
     if output:
         result.camera.save(output)
     if maps_path:
         result.save_maps(maps_path)
-    if json_path:
-        write_json(json_path, result.to_json())
+    write_result(json_path, result.to_json())
     if report_path:
         from visaug.report import write_characterization
 
         write_characterization(report_path, result, frames)
-    for path in (output, maps_path, json_path, report_path):
-        written(path)
+    if not is_silent(quiet, json_path):
+        written(output, maps_path, json_path, report_path)
 
 
 @command("compare", example="visaug compare frames/ --camera camera.yaml --report comparison.html")
@@ -95,33 +101,42 @@ def characterize(
 @bit_depth_option
 @json_option
 @report_option
+@quiet_option
+@click.option(
+    "--fail-on-misfit",
+    is_flag=True,
+    help=f"Exit with status {MISFIT} where the camera does not explain the frames.",
+)
 def compare(
     frames_path: Path,
     camera_name: str,
     bit_depth: int | None,
     json_path: Path | None,
     report_path: Path | None,
+    quiet: bool,
+    fail_on_misfit: bool,
     seed: int,
 ) -> None:
     """Where model and measurement differ, and by how much."""
     import visaug
-    from visaug.files import write_json
 
     camera = load_camera(camera_name)
     frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
-    with progress_bars() as progress:
+    with progress_bars(quiet=quiet) as progress:
         result = visaug.compare(camera, frames, seed=seed, progress=progress)
     content = result.to_json()
-    summaries.print_comparison(content)
+    if not is_silent(quiet, json_path):
+        summaries.print_comparison(content)
     if report_path:
         from visaug.report import write_comparison
 
         pictures = write_comparison(report_path, result, camera, frames, seed)
         content["pictures"] = {name: str(path) for name, path in pictures.items()}
-    if json_path:
-        write_json(json_path, content)
-    for path in (json_path, report_path):
-        written(path)
+    write_result(json_path, content)
+    if not is_silent(quiet, json_path):
+        written(json_path, report_path)
+    if fail_on_misfit and not result.adequate:
+        raise SystemExit(MISFIT)
 
 
 @command(
@@ -143,6 +158,7 @@ def compare(
 @force_option
 @json_option
 @report_option
+@quiet_option
 def diagnose(
     frames_path: Path,
     camera_name: str,
@@ -154,19 +170,19 @@ def diagnose(
     force: bool,
     json_path: Path | None,
     report_path: Path | None,
+    quiet: bool,
     seed: int,
 ) -> None:
     """Which physical effect is missing: names it, adds it, refits, and shows the error before and after."""
     import visaug
     from visaug.cli.effect_pages import find
-    from visaug.files import write_json
 
     may_write(output, force)
     for name in without:
         find(name)
     camera = load_camera(camera_name)
     frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
-    with progress_bars() as progress:
+    with progress_bars(single=True, quiet=quiet) as progress:
         result = visaug.diagnose(
             camera,
             frames,
@@ -176,17 +192,17 @@ def diagnose(
             progress=progress,
             cluster=cluster,
         )
-    summaries.print_diagnosis(result.to_json())
+    if not is_silent(quiet, json_path):
+        summaries.print_diagnosis(result.to_json())
     if output:
         result.camera.save(output)
-    if json_path:
-        write_json(json_path, result.to_json())
+    write_result(json_path, result.to_json())
     if report_path:
         from visaug.report import write_diagnosis
 
         write_diagnosis(report_path, result, camera, frames, seed)
-    for path in (output, json_path, report_path):
-        written(path)
+    if not is_silent(quiet, json_path):
+        written(output, json_path, report_path)
 
 
 @command("lab", example="visaug lab frames/ --camera camera.yaml")
