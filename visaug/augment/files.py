@@ -5,7 +5,6 @@ and the file's name alone, so neither the order of files nor an interruption cha
 """
 
 import hashlib
-import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
+from visaug.augment.journal import JOURNAL as JOURNAL
+from visaug.augment.journal import Journal
 from visaug.augment.pictures import SUFFIXES, Picture, read_picture, write_picture
 from visaug.errors import InputError
 from visaug.files import whole_file
@@ -21,7 +22,6 @@ from visaug.files import whole_file
 if TYPE_CHECKING:
     from visaug.camera import Camera
 
-JOURNAL = ".visaug-augment.jsonl"
 Progress = Callable[[str, int, int], None]
 
 
@@ -124,49 +124,6 @@ def add_noise(picture: Picture, noise: torch.nn.Module, seed: int) -> Picture:
     result = pixels.copy()
     result[..., :colours] = (noisy.double() * top).round().clamp(0, top).numpy().astype(pixels.dtype)
     return Picture(result, picture.extras)
-
-
-class Journal:
-    """Which copies in a folder are done, with which settings, from which state of the original.
-
-    One line of JSON a file, written after the file is in place; another setting starts it anew.
-    """
-
-    def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
-        self.folder, self.path = folder, folder / JOURNAL
-        self.head = json.dumps({"settings": settings}, sort_keys=True)
-        self.done: dict[str, list[int]] = {}
-
-    def __enter__(self) -> "Journal":
-        self.folder.mkdir(parents=True, exist_ok=True)
-        lines = self.path.read_text(encoding="utf-8").splitlines() if self.path.exists() else []
-        same = bool(lines) and lines[0] == self.head
-        for line in lines[1:] if same else []:
-            try:
-                entry = json.loads(line)
-            except json.JSONDecodeError:  # torn by an interruption
-                continue
-            self.done[entry["name"]] = entry["original"]
-        self._handle = open(self.path, "a" if same else "w", encoding="utf-8")
-        # A line feed first closes a line that an interruption tore.
-        self._handle.write("\n" if same else self.head + "\n")
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._handle.close()
-
-    def holds(self, name: str, source: Path) -> bool:
-        return self.done.get(name) == _state(source) and (self.folder / name).is_file()
-
-    def add(self, name: str, source: Path) -> None:
-        self._handle.write(json.dumps({"name": name, "original": _state(source)}) + "\n")
-        self._handle.flush()
-
-
-def _state(path: Path) -> list[int]:
-    """Size and time of change, by which an original is known again."""
-    status = path.stat()
-    return [status.st_size, status.st_mtime_ns]
 
 
 def _seed_of(seed: int, name: str) -> int:

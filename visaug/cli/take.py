@@ -104,8 +104,12 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
     plan = with_chart(camera, FrameSet.load(plan_path, resolution=camera.resolution))
     with progress_bars() as progress:
         frames = simulate(camera, plan, seed=seed, progress=progress)
-        frames.save(output, keep_names=True, overwrite=force)
-    camera.save(output / "camera.yaml")
+        frames.save(
+            output,
+            keep_names=True,
+            overwrite=force,
+            beside=lambda folder: camera.save(folder / "camera.yaml"),
+        )
     click.echo(f"wrote {len(frames)} frames to {output}")
 
 

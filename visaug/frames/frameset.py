@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -195,17 +195,26 @@ class FrameSet:
 
         return check(self)
 
-    def save(self, folder: str | Path, *, keep_names: bool = False, overwrite: bool = False) -> Path:
+    def save(
+        self,
+        folder: str | Path,
+        *,
+        keep_names: bool = False,
+        overwrite: bool = False,
+        beside: Callable[[Path], object] | None = None,
+    ) -> Path:
         """Write frames.csv, the frames and the noiseless targets; the folder appears whole or not at all.
 
         Args:
             folder: where to; must be empty or not yet there unless `overwrite`.
             keep_names: write every frame under its record's `file` (the suffix chooses the format) instead of
                 one frames.npz.
+            overwrite: replace a frame set that is there, the whole folder.
+            beside: called with the folder while it is filled, to write what belongs to the set into it.
         """
         from visaug.frames.writers import save
 
-        return save(self, Path(folder), keep_names, overwrite)
+        return save(self, Path(folder), keep_names, overwrite, beside)
 
 
 def _common_depth(records: Sequence[FrameRecord]) -> int | None:

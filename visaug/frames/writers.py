@@ -2,34 +2,40 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from itertools import count
+from math import prod
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from visaug.errors import InputError
+from visaug.files import whole_folder
 from visaug.frames.pixels import split_name
 from visaug.frames.table import write_table
 
 if TYPE_CHECKING:
     from visaug.frames.frameset import FrameSet
 
+_MOST_GAPS = 100  # places of an array for each frame of it that is there
 
-def save(frames: FrameSet, folder: Path, keep_names: bool = False, overwrite: bool = False) -> Path:
+
+def save(
+    frames: FrameSet,
+    folder: Path,
+    keep_names: bool = False,
+    overwrite: bool = False,
+    beside: Callable[[Path], object] | None = None,
+) -> Path:
     """Write a set to `folder`; see `FrameSet.save`."""
-    if folder.exists() and not folder.is_dir():
-        raise InputError("is a file", file=folder, expected="a folder")
-    if folder.is_dir() and any(folder.iterdir()) and not overwrite:
-        raise InputError("is not empty", file=folder, expected="a new or empty folder, or overwrite=True")
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-    try:
-        temporary.chmod(0o755)
+    if folder.is_dir() and overwrite and any(folder.iterdir()) and not (folder / "frames.csv").is_file():
+        raise InputError(
+            "holds no frame set that could be replaced", file=folder, expected="a new or empty folder"
+        )
+    with whole_folder(folder, overwrite) as temporary:
         cleans = _write_cleans(frames, temporary)
         # 8 and 16 bits show in the files; what lies between does not.
         bits = None if frames.bit_depth in (8, 16) else frames.bit_depth
@@ -42,20 +48,9 @@ def save(frames: FrameSet, folder: Path, keep_names: bool = False, overwrite: bo
             files = _write_archive(frames, temporary / "frames.npz")
             records = [replace(r, file=file) for r, file in zip(records, files, strict=True)]
         write_table(temporary / "frames.csv", records)
-        _put(temporary, folder)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        if beside is not None:
+            beside(temporary)
     return folder
-
-
-def _put(temporary: Path, folder: Path) -> None:
-    if folder.is_dir():
-        old = Path(tempfile.mkdtemp(prefix=f".{folder.name}.old.", dir=folder.parent))
-        folder.rename(old / folder.name)
-        temporary.rename(folder)
-        shutil.rmtree(old, ignore_errors=True)
-    else:
-        temporary.rename(folder)
 
 
 def _write_archive(frames: FrameSet, path: Path) -> list[str]:
@@ -102,42 +97,73 @@ def _smallest_type(frames: FrameSet, indices: Iterable[int]) -> np.dtype:
 def _write_cleans(frames: FrameSet, folder: Path) -> dict[str, str]:
     """Noiseless targets as .npy; returns the new name of each."""
     names: dict[str, str] = {}
+    files = {PurePosixPath(split_name(r.file)[0]) for r in frames.records}
+    taken = {str(path) for file in files for path in (file, *file.parents)} | {"frames.npz"}
     for i, record in enumerate(frames.records):
         if record.clean and record.clean not in names:
-            stem = PurePosixPath(record.clean.split("#")[0]).stem
-            name = f"{stem}.npy" if f"{stem}.npy" not in names.values() else f"{stem}_{len(names)}.npy"
-            if any(split_name(r.file)[0] == name for r in frames.records):
-                name = f"clean_{name}"
+            stem = PurePosixPath(record.clean.split("#")[0]).stem or "clean"
+            name = next(n for n in _numbered(stem) if n not in taken)
+            taken.add(name)
             np.save(folder / name, frames.clean(i))
             names[record.clean] = name
     return names
 
 
+def _numbered(stem: str) -> Iterator[str]:
+    yield f"{stem}.npy"
+    yield f"clean_{stem}.npy"
+    yield from (f"clean_{stem}_{n}.npy" for n in count(2))
+
+
 def _write_named(frames: FrameSet, folder: Path) -> None:
     """Every frame under its record's own name; frames of one archive are put together at the end of it."""
-    parts = [split_name(r.file) for r in frames.records]
-    for record, (file, _, _) in zip(frames.records, parts, strict=True):
-        place = PurePosixPath(file)
-        if place.is_absolute() or ".." in place.parts or file == "frames.csv":
-            raise InputError(f"{file!r} cannot be written", field="file", expected="a path inside the folder")
-        if sum(r.file == record.file for r in frames.records) > 1:
-            raise InputError(
-                f"{record.file!r} names several frames", field="file", expected="a name for each frame"
-            )
+    parts = _places(frames)
     stacks: dict[str, list[int]] = {}
-    for i, (file, key, index) in enumerate(parts):
+    for i, (file, _, index) in enumerate(parts):
         path = folder / file
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.suffix.lower() == ".npz" or index:
             stacks.setdefault(file, []).append(i)
-            if path.suffix.lower() == ".npz" and not key:
-                raise InputError(
-                    f"{frames.records[i].file!r} names no array", field="file", expected="file.npz#key[index]"
-                )
         else:
             write_frame(path, frames.read(i), _smallest_type(frames, [i]))
     for file, members in stacks.items():
         _write_stack(frames, folder / file, {i: parts[i][1:] for i in members})
+
+
+def _places(frames: FrameSet) -> list[tuple[str, str | None, tuple[int, ...]]]:
+    """File, key and index of each frame, no two of which are the same place or in each other's way."""
+    places: list[tuple[str, str | None, tuple[int, ...]]] = []
+    files: dict[str, bool] = {}  # whether it holds several frames
+    for record in frames.records:
+        file, key, index = split_name(record.file)
+        path = PurePosixPath(file)
+        file = str(path)  # without ./ and //
+        if path.is_absolute() or ".." in path.parts or file in (".", "frames.csv", "camera.yaml"):
+            raise InputError(
+                f"{record.file!r} cannot be written", field="file", expected="a path inside the folder"
+            )
+        archive = path.suffix.lower() == ".npz"
+        if archive != bool(key):
+            expected = "file.npz#key[index]" if archive else "a key in .npz alone"
+            raise InputError(f"{record.file!r} names no array", field="file", expected=expected)
+        if files.setdefault(file, archive or bool(index)) != (archive or bool(index)):
+            raise InputError(
+                f"{record.file!r} is one frame and several",
+                field="file",
+                expected="an index for each frame, or one file for each",
+            )
+        places.append((file, key, index))
+    seen: set[tuple] = set()
+    for record, place in zip(frames.records, places, strict=True):
+        if place in seen:
+            raise InputError(
+                f"{record.file!r} names several frames", field="file", expected="a name for each frame"
+            )
+        seen.add(place)
+        for above in PurePosixPath(place[0]).parents:
+            if str(above) in files or str(above) in ("frames.csv", "camera.yaml"):
+                raise InputError(f"{above} is a file and a folder", file=record.file, field="file")
+    return places
 
 
 def _write_stack(frames: FrameSet, path: Path, places: dict[int, tuple[str | None, tuple[int, ...]]]) -> None:
@@ -152,12 +178,22 @@ def _write_stack(frames: FrameSet, path: Path, places: dict[int, tuple[str | Non
                 "frames of several sizes or depths of index share one array", file=path, field=key
             )
         outer = tuple(max(n) + 1 for n in zip(*members.values()))
+        if prod(outer) > _MOST_GAPS * len(members):
+            raise InputError(
+                f"an array of {' x '.join(map(str, outer))} frames for {len(members)} of them",
+                file=path.name,
+                field=key,
+                expected="indices from 0 without large gaps",
+            )
         array = np.zeros((*outer, *shapes.pop()), dtype)
         for i, index in members.items():
             array[index] = frames.read(i)
         arrays[key] = array
     if path.suffix.lower() == ".npz":
-        np.savez_compressed(path, allow_pickle=False, **{str(k): a for k, a in arrays.items()})
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            for key, array in arrays.items():
+                with archive.open(f"{key}.npy", "w", force_zip64=True) as handle:
+                    np.lib.format.write_array(handle, array, allow_pickle=False)
     else:
         write_frame(path, arrays[None], dtype)
 
