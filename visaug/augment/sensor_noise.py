@@ -22,8 +22,9 @@ from visaug.augment.options import (
     check_range,
     check_values,
 )
-from visaug.augment.planes import through_luminance
+from visaug.augment.planes import luminance, through_luminance
 from visaug.camera import Camera, fast, fast_gpu
+from visaug.camera.colour import ColourPath
 from visaug.camera.randomize import spreads
 from visaug.camera.scale import Scale, scale_of
 from visaug.camera.strength import at_strength, with_maps_at_strength
@@ -73,7 +74,9 @@ class SensorNoise(nn.Module):
             gradients reach them.
         origin: row and column of the sensor at which the image begins, where it is a crop; then kept patterns are
             the crop of the sensor's, and effects that depend on the place on the sensor know it.
-        mono: how one sensor serves several channels. None: as the camera is, monochrome. True: the noise of the exposed
+        mono: how one sensor serves several channels. None: as the camera is: one with `colour` filters takes the picture
+            through its mosaic (see `visaug.camera.colour`), of which a gray one-channel image gets the luminance of what comes
+            out; one without is monochrome. True: the noise of the exposed
             luminance 0.2126 R + 0.7152 G + 0.0722 B is added to every channel, so equal channels stay equal. False: every
             channel is a sensor of its own, with independent noise.
         gain_db: gain in dB on the camera's own scale (the one of `gain_db` in its file), or a pair (low, high) from which each
@@ -87,7 +90,9 @@ class SensorNoise(nn.Module):
 
     Shape:
         (B, 1|3, H, W), floating point in [0, 1] -> the same shape, dtype and device, in [0, 1]. Values below 0 or above 1
-        are cut by the sensor; values below -0.5 or above 1.5 are refused. A NaN stays at its pixel.
+        are cut by the sensor; values below -0.5 or above 1.5 are refused. A NaN stays at its pixel, or with the
+        neighbours that a demosaicing makes of it. What the camera's effects of stage PICTURE (tone curve, JPEG) do comes last,
+        to the picture as it is encoded.
 
     Raises:
         InputError: an option or an image that is not valid.
@@ -135,6 +140,12 @@ class SensorNoise(nn.Module):
             self.cameras = tuple(with_maps_at_strength(camera, self.strength) for camera in self.cameras)
         if gain_db is not None and "gain_db" in (values or {}):
             raise InputError("is given twice", field="gain_db", expected="the option, or an entry of values")
+        if self.black_level == "keep" and mono is None and any(camera.spec.colour for camera in self.cameras):
+            raise InputError(
+                "keep leaves an offset that white balance would turn into a colour",
+                field="black_level",
+                expected="subtract for a colour camera, or mono=True",
+            )
         self._generator: tuple[tuple[int | None, int], torch.Generator] | None = None
         self._names: dict[str, str] = {}
         for path, value in (values or {}).items():
@@ -195,12 +206,11 @@ class SensorNoise(nn.Module):
             return images
         encoded = (transfer if self.transfer == "auto" else self.transfer) == "srgb"
         light = srgb_to_linear(images.float()) if encoded else images.float()
-        noisy = self._by_camera(light, draws)
-        return (linear_to_srgb(noisy) if encoded else noisy).to(images.dtype)
+        return self._by_camera(light, draws, encoded).to(images.dtype)
 
-    def _by_camera(self, light: Tensor, draws: Mapping[str, Tensor]) -> Tensor:
+    def _by_camera(self, light: Tensor, draws: Mapping[str, Tensor], encoded: bool) -> Tensor:
         if len(self.cameras) == 1:
-            return self._planes(self.cameras[0], light, draws)
+            return self._picture(self.cameras[0], light, draws, encoded)
         noisy = torch.empty_like(light)
         for number in draws["camera"].unique().tolist():
             chosen = (draws["camera"] == number).nonzero().squeeze(1)
@@ -210,23 +220,40 @@ class SensorNoise(nn.Module):
                 if value.shape[:1] == draws["camera"].shape
             }
             here = chosen.to(light.device)
-            noisy = noisy.index_copy(0, here, self._planes(self.cameras[number], light[here], own))
+            noisy = noisy.index_copy(0, here, self._picture(self.cameras[number], light[here], own, encoded))
         return noisy
+
+    def _picture(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor], encoded: bool) -> Tensor:
+        """The picture as it is shown: encoded, then what the camera makes of it after the converter."""
+        noisy = self._planes(camera, light, draws)
+        noisy = linear_to_srgb(noisy) if encoded else noisy
+        if not camera.finishes:
+            return noisy
+        stream = self._stream(draws, noisy, noisy.shape[1])
+        return camera.finish(noisy, stream, self._given(camera, draws))
 
     def _planes(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor]) -> Tensor:
         """How the channels of an image meet the sensor."""
         if self.mono is False:
             return self._take(camera, light, draws)
-        return through_luminance(light, lambda plane: self._take(camera, plane, draws))
+        path = camera.colour_path(self.origin or (0, 0)) if self.mono is None else None
+        if path is None:
+            return through_luminance(light, lambda plane: self._take(camera, plane, draws))
+        picture = self._take(camera, light, draws, path)
+        return picture if light.shape[1] == 3 else luminance(picture)
 
-    def _take(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor]) -> Tensor:
-        """One exposure of each image, scaled back to [0, 1]."""
+    def _take(
+        self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor], path: ColourPath | None = None
+    ) -> Tensor:
+        """One exposure of each image, scaled back to [0, 1]; through colour filters where there is a `path`."""
         scale = self._pixels_per_pixel(camera, light)
         if scale > 1:
             light = light.repeat_interleave(scale, 2).repeat_interleave(scale, 3)
-        noisy = self._fast(camera, light, draws) if self._may_be_fast(light) else None
+        noisy = self._fast(camera, light, draws, path) if self._may_be_fast(light) else None
         if noisy is None:
-            noisy = self._exact(camera, light, draws)
+            noisy = self._exact(camera, light, draws, path)
+        if path is not None:
+            noisy = path.develop(noisy)
         return avg_pool2d(noisy, scale) if scale > 1 else noisy
 
     def _pixels_per_pixel(self, camera: Camera, light: Tensor) -> int:
@@ -243,7 +270,9 @@ class SensorNoise(nn.Module):
         tensors = (light, *(getattr(self, name) for name in self._names.values()))
         return not torch.is_grad_enabled() or not any(tensor.requires_grad for tensor in tensors)
 
-    def _fast(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor]) -> Tensor | None:
+    def _fast(
+        self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor], path: ColourPath | None
+    ) -> Tensor | None:
         """By tables, where they have the camera's law; else None."""
         given = self._given(camera, draws)
         values = {
@@ -259,7 +288,7 @@ class SensorNoise(nn.Module):
         take = fast.take if light.device.type == "cpu" else fast_gpu.take
         return take(
             camera,
-            light,
+            light if path is None else path.plane(light),
             scale,
             values,
             draws["keys"],
@@ -268,7 +297,9 @@ class SensorNoise(nn.Module):
             self.origin or (0, 0),
         )
 
-    def _exact(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor]) -> Tensor:
+    def _exact(
+        self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor], path: ColourPath | None
+    ) -> Tensor:
         """By the differentiable chain."""
         values = {
             path: torch.as_tensor(value, dtype=torch.float32, device=light.device).reshape(-1, 1, 1, 1)
@@ -276,16 +307,23 @@ class SensorNoise(nn.Module):
         }
         exposure = draws.get("exposure", torch.ones(1)).to(light).view(-1, 1, 1, 1)
         scale = self._scale(camera, values, exposure)
+        if path is not None:
+            light = path.light(light)
         photons = light * (scale.electrons / values["quantum_efficiency"])
+        stream = self._stream(draws, light, light.shape[1] if path is None else 1)
+        # Unless the image is a crop, it is the whole sensor: vignetting is centred on it.
         rows, columns = light.shape[2:]
-        r0, c0 = self.origin or (0, 0)
+        whole = None if self.origin or camera.sensor_maps else (rows, columns)
+        mosaic = None if path is None else path.mosaic
+        dn = camera.expose(photons, stream, values, resolution=whole, mosaic=mosaic)
+        return ((dn - scale.less_dn) * scale.per_dn).clamp(0, 1)
+
+    def _stream(self, draws: Mapping[str, Tensor], images: Tensor, planes: int) -> Stream:
+        """The random numbers of so many planes of the sensor."""
+        (rows, columns), (r0, c0) = images.shape[2:], self.origin or (0, 0)
         window = (range(r0, r0 + rows), range(c0, c0 + columns))
         patterns = draws["pattern_keys"][:1] if self.fixed_pattern == "camera" else draws["pattern_keys"]
-        stream = Stream(draws["keys"], patterns, light.shape[1], window, light.device)
-        # Unless the image is a crop, it is the whole sensor: vignetting is centred on it.
-        whole = None if self.origin or camera.maps else (rows, columns)
-        dn = camera.expose(photons, stream, values, resolution=whole)
-        return ((dn - scale.less_dn) * scale.per_dn).clamp(0, 1)
+        return Stream(draws["keys"], patterns, planes, window, images.device)
 
     def _scale(self, camera: Camera, values: Mapping[str, Any], exposure: Any) -> Scale:
         return scale_of(camera, values, exposure, self.black_level == "subtract", self.full_scale_photons)

@@ -11,6 +11,7 @@ import yaml
 from torch import Tensor
 
 from visaug.camera import chain, paths
+from visaug.camera.colour import ColourPath, colour_path
 from visaug.camera.maps import load_maps, moved, named_maps
 from visaug.camera.spec import CameraSpec, check_spec, read_spec
 from visaug.effects import Context, Effect, Stage, catalogue
@@ -184,6 +185,17 @@ class Camera:
                 part["map"] = moved(part["map"], self.folder, path.parent)
         write_text(path, _as_yaml(content))
 
+    def colour_path(self, origin: tuple[int, int] = (0, 0)) -> ColourPath | None:
+        """From pictures to the plane behind the colour filters and back, for images that begin at `origin` of the sensor; None
+        for a monochrome camera.
+        """
+        colour = self.spec.colour
+        if colour is None:
+            return None
+        return colour_path(
+            colour.cfa, colour.white_balance, colour.matrix, colour.demosaic, (origin[0] % 2, origin[1] % 2)
+        )
+
     def gain_at(self, gain_db: float) -> float:
         """Electrons per DN at a gain in dB: 20 dB more are a tenth of the electrons."""
         return self.spec.gain_e_per_dn * 10 ** ((self.spec.gain_db - gain_db) / 20)
@@ -223,6 +235,12 @@ class Camera:
     def finishes(self) -> bool:
         """Whether any effect acts on the developed picture."""
         return any(effect.stage == Stage.PICTURE for effect in self.effects)
+
+    @property
+    def sensor_effects(self) -> list[str]:
+        """Names of the further effects up to the converter: all but those that act on the developed picture."""
+        known = catalogue()
+        return [name for name in self.effect_names if known[name].stage != Stage.PICTURE]
 
     @property
     def sensor_maps(self) -> dict[str, Tensor]:

@@ -3,11 +3,8 @@
 Row and column patterns are the exact chain's own numbers, and so are pixel patterns that are kept.
 """
 
-import itertools
 import logging
-import os
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +15,7 @@ from torch import Tensor
 
 from visaug.camera import tables
 from visaug.camera.scale import Scale, gain_of
+from visaug.camera.threads import in_threads
 from visaug.sampling import Stream, derive_key
 from visaug.sampling.stream import kernels
 
@@ -29,8 +27,6 @@ SHIFTS = {"row_noise": "row", "column_noise": "column"}  # further effects that 
 WIDEST_PRNU = 0.1  # of pixels drawn anew; beyond it the expansion of the count's quantile is not exact
 VISIBLE_COMB = 2e-4
 FAINT_SKEWNESS, FAINT_FIFTH = 0.1, 0.025
-ROWS_PER_TASK = 64
-TASKS_PER_THREAD = 4
 
 
 def suits(camera: "Camera", values: Values, kept: bool) -> bool:
@@ -38,7 +34,9 @@ def suits(camera: "Camera", values: Values, kept: bool) -> bool:
 
     `kept`: fixed patterns are one camera's; then their pixel parts must not differ from image to image.
     """
-    if camera.spec.reading != "physical" or camera.maps or not set(camera.effect_names) <= set(SHIFTS):
+    if camera.spec.reading != "physical" or camera.sensor_maps:
+        return False
+    if not set(camera.sensor_effects) <= set(SHIFTS):
         return False
     pixel = values["prnu.pixel"]
     if kept:
@@ -78,7 +76,7 @@ def take(
         _lines(cameras, ("prnu", "column"), "column", values["prnu.column"], channels, window),
         _lines(cameras, ("dsnu", "column"), "column", values["dsnu.column_e"], channels, window),
     ]
-    for effect in camera.effect_names:
+    for effect in camera.sensor_effects:
         vary = SHIFTS[effect]
         place = 1 if vary == "row" else 3
         sigma = values[f"{effect}.sigma_e"]
@@ -95,10 +93,7 @@ def take(
     numbers = _numbers(camera, batch, scale, values, kept)
     source = images.detach().contiguous()
     out = torch.empty_like(source)
-    _in_threads(
-        batch * channels * height,
-        source.numpy().reshape(-1, height, width),
-        out.numpy().reshape(-1, height, width),
+    arguments = (
         channels,
         frames,
         numbers,
@@ -108,6 +103,11 @@ def take(
         _tukey_tables(values["read_noise.shape"]),
         tables.poisson_table().reshape(-1),
         origin,
+    )
+    source_rows, out_rows = (x.numpy().reshape(-1, height, width) for x in (source, out))
+    expose = kernel().expose
+    in_threads(
+        lambda first, last: expose(source_rows, out_rows, first, last, *arguments), batch * channels * height
     )
     return out
 
@@ -206,31 +206,3 @@ def kernel() -> Any:
         message = "compiling the fast sensor chain: once, about 10 s; kept in %s"
         logging.getLogger("visaug").warning(message, folder)
     return fast_kernel
-
-
-def _in_threads(rows: int, *arguments: Any) -> None:
-    """All rows, by as many threads as torch has: one in a DataLoader worker."""
-    expose = kernel().expose
-    source, out, *rest = arguments
-    threads = min(torch.get_num_threads(), max(1, rows // ROWS_PER_TASK))
-    if threads == 1:
-        return expose(source, out, 0, rows, *rest)
-    bounds = np.linspace(0, rows, TASKS_PER_THREAD * threads + 1).astype(int).tolist()
-    tasks = iter(list(itertools.pairwise(bounds)))
-
-    def work() -> None:
-        for first, last in tasks:  # shared: who is free takes the next
-            expose(source, out, first, last, *rest)
-
-    helpers = [_pool(os.getpid(), threads - 1).submit(work) for _ in range(threads - 1)]
-    work()
-    for helper in helpers:
-        if not helper.cancel():  # one that has not begun finds nothing left to do
-            helper.result()
-    return None
-
-
-@lru_cache(maxsize=1)
-def _pool(process: int, threads: int) -> ThreadPoolExecutor:
-    """A pool of its own for each process: threads do not survive a fork."""
-    return ThreadPoolExecutor(threads, thread_name_prefix=f"visaug-{process}")

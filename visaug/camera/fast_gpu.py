@@ -140,7 +140,7 @@ def take(
     window = (range(origin[0], origin[0] + rows), range(origin[1], origin[1] + columns))
     stream = Stream(keys, pattern_keys, images.shape[1], window, images.device)
     gain, offset = _pattern(stream, "prnu", "", v, kept), _pattern(stream, "dsnu", "_e", v, kept)
-    for effect in camera.effect_names:
+    for effect in camera.sensor_effects:
         vary = {"row_noise": "row", "column_noise": "column"}[effect]
         offset = offset + v[f"{effect}.sigma_e"] * stream.fork(effect).normal(vary)
     return (expression or compiled())(images, numbers, gain, offset, keys.to(images.device), *origin)

@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
@@ -16,6 +16,11 @@ from visaug.errors import InputError
 
 class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, validate_assignment=False)
+
+
+Gain = Annotated[float, Field(gt=0, le=100)]
+Element = Annotated[float, Field(ge=-100, le=100)]
+Row = tuple[Element, Element, Element]
 
 
 class ReadNoise(_Part):
@@ -67,6 +72,25 @@ class DSNU(_Part):
     )
 
 
+class Colour(_Part):
+    """The colour filters and what becomes of them; see visaug/camera/colour.py for the law."""
+
+    cfa: Literal["RGGB", "BGGR", "GRBG", "GBRG"]
+    white_balance: tuple[Gain, Gain, Gain] = (1.0, 1.0, 1.0)
+    matrix: tuple[Row, Row, Row] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    demosaic: Literal["bilinear", "malvar"] = "bilinear"
+
+    @field_validator("matrix")
+    @classmethod
+    def _keeps_white(cls, value: tuple[Row, Row, Row]) -> tuple[Row, Row, Row]:
+        for row in value:
+            if abs(sum(row) - 1) > 1e-3:
+                raise ValueError(f"a row sums to {sum(row):g}; expected 1, so that white stays white")
+        if abs(np.linalg.det(np.array(value))) < 1e-3:
+            raise ValueError("has no inverse; expected three rows that are no mixtures of each other")
+        return value
+
+
 class CameraSpec(_Part):
     """The content of a camera.yaml. Units are in the names; docs/cameras.md tells of each field."""
 
@@ -88,6 +112,7 @@ class CameraSpec(_Part):
     dark_current: DarkCurrent = Field(default_factory=lambda: DarkCurrent.model_validate({}))
     prnu: PRNU = Field(default_factory=lambda: PRNU.model_validate({}))
     dsnu: DSNU = Field(default_factory=lambda: DSNU.model_validate({}))
+    colour: Colour | None = Field(None, description="left out: a monochrome camera")
     effects: list[dict[str, Any]] = Field(default_factory=list)
     randomize: dict[str, float | dict[str, float | list[float]]] = Field(default_factory=dict)
     correlated: list[tuple[str, str, float]] = Field(
