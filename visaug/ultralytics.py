@@ -7,9 +7,16 @@ Validation keeps its clean images: the validator has its own preprocessing. Both
 reach the workers of distributed training, as ultralytics (8.4.140 and newer) sends trainer class and
 callbacks there by cloudpickle. ultralytics is under AGPL-3.0; only this file and the training harness know
 it.
+
+Padding gets no noise, for no sensor saw it. Where it is, is known from the loader's geometry and never guessed from
+pixel values: each image takes along a mask that ultralytics' own transforms move, crop and pad with it.
 """
 
+import copy
 import os
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,14 +28,29 @@ os.environ.setdefault("YOLO_AUTOINSTALL", "0")
 os.environ.setdefault("ULTRALYTICS_SAFE_LOAD", "1")
 
 import torch
-from torch import Tensor, nn
+from torch import nn
+from torch.nn.functional import interpolate
 
 if TYPE_CHECKING:
     from ultralytics import YOLO
 
     from visaug.camera import Camera
 
-PADDING = 114  # the gray that ultralytics pads images with, of 255
+EXTENT = (
+    "extent"  # of a sample: (H, W) bool, True where a pixel holds a picture and False where it is padding
+)
+# ultralytics' transforms move this key along with the image and fill it with 255 where they pad.
+MASK, PICTURE = "semantic_mask", 1
+SAMPLED_FILES = 8  # training images that are looked at for their transfer function
+TRAINERS = {
+    "detect": "DetectionTrainer",
+    "segment": "SegmentationTrainer",
+    "pose": "PoseTrainer",
+    "obb": "OBBTrainer",
+    "classify": "ClassificationTrainer",
+    "semantic": "SemanticSegmentationTrainer",
+    "depth": "DepthTrainer",
+}
 
 
 def vis_trainer(camera: "Camera | str | Path | nn.Module", base: type | None = None, **options: Any) -> type:
@@ -36,8 +58,12 @@ def vis_trainer(camera: "Camera | str | Path | nn.Module", base: type | None = N
 
     Args:
         camera: a camera, its file or shipped name; or any module that maps images (B, C, H, W) in [0, 1] to
-        such. base: the trainer to build on; ultralytics' PoseTrainer where left out (DetectionTrainer and
-        others work too). options: go to `visaug.VISNoise`, for example ``p=0.5`` or ``resolution="sensor"``.
+            such.
+        base: the trainer to build on; where left out, the one of the model's task.
+        options: go to `visaug.VISNoise`, for example ``p=0.5`` or ``gain_db=(0, 24)``. With transfer="auto" the
+            training images' files decide, as in `visaug augment`.
+
+    A resumed training needs the trainer again: ``YOLO("last.pt").train(resume=True, trainer=vis_trainer(camera))``.
     """
     from ultralytics.models.yolo.pose import PoseTrainer
 
@@ -48,8 +74,20 @@ def vis_trainer(camera: "Camera | str | Path | nn.Module", base: type | None = N
 
         noise = module
 
+        def __new__(cls, *args: Any, **kwargs: Any) -> Any:
+            overrides = kwargs.get("overrides") or (args[1] if len(args) > 1 else None) or {}
+            task = overrides.get("task", "pose")
+            if base is None and task != "pose":
+                return vis_trainer(module, trainer_of(task))(*args, **kwargs)
+            return super().__new__(cls)
+
+        def run_callbacks(self, event: str) -> None:
+            if event == "on_train_start":
+                self.noise = begin(self, self.noise)
+            super().run_callbacks(event)
+
         def preprocess_batch(self, batch: dict) -> dict:
-            return noised(super().preprocess_batch(batch), self.noise, self.args.hsv_v)
+            return noised(super().preprocess_batch(batch), self.noise)
 
     return VISTrainer
 
@@ -62,12 +100,27 @@ def add_callback(model: "YOLO", camera: "Camera | str | Path | nn.Module", **opt
     module = noise_of(camera, **options)
 
     def wrap(trainer: Any) -> None:
+        noise = begin(trainer, module)
         clean = (
             trainer.preprocess_batch
         )  # callbacks never see a batch, so the method that makes it is wrapped
-        trainer.preprocess_batch = lambda batch: noised(clean(batch), module, trainer.args.hsv_v)
+        trainer.preprocess_batch = lambda batch: noised(clean(batch), noise)
 
-    model.add_callback("on_train_start", wrap)
+    # First of all, so that the warning of a resumed training without noise finds it there.
+    model.callbacks["on_train_start"].insert(0, wrap)
+
+
+def trainer_of(task: str) -> type:
+    """ultralytics' trainer for a task."""
+    from importlib import import_module
+
+    from visaug.errors import InputError
+
+    if task not in TRAINERS:
+        raise InputError(
+            f"{task!r} is no task", field="task", expected="base=TRAINER, or " + ", ".join(TRAINERS)
+        )
+    return getattr(import_module(f"ultralytics.models.yolo.{task}"), TRAINERS[task])
 
 
 def noise_of(camera: "Camera | str | Path | nn.Module", **options: Any) -> nn.Module:
@@ -80,37 +133,192 @@ def noise_of(camera: "Camera | str | Path | nn.Module", **options: Any) -> nn.Mo
 
 
 @torch.no_grad()
-def noised(batch: dict, noise: nn.Module, value_jitter: float = 0.0) -> dict:
-    """The batch with its images ``img`` (B, C, H, W) in [0, 1] noised in float32, the padding left as it is."""
+def noised(batch: dict, noise: nn.Module, value_jitter: float | None = None) -> dict:
+    """The batch with its images ``img`` (B, C, H, W) in [0, 1] noised in float32, the padding left as it is.
+
+    Args:
+        batch: where it has `extent`, (B, H, W) bool or one (H, W) for each image, noise goes where that is True;
+            else everywhere.
+        noise: maps images to noisy ones.
+        value_jitter: has no effect: padding is not looked for among pixel values.
+    """
     images = batch["img"]
     with torch.autocast(images.device.type, enabled=False):
         clean = images.float()
         noisy = noise(clean)
-    batch["img"] = torch.where(padding_mask(clean, value_jitter), clean, noisy).to(images.dtype)
+    extent = batch.pop(EXTENT, None)
+    if extent is not None:
+        held = torch.stack(list(extent))[:, None].to(images.device)
+        if held.shape[2:] != images.shape[2:]:  # multi_scale stretched the images
+            held = interpolate(held.float(), size=images.shape[2:], mode="nearest").bool()
+        noisy = torch.where(held, noisy, clean)
+    batch["img"] = noisy.to(images.dtype)
     return batch
 
 
-def padding_mask(images: Tensor, value_jitter: float = 0.0) -> Tensor:
-    """Where images (B, C, H, W) in [0, 1] are padding, (B, 1, H, W): no sensor ever saw it.
+def begin(trainer: Any, noise: nn.Module) -> nn.Module:
+    """At the start of a training: padding is tracked, the transfer function decided, and both said in one line.
 
-    Padding is gray of one value that an image's border shows, near 114 (exactly, but for ultralytics'
-    brightness jitter `hsv_v`, which scales it by up to 1 +- value_jitter), in one run from there on along a
-    row or a column. For an upright or turned image and for mosaics such runs reach every padded pixel.
+    Returns:
+        The noise to use: a copy whose transfer function is decided where it was "auto".
     """
-    levels = (images * 255).round().to(torch.int16)
-    gray = (levels == levels[:, :1]).all(dim=1)
-    level = levels[:, 0].long()
-    border = torch.cat([level[:, 0], level[:, -1], level[:, :, 0], level[:, :, -1]], dim=1)
-    border_gray = torch.cat([gray[:, 0], gray[:, -1], gray[:, :, 0], gray[:, :, -1]], dim=1)
-    low, high = int(PADDING * (1 - value_jitter)), -int(-PADDING * (1 + value_jitter) // 1)
-    candidates = border_gray & (border >= low) & (border <= high)
-    counts = torch.zeros(len(images), 256, device=images.device)
-    counts.scatter_add_(1, border.clamp(0, 255), candidates.float())
-    count, value = counts.max(dim=1)
-    value = torch.where(count > 0, value, -1)
-    alike = (gray & (level == value[:, None, None])).to(torch.uint8)
-    mask = torch.zeros_like(alike)
-    for dim in (1, 2):
-        mask |= alike.cumprod(dim, dtype=torch.uint8)
-        mask |= alike.flip(dim).cumprod(dim, dtype=torch.uint8).flip(dim)
-    return mask.bool()[:, None]
+    from ultralytics.utils import LOGGER, RANK
+
+    dataset = trainer.train_loader.dataset
+    known = track_padding(dataset)
+    if getattr(trainer.train_loader, "iterator", None) is not None:  # workers have copies of the dataset
+        trainer.train_loader.reset()
+    build = trainer.build_dataset  # after running out of memory, ultralytics builds anew
+
+    def build_tracked(img_path: Any, mode: str = "train", batch: int | None = None) -> Any:
+        built = build(img_path, mode, batch)
+        if mode == "train":
+            track_padding(built)
+        return built
+
+    trainer.build_dataset = build_tracked
+    noise, transfer = with_transfer(noise, dataset)
+    words = {True: "padding left as it is", False: "padding not known for this task: noise goes everywhere"}
+    said = ", ".join(
+        [str(noise), *([transfer] if transfer else []), *([words[known]] if known is not None else [])]
+    )
+    trainer.sensor_noise = trainer.args.sensor_noise = (
+        said  # args are listed first when a training is resumed
+    )
+    if RANK in (-1, 0):
+        LOGGER.info(f"sensor noise: {said}")
+    return noise
+
+
+def with_transfer(noise: nn.Module, dataset: Any) -> tuple[nn.Module, str]:
+    """The noise with "auto" resolved by the files of a dataset, and what was assumed in words."""
+    from visaug.augment.sensor_noise import SensorNoise
+
+    if not any(isinstance(part, SensorNoise) and part.transfer == "auto" for part in noise.modules()):
+        return noise, ""
+    transfer, reason = transfer_of_files(_image_files(dataset))
+    noise = copy.deepcopy(noise)
+    for part in noise.modules():
+        if isinstance(part, SensorNoise) and part.transfer == "auto":
+            part.transfer = transfer
+    return noise, f"images taken as {'sRGB' if transfer == 'srgb' else 'linear'} ({reason})"
+
+
+def transfer_of_files(files: Sequence[str]) -> tuple[str, str]:
+    """What most of a few images, evenly spaced among the files, say of their transfer function."""
+    from visaug.augment.pictures import read_picture
+    from visaug.errors import InputError
+
+    found: Counter[tuple[str, str]] = Counter()
+    for file in files[:: max(1, len(files) // SAMPLED_FILES)][:SAMPLED_FILES]:
+        with suppress(InputError, OSError, KeyError):
+            picture = read_picture(Path(file))
+            found[picture.transfer, picture.reason] += 1
+    return found.most_common(1)[0][0] if found else ("linear", "no file tells")
+
+
+def _image_files(dataset: Any) -> list[str]:
+    parts = getattr(dataset, "datasets", [dataset])
+    files = [
+        getattr(part, "im_files", None) or [one[0] for one in getattr(part, "samples", ())] for part in parts
+    ]
+    return [str(file) for some in files for file in some]
+
+
+def track_padding(dataset: Any) -> bool | None:
+    """Lets the samples of a dataset carry `extent`.
+
+    Returns:
+        True where padding is known; False where it is not: semantic segmentation and depth use the mask themselves;
+        None where there is none, as in classification.
+    """
+    from ultralytics.data.dataset import DepthDataset, SemanticDataset
+
+    if hasattr(dataset, "datasets"):  # several as one
+        known = [track_padding(part) for part in dataset.datasets]
+        return all(known)
+    if not hasattr(dataset, "update_labels_info"):
+        return None
+    if isinstance(dataset, SemanticDataset | DepthDataset):
+        return False
+    if not isinstance(dataset.update_labels_info, _Marked):
+        dataset.update_labels_info = _Marked(dataset)
+        dataset.build_transforms = _Tracked(dataset)
+        _track(dataset.transforms)
+    return True
+
+
+class _Marked:
+    """In place of a dataset's `update_labels_info`: every pixel of an image as it is read holds a picture."""
+
+    def __init__(self, dataset: Any) -> None:
+        self.dataset = dataset
+
+    def __call__(self, label: dict) -> dict:
+        import numpy as np
+
+        label = type(self.dataset).update_labels_info(self.dataset, label)
+        label[MASK] = np.full(label["img"].shape[:2], PICTURE, np.uint8)
+        return label
+
+
+class _Tracked:
+    """In place of a dataset's `build_transforms`, which is called again when mosaics end."""
+
+    def __init__(self, dataset: Any) -> None:
+        self.dataset = dataset
+
+    def __call__(self, hyp: Any = None) -> Any:
+        return _track(type(self.dataset).build_transforms(self.dataset, hyp))
+
+
+class _ToExtent:
+    """The last transform: the mask as `extent`."""
+
+    def __call__(self, labels: dict) -> dict:
+        mask = labels.pop(MASK, None)
+        if mask is not None:
+            labels[EXTENT] = torch.from_numpy(mask == PICTURE)
+        return labels
+
+
+class _SameCut:
+    """In place of CutMix's `get_params`, which cuts more often where there is a mask: the cuts of a run without."""
+
+    def __init__(self, cutmix: Any) -> None:
+        self.cutmix = cutmix
+
+    def __call__(self, labels: dict) -> dict:
+        mask = labels.pop(MASK, None)
+        params = type(self.cutmix).get_params(self.cutmix, labels)
+        if mask is not None:
+            labels[MASK] = mask
+        return params
+
+
+def _track(transforms: Any) -> Any:
+    from ultralytics.data.augment import CutMix
+
+    for transform in transforms.transforms:
+        if isinstance(transform, CutMix):
+            transform.get_params = _SameCut(transform)
+    transforms.append(_ToExtent())
+    return transforms
+
+
+def warn_of_lost_noise(trainer: Any) -> None:
+    """At the start of every training of ultralytics: one that began with noise is resumed without."""
+    from ultralytics.utils import LOGGER, RANK
+
+    began = getattr(trainer.args, "sensor_noise", None)
+    if began and not getattr(trainer, "sensor_noise", None) and RANK in (-1, 0):
+        LOGGER.warning(
+            f"this training began with sensor noise ({began}) and goes on without; "
+            "give trainer=visaug.ultralytics.vis_trainer(CAMERA) again"
+        )
+
+
+with suppress(ImportError):  # `noised` works without ultralytics
+    from ultralytics.utils.callbacks import default_callbacks
+
+    default_callbacks["on_train_start"].append(warn_of_lost_noise)

@@ -1,17 +1,26 @@
 """Noise inside kornia, torchvision v2, albumentations, DataLoader workers and compiled graphs."""
 
+import json
 import pickle
 
 import kornia.augmentation as K
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 from torch.utils.data import DataLoader, Dataset
 from torchvision import tv_tensors
 from torchvision.transforms import v2
 
-from visaug import Camera, VISNoise
-from visaug.augment import AlbumentationsNoise, ImageNoise, TorchvisionNoise
+from visaug import Camera, InputError, VISNoise
+from visaug.augment import (
+    AlbumentationsNoise,
+    ImageNoise,
+    TorchvisionNoise,
+    draws_from_json,
+    draws_to_json,
+    images,
+)
 
 CAMERA = Camera.load(
     {
@@ -134,3 +143,207 @@ def test_base_chain_compiles_into_one_graph(channels):
     noisy = compiled(images)
     same = VISNoise(CAMERA, fast=False)(images, params=noise._params)
     assert (noisy - same).abs().max() * 65535 < 1.5
+
+
+FORMS = {
+    "L": lambda: Image.fromarray(picture(1)),
+    "RGB": lambda: Image.fromarray(picture()),
+    "LA": lambda: Image.merge("LA", [Image.fromarray(picture(1))] * 2),
+    "RGBA": lambda: Image.fromarray(picture(4)),
+    "I;16": lambda: Image.fromarray(picture(1, np.uint16, 60000)),
+}
+
+
+@pytest.mark.parametrize("adapter", ["image", "torchvision"])
+@pytest.mark.parametrize("mode", FORMS)
+def test_pil_images_come_back_as_pil_with_noise_and_their_alpha(mode, adapter):
+    image = FORMS[mode]()
+    noise = (ImageNoise if adapter == "image" else TorchvisionNoise)(CAMERA, transfer="linear")
+    noisy = noise(image)
+    assert (noisy.mode, noisy.size) == (mode, image.size)
+    before, after = np.asarray(image), np.asarray(noisy)
+    colours = before if mode in ("L", "RGB", "I;16") else before[..., :-1]
+    light = after if mode in ("L", "RGB", "I;16") else after[..., :-1]
+    assert (light != colours).mean() > 0.1
+    if mode in ("LA", "RGBA"):
+        assert (after[..., -1] == before[..., -1]).all()
+
+
+@pytest.mark.parametrize("shape", [(24, 32, 4), (24, 32, 2)])
+def test_alpha_of_arrays_and_tensors_stays(shape):
+    image = np.random.default_rng(3).integers(20, 200, shape).astype(np.uint8)
+    albumentations = pytest.importorskip("albumentations")
+    for noisy in (
+        ImageNoise(CAMERA)(image),
+        albumentations.Compose([AlbumentationsNoise(CAMERA, p=1.0)])(image=image)["image"],
+        TorchvisionNoise(CAMERA)(torch.from_numpy(image).permute(2, 0, 1)).permute(1, 2, 0).numpy(),
+    ):
+        assert (noisy[..., -1] == image[..., -1]).all()
+        assert (noisy[..., :-1] != image[..., :-1]).any()
+
+
+def test_what_is_no_image_is_refused_by_name():
+    boxes = tv_tensors.BoundingBoxes([[1, 2, 9, 9]], format="XYXY", canvas_size=(24, 32))
+    for call, message in (
+        (lambda: TorchvisionNoise(CAMERA)(picture()), "ToImage"),
+        (lambda: TorchvisionNoise(CAMERA)({"boxes": boxes, "label": 3}), "no image"),
+        (lambda: ImageNoise(CAMERA)("photo.jpg"), "str"),
+        (lambda: ImageNoise(CAMERA)(Image.new("P", (4, 4))), "mode P"),
+        (lambda: ImageNoise(CAMERA)(picture().transpose(2, 0, 1)), "channels first"),
+        (lambda: ImageNoise(CAMERA)(torch.rand(24, 32, 3)), "channels last"),
+        (lambda: ImageNoise(CAMERA)(torch.rand(2, 3, 24, 32)), "shape"),
+        (lambda: ImageNoise(CAMERA)(torch.ones(3, 8, 8, dtype=torch.int64)), "int64"),
+        (lambda: ImageNoise(CAMERA)(torch.rand(3, 8, 8) * 255), "values"),
+        (lambda: ImageNoise(CAMERA, p=1.5), "probability"),
+        (lambda: TorchvisionNoise(CAMERA, bits=20), "bit"),
+    ):
+        with pytest.raises(InputError, match=message):
+            call()
+
+
+def test_auto_takes_8_bit_colour_as_srgb_and_says_so_once(caplog, monkeypatch):
+    """Shot noise alone, of 0.3 e- per DN of 12 bit: at a tenth of sRGB's range its slope makes 3.0 of linear noise."""
+    camera = Camera.load({"resolution": [64, 64], "bit_depth": 12, "gain_e_per_dn": 0.3})
+    electrons = 4095 * 0.3
+    monkeypatch.setattr(images, "_said", [])
+    dark = np.full((256, 256, 3), 26, np.uint8)
+    noises = [ImageNoise(camera), TorchvisionNoise(camera), ImageNoise(camera)]
+    assert len([record for record in caplog.records if "sRGB" in record.message]) == 1
+    srgb = noises[0](dark).astype(float).std()
+    light = ((26 / 255 + 0.055) / 1.055) ** 2.4
+    slope = 1.055 / 2.4 * light ** (1 / 2.4 - 1)
+    # Luminance noise on every channel: 65,536 values, relative standard error 0.3 %; bent by the curve's own curvature.
+    assert srgb == pytest.approx(255 * slope * (light / electrons) ** 0.5, rel=0.08)
+    assert noises[0](dark[..., 0]).astype(float).std() == pytest.approx(
+        255 * (26 / 255 / electrons) ** 0.5, rel=0.03
+    )
+    forced = ImageNoise(camera, transfer="linear")(dark).astype(float).std()
+    assert forced == pytest.approx(255 * (26 / 255 / electrons) ** 0.5, rel=0.03)
+
+
+def test_options_reach_the_sensor_through_every_adapter():
+    options = {"transfer": "srgb", "gain_db": (0.0, 12.0), "exposure": 0.5, "strength": 2.0, "mono": False}
+    albumentations = pytest.importorskip("albumentations")
+    made = AlbumentationsNoise(CAMERA, p=0.7, **options)
+    for sensor in (
+        ImageNoise(CAMERA, **options).noise,
+        TorchvisionNoise(CAMERA, **options).noise,
+        made.noise.noise,
+        VISNoise(CAMERA, **options).sensor,
+    ):
+        assert (sensor.transfer, sensor.gain_db, sensor.exposure) == ("srgb", (0.0, 12.0), (0.5, 0.5))
+        assert (sensor.strength, sensor.mono) == (2.0, False)
+    for made in (ImageNoise, TorchvisionNoise, AlbumentationsNoise):
+        assert "srgb" in repr(made(CAMERA, transfer="srgb"))
+        with pytest.raises((InputError, TypeError)):
+            made(CAMERA, strenght=2.0)
+    assert albumentations
+
+
+def test_albumentations_writes_itself_to_json_and_comes_back():
+    albumentations = pytest.importorskip("albumentations")
+    population = [CAMERA, "sony_imx174"]
+    pipeline = albumentations.Compose(
+        [AlbumentationsNoise(population, p=0.5, bits=12, gain_db=(0.0, 6.0), transfer="linear")], seed=4
+    )
+    text = json.dumps(albumentations.to_dict(pipeline))
+    again = albumentations.from_dict(json.loads(text)).transforms[0]
+    assert [camera.to_yaml() for camera in again.noise.noise.cameras] == [
+        CAMERA.to_yaml(),
+        Camera.load("sony_imx174").to_yaml(),
+    ]
+    assert (again.p, again.bits, again.noise.noise.gain_db) == (0.5, 12, (0.0, 6.0))
+    image = picture(1, np.uint16, 4000)
+    replay = albumentations.ReplayCompose([again])
+    first = replay(image=image)
+    assert np.array_equal(
+        albumentations.ReplayCompose.replay(first["replay"], image=image)["image"], first["image"]
+    )
+
+
+class AlbumentedFlats(Dataset):
+    def __init__(self):
+        import albumentations
+
+        self.noise = albumentations.Compose([AlbumentationsNoise(CAMERA, p=1.0)], seed=2)
+
+    def __len__(self):
+        return 6
+
+    def __getitem__(self, i):
+        return torch.from_numpy(self.noise(image=np.full((12, 12), 120, np.uint8))["image"])
+
+
+def test_albumentations_differs_between_workers_and_epochs_and_reproduces():
+    pytest.importorskip("albumentations")
+    flats = AlbumentedFlats()
+
+    def two_epochs():
+        torch.manual_seed(5)
+        loader = DataLoader(flats, batch_size=1, num_workers=2)
+        return torch.cat([batch for _ in range(2) for batch in loader])
+
+    first = two_epochs()
+    assert len({image.numpy().tobytes() for image in first}) == 12
+    assert torch.equal(two_epochs(), first)
+
+
+STILL = Camera.load(  # a fixed pattern far above the temporal noise
+    {
+        "resolution": [32, 32],
+        "bit_depth": 12,
+        "gain_e_per_dn": 0.3,
+        "read_noise": {"sigma_e": 2.0},
+        "dsnu": {"pixel_e": 60.0},
+        "randomize": {"gain_db": {"std": 3.0}},
+    }
+)
+
+
+def clips():
+    """Residuals (clips, frames, pixels) of a mid-gray video through each library."""
+    video = torch.full((2, 1, 3, 32, 32), 0.5)
+    by_kornia = K.VideoSequential(VISNoise(STILL), data_format="BCTHW", same_on_frame=True)(video)
+    yield "kornia", by_kornia[:, 0].flatten(2).numpy() - 0.5
+    gray = np.full((3, 32, 32), 30000, np.uint16)
+    albumentations = pytest.importorskip("albumentations")
+    pipeline = albumentations.Compose([AlbumentationsNoise(STILL, p=1.0)], seed=1)
+    made = [pipeline(images=gray)["images"].reshape(3, -1).astype(float) for _ in range(2)]
+    yield "albumentations", np.stack(made) - 30000
+    frames = tv_tensors.Video(torch.full((3, 1, 32, 32), 0.5))
+    made = [TorchvisionNoise(STILL)(frames).flatten(1).numpy() for _ in range(2)]
+    yield "torchvision", np.stack(made) - 0.5
+
+
+def test_video_has_one_camera_and_pattern_and_fresh_temporal_noise():
+    """Pattern 60 e- and temporal noise of (614 + 4)^1/2 = 25 e-: correlation 0.85 between frames, 0 between clips."""
+    for library, residual in clips():
+        frames = np.corrcoef(residual[0])
+        assert frames[0, 1] > 0.75, library
+        assert frames[0, 1] < 0.99, library
+        assert frames[1, 2] > 0.75, library
+        # 1,024 pixels: standard error 0.031; 5 of them.
+        assert abs(np.corrcoef(residual[0, 0], residual[1, 0])[0, 1]) < 0.16, library
+
+
+def test_video_replays_and_same_on_batch_stays_the_same():
+    video = torch.full((2, 1, 3, 16, 16), 0.5)
+    sequence = K.VideoSequential(VISNoise(CAMERA), data_format="BCTHW", same_on_frame=True)
+    noisy = sequence(video)
+    assert torch.equal(sequence(video, params=sequence._params), noisy)
+    alike = VISNoise(CAMERA, same_on_batch=True)(torch.full((3, 1, 16, 16), 0.5))
+    assert torch.equal(alike[0], alike[2])
+
+
+def test_draws_of_a_container_replay_from_json():
+    sequence = K.AugmentationSequential(
+        K.RandomHorizontalFlip(p=0.5), VISNoise(CAMERA), K.ImageSequential(VISNoise(CAMERA), K.RandomGamma())
+    )
+    batch = torch.rand(3, 1, 24, 32)
+    noisy = sequence(batch)
+    stored = json.loads(json.dumps(draws_to_json(sequence._params)))
+    assert torch.equal(sequence(batch, params=draws_from_json(stored)), noisy)
+    alone = VISNoise([CAMERA, STILL])
+    noisy = alone(batch)
+    stored = json.loads(json.dumps(draws_to_json(alone._params)))
+    assert torch.equal(alone(batch, params=draws_from_json(stored)), noisy)

@@ -71,7 +71,7 @@ def contents(folder):
 
 
 def test_names_sizes_depth_and_channels_stay(folder, camera, tmp_path):
-    done = augment_files([folder], tmp_path / "out", camera)
+    done = augment_files([folder], tmp_path / "out", camera, transfer="linear")
     assert (done.written, done.kept) == (len(FORMATS), 0)
     assert set(contents(tmp_path / "out")) == {f"inner/{name}" for name in FORMATS}
     for name, (dtype, channels) in FORMATS.items():
@@ -196,7 +196,11 @@ def bad_inputs():
     yield "no picture", (lambda root: [touch(root / "a.txt")])
     yield "cannot be read", (lambda root: [touch(root / "a.png")])
     yield "cannot be read", (lambda root: [truncated(root / "t.png")])
-    yield "float32", (lambda root: [tiff(root / "f.tif", np.zeros((4, 4), np.float32))])
+    yield "int32", (lambda root: [tiff(root / "i.tif", np.zeros((4, 4), np.int32))])
+    yield "2 pictures", (lambda root: [moving(root / "m.webp")])
+    yield "animated", (lambda root: [moving(root / "m.png")])
+    yield "shape", (lambda root: [array(root / "a.npy", np.zeros((3, 8, 8), np.float32))])
+    yield "int64", (lambda root: [array(root / "a.npy", np.zeros((8, 8), np.int64))])
     yield "pages", (lambda root: [tiff(root / "p.tif", np.zeros((3, 4, 4), np.uint8))])
     yield "as .*would", (lambda root: [png(root / "x" / "a.png"), png(root / "y" / "a.png")])
     yield "overwritten", (lambda root: [png(root / "out" / "a.png")])
@@ -210,6 +214,17 @@ def touch(path):
 def png(path):
     path.parent.mkdir(exist_ok=True)
     cv2.imwrite(str(path), pixels(np.uint8, 1))
+    return path
+
+
+def moving(path):
+    first, second = Image.new("RGB", (8, 8), "red"), Image.new("RGB", (8, 8), "blue")
+    first.save(path, save_all=True, append_images=[second])
+    return path
+
+
+def array(path, values):
+    np.save(path, values)
     return path
 
 

@@ -1,73 +1,70 @@
 """A camera's noise where other libraries expect it: DataLoader workers, torchvision v2, albumentations.
 
-All of these take 8-bit and 16-bit images too, and give them back in their own depth.
+All of these take PIL images, NumPy arrays or tensors of 8 bit, 16 bit and floats, as the library does, and give them
+back in their own form and depth; see `visaug.augment.images`.
 """
 
-from collections.abc import Sequence
+import inspect
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
+from torch.utils.data import get_worker_info
 
+from visaug.augment.images import frames_draws, like, say_what_auto_means, take, to_tensor
 from visaug.augment.sensor_noise import SensorNoise, Source
+from visaug.camera import Camera
 from visaug.errors import InputError
-
-DEPTHS = {torch.uint8: 8, torch.uint16: 16}
-
-
-def to_unit(image: Tensor, bits: int | None) -> Tensor:
-    """Whole numbers of `bits` (as the type has, where None) as float32 in [0, 1]; floats as they are."""
-    if image.dtype.is_floating_point:
-        return image
-    if image.dtype not in DEPTHS:
-        raise InputError(f"an image has type {image.dtype}", expected="float, uint8 or uint16")
-    return image.float() / (2 ** (bits or DEPTHS[image.dtype]) - 1)
-
-
-def from_unit(image: Tensor, dtype: torch.dtype, bits: int | None) -> Tensor:
-    """The inverse of `to_unit`, rounded."""
-    if dtype.is_floating_point:
-        return image.to(dtype)
-    return (image * (2 ** (bits or DEPTHS[dtype]) - 1)).round().to(dtype)
+from visaug.sampling import derive_key
 
 
 class ImageNoise:
     """A plain callable on one image, for a dataset's `transform`.
 
-    Follows `torch.manual_seed`; every DataLoader worker has a stream of its own, the same at every run.
+    Follows `torch.manual_seed`; every DataLoader worker has a stream of its own, the same at every run that is seeded.
 
     Args:
-        camera, options: see `SensorNoise`.
+        camera, options: see `SensorNoise`. With transfer="auto" colour of 8 bit is sRGB, everything else linear.
         p: probability that an image is taken by the camera.
-        bits: depth of images of whole numbers, where it is less than their type's: 10, 12 or 14 bit in uint16.
+        bits: depth of the data in uint16 words, where it is less: 10, 12 or 14.
 
     Shape:
-        tensor (C, H, W), or NumPy array (H, W) or (H, W, C); uint8, uint16 or float in [0, 1] -> the same.
+        PIL image, tensor (C, H, W), or array (H, W) or (H, W, C); uint8, uint16 or float in [0, 1] -> the same. C is 1 or
+        3, or 2 or 4 with alpha, which stays.
+
+    Example:
+        >>> import numpy as np
+        >>> from visaug.augment import ImageNoise
+        >>> ImageNoise("sony_imx174", transfer="srgb")(np.full((8, 8, 3), 120, np.uint8)).shape
+        (8, 8, 3)
     """
 
     def __init__(
         self, camera: Source | Sequence[Source], p: float = 1.0, bits: int | None = None, **options: Any
     ):
         self.noise = SensorNoise(camera, **options)
-        self.p, self.bits = p, bits
+        say_what_auto_means(self.noise)
+        self.p, self.bits = _probability(p), _bits(bits)
 
     def __call__(self, image: Any) -> Any:
+        tensor = to_tensor(image)
         if torch.rand(()) >= self.p:
             return image
-        if isinstance(image, np.ndarray):
-            return self._array(image)
-        return self._tensor(image)
+        return like(take(self.noise, tensor[None], self.noise.draw(1), self.bits)[0], image)
 
-    def _tensor(self, image: Tensor) -> Tensor:
-        with torch.no_grad():
-            noisy = self.noise(to_unit(image, self.bits)[None])[0]
-        return from_unit(noisy, image.dtype, self.bits)
+    def clip(self, images: np.ndarray) -> np.ndarray:
+        """Frames (T, H, W) or (T, H, W, C) of one clip: one camera with its fixed patterns, temporal noise of each's own."""
+        if not len(images):
+            return images
+        batch = torch.stack([to_tensor(image) for image in images])
+        noisy = take(self.noise, batch, frames_draws(self.noise, len(batch)), self.bits)
+        return np.stack([like(one, image) for one, image in zip(noisy, images)])
 
-    def _array(self, image: np.ndarray) -> np.ndarray:
-        planes = image[..., None] if image.ndim == 2 else image
-        tensor = torch.from_numpy(np.ascontiguousarray(planes.transpose(2, 0, 1)))
-        return self._tensor(tensor).numpy().transpose(1, 2, 0).reshape(image.shape)
+    def __repr__(self) -> str:
+        return f"ImageNoise({self.noise!r}, p={self.p}, bits={self.bits})"
 
 
 def __getattr__(name: str) -> Any:
@@ -80,23 +77,44 @@ def __getattr__(name: str) -> Any:
 
 
 def _torchvision_noise() -> type:
+    import PIL.Image
+    from torchvision import tv_tensors
     from torchvision.transforms import v2
 
     class TorchvisionNoise(v2.Transform):
         """A camera's noise as a torchvision v2 transform: images and videos change, boxes and masks do not.
 
+        The frames of a video have one camera with its fixed patterns, and temporal noise of their own.
+
         Args:
             camera, p, bits, options: see `ImageNoise`.
+
+        Raises:
+            InputError: a sample without a PIL image, tensor or video, such as a NumPy array.
         """
 
-        _transformed_types = (v2.functional.is_pure_tensor, _image_type(), _video_type())
+        _transformed_types = (
+            v2.functional.is_pure_tensor,
+            PIL.Image.Image,
+            tv_tensors.Image,
+            tv_tensors.Video,
+        )
 
         def __init__(
             self, camera: Source | Sequence[Source], p: float = 1.0, bits: int | None = None, **options: Any
         ):
             super().__init__()
             self.noise = SensorNoise(camera, **options)
-            self.p, self.bits = p, bits
+            say_what_auto_means(self.noise)
+            self.p, self.bits = _probability(p), _bits(bits)
+
+        def check_inputs(self, flat_inputs: list[Any]) -> None:
+            if not v2._utils.has_any(flat_inputs, *self._transformed_types):
+                kinds = ", ".join(sorted({type(one).__name__ for one in flat_inputs}))
+                raise InputError(
+                    f"a sample holds no image, but {kinds}",
+                    expected="a PIL image, a tensor or a tv_tensor; put v2.ToImage() before the noise",
+                )
 
         def make_params(self, flat_inputs: list[Any]) -> dict[str, Any]:
             """One decision, and one draw, for all images of a sample."""
@@ -105,76 +123,106 @@ def _torchvision_noise() -> type:
         def transform(self, inpt: Any, params: dict[str, Any]) -> Any:
             if not params["take"]:
                 return inpt
-            from torchvision import tv_tensors
-
+            if isinstance(inpt, PIL.Image.Image):
+                return like(take(self.noise, to_tensor(inpt)[None], params["draws"], self.bits)[0], inpt)
             images = inpt.as_subclass(Tensor)
-            batch = images.reshape(-1, *images.shape[-3:])
+            batch = (images[None] if images.ndim == 2 else images).reshape(-1, *images.shape[-3:])
             draws = params["draws"]
             if len(batch) > 1:  # frames of a video: one camera, noise of their own
                 keys = self.noise.draw(len(batch))["keys"]
                 draws = {name: value.expand(len(batch)) for name, value in draws.items()} | {"keys": keys}
-            with torch.no_grad():
-                noisy = self.noise.apply_draws(to_unit(batch, self.bits), draws)
-            whole = from_unit(noisy, images.dtype, self.bits).reshape(images.shape)
-            return tv_tensors.wrap(whole, like=inpt)  # pyright: ignore[reportCallIssue]
+            noisy = take(self.noise, batch, draws, self.bits).reshape(images.shape)
+            return tv_tensors.wrap(noisy, like=inpt)  # pyright: ignore[reportCallIssue]
 
     return _at_home(TorchvisionNoise)
-
-
-def _image_type() -> type:
-    from torchvision import tv_tensors
-
-    return tv_tensors.Image
-
-
-def _video_type() -> type:
-    from torchvision import tv_tensors
-
-    return tv_tensors.Video
 
 
 def _albumentations_noise() -> type:
     import albumentations
 
+    options = {
+        name: parameter.default
+        for name, parameter in inspect.signature(SensorNoise).parameters.items()
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY
+    }
+    own = {"p": 1.0, "bits": None}
+
     class AlbumentationsNoise(albumentations.ImageOnlyTransform):
         """A camera's noise as an albumentations transform, e.g. for ultralytics' `augmentations=[...]`.
 
-        Its random numbers come from albumentations' own generator, which a pipeline seeds for each worker.
+        Random numbers come from albumentations' generator, which a pipeline's seed sets, mixed with the DataLoader worker's
+        seed: workers and epochs differ. Frames given as `images=` are a clip: one camera with its fixed patterns, temporal
+        noise of each frame's own. Can be written with `albumentations.to_dict` to JSON and read back.
 
         Args:
-            camera, options: see `SensorNoise`.
+            camera: see `SensorNoise`.
             p: probability for each image.
             bits: see `ImageNoise`.
+            options: any of `SensorNoise`: transfer, gain_db, exposure, strength, fixed_pattern, ...
         """
 
-        class InitSchema(albumentations.ImageOnlyTransform.InitSchema):
-            camera: Any
-            bits: int | None
-            options: dict[str, Any] | None
-
         def __init__(
-            self,
-            camera: Source | Sequence[Source],
-            p: float = 1.0,
-            bits: int | None = None,
-            options: dict[str, Any] | None = None,
+            self, camera: Source | Sequence[Source], p: float = 1.0, bits: int | None = None, **options: Any
         ):
-            super().__init__(p=p)
+            super().__init__(p=_probability(p))
             self.camera, self.bits, self.options = camera, bits, options
-            self.noise = ImageNoise(camera, bits=bits, **(options or {}))
+            self.noise = ImageNoise(camera, bits=bits, **options)
 
-        def apply(self, img: np.ndarray, seed: int, **params: Any) -> np.ndarray:
+        def apply(self, img: np.ndarray, noise_seed: int, **params: Any) -> np.ndarray:
             with torch.random.fork_rng(devices=[]):
-                torch.manual_seed(seed)
+                torch.manual_seed(noise_seed)
                 return self.noise(img)
 
+        def apply_to_images(
+            self, images: np.ndarray, *args: Any, noise_seed: int, **params: Any
+        ) -> np.ndarray:
+            with torch.random.fork_rng(devices=[]):
+                torch.manual_seed(noise_seed)
+                return self.noise.clip(images)
+
         def get_params(self) -> dict[str, Any]:
-            return {"seed": self.py_random.getrandbits(62)}
+            word = self.py_random.getrandbits(62)
+            worker = get_worker_info()  # workers start with copies of one generator
+            return {"noise_seed": word if worker is None else derive_key(word, "worker", worker.seed) >> 2}
 
-        def get_transform_init_args_names(self) -> tuple[str, ...]:
-            return ("camera", "bits", "options")
+        def get_transform_init_args(self) -> dict[str, Any]:
+            """What makes the same transform again, as JSON takes it."""
+            camera = self.camera
+            several = isinstance(camera, Sequence) and not isinstance(camera, str)
+            plain = [_plain(one) for one in camera] if several else _plain(camera)  # type: ignore[arg-type]
+            return {"camera": plain, "bits": self.bits, **self.options}
 
+    # Without a schema albumentations passes keywords on as they are; the signature names them for its help.
+    parameters = [
+        inspect.Parameter("camera", inspect.Parameter.POSITIONAL_OR_KEYWORD),
+        *(
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default)
+            for name, default in {**own, **options}.items()
+        ),
+    ]
+    AlbumentationsNoise.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     return _at_home(AlbumentationsNoise)
+
+
+def _plain(camera: Source) -> str | dict[str, Any]:
+    """A camera as JSON takes it: a name stays one, everything else becomes the content of its file."""
+    if isinstance(camera, str) and not Path(camera).is_file():
+        return camera
+    if isinstance(camera, Mapping):
+        return dict(camera)
+    return Camera.load(camera).to_dict()
+
+
+def _probability(p: float) -> float:
+    if not 0 <= p <= 1:
+        raise InputError(f"{p} is no probability", field="p", expected="0 to 1")
+    return float(p)
+
+
+def _bits(bits: int | None) -> int | None:
+    if bits is not None and not 1 <= bits <= 16:
+        raise InputError(f"{bits} bit", field="bits", expected="1 to 16, the depth of data in uint16 words")
+    return bits
 
 
 def _at_home(made: type) -> type:

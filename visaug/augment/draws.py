@@ -6,6 +6,7 @@ float32, where the option is set. The noise
 itself is a pure function of them, so they are all that has to be kept.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -59,16 +60,81 @@ def draw(
     return draws
 
 
-def draws_to_json(draws: Mapping[str, Tensor]) -> dict[str, Any]:
-    """Draws as what `json.dumps` takes. Keys become hexadecimal: many JSON readers keep 53 bits of a number."""
-    plain: dict[str, Any] = {name: value.tolist() for name, value in draws.items()}
-    return plain | {name: [f"{key % 2**64:016x}" for key in plain[name]] for name in KEYS if name in plain}
+def draws_to_json(draws: Mapping[str, Tensor] | Sequence[Any]) -> Any:
+    """Draws as what `json.dumps` takes. Keys become hexadecimal: many JSON readers keep 53 bits of a number.
+
+    Args:
+        draws: of `SensorNoise` or `VISNoise`, or the `_params` of a kornia container, whatever its other augmentations.
+    """
+    if not isinstance(draws, Mapping):
+        return [
+            {"name": item.name, "data": None if item.data is None else draws_to_json(item.data)}
+            for item in draws
+        ]
+    return {name: _plain(name, value) for name, value in draws.items()}
 
 
-def draws_from_json(plain: Mapping[str, Any]) -> dict[str, Tensor]:
-    """The draws that `draws_to_json` wrote; the noise they replay is the same bit by bit."""
-    decoded = {name: [signed(int(key, 16)) for key in plain[name]] for name in KEYS if name in plain}
-    return {name: torch.tensor(value) for name, value in {**plain, **decoded}.items()}
+def draws_from_json(plain: Any) -> Any:
+    """The draws that `draws_to_json` wrote; the noise they replay is the same bit by bit.
+
+    Those of a container come back as kornia's `ParamItem`s, for `container(images, params=...)`.
+    """
+    if isinstance(plain, Mapping):
+        return {name: _tensor(name, value) for name, value in plain.items()}
+    from kornia.augmentation.container.params import ParamItem
+
+    return [
+        ParamItem(item["name"], None if item["data"] is None else draws_from_json(item["data"]))
+        for item in plain
+    ]
+
+
+def _plain(name: str, value: Tensor) -> Any:
+    """A list; with its type where that would not come back by itself."""
+    if name in KEYS:
+        return [f"{key % 2**64:016x}" for key in value.tolist()]
+    own = value.numel() > 0 and value.dtype in (torch.float32, torch.int64, torch.bool)
+    return (
+        value.tolist()
+        if own
+        else {
+            "type": str(value.dtype).removeprefix("torch."),
+            "shape": list(value.shape),
+            "values": value.flatten().tolist(),
+        }
+    )
+
+
+def _tensor(name: str, plain: Any) -> Tensor:
+    if name in KEYS:
+        return torch.tensor([signed(int(key, 16)) for key in plain], dtype=torch.int64)
+    if isinstance(plain, Mapping):
+        return torch.tensor(plain["values"], dtype=getattr(torch, plain["type"])).reshape(plain["shape"])
+    return torch.tensor(plain)
+
+
+def of_frames(draws: Mapping[str, Tensor]) -> Mapping[str, Tensor]:
+    """Images of a batch that share `keys` are frames of one clip, as kornia's `VideoSequential` has them: they share camera
+    and fixed patterns, and each gets temporal noise of its own, which follows from the shared key and its number.
+    """
+    keys = draws["keys"].tolist()
+    if len(set(keys)) == len(keys):
+        return draws
+    count: Counter[int] = Counter()
+    own = []
+    for key in keys:
+        own.append(signed(derive_key(key % 2**64, "frame", count[key])) if count[key] else key)
+        count[key] += 1
+    return {**draws, "keys": torch.tensor(own, dtype=torch.int64)}
+
+
+def number_of_clips(draws: Mapping[str, Tensor]) -> int:
+    """Number of different fixed patterns among images whose temporal noise differs; 0 where each image has its own."""
+    count = len(draws["keys"])
+    if count == 1:
+        return 0
+    patterns = len(set(draws["pattern_keys"].tolist()))
+    return 0 if patterns == count or len(set(draws["keys"].tolist())) == patterns else patterns
 
 
 def pattern_key_of(seed: int) -> int:

@@ -281,8 +281,9 @@ class SensorNoise(nn.Module):
             else np.array([value])
             for path, value in given.items()
         }
-        kept = self.fixed_pattern == "camera"
-        if not fast.suits(camera, values, kept):
+        clips = drawing.number_of_clips(draws) if self.fixed_pattern == "image" else 1
+        kept = clips == 1  # the tables take pixel patterns that are drawn anew for temporal noise
+        if clips > 1 or not fast.suits(camera, values, kept):
             return None
         scale = self._scale(camera, values, draws.get("exposure", torch.ones(1)).double().numpy())
         take = fast.take if light.device.type == "cpu" else fast_gpu.take

@@ -3,9 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import torch
 from kornia.augmentation import IntensityAugmentationBase2D
 from torch import Tensor
 
+from visaug.augment.draws import of_frames
 from visaug.augment.options import Range, check_images, check_number
 from visaug.augment.sensor_noise import SensorNoise, Source
 
@@ -83,7 +85,8 @@ class VISNoise(IntensityAugmentationBase2D):
         flags: Mapping[str, Any],
         transform: Tensor | None = None,
     ) -> Tensor:
-        return self.sensor.apply_draws(input, params)
+        clips = not self.same_on_batch and not torch.compiler.is_compiling()
+        return self.sensor.apply_draws(input, of_frames(params) if clips else params)
 
     def __repr__(self) -> str:
         return f"VISNoise({self.sensor.described()}, p={self.p})"

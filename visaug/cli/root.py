@@ -9,7 +9,7 @@ from types import FrameType
 import click
 
 from visaug import __version__
-from visaug.cli import learn, measure, take
+from visaug.cli import learn, measure, pictures, take
 from visaug.cli.tables import printable
 from visaug.errors import USER_MODULE, InputError, PartlyFailed, described
 
@@ -21,11 +21,11 @@ def program() -> None:
 
     \b
     Example:
-      visaug augment photos/ -o noisy/ --camera sony_imx174 --seed 1
+      visaug augment photos/ -o noisy/ --camera sony_imx174 --gain-db 0:24
     """
 
 
-for module in (take, measure, learn):
+for module in (pictures, take, measure, learn):
     for command in module.COMMANDS:
         program.add_command(command)
 

@@ -1,4 +1,4 @@
-"""Commands that make images or tell what can be made: augment, simulate, plan, cameras, effects."""
+"""Commands that make frames or tell what can be made: simulate, plan, frames, effects."""
 
 from pathlib import Path
 from typing import Any
@@ -18,66 +18,7 @@ from visaug.cli.options import (
     output_option,
     written,
 )
-from visaug.cli.tables import print_table
 from visaug.progress import progress_bars
-
-
-@command("augment", example="visaug augment photos/ portrait.tif -o noisy/ --camera sony_imx174 --seed 1")
-@click.argument("inputs", metavar="IN...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@output_option("OUT", "Folder for the copies.", required=True)
-@camera_option()
-@click.option(
-    "--transfer",
-    type=click.Choice(["linear", "srgb"]),
-    default="linear",
-    show_default=True,
-    help="Whether pixel values are linear in light, or sRGB that is made linear first.",
-)
-@click.option(
-    "--fixed-pattern",
-    type=click.Choice(["image", "camera"]),
-    default="image",
-    show_default=True,
-    help="Fixed patterns drawn anew for each image, or kept as one camera's.",
-)
-@click.option(
-    "--black-level",
-    type=click.Choice(["subtract", "keep"]),
-    default="subtract",
-    show_default=True,
-    help="Whether the camera's offset is taken off again.",
-)
-def augment(
-    inputs: tuple[Path, ...],
-    output: Path,
-    camera_name: str,
-    transfer: str,
-    fixed_pattern: str,
-    black_level: str,
-    seed: int,
-) -> None:
-    """Noisy copies of pictures or folders.
-
-    PNG, TIFF and JPEG of 8 or 16 bit; names, sizes, depth and channels stay. Stopped half-way, the same
-    command goes on where it was.
-    """
-    from visaug.augment.files import augment_files
-
-    camera = load_camera(camera_name)
-    with progress_bars() as progress:
-        done = augment_files(
-            inputs,
-            output,
-            camera,
-            seed=seed,
-            progress=progress,
-            transfer=transfer,
-            fixed_pattern=fixed_pattern,
-            black_level=black_level,
-        )
-    click.echo(
-        f"wrote {done.written} pictures to {output}" + (f", {done.kept} were there" if done.kept else "")
-    )
 
 
 @command(
@@ -201,20 +142,6 @@ def frames(
     written(output)
 
 
-@command("cameras", example="visaug cameras")
-def cameras(seed: int) -> None:
-    """The cameras that come with visaug."""
-    from visaug.camera import Camera, shipped
-
-    rows = []
-    for name in shipped():
-        spec = Camera.load(name).spec
-        size = "{} x {}".format(*spec.resolution)
-        gain, noise = f"{spec.gain_e_per_dn:.3g}", f"{spec.read_noise.sigma_e:.3g}"
-        rows.append([name, spec.name, size, str(spec.bit_depth), gain, noise])
-    print_table(["name", "camera", "rows x columns", "bit", "e-/DN", "read noise e-"], rows)
-
-
 @command("effects", example="visaug effects row_noise\nvisaug effects new my_effect")
 @click.argument("words", metavar="[NAME | new NAME]", nargs=-1)
 @output_option("FILE.py", "Where `new` writes; NAME.py if left out.")
@@ -250,4 +177,4 @@ def effects(words: tuple[str, ...], output: Path | None, files: tuple[Path, ...]
             )
 
 
-COMMANDS: list[click.Command] = [augment, simulate, plan, frames, cameras, effects]
+COMMANDS: list[click.Command] = [simulate, plan, frames, effects]

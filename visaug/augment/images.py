@@ -1,0 +1,129 @@
+"""Images as datasets hand them out, PIL, NumPy and tensors of 8 bit, 16 bit and floats: to the sensor and back.
+
+Channels: 1 is gray, 3 colour; 2 and 4 are gray and colour with alpha, which is no light and stays as it is. Channels of
+another meaning (near infrared beside RGB) have to go through the noise apart.
+"""
+
+import logging
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from visaug.augment.sensor_noise import SensorNoise
+from visaug.errors import InputError
+
+DEPTHS = {torch.uint8: 8, torch.uint16: 16}
+PIL_MODES = ("L", "LA", "RGB", "RGBA", "I;16")
+
+_log = logging.getLogger("visaug")
+_said: list[str] = []
+
+
+def to_unit(image: Tensor, bits: int | None) -> Tensor:
+    """Whole numbers of `bits` (as the type has, where None) as float32 in [0, 1]; floats as they are."""
+    if image.dtype.is_floating_point:
+        return image
+    if image.dtype not in DEPTHS:
+        raise InputError(f"an image has type {image.dtype}", expected="float, uint8 or uint16")
+    return image.float() / _top(image.dtype, bits)
+
+
+def from_unit(image: Tensor, dtype: torch.dtype, bits: int | None) -> Tensor:
+    """The inverse of `to_unit`, rounded."""
+    if dtype.is_floating_point:
+        return image.to(dtype)
+    return (image * _top(dtype, bits)).round().to(dtype)
+
+
+def _top(dtype: torch.dtype, bits: int | None) -> int:
+    """The number that stands for white; `bits` speaks of 16-bit words alone."""
+    return 2 ** (bits if bits is not None and dtype == torch.uint16 else DEPTHS[dtype]) - 1
+
+
+def take(noise: SensorNoise, images: Tensor, draws: Mapping[str, Tensor], bits: int | None) -> Tensor:
+    """Images (B, C, H, W) of any of the types through a camera; alpha stays.
+
+    With transfer="auto", colour of 8 bit is sRGB, everything else linear; see `say_what_auto_means`.
+    """
+    colours = images.shape[1] - (images.shape[1] in (2, 4))
+    light = images[:, :colours]
+    transfer = "srgb" if images.dtype == torch.uint8 and colours == 3 else "linear"
+    with torch.no_grad():
+        noisy = from_unit(
+            noise.apply_draws(to_unit(light, bits), draws, transfer=transfer), images.dtype, bits
+        )
+    return noisy if colours == images.shape[1] else torch.cat([noisy, images[:, colours:]], 1)
+
+
+def say_what_auto_means(noise: SensorNoise) -> None:
+    """One line for the user, once in a process, through the logger `visaug`.
+
+    Said where an adapter is made and not where it is used, for that is in one process, and use in every DataLoader worker.
+    """
+    if noise.transfer == "auto" and not _said:
+        _said.append("auto")
+        _log.warning(
+            "transfer='auto': colour images of 8 bit are taken as sRGB, all others as linear in light; "
+            "transfer='srgb' or 'linear' decides"
+        )
+
+
+def to_tensor(image: Any) -> Tensor:
+    """A PIL image, array (H, W), (H, W, C) or tensor (C, H, W) as a tensor (C, H, W).
+
+    Raises:
+        InputError: something else, channels that are not 1 to 4, or a PIL mode that holds no light.
+    """
+    if isinstance(image, Tensor):
+        if image.ndim != 3:
+            raise InputError(f"an image has shape {tuple(image.shape)}", expected="(C, H, W)")
+        tensor, place = image, 0
+    elif isinstance(image, np.ndarray):
+        if image.ndim not in (2, 3):
+            raise InputError(f"an image has shape {image.shape}", expected="(H, W) or (H, W, C)")
+        planes = image[..., None] if image.ndim == 2 else image
+        if not 1 <= planes.shape[2] <= 4 and 1 <= planes.shape[0] <= 4:
+            raise InputError(
+                f"an array has shape {image.shape}, channels first",
+                expected="(H, W, C), or a tensor (C, H, W)",
+            )
+        tensor, place = torch.from_numpy(np.ascontiguousarray(planes.transpose(2, 0, 1))), 2
+    elif hasattr(image, "mode") and hasattr(image, "getbands"):
+        if image.mode not in PIL_MODES:
+            raise InputError(f"a PIL image has mode {image.mode}", expected="image.convert('RGB') or 'L'")
+        return to_tensor(np.array(image))
+    else:
+        raise InputError(f"an image is a {type(image).__name__}", expected="PIL, NumPy or a tensor")
+    if not 1 <= tensor.shape[0] <= 4:
+        channels_last = place == 0 and tensor.shape[2] <= 4
+        raise InputError(
+            f"an image has shape {tuple(image.shape)}" + (", channels last" if channels_last else ""),
+            expected="1 to 4 channels, (C, H, W) in a tensor and (H, W, C) in an array",
+        )
+    return tensor
+
+
+def like(noisy: Tensor, image: Any) -> Any:
+    """A tensor (C, H, W) in the form that the image has."""
+    if isinstance(image, Tensor):
+        return noisy
+    array = noisy.numpy().transpose(1, 2, 0)
+    if isinstance(image, np.ndarray):
+        return np.ascontiguousarray(array.reshape(image.shape))
+    from PIL import Image
+
+    made = Image.fromarray(np.ascontiguousarray(array[..., 0] if array.shape[2] == 1 else array))
+    made.info = dict(image.info)
+    return made
+
+
+def frames_draws(noise: SensorNoise, frames: int) -> dict[str, Tensor]:
+    """Draws for a clip: one camera with its fixed patterns, temporal noise of each frame's own."""
+    draws = noise.draw(1)
+    if frames == 1:
+        return draws
+    keys = noise.draw(frames)["keys"]
+    return {name: value.expand(frames) for name, value in draws.items()} | {"keys": keys}

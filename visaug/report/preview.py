@@ -1,0 +1,57 @@
+"""`visaug preview`: one picture through several cameras, as a contact sheet."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from visaug.errors import InputError
+
+if TYPE_CHECKING:
+    from visaug.camera import Camera
+
+ROWS, COLUMNS = 300, 400  # of the crop, at most
+WORDS = {"srgb": "sRGB", "linear": "linear"}
+
+
+def write_preview(
+    picture: Path,
+    cameras: "Sequence[Camera]",
+    output: Path,
+    *,
+    seed: int = 0,
+    bits: int | None = None,
+    **options: Any,
+) -> str:
+    """Write the sheet, a PNG; returns the transfer function that the picture was taken to have, in words.
+
+    Args:
+        picture: any that `visaug augment` reads.
+        cameras: one crop each.
+        output: where the sheet goes.
+        seed: of the noise.
+        bits: depth of the data in 16-bit words.
+        options: passed to `SensorNoise`.
+    """
+    from visaug.augment.pictures import read_picture
+    from visaug.augment.preview import middle, sample, shown
+    from visaug.augment.sensor_noise import SensorNoise
+    from visaug.files import whole_file
+    from visaug.report.plots.preview import plot_preview
+
+    if output.suffix.lower() != ".png":
+        raise InputError("is no PNG", file=output, expected="a name ending in .png")
+    if not picture.is_file():
+        raise InputError("no such file", file=picture)
+    image = read_picture(picture)
+    window = middle(image, ROWS, COLUMNS)
+    samples = [sample(image, SensorNoise(camera, **options), seed, window, bits) for camera in cameras]
+    chosen = options.get("transfer", "auto")
+    kind, reason = (chosen, "as given") if chosen != "auto" else (image.transfer, image.reason)
+    transfer = f"{WORDS[kind]} ({reason})"
+    title = (
+        f"{picture.name}: the middle at 1:1, taken as {transfer}. Noise: standard deviation in steps of 8 bit"
+    )
+    figure = plot_preview(title, shown(image, window, bits), samples)
+    with whole_file(output) as temporary:
+        figure.savefig(temporary, dpi=figure.dpi)
+    return transfer
