@@ -20,7 +20,11 @@ from visaug_train import proof, tables
 from visaug_train.cluster import spread
 from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation, evaluate
+from visaug_train.poses import save_poses
 from visaug_train.predictions import load_predictions, predict, save_predictions
+from visaug_train.published import TABLES_2_3
+from visaug_train.statistics import paired_interval
+from visaug_train.strength import Strengths, strengths
 from visaug_train.training import (
     Run,
     Study,
@@ -36,7 +40,7 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Difference:
-    """An arm's mean over seeds less the baseline's, on one domain, with its 95 % bootstrap interval."""
+    """An arm's mean over seeds less the baseline's, on one domain, with its 95 % interval."""
 
     arm: str
     domain: str
@@ -63,6 +67,7 @@ class Ablation:
     study: Study
     scored: Mapping[tuple[str, int], tuple[Run, Mapping[str, Evaluation]]]
     failures: tuple[Failure, ...]
+    noise: Strengths | None = None
     _known: dict[tuple, np.ndarray] = field(
         default_factory=dict, repr=False
     )  # resampled scores, which cost most
@@ -84,20 +89,26 @@ class Ablation:
     @cached_property
     def means(self) -> dict[str, dict[str, dict[str, float]]]:
         """arm -> domain -> measure -> mean over seeds."""
+        return self._over_seeds(lambda values: float(np.mean(values)), 1)
+
+    @cached_property
+    def spreads(self) -> dict[str, dict[str, dict[str, float]]]:
+        """The same, the seeds' standard deviation; arms with one seed have none."""
+        return self._over_seeds(lambda values: float(np.std(values, ddof=1)), 2)
+
+    def _over_seeds(
+        self, statistic: Callable[[list[float]], float], least: int
+    ) -> dict[str, dict[str, dict[str, float]]]:
+        def of(arm: str, domain: str, measure: str) -> float:
+            return statistic([tables.value(self.summaries[arm, s][domain], measure) for s in self.seeds(arm)])
+
         return {
             arm: {
-                domain: {
-                    measure: float(
-                        np.mean(
-                            [tables.value(self.summaries[arm, s][domain], measure) for s in self.seeds(arm)]
-                        )
-                    )
-                    for measure in tables.MEASURES
-                }
+                domain: {measure: of(arm, domain, measure) for measure in tables.MEASURES}
                 for domain in self.study.tests
             }
             for arm in self.config.arms
-            if self.seeds(arm)
+            if len(self.seeds(arm)) >= least
         }
 
     @cached_property
@@ -112,9 +123,16 @@ class Ablation:
     def interval_covers(self) -> str:
         """What the intervals speak of."""
         seeds = min((len(self.seeds(arm)) for arm in self.means), default=0)
+        shared = ", all of which start from one shared network" if self.config.start else ""
         if seeds > 1:
-            return f"the intervals cover test images and {seeds} training seeds"
-        return "the intervals cover the choice of test images only: with one seed, how training varies is not in them"
+            return (
+                f"the intervals cover test images and {seeds} training seeds{shared}: paired differences, Student's t "
+                "with Satterthwaite's degrees of freedom"
+            )
+        return (
+            f"the intervals cover the choice of test images only{shared and ', and the training starts from one network'}"
+            ": with one seed, how training varies is not in them"
+        )
 
     def _compared(self, arm: str, domain: str) -> Iterator[Difference]:
         found = self.compare((arm, domain), (self.config.baseline, domain))
@@ -125,20 +143,25 @@ class Ablation:
         self, own: tuple[str, str], other: tuple[str, str]
     ) -> dict[str, tuple[float, float, float, float]]:
         """One (arm, domain) less another, paired by seed and image: measure -> the other's mean over seeds, the
-        difference, and its 95 % bootstrap interval over images and seeds.
+        difference, and its 95 % interval (see `visaug_train.statistics`).
 
         Domains of two cameras that took the same views are paired by view.
         """
         seeds = [s for s in self.seeds(own[0]) if s in self.seeds(other[0])]
         if not seeds:
             return {}
-        reference = self._scores(other, seeds).mean(axis=0)
-        mean = self._scores(own, seeds).mean(axis=0) - reference
+        reference = self._scores(other, seeds)
+        differences = self._scores(own, seeds) - reference
         pairs = self._resampled(own, seeds) - self._resampled(other, seeds)  # (bootstrap, seeds, measures)
-        drawn = np.random.default_rng(8).integers(0, len(seeds), pairs.shape[:2])
-        resampled = np.take_along_axis(pairs, drawn[..., None], axis=1).mean(axis=1)
-        low, high = np.quantile(resampled, [0.025, 0.975], axis=0) if len(pairs) else (mean * np.nan,) * 2
-        columns = zip(reference.tolist(), mean.tolist(), low.tolist(), high.tolist())
+        by_images = (
+            pairs.mean(axis=1).var(axis=0, ddof=1)
+            if len(pairs) > 1
+            else np.full(len(tables.MEASURES), np.nan)
+        )
+        low, high = paired_interval(differences, by_images, len(self.study.tests[own[1]]))
+        columns = zip(
+            reference.mean(axis=0).tolist(), differences.mean(axis=0).tolist(), low.tolist(), high.tolist()
+        )
         return dict(zip(tables.MEASURES, columns))
 
     def _scores(
@@ -165,16 +188,24 @@ class Ablation:
 
     def tables(self) -> dict[str, tables.Table]:
         """The paper's table 2 (detection) and 3 (keypoints) for these arms, and the differences."""
-        effects = {"effects": proof.effect_table(self)} if self.study.hidden else {}
-        return effects | {
-            "detection": tables.score_table("Object detection", self.means, ["box_ap", "iou"]),
-            "keypoints": tables.score_table(
-                "Keypoint regression",
-                self.means,
-                ["keypoint_ap_paper", "oks_paper", "keypoint_ap_coco", "oks_coco"],
-            ),
-            "differences": tables.difference_table(self.differences, self.config.baseline),
-        }
+        made = {"overview": tables.overview_table(self.means, self.differences, self.config.baseline)}
+        if self.study.hidden:
+            made["effects"] = proof.effect_table(self)
+        published = TABLES_2_3 if self.config.published else {}
+        measured = ["keypoint_ap_paper", "oks_paper", "keypoint_ap_coco", "oks_coco"]
+        scores, spreads = self.means | published, self.spreads
+        made["detection"] = tables.score_table("Object detection", scores, ["box_ap", "iou"], spreads)
+        made["keypoints"] = tables.score_table("Keypoint regression", scores, measured, spreads)
+        if published:
+            made["comparison"] = tables.comparison_table(self.means)
+        made["poses"] = tables.pose_table(
+            {
+                arm: {d: [self.summaries[arm, s][d] for s in self.seeds(arm)] for d in self.study.tests}
+                for arm in self.means
+            }
+        )
+        made["differences"] = tables.difference_table(self.differences, self.config.baseline)
+        return made
 
     def to_json(self) -> dict[str, Any]:
         """Scores of every run, differences, failures."""
@@ -182,7 +213,13 @@ class Ablation:
             "schema": 1,
             "name": self.config.name,
             "runs": [
-                {"arm": arm, "seed": seed, "seconds": run.seconds, "scores": self.summaries[arm, seed]}
+                {
+                    "arm": arm,
+                    "seed": seed,
+                    "hash": run.folder.name.rsplit("-", 1)[-1],
+                    "seconds": run.seconds,
+                    "scores": self.summaries[arm, seed],
+                }
                 for (arm, seed), (run, _) in self.scored.items()
             ],
             "differences": [d.__dict__ for d in self.differences],
@@ -192,11 +229,12 @@ class Ablation:
         }
 
     def write(self, folder: str | Path) -> Path:
-        """Tables as Markdown and CSV, everything as JSON, one CSV of images for each run and domain."""
+        """Tables as Markdown, CSV and LaTeX, everything as JSON, CSVs of images and of poses by run and domain."""
         folder = Path(folder)
         made = self.tables()
         for name, table in made.items():
             write_text(folder / f"{name}.csv", table.to_csv())
+            write_text(folder / f"{name}.tex", table.to_latex())
         notes = [f"Seeds: {', '.join(map(str, self.config.seeds))}; {self.interval_covers}."]
         notes += [f"Failed: {f.arm}, seed {f.seed}: {f.error}" for f in self.failures]
         text = "\n".join([f"# {self.config.name}", "", *(t.to_markdown() for t in made.values()), *notes])
@@ -205,14 +243,29 @@ class Ablation:
         for (arm, seed), (_, each) in self.scored.items():
             for domain, evaluation in each.items():
                 evaluation.write_csv(folder / "images" / f"{arm}-seed{seed}-{domain}.csv")
+                save_poses(
+                    folder / "poses" / f"{arm}-seed{seed}-{domain}.csv", evaluation.poses, evaluation.found
+                )
         return folder / "tables.md"
 
 
-def ablate(config: Config, progress: Progress | None = None) -> Ablation:
-    """Run what is not finished of a study and score it."""
+def ablate(
+    config: Config, progress: Progress | None = None, announce: Callable[[str], None] | None = None
+) -> Ablation:
+    """Run what is not finished of a study and score it.
+
+    Args:
+        config: the study.
+        progress: called with (description, done, total).
+        announce: gets, before any training, how strong the arms' noise is; it is also written to noise.md.
+    """
     check_arms(config)
     study = prepare(config, progress)
     config = study.config
+    noise = strengths(study)
+    write_text(config.output / "noise.md", noise.text() + "\n")
+    if announce is not None:
+        announce(noise.text())
     runs = [(arm, seed) for seed in config.seeds for arm in config.arms]
     start_network(study, progress)  # before the runs are spread, for all start from it
     lost = spread(study, runs, run_and_score, config.cluster, progress) if config.cluster else {}
@@ -228,7 +281,7 @@ def ablate(config: Config, progress: Progress | None = None) -> Ablation:
     if not scored:
         first = failures[0].error if failures else "no arm"
         raise InputError(f"no run ended well ({first})", file=config.output / "failures")
-    return Ablation(study, scored, tuple(failures))
+    return Ablation(study, scored, tuple(failures), noise)
 
 
 def run_and_score(

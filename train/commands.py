@@ -1,14 +1,17 @@
 """What the program's commands of the harness call."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from visaug.errors import PartlyFailed
+from visaug.errors import InputError, PartlyFailed
 from visaug_train.ablation import ablate as run_ablation
 from visaug_train.ablation import evaluate_run
 from visaug_train.config import Config, load_config
 from visaug_train.evaluate import evaluate_predictions
+from visaug_train.poses import save_poses
+from visaug_train.strength import strengths
 from visaug_train.training import check_arms, prepare, run_folder, train_run
 
 Progress = Callable[[str, int, int], None]
@@ -19,6 +22,7 @@ __all__ = ["ablate", "evaluate", "evaluate_predictions", "train"]
 def train(config_path: Path, seed: int = 0, progress: Progress | None = None) -> str:
     """Train the last arm of a config (the one it is about) with its first seed; what to print."""
     study = prepare(_seeded(config_path, seed), progress)
+    print(strengths(study).text(), flush=True)
     arm = list(study.config.arms)[-1]
     run = train_run(study, arm, study.config.seeds[0], progress)
     return f"{arm}, seed {run.seed}: {run.weights} ({run.seconds:.0f} s)"
@@ -32,7 +36,7 @@ def ablate(config_path: Path, seed: int = 0, progress: Progress | None = None) -
     """
     from visaug_train.report import write_report
 
-    ablation = run_ablation(_seeded(config_path, seed), progress)
+    ablation = run_ablation(_seeded(config_path, seed), progress, partial(print, flush=True))
     written = ablation.write(ablation.config.output)
     report = write_report(ablation)
     lines = [table.to_markdown() for table in ablation.tables().values()]
@@ -44,13 +48,29 @@ def ablate(config_path: Path, seed: int = 0, progress: Progress | None = None) -
 
 
 def evaluate(config_path: Path, seed: int = 0, progress: Progress | None = None) -> dict[str, dict[str, Any]]:
-    """Scores by domain of the last arm of a config, trained now where it is not yet."""
+    """Scores by domain of the last arm of a config, whose network must be trained.
+
+    Raises:
+        InputError: it is not; nothing is rendered or written then.
+    """
+    config = load_config(config_path)
+    arm, first = list(config.arms)[-1], config.seeds[0] + seed
+    missing = InputError(
+        f"arm {arm}, seed {first} is not trained",
+        file=config_path,
+        expected=f"visaug train {config_path}, or visaug ablate {config_path}, first",
+    )
+    if not any((config.output / "runs").glob(f"{arm}-seed{first}-*/run.json")):
+        raise missing
     study = prepare(_seeded(config_path, seed), progress)
-    arm = list(study.config.arms)[-1]
-    run = train_run(study, arm, study.config.seeds[0], progress)
+    folder = run_folder(study, arm, first)
+    if not (folder / "run.json").is_file():  # trained, but with other settings
+        raise missing
+    run = train_run(study, arm, first, progress)
     evaluations = evaluate_run(study, run, progress)
     for domain, evaluation in evaluations.items():
-        evaluation.write_csv(run_folder(study, arm, run.seed) / f"{domain}.csv")
+        evaluation.write_csv(folder / f"{domain}.csv")
+        save_poses(folder / f"{domain}-poses.csv", evaluation.poses, evaluation.found)
     return {domain: evaluation.summary() for domain, evaluation in evaluations.items()}
 
 

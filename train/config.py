@@ -122,6 +122,7 @@ class Config(Part):
     weights: Literal["best", "last"] = Field(
         "best", description="best by the clean validation images, or last"
     )
+    published: bool = Field(False, description="put the paper's tables 2 to 4 beside one's own")
     start: Start | None = None
     hidden: Hidden | None = None
     cluster: Cluster | None = Field(None, description="`{}` spreads the runs over this machine")

@@ -23,7 +23,7 @@ COST = 0.15  # keypoint AP that an effect should cost, so that a few seeds can s
 
 @dataclass(frozen=True)
 class Change:
-    """A difference of keypoint AP50-95 (COCO's) with its 95 % bootstrap interval over images and seeds."""
+    """A difference of keypoint AP50-95 (COCO's) with its 95 % interval over images and seeds."""
 
     before: float
     after: float
@@ -190,8 +190,8 @@ def _outcome(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
     shown = [table.head.index(name) for name in PAGE]  # the rest is in the sentences above
     rows = [[row[i].split(" (")[0] for i in shown] for row in table.rows]
     head = [name.removeprefix("change ") for name in PAGE]
-    yield Table(head, rows, "Keypoint AP50-95 (COCO's): cost and changes, with 95 % bootstrap intervals.")
-    yield Text(f"95 % bootstrap intervals: {ablation.interval_covers}.", "note")
+    yield Table(head, rows, "Keypoint AP50-95 (COCO's): cost and changes, with 95 % intervals.")
+    yield Text(f"95 % intervals: {ablation.interval_covers}.", "note")
     yield Text(
         "The strengths were chosen beforehand on one baseline network alone, so that each effect costs it something;"
         " nothing was chosen by what the other networks score.",

@@ -36,11 +36,27 @@ def ablation_sections(ablation: Ablation) -> list[Section]:
     """The sections, also part of the demo's page."""
     return [
         Section("Trained with and without sensor noise", list(_results(ablation))),
+        *_strength(ablation),
         Section("Clean beside noised", list(_images(ablation))),
         Section("Training", [_curves(ablation)]),
         _predictions(ablation),
         _dependence(ablation),
     ]
+
+
+def _strength(ablation: Ablation) -> list[Section]:
+    """How strong the arms' noise is beside what is there."""
+    if ablation.noise is None:
+        return []
+    table = ablation.noise.table()
+    text = (
+        "Standard deviations in 8-bit steps at the size that the network sees. An arm whose noise lies below what the "
+        "images carry already cannot change what the network learns. Rows, columns and other structure of a test set are "
+        "not in its figures, which are those of white noise alone."
+    )
+    blocks: list[Text | Table] = [Text(text), Table(table.head, table.rows, f"{table.title}.")]
+    blocks += [Text(f"Warning: {line}.", "note") for line in ablation.noise.warnings()]
+    return [Section("How strong the noise is", blocks)]
 
 
 def timing_section(ablation: Ablation, seconds: Mapping[str, float] | None = None) -> Section:
@@ -75,7 +91,7 @@ def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
     )
     if ablation.differences:
         yield _difference_table(ablation)
-        yield Text(f"95 % bootstrap intervals: {ablation.interval_covers}.", "note")
+        yield Text(f"95 % intervals: {ablation.interval_covers}.", "note")
     for failure in ablation.failures:
         yield Text(f"Failed: {failure.arm}, seed {failure.seed}: {failure.error}", "note")
 

@@ -94,7 +94,8 @@ class MotionBlur(nn.Module):
         reach = int(self.length_px[1] / 2 + 1)
         length = uniform(b, self.length_px, images)
         angle = uniform(b, (0.0, torch.pi), images)
-        steps = torch.linspace(-0.5, 0.5, 8 * reach + 1, device=images.device, dtype=images.dtype)
+        points = 8 * reach + 1
+        steps = (torch.arange(points, device=images.device, dtype=images.dtype) + 0.5) / points - 0.5
         at_y = steps * (length * angle.sin())[:, None] + reach
         at_x = steps * (length * angle.cos())[:, None] + reach
         kernel = images.new_zeros(b, (2 * reach + 1) ** 2)

@@ -1,4 +1,4 @@
-"""Tables of an ablation, in the form of the paper's 2 and 3, as Markdown and CSV; and the differences with
+"""Tables of an ablation, in the form of the paper's 2 to 4, as Markdown, CSV and LaTeX; and the differences with
 intervals.
 """
 
@@ -7,6 +7,8 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+from visaug_train.published import TABLE_4
 
 # What is compared: key -> (path in a domain's summary, label, whether more is better).
 MEASURES: dict[str, tuple[tuple[str, ...], str, bool]] = {
@@ -40,6 +42,23 @@ class Table:
         writer.writerows([self.head, *self.rows])
         return buffer.getvalue()
 
+    def to_latex(self) -> str:
+        """A `table` with a `tabular` and three rules (package booktabs), the title as its caption."""
+        columns = "l" + "r" * (len(self.head) - 1)
+        lines = [
+            r"\begin{table}",
+            rf"\caption{{{_latex(self.title)}}}",
+            rf"\begin{{tabular}}{{{columns}}}",
+            r"\toprule",
+            " & ".join(map(_latex, self.head)) + r" \\",
+            r"\midrule",
+            *(" & ".join(map(_latex, row)) + r" \\" for row in self.rows),
+            r"\bottomrule",
+            r"\end{tabular}",
+            r"\end{table}",
+        ]
+        return "\n".join(lines) + "\n"
+
 
 def value(summary: Mapping[str, Any], measure: str) -> float:
     """A measure out of a domain's summary."""
@@ -50,17 +69,26 @@ def value(summary: Mapping[str, Any], measure: str) -> float:
 
 
 def score_table(
-    title: str, means: Mapping[str, Mapping[str, Mapping[str, float]]], measures: Sequence[str]
+    title: str,
+    means: Mapping[str, Mapping[str, Mapping[str, float]]],
+    measures: Sequence[str],
+    spreads: Mapping[str, Mapping[str, Mapping[str, float]]] | None = None,
 ) -> Table:
     """Arms as rows; for each domain the measures as columns.
 
-    `means` is arm -> domain -> measure -> mean over seeds.
+    `means` is arm -> domain -> measure -> mean over seeds, `spreads` the same of the seeds' standard deviation.
     """
+    spreads = spreads or {}
+
+    def cell(arm: str, domain: str, measure: str) -> str:
+        number = _number(means[arm].get(domain, {}).get(measure))
+        spread = spreads.get(arm, {}).get(domain, {}).get(measure)
+        return number if spread is None else f"{number} ± {spread:.4f}"
+
     domains = list(dict.fromkeys(domain for scores in means.values() for domain in scores))
     head = ["arm", *(f"{domain}: {MEASURES[measure][1]}" for domain in domains for measure in measures)]
     rows = [
-        [arm, *(_number(scores.get(domain, {}).get(measure)) for domain in domains for measure in measures)]
-        for arm, scores in means.items()
+        [arm, *(cell(arm, domain, measure) for domain in domains for measure in measures)] for arm in means
     ]
     return Table(title, head, rows)
 
@@ -82,6 +110,75 @@ def difference_table(differences: Sequence[Any], baseline: str) -> Table:
         for d in differences
     ]
     return Table(f"Differences to {baseline}", head, rows)
+
+
+def overview_table(
+    means: Mapping[str, Mapping[str, Mapping[str, float]]],
+    differences: Sequence[Any],
+    baseline: str,
+    measure: str = "keypoint_ap_coco",
+) -> Table:
+    """One measure at a glance: test sets as rows, arms as columns, each with its change and whether that is clear."""
+    others = [arm for arm in means if arm != baseline]
+    found = {(d.arm, d.domain): d for d in differences if d.measure == measure}
+    head = ["test set", *([baseline] if baseline in means else []), *others]
+    rows = []
+    for domain in dict.fromkeys(domain for scores in means.values() for domain in scores):
+        row = [domain, *([f"{means[baseline][domain][measure]:.3f}"] if baseline in means else [])]
+        for arm in others:
+            cell, d = f"{means[arm][domain][measure]:.3f}", found.get((arm, domain))
+            row.append(cell if d is None else f"{cell} ({change(d)})")
+        rows.append(row)
+    title = f"{MEASURES[measure][1]}: mean over seeds; in brackets the change and its 95 % interval"
+    return Table(title, head, rows)
+
+
+def change(difference: Any) -> str:
+    """A difference with its interval and, in a word, what it says."""
+    d = difference
+    better = MEASURES[d.measure][2]
+    words = {1: "better" if better else "worse", -1: "worse" if better else "better", 0: "not clear"}
+    said = words[int(d.low > 0) - int(d.high < 0)]
+    return f"{said}: {d.difference:+.3f} [{d.low:+.3f}, {d.high:+.3f}]"
+
+
+POSE_COLUMNS = {
+    "E_t mean, m": "position_error_m",
+    "E_t median, m": "position_error_m_median",
+    "E_q mean, deg": "attitude_error_deg",
+    "E_q median, deg": "attitude_error_deg_median",
+    "SPEC with floors": "spec_score_floored",
+    "SPEC without": "spec_score_unfloored",
+    "poses found": "poses_found",
+}
+
+
+def pose_table(summaries: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]) -> Table:
+    """Pose errors of arm -> domain -> the seeds' summaries: means over seeds."""
+    rows = [
+        [arm, domain, *(_number(sum(s[key] for s in seeds) / len(seeds)) for key in POSE_COLUMNS.values())]
+        for arm, domains in summaries.items()
+        for domain, seeds in domains.items()
+    ]
+    title = "Pose by PnP; a target without a pose counts as 180 deg and its whole distance"
+    return Table(title, ["arm", "domain", *POSE_COLUMNS], rows)
+
+
+def comparison_table(means: Mapping[str, Mapping[str, Mapping[str, float]]], domain: str = "speed") -> Table:
+    """The paper's table 4 with these arms: target detection on SPEED."""
+    rows = [[name, _number(iou), _number(ap)] for name, (iou, ap) in TABLE_4.items()]
+    rows += [
+        [arm, _number(scores[domain]["iou"]), _number(scores[domain]["box_ap"])]
+        for arm, scores in means.items()
+        if domain in scores
+    ]
+    return Table("Target detection on SPEED's images", ["method", "IoU mean", "box AP50-95"], rows)
+
+
+def _latex(text: str) -> str:
+    for sign in "&%#_":
+        text = text.replace(sign, rf"\{sign}")
+    return text.replace("±", r"$\pm$").replace("^2", "$^2$")
 
 
 def _number(number: float | None) -> str:

@@ -40,12 +40,13 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Study:
-    """A config whose data are ready: ultralytics' data.yaml and the test sets by domain."""
+    """A config whose data are ready: ultralytics' data.yaml, the images it was made of, the test sets by domain."""
 
     config: Config
     data_yaml: Path
     keypoints: Keypoints
     tests: dict[str, PoseSet]
+    training_images: PoseSet
     data_seconds: float = 0.0
     hidden: tuple[HiddenEffect, ...] = ()
 
@@ -94,7 +95,8 @@ def prepare(config: Config, progress: Progress | None = None) -> Study:
     hidden: list[HiddenEffect] = []
     if config.hidden is not None:
         config, tests, hidden = hide_effects(config, tests, progress)
-    return Study(config, data_yaml, keypoints, tests, time.monotonic() - began, tuple(hidden))
+    seconds = time.monotonic() - began
+    return Study(config, data_yaml, keypoints, tests, parts["train"], seconds, tuple(hidden))
 
 
 def check_arms(config: Config) -> None:

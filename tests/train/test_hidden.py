@@ -89,6 +89,7 @@ def stubbed(monkeypatch):
         (folder / "weights").mkdir(parents=True)
         (folder / "weights" / "best.pt").write_bytes(b"")
         (folder / "results.csv").write_text("epoch,train/pose_loss\n1,2.0\n")
+        return 1.0
 
     def predict(weights, poses, *_, **__):
         arm, domain = weights.parts[-3], poses.name

@@ -77,23 +77,42 @@ def run(what: str, config_path: Path, seed: int) -> None:
 )
 @click.argument("config_path", metavar="[CONFIG]", required=False, type=click.Path(path_type=Path))
 @click.option(
-    "--predictions", metavar="P.json", type=click.Path(path_type=Path), help="Any network's predictions."
+    "--predictions",
+    metavar="P",
+    type=click.Path(path_type=Path),
+    help="Any network's predictions: keypoints in COCO's results format (JSON), or poses (CSV).",
 )
 @click.option("--data", metavar="DIR", type=click.Path(path_type=Path), help="A SPEED or SPEED+ folder.")
 @click.option("--domain", metavar="NAME", help="Which of its test sets.")
 @effects_option("Effects of your own that the cameras name.")
+@click.option(
+    "--images",
+    metavar="F.json",
+    type=click.Path(path_type=Path),
+    help="COCO's annotations file, where P names images by image_id.",
+)
+@click.option(
+    "--poses",
+    "poses_csv",
+    metavar="F.csv",
+    type=click.Path(path_type=Path),
+    help="Write the poses that P's keypoints give: file, q1..q4, r1..r3.",
+)
 @json_option
 def evaluate(
     config_path: Path | None,
     predictions: Path | None,
     data: Path | None,
     domain: str | None,
+    images: Path | None,
+    poses_csv: Path | None,
     json_path: Path | None,
     seed: int,
 ) -> None:
     """A trained network on its test sets, or any network's predictions on a SPEED/SPEED+ folder.
 
-    P.json is COCO's results format with `file_name` in place of `image_id`.
+    P is COCO's results format with `file_name` (or `image_id` and --images), or a CSV of poses as the Kelvins
+    competition takes it: file, q1..q4 (scalar first), r1..r3 in metres.
     """
 
     given = {"--predictions": predictions, "--data": data, "--domain": domain}
@@ -104,6 +123,8 @@ def evaluate(
             field="evaluate",
             expected="CONFIG, or all of --predictions, --data and --domain",
         )
+    if config_path is not None and (images or poses_csv):
+        raise InputError("go with --predictions", field="--images and --poses", expected="no CONFIG")
     with harness(), progress_bars() as progress:
         from visaug_train import commands
 
@@ -111,7 +132,9 @@ def evaluate(
         if config_path:
             scores = commands.evaluate(config_path, seed=seed, progress=progress)
         else:
-            scores = commands.evaluate_predictions(predictions, data, domain)
+            scores = commands.evaluate_predictions(
+                predictions, data, domain, images=images, poses_csv=poses_csv
+            )
     if not is_silent(False, json_path):
         print_scores(scores)
     write_result(json_path, scores)
@@ -129,7 +152,10 @@ def print_scores(scores: dict[str, dict[str, Any]]) -> None:
         "box AP",
         "keypoint AP (paper)",
         "(COCO)",
-        "SPEC",
+        "E_t, m",
+        "E_q, deg",
+        "SPEC (floors)",
+        "(no floors)",
     ]
     rows = []
     for domain, s in scores.items():
@@ -140,7 +166,10 @@ def print_scores(scores: dict[str, dict[str, Any]]) -> None:
             s["box_ap50_95"],
             s["keypoint_ap50_95"]["paper"],
             s["keypoint_ap50_95"]["coco"],
-            s.get("spec_score"),
+            s.get("position_error_m"),
+            s.get("attitude_error_deg"),
+            s.get("spec_score_floored"),
+            s.get("spec_score_unfloored"),
         )
         rows.append([domain, str(s["images"]), *("" if v is None else f"{v:.4f}" for v in values)])
     print_table(head, rows)
