@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from visaug.camera import Camera
     from visaug.characterization import Characterization, characterize
     from visaug.comparison import Comparison, compare
-    from visaug.diagnosis import Diagnosis, diagnose
+    from visaug.diagnosis import Diagnosis, Session, diagnose
     from visaug.effects.effect import Effect, Parameter, Stage
     from visaug.errors import InputError
     from visaug.frames import FrameSet
@@ -27,7 +27,8 @@ _HOME = {
     "Effect": "visaug.effects.effect",
     "FrameSet": "visaug.frames",
     "InputError": "visaug.errors",
-    "Parameter": "visaug.effects.effect",
+    "Parameter": "visaug.effects.parameter",
+    "Session": "visaug.diagnosis",
     "Stage": "visaug.effects.effect",
     "VISNoise": "visaug.augment",
     "characterize": "visaug.characterization",
@@ -62,6 +63,7 @@ __all__ = [
     "FrameSet",
     "InputError",
     "Parameter",
+    "Session",
     "Stage",
     "VISNoise",
     "__version__",

@@ -6,8 +6,8 @@ import sys
 import pytest
 
 from tests.diagnosis.small import PLAN, frame_set, row_noise, stated_camera
+from visaug.diagnosis import session as session_module
 from visaug.lab import Bench
-from visaug.lab import bench as bench_module
 
 FEW = 60  # simulated sets
 
@@ -42,5 +42,5 @@ def compared(frames):
 
 @pytest.fixture
 def bench(frames, compared, tmp_path, monkeypatch):
-    monkeypatch.setattr(bench_module, "compare", lambda *_, **__: compared)
+    monkeypatch.setattr(session_module, "compare", lambda *_, **__: compared)
     return Bench(stated_camera(), frames, output=tmp_path / "out" / "camera.yaml", sets=FEW)

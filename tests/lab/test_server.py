@@ -10,13 +10,14 @@ import yaml
 from click.testing import CliRunner
 from starlette.testclient import TestClient
 
+import visaug
 from tests.diagnosis.small import SENSOR
 from visaug import Camera, InputError
 from visaug.cli.measure import lab as lab_command
 from visaug.comparison import Error
 from visaug.diagnosis import Diagnosis, Estimate, Ranked, Step
+from visaug.diagnosis import session as session_module
 from visaug.lab import application, serve
-from visaug.lab import bench as bench_module
 
 TOKEN = "a-token-of-this-test"
 OWN = """
@@ -61,7 +62,7 @@ def found(bench) -> Diagnosis:
 
 @pytest.fixture
 def diagnosed(client, bench, monkeypatch):
-    monkeypatch.setattr(bench_module, "diagnose", lambda *_, **__: found(bench))
+    monkeypatch.setattr(session_module, "diagnose", lambda *_, **__: found(bench))
     assert client.post("/diagnose").status_code == 202
     client.wait()
     return client
@@ -215,7 +216,7 @@ def test_work_is_shown_while_it_goes_on_and_can_be_stopped(client, monkeypatch):
         progress("trying smear", 4, 10)
         raise AssertionError("it was not stopped")
 
-    monkeypatch.setattr(bench_module, "diagnose", diagnose)
+    monkeypatch.setattr(session_module, "diagnose", diagnose)
     client.post("/diagnose")
     assert begun.wait(10)
     job = client.get("/state").json()["job"]
@@ -278,3 +279,18 @@ def test_row_noise_added_by_hand_is_fitted_and_lowers_the_error(bench):
     told.clear()
     bench.add("row_noise", lambda *step: told.append(step))
     assert not told  # kept
+
+    session = visaug.Session(bench.given, bench.frames, sets=bench.session.sets)
+    session.fits, session.comparison = bench.session.fits, bench.comparison  # fitted above
+    assert session.error.value == 1
+    assert [place.view for place in session.where][0].startswith("temporal")
+    tried = session.try_effect("row_noise")
+    assert tried.error.high < 0.5
+    assert session.camera is bench.given
+    assert session.add("row_noise").error == tried.error
+    assert "row_noise" in session.camera.effect_names
+    assert session.remove("row_noise").camera is bench.given
+    with pytest.raises(InputError, match="camera has no smear"):
+        session.remove("smear")
+    with pytest.raises(InputError, match="cannot be added"):
+        session.add("no_such_effect")

@@ -2,6 +2,7 @@
 
 from visaug.diagnosis.residue import Residue
 from visaug.diagnosis.result import Diagnosis, Estimate, Ranked, Step
-from visaug.diagnosis.search import diagnose
+from visaug.diagnosis.search import SETS, diagnose
+from visaug.diagnosis.session import Session, Setup
 
-__all__ = ["Diagnosis", "Estimate", "Ranked", "Residue", "Step", "diagnose"]
+__all__ = ["SETS", "Diagnosis", "Estimate", "Ranked", "Residue", "Session", "Setup", "Step", "diagnose"]

@@ -1,37 +1,17 @@
 """What lies on the bench: frames, the camera file as given, what was found, and the camera as it is now."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from visaug.camera import Camera
-from visaug.comparison import Comparison, Places, compare
-from visaug.diagnosis import Diagnosis, Step, diagnose
-from visaug.diagnosis.search import SETS
+from visaug.comparison import Comparison
+from visaug.diagnosis import SETS, Diagnosis, Session, Setup
 from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
 from visaug.frames import FrameSet
-from visaug.lab.by_hand import ByHand, Fit, Names
 from visaug.progress import Progress
-
-
-@dataclass(frozen=True)
-class Setup:
-    """The camera on the bench: the file as given, or the file with effects added and taken away, refitted.
-
-    Attributes:
-        without: effects of the file that were taken away.
-        added: effects that were added, in this order.
-        fit: None for the file as given.
-        steps: the errors on the way here.
-    """
-
-    without: Names = ()
-    added: Names = ()
-    fit: Fit | None = None
-    steps: tuple[Step, ...] = field(default=())
 
 
 class Bench:
@@ -62,50 +42,63 @@ class Bench:
         output: Path | None = None,
         sets: int = SETS,
     ):
-        self.given, self.frames, self.seed, self.output, self.sets = camera, frames, seed, output, sets
-        self.by_hand = ByHand(camera, frames, seed, sets)
-        self.comparison: Comparison | None = None
-        self.diagnosis: Diagnosis | None = None
-        self.now = Setup()
+        self.output = output
+        self.session = Session(camera, frames, seed, sets)
         self.loaded = list(own)
         self._uploads = TemporaryDirectory(prefix="visaug-lab-")
 
     @property
+    def given(self) -> Camera:
+        return self.session.given
+
+    @property
+    def frames(self) -> FrameSet:
+        return self.session.frames
+
+    @property
+    def seed(self) -> int:
+        return self.session.seed
+
+    @property
+    def comparison(self) -> Comparison | None:
+        return self.session.comparison
+
+    @property
+    def diagnosis(self) -> Diagnosis | None:
+        return self.session.diagnosis
+
+    @property
+    def now(self) -> Setup:
+        return self.session.now
+
+    @property
     def camera(self) -> Camera:
-        return self.now.fit.camera if self.now.fit else self.given
+        return self.session.camera
 
     @property
     def has_excess(self) -> bool:
-        """Whether the file as given is further off than chance: else there is no error to lower."""
-        if self.diagnosis:
-            return bool(self.diagnosis.steps)
-        return self.comparison is not None and not self.comparison.adequate
+        """Whether the camera file differs by more than chance, as far as that is known yet."""
+        return (self.comparison or self.diagnosis) is not None and self.session.has_excess
 
     def compare(self, progress: Progress) -> None:
-        self.comparison = compare(self.given, self.frames, seed=self.seed, progress=progress)
+        self._with(progress).compare()
 
     def diagnose(self, progress: Progress) -> None:
-        """Names what the file as given lacks. The camera on the bench stays as it is: adding is the user's."""
-        self._ensure_comparison(progress)
-        self.diagnosis = diagnose(self.given, self.frames, seed=self.seed, progress=progress, sets=self.sets)
+        """Names what the file as given lacks. The camera on the bench stays as it is: adding is the user's choice."""
+        self._with(progress).search(adopt=False)
 
     def add(self, name: str, progress: Progress) -> None:
         """One more effect, everything refitted."""
-        if name in self.now.without:
-            without = tuple(other for other in self.now.without if other != name)
-            self._set(without, self.now.added, progress)
-        elif name not in self.now.added:
-            if name not in self.can_add():
-                raise InputError(f"{name} cannot be added", expected="an effect that the camera lacks")
-            self._set(self.now.without, (*self.now.added, name), progress)
+        self._with(progress).add(name)
 
     def remove(self, name: str, progress: Progress) -> None:
-        """One effect less, everything refitted; with none added or taken away it is the file as given again."""
-        if name in self.now.added:
-            added = tuple(other for other in self.now.added if other != name)
-            self._set(self.now.without, added, progress)
-        elif name in self.given.effect_names and name not in self.now.without:
-            self._set((*self.now.without, name), self.now.added, progress)
+        """One effect less, everything refitted; with none added or removed it is the file as given again."""
+        if name in (*self.now.added, *self.given.effect_names):
+            self._with(progress).remove(name)
+
+    def _with(self, progress: Progress) -> Session:
+        self.session.progress = progress
+        return self.session
 
     def load(self, file_name: str, text: str) -> None:
         """Takes up an effect of one's own from the text of a Python file, which is run."""
@@ -121,14 +114,12 @@ class Bench:
         except InputError as mistake:
             raise InputError(str(mistake).replace(str(path), name)) from None
         for effect in names:
-            self.by_hand.forget(effect)
-            if effect in self.now.added:
-                self.now = Setup()
+            self.session.forget(effect)
             if effect not in self.loaded:
                 self.loaded.append(effect)
 
     def can_add(self) -> list[str]:
-        return self.by_hand.can_add(self.camera)
+        return self.session.can_add()
 
     def save(self) -> Path | None:
         """Writes the camera on the bench where `output` says; returns that path."""
@@ -178,35 +169,6 @@ class Bench:
             numbers = {key: estimate.to_json() for key, estimate in parameters.items()}
             known[name] = known.get(name, blank) | {"parameters": numbers}
         return list(known.values())
-
-    def _ensure_comparison(self, progress: Progress) -> None:
-        if self.comparison is None:  # it was stopped
-            self.compare(progress)
-
-    def _set(self, without: Names, added: Names, progress: Progress) -> None:
-        self._ensure_comparison(progress)
-        if not without and not added:
-            self.now = Setup()
-            return
-        named = self._as_diagnosed(without, added)
-        if named:
-            self.now = named
-            return
-        fits = [self.by_hand.fit(without, added[:n], progress) for n in range(len(added) + 1)]
-        first = f"without {', '.join(without)}" if without else "refit"
-        actions = [first, *(f"add {name}" for name in added)]
-        steps = tuple(Step(action, fit.error) for action, fit in zip(actions, fits, strict=True))
-        self.now = Setup(without, added, fits[-1], steps)
-
-    def _as_diagnosed(self, without: Names, added: Names) -> Setup | None:
-        """The diagnosis' own camera, where it is asked for: there is nothing to fit again."""
-        found = self.diagnosis
-        if not found or without or set(added) != set(found.accepted) or not found.adequate_after:
-            return None
-        known = {entry.effect: entry.parameters for entry in found.ranking}
-        parameters = {name: known[name] for name in added}
-        fit = Fit(found.camera, found.error_after, found.p_value_after, Places(), parameters)
-        return Setup((), added, fit, found.steps)
 
 
 def load_own(file: str | Path) -> list[str]:

@@ -24,7 +24,7 @@ def content(bench: Bench) -> dict[str, Any]:
     return {
         "camera": bench.given.name,
         "frames": described(bench.frames),
-        "part": bench.by_hand.lab.selection,
+        "part": bench.session.fits.lab.selection,
         "warnings": bench.frames.warnings,
         "output": str(bench.output) if bench.output else None,
         "error": _error(bench),

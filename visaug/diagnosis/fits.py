@@ -1,4 +1,4 @@
-"""A camera with effects added or taken away by hand, each time refitted to the frames that find."""
+"""A camera with chosen effects added or removed, refitted to the discovery frames."""
 
 from dataclasses import dataclass
 
@@ -30,9 +30,9 @@ class Fit:
     """A refitted camera and how far it is from the frames.
 
     Attributes:
-        error: as `visaug.diagnose` tells it; None where the camera file as given has no excess over chance.
-        p_value: of the largest residual, against that of the camera's own simulated sets.
-        where: views by their share of what is left.
+        error: as `visaug.diagnose` reports it; None where the camera file shows no excess over chance.
+        p_value: of the largest residual, against simulated sets of the camera.
+        where: views that still differ, by their share of the excess.
         parameters: of the effects that were added, by effect and name.
     """
 
@@ -47,8 +47,8 @@ class Fit:
         return self.p_value > SIGNIFICANT
 
 
-class ByHand:
-    """Fits of one camera file to one frame set. What was fitted once is kept.
+class Fits:
+    """Fits of one camera file to one frame set. Each fit is computed once and kept.
 
     Args:
         given: the camera as its file has it; errors are relative to it.

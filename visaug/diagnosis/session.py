@@ -1,0 +1,201 @@
+"""A diagnosis step by step: refit, try, add and remove effects, search."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from visaug.camera import Camera
+from visaug.comparison import Comparison, Error, Places, compare
+from visaug.diagnosis.fits import Fit, Fits, Names
+from visaug.diagnosis.result import Diagnosis, Step
+from visaug.diagnosis.search import SETS, diagnose
+from visaug.errors import InputError
+from visaug.frames import FrameSet
+
+Report = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """The camera of a session: the file as given, or the file with effects added and removed, refitted.
+
+    Attributes:
+        without: effects of the file that were removed.
+        added: effects that were added, in this order.
+        fit: None for the file as given.
+        steps: the errors on the way here.
+    """
+
+    without: Names = ()
+    added: Names = ()
+    fit: Fit | None = None
+    steps: tuple[Step, ...] = field(default=())
+
+
+class Session:
+    """One camera and one frame set, with effects added and removed by hand or by a search.
+
+    Args:
+        camera: the model, as its file has it. Errors are relative to it.
+        frames: measured bias, dark, flat or scene frames.
+        seed: of all simulations.
+        sets: simulated sets of the camera file; fewer are faster and less certain.
+        progress: called with (description, done, total) during long work.
+
+    Attributes:
+        given: the camera file.
+        now: what was added and removed, and its fit.
+        comparison, diagnosis: of the camera file; None until `compare` or `search` was called.
+
+    Raises:
+        InputError: ordinary pictures, or too few frames.
+
+    Example:
+        >>> session = visaug.Session(camera, frames)  # doctest: +SKIP
+        >>> session.add("row_noise").error  # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        frames: FrameSet,
+        seed: int = 0,
+        sets: int = SETS,
+        progress: Report | None = None,
+    ):
+        self.given, self.frames, self.seed, self.sets = camera, frames, seed, sets
+        self.progress: Report = progress or (lambda *_: None)
+        self.fits = Fits(camera, frames, seed, sets)
+        self.comparison: Comparison | None = None
+        self.diagnosis: Diagnosis | None = None
+        self.now = Setup()
+
+    @property
+    def camera(self) -> Camera:
+        """The camera file, or the refitted camera with the added effects."""
+        return self.now.fit.camera if self.now.fit else self.given
+
+    @property
+    def error(self) -> Error | None:
+        """1 is the camera file, 0 is as close as another specimen of the camera; None where there is no excess to lower."""
+        if not self.now.fit:
+            return Error(1.0, 1.0, 1.0) if self.has_excess else None
+        return self.now.fit.error if self.has_excess else None
+
+    @property
+    def where(self) -> Places:
+        """Views in which the camera differs from the frames, the largest share of the excess first."""
+        return (self.now.fit or self.compare()).where
+
+    @property
+    def has_excess(self) -> bool:
+        """Whether the camera file differs from the frames by more than chance."""
+        if self.diagnosis:
+            return bool(self.diagnosis.steps)
+        return not self.compare().adequate
+
+    def compare(self) -> Comparison:
+        """Compares the camera file with the frames, once."""
+        if self.comparison is None:
+            self.comparison = compare(self.given, self.frames, seed=self.seed, progress=self.progress)
+        return self.comparison
+
+    def refit(self) -> Fit:
+        """Refits the camera with the effects that are added now; the session keeps the result."""
+        if self.now.fit is None:
+            fit = self.fits.fit(self.now.without, self.now.added, self.progress)
+            self.now = Setup(self.now.without, self.now.added, fit, (Step("refit", fit.error),))
+        assert self.now.fit is not None
+        return self.now.fit
+
+    def try_effect(self, name: str) -> Fit:
+        """The fit with one more effect; the session stays as it is.
+
+        Raises:
+            InputError: an effect that the camera has already, or that has no strength to fit.
+        """
+        self._check(name)
+        return self.fits.fit(self.now.without, (*self.now.added, name), self.progress)
+
+    def add(self, name: str) -> "Session":
+        """Adds an effect and refits everything.
+
+        Raises:
+            InputError: an effect that the camera has already, or that has no strength to fit.
+        """
+        if name in self.now.without:
+            self._set(tuple(other for other in self.now.without if other != name), self.now.added)
+        elif name not in self.now.added:
+            self._check(name)
+            self._set(self.now.without, (*self.now.added, name))
+        return self
+
+    def remove(self, name: str) -> "Session":
+        """Removes an effect and refits; with nothing added or removed the camera is the file as given again.
+
+        Raises:
+            InputError: an effect that the camera does not have.
+        """
+        if name in self.now.added:
+            self._set(self.now.without, tuple(other for other in self.now.added if other != name))
+        elif name in self.given.effect_names and name not in self.now.without:
+            self._set((*self.now.without, name), self.now.added)
+        elif name not in self.now.without:
+            raise InputError(f"the camera has no {name}", field="remove", expected="an effect of the camera")
+        return self
+
+    def search(self, adopt: bool = True) -> Diagnosis:
+        """Runs `visaug.diagnose`.
+
+        Args:
+            adopt: take the accepted effects over as the session's camera.
+        """
+        self.compare()
+        self.diagnosis = diagnose(
+            self.given, self.frames, seed=self.seed, progress=self.progress, sets=self.sets
+        )
+        if adopt and self.diagnosis.accepted:
+            self._set((), self.diagnosis.accepted)
+        return self.diagnosis
+
+    def can_add(self) -> list[str]:
+        """Effects that the camera lacks and that have a strength to fit, in the order of the chain."""
+        return self.fits.can_add(self.camera)
+
+    def forget(self, name: str) -> None:
+        """Drops the fits with an effect whose class was loaded anew."""
+        self.fits.forget(name)
+        if name in self.now.added:
+            self.now = Setup()
+
+    def _check(self, name: str) -> None:
+        if name not in self.can_add():
+            raise InputError(f"{name} cannot be added", field="add", expected="an effect that the camera lacks")
+
+    def _set(self, without: Names, added: Names) -> None:
+        self.compare()
+        if not without and not added:
+            self.now = Setup()
+            return
+        named = self._as_diagnosed(without, added)
+        if named:
+            self.now = named
+            return
+        fits = [self.fits.fit(without, added[:n], self.progress) for n in range(len(added) + 1)]
+        first = f"without {', '.join(without)}" if without else "refit"
+        actions = [first, *(f"add {name}" for name in added)]
+        steps = tuple(Step(action, fit.error) for action, fit in zip(actions, fits, strict=True))
+        self.now = Setup(without, added, fits[-1], steps)
+
+    def _as_diagnosed(self, without: Names, added: Names) -> Setup | None:
+        """The diagnosis' own camera, where that is wanted: there is nothing to fit again."""
+        found = self.diagnosis
+        if not found or without or set(added) != set(found.accepted) or not found.adequate_after:
+            return None
+        known = {entry.effect: entry.parameters for entry in found.ranking}
+        parameters = {name: known[name] for name in added}
+        fit = Fit(found.camera, found.error_after, found.p_value_after, Places(), parameters)
+        return Setup((), added, fit, found.steps)
+
+    def __repr__(self) -> str:
+        changes = [f"+ {name}" for name in self.now.added] + [f"- {name}" for name in self.now.without]
+        return f"Session({self.given.name!r}{''.join(', ' + change for change in changes)})"
