@@ -283,7 +283,7 @@ def test_row_noise_added_by_hand_is_fitted_and_lowers_the_error(bench):
     session = visaug.Session(bench.given, bench.frames, sets=bench.session.sets)
     session.fits, session.comparison = bench.session.fits, bench.comparison  # fitted above
     assert session.error.value == 1
-    assert [place.view for place in session.where][0].startswith("temporal")
+    assert session.where[0].view.startswith("temporal")
     tried = session.try_effect("row_noise")
     assert tried.error.high < 0.5
     assert session.camera is bench.given
