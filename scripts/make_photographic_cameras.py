@@ -11,19 +11,19 @@ What is converted, and how:
 
 - K, DN of 14 bit per electron. Kmax is 64 times Kmin in every file: six stops. The files name no ISO. ISO
   100 at Kmin is our reading of them: 15583 DN / Kmin is then a full well of 35 to 166 ke-, right for pixels
-  of 4 to 8 um. The camera is made for K = 8 Kmin, three stops up, where read noise matters.
+  of 4 to 8 um. Cameras are made three, five and six stops up, where read noise matters.
 - Read noise: log of the Tukey-lambda scale in DN is slope * log(K) + bias (G_scale). The scale is that of
   the plain quantile function, as SciPy has it, so the standard deviation is the scale times that of the
   unit law of the same shape. The Gaussian fits in the same files (g_scale) bear this out: they agree with
   it within 1 to 17 %.
-- Shape: G_shape lists two values a stop; those of the third stop above the lowest are averaged.
+- Shape: G_shape lists two values a stop; those of the stop are averaged.
 - Row noise, Gaussian, fresh in every frame: log sigma in DN = slope * log(K) + bias (R_scale).
 - Black level and saturation: the authors' own simulation takes 16383 - 800 DN between black and white for
   all five.
 - Spreads: `sigma` of G_scale and R_scale, the scatter of the logarithms about their lines, is a relative
   standard deviation.
 
-Not in the files: quantum efficiency, dark current, PRNU, DSNU. The colour filter is not modelled: each
+Not in the files: quantum efficiency, dark current, PRNU, DSNU; usual values are assumed. The colour filter is not modelled: each
 pixel is taken as one of a gray sensor.
 """
 
@@ -36,29 +36,40 @@ from scipy.stats import tukeylambda
 
 from visaug.files import write_text
 
-STOPS = 3  # above the lowest gain: ISO 800 where that is ISO 100
-CAMERAS = {  # file, name, rows and columns of the raw image (the makers' specifications), file of the fit
-    "canon_5d4_iso800": ("Canon EOS 5D Mark IV", 4480, 6720, "CanonEOS5D4"),
-    "canon_70d_iso800": ("Canon EOS 70D", 3648, 5472, "CanonEOS70D"),
-    "canon_700d_iso800": ("Canon EOS 700D", 3456, 5184, "CanonEOS700D"),
-    "nikon_d850_iso800": ("Nikon D850", 5504, 8256, "NikonD850"),
-    "sony_a7s2_iso800": ("Sony alpha 7S II", 2832, 4240, "SonyA7S2"),
+STOPS = (3, 5, 6)  # above the lowest gain: ISO 800, 3200 and 6400 where that is ISO 100
+BODIES = {  # name, rows and columns of the raw image (the makers' specifications), file of the fit
+    "canon_5d4": ("Canon EOS 5D Mark IV", 4480, 6720, "CanonEOS5D4"),
+    "canon_70d": ("Canon EOS 70D", 3648, 5472, "CanonEOS70D"),
+    "canon_700d": ("Canon EOS 700D", 3456, 5184, "CanonEOS700D"),
+    "nikon_d850": ("Nikon D850", 5504, 8256, "NikonD850"),
+    "sony_a7s2": ("Sony alpha 7S II", 2832, 4240, "SonyA7S2"),
 }
+CAMERAS = {f"{stem}_iso{100 * 2**stops}": (*body, stops) for stem, body in BODIES.items() for stops in STOPS}
 
 TEMPLATE = """\
 # Made by scripts/make_photographic_cameras.py, which tells how each figure follows from the published fits.
-# A gray sensor without its colour filter. The fits name no ISO: 800 takes Kmin = {kmin:.4f} DN/e- for 100,
-# and 0 dB is this ISO.
-name: {name}, ISO 800
+# A gray sensor without its colour filter. The fits name no ISO: {iso} takes Kmin = {kmin:.4f} DN/e- for 100,
+# and 0 dB is this ISO. Fixed patterns and dark current are not in the fits and are assumed, see docs/cameras.md.
+name: {name}, ISO {iso}
 source:
   resolution: the maker's specification, pixels of the raw image
   bit_depth: ELD, raw values of 14 bit
-  gain_e_per_dn: ELD, K = 8 Kmin = {k:.4f} DN/e- of 14 bit
+  gain_e_per_dn: ELD, K = {times} Kmin = {k:.4f} DN/e- of 14 bit
   black_level_dn: ELD, noise.py takes 16383 - 800 DN from black to white
   read_noise: ELD, G_scale at this K ({scale:.3f} DN) times the unit law's deviation ({unit:.4f}); G_shape
   row_noise: ELD, R_scale at this K ({row_dn:.3f} DN)
   ELD: https://github.com/Vandermode/ELD at 53d5408, and K. Wei et al., IEEE TPAMI 44 (2022) 8520
-assumed: [quantum_efficiency]     # not in the fits, which count electrons
+assumed:
+  - quantum_efficiency            # not in the fits, which count electrons
+  - prnu.column                   # the paper: 0.1 to 1 % for each part where it is not known
+  - prnu.row
+  - prnu.pixel
+  - dsnu.column_e                 # usual for a pinned photodiode
+  - dsnu.row_e
+  - dsnu.pixel_e
+  - dark_current.reference_e_per_s
+  - dark_current.reference_temperature_c
+  - dark_current.doubling_c
 licence: MIT, Copyright (c) 2020 Kaixuan Wei (the fitted parameters)
 resolution: [{rows}, {columns}]
 bit_depth: 14
@@ -66,6 +77,9 @@ quantum_efficiency: 0.5
 gain_e_per_dn: {gain:.5f}
 black_level_dn: 800
 read_noise: {{sigma_e: {sigma:.3f}, shape: {shape:.4f}}}
+prnu: {{column: 0.001, row: 0.001, pixel: 0.006}}
+dsnu: {{column_e: 0.2, row_e: 0.1, pixel_e: 0.5}}
+dark_current: {{reference_e_per_s: 1, reference_temperature_c: 25, doubling_c: 7}}
 effects:
   - {{name: row_noise, sigma_e: {row:.4f}}}
 randomize:
@@ -73,30 +87,37 @@ randomize:
   read_noise.sigma_e: {spread:.2f}        # scatter of the fits about their line
   read_noise.shape: {{std: 0.05}}   # scatter of the fitted shapes
   row_noise.sigma_e: {row_spread:.2f}
+  prnu.column: 0.3
+  prnu.row: 0.3
+  prnu.pixel: 0.3
+  dsnu.column_e: 0.3
+  dsnu.row_e: 0.3
+  dsnu.pixel_e: 0.3
 """
 
 
-def camera_file(fit: dict, name: str, rows: int, columns: int) -> str:
-    """The text of a camera.yaml from one camera's published fits."""
-    k = fit["Kmin"] * 2**STOPS
+def camera_file(fit: dict, name: str, rows: int, columns: int, stops: int) -> str:
+    """The text of a camera.yaml from one camera's published fits, so many stops above its lowest gain."""
+    k = fit["Kmin"] * 2**stops
     lines = fit["Profile-1"]
 
     def at_k(law: str) -> float:
         return math.exp(lines[law]["slope"] * math.log(k) + lines[law]["bias"])
 
-    shape = sum(fit["G_shape"][2 * STOPS : 2 * STOPS + 2]) / 2
+    shape = sum(fit["G_shape"][2 * stops : 2 * stops + 2]) / 2
     unit = float(tukeylambda.std(shape))
     return TEMPLATE.format(
-        name=name, rows=rows, columns=columns, kmin=fit["Kmin"], k=k, gain=1 / k, shape=shape, unit=unit,
+        name=name, iso=100 * 2**stops, times=2**stops, rows=rows, columns=columns,
+        kmin=fit["Kmin"], k=k, gain=1 / k, shape=shape, unit=unit,
         scale=at_k("G_scale"), sigma=at_k("G_scale") * unit / k, spread=lines["G_scale"]["sigma"],
         row_dn=at_k("R_scale"), row=at_k("R_scale") / k, row_spread=lines["R_scale"]["sigma"],
     )  # fmt: skip
 
 
 def main(source: Path, target: Path) -> None:
-    for stem, (name, rows, columns, fit) in CAMERAS.items():
+    for stem, (name, rows, columns, fit, stops) in CAMERAS.items():
         content = json.loads((source / f"{fit}_params.json").read_text())
-        write_text(target / f"{stem}.yaml", camera_file(content, name, rows, columns))
+        write_text(target / f"{stem}.yaml", camera_file(content, name, rows, columns, stops))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import yaml
 from visaug.camera import Camera, draw, shipped
 from visaug.sampling import Stream
 
-ABOUT = ("name", "source", "assumed", "licence", "randomize", "reading")
+ABOUT = ("name", "source", "assumed", "licence", "randomize", "correlated", "reading")
 NAMES = sorted(shipped())
 
 
@@ -34,7 +34,16 @@ def figures(content: dict) -> set[str]:
 
 def test_the_ones_that_were_promised_are_there():
     assert {"flir_cm3_u3_13y3c", "basler_ccd12_emva1288", "sony_imx174"} <= set(NAMES)
-    assert sum("iso800" in name for name in NAMES) == 5
+    assert sum("iso" in name for name in NAMES) == 15
+    presets = {
+        "machine_vision_low_light",
+        "phone_at_night",
+        "star_tracker",
+        "spacecraft_inspection",
+        "surveillance_at_night",
+    }
+    assert presets <= set(NAMES)
+    assert len(NAMES) >= 24
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -65,8 +74,8 @@ def test_it_exposes_with_its_own_spreads(name):
     camera = Camera.load(f"{name}.yaml")
     values = draw(camera, 3, np.random.default_rng(0))
     gain = values["gain_e_per_dn"] * 10 ** ((camera.spec.gain_db - values["gain_db"]) / 20)
-    range_e = (2**camera.bit_depth - 1) * camera.spec.gain_e_per_dn
-    electrons = min(range_e, camera.values()["full_well_e"]) / 3
+    range_e = (2**camera.bit_depth - 1 - values["black_level_dn"]) * gain
+    electrons = torch.minimum(range_e, values["full_well_e"]) / 3
     photons = electrons / values["quantum_efficiency"]
     stream = Stream([1, 2, 3], [4, 5, 6], 1, (range(200), range(200)))
     frames = camera.expose(photons.view(3, 1, 1, 1).expand(3, 1, 200, 200).contiguous(), stream, values)
@@ -87,9 +96,9 @@ def test_a_bias_frame_is_not_cut_off_at_zero(name):
 
 def test_photographic_cameras_are_those_of_the_published_fits(shared_data):
     script = run_path(str(Path(__file__).parents[2] / "scripts" / "make_photographic_cameras.py"))
-    for stem, (name, rows, columns, fit) in script["CAMERAS"].items():
+    for stem, (name, rows, columns, fit, stops) in script["CAMERAS"].items():
         content = json.loads((shared_data / "eld_camera_params" / f"{fit}_params.json").read_text())
-        assert shipped()[stem].read_text() == script["camera_file"](content, name, rows, columns)
+        assert shipped()[stem].read_text() == script["camera_file"](content, name, rows, columns, stops)
 
 
 def test_photographic_read_noise_agrees_with_the_gaussian_fits(shared_data):

@@ -237,3 +237,12 @@ def test_law_of_a_faint_mean_beside_gaussian_offsets(sigma, read_e):
     level = 0.95 * float(numbers[0, fast.kernel().FAINT_E])
     assert level > 0
     assert chi_square(shoot(cam, level, (2048, 2048)), *law(cam, level)) > ALARM
+
+
+@pytest.mark.parametrize("level", [18.0, 23.7, 24.8, 26.0])
+@pytest.mark.parametrize("prnu", [0.05, 0.1])
+def test_gains_of_pixels_near_the_end_of_the_poisson_table(level, prnu):
+    """Whole electrons show and every pixel has a gain, so a mean below 25 e- may become one of 40."""
+    cam = camera(prnu={"pixel": prnu}, dsnu={"pixel_e": 0.25}, gain_e_per_dn=0.02,
+                 read_noise={"sigma_e": 0.3, "shape": 0.14})  # fmt: skip
+    assert chi_square(shoot(cam, level), *law(cam, level)) > ALARM

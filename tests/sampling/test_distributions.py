@@ -176,3 +176,18 @@ def test_a_count_depends_on_its_own_mean_alone(path):
     for place, level in enumerate(levels):
         even = stream(4).poisson(torch.full((1, 1, 200, 1000), level))
         assert torch.equal(counts[..., place::5], even[..., place::5])
+
+
+@pytest.mark.parametrize("mean", [9.5, 12.0, 17.0, 24.0, 26.0, 60.0])
+def test_poisson_quantiles_far_in_both_tails(mean):
+    """Against SciPy's, at tails down to 2^-33: never more than one count apart, and equal up to a mean of 25."""
+    bits = torch.tensor(
+        [0, 1, 7, 60, 900, 40_000, 3_000_000, 2**31 - 1, 2**31, 2**32 - 500, 2**32 - 3, 2**32 - 1]
+    )
+    u = (bits.double().numpy() + 0.5) / 2**32
+    found = distributions.poisson(torch.full((len(bits),), mean), bits).numpy()
+    expected = stats.poisson.ppf(u, mean)
+    if mean < 25:
+        np.testing.assert_array_equal(found, expected)
+    else:
+        assert abs(found - expected).max() <= 1

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 Values = Mapping[str, np.ndarray]
 SHIFTS = {"row_noise": "row", "column_noise": "column"}  # further effects that only shift rows or columns
-WIDEST_PRNU = 0.1  # of pixels drawn anew; beyond it the expansion of the count's quantile is not exact
 VISIBLE_COMB = 2e-4
 FAINT_SKEWNESS, FAINT_FIFTH = 0.1, 0.025
 
@@ -41,7 +40,7 @@ def suits(camera: "Camera", values: Values, kept: bool) -> bool:
     pixel = values["prnu.pixel"]
     if kept:
         return pixel.size == values["dsnu.pixel_e"].size == 1
-    return bool((pixel <= WIDEST_PRNU).all())
+    return bool((pixel <= tables.WIDEST_PRNU).all())
 
 
 def take(

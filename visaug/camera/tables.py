@@ -16,6 +16,10 @@ FRACTION_BITS = 23 - SUB
 FIRST = (127 - 33) << SUB  # the place of 2^-33, the least p
 SIDE = (32 << SUB) + 1  # nodes of one side, the last one at p = 1/2
 LARGE_MEAN = 25.0  # from here on the Poisson's expansion is within 1e-5 of its distribution function
+WIDEST_PRNU = 0.1  # of pixels drawn anew; beyond it the expansion of the count's quantile is not exact
+LARGEST_TABLED_MEAN = LARGE_MEAN * (
+    1 + 6.3 * WIDEST_PRNU
+)  # where a pixel's gain makes a mean below LARGE_MEAN larger
 MEANS_PER_ROOT = (
     128  # rows of the Poisson table lie evenly in sqrt(mean): a mixture of two has 1e-4 more variance
 )
@@ -66,14 +70,14 @@ def tukey_deviation(shapes: np.ndarray) -> np.ndarray:
 
 @cache
 def poisson_table() -> np.ndarray:
-    """Of the Poisson law for means below LARGE_MEAN, (rows, 2 SIDE) int32.
+    """Of the Poisson law for means up to LARGEST_TABLED_MEAN, (rows, 2 SIDE) int32.
 
     The mean of row j is (j / MEANS_PER_ROOT)^2. Between two nodes a count changes at most once, so an entry is the count
     at the first node (upper bits) and the fraction beyond which it is one more (below the median) or one less (above).
     """
     p = nodes()
     least, width = p[:-1], np.diff(p)
-    rows = math.ceil(math.sqrt(LARGE_MEAN) * MEANS_PER_ROOT) + 2
+    rows = math.ceil(math.sqrt(LARGEST_TABLED_MEAN) * MEANS_PER_ROOT) + 2
     means = (np.arange(rows) / MEANS_PER_ROOT) ** 2
     table = np.empty((rows, 2, SIDE), np.int32)
     counts = np.arange(128.0)

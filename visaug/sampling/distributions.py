@@ -5,7 +5,7 @@ import math
 import torch
 from torch import Tensor
 
-SMALL_MEAN = 10.0  # below it the Poisson quantile is summed exactly, above it Giles' expansion is within 1e-4 of an integer step
+SMALL_MEAN = 25.0  # below it the Poisson quantile is summed exactly, above it Giles' expansion has both far tails right
 
 ZETA_3 = 1.2020569031595943  # Apery's constant
 
@@ -67,7 +67,7 @@ def poisson(mean: Tensor, bits: Tensor) -> Tensor:
     small = rate.clamp_max(SMALL_MEAN)
     term = torch.exp(-small)
     total, count = term, torch.zeros_like(small)
-    for n in range(1, 48):
+    for n in range(1, 84):
         count = count + (u > total)
         term = term * (small / n)
         total = total + term

@@ -57,7 +57,7 @@ def _normal(bits):
 
 @njit(inline="always")
 def _few(mean, bits):
-    """Poisson quantile of a mean below 10, summed."""
+    """Poisson quantile of a mean below 25, summed."""
     if not mean > 0.0:
         return 0.0
     p, side = _tail(bits)
@@ -67,7 +67,7 @@ def _few(mean, bits):
     term = math.exp(-mean)
     total = term
     n = 0
-    while u > total and n < 64:
+    while u > total and n < 128:
         n += 1
         term *= mean / n
         total += term
@@ -151,7 +151,7 @@ def fill_poisson(keys, r0, c0, mean, out):
                 _bits_row(bits, keys[b], channel, r0 + r, c0, width)
                 for i in range(width):
                     m = np.float64(mean[b, channel, r, i])
-                    if not m >= 10.0:
+                    if not m >= 25.0:
                         out[b, channel, r, i] = _few(m, bits[i])
                         continue
                     if m != last:
