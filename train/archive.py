@@ -5,11 +5,16 @@ checked.
 """
 
 import argparse
+import bz2
+import gzip
+import lzma
 import shutil
 import sys
 import tarfile
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import IO
 
@@ -51,7 +56,12 @@ def unpack(archive: Path, folder: Path, progress: Progress | None = None) -> Non
             )
         target = folder / path
         if not target.is_file() or target.stat().st_size != size:
-            with whole_file(target) as temporary, temporary.open("wb") as out, read() as content:
+            with (
+                _whole(archive),
+                whole_file(target) as temporary,
+                temporary.open("wb") as out,
+                read() as content,
+            ):
                 shutil.copyfileobj(content, out)
         if progress:
             progress("unpacking", done, total)
@@ -106,7 +116,7 @@ def main(arguments: list[str] | None = None) -> int:
                 parts = {names[split]: read_poses(root, first, split) for split in splits}
                 place = given.output.with_name(f"{given.output.name}-{size[0]}x{size[1]}")
                 print(f"labels: {convert(parts, Keypoints.load(given.keypoints), place, size, progress)}")
-    except InputError as error:
+    except (InputError, OSError) as error:
         print(f"prepare_speed: {error}", file=sys.stderr)
         return 2
     print(f"ready: {root}")
@@ -126,21 +136,56 @@ def _members(archive: Path) -> Iterator[tuple[str, int, int, Callable[[], IO[byt
     """Name, size, number of all, and how to read it, of each file in an archive."""
     if not archive.is_file():
         raise InputError("no such file", file=archive, expected="a downloaded archive")
-    try:
+    with _whole(archive):
         if zipfile.is_zipfile(archive):
             with zipfile.ZipFile(archive) as opened:
                 files = [info for info in opened.infolist() if not info.is_dir()]
                 for info in files:
                     yield info.filename, info.file_size, len(files), lambda info=info: opened.open(info)
         elif tarfile.is_tarfile(archive):
+            _check_stream(archive)
             with tarfile.open(archive) as opened:
                 files = [member for member in opened.getmembers() if member.isfile()]
                 for member in files:
                     yield member.name, member.size, len(files), lambda m=member: opened.extractfile(m)  # type: ignore[return-value]
         else:
             raise InputError("is no archive that can be read", file=archive, expected="zip or tar")
-    except (zipfile.BadZipFile, tarfile.TarError, EOFError) as error:
+
+
+@contextmanager
+def _whole(archive: Path) -> Iterator[None]:
+    """What a damaged, encrypted or oddly packed archive raises, in one line."""
+    try:
+        yield
+    except (
+        zipfile.BadZipFile,
+        tarfile.TarError,
+        EOFError,
+        zlib.error,
+        lzma.LZMAError,
+        gzip.BadGzipFile,
+    ) as error:
         raise InputError(f"is damaged ({error})", file=archive, expected="a whole download") from None
+    except (
+        NotImplementedError,
+        RuntimeError,
+    ) as error:  # how zipfile says unknown compression, and encrypted
+        raise InputError(
+            f"cannot be unpacked ({error})", file=archive, expected="zip or tar as published"
+        ) from None
+
+
+def _check_stream(archive: Path) -> None:
+    """Read a compressed tar to its end, where its checksum is: tarfile stops before, and has none of the content."""
+    with archive.open("rb") as file:
+        head = file.read(6)
+    opener = {b"\x1f\x8b": gzip.open, b"BZ": bz2.open}.get(head[:2]) or (
+        lzma.open if head == b"\xfd7zXZ\0" else None
+    )
+    if opener:
+        with opener(archive) as stream:
+            while stream.read(2**20):
+                pass
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ Pair = tuple[float, float]
 class Part(BaseModel):
     """A part of a config; a key that it does not know is refused."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class Blur(Part):

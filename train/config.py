@@ -9,18 +9,23 @@ from visaug.documents import read_yaml
 from visaug.errors import InputError
 from visaug_train.arms import Arm, Part
 
+# Arms, domains and splits name files: a letter or digit, then no more than what every file system takes.
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.+-]{0,63}$")]
+Seed = Annotated[int, Field(ge=0, lt=2**31)]  # ultralytics and NumPy take no other
+Side = Annotated[int, Field(ge=1, le=65535)]  # of an image, pixels
+
 
 class Rendered(Part):
     """A dataset of the built-in ray-caster: see `visaug_train.render.dataset.RenderSettings`."""
 
-    width: int = Field(240, ge=32)
-    height: int = Field(150, ge=32)
-    images: dict[str, dict[str, int]] | None = None
-    distance_m: tuple[float, float] = (2.6, 5.5)
+    width: int = Field(240, ge=32, le=8192)
+    height: int = Field(150, ge=32, le=8192)
+    images: dict[Name, dict[Name, Annotated[int, Field(ge=1, le=10**6)]]] | None = None
+    distance_m: tuple[Annotated[float, Field(gt=0, le=1e4)], Annotated[float, Field(gt=0, le=1e4)]] = (2.6, 5.5)
     attitude_deg: float = Field(45.0, ge=0, le=180)
     samples: int = Field(2, ge=1, le=8)
     linear_frames: bool = False
-    seed: int = 0
+    seed: Seed = 0
 
 
 class Source(Part):
@@ -40,17 +45,17 @@ class Data(Part):
     root: Path | None = None
     rendered: Rendered | None = None
     keypoints: str = "tango"
-    image_size: tuple[int, int] | None = Field(
+    image_size: tuple[Side, Side] | None = Field(
         None, description="width, height to which training and test images are reduced first"
     )
     reduce: Literal["area", "linear"] | None = Field(
         None, description="how, in training and in testing alike; area where left out"
     )
     channels: Literal[1, 3] = Field(3, description="1: a network with one input channel, for gray images")
-    split_seed: int = 0
+    split_seed: Seed = 0
     train: Source = Source(domain="synthetic", split="train")
     validation: Source = Source(domain="synthetic", split="validation")
-    test: dict[str, Source] = Field(
+    test: dict[Name, Source] = Field(
         {
             "synthetic": Source(domain="synthetic", split="test"),
             "lightbox": Source(domain="lightbox"),
@@ -78,7 +83,7 @@ class Start(Part):
 
     epochs: int = Field(ge=1)
     like: str | None = Field(None, description="the arm whose augmentation it has; none where left out")
-    seed: int = 0
+    seed: Seed = 0
     training: dict[str, Any] = Field({})
 
 
@@ -113,11 +118,11 @@ class Config(Part):
     data: Data
     model: str = Field("yolov8n-pose.yaml", description="a YAML, or the file of trained weights, NAME.pt")
     training: dict[str, Any] = Field({}, description="ultralytics' training arguments, the same in all arms")
-    arms: dict[str, Arm]
+    arms: dict[Name, Arm] = Field(min_length=1)
     baseline: str = "baseline"
-    seeds: list[int] = Field([0])
+    seeds: list[Seed] = Field([0])
     bootstrap: int = Field(
-        400, ge=0, description="resamples of the test images, for the variance between images"
+        400, ge=0, le=10**6, description="resamples of the test images, for the variance between images"
     )
     weights: Literal["best", "last"] = Field(
         "best", description="best by the clean validation images, or last"
@@ -214,6 +219,8 @@ def check_config(content: Any, path: Path | None = None) -> Config:
         raise InputError(f"{config.baseline} is no arm", file=path, field="baseline")
     if not config.seeds:
         raise InputError("is empty", file=path, field="seeds", expected="a list of whole numbers")
+    if len(set(config.seeds)) < len(config.seeds):
+        raise InputError(f"{config.seeds} repeats one", file=path, field="seeds", expected="each seed once")
     for name in config.arms:
         config.arm(name)
     return config

@@ -27,12 +27,11 @@ def decides(config: Config, arm: Arm, data_yaml: Path) -> dict[str, Any]:
     """Network, arguments, noise, cameras by value, data: what a run's hash is made of."""
     return {
         "visaug": visaug.__version__,
-        "model": config.model,
+        "model": Path(config.model).name,
         "model_sha256": _file_digest(config.model),
         "training": {**config.training, **arm.training},
         "start": start_decides(config),
-        "noise": arm.model_dump(mode="json", exclude={"training", "why", "like"}),
-        "cameras": {name: camera_values(name) for name in arm.camera_files},
+        **_noise(arm),
         "data": read_json(data_yaml.with_name("conversion.json")),
     }
 
@@ -44,9 +43,24 @@ def start_decides(config: Config) -> dict[str, Any] | None:
     arm = config.arm(config.start.like) if config.start.like else Arm()
     return {
         **config.start.model_dump(mode="json"),
-        "noise": arm.model_dump(mode="json", exclude={"why", "like"}),
-        "cameras": {name: camera_values(name) for name in arm.camera_files},
+        **_noise(arm),
+        "noise_training": arm.training,
     }
+
+
+def _noise(arm: Arm) -> dict[str, Any]:
+    """An arm's noise with its cameras by value: where their files lie decides nothing."""
+    files = list(arm.camera_files)
+
+    def numbered(part: Any) -> Any:
+        if isinstance(part, dict):
+            return {key: numbered(value) for key, value in part.items()}
+        if isinstance(part, list):
+            return [numbered(value) for value in part]
+        return f"camera {files.index(part)}" if isinstance(part, str) and part in files else part
+
+    noise = arm.model_dump(mode="json", exclude={"training", "why", "like"})
+    return {"noise": numbered(noise), "cameras": [camera_values(name) for name in files]}
 
 
 def camera_values(name: str) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import shutil
 import zipfile
+from pathlib import Path
 
 import pytest
 
@@ -65,3 +66,45 @@ def test_member_outside_is_refused(tmp_path):
     with pytest.raises(InputError, match="outside"):
         prepare_archive(tmp_path / "evil.zip", tmp_path / "data")
     assert not (tmp_path / "outside.txt").exists()
+
+
+def damaged_gzip(content):
+    content[len(content) // 2 : len(content) // 2 + 50] = bytes(50)
+
+
+def wrong_sum(content):
+    content[-6] ^= 1  # in the checksum at the end
+
+
+def cut(content):
+    del content[-3000:]
+
+
+@pytest.mark.parametrize("damage", [damaged_gzip, wrong_sum, cut])
+def test_a_damaged_tar_is_refused(rendered, tmp_path, damage):
+    packed = Path(shutil.make_archive(str(tmp_path / "set"), "gztar", rendered))
+    content = bytearray(packed.read_bytes())
+    damage(content)
+    packed.write_bytes(content)
+    with pytest.raises(InputError, match="damaged"):
+        prepare_archive(packed, tmp_path / "data")
+    assert not (tmp_path / "data").exists()
+
+
+@pytest.mark.parametrize(("at", "value"), [((6, 8), 1), ((8, 10), 99)], ids=["encrypted", "unknown method"])
+def test_a_zip_that_cannot_be_unpacked_is_refused(archive, tmp_path, at, value):
+    content = bytearray(Path(archive).read_bytes())
+    with zipfile.ZipFile(archive) as opened:
+        member = next(info for info in opened.infolist() if info.filename.endswith(".png"))
+    directory = content.index(b"PK\x01\x02")
+    while content[directory + 46 : directory + 46 + len(member.filename)] != member.filename.encode():
+        directory = content.index(b"PK\x01\x02", directory + 4)
+    content[member.header_offset + at[0]] = content[directory + at[1]] = value
+    (tmp_path / "a.zip").write_bytes(content)
+    assert main([str(tmp_path / "a.zip"), "-o", str(tmp_path / "data")]) == 2
+
+
+def test_a_file_in_the_way_is_one_line(archive, tmp_path, capsys):
+    (tmp_path / "data.partial").touch()
+    assert main([archive, "-o", str(tmp_path / "data")]) == 2
+    assert "Traceback" not in capsys.readouterr().err

@@ -6,6 +6,7 @@ import pytest
 
 from visaug.errors import InputError
 from visaug_train.config import check_config, load_config
+from visaug_train.record import decides
 from visaug_train.training import batch_noise
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -107,3 +108,43 @@ def test_a_file_without_keys_is_no_config(tmp_path):
     (tmp_path / "text.yaml").write_text("hello")
     with pytest.raises(InputError, match=r"text\.yaml: holds no keys; expected name, output"):
         load_config(tmp_path / "text.yaml")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"arms": {"baseline": {}, "../../evil": {}}},
+        {"arms": {"baseline": {}, "": {}}},
+        {"arms": {"baseline": {}, "a/b": {}}},
+        {"arms": {"baseline": {}, "x" * 300: {}}},
+        {"data": {"rendered": {}, "test": {"../x": {"domain": "synthetic"}}}},
+        {"data": {"rendered": {"images": {"../x": {"test": 1}}}}},
+        {"data": {"rendered": {"images": {"x": {"test": -1}}}}},
+        {"data": {"rendered": {"width": 10**9}}},
+        {"data": {"rendered": {}, "image_size": [0, -5]}},
+        {"seeds": [-1]},
+        {"seeds": [2**40]},
+        {"seeds": [1, 1]},
+        {"training": {"save_dir": "/tmp/x"}},
+        {"arms": {"baseline": {"blur": {"p": float("nan")}}}},
+        {"arms": {"baseline": {"blur": {"sigma_px": [0.1, float("nan")]}}}},
+    ],
+)
+def test_names_seeds_and_sizes_that_are_refused(changes):
+    with pytest.raises(InputError):
+        check_config(minimal(**changes))
+
+
+def test_where_a_camera_file_lies_decides_nothing(tmp_path, monkeypatch):
+    (tmp_path / "camera.yaml").write_text("{resolution: [8, 8], gain_e_per_dn: 2.0}")
+    (tmp_path / "conversion.json").write_text("{}")
+    monkeypatch.chdir(tmp_path)
+
+    def digest(camera):
+        config = check_config(minimal(arms={"baseline": {"vis": {"camera": camera}}}))
+        return decides(config, config.arm("baseline"), tmp_path / "data.yaml")
+
+    assert digest("camera.yaml") == digest(str(tmp_path / "camera.yaml")) == digest("./camera.yaml")
+    (tmp_path / "camera.yaml").write_text("{resolution: [8, 8], gain_e_per_dn: 3.0}")
+    (tmp_path / "other.yaml").write_text("{resolution: [8, 8], gain_e_per_dn: 2.0}")
+    assert digest("camera.yaml") != digest("other.yaml")
