@@ -1,5 +1,8 @@
 """Noisy copies: names, sizes, depth and channels stay; same seed, same bytes; a broken run goes on."""
 
+import struct
+import zlib
+
 import cv2
 import numpy as np
 import pytest
@@ -245,3 +248,246 @@ def test_bad_input_is_one_clear_line(message, make, camera, tmp_path):
     with pytest.raises(InputError, match=message) as caught:
         augment_files(inputs, tmp_path / "out", camera)
     assert "\n" not in str(caught.value)
+
+
+def decisions():
+    """(name, how it is written, transfer function): profiles and chunks made by Pillow, cv2 or by hand."""
+    from PIL import ImageCms, PngImagePlugin
+
+    colour, gray = Image.fromarray(pixels(np.uint8, 3)), Image.fromarray(pixels(np.uint8, 1))
+    srgb_profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0xA001] = 1
+
+    def gamma(value):
+        info = PngImagePlugin.PngInfo()
+        info.add(b"gAMA", struct.pack(">I", value))
+        return info
+
+    yield "colour.jpg", lambda p: colour.save(p), "srgb"
+    yield "colour.png", lambda p: colour.save(p), "srgb"
+    yield "colour.webp", lambda p: colour.save(p), "srgb"
+    yield "colour.tif", lambda p: colour.save(p), "srgb"
+    yield "gray.jpg", lambda p: gray.save(p), "linear"
+    yield "tagged_gray.jpg", lambda p: gray.save(p, exif=exif), "srgb"
+    yield "profiled_gray.png", lambda p: gray.save(p, icc_profile=srgb_profile), "srgb"
+    yield "linear_chunk.png", lambda p: colour.save(p, pnginfo=gamma(100000)), "linear"
+    yield "gray_gamma.png", lambda p: gray.save(p, pnginfo=gamma(45455)), "srgb"
+    yield "deep.png", lambda p: cv2.imwrite(str(p), pixels(np.uint16, 3)), "linear"
+    yield (
+        "deep_profiled.tif",
+        lambda p: tifffile.imwrite(p, pixels(np.uint16, 3), photometric="rgb", iccprofile=srgb_profile),
+        "srgb",
+    )
+    yield (
+        "linear_profile.tif",
+        lambda p: tifffile.imwrite(
+            p, pixels(np.uint8, 3), photometric="rgb", iccprofile=profile(struct.pack(">4sII", b"curv", 0, 0))
+        ),
+        "linear",
+    )
+    yield "parametric.tif", lambda p: tifffile.imwrite(
+        p, pixels(np.uint16, 3), photometric="rgb",
+        iccprofile=profile(struct.pack(">4sIHHi", b"para", 0, 0, 0, int(2.2 * 65536))),
+    ), "srgb"  # fmt: skip
+    yield (
+        "float.tif",
+        lambda p: tifffile.imwrite(p, np.full((8, 8, 3), 0.2, np.float32), photometric="rgb"),
+        "linear",
+    )
+    yield "array.npy", lambda p: np.save(p, pixels(np.uint8, 3)), "linear"
+
+
+def profile(curve):
+    """An ICC profile of one curve: header of 128 bytes, a table with one tag, its data."""
+    return bytes(128) + struct.pack(">I4sII", 1, b"gTRC", 144, len(curve)) + curve
+
+
+@pytest.mark.parametrize(("name", "make", "transfer"), list(decisions()), ids=lambda one: str(one)[:20])
+def test_transfer_function_is_what_the_file_says(name, make, transfer, camera, tmp_path):
+    make(tmp_path / name)
+    assert read_picture(tmp_path / name).transfer == transfer
+    done = augment_files([tmp_path / name], tmp_path / "out", camera)
+    assert [kind for kind, _ in done.assumed] == [transfer]
+
+
+def test_srgb_noise_follows_the_curve(camera, tmp_path):
+    """At level 60 the curve's slope makes 8-bit noise sigma_light * slope; 65,536 pixels, 0.3 %; rounding adds 1/12."""
+    level = 60
+    faint = camera.replace({"gain_e_per_dn": 0.05})  # 3,277 e- at white
+    Image.fromarray(np.full((256, 256, 3), level, np.uint8)).save(tmp_path / "a.png")
+    augment_files([tmp_path / "a.png"], tmp_path / "out", faint)
+    noisy = np.asarray(Image.open(tmp_path / "out" / "a.png")).astype(float)
+    light = ((level / 255 + 0.055) / 1.055) ** 2.4
+    full = 65535 * 0.05
+    sigma = (light * full + READ_E**2) ** 0.5 / full * 1.055 / 2.4 * light ** (1 / 2.4 - 1) * 255
+    assert noisy[..., 1].std() == pytest.approx((sigma**2 + 1 / 12) ** 0.5, rel=0.03)
+
+
+def test_palettes_tags_and_white_is_zero_of_tiffs(camera, tmp_path):
+    picture = Image.fromarray(np.full((16, 20, 3), (200, 90, 30), np.uint8))
+    picture.quantize(4).save(tmp_path / "palette.tif")
+    tags = [
+        (274, 3, 1, 8, True),
+        (33550, "d", 3, (0.5, 0.5, 0.0), True),
+        (34735, "H", 4, (1, 1, 0, 0), True),
+        (42113, "s", 0, "777", True),
+    ]
+    deep = pixels(np.uint16, 3)
+    deep[:5] = 777
+    tifffile.imwrite(
+        tmp_path / "tagged.tif", deep, photometric="rgb", iccprofile=b"profile", extratags=tags,
+        description="pose 12", software="renderer", resolution=(300, 200), resolutionunit=2, metadata=None,
+    )  # fmt: skip
+    tifffile.imwrite(tmp_path / "negative.tif", np.full((64, 64), 60000, np.uint16), photometric="miniswhite")
+    augment_files(
+        [tmp_path / name for name in ("palette.tif", "tagged.tif", "negative.tif")], tmp_path / "out", camera
+    )
+    colours = np.asarray(Image.open(tmp_path / "out" / "palette.tif").convert("RGB")).mean((0, 1))
+    assert colours == pytest.approx([200, 90, 30], abs=2)
+    with (
+        tifffile.TiffFile(tmp_path / "tagged.tif") as before,
+        tifffile.TiffFile(tmp_path / "out/tagged.tif") as after,
+    ):
+        old, new = before.pages[0].tags, after.pages[0].tags
+        for code in (270, 274, 282, 283, 296, 305, 33550, 34735, 34675, 42113):
+            assert new[code].value == old[code].value, code
+        noisy = after.asarray()
+    assert (noisy[:5] == 777).all()  # GDAL's no-data pixels hold no light
+    assert (noisy[5:] != deep[5:]).mean() > 0.9
+    negative = tifffile.imread(tmp_path / "out" / "negative.tif").astype(float)
+    assert negative.mean() == pytest.approx(60000, abs=3)
+    # 5,535 DN of light are 11,070 e-: 4,096 pixels, relative standard error 1.1 %; 5 of them.
+    assert negative.std() == pytest.approx((5535 * GAIN + READ_E**2) ** 0.5 / GAIN, rel=0.055)
+
+
+def test_floating_point_pictures_stay_linear_light(camera, tmp_path):
+    exr = pytest.importorskip("OpenEXR")
+    light = np.full((32, 40, 3), 0.25, np.float32)
+    light[:4] = 3.0  # brighter than white: saturates
+    tifffile.imwrite(tmp_path / "a.tif", light, photometric="rgb")
+    np.save(tmp_path / "b.npy", light[..., 0].astype(np.float64))
+    header = {"compression": exr.ZIP_COMPRESSION, "type": exr.scanlineimage}
+    depth = np.random.default_rng(0).random((32, 40)).astype(np.float32)
+    channels = {name: light[..., i].astype(np.float16) for i, name in enumerate("RGB")}
+    exr.File(header, channels | {"Z": depth}).write(str(tmp_path / "c.exr"))
+    done = augment_files([tmp_path / name for name in ("a.tif", "b.npy", "c.exr")], tmp_path / "out", camera)
+    assert (done.written, done.clipped) == (3, 3)
+    with exr.File(str(tmp_path / "out" / "c.exr"), separate_channels=True) as file:
+        written = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
+    assert np.array_equal(written["Z"], depth)
+    assert written["G"].dtype == np.float16
+    full = 65535 * GAIN
+    sigma = (0.25 * full + READ_E**2) ** 0.5 / full
+    for noisy in (tifffile.imread(tmp_path / "out/a.tif"), np.load(tmp_path / "out/b.npy")):
+        assert noisy.max() <= 1
+        # A monochrome camera: one noise for all channels, 1,120 pixels; relative standard error 2.1 %; 5 of them.
+        assert noisy[4:].std() == pytest.approx(sigma, rel=0.11)
+        assert noisy[4:].mean() == pytest.approx(0.25, abs=5 * sigma / 1120**0.5)
+    assert np.load(tmp_path / "out/b.npy").dtype == np.float64
+
+
+def test_chunks_and_a_transparent_colour_of_a_png_stay(camera, tmp_path):
+    from PIL import PngImagePlugin
+
+    info = PngImagePlugin.PngInfo()
+    info.add_text("Title", "a frame")
+    key = (120, 121, 122)
+    image = np.full((20, 20, 3), 121, np.uint8)
+    image[:5] = key
+    Image.fromarray(image).save(tmp_path / "a.png", pnginfo=info, dpi=(300, 300), transparency=key)
+    deep = pixels(np.uint16, 3)
+    assert cv2.imwrite(str(tmp_path / "b.png"), deep)
+    content = (tmp_path / "b.png").read_bytes()
+    text = b"tEXtTitle\0deep"
+    chunk = struct.pack(">I", len(text) - 4) + text + struct.pack(">I", zlib.crc32(text))
+    (tmp_path / "b.png").write_bytes(content[:33] + chunk + content[33:])
+    augment_files(
+        [tmp_path / "a.png", tmp_path / "b.png"], tmp_path / "out", camera.replace({"gain_e_per_dn": 0.01})
+    )
+    with Image.open(tmp_path / "out" / "a.png") as made:
+        assert made.info["transparency"] == key
+        assert made.info["Title"] == "a frame"
+        assert made.info["dpi"] == pytest.approx((300, 300), rel=0.01)
+        transparent = (np.asarray(made) == key).all(-1)
+    assert transparent[:5].all()
+    assert not transparent[5:].any()  # noise makes no pixel transparent
+    with Image.open(tmp_path / "out" / "b.png") as made:
+        assert made.info["Title"] == "deep"
+
+
+def test_a_damaged_picture_is_named_and_the_others_are_made(camera, tmp_path):
+    root = tmp_path / "in"
+    root.mkdir()
+    for name in ("a.png", "c.png"):
+        png(root / name)
+    truncated(root / "b.png")
+    touch(root / "notes.txt")
+    touch(root / "clip.mp4")
+    (tmp_path / "elsewhere").mkdir()
+    png(tmp_path / "elsewhere" / "d.png")
+    (root / "linked").symlink_to(tmp_path / "elsewhere")
+    (root / "loop").symlink_to(root)
+    done = augment_files([root], tmp_path / "out", camera)
+    assert set(contents(tmp_path / "out")) == {"a.png", "c.png", "linked/d.png"}
+    assert (done.written, len(done.failed)) == (3, 1)
+    assert "b.png" in done.failed[0]
+    assert done.skipped == {".txt": 1, ".mp4": 1}
+    again = augment_files([root], tmp_path / "out", camera)
+    assert (again.written, again.kept, len(again.failed)) == (0, 3, 1)
+
+
+def test_copies_keep_their_names_and_bytes_when_there_are_more(camera, tmp_path):
+    png(tmp_path / "a.png")
+    two = augment_files([tmp_path / "a.png"], tmp_path / "out", camera, copies=2)
+    first = contents(tmp_path / "out")
+    assert set(first) == {"a_1.png", "a_2.png"}
+    assert first["a_1.png"] != first["a_2.png"]
+    three = augment_files([tmp_path / "a.png"], tmp_path / "out", camera, copies=3)
+    assert (two.written, three.written, three.kept) == (2, 1, 2)
+    assert {name: contents(tmp_path / "out")[name] for name in first} == first
+
+
+def test_a_share_of_the_copies_is_the_original_and_each_has_one_camera(camera, tmp_path):
+    original = png(tmp_path / "a.png").read_bytes()
+    loud = camera.replace({"read_noise.sigma_e": 4000.0})
+    done = augment_files([tmp_path / "a.png"], tmp_path / "out", [camera, loud], copies=60, p=0.5)
+    clean = [content == original for content in contents(tmp_path / "out").values()]
+    assert done.written == 60
+    assert 15 < sum(clean) < 45  # binomial, 60 x 0.5: standard deviation 3.9; 3.9 of them
+    before = cv2.imread(str(tmp_path / "a.png"), cv2.IMREAD_UNCHANGED).astype(float)
+    spread = [
+        (cv2.imread(str(path), cv2.IMREAD_UNCHANGED) - before).std()
+        for path in (tmp_path / "out").glob("*.png")
+        if path.read_bytes() != original
+    ]
+    strong = sum(one > 3 for one in spread)  # 4,000 e- are 7.8 levels of 8 bit
+    assert 0 < strong < len(spread)
+
+
+def test_bits_of_16_bit_words(camera, tmp_path):
+    cv2.imwrite(str(tmp_path / "a.png"), np.full((128, 128), 1000, np.uint16))
+    png(tmp_path / "b.png")
+    files.augment_files([tmp_path / "a.png", tmp_path / "b.png"], tmp_path / "out", camera, bits=12)
+    noisy = cv2.imread(str(tmp_path / "out" / "a.png"), cv2.IMREAD_UNCHANGED).astype(float)
+    full = 65535 * GAIN
+    sigma = (1000 / 4095 * full + READ_E**2) ** 0.5 / full * 4095
+    assert noisy.std() == pytest.approx((sigma**2 + 1 / 12) ** 0.5, rel=0.03)  # 0.6 %; 5 of them
+    with pytest.raises(InputError, match="value 1000"):
+        augment_files([tmp_path / "a.png"], tmp_path / "out2", camera, bits=9)
+
+
+def test_labels_go_where_ultralytics_looks_for_them(camera, tmp_path):
+    (tmp_path / "set" / "labels").mkdir(parents=True)
+    png(tmp_path / "set" / "images" / "a.png")
+    (tmp_path / "set" / "labels" / "a.txt").write_text("0 0.5 0.5 0.2 0.2\n")
+    png(tmp_path / "set" / "images" / "b.png")
+    done = augment_files([tmp_path / "set"], tmp_path / "noisy", camera, copies=2, labels=True)
+    made = contents(tmp_path / "noisy")
+    assert {name for name in made if name.endswith(".txt")} == {"labels/a_1.txt", "labels/a_2.txt"}
+    assert made["labels/a_2.txt"] == b"0 0.5 0.5 0.2 0.2\n"
+    assert done.unlabelled == 2
+    png(tmp_path / "flat" / "c.png")
+    (tmp_path / "flat" / "c.txt").write_text("1 0.1 0.1 0.1 0.1\n")
+    augment_files([tmp_path / "flat"], tmp_path / "noisy2", camera, labels=True)
+    assert contents(tmp_path / "noisy2")["c.txt"] == b"1 0.1 0.1 0.1 0.1\n"
