@@ -41,6 +41,7 @@ EXTENT = (
 )
 # ultralytics' transforms move this key along with the image and fill it with 255 where they pad.
 MASK, PICTURE = "semantic_mask", 1
+RECORD = "sensor_noise.txt"  # beside ultralytics' args.yaml, which takes no key of others
 SAMPLED_FILES = 8  # training images that are looked at for their transfer function
 TRAINERS = {
     "detect": "DetectionTrainer",
@@ -164,6 +165,8 @@ def begin(trainer: Any, noise: nn.Module) -> nn.Module:
     """
     from ultralytics.utils import LOGGER, RANK
 
+    from visaug.files import write_text
+
     dataset = trainer.train_loader.dataset
     known = track_padding(dataset)
     if getattr(trainer.train_loader, "iterator", None) is not None:  # workers have copies of the dataset
@@ -180,12 +183,15 @@ def begin(trainer: Any, noise: nn.Module) -> nn.Module:
     noise, transfer = with_transfer(noise, dataset)
     words = {True: "padding left as it is", False: "padding not known for this task: noise goes everywhere"}
     said = ", ".join(
-        [str(noise), *([transfer] if transfer else []), *([words[known]] if known is not None else [])]
+        [
+            " ".join(str(noise).split()),
+            *([transfer] if transfer else []),
+            *([words[known]] if known is not None else []),
+        ]
     )
-    trainer.sensor_noise = trainer.args.sensor_noise = (
-        said  # args are listed first when a training is resumed
-    )
+    trainer.sensor_noise = said
     if RANK in (-1, 0):
+        write_text(Path(trainer.save_dir) / RECORD, said + "\n")
         LOGGER.info(f"sensor noise: {said}")
     return noise
 
@@ -310,8 +316,9 @@ def warn_of_lost_noise(trainer: Any) -> None:
     """At the start of every training of ultralytics: one that began with noise is resumed without."""
     from ultralytics.utils import LOGGER, RANK
 
-    began = getattr(trainer.args, "sensor_noise", None)
-    if began and not getattr(trainer, "sensor_noise", None) and RANK in (-1, 0):
+    record = Path(trainer.save_dir) / RECORD
+    if RANK in (-1, 0) and trainer.args.resume and not hasattr(trainer, "sensor_noise") and record.is_file():
+        began = record.read_text(encoding="utf-8").strip()
         LOGGER.warning(
             f"this training began with sensor noise ({began}) and goes on without; "
             "give trainer=visaug.ultralytics.vis_trainer(CAMERA) again"

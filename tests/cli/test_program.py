@@ -325,3 +325,57 @@ def test_scripts_can_read_the_answer_of_compare(program_run, tmp_path):
     status, out, _ = program_run("compare", "frames", "--camera", "noisy.yaml", "--fail-on-misfit")
     assert status == 3
     assert "does not hold" in out.splitlines()[-1]
+
+
+def test_augment_says_what_it_assumed_skipped_and_could_not_use(program_run, tmp_path):
+    (tmp_path / "in").mkdir()
+    cv2.imwrite(str(tmp_path / "in" / "a.png"), np.full((8, 8, 3), 90, np.uint8))
+    cv2.imwrite(str(tmp_path / "in" / "b.tif"), np.full((8, 8), 9000, np.uint16))
+    (tmp_path / "in" / "c.jpg").write_bytes(b"no picture")
+    (tmp_path / "in" / "d.mov").write_bytes(b"")
+    status, out, _ = program_run(
+        "augment", "in", "-o", "out", "--camera", "camera.yaml", "--camera", "sony_imx174", "--gain-db", "0:6",
+        "--exposure", "0.5", "--strength", "2", "--copies", "2", "--p", "1",
+    )  # fmt: skip
+    assert status == 1
+    assert "wrote 4 pictures" in out
+    assert "transfer function: linear for 2 (16-bit), sRGB for 2 (8-bit colour)" in out
+    assert "skipped 1 file: 1 .mov" in out
+    assert "c.jpg" in out.split("could not be used")[1]
+    assert sorted(path.name for path in (tmp_path / "out").glob("[!.]*")) == [
+        "a_1.png",
+        "a_2.png",
+        "b_1.tif",
+        "b_2.tif",
+    ]
+    status, _, errors = program_run("augment", "in/c.jpg", "-o", "out2", "--camera", "camera.yaml")
+    assert status == 2
+    assert "c.jpg" in errors
+    status, _, errors = program_run(
+        "augment", "in", "-o", "out3", "--camera", "camera.yaml", "--gain-db", "6:x"
+    )
+    assert status == 2
+    assert "6:x" in errors
+
+
+def test_preview_is_a_sheet_with_the_crop_pixel_by_pixel(program_run, tmp_path):
+    image = np.random.default_rng(0).integers(0, 255, (40, 60, 3)).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "a.png"), image)
+    status, out, _ = program_run(
+        "preview", "a.png", "--camera", "camera.yaml", "-o", "sheet.png", "--gain-db", "12"
+    )
+    assert status == 0
+    assert "sRGB (8-bit colour)" in out
+    sheet = cv2.imread(str(tmp_path / "sheet.png"))
+    windows = np.lib.stride_tricks.sliding_window_view(sheet[..., 1], (40, 60))
+    assert (windows == image[..., 1]).all((2, 3)).sum() == 1  # the picture as given, once
+    assert program_run("preview", "a.png", "--camera", "camera.yaml", "-o", "sheet.jpg")[0] == 2
+    assert program_run("preview", "no.png", "--camera", "camera.yaml", "-o", "sheet.png")[0] == 2
+
+
+def test_a_camera_is_printed_as_its_file(program_run):
+    status, out, _ = program_run("cameras", "sony_imx174")
+    assert status == 0
+    assert out == visaug.camera.shipped()["sony_imx174"].read_text()
+    assert program_run("cameras", "camera.yaml")[1] == Path("camera.yaml").read_text()
+    assert program_run("cameras", "no_such_camera")[0] == 2

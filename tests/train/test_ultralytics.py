@@ -228,17 +228,19 @@ def test_transfer_function_is_what_the_training_files_say(tmp_path):
     assert with_transfer(chosen, SimpleNamespace(im_files=[str(colour)])) == (chosen, "")
 
 
-def test_a_training_resumed_without_its_noise_is_warned_of(monkeypatch):
+def test_a_training_resumed_without_its_noise_is_warned_of(monkeypatch, tmp_path):
     from ultralytics.utils import LOGGER
 
     said = []
     monkeypatch.setattr(LOGGER, "warning", said.append)
-    begun = SimpleNamespace(args=SimpleNamespace(sensor_noise="VISNoise('some camera')"))
-    warn_of_lost_noise(begun)
+    (tmp_path / "sensor_noise.txt").write_text("VISNoise('some camera')\n")
+    resumed = {"args": SimpleNamespace(resume=True), "save_dir": tmp_path}
+    warn_of_lost_noise(SimpleNamespace(**resumed))
     assert len(said) == 1
     assert "some camera" in said[0]
-    warn_of_lost_noise(SimpleNamespace(args=begun.args, sensor_noise="VISNoise('some camera')"))
-    warn_of_lost_noise(SimpleNamespace(args=SimpleNamespace()))
+    warn_of_lost_noise(SimpleNamespace(**resumed, sensor_noise="VISNoise('some camera')"))
+    warn_of_lost_noise(SimpleNamespace(args=SimpleNamespace(resume=False), save_dir=tmp_path))
+    warn_of_lost_noise(SimpleNamespace(args=SimpleNamespace(resume=True), save_dir=tmp_path / "other"))
     assert len(said) == 1
 
 
@@ -253,7 +255,7 @@ def test_noise_runs_in_float32_under_autocast():
     assert batch["img"].dtype == torch.float32
 
 
-def test_trainer_and_callback_survive_the_way_to_a_worker():
+def test_trainer_and_callback_survive_the_way_to_a_worker(tmp_path):
     import cloudpickle
     from ultralytics import YOLO
 
@@ -266,10 +268,10 @@ def test_trainer_and_callback_survive_the_way_to_a_worker():
         build_dataset=lambda *_: None,
         train_loader=SimpleNamespace(dataset=SimpleNamespace(samples=[])),
         args=SimpleNamespace(),
+        save_dir=tmp_path,
     )
     callbacks["on_train_start"][0](stand_in)
-    assert "sensor noise" not in stand_in.args.sensor_noise
-    assert "camera" in stand_in.args.sensor_noise
+    assert "camera" in (tmp_path / "sensor_noise.txt").read_text()
     images = torch.full((1, 3, 64, 64), 0.3)
     torch.manual_seed(0)
     by_callback = stand_in.preprocess_batch({"img": images})["img"]

@@ -1,0 +1,35 @@
+"""The numbers below a preview are the noise's standard deviation."""
+
+import numpy as np
+import pytest
+
+from visaug import Camera
+from visaug.augment import SensorNoise
+from visaug.augment.pictures import Picture
+from visaug.augment.preview import LEVELS, middle, noise_by_level, shown
+
+
+def test_noise_by_level_is_shot_and_read_noise():
+    gain, read = 0.4, 12.0
+    camera = Camera.load(
+        {"resolution": [64, 64], "bit_depth": 12, "gain_e_per_dn": gain, "read_noise": {"sigma_e": read}}
+    )
+    picture = Picture(np.zeros((10, 10, 1), np.uint8))
+    full = 4095 * gain
+    expected = [255 * (level / 255 * full + read**2) ** 0.5 / full for level in LEVELS]
+    # 147,456 pixels: relative standard error 0.2 %; the lowest level lies 2.3 deviations above black, 242 2.0 below white.
+    measured = noise_by_level(picture, SensorNoise(camera), seed=3)
+    assert measured[1:4] == pytest.approx(expected[1:4], rel=0.02)
+    assert measured[0] == pytest.approx(expected[0], rel=0.05)
+
+
+def test_the_window_is_the_middle_and_shows_the_picture():
+    pixels = np.arange(20 * 30, dtype=np.uint16).reshape(20, 30, 1) * 100
+    window = middle(Picture(pixels), 4, 6)
+    assert (window[0].start, window[1].start) == (8, 12)
+    crop = shown(Picture(pixels), window)
+    assert crop.shape == (4, 6, 3)
+    assert (crop[..., 1] == np.round(pixels[8:12, 12:18, 0] * (255 / 65535))).all()
+    assert middle(Picture(pixels), 400, 600) == (slice(0, 20), slice(0, 30))
+    bright = shown(Picture(np.full((2, 2, 3), 0.2140, np.float32)), (slice(None), slice(None)))
+    assert bright[0, 0, 0] == pytest.approx(127.5, abs=1)  # light of 0.214 is sRGB's middle
