@@ -23,8 +23,12 @@ What is converted, and how:
 - Spreads: `sigma` of G_scale and R_scale, the scatter of the logarithms about their lines, is a relative
   standard deviation.
 
-Not in the files: quantum efficiency, dark current, PRNU, DSNU; usual values are assumed. The colour filter is not modelled: each
-pixel is taken as one of a gray sensor.
+Not in the files: quantum efficiency, dark current, PRNU, DSNU; usual values are assumed.
+
+The colour path is that of dcraw and LibRaw from Adobe's published colour matrix of each camera (XYZ to camera RGB
+under D65, times 10000, as in LibRaw's src/tables/colordata.cpp): N = matrix x (sRGB to XYZ); white balance of
+daylight is 1 over the row sums of N; the colour matrix is the inverse of N with rows brought to sum 1. That the
+first pixel of the raw image is red (RGGB) is assumed. The noise fits are of the raw planes, before all this.
 """
 
 import json
@@ -32,10 +36,21 @@ import math
 import sys
 from pathlib import Path
 
+import numpy as np
 from scipy.stats import tukeylambda
 
 from visaug.files import write_text
 
+SRGB_TO_XYZ = np.array(
+    [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]]
+)
+XYZ_TO_CAMERA = {  # LibRaw e419de0: Adobe's matrices, times 10000
+    "CanonEOS5D4": (6446, -366, -864, -4436, 12204, 2513, -952, 2496, 6348),
+    "CanonEOS70D": (7034, -804, -1014, -4420, 12564, 2058, -851, 1994, 5758),
+    "CanonEOS700D": (6602, -841, -939, -4472, 12458, 2247, -975, 2039, 6148),
+    "NikonD850": (10405, -3755, -1270, -5461, 13787, 1793, -1040, 2015, 6785),
+    "SonyA7S2": (5838, -1430, -246, -3497, 11477, 2297, -748, 1885, 5778),
+}
 STOPS = (3, 5, 6)  # above the lowest gain: ISO 800, 3200 and 6400 where that is ISO 100
 BODIES = {  # name, rows and columns of the raw image (the makers' specifications), file of the fit
     "canon_5d4": ("Canon EOS 5D Mark IV", 4480, 6720, "CanonEOS5D4"),
@@ -48,8 +63,8 @@ CAMERAS = {f"{stem}_iso{100 * 2**stops}": (*body, stops) for stem, body in BODIE
 
 TEMPLATE = """\
 # Made by scripts/make_photographic_cameras.py, which tells how each figure follows from the published fits.
-# A gray sensor without its colour filter. The fits name no ISO: {iso} takes Kmin = {kmin:.4f} DN/e- for 100,
-# and 0 dB is this ISO. Fixed patterns and dark current are not in the fits and are assumed, see docs/cameras.md.
+# The fits name no ISO: {iso} takes Kmin = {kmin:.4f} DN/e- for 100, and 0 dB is this ISO.
+# Fixed patterns and dark current are not in the fits and are assumed, see docs/cameras.md.
 name: {name}, ISO {iso}
 source:
   resolution: the maker's specification, pixels of the raw image
@@ -58,6 +73,8 @@ source:
   black_level_dn: ELD, noise.py takes 16383 - 800 DN from black to white
   read_noise: ELD, G_scale at this K ({scale:.3f} DN) times the unit law's deviation ({unit:.4f}); G_shape
   row_noise: ELD, R_scale at this K ({row_dn:.3f} DN)
+  colour.white_balance: daylight (D65), by dcraw's relation from Adobe's matrix as in LibRaw e419de0, colordata.cpp
+  colour.matrix: the same
   ELD: https://github.com/Vandermode/ELD at 53d5408, and K. Wei et al., IEEE TPAMI 44 (2022) 8520
 assumed:
   - quantum_efficiency            # not in the fits, which count electrons
@@ -70,6 +87,8 @@ assumed:
   - dark_current.reference_e_per_s
   - dark_current.reference_temperature_c
   - dark_current.doubling_c
+  - colour.cfa                    # the first pixel of the raw image may be another
+  - colour.demosaic
 licence: MIT, Copyright (c) 2020 Kaixuan Wei (the fitted parameters)
 resolution: [{rows}, {columns}]
 bit_depth: 14
@@ -80,6 +99,11 @@ read_noise: {{sigma_e: {sigma:.3f}, shape: {shape:.4f}}}
 prnu: {{column: 0.001, row: 0.001, pixel: 0.006}}
 dsnu: {{column_e: 0.2, row_e: 0.1, pixel_e: 0.5}}
 dark_current: {{reference_e_per_s: 1, reference_temperature_c: 25, doubling_c: 7}}
+colour:
+  cfa: RGGB
+  white_balance: {balance}
+  matrix: {matrix}
+  demosaic: malvar
 effects:
   - {{name: row_noise, sigma_e: {row:.4f}}}
 randomize:
@@ -96,7 +120,16 @@ randomize:
 """
 
 
-def camera_file(fit: dict, name: str, rows: int, columns: int, stops: int) -> str:
+def colour(xyz_to_camera: tuple[int, ...]) -> tuple[list[float], list[list[float]]]:
+    """White balance and colour matrix, rounded, from a published matrix times 10000."""
+    camera_of_rgb = np.array(xyz_to_camera).reshape(3, 3) / 1e4 @ SRGB_TO_XYZ
+    sums = camera_of_rgb.sum(1)
+    balance = sums[1] / sums
+    matrix = np.linalg.inv(camera_of_rgb / sums[:, None])
+    return balance.round(4).tolist(), matrix.round(4).tolist()
+
+
+def camera_file(fit: dict, stem: str, name: str, rows: int, columns: int, stops: int) -> str:
     """The text of a camera.yaml from one camera's published fits, so many stops above its lowest gain."""
     k = fit["Kmin"] * 2**stops
     lines = fit["Profile-1"]
@@ -106,7 +139,9 @@ def camera_file(fit: dict, name: str, rows: int, columns: int, stops: int) -> st
 
     shape = sum(fit["G_shape"][2 * stops : 2 * stops + 2]) / 2
     unit = float(tukeylambda.std(shape))
+    balance, matrix = colour(XYZ_TO_CAMERA[stem])
     return TEMPLATE.format(
+        balance=balance, matrix=matrix,
         name=name, iso=100 * 2**stops, times=2**stops, rows=rows, columns=columns,
         kmin=fit["Kmin"], k=k, gain=1 / k, shape=shape, unit=unit,
         scale=at_k("G_scale"), sigma=at_k("G_scale") * unit / k, spread=lines["G_scale"]["sigma"],
@@ -117,7 +152,7 @@ def camera_file(fit: dict, name: str, rows: int, columns: int, stops: int) -> st
 def main(source: Path, target: Path) -> None:
     for stem, (name, rows, columns, fit, stops) in CAMERAS.items():
         content = json.loads((source / f"{fit}_params.json").read_text())
-        write_text(target / f"{stem}.yaml", camera_file(content, name, rows, columns, stops))
+        write_text(target / f"{stem}.yaml", camera_file(content, fit, name, rows, columns, stops))
 
 
 if __name__ == "__main__":

@@ -98,7 +98,7 @@ def test_photographic_cameras_are_those_of_the_published_fits(shared_data):
     script = run_path(str(Path(__file__).parents[2] / "scripts" / "make_photographic_cameras.py"))
     for stem, (name, rows, columns, fit, stops) in script["CAMERAS"].items():
         content = json.loads((shared_data / "eld_camera_params" / f"{fit}_params.json").read_text())
-        assert shipped()[stem].read_text() == script["camera_file"](content, name, rows, columns, stops)
+        assert shipped()[stem].read_text() == script["camera_file"](content, fit, name, rows, columns, stops)
 
 
 def test_photographic_read_noise_agrees_with_the_gaussian_fits(shared_data):
@@ -115,3 +115,18 @@ def test_photographic_read_noise_agrees_with_the_gaussian_fits(shared_data):
         law, k = content["Profile-1"]["g_scale"], 8 * content["Kmin"]
         gaussian_e = math.exp(law["slope"] * math.log(k) + law["bias"]) / k
         assert Camera.load(stem).values()["read_noise.sigma_e"] == pytest.approx(gaussian_e, rel=0.12)
+
+
+def test_photographic_colour_paths_see_daylight_as_white():
+    """Camera RGB of D65 by the published matrix times the white balance is gray, and sRGB's primaries come back as themselves."""
+    script = run_path(str(Path(__file__).parents[2] / "scripts" / "make_photographic_cameras.py"))
+    # XYZ of D65 and of the sRGB primaries: IEC 61966-2-1.
+    white = np.array([0.9505, 1.0, 1.0890])
+    red, blue = np.array([0.4124, 0.2126, 0.0193]), np.array([0.1805, 0.0722, 0.9505])
+    for stem, (_, _, _, fit, _) in script["CAMERAS"].items():
+        colour = Camera.load(stem).spec.colour
+        assert colour is not None
+        published = np.array(script["XYZ_TO_CAMERA"][fit]).reshape(3, 3)
+        balanced = published @ np.column_stack([white, red, blue]) * np.array(colour.white_balance)[:, None]
+        picture = np.array(colour.matrix) @ (balanced / balanced[1, 0])
+        np.testing.assert_allclose(picture, np.column_stack([[1, 1, 1], [1, 0, 0], [0, 0, 1]]), atol=3e-3)

@@ -11,7 +11,7 @@ from scipy.ndimage import convolve
 from tests.camera import bayer
 from visaug import InputError, VISNoise
 from visaug.augment import SensorNoise
-from visaug.camera import Camera, colour, fast, fast_gpu
+from visaug.camera import Camera, colour, fast, fast_gpu, shipped
 from visaug.camera.colour import ColourPath
 from visaug.effects import Defocus
 
@@ -147,6 +147,22 @@ def test_gray_images_and_half_precision():
     weights = torch.tensor([0.2126, 0.7152, 0.0722]).view(1, 3, 1, 1)
     torch.testing.assert_close(out.float(), (weights * three).sum(1, keepdim=True), atol=1e-3, rtol=0)
     assert (three[:, 0] - three[:, 1]).abs().max() > 0.01  # gray light, but chroma noise
+
+
+@pytest.mark.parametrize("name", [name for name in sorted(shipped()) if Camera.load(name).spec.colour])
+def test_shipped_colour_cameras_keep_the_brightness(name):
+    """Whatever is drawn: a flat keeps its mean within 0.5 %, and white loses what the range cuts off its noise and no more.
+
+    Of Gaussian noise that is cut at white, 0.4 standard deviations are lost, of that cut before and after the colour matrix at
+    most 0.8. 200 images of 400 pixels: means have errors below 0.1 %.
+    """
+    noise = SensorNoise(name, seed=5)
+    flat = noise(torch.full((200, 3, 20, 20), 0.5))
+    assert (flat.mean((0, 2, 3)) - 0.5).abs().max() < 0.005 * 0.5
+    lost = 1 - noise(torch.ones(200, 3, 20, 20)).mean((0, 2, 3))
+    deviation = noise(torch.full((200, 3, 20, 20), 0.75)).std((2, 3)).mean(0) * (1 / 0.75) ** 0.5
+    assert (lost > 0).all()
+    assert (lost < 0.8 * deviation).all()
 
 
 def test_mono_forces_either():
