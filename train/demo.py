@@ -3,13 +3,17 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from visaug.errors import InputError
 from visaug.report.html import Page, write_page
 from visaug.report.real_camera import real_camera_section
 from visaug_train.ablation import Ablation, ablate
+from visaug_train.arms import Arm
 from visaug_train.config import Config, load_config
+from visaug_train.laboratory import BIASES, FLATS, LEVELS, diagnosed_camera, diagnosis_of
+from visaug_train.render.independent_camera import LIGHTBOX_CAMERA
 from visaug_train.report import ablation_sections, finding, timing_section
 from visaug_train.story import hidden_effect_sections
 
@@ -27,10 +31,37 @@ def demo_config(output: str | Path, seed: int = 0) -> Config:
     return config.model_copy(update={"output": Path(output), "seeds": [s + seed for s in config.seeds]})
 
 
+def with_diagnosed(config: Config, seed: int = 0, progress: Progress | None = None) -> Config:
+    """The config with an arm more: the sensor noise of the lightbox-like camera as a diagnosis of its frames finds it."""
+    vis = config.arm("vis").vis
+    assert vis is not None
+    rendered = config.data.rendered
+    assert rendered is not None
+    resolution = rendered.height, rendered.width
+    found = diagnosed_camera(
+        LIGHTBOX_CAMERA,
+        "lightbox camera",
+        resolution,
+        config.output / "lightbox_camera",
+        seed,
+        progress,
+    )
+    named = ", ".join(diagnosis_of(found)["accepted"]) or "nothing"
+    arm = Arm(
+        like=config.baseline,
+        why=f"the same, and the sensor noise of the lightbox-like camera: its data sheet and what a diagnosis of "
+        f"{BIASES + FLATS * len(LEVELS)} frames of it found missing there ({named})",
+        vis=vis.model_copy(update={"camera": str(found)}),
+    )
+    return config.model_copy(update={"arms": {**config.arms, "vis_diagnosed": arm}})
+
+
 def run_ablation(output: str | Path, seed: int = 0, progress: Progress | None = None) -> Ablation:
-    """Render, train both arms, score them on the three test sets; goes on where it was stopped."""
-    ablation = ablate(demo_config(output, seed), progress)
+    """Render, train the arms, score them on the test sets; goes on where it was stopped."""
+    config = with_diagnosed(demo_config(output, seed), seed, progress)
+    ablation = ablate(config, progress, partial(print, flush=True))
     ablation.write(Path(output) / "tables")
+    print(ablation.tables()["overview"].to_markdown(), flush=True)
     return ablation
 
 

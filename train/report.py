@@ -14,7 +14,7 @@ from visaug.report.plots.learning import plot_timing, plot_training
 from visaug_train.ablation import Ablation
 from visaug_train.plots import plot_dependence, plot_gallery, read_gray
 from visaug_train.proof import proof_sections
-from visaug_train.tables import MEASURES
+from visaug_train.tables import MEASURES, overview_table
 from visaug_train.training import batch_noise
 
 DETECTION, KEYPOINTS = ("box_ap", "iou"), ("keypoint_ap_paper", "oks_paper")
@@ -74,6 +74,8 @@ def finding(ablation: Ablation) -> str:
 
 def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
     config = ablation.config
+    overview = overview_table(ablation.means, ablation.differences, config.baseline)
+    yield Table(overview.head, overview.rows, f"{overview.title}.")
     for name in config.arms:
         if why := config.arms[name].why:
             yield Text(f"{name}: {why}.")
