@@ -36,7 +36,7 @@ class Vis(Part):
         set: values of the camera by path, which are then not randomised.
         effects: added to the camera. A number may be a pair [low, high], drawn uniformly for each image; `p` is the
             share of the images that have the effect.
-        gain_db, exposure, strength: as in `visaug.VISNoise`; left out, the camera's own.
+        gain_db, exposure, strength, full_scale_photons: as in `visaug.VISNoise`; left out, the camera's own.
         white_std_present: white noise that the images carry already (1 is full scale); its variance is taken off the
             read noise.
     """
@@ -45,11 +45,12 @@ class Vis(Part):
     p: Share = 1.0
     resolution: Literal["network", "sensor"] = "network"
     fixed_pattern: Literal["image", "camera"] = "image"
-    transfer: Literal["linear", "srgb"] = "linear"
+    transfer: Literal["auto", "linear", "srgb"] = "linear"
     black_level: Literal["subtract", "keep"] = "subtract"
     gain_db: float | Pair | None = None
     exposure: float | Pair | None = None
     strength: float | None = None
+    full_scale_photons: float | None = None
     set: dict[str, float | str] = {}
     effects: list[dict[str, Any]] = []
     white_std_present: Share = 0.0

@@ -174,13 +174,32 @@ RESERVED = {
 def load_config(path: str | Path) -> Config:
     """Read and check a config; paths in it are relative to the working directory, cameras also to the config."""
     path = Path(path)
-    content = read_yaml(path, "a YAML config such as configs/demo.yaml")
+    content = _extended(path)
     config = check_config(content, path)
     for arm in config.arms.values():
         for part in filter(None, (arm.white, arm.vis)):
             names = [_beside(path, name) for name in part.cameras]
             part.camera = names[0] if isinstance(part.camera, str) else names
     return config
+
+
+def _extended(path: Path, below: tuple[Path, ...] = ()) -> Any:
+    """The content of a config on top of the one beside it that it `extends`: `data` and `training` key by key."""
+    content = read_yaml(path, "a YAML config such as configs/demo.yaml")
+    if not isinstance(content, dict) or "extends" not in content:
+        return content
+    other = content.pop("extends")
+    if not isinstance(other, str) or path.resolve() in below:
+        raise InputError(
+            f"is {other!r}", file=path, field="extends", expected="another config's file, beside it"
+        )
+    base = _extended(path.parent / other, (*below, path.resolve()))
+    if not isinstance(base, dict):
+        raise InputError("holds no keys", file=path.parent / other)
+    for key in ("data", "training"):
+        if isinstance(base.get(key), dict) and isinstance(content.get(key), dict):
+            content[key] = {**base[key], **content[key]}
+    return {**base, **content}
 
 
 def _beside(path: Path, camera: str) -> str:

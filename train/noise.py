@@ -58,7 +58,7 @@ def vis_noise(vis: Vis) -> nn.Module:
     options: dict[str, Any] = {
         name: getattr(vis, name) for name in ("resolution", "fixed_pattern", "transfer", "black_level")
     }
-    given = {name: getattr(vis, name) for name in ("gain_db", "exposure", "strength")}
+    given = {name: getattr(vis, name) for name in ("gain_db", "exposure", "strength", "full_scale_photons")}
     options |= {name: value for name, value in given.items() if value is not None}
     if any(_varies(entry) for entry in vis.effects):
         return RandomEffects(cameras, vis.effects, vis.p, options)

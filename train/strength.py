@@ -46,7 +46,7 @@ class Strength:
     white: Mapping[str, float]
 
 
-def strength_of(noise: torch.nn.Module, shape: tuple[int, int] = (64, 64), images: int = 24) -> Strength:
+def strength_of(noise: torch.nn.Module, shape: tuple[int, int] = (64, 64), images: int = 48) -> Strength:
     """An arm's noise on flat images of `shape` (rows, columns): the root mean square over images of what each shows
     around its mean.
     """

@@ -24,11 +24,14 @@ def test_demo_writes_one_report_and_goes_on(tmp_path, monkeypatch):
         "images": {
             "synthetic": {"train": 8, "validation": 4, "test": 6},
             "lightbox": {"test": 6},
+            "lightbox_base": {"test": 6},
             "sunlamp": {"test": 6},
         },
     }
     content["training"] |= {"epochs": 1, "imgsz": 64, "batch": 8, "device": "cpu"}
     content["bootstrap"] = 20
+    content["start"]["epochs"] = 1
+    content["seeds"] = [0]
     content["arms"]["vis"]["vis"]["camera"] = str(CONFIGS / "demo_camera.yaml")
     small = tmp_path / "demo.yaml"
     small.write_text(yaml.safe_dump(content))
@@ -46,7 +49,12 @@ def test_demo_writes_one_report_and_goes_on(tmp_path, monkeypatch):
     answer = json.loads((tmp_path / "out" / "hidden_effect" / "diagnosis-0.json").read_text())
     assert answer["accepted"] == ["row_noise"]
     assert (tmp_path / "out" / "tables" / "tables.md").is_file()
-    assert {"rendering", "converting", "training baseline seed 0", "training vis seed 0"} <= seen
+    arms = ("baseline", "vis", "vis_diagnosed")
+    assert {"rendering", "converting", *(f"training {arm} seed 0" for arm in arms)} <= seen
+    assert sum(title.startswith("training the network that all arms start from") for title in seen) == 1
+    assert "lightbox_base" in (tmp_path / "out" / "tables" / "overview.csv").read_text()
+    found = yaml.safe_load((tmp_path / "out" / "lightbox_camera" / "camera-0.yaml").read_text())
+    assert found["read_noise"]["sigma_e"] > 0
     seen.clear()
     demo.run_ablation(tmp_path / "out", progress=lambda title, done, total: seen.add(title))
     assert not any(title.startswith(("training", "evaluating")) for title in seen)

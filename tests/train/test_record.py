@@ -1,0 +1,70 @@
+"""A run's hash knows its cameras and weights by value; an untrained config is refused before anything is written."""
+
+import pytest
+import yaml
+
+from visaug.camera import camera as camera_module
+from visaug.errors import InputError
+from visaug_train import commands
+from visaug_train.config import check_config
+from visaug_train.record import decides, surroundings
+
+CAMERA = {"resolution": [32, 32], "gain_e_per_dn": 0.5}
+
+
+@pytest.fixture
+def data_yaml(tmp_path):
+    (tmp_path / "conversion.json").write_text("{}")
+    return tmp_path / "data.yaml"
+
+
+def config(**changes):
+    return check_config(
+        {"name": "n", "output": "o", "data": {"rendered": {}}, "arms": {"baseline": {}, "vis": {}}} | changes
+    )
+
+
+def test_a_shipped_camera_that_changes_is_another_run(tmp_path, data_yaml, monkeypatch):
+    file = tmp_path / "shipped.yaml"
+    monkeypatch.setattr(camera_module, "shipped", lambda: {"lab": file})
+    made = config(arms={"baseline": {}, "vis": {"vis": {"camera": "lab"}}})
+    found = []
+    for sigma_e in (1.0, 1.0, 2.0):
+        file.write_text(yaml.safe_dump(CAMERA | {"read_noise": {"sigma_e": sigma_e}}))
+        found.append(decides(made, made.arm("vis"), data_yaml))
+    assert found[0] == found[1] != found[2]
+    assert found[2]["cameras"]["lab"]["read_noise"]["sigma_e"] == 2.0
+
+
+def test_weights_are_known_by_their_bytes(tmp_path, data_yaml):
+    weights = tmp_path / "w.pt"
+    digests = set()
+    for content in (b"a", b"bb"):
+        weights.write_bytes(content)
+        made = config(model=str(weights))
+        digests.add(decides(made, made.arm("vis"), data_yaml)["model_sha256"])
+    assert len(digests) == 2
+    assert decides(config(), config().arm("vis"), data_yaml)["model_sha256"] is None
+
+
+def test_a_start_is_part_of_the_run(data_yaml):
+    plain, started = config(), config(start={"epochs": 3})
+    assert decides(plain, plain.arm("vis"), data_yaml) != decides(started, started.arm("vis"), data_yaml)
+
+
+def test_versions_and_device_are_recorded():
+    assert {"python", "visaug", "torch", "device"} <= surroundings("cpu").keys()
+    assert surroundings("cpu")["device"].startswith("cpu")
+
+
+def test_evaluating_what_is_not_trained_says_so_and_writes_nothing(tmp_path):
+    content = {
+        "name": "n",
+        "output": str(tmp_path / "out"),
+        "data": {"rendered": {}},
+        "arms": {"baseline": {}, "vis": {}},
+    }
+    (tmp_path / "c.yaml").write_text(yaml.safe_dump(content))
+    with pytest.raises(InputError, match="arm vis, seed 0 is not trained; expected visaug train"):
+        commands.evaluate(tmp_path / "c.yaml")
+    assert not (tmp_path / "out").exists()
