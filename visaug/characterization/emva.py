@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from visaug.characterization import emva4
 from visaug.characterization.dark_current import mean_points, slopes, variance_points
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Level, Measured
@@ -17,7 +18,12 @@ from visaug.characterization.intervals import jackknife, root, t_quantile, widen
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import parts, release_4
-from visaug.characterization.photon_transfer import emva_linearity, emva_sensitivity, saturated_level
+from visaug.characterization.photon_transfer import (
+    emva_linearity,
+    emva_sensitivity,
+    last_fitted,
+    saturated_level,
+)
 
 _QUANTIZATION = 1 / 12
 _LEAST_DARK_VARIANCE = 0.24  # release 3: below, quantization hides the dark noise
@@ -33,6 +39,7 @@ def emva(found: Findings, measured: Measured) -> None:
         _dark_noise(found, darks, None, 0.0)
         return
     saturation = saturated_level(levels)
+    found.curves.update(emva4.sweep_curves(levels, saturation, last_fitted(levels, saturation), darks))
     sensitivity = emva_sensitivity(levels, saturation)
     gain, gain_error, _ = sensitivity["gain"]
     relative = gain_error / gain if gain > 0 else math.nan
@@ -54,6 +61,7 @@ def emva(found: Findings, measured: Measured) -> None:
     _dark_noise(found, darks, gain, relative)
     _dark_current(found, _dark_ladder(measured), gain, relative)
     _spatial(found, measured, gain, relative)
+    emva4.derived(found, _around(sensitivity["response"]) if "response" in sensitivity else None)
 
 
 def _around(result: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -181,6 +189,18 @@ def _spatial(found: Findings, measured: Measured, gain: float, relative: float) 
         value = math.sqrt(max(r4_flat[name] - r4_dark[name], 0.0)) / signal
         _, low, high = root(getattr(flat_parts, name), 1 / signal)
         found.add(f"emva4.prnu_{name}", (value, min(low, value), max(high, value)), "fraction", _R4)
+    emva4.corrected(found, level, dark_parts, flat_parts, gain, relative)
+    emva4.prnu_high_pass(found, level, dark_map, flat_map)
+    percent = 100 * (flat_map - dark_map) / signal
+    noise = (flat.variance / flat.n + dark.variance / dark.n) * (100 / signal) ** 2
+    for name, values, left in (
+        ("dsnu", dark_map / gain, dark.variance / dark.n / gain**2),
+        ("prnu", percent, noise),
+    ):
+        found.curves[f"emva4_{name}"] = emva4.pattern_curves(values, left)
+    found.curves["emva4_defects_dsnu"] = emva4.defect_counts(dark_map / gain)
+    if min(percent.shape) > 10:
+        found.curves["emva4_defects_prnu"] = emva4.defect_counts(emva4.high_pass(percent))
 
 
 def _stack(measured: Measured) -> Level | None:

@@ -102,13 +102,24 @@ def surface(values: np.ndarray) -> np.ndarray:
     return (weights @ basis).reshape(values.shape)
 
 
-def release_4(measured: GroupMoments) -> dict[str, float]:
-    """Spatial variances of a stack by EMVA 1288 release 4, DN^2 (may be negative)."""
+def release_4(
+    measured: GroupMoments,
+    total_noise: float | None = None,
+    column_noise: float | None = None,
+    row_noise: float | None = None,
+) -> dict[str, float]:
+    """Spatial variances of a stack by EMVA 1288 release 4, DN^2 (may be negative).
+
+    Args:
+        total_noise, column_noise, row_noise: temporal variance that is left in the mean of the pixels, of the column
+            means and of the row means; by default that of white noise, as the standard has it.
+    """
     height, width = measured.shape
     noise = float(measured.row_variances.mean()) / measured.n
-    total = measured.spatial_variance - noise
-    columns = float(measured.column_means.var(ddof=1)) - noise / height
-    rows = float(measured.row_means.var(ddof=1)) - noise / width
+    total = measured.spatial_variance - (noise if total_noise is None else total_noise)
+    columns = float(measured.column_means.var(ddof=1))
+    columns -= noise / height if column_noise is None else column_noise
+    rows = float(measured.row_means.var(ddof=1)) - (noise / width if row_noise is None else row_noise)
     size = height * width
     rest = size - height - width
     return {

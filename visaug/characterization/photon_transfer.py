@@ -153,14 +153,18 @@ def rounds_evenly(moments: GroupMoments) -> bool:
     return moments.variance - 1 / 12 >= EVEN_DN**2
 
 
+def last_fitted(levels: Sequence[Level], saturation: int | None) -> int:
+    """Position of the last level of the standard's fits: up to 70 % of saturation."""
+    top = len(levels) - 1 if saturation is None else saturation
+    limit = (_FIT_SHARE if saturation is not None else 1.0) * levels[top].signal
+    return max((i for i, v in enumerate(levels[: top + 1]) if v.signal <= limit), default=top)
+
+
 def emva_sensitivity(
     levels: Sequence[Level], saturation: int | None
 ) -> dict[str, tuple[float, float, float]]:
     """Release 3: gain and responsivity by unweighted fits through the origin up to 70 % of saturation."""
-    top = len(levels) - 1 if saturation is None else saturation
-    limit = (_FIT_SHARE if saturation is not None else 1.0) * levels[top].signal
-    last = max((i for i, v in enumerate(levels[: top + 1]) if v.signal <= limit), default=top)
-    chosen = levels[: last + 1]
+    chosen = levels[: last_fitted(levels, saturation) + 1]
 
     def compute(rows: np.ndarray) -> dict[str, float]:
         x = np.array([v.signal_of(rows) for v in chosen])
