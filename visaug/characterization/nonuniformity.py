@@ -115,11 +115,13 @@ def release_4(
             means and of the row means; by default that of white noise, as the standard has it.
     """
     height, width = measured.shape
+    # The standard divides by the number of rows or columns; with noise as measured the estimate is unbiased instead.
+    lost = 0 if column_noise is None and row_noise is None else 1
     noise = float(measured.row_variances.mean()) / measured.n
     total = measured.spatial_variance - (noise if total_noise is None else total_noise)
-    columns = float(measured.column_means.var(ddof=1))
+    columns = float(measured.column_means.var(ddof=lost))
     columns -= noise / height if column_noise is None else column_noise
-    rows = float(measured.row_means.var(ddof=1)) - (noise / width if row_noise is None else row_noise)
+    rows = float(measured.row_means.var(ddof=lost)) - (noise / width if row_noise is None else row_noise)
     size = height * width
     rest = size - height - width
     return {

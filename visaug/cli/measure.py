@@ -1,7 +1,7 @@
 """Commands that measure: characterize, compare, diagnose, lab."""
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -23,7 +23,12 @@ from visaug.cli.options import (
     write_result,
     written,
 )
+from visaug.errors import InputError
 from visaug.progress import progress_bars
+
+if TYPE_CHECKING:
+    from visaug.camera import Camera
+    from visaug.frames import FrameSet
 
 MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of the program and of its input
 
@@ -48,6 +53,15 @@ MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of
     type=click.Path(path_type=Path),
     help="Write master bias, dark-current and defect maps as FITS.",
 )
+@click.option(
+    "--sheet",
+    "sheets",
+    metavar="F.html|F.json",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Write the EMVA 1288 release 4 data sheet, every operating point by itself: a page to print, or as JSON. "
+    "May be repeated.",
+)
 @force_option
 @json_option
 @report_option
@@ -59,6 +73,7 @@ def characterize(
     method: Literal["emva", "paper"],
     output: Path | None,
     maps_path: Path | None,
+    sheets: tuple[Path, ...],
     force: bool,
     json_path: Path | None,
     report_path: Path | None,
@@ -73,6 +88,9 @@ def characterize(
     import visaug
 
     may_write(output, force)
+    for path in sheets:
+        if path.suffix.lower() not in (".html", ".json"):
+            raise InputError("is neither", file=path, field="--sheet", expected="a name in .html or .json")
     camera = load_camera(camera_name) if camera_name else None
     frames = visaug.FrameSet.load(frames_path, camera.resolution if camera else None, bit_depth)
     with progress_bars(quiet=quiet) as progress:
@@ -90,8 +108,26 @@ def characterize(
         from visaug.report import write_characterization
 
         write_characterization(report_path, result, frames)
+    if sheets:
+        _write_sheets(sheets, frames, camera, seed, quiet)
     if not is_silent(quiet, json_path):
-        written(output, maps_path, json_path, report_path)
+        written(output, maps_path, json_path, report_path, *sheets)
+
+
+def _write_sheets(
+    sheets: tuple[Path, ...], frames: "FrameSet", camera: "Camera | None", seed: int, quiet: bool
+) -> None:
+    from visaug.characterization.points import operating_points
+    from visaug.files import write_json
+    from visaug.report import sheet_json, write_sheet
+
+    with progress_bars(quiet=quiet) as progress:
+        points = operating_points(frames, camera, seed, progress)
+    for path in sheets:
+        if path.suffix.lower() == ".json":
+            write_json(path, sheet_json(points))
+        else:
+            write_sheet(path, points, frames)
 
 
 @command("compare", example="visaug compare frames/ --camera camera.yaml --report comparison.html")
@@ -231,7 +267,6 @@ def lab(
     the page, and load effects, whose Python code is then run.
     """
     import visaug
-    from visaug.errors import InputError
 
     try:
         from visaug.lab import Bench, load_own, serve

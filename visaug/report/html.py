@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
+    import jinja2
     from matplotlib.figure import Figure as MatplotlibFigure
 
 
@@ -82,7 +83,7 @@ class Page:
 
 def render(page: Page) -> str:
     """The page as HTML. It refers to nothing outside itself."""
-    return _template().render(page=page)
+    return template("page.html").render(page=page)
 
 
 def write_page(path: str | Path, page: Page) -> Path:
@@ -123,7 +124,8 @@ def paragraphs(*texts: str) -> Iterable[Text]:
 
 
 @cache
-def _template():
+def template(name: str) -> "jinja2.Template":
+    """A template of this package, values escaped."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -133,4 +135,4 @@ def _template():
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    return environment.get_template("page.html")
+    return environment.get_template(name)

@@ -1,0 +1,225 @@
+"""The plots of the EMVA 1288 data sheet, release 4.0 Linear, from the arrays of a characterization."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from visaug.characterization import Characterization
+
+_POINT, _LINE, _SOFT, _THIRD = "#c2410c", "#0b5cad", "#7a8594", "#157f5b"
+_SIZE = (4.3, 2.9)  # inches: two beside each other on A4
+
+
+def _new() -> tuple[Figure, Axes]:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(color="#e6eaef", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8)
+    return figure, axes
+
+
+def _finish(figure: Figure, axes: Axes, x: str, y: str, legend: bool = True) -> Figure:
+    axes.set_xlabel(x, fontsize=8.5)
+    axes.set_ylabel(y, fontsize=8.5)
+    if legend:
+        _, labels = axes.get_legend_handles_labels()
+        if labels:
+            figure.legend(loc="outside upper center", ncols=2, frameon=False, fontsize=7.5)
+    return figure
+
+
+def sensitivity(result: Characterization) -> Figure:
+    """Mean signal above dark against photons, with the standard's fit and its range."""
+    c = result.curves["emva4_sweep"]
+    figure, axes = _new()
+    photons, signal = c["photons"], c["mean_dn"] - c["dark_mean_dn"]
+    last, top = int(c["last_fitted"][0]), int(c["saturation"][0])
+    axes.plot(photons, signal, ".", color=_POINT, label="measured")
+    slope = result["emva4.responsivity_dn_per_photon"].value
+    axes.plot(
+        photons[[0, last]], slope * photons[[0, last]], color=_LINE, label=f"fit, {slope:.4g} DN/photon"
+    )
+    if top >= 0:
+        axes.axvline(photons[top], color=_SOFT, linestyle="--", linewidth=1, label="saturation")
+    return _finish(figure, axes, "photons per pixel", "signal above dark (DN)")
+
+
+def photon_transfer(result: Characterization) -> Figure:
+    """Temporal variance against mean, both above dark, with the standard's fit."""
+    c = result.curves["emva4_sweep"]
+    figure, axes = _new()
+    signal, variance = c["mean_dn"] - c["dark_mean_dn"], c["variance_dn2"] - c["dark_variance_dn2"]
+    last, top = int(c["last_fitted"][0]), int(c["saturation"][0])
+    axes.plot(signal, variance, ".", color=_POINT, label="measured")
+    gain = result["emva.system_gain_dn_per_e"].value
+    axes.plot([0, signal[last]], [0, gain * signal[last]], color=_LINE, label=f"fit, K = {gain:.4g} DN/e-")
+    if top >= 0:
+        axes.plot(signal[top], variance[top], "o", mfc="none", color=_SOFT, label="saturation")
+    return _finish(figure, axes, "mean signal above dark (DN)", "variance above dark (DN²)")
+
+
+def snr(result: Characterization) -> Figure:
+    """Signal-to-noise ratio against photons: measured, by the linear model, with non-uniformity, and ideal."""
+    c = result.curves["emva4_sweep"]
+    figure, axes = _new()
+    photons = c["photons"]
+    ratio = (c["mean_dn"] - c["dark_mean_dn"]) / np.sqrt(np.maximum(c["variance_dn2"], 1e-12))
+    seen = (photons > 0) & (ratio > 0)
+    efficiency = result["emva.quantum_efficiency"].value
+    gain = result["emva.system_gain_dn_per_e"].value
+    floor = (result["emva.dark_noise_dn"].value / gain) ** 2
+    highest = result.parameters.get("emva.saturation_photons")
+    most = highest.value if highest else float(photons[seen].max())
+    line = np.geomspace(max(photons[seen].min() / 10, 0.5), most, 200)
+    electrons = efficiency * line
+    axes.loglog(photons[seen], ratio[seen], ".", color=_POINT, label="measured")
+    axes.loglog(line, electrons / np.sqrt(floor + electrons), color=_LINE, label="linear model")
+    dsnu, prnu = (result.parameters.get(f"emva.{n}") for n in ("dsnu_e", "prnu_fraction"))
+    if dsnu and prnu:
+        total = floor + electrons + dsnu.value**2 + (prnu.value * electrons) ** 2
+        axes.loglog(line, electrons / np.sqrt(total), color=_THIRD, label="with DSNU and PRNU")
+    axes.loglog(line, np.sqrt(line), "--", color=_SOFT, linewidth=1, label="ideal sensor")
+    threshold = result.parameters.get("emva4.absolute_sensitivity_threshold_photons")
+    for estimate in (threshold, highest):
+        if estimate:
+            axes.axvline(estimate.value, color=_SOFT, linestyle=":", linewidth=1)
+    axes.set_ylim(bottom=0.1)
+    return _finish(figure, axes, "photons per pixel (dotted: threshold, saturation)", "SNR")
+
+
+def linearity(result: Characterization) -> Figure:
+    """Relative deviation of the signal from the standard's line, between 5 and 95 % of saturation."""
+    c = result.curves["linearity"]
+    figure, axes = _new()
+    axes.plot(c["photons"], 100 * c["deviation"], ".-", color=_POINT, linewidth=0.8)
+    axes.axhline(0, color=_LINE, linewidth=1)
+    for name in ("min", "max"):
+        estimate = result.parameters.get(f"emva.linearity_error_{name}")
+        if estimate:
+            axes.axhline(100 * estimate.value, color=_SOFT, linestyle="--", linewidth=0.9)
+    return _finish(figure, axes, "photons per pixel (dashed: LE min, LE max)", "deviation (%)")
+
+
+def dark_mean(result: Characterization) -> Figure:
+    """Dark signal against exposure."""
+    return _dark(result, "mean_dn", "mean dark signal (DN)")
+
+
+def dark_variance(result: Characterization) -> Figure:
+    """Temporal variance of dark frames against exposure."""
+    return _dark(result, "variance_dn2", "dark variance (DN²)")
+
+
+def _dark(result: Characterization, which: str, label: str) -> Figure:
+    c = result.curves["emva4_dark"]
+    figure, axes = _new()
+    t, y = 1e3 * c["exposure_s"], c[which]
+    axes.plot(t, y, ".", color=_POINT, label="measured")
+    if len(np.unique(t)) > 2:
+        slope, start = np.polyfit(t, y, 1)
+        axes.plot(t[[0, -1]], slope * t[[0, -1]] + start, color=_LINE, label=f"line, {1e3 * slope:.3g} per s")
+    return _finish(figure, axes, "exposure (ms)", label)
+
+
+def _spectrogram(direction: str, what: str, unit: str) -> Callable[[Characterization], Figure]:
+    def draw(result: Characterization) -> Figure:
+        c = result.curves[f"emva4_{what}"]
+        figure, axes = _new()
+        axes.semilogy(
+            c[f"{direction}_frequency"][1:],
+            np.maximum(c[f"{direction}_amplitude"][1:], 1e-9),
+            color=_POINT,
+            linewidth=0.8,
+            label="measured",
+        )
+        axes.axhline(c["noise"][0], color=_SOFT, linestyle="--", linewidth=1, label="temporal noise left")
+        return _finish(figure, axes, "cycles per pixel", f"{what.upper()} amplitude ({unit})")
+
+    draw.__doc__ = f"{direction.capitalize()} spectrogram of the {what.upper()}."
+    return draw
+
+
+def _profile(direction: str, what: str, unit: str) -> Callable[[Characterization], Figure]:
+    def draw(result: Characterization) -> Figure:
+        c = result.curves[f"emva4_{what}"]
+        figure, axes = _new()
+        for key, colour, label in (
+            ("most", _SOFT, "largest"),
+            ("least", _THIRD, "smallest"),
+            ("middle", _POINT, "middle line"),
+            ("mean", _LINE, "mean"),
+        ):
+            axes.plot(c[f"{direction}_{key}"], color=colour, linewidth=0.7, label=label)
+        return _finish(figure, axes, "column" if direction == "horizontal" else "row", f"signal ({unit})")
+
+    draw.__doc__ = f"{direction.capitalize()} profiles of the map that the {what.upper()} is measured on."
+    return draw
+
+
+def _histogram(what: str, unit: str) -> Callable[[Characterization], Figure]:
+    def draw(result: Characterization) -> Figure:
+        c = result.curves[f"emva4_{what}"]
+        figure, axes = _new()
+        seen = c["count"] > 0
+        axes.semilogy(
+            c["deviation"][seen], c["count"][seen], ".", color=_POINT, markersize=3, label="measured"
+        )
+        likely = c["normal"] > 0.3
+        axes.semilogy(
+            c["deviation"][likely], c["normal"][likely], color=_LINE, label="normal, same deviation"
+        )
+        return _finish(figure, axes, f"deviation from the mean ({unit})", "pixels per bin")
+
+    draw.__doc__ = f"Logarithmic histogram of the {what.upper()}."
+    return draw
+
+
+def _accumulated(what: str, unit: str) -> Callable[[Characterization], Figure]:
+    def draw(result: Characterization) -> Figure:
+        c = result.curves[f"emva4_{what}"]
+        figure, axes = _new()
+        axes.semilogy(c["beyond"], c["percent_beyond"], color=_POINT)
+        return _finish(figure, axes, f"deviation from the mean, at least ({unit})", "share of pixels (%)")
+
+    draw.__doc__ = f"Accumulated logarithmic histogram of the {what.upper()}."
+    return draw
+
+
+def _both(draw: Callable[[str, str], Callable]) -> list[tuple[str, str, Callable]]:
+    return [
+        (f"emva4_{what}", what.upper(), draw(what, unit)) for what, unit in (("dsnu", "e-"), ("prnu", "%"))
+    ]
+
+
+# Title, the curve and the figures that it needs, the function.
+FIGURES: list[tuple[str, str, tuple[str, ...], Callable[[Characterization], Figure]]] = [
+    ("Sensitivity", "emva4_sweep", ("emva4.responsivity_dn_per_photon",), sensitivity),
+    ("Photon transfer", "emva4_sweep", ("emva.system_gain_dn_per_e",), photon_transfer),
+    ("SNR", "emva4_sweep", ("emva.quantum_efficiency", "emva.dark_noise_dn"), snr),
+    ("Deviation from linearity", "linearity", (), linearity),
+    ("Dark current from the mean", "emva4_dark", (), dark_mean),
+    ("Dark current from the variance", "emva4_dark", (), dark_variance),
+]
+for _direction in ("horizontal", "vertical"):
+    for _curve, _name, _draw in _both(lambda what, unit, d=_direction: _spectrogram(d, what, unit)):
+        FIGURES.append((f"{_name} spectrogram, {_direction}", _curve, (), _draw))
+for _direction in ("horizontal", "vertical"):
+    for _curve, _name, _draw in _both(lambda what, unit, d=_direction: _profile(d, what, unit)):
+        FIGURES.append((f"{_name} profile, {_direction}", _curve, (), _draw))
+for _curve, _name, _draw in _both(_histogram):
+    FIGURES.append((f"{_name} histogram", _curve, (), _draw))
+for _curve, _name, _draw in _both(_accumulated):
+    FIGURES.append((f"{_name} histogram, accumulated", _curve, (), _draw))

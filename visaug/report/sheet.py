@@ -1,0 +1,173 @@
+"""The data sheet of EMVA 1288 release 4.0 Linear: one HTML file of A4 pages, an operating point after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from visaug.report.html import Figure, figure, template
+from visaug.report.pages import number
+from visaug.report.plots.emva import FIGURES
+
+if TYPE_CHECKING:
+    from visaug.characterization import Characterization
+    from visaug.characterization.points import OperatingPoint
+    from visaug.frames import FrameSet
+
+# Heading, then name on the sheet, symbol, key, factor for percent.
+QUANTITIES: tuple[tuple[str, tuple[tuple[str, str, str, float], ...]], ...] = (
+    (
+        "Sensitivity and noise",
+        (
+            ("Quantum efficiency", "η", "emva.quantum_efficiency", 100),
+            ("System gain", "K", "emva.system_gain_dn_per_e", 1),
+            ("Inverse of the system gain", "1/K", "emva4.inverse_gain_e_per_dn", 1),
+            ("Responsivity", "R", "emva4.responsivity_dn_per_photon", 1),
+            ("Temporal dark noise", "σ_d", "emva.dark_noise_e", 1),
+            ("Temporal dark noise", "σ_y.dark", "emva.dark_noise_dn", 1),
+            ("Absolute sensitivity threshold", "μ_p.min", "emva4.absolute_sensitivity_threshold_photons", 1),
+            ("Absolute sensitivity threshold", "μ_e.min", "emva4.absolute_sensitivity_threshold_e", 1),
+            ("Saturation capacity", "μ_p.sat", "emva.saturation_photons", 1),
+            ("Saturation capacity", "μ_e.sat", "emva.saturation_e", 1),
+            ("Signal-to-noise ratio", "SNR max", "emva4.snr_max", 1),
+            ("", "", "emva4.snr_max_db", 1),
+            ("", "", "emva4.snr_max_bit", 1),
+            ("Inverse of it", "1/SNR max", "emva4.inverse_snr_max", 100),
+            ("Dynamic range", "DR", "emva4.dynamic_range", 1),
+            ("", "", "emva4.dynamic_range_db", 1),
+            ("", "", "emva4.dynamic_range_bit", 1),
+        ),
+    ),
+    (
+        "Linearity and dark current",
+        (
+            ("Linearity error, least", "LE min", "emva.linearity_error_min", 100),
+            ("Linearity error, largest", "LE max", "emva.linearity_error_max", 100),
+            ("Dark current from the mean", "μ_I.mean", "emva.dark_current_mean_e_per_s", 1),
+            ("Dark current from the variance", "μ_I.var", "emva.dark_current_variance_e_per_s", 1),
+            ("Doubling temperature", "T_d", "emva4.doubling_temperature_c", 1),
+        ),
+    ),
+    (
+        "Spatial non-uniformity",
+        (
+            ("DSNU, total", "DSNU 1288", "emva.dsnu_e", 1),
+            ("DSNU, total", "", "emva.dsnu_dn", 1),
+            ("DSNU of rows", "DSNU.row", "emva4.dsnu_row_e", 1),
+            ("DSNU of columns", "DSNU.col", "emva4.dsnu_column_e", 1),
+            ("DSNU of pixels", "DSNU.pixel", "emva4.dsnu_pixel_e", 1),
+            ("PRNU, total", "PRNU 1288", "emva.prnu_fraction", 100),
+            ("PRNU of rows", "PRNU.row", "emva4.prnu_row", 100),
+            ("PRNU of columns", "PRNU.col", "emva4.prnu_column", 100),
+            ("PRNU of pixels", "PRNU.pixel", "emva4.prnu_pixel", 100),
+            ("PRNU after the high-pass filter", "", "emva4.prnu_highpass", 100),
+        ),
+    ),
+)
+CORRECTED = (
+    "Split with the temporal noise that rows and columns have",
+    (
+        ("DSNU of rows", "", "emva4_corrected.dsnu_row_e", 1),
+        ("DSNU of columns", "", "emva4_corrected.dsnu_column_e", 1),
+        ("DSNU of pixels", "", "emva4_corrected.dsnu_pixel_e", 1),
+        ("PRNU of rows", "", "emva4_corrected.prnu_row", 100),
+        ("PRNU of columns", "", "emva4_corrected.prnu_column", 100),
+        ("PRNU of pixels", "", "emva4_corrected.prnu_pixel", 100),
+    ),
+)
+
+
+def write_sheet(
+    path: str | Path,
+    points: Sequence[OperatingPoint],
+    frames: FrameSet,
+    *,
+    title: str = "EMVA 1288 data sheet",
+) -> Path:
+    """Write the sheet: a page of figures and pages of plots for each operating point."""
+    from visaug.files import write_text
+
+    content = template("sheet.html").render(
+        title=title,
+        frames=_described(frames),
+        date=datetime.now(UTC).strftime("%Y-%m-%d"),
+        points=[_point(point) for point in points],
+    )
+    write_text(path, content)
+    return Path(path)
+
+
+def sheet_json(points: Sequence[OperatingPoint]) -> dict[str, Any]:
+    """The sheet's content for programs: figures with intervals and the arrays of every plot."""
+    return {
+        "schema": 1,
+        "standard": "EMVA 1288 release 4.0 Linear",
+        "operating_points": [p.to_json() for p in points],
+    }
+
+
+def _point(point: OperatingPoint) -> dict[str, Any]:
+    result = point.result
+    tables = [_table(heading, rows, result) for heading, rows in QUANTITIES]
+    if any(key in result.parameters for _, _, key, _ in CORRECTED[1]):
+        tables.append(_table(*CORRECTED, result))
+    return {
+        "name": point.name,
+        "tables": tables,
+        "defects": [table for what in ("dsnu", "prnu") if (table := _defects(result, what))],
+        "open": [
+            f"{name}: {needs}" for name, needs in result.not_determined.items() if name.startswith("emva")
+        ],
+        "warnings": result.warnings,
+        "figures": _figures(result),
+    }
+
+
+def _table(
+    heading: str, rows: Sequence[tuple[str, str, str, float]], result: Characterization
+) -> dict[str, Any]:
+    made = []
+    for name, symbol, key, factor in rows:
+        e = result.parameters.get(key)
+        if e is None:
+            if name and key in result.not_determined:
+                made.append((name, symbol, "not determined", "", ""))
+            continue
+        unit = "%" if factor == 100 else "" if e.unit == "1" else e.unit
+        interval = f"{number(factor * e.low)} to {number(factor * e.high)}"
+        made.append((name, symbol, number(factor * e.value), unit, interval))
+    return {"heading": heading, "rows": made}
+
+
+def _defects(result: Characterization, what: str) -> dict[str, Any] | None:
+    c = result.curves.get(f"emva4_defects_{what}")
+    if c is None:
+        return None
+    unit = "e-" if what == "dsnu" else "%"
+    rows = [
+        (f"{s:g} σ", f"{limit:.3g} {unit}", str(int(above)), str(int(below)), f"{normal:.2g}")
+        for s, limit, above, below, normal in zip(c["sigma"], c["limit"], c["above"], c["below"], c["normal"])
+    ]
+    filtered = ", after the high-pass filter" if what == "prnu" else ""
+    return {"heading": f"{what.upper()}{filtered}: pixels of {int(c['pixels'][0])}", "rows": rows}
+
+
+def _figures(result: Characterization) -> list[Figure]:
+    return [
+        figure(draw(result), title, f"{title}. {draw.__doc__}", wide=False)
+        for title, curve, needs, draw in FIGURES
+        if curve in result.curves and len(next(iter(result.curves[curve].values()))) and _known(result, needs)
+    ]
+
+
+def _known(result: Characterization, needs: Sequence[str]) -> bool:
+    return all(name in result.parameters for name in needs)
+
+
+def _described(frames: FrameSet) -> str:
+    kinds = [r.kind for r in frames.records]
+    counts = ", ".join(f"{kinds.count(k)} {k}" for k in dict.fromkeys(kinds))
+    size = "{} x {}".format(*frames.shape(0)) if len(frames) else ""
+    return f"{counts} frames of {size} pixels"
