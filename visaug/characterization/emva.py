@@ -22,6 +22,7 @@ from visaug.characterization.photon_transfer import (
     emva_linearity,
     emva_sensitivity,
     last_fitted,
+    linearity_curve,
     saturated_level,
 )
 
@@ -48,6 +49,8 @@ def emva(found: Findings, measured: Measured) -> None:
         found.add("emva.quantum_efficiency", _around(sensitivity["efficiency"]), "e-/photon", _R3)
         _saturation(found, levels, saturation, sensitivity["efficiency"])
         linearity = emva_linearity(levels, saturation)
+        if linearity is not None:
+            found.curves["emva4_linearity"] = linearity_curve(levels, saturation)
         for name in ("min", "max"):
             if linearity is None:
                 found.miss(

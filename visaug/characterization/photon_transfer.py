@@ -185,12 +185,7 @@ def emva_linearity(
     """Release 3: least and largest relative deviation from a line fitted to relative deviations, 5 to 95
     %.
     """
-    top = levels[-1 if saturation is None else saturation].signal
-    chosen = [
-        v
-        for v in levels[: None if saturation is None else saturation + 1]
-        if v.photons is not None and _LINEAR_SHARE[0] * top <= v.signal <= _LINEAR_SHARE[1] * top
-    ]
+    chosen = _linear_levels(levels, saturation)
     if len(chosen) < 3:
         return None
 
@@ -199,6 +194,25 @@ def emva_linearity(
         return {"min": float(deviations.min()), "max": float(deviations.max())}
 
     return jackknife(compute, chosen[0].flat.shape[0])
+
+
+def linearity_curve(levels: Sequence[Level], saturation: int | None) -> dict[str, np.ndarray]:
+    """Photons and relative deviation of the levels that `emva_linearity` rests on."""
+    chosen = _linear_levels(levels, saturation)
+    rows = np.ones(chosen[0].flat.shape[0])
+    return {
+        "photons": np.array([v.photons for v in chosen], float),
+        "deviation": relative_deviations(chosen, rows),
+    }
+
+
+def _linear_levels(levels: Sequence[Level], saturation: int | None) -> list[Level]:
+    top = levels[-1 if saturation is None else saturation].signal
+    return [
+        v
+        for v in levels[: None if saturation is None else saturation + 1]
+        if v.photons is not None and _LINEAR_SHARE[0] * top <= v.signal <= _LINEAR_SHARE[1] * top
+    ]
 
 
 def relative_deviations(levels: Sequence[Level], rows: np.ndarray) -> np.ndarray:

@@ -58,8 +58,8 @@ class Survey:
                     f"nothing tells the {name} of {_names(lacking)}",
                     file=self.folder,
                     field=name,
-                    expected=f"{what}: write a table with `visaug frames {self.folder} -o frames.csv` and "
-                    "complete it",
+                    expected=f"{what}: write a table with `visaug frames {self.folder} -o "
+                    f"{self.folder / 'frames.csv'}` and complete it",
                 )
         return [_record(row) for row in self.rows]
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from visaug.report.html import Figure, figure, template
-from visaug.report.pages import number
 from visaug.report.plots.emva import FIGURES
 
 if TYPE_CHECKING:
@@ -23,18 +22,18 @@ QUANTITIES: tuple[tuple[str, tuple[tuple[str, str, str, float], ...]], ...] = (
         (
             ("Quantum efficiency", "η", "emva.quantum_efficiency", 100),
             ("System gain", "K", "emva.system_gain_dn_per_e", 1),
-            ("Inverse of the system gain", "1/K", "emva4.inverse_gain_e_per_dn", 1),
+            ("Inverse system gain", "1/K", "emva4.inverse_gain_e_per_dn", 1),
             ("Responsivity", "R", "emva4.responsivity_dn_per_photon", 1),
             ("Temporal dark noise", "σ_d", "emva.dark_noise_e", 1),
             ("Temporal dark noise", "σ_y.dark", "emva.dark_noise_dn", 1),
-            ("Absolute sensitivity threshold", "μ_p.min", "emva4.absolute_sensitivity_threshold_photons", 1),
-            ("Absolute sensitivity threshold", "μ_e.min", "emva4.absolute_sensitivity_threshold_e", 1),
+            ("Abs. sensitivity threshold", "μ_p.min", "emva4.absolute_sensitivity_threshold_photons", 1),
+            ("Abs. sensitivity threshold", "μ_e.min", "emva4.absolute_sensitivity_threshold_e", 1),
             ("Saturation capacity", "μ_p.sat", "emva.saturation_photons", 1),
             ("Saturation capacity", "μ_e.sat", "emva.saturation_e", 1),
             ("Signal-to-noise ratio", "SNR max", "emva4.snr_max", 1),
             ("", "", "emva4.snr_max_db", 1),
             ("", "", "emva4.snr_max_bit", 1),
-            ("Inverse of it", "1/SNR max", "emva4.inverse_snr_max", 100),
+            ("Inverse", "1/SNR max", "emva4.inverse_snr_max", 100),
             ("Dynamic range", "DR", "emva4.dynamic_range", 1),
             ("", "", "emva4.dynamic_range_db", 1),
             ("", "", "emva4.dynamic_range_bit", 1),
@@ -45,8 +44,8 @@ QUANTITIES: tuple[tuple[str, tuple[tuple[str, str, str, float], ...]], ...] = (
         (
             ("Linearity error, least", "LE min", "emva.linearity_error_min", 100),
             ("Linearity error, largest", "LE max", "emva.linearity_error_max", 100),
-            ("Dark current from the mean", "μ_I.mean", "emva.dark_current_mean_e_per_s", 1),
-            ("Dark current from the variance", "μ_I.var", "emva.dark_current_variance_e_per_s", 1),
+            ("Dark current, mean", "μ_I.mean", "emva.dark_current_mean_e_per_s", 1),
+            ("Dark current, variance", "μ_I.var", "emva.dark_current_variance_e_per_s", 1),
             ("Doubling temperature", "T_d", "emva4.doubling_temperature_c", 1),
         ),
     ),
@@ -62,7 +61,7 @@ QUANTITIES: tuple[tuple[str, tuple[tuple[str, str, str, float], ...]], ...] = (
             ("PRNU of rows", "PRNU.row", "emva4.prnu_row", 100),
             ("PRNU of columns", "PRNU.col", "emva4.prnu_column", 100),
             ("PRNU of pixels", "PRNU.pixel", "emva4.prnu_pixel", 100),
-            ("PRNU after the high-pass filter", "", "emva4.prnu_highpass", 100),
+            ("PRNU, high-pass filtered", "", "emva4.prnu_highpass", 100),
         ),
     ),
 )
@@ -136,9 +135,14 @@ def _table(
                 made.append((name, symbol, "not determined", "", ""))
             continue
         unit = "%" if factor == 100 else "" if e.unit == "1" else e.unit
-        interval = f"{number(factor * e.low)} to {number(factor * e.high)}"
-        made.append((name, symbol, number(factor * e.value), unit, interval))
+        interval = f"{_cell(factor * e.low)} to {_cell(factor * e.high)}"
+        made.append((name, symbol, _cell(factor * e.value), unit, interval))
     return {"heading": heading, "rows": made}
+
+
+def _cell(value: float) -> str:
+    """Four digits, large ones without exponent."""
+    return f"{value:.0f}" if 1e4 <= abs(value) < 1e8 else f"{value:.4g}"
 
 
 def _defects(result: Characterization, what: str) -> dict[str, Any] | None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from visaug.characterization import Characterization
 
 _POINT, _LINE, _SOFT, _THIRD = "#c2410c", "#0b5cad", "#7a8594", "#157f5b"
-_SIZE = (4.3, 2.9)  # inches: two beside each other on A4
+_SIZE = (4.3, 2.25)  # inches: ten fill a page of A4
 
 
 def _new() -> tuple[Figure, Axes]:
@@ -27,17 +27,17 @@ def _new() -> tuple[Figure, Axes]:
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color="#e6eaef", linewidth=0.6)
     axes.set_axisbelow(True)
-    axes.tick_params(labelsize=8)
+    axes.tick_params(which="both", labelsize=7.5)
     return figure, axes
 
 
 def _finish(figure: Figure, axes: Axes, x: str, y: str, legend: bool = True) -> Figure:
-    axes.set_xlabel(x, fontsize=8.5)
-    axes.set_ylabel(y, fontsize=8.5)
+    axes.set_xlabel(x, fontsize=8)
+    axes.set_ylabel(y, fontsize=8)
     if legend:
         _, labels = axes.get_legend_handles_labels()
         if labels:
-            figure.legend(loc="outside upper center", ncols=2, frameon=False, fontsize=7.5)
+            figure.legend(loc="outside upper center", ncols=4, frameon=False, fontsize=7)
     return figure
 
 
@@ -78,6 +78,8 @@ def snr(result: Characterization) -> Figure:
     photons = c["photons"]
     ratio = (c["mean_dn"] - c["dark_mean_dn"]) / np.sqrt(np.maximum(c["variance_dn2"], 1e-12))
     seen = (photons > 0) & (ratio > 0)
+    if (top := int(c["saturation"][0])) >= 0:  # beyond, clipped noise tells nothing
+        seen &= photons <= photons[top]
     efficiency = result["emva.quantum_efficiency"].value
     gain = result["emva.system_gain_dn_per_e"].value
     floor = (result["emva.dark_noise_dn"].value / gain) ** 2
@@ -102,7 +104,7 @@ def snr(result: Characterization) -> Figure:
 
 def linearity(result: Characterization) -> Figure:
     """Relative deviation of the signal from the standard's line, between 5 and 95 % of saturation."""
-    c = result.curves["linearity"]
+    c = result.curves["emva4_linearity"]
     figure, axes = _new()
     axes.plot(c["photons"], 100 * c["deviation"], ".-", color=_POINT, linewidth=0.8)
     axes.axhline(0, color=_LINE, linewidth=1)
@@ -134,6 +136,15 @@ def _dark(result: Characterization, which: str, label: str) -> Figure:
     return _finish(figure, axes, "exposure (ms)", label)
 
 
+def _plain(value: float, _: int) -> str:
+    """Ticks of a logarithmic axis as plain numbers, those at 1, 2, 3 and 5 alone."""
+    return (
+        f"{value:g}"
+        if f"{value:e}"[0] in "1235" and f"{value:.0e}" == f"{value:.1e}".replace(".0", "")
+        else ""
+    )
+
+
 def _spectrogram(direction: str, what: str, unit: str) -> Callable[[Characterization], Figure]:
     def draw(result: Characterization) -> Figure:
         c = result.curves[f"emva4_{what}"]
@@ -146,6 +157,8 @@ def _spectrogram(direction: str, what: str, unit: str) -> Callable[[Characteriza
             label="measured",
         )
         axes.axhline(c["noise"][0], color=_SOFT, linestyle="--", linewidth=1, label="temporal noise left")
+        for formatter in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
+            formatter(_plain)
         return _finish(figure, axes, "cycles per pixel", f"{what.upper()} amplitude ({unit})")
 
     draw.__doc__ = f"{direction.capitalize()} spectrogram of the {what.upper()}."
@@ -209,7 +222,7 @@ FIGURES: list[tuple[str, str, tuple[str, ...], Callable[[Characterization], Figu
     ("Sensitivity", "emva4_sweep", ("emva4.responsivity_dn_per_photon",), sensitivity),
     ("Photon transfer", "emva4_sweep", ("emva.system_gain_dn_per_e",), photon_transfer),
     ("SNR", "emva4_sweep", ("emva.quantum_efficiency", "emva.dark_noise_dn"), snr),
-    ("Deviation from linearity", "linearity", (), linearity),
+    ("Deviation from linearity", "emva4_linearity", (), linearity),
     ("Dark current from the mean", "emva4_dark", (), dark_mean),
     ("Dark current from the variance", "emva4_dark", (), dark_variance),
 ]
