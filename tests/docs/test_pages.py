@@ -12,14 +12,20 @@ from PIL import Image
 from visaug.cli.root import program
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs/reference").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs/reference").glob("*.md")),
+]
 BLOCK = re.compile(r"(<!-- not run[^>]*-->\s*)?^```(\w+)[^\n]*\n(.*?)^```", re.M | re.S)
 EXAMPLE = ROOT / "visaug/data/hidden_effect"
 
 
 def blocks(page: Path, language: str) -> list[str]:
     """The blocks of a page in one language, without those that are marked as not run."""
-    return [code for skipped, word, code in BLOCK.findall(page.read_text()) if word == language and not skipped]
+    return [
+        code for skipped, word, code in BLOCK.findall(page.read_text()) if word == language and not skipped
+    ]
 
 
 @pytest.fixture
