@@ -1,6 +1,7 @@
 """Noisy copies: names, sizes, depth and channels stay; same seed, same bytes; a broken run goes on."""
 
 import struct
+import sys
 import zlib
 
 import cv2
@@ -491,3 +492,10 @@ def test_labels_go_where_ultralytics_looks_for_them(camera, tmp_path):
     (tmp_path / "flat" / "c.txt").write_text("1 0.1 0.1 0.1 0.1\n")
     augment_files([tmp_path / "flat"], tmp_path / "noisy2", camera, labels=True)
     assert contents(tmp_path / "noisy2")["c.txt"] == b"1 0.1 0.1 0.1 0.1\n"
+
+
+def test_openexr_without_its_package_is_one_clear_line(camera, tmp_path, monkeypatch):
+    touch(tmp_path / "a.exr")
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    with pytest.raises(InputError, match=r"pip install visaug\[exr\]"):
+        augment_files([tmp_path / "a.exr"], tmp_path / "out", camera)
