@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor, distributed, nn
 from torch.nn.functional import avg_pool2d
@@ -274,13 +273,11 @@ class SensorNoise(nn.Module):
         self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor], path: ColourPath | None
     ) -> Tensor | None:
         """By tables, where they have the camera's law; else None."""
-        given = self._given(camera, draws)
-        values = {
-            path: value.detach().double().numpy().reshape(-1)
-            if isinstance(value, Tensor)
-            else np.array([value])
-            for path, value in given.items()
+        changed = self._changed(camera, draws)
+        values = camera.arrays() | {
+            path: value.detach().double().numpy().reshape(-1) for path, value in changed.items()
         }
+        values = values if self.strength == 1 else at_strength(values, self.strength)
         clips = drawing.number_of_clips(draws) if self.fixed_pattern == "image" else 1
         kept = clips == 1  # the tables take pixel patterns that are drawn anew for temporal noise
         if clips > 1 or not fast.suits(camera, values, kept):
@@ -331,10 +328,14 @@ class SensorNoise(nn.Module):
 
     def _given(self, camera: Camera, draws: Mapping[str, Tensor]) -> dict[str, Tensor | float]:
         """Every number of the camera by path: given by the user, drawn for each image, or nominal."""
-        given: dict[str, Tensor | float] = dict(camera.values())
-        given |= {path: draws[path] for path in given if path in draws}
-        given |= {path: getattr(self, name) for path, name in self._names.items()}
+        given = camera.values() | self._changed(camera, draws)
         return given if self.strength == 1 else at_strength(given, self.strength)
+
+    def _changed(self, camera: Camera, draws: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """Those of its numbers that are drawn for each image or given by the user."""
+        known = camera.values()
+        drawn = {path: value for path, value in draws.items() if path in known}
+        return drawn | {path: getattr(self, name) for path, name in self._names.items()}
 
     def extra_repr(self) -> str:
         return self.described()

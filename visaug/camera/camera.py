@@ -6,6 +6,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 import yaml
 from torch import Tensor
@@ -51,6 +52,9 @@ class Camera:
         # The rest is worked out here, once, so that `torch.compile` meets only numbers and effects in `expose`.
         self.effects = _chain_of(spec)
         self._values = paths.numeric_values(spec)
+        self._arrays = {path: np.array([value]) for path, value in self._values.items()}
+        on_picture = {effect.name for effect in self.effects if effect.stage == Stage.PICTURE}
+        self._sensor_effects = [name for name in self.effect_names if name not in on_picture]
         self._choices = paths.words(spec)
 
     @classmethod
@@ -101,6 +105,10 @@ class Camera:
     def values(self) -> dict[str, float]:
         """Every number of the camera by its path in camera.yaml; a full well that is left out is infinite."""
         return dict(self._values)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The same numbers as `values` gives, (1,) float64 each; not to be written to."""
+        return dict(self._arrays)
 
     def choices(self) -> dict[str, str]:
         """Every choice (no number) by its path."""
@@ -239,8 +247,7 @@ class Camera:
     @property
     def sensor_effects(self) -> list[str]:
         """Names of the further effects up to the converter: all but those that act on the developed picture."""
-        known = catalogue()
-        return [name for name in self.effect_names if known[name].stage != Stage.PICTURE]
+        return self._sensor_effects
 
     @property
     def sensor_maps(self) -> dict[str, Tensor]:

@@ -81,9 +81,7 @@ def take(
         sigma = values[f"{effect}.sigma_e"]
         lines[place] = lines[place] + _lines(frames, (effect,), vary, sigma, channels, window)
     sets = max(len(line) for line in lines)
-    lines = [
-        np.ascontiguousarray(np.broadcast_to(x, (sets, *x.shape[1:]))).reshape(-1, x.shape[2]) for x in lines
-    ]
+    lines = [(x if len(x) == sets else np.repeat(x, sets, 0)).reshape(-1, x.shape[2]) for x in lines]
     maps = [np.zeros((channels, height, 0), np.float32)] * 2
     if kept:
         for i, path in enumerate(("prnu.pixel", "dsnu.pixel_e")):

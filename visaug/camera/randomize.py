@@ -38,18 +38,23 @@ class Spreads(NamedTuple):
     above: Tensor
     step: Tensor
     factor: Tensor | None
+    even: bool  # any law is uniform or log-uniform
+    whole: bool  # any draw is rounded
 
     def values(self, uniform: Tensor) -> dict[str, Tensor]:
         """Values by path, (N,) float32 each, from independent uniform numbers (N, P) in [0, 1), float64."""
         if self.factor is not None:
             normals = torch.special.ndtri(uniform.clamp(2.0**-53, 1 - 2.0**-53))
             uniform = torch.special.ndtr(normals @ self.factor.T)
-        normal = torch.special.ndtri(self.below + (self.above - self.below) * uniform)
-        values = torch.clamp(self.nominal + self.deviation * normal, self.low, self.high)
-        values = torch.where(self.law == UNIFORM, torch.lerp(self.low, self.high, uniform), values)
-        rising = torch.exp(torch.lerp(self.low.log(), self.high.log(), uniform))
-        values = torch.where(self.law == LOG_UNIFORM, rising, values)
-        values = torch.where(self.step > 0, values.round(), values).float()
+        normal = torch.special.ndtri(torch.lerp(self.below, self.above, uniform))
+        values = torch.clamp(torch.addcmul(self.nominal, self.deviation, normal), self.low, self.high)
+        if self.even:
+            values = torch.where(self.law == UNIFORM, torch.lerp(self.low, self.high, uniform), values)
+            rising = torch.exp(torch.lerp(self.low.log(), self.high.log(), uniform))
+            values = torch.where(self.law == LOG_UNIFORM, rising, values)
+        if self.whole:
+            values = torch.where(self.step > 0, values.round(), values)
+        values = values.float()
         return dict(zip(self.paths, values.unbind(1)))
 
 
@@ -71,7 +76,8 @@ def spreads(camera: "Camera") -> Spreads:
     law, nominal, deviation, low, high, step = table.T
     below, above = (torch.special.ndtr((end - nominal) / deviation) for end in (low, high))
     factor = _factor(camera, tuple(found))
-    return Spreads(tuple(found), law, nominal, deviation, low, high, below, above, step, factor)
+    even, whole = bool((law != NORMAL).any()), bool(step.any())
+    return Spreads(tuple(found), law, nominal, deviation, low, high, below, above, step, factor, even, whole)
 
 
 def _bounds(camera: "Camera", path: str) -> Parameter:

@@ -41,9 +41,13 @@ def both_sides(lower: np.ndarray) -> np.ndarray:
     Returns:
         (..., 2 SIDE, 2) float32: value at the node and rise per unit of the fraction; below the median, then above.
     """
-    rise = np.diff(lower, append=lower[..., -1:]) * 2.0**-FRACTION_BITS
-    half = np.stack([lower, rise], axis=-1)
-    return np.concatenate([half, -half], axis=-2).astype(np.float32)
+    side = lower.shape[-1]
+    table = np.empty((*lower.shape[:-1], 2 * side, 2), np.float32)
+    table[..., :side, 0] = lower
+    table[..., : side - 1, 1] = (lower[..., 1:] - lower[..., :-1]) * 2.0**-FRACTION_BITS
+    table[..., side - 1, 1] = 0
+    np.negative(table[..., :side, :], out=table[..., side:, :])
+    return table
 
 
 @cache
@@ -56,9 +60,15 @@ def tukey_tables(shapes: np.ndarray) -> np.ndarray:
     """Of Tukey's lambda of standard deviation 1, (N, 2 SIDE, 2) float32, for N shapes."""
     shapes = shapes.astype(np.float64)[:, None]
     shapes = np.where(np.abs(shapes) < 1e-4, 1e-4, shapes)  # a relative error of 1e-4 in the far tails
+    near, far = _logarithms()
+    return both_sides((np.exp(shapes * near) - np.exp(shapes * far)) / (shapes * tukey_deviation(shapes)))
+
+
+@cache
+def _logarithms() -> tuple[np.ndarray, np.ndarray]:
+    """Of the probability of the nearer tail, at the nodes up to 1/2, and of its complement."""
     p = nodes()[:SIDE]
-    quantiles = (np.exp(shapes * np.log(p)) - np.exp(shapes * np.log1p(-p))) / shapes
-    return both_sides(quantiles / tukey_deviation(shapes))
+    return np.log(p), np.log1p(-p)
 
 
 def tukey_deviation(shapes: np.ndarray) -> np.ndarray:

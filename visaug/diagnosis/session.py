@@ -169,7 +169,9 @@ class Session:
 
     def _check(self, name: str) -> None:
         if name not in self.can_add():
-            raise InputError(f"{name} cannot be added", field="add", expected="an effect that the camera lacks")
+            raise InputError(
+                f"{name} cannot be added", field="add", expected="an effect that the camera lacks"
+            )
 
     def _set(self, without: Names, added: Names) -> None:
         self.compare()
