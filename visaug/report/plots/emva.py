@@ -136,7 +136,7 @@ def _dark(result: Characterization, which: str, label: str) -> Figure:
     return _finish(figure, axes, "exposure (ms)", label)
 
 
-def _plain(value: float, _: int) -> str:
+def _plain(value: float, _: float) -> str:
     """Ticks of a logarithmic axis as plain numbers, those at 1, 2, 3 and 5 alone."""
     return (
         f"{value:g}"
