@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from visaug.errors import InputError, PartlyFailed
+from visaug.files import folder_lock
 from visaug_train.ablation import ablate as run_ablation
 from visaug_train.ablation import evaluate_run
 from visaug_train.config import Config, load_config
@@ -21,10 +22,12 @@ __all__ = ["ablate", "evaluate", "evaluate_predictions", "train"]
 
 def train(config_path: Path, seed: int = 0, progress: Progress | None = None) -> str:
     """Train the last arm of a config (the one it is about) with its first seed; what to print."""
-    study = prepare(_seeded(config_path, seed), progress)
-    print(strengths(study).text(), flush=True)
-    arm = list(study.config.arms)[-1]
-    run = train_run(study, arm, study.config.seeds[0], progress)
+    config = _seeded(config_path, seed)
+    with folder_lock(config.output):
+        study = prepare(config, progress)
+        print(strengths(study).text(), flush=True)
+        arm = list(study.config.arms)[-1]
+        run = train_run(study, arm, study.config.seeds[0], progress)
     return f"{arm}, seed {run.seed}: {run.weights} ({run.seconds:.0f} s)"
 
 
@@ -36,9 +39,11 @@ def ablate(config_path: Path, seed: int = 0, progress: Progress | None = None) -
     """
     from visaug_train.report import write_report
 
-    ablation = run_ablation(_seeded(config_path, seed), progress, partial(print, flush=True))
-    written = ablation.write(ablation.config.output)
-    report = write_report(ablation)
+    config = _seeded(config_path, seed)
+    with folder_lock(config.output):
+        ablation = run_ablation(config, progress, partial(print, flush=True))
+        written = ablation.write(ablation.config.output)
+        report = write_report(ablation)
     lines = [table.to_markdown() for table in ablation.tables().values()]
     lines += [f"failed: {f.arm}, seed {f.seed}: {f.error}" for f in ablation.failures]
     text = "\n".join([*lines, f"{ablation.interval_covers}", f"tables: {written}", f"report: {report}"])

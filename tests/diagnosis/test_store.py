@@ -35,7 +35,7 @@ def test_what_is_kept_is_loaded(place):
         assert (array == VALUES[name]).all()
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=int(os.environ.get("VISAUG_EXAMPLES", "200")), deadline=None)
 @given(where=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7), cut=st.booleans())
 def test_a_flipped_bit_or_a_cut_makes_an_entry_absent(tmp_path_factory, where, bit, cut):
     with pytest.MonkeyPatch.context() as patch:

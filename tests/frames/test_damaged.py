@@ -1,6 +1,7 @@
 """Damaged, hostile and oversized frame files: one line, no memory asked for, no wrong pixel."""
 
 import io
+import os
 import struct
 import warnings
 import zipfile
@@ -190,7 +191,11 @@ WHOLE = {
 }
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(
+    max_examples=int(os.environ.get("VISAUG_EXAMPLES", "300")),
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+)
 @given(data=st.data())
 def test_any_damage_reads_as_pixels_or_is_refused(tmp_path_factory, data):
     suffix = data.draw(st.sampled_from(sorted(WHOLE)))

@@ -99,6 +99,17 @@ def test_another_host_name_is_refused(client, host):
     assert client.get("/", headers={"host": host}).status_code == 400
 
 
+def test_a_request_from_another_page_is_refused(client):
+    for origin in ("http://evil.example", "null", "http://127.0.0.1:9", "https://127.0.0.1:8000"):
+        assert client.post("/stop", headers={"origin": origin}).status_code == 403
+    assert client.post("/stop", headers={"origin": "http://127.0.0.1:8000"}).status_code == 200
+
+
+def test_a_term_of_every_camera_is_not_added(client):
+    assert client.post("/add/read_noise").status_code == 400
+    client.wait()
+
+
 def test_the_page_loads_nothing_from_elsewhere(client):
     answer = client.get("/")
     assert "default-src 'none'" in answer.headers["content-security-policy"]

@@ -143,7 +143,11 @@ def _cells(header: list[str], row: list[str], path: Path, number: int) -> dict[s
         raise InputError(
             f"has {len(row)} cells", file=path, field=f"row {number}", expected=f"{len(header)} cells"
         )
-    return dict(zip(header, [cell.strip() for cell in row], strict=False))
+    cells = dict(zip(header, [cell.strip() for cell in row], strict=False))
+    for name in _REQUIRED:
+        if name not in cells:
+            raise InputError("is missing", file=path, field=f"row {number}, {name}", expected=f"{len(header)} cells")
+    return cells
 
 
 def _record(cells: dict[str, str], decimal: str, path: Path, number: int, order: int) -> FrameRecord:

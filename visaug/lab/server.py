@@ -50,6 +50,10 @@ class Guard:
         if scope["type"] == "lifespan":
             return await self.app(scope, receive, send)
         given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
+        headers = dict(scope.get("headers", ()))
+        origin = headers.get(b"origin")
+        if origin is not None and origin != b"http://" + headers.get(b"host", b""):  # a page from elsewhere
+            return await PlainTextResponse("visaug lab: asked from another page\n", 403)(scope, receive, send)
         if not secrets.compare_digest(given.encode(), self.token):
             refusal = PlainTextResponse("visaug lab: open the address with the token that it printed\n", 403)
             return await refusal(scope, receive, send)
@@ -157,6 +161,8 @@ class _Lab:
 
     def add(self, request: Request) -> Response:
         name = _effect(request)
+        if catalogue()[name].base:
+            raise InputError(f"{name!r} is a term of every camera and cannot be added")
         return self._ask(f"adding {name}", partial(self.bench.add, name))
 
     def remove(self, request: Request) -> Response:
