@@ -77,11 +77,12 @@ def _text(effects: list[type[Effect]], curves, fine) -> str:
     return f"""# The chain
 
 A camera turns mean photons per pixel into DN. Effects act in the order of physics, and nothing else
-decides it: stage by stage (optics, generation, charge, readout, digital), within a stage in rising
+decides it: stage by stage (optics, generation, charge, readout, digital, picture), within a stage in rising
 `order`. The order matters: light that is spread by a lens has white noise, charge that is shared by
 pixels has not; the sum of two Poisson counts is one Poisson count of the summed mean, so photo-
 electrons and dark electrons share one draw; a full well clips charge, noise of the amplifier comes
-after it.
+after it. Frames of a frame set end at the converter; effects of stage picture act on the developed picture
+that augmentation gives, and a [colour camera](colour.md) has its filters between optics and generation.
 
 The base chain, always there ([all effects](effects/index.md) stand among these):
 

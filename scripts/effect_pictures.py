@@ -61,18 +61,28 @@ def scene() -> torch.Tensor:
     return light[None, None]
 
 
-def expose(camera: Camera, photons: torch.Tensor, seed: int = 1) -> np.ndarray:
-    """Consecutive frames (B, H, W) of one camera, DN."""
+def unit(effect: type[Effect]) -> str:
+    return "levels of 8 bit" if effect.stage == Stage.PICTURE else "DN"
+
+
+def expose(camera: Camera, photons: torch.Tensor, seed: int = 1, developed: bool = False) -> np.ndarray:
+    """Consecutive frames (B, H, W) of one camera, DN; `developed`: as finished pictures, levels of 8 bit."""
     count = len(photons)
     keys = [1000 * seed + i for i in range(count)]
     stream = Stream(keys, [7] * count, 1, (range(ROWS), range(COLUMNS)))
-    return camera.expose(photons, stream, sequence=True).squeeze(1).numpy()
+    frames = camera.expose(photons, stream, sequence=True)
+    if developed:
+        spec = camera.spec
+        full_dn = (spec.full_well_e or 1) / spec.gain_e_per_dn
+        frames = 255 * camera.finish(((frames - spec.black_level_dn) / full_dn).clamp(0, 1))
+    return frames.squeeze(1).numpy()
 
 
 def strip(effect: type[Effect], path: Path) -> str:
     """Writes without | with | difference side by side; returns what the difference's colours span."""
     frames = torch.cat([scene().flip(-1), scene()])  # the frame before shows the scene mirrored
-    off, on = (expose(camera, frames)[1] for camera in cameras(effect))
+    developed = effect.stage == Stage.PICTURE
+    off, on = (expose(camera, frames, developed=developed)[1] for camera in cameras(effect))
     top = np.quantile(off, 0.97)
     change = on - off
     span = max(float(np.quantile(np.abs(change), 0.995)), 0.5)
@@ -93,23 +103,30 @@ def strip(effect: type[Effect], path: Path) -> str:
 def series(name: str, present: bool) -> list[np.ndarray]:
     """Flats of rising light with and without an effect; beyond the base chain they share the latter."""
     effect = catalogue()[name]
-    return _series(name if present or effect.base else "row_noise", present)
+    shared = "row_noise" if effect.stage != Stage.PICTURE else name
+    return _series(name if present or effect.base else shared, present)
 
 
 @cache
 def _series(name: str, present: bool) -> list[np.ndarray]:
-    camera = cameras(catalogue()[name])[present]
+    effect = catalogue()[name]
+    camera, developed = cameras(effect)[present], effect.stage == Stage.PICTURE
     light = torch.ones(FRAMES, 1, ROWS, COLUMNS)
-    return [expose(camera, photons * light, seed=i + 2) for i, photons in enumerate(LADDER)]
+    return [expose(camera, photons * light, i + 2, developed) for i, photons in enumerate(LADDER)]
 
 
 def signature(effect: type[Effect], path: Path) -> None:
     """Writes photon transfer, profiles, correlation of noise and histogram, with and without the effect."""
-    lit = effect.stage == Stage.OPTICS or effect.name in ("prnu", "quantum_efficiency", "smear")
+    lit = effect.stage in (Stage.OPTICS, Stage.PICTURE) or effect.name in (
+        "prnu",
+        "quantum_efficiency",
+        "smear",
+    )
     figure, axes = plt.subplots(1, 5, figsize=(11, 2.1), layout="constrained")
     for colour, label in ((GREYS, "without"), (BLUES, "with")):
         stacks = series(effect.name, label == "with")
-        means = [stack.mean() for stack in stacks]
+        means = np.array([stack.mean() for stack in stacks])
+        means[means < 0.01] = np.nan  # a dark picture has no place on a logarithmic axis
         variances = [np.median(stack.var(axis=0, ddof=1).mean(axis=1)) for stack in stacks]
         axes[0].loglog(means, np.maximum(variances, 1e-3), "o-", ms=3, lw=1, color=colour, label=label)
         frame = stacks[3][-1] if lit else stacks[0][-1]
@@ -127,15 +144,17 @@ def signature(effect: type[Effect], path: Path) -> None:
         )
         dark = stacks[0].ravel()
         low, high = np.quantile(dark, [0.0005, 0.9995])
-        bins = np.arange(np.floor(low) - 2.5, np.ceil(high) + 3, max(1, (high - low) // 80))
+        step = 1 / 16 if effect.stage == Stage.PICTURE else max(1, (high - low) // 80)
+        margin = 2.5 * min(step, 1)
+        bins = np.arange(np.floor(low) - margin, np.ceil(high) + margin + step / 2, step)
         axes[4].hist(dark, bins=bins, histtype="step", lw=0.9, color=colour, log=True)
     low, high = axes[3].get_ylim()
     axes[3].set_ylim(min(low, -0.02), max(high, 0.05))
     axes[0].legend(fontsize=6, frameon=False)
     titles = (
         "variance in time against mean",
-        f"row means, {'flat' if lit else 'dark'}, DN",
-        f"column means, {'flat' if lit else 'dark'}, DN",
+        f"row means, {'flat' if lit else 'dark'}, {unit(effect)}",
+        f"column means, {'flat' if lit else 'dark'}, {unit(effect)}",
         "noise correlation: o columns, x rows",
         "dark frames: pixels a code",
     )

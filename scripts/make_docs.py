@@ -22,6 +22,7 @@ STAGES = {
     "CHARGE": "counted charge, stored, shared and transferred; electrons",
     "READOUT": "voltages on their way to the converter, told in electrons",
     "DIGITAL": "in and after the converter; DN",
+    "PICTURE": "the developed picture, encoded as it is shown; 0 to 1",
 }
 
 
@@ -71,7 +72,7 @@ def page(effect: type[Effect], span: str) -> str:
     lines += [
         "## What it looks like",
         "",
-        f"Without, with{at}, and the difference (blue to red: -{span} to {span} DN), same random numbers:",
+        f"Without, with{at}, and the difference (blue to red: -{span} to {span} {pictures.unit(effect)}), same random numbers:",
         "",
         f"![{effect.name}: without, with, difference]({effect.name}.png)",
         "",

@@ -9,11 +9,12 @@ import torch
 from scipy.ndimage import convolve
 
 from tests.camera import bayer
-from visaug import InputError, VISNoise
+from visaug import InputError, VISNoise, simulate
 from visaug.augment import SensorNoise
 from visaug.camera import Camera, colour, fast, fast_gpu, shipped
 from visaug.camera.colour import ColourPath
 from visaug.effects import Defocus
+from visaug.frames import FrameRecord, FrameSet
 
 MATRIX = [[1.7, -0.5, -0.2], [-0.3, 1.55, -0.25], [0.05, -0.65, 1.6]]
 BALANCE = [1.9, 1.0, 1.5]
@@ -263,3 +264,13 @@ def test_file_round_trip(tmp_path):
     again = Camera.load(tmp_path / "camera.yaml")
     assert again.spec.colour == one.spec.colour
     assert again.to_yaml() == one.to_yaml()
+
+
+def test_frames_of_a_set_are_the_converters_plane():
+    """Neither the colour path nor JPEG act on them: the same frames as of a monochrome camera."""
+    records = [FrameRecord(0, "a.npy", "bias", 0.01), FrameRecord(1, "b.npy", "flat", 0.01, photons=500.0)]
+    plan = FrameSet.from_arrays(records, np.zeros((2, 96, 96), np.uint16), bit_depth=12)
+    finished = camera(effects=[*CAMERA["effects"], {"name": "jpeg", "quality": 40}])
+    ours, plain = (simulate(one, plan, seed=3) for one in (finished, Camera.load(CAMERA)))
+    for k in range(2):
+        np.testing.assert_array_equal(ours.read(k), plain.read(k))
