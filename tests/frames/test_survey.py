@@ -45,6 +45,7 @@ def put(folder, *names, shape=(6, 8)):
         ("lights/img_20.tif", {"kind": "scene"}),
         ("darks/flat_1s.tif", {"kind": "flat", "exposure_s": 1.0}),  # the nearer name wins
         ("IMG_2016s04.tif", {}),
+        ("images/b_000.png", {}),
         ("session3/x.tif", {}),
     ],
 )
@@ -110,6 +111,14 @@ def test_what_is_missing_is_said_with_how_to_give_it(tmp_path):
 def test_pictures_stay_pictures_whatever_their_names(tmp_path, names):
     put(tmp_path, *names)
     assert {r.kind for r in FrameSet.load(tmp_path).records} == {"image"}
+
+
+def test_a_descriptor_beside_the_frames_is_pointed_out(tmp_path):
+    put(tmp_path, "images/b_000.tif")
+    (tmp_path / "EMVA1288_Data.txt").write_text("n 12 8 6")
+    notes = [note.split(":")[0] for note in survey(tmp_path).notes]
+    assert "descriptor" in notes
+    assert "kind" in notes
 
 
 def test_nothing_to_find(tmp_path):

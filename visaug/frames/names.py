@@ -47,7 +47,7 @@ def _stem(file: str) -> str:
 def _of_part(part: str) -> dict[str, Any]:
     facts: dict[str, Any] = {}
     kind = kind_of(part)
-    if kind is not None:
+    if kind not in (None, "image"):  # a folder "images" says nothing of what lies in it
         facts["kind"] = kind
     if is_master(part):
         facts["combined"] = 0

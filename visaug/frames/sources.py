@@ -11,9 +11,8 @@ from visaug.frames.headers import frames_of
 from visaug.frames.names import facts_of_name
 from visaug.frames.pixels import ARRAYS, FITS, HDF5, PHOTOS, PICTURES, SUFFIXES, TIFFS, suffix_of
 from visaug.frames.record import FrameRecord
-from visaug.frames.survey import frame_files, survey
+from visaug.frames.survey import DESCRIPTOR, frame_files, survey
 
-DESCRIPTOR = "EMVA1288_Data.txt"
 _SAID = ("overscan", "combined", "setting", "order_assumed")  # notes of a survey that matter to who measures
 
 

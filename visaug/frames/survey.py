@@ -18,6 +18,7 @@ from visaug.frames.record import FrameRecord, Window
 from visaug.frames.table import rows_text
 
 _FIELDS = tuple(f.name for f in fields(FrameRecord) if f.name not in ("sequence", "file", "clean"))
+DESCRIPTOR = "EMVA1288_Data.txt"
 _NAMED = 6  # files that a note lists
 
 
@@ -188,6 +189,11 @@ def _order(rows: list[Facts]) -> list[str]:
 
 def _notes(found: Survey) -> list[str]:
     notes = []
+    if (found.folder / DESCRIPTOR).is_file():
+        notes.append(
+            f"descriptor: {DESCRIPTOR} tells how these frames were taken; give the folder to the commands as it is, "
+            "without a frames.csv, which would win over it"
+        )
     if lacking := found.missing("kind"):
         notes.append(
             f"kind: nothing tells what {_names(lacking)} are; put them into folders named bias, dark or flat, or fill "
