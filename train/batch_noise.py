@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from torch.nn.functional import conv2d
 
 from visaug.camera import Camera, draw
+from visaug.camera.scale import gain_of, white_dn
 
 
 class GaussianBlur(nn.Module):
@@ -57,18 +58,17 @@ class WhiteSensorNoise(nn.Module):
         self.camera, self.p = camera, p
 
     def forward(self, images: Tensor) -> Tensor:
-        spec = self.camera.spec
         seed = int(torch.randint(2**31, (1,)))
         values = {
             k: v.numpy().astype(float)
             for k, v in draw(self.camera, len(images), np.random.default_rng(seed)).items()
         }
-        full_scale = 2**spec.bit_depth - 1
-        gain = values["gain_e_per_dn"] * 10 ** ((spec.gain_db - values["gain_db"]) / 20)
-        mean_e = images.mean(dim=(1, 2, 3)).double().cpu().numpy() * full_scale * gain
+        gain, white = gain_of(self.camera, values), white_dn(self.camera, values)
+        mean_e = images.mean(dim=(1, 2, 3)).double().cpu().numpy() * white * gain
         dark = values["exposure_s"] * values["dark_current.a_e_per_s"]
         dark = dark * np.exp(values["dark_current.b_per_c"] * values["temperature_c"])
-        std = np.sqrt(mean_e + dark + values["read_noise.sigma_e"] ** 2) / gain / full_scale
+        read = values["read_noise.sigma_e"] ** 2 + (values["read_noise.after_gain_dn"] * gain) ** 2
+        std = np.sqrt(mean_e + dark + read) / gain / white
         noisy = add_white(images, torch.as_tensor(std, dtype=images.dtype, device=images.device))
         return torch.where(chosen(self.p, images), noisy, images)
 

@@ -42,6 +42,7 @@ def test_white_sensor_noise_is_equation_6():
             "resolution": [64, 64],
             "bit_depth": 12,
             "gain_e_per_dn": 0.5,
+            "black_level_dn": 95,
             "quantum_efficiency": 0.6,
             "exposure_s": 2.0,
             "temperature_c": 10,
@@ -51,8 +52,8 @@ def test_white_sensor_noise_is_equation_6():
         }
     )
     noise = WhiteSensorNoise(camera)(torch.full((8, 1, 150, 150), 0.4)) - 0.4
-    electrons = 0.4 * 4095 * 0.5
+    electrons = 0.4 * 4000 * 0.5  # 1 is the saturation, 4095 - 95 DN
     dark = 2.0 * 20 * 2.718281828**0.5
-    expected = (electrons + dark + 81) ** 0.5 / 0.5 / 4095
+    expected = (electrons + dark + 81) ** 0.5 / 0.5 / 4000
     # 180,000 values: relative standard error 0.17 %; 6 of them. The fixed pattern has no part in it.
     assert float(noise.std()) == pytest.approx(expected, rel=0.01)
