@@ -74,7 +74,9 @@ def hidden_cameras(config: Config) -> dict[str, visaug.Camera]:
     vis = config.arm(config.baseline).vis
     if vis is None:
         raise InputError("has no `vis`", field=f"arms.{config.baseline}", expected="the noise of a camera")
-    plain = visaug.Camera.load(vis.camera)
+    if len(vis.cameras) != 1:
+        raise InputError("is a list", field=f"arms.{config.baseline}.vis.camera", expected="one camera")
+    plain = visaug.Camera.load(vis.cameras[0])
     cameras = {PLAIN: plain}
     for domain, effect in config.hidden.effects.items():
         if domain in (PLAIN, *config.data.test) or domain in config.arms:
@@ -96,7 +98,7 @@ def hide_effects(
     if cameras[PLAIN].resolution != size:
         raise InputError(
             f"resolution is {list(cameras[PLAIN].resolution)}",
-            file=config.arm(config.baseline).vis.camera,  # type: ignore[union-attr]
+            file=config.arm(config.baseline).camera_files[0],
             expected=f"{list(size)}, rows and columns of the views",
         )
     taken, arms, found = {}, dict(config.arms), []

@@ -168,7 +168,7 @@ def _images(ablation: Ablation) -> Iterator[Text | Figure]:
         )
     vis = next((arm.vis for arm in map(config.arm, config.arms) if arm.vis), None)
     if vis is not None:
-        camera = visaug.Camera.load(vis.camera)
+        camera = visaug.Camera.load(vis.cameras[0])
         parts = components(camera, clean[0])
         yield figure(
             plot_components(list(parts.values()), list(parts), "DN", columns=3),
