@@ -267,7 +267,14 @@ def ablate(
     if announce is not None:
         announce(noise.text())
     runs = [(arm, seed) for seed in config.seeds for arm in config.arms]
-    start_network(study, progress)  # before the runs are spread, for all start from it
+    try:
+        start_network(study, progress)  # before the runs are spread, for all start from it
+    except Exception as error:
+        said = note_failure(study, "start", config.start.seed if config.start else 0, error)
+        where = config.output / "failures"
+        raise InputError(
+            f"the network that all runs start from could not be trained ({said})", file=where
+        ) from error
     lost = spread(study, runs, run_and_score, config.cluster, progress) if config.cluster else {}
     scored, failures = {}, []
     for arm, seed in runs:

@@ -8,6 +8,7 @@ from pydantic import Field, ValidationError
 from visaug.documents import read_yaml
 from visaug.errors import InputError
 from visaug_train.arms import Arm, Part
+from visaug_train.arms import Vis as Vis  # part of what a config holds
 
 # Arms, domains and splits name files: a letter or digit, then no more than what every file system takes.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.+-]{0,63}$")]
@@ -21,7 +22,10 @@ class Rendered(Part):
     width: int = Field(240, ge=32, le=8192)
     height: int = Field(150, ge=32, le=8192)
     images: dict[Name, dict[Name, Annotated[int, Field(ge=1, le=10**6)]]] | None = None
-    distance_m: tuple[Annotated[float, Field(gt=0, le=1e4)], Annotated[float, Field(gt=0, le=1e4)]] = (2.6, 5.5)
+    distance_m: tuple[Annotated[float, Field(gt=0, le=1e4)], Annotated[float, Field(gt=0, le=1e4)]] = (
+        2.6,
+        5.5,
+    )
     attitude_deg: float = Field(45.0, ge=0, le=180)
     samples: int = Field(2, ge=1, le=8)
     linear_frames: bool = False
