@@ -2,10 +2,25 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
 
 Share = Annotated[float, Field(ge=0, le=1)]
-Pair = tuple[float, float]
+
+
+def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
+    if pair[0] > pair[1]:
+        raise ValueError(f"expected [low, high], got {list(pair)}")
+    return pair
+
+
+Pair = Annotated[tuple[float, float], AfterValidator(_ordered)]  # low, high
+Positive = Annotated[float, Field(gt=0, le=1e3)]
+Count = Annotated[int, Field(ge=0, le=100)]
+NotNegative = Annotated[float, Field(ge=0, le=1e3)]
+SharePair = Annotated[tuple[Share, Share], AfterValidator(_ordered)]
+PositivePair = Annotated[tuple[Positive, Positive], AfterValidator(_ordered)]
+Counts = Annotated[tuple[Count, Count], AfterValidator(_ordered)]
+Amounts = Annotated[tuple[NotNegative, NotNegative], AfterValidator(_ordered)]
 
 
 class Part(BaseModel):
@@ -18,14 +33,14 @@ class Blur(Part):
     """Gaussian blur."""
 
     p: Share = 0.1
-    sigma_px: Pair = (0.3, 1.0)
+    sigma_px: Amounts = (0.3, 1.0)
 
 
 class Gaussian(Part):
     """White Gaussian noise."""
 
     p: Share = 0.5
-    std: Pair = Field((0.0, 0.02), description="of full scale, drawn per image")
+    std: Amounts = Field((0.0, 0.02), description="of full scale, drawn per image")
 
 
 class Vis(Part):
@@ -86,16 +101,16 @@ class Erase(Part):
     """Random erasing (Z. Zhong et al., AAAI 2020): a rectangle of an image filled with uniform noise."""
 
     p: Share = 0.5
-    area: Pair = (0.02, 0.33)
-    aspect: Pair = (0.3, 3.3)
+    area: SharePair = (0.02, 0.33)
+    aspect: PositivePair = (0.3, 3.3)
 
 
 class SunFlare(Part):
     """A bright disc with a halo and ghosts on the line through the image's centre, as Albumentations' RandomSunFlare."""
 
     p: Share = 0.5
-    radius: Pair = Field((0.05, 0.3), description="of the source's halo, of the image's longer side")
-    ghosts: tuple[int, int] = (3, 7)
+    radius: PositivePair = Field((0.05, 0.3), description="of the source's halo, of the image's longer side")
+    ghosts: Counts = (3, 7)
 
 
 class BrightnessContrast(Part):
@@ -110,7 +125,7 @@ class MotionBlur(Part):
     """Blur along a line of random length and angle."""
 
     p: Share = 0.5
-    length_px: Pair = (3.0, 7.0)
+    length_px: Amounts = (3.0, 7.0)
 
 
 class IsoNoise(Part):
@@ -119,7 +134,7 @@ class IsoNoise(Part):
     """
 
     p: Share = 0.5
-    intensity: Pair = (0.1, 0.5)
+    intensity: Amounts = (0.1, 0.5)
 
 
 class RandConv(Part):
@@ -142,7 +157,7 @@ class Corruptions(Part):
     """
 
     p: Share = 0.5
-    severity: Pair = Field((0.2, 1.0), description="0 does nothing, 1 is the strongest")
+    severity: SharePair = Field((0.2, 1.0), description="0 does nothing, 1 is the strongest")
 
 
 class Arm(Part):

@@ -45,6 +45,16 @@ def test_an_arm_takes_over_what_it_does_not_say():
         ({"seeds": []}, "seeds"),
         ({"arms": {"baseline": {"like": "baseline"}}}, "arms.baseline.like"),
         ({"arms": {"baseline": {"blur": {"p": 2}}}}, "arms.baseline.blur.p"),
+        (
+            {"arms": {"baseline": {"gaussian": {"std": [0.3, 0.1]}}}},
+            r"arms\.baseline\.gaussian\.std: .*low, high",
+        ),
+        ({"arms": {"baseline": {"erase": {"aspect": [0, 1]}}}}, "arms.baseline.erase.aspect.0"),
+        ({"arms": {"baseline": {"randconv": {"kernels": [2]}}}}, "arms.baseline.randconv.kernels"),
+        (
+            {"arms": {"baseline": {"vis": {"camera": "x", "effects": [{"p": 1}]}}}},
+            "vis.effects: .*has no name",
+        ),
     ],
 )
 def test_what_is_wrong_is_named_by_its_path(changes, message):
@@ -91,7 +101,9 @@ def test_shipped_configs_are_sound(path):
 def test_arms_of_the_ablation_differ_where_they_say():
     config = load_config(CONFIGS / "ablation.yaml")
     camera = {name: batch_noise(config.arm(name)) for name in config.arms if config.arm(name).vis}
-    cameras = {name: noise[1].sensor.cameras[0] for name, noise in camera.items() if hasattr(noise[1], "sensor")}
+    cameras = {
+        name: noise[1].sensor.cameras[0] for name, noise in camera.items() if hasattr(noise[1], "sensor")
+    }
     assert cameras["vis_gaussian_tails"].spec.read_noise.shape == 0.14
     assert "read_noise.shape" not in cameras["vis_gaussian_tails"].spec.randomize
     assert cameras["vis_no_fixed_pattern"].spec.dsnu.column_e == 0
