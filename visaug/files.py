@@ -57,7 +57,7 @@ def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     path = Path(path)
     if path.exists() and not path.is_dir():
         raise InputError("is a file", file=path, expected="a folder")
-    place = path.resolve()  # a link stays a link: what it leads to is replaced
+    place = Path(os.path.realpath(path))  # a link stays a link: what it leads to is replaced
     place.parent.mkdir(parents=True, exist_ok=True)
     remove_leftovers(place.parent)
     old = place.parent / (_OLD + place.name)

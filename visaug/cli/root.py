@@ -65,7 +65,10 @@ def main(arguments: list[str] | None = None) -> None:
         click.echo(f"visaug: {one_line(mistake)}", err=True)
         sys.exit(2)
     except Exception as failure:
-        fault = users_fault(failure)
+        loop = (
+            str(failure) if str(failure).startswith("Symlink loop") else None
+        )  # pathlib's, which is no OSError
+        fault = loop or users_fault(failure)
         if fault is None:
             raise
         click.echo(f"visaug: {fault}", err=True)
