@@ -83,7 +83,7 @@ def read_raw(path: Path, shape: tuple[int, int] | None, layout: str) -> np.ndarr
 
 def guess_layout(path: Path, shape: tuple[int, int] | None) -> str:
     """The layout of the file's size in which neighbours are most alike; little endian, as GenICam has it, where
-    both orders of 16 bits fit, and where no layout has that size.
+    both orders of 16 bits fit, and where no layout has that size. Mono10Packed is known by its free bits.
 
     Pixels unpacked in a wrong way have their coarsest bits among their finest, so neighbours differ far more.
     """
@@ -96,8 +96,11 @@ def guess_layout(path: Path, shape: tuple[int, int] | None) -> str:
     for name in fitting:
         form = LAYOUTS[name]
         groups = data[: len(data) // form.size * form.size].reshape(-1, form.size)
-        if name == "mono10packed" and (groups[:, 1] & 0b11001100).any():
-            continue  # ten bits leave these free
+        if name == "mono10packed":
+            # Ten bits leave these four free in every middle byte, which noise of twelve bits never does.
+            if (groups[:, 1] & 0b11001100).any():
+                continue
+            return name
         pixels = form.unpack(groups).reshape(-1).astype(np.int64) / 2.0**form.bits
         unlike = float(np.abs(np.diff(pixels)).mean()) if pixels.size > 1 else 0.0
         if unlike < least:

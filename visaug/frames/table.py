@@ -146,7 +146,9 @@ def _cells(header: list[str], row: list[str], path: Path, number: int) -> dict[s
     cells = dict(zip(header, [cell.strip() for cell in row], strict=False))
     for name in _REQUIRED:
         if name not in cells:
-            raise InputError("is missing", file=path, field=f"row {number}, {name}", expected=f"{len(header)} cells")
+            raise InputError(
+                "is missing", file=path, field=f"row {number}, {name}", expected=f"{len(header)} cells"
+            )
     return cells
 
 
