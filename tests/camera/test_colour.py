@@ -166,6 +166,17 @@ def test_shipped_colour_cameras_keep_the_brightness(name):
     assert (lost < 0.8 * deviation).all()
 
 
+@pytest.mark.parametrize("quick", [True, False])
+def test_a_nan_stays_with_its_neighbours(quick):
+    """Red at a green pixel: bilinear interpolation hands it to the eight around it, the matrix to all channels."""
+    picture = torch.full((1, 3, 20, 20), 0.5)
+    picture[0, 0, 7, 8] = torch.nan
+    lost = SensorNoise(camera(), seed=1, fast=quick)(picture).isnan().any(1)[0]
+    rows, columns = (lost.nonzero() - torch.tensor([7, 8])).abs().amax(0).tolist()
+    assert lost[7, 8]
+    assert max(rows, columns) <= 2
+
+
 def test_mono_forces_either():
     flat = torch.full((1, 3, 40, 50), 0.4)
     one = VISNoise(camera(), mono=True)(flat)

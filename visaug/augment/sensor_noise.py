@@ -314,7 +314,8 @@ class SensorNoise(nn.Module):
         whole = None if self.origin or camera.sensor_maps else (rows, columns)
         mosaic = None if path is None else path.mosaic
         dn = camera.expose(photons, stream, values, resolution=whole, mosaic=mosaic)
-        return ((dn - scale.less_dn) * scale.per_dn).clamp(0, 1)
+        plane = ((dn - scale.less_dn) * scale.per_dn).clamp(0, 1)
+        return plane if mosaic is None else torch.where(mosaic(light).isnan(), torch.nan, plane)
 
     def _stream(self, draws: Mapping[str, Tensor], images: Tensor, planes: int) -> Stream:
         """The random numbers of so many planes of the sensor."""
