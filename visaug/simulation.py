@@ -1,7 +1,7 @@
 """Frame sets as a camera would take them."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,9 +12,11 @@ from torch import Tensor
 from visaug.camera import Camera
 from visaug.errors import InputError
 from visaug.frames import FrameRecord, FrameSet
+from visaug.history import DEEPEST, SMALL, Reach, is_of_whole_frame, with_states_of
 from visaug.sampling import Stream, derive_key
 
 BATCH_PIXELS = 600_000  # about what stays in a processor's cache while a batch goes through the chain
+STEPPED = 1000  # frames whose states are stepped at a time
 
 
 def simulate(
@@ -22,6 +24,8 @@ def simulate(
     plan: FrameSet,
     seed: int = 0,
     progress: Callable[[str, int, int], None] | None = None,
+    keep: Sequence[int] | None = None,
+    deepest: int = DEEPEST,
 ) -> FrameSet:
     """The frames of `plan` as `camera` would take them: one camera, its fixed patterns kept, in order.
 
@@ -30,6 +34,7 @@ def simulate(
         plan: what to take: its records, and its noiseless targets for scenes. Its pixels are not read.
         seed: chooses the individual camera (its maps) and the noise.
         progress: called with (description, done, total).
+        keep, deepest: of which frames, see `exposures`.
 
     Returns:
         A frame set in memory, uint16 DN.
@@ -38,12 +43,16 @@ def simulate(
         InputError: a flat without `photons`, a scene without `clean`, an image of which nothing is known.
     """
     frames: list[np.ndarray] = []
-    for positions, block in exposures(camera, plan, seed):
+    places = range(len(plan)) if keep is None else sorted(keep)
+    for positions, block in exposures(camera, plan, seed, keep, deepest):
         frames.extend(block.squeeze(1).numpy().astype(np.uint16))
         if progress is not None:
             progress("simulating frames", positions[-1] + 1, len(plan))
-    cleans = {r.clean: plan.clean(i) for i, r in enumerate(plan.records) if r.kind == "scene" and r.clean}
-    return FrameSet.from_arrays(plan.records, frames, cleans, bit_depth=camera.bit_depth)
+    records = [plan.records[i] for i in places]
+    cleans = {
+        r.clean: plan.clean(i) for i, r in zip(places, records, strict=True) if r.kind == "scene" and r.clean
+    }
+    return FrameSet.from_arrays(records, frames, cleans, bit_depth=camera.bit_depth)
 
 
 def with_chart(camera: Camera, plan: FrameSet) -> FrameSet:
@@ -108,34 +117,101 @@ def plan_for(camera: Camera) -> dict[str, Any]:
     return options
 
 
-def exposures(camera: Camera, plan: FrameSet, seed: int) -> Iterator[tuple[Sequence[int], Tensor]]:
-    """The same frames batch by batch: positions in the plan and (B, 1, H, W) float32 DN."""
+def exposures(
+    camera: Camera, plan: FrameSet, seed: int, keep: Iterable[int] | None = None, deepest: int = DEEPEST
+) -> Iterator[tuple[Sequence[int], Tensor]]:
+    """The same frames batch by batch: positions in the plan and (B, 1, H, W) float32 DN.
+
+    Args:
+        keep: positions of the frames that are wanted; all where left out. They come as they would out of the whole plan: the
+            state of the camera before them is found as `visaug.history` says.
+        deepest: frames before a wanted one that are simulated at most, where the camera's pixels remember them.
+    """
+    wanted = set(range(len(plan)) if keep is None else keep)
+    reach = Reach.of(camera) if len(wanted) < len(plan) else Reach(False, 0)
     memory: dict[str, Tensor] = {}
+    maps: dict[tuple, Tensor] = {}
+    shown, done = None, 0
+    for positions in _batches(camera, plan, reach.simulated(wanted, deepest), reach.whole_frames):
+        if reach.whole_frames:
+            memory = _stepped(camera, plan, seed, memory, range(done, positions[0]))
+        done = positions[-1] + 1
+        window = _window(camera, plan.records[positions[0]])
+        if shown not in (None, window):  # what the pixels of another window held is not known
+            memory = {name: state for name, state in memory.items() if is_of_whole_frame(state)}
+        shown = window
+        shape = (window[1] - window[0], window[3] - window[2])
+        photons = torch.stack([_photons(plan, i, shape) for i in positions])
+        block = _exposed(camera, plan, positions, photons, seed, window, memory, maps)
+        got = [k for k, i in enumerate(positions) if i in wanted]
+        if got:
+            yield [positions[k] for k in got], block if len(got) == len(positions) else block[got]
+
+
+def _exposed(
+    camera: Camera,
+    plan: FrameSet,
+    positions: Sequence[int],
+    photons: Tensor,
+    seed: int,
+    window: tuple[int, int, int, int],
+    memory: dict[str, Tensor],
+    maps: dict[tuple, Tensor] | None = None,
+) -> Tensor:
+    """Frames of the plan; `memory` and `maps`, the camera's own random numbers, are carried from batch to batch."""
+    records = [plan.records[i] for i in positions]
+    r0, r1, c0, c1 = window
+    keys = [derive_key(seed, "frame", record.sequence) for record in records]
     camera_key = derive_key(seed, "camera")
-    shown = None
-    for positions in list(_batches(camera, plan)):
-        records = [plan.records[i] for i in positions]
-        r0, r1, c0, c1 = _window(camera, records[0])
-        if shown not in (None, (r0, r1, c0, c1)):  # what the pixels of another window held is not known
-            memory = {name: state for name, state in memory.items() if state.shape[-2:] == (1, 1)}
-        shown = (r0, r1, c0, c1)
-        keys = [derive_key(seed, "frame", record.sequence) for record in records]
-        stream = Stream(keys, [camera_key] * len(records), 1, (range(r0, r1), range(c0, c1)))
-        values = {
-            "exposure_s": torch.tensor([record.exposure_s for record in records]),
-            "gain_db": torch.tensor([float(record.gain_db) for record in records]),
-            "temperature_c": torch.tensor([_temperature(camera, record) for record in records]),
-        }
-        photons = torch.stack([_photons(plan, i, (r1 - r0, c1 - c0)) for i in positions])
-        yield positions, camera.expose(photons, stream, values, sequence=True, memory=memory)
+    stream = Stream(keys, [camera_key] * len(records), 1, (range(r0, r1), range(c0, c1)), drawn=maps)
+    values = {
+        "exposure_s": torch.tensor([record.exposure_s for record in records]),
+        "gain_db": torch.tensor([float(record.gain_db) for record in records]),
+        "temperature_c": torch.tensor([_temperature(camera, record) for record in records]),
+    }
+    return camera.expose(photons, stream, values, sequence=True, memory=memory)
 
 
-def _batches(camera: Camera, plan: FrameSet) -> Iterator[list[int]]:
+def _stepped(
+    camera: Camera, plan: FrameSet, seed: int, memory: dict[str, Tensor], skipped: range
+) -> dict[str, Tensor]:
+    """The memory after frames that are not wanted, as far as it is one number for a whole frame."""
+    state = {name: value for name, value in memory.items() if is_of_whole_frame(value)}
+    for first in range(skipped.start, skipped.stop, STEPPED):
+        positions = range(first, min(first + STEPPED, skipped.stop))
+        light = [_mean_photons(plan, i) for i in positions]
+        photons = torch.tensor(light).view(-1, 1, 1, 1).expand(-1, 1, SMALL, SMALL)
+        _exposed(camera, plan, positions, photons, seed, (0, SMALL, 0, SMALL), state)
+        state = {name: value for name, value in state.items() if is_of_whole_frame(value)}
+    return with_states_of(memory, state)
+
+
+def _mean_photons(plan: FrameSet, i: int) -> float:
+    record = plan.records[i]
+    if record.kind != "scene":
+        return float(record.photons or 0.0)
+    return float(plan.clean(i).mean(dtype=np.float64)) if has_clean(plan, i) else 0.0
+
+
+def has_clean(plan: FrameSet, i: int) -> bool:
+    """Whether a plan holds the target of a scene: a part of a set leaves out those of frames long before any that is wanted."""
+    try:
+        plan.clean(i)
+    except InputError:
+        return False
+    return True
+
+
+def _batches(
+    camera: Camera, plan: FrameSet, positions: Sequence[int], consecutive: bool = False
+) -> Iterator[list[int]]:
+    """Positions that are taken together; `consecutive`: without any that are left out between them."""
     batch: list[int] = []
-    for i, record in enumerate(plan.records):
-        r0, r1, c0, c1 = _window(camera, record)
+    for i in positions:
+        r0, r1, c0, c1 = _window(camera, plan.records[i])
         size = max(1, BATCH_PIXELS // ((r1 - r0) * (c1 - c0)))
-        if batch and (len(batch) >= size or _window(camera, plan.records[batch[0]]) != (r0, r1, c0, c1)):
+        full = len(batch) >= size or (consecutive and batch and i > batch[-1] + 1)
+        if batch and (full or _window(camera, plan.records[batch[0]]) != (r0, r1, c0, c1)):
             yield batch
             batch = []
         batch.append(i)

@@ -8,7 +8,6 @@ import pytest
 from tests.diagnosis.small import frame_set, row_noise, stated_camera
 from visaug import Camera, FrameSet, InputError
 from visaug.comparison import compare, share_out
-from visaug.comparison.selection import manageable
 from visaug.frames import FrameRecord
 
 
@@ -48,18 +47,3 @@ def test_folds_share_no_frame_and_every_group_is_in_two():
     for group in frames.groups():
         assert set(group.indices) & set(folds.find)
         assert set(group.indices) & set(folds.confirm)
-
-
-def test_a_large_set_is_taken_in_part():
-    records = [FrameRecord(i, f"{i}.npy", "flat", 0.01, 20.0, 0.0, float(100 * (i // 2))) for i in range(100)]
-    pixels = np.arange(300 * 400, dtype=np.float32).reshape(300, 400)
-    frames = FrameSet.from_arrays(records, [pixels] * 100)
-    small, said = manageable(frames, budget=1_000_000)
-    height, width = small.shape(0)
-    assert len(small) * height * width <= 1_000_000
-    assert said is not None
-    r0, r1, c0, c1 = small.records[0].window
-    np.testing.assert_array_equal(small.read(0), pixels[r0:r1, c0:c1])
-    levels = {r.photons for r in small.records}
-    assert {0.0, 4900.0} <= levels
-    assert manageable(frames, budget=10**9) == (frames, None)

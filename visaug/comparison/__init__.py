@@ -2,7 +2,8 @@
 
 from visaug.comparison.comparison import Comparison, Place, Places, compare, data_frame, places, z_scores
 from visaug.comparison.distance import Distance, Error, is_clear
-from visaug.comparison.laboratory import Folds, Laboratory, share_out
+from visaug.comparison.folds import Folds, share_out
+from visaug.comparison.laboratory import Laboratory
 
 __all__ = [
     "Comparison",

@@ -11,6 +11,7 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.comparison.distance import Distance, variance
 from visaug.comparison.laboratory import Laboratory
+from visaug.comparison.selection import Selection
 from visaug.errors import InputError
 from visaug.fingerprint import Statistic
 from visaug.frames import FrameSet
@@ -50,7 +51,9 @@ class Comparison:
         p_value: of the largest standardised residual, against simulated sets of the camera itself.
         statistics, measured, modelled, spread: each statistic's value, and its mean and standard deviation under the camera.
         where: views that differ, the largest share of the excess first.
+        warnings: what was assumed, and what of the set spoils which effects.
         frame_set, seed: what was compared, and the seed of the simulations.
+        used: the frames and pixels that were looked at.
     """
 
     camera: Camera
@@ -63,6 +66,7 @@ class Comparison:
     warnings: tuple[str, ...]
     frame_set: FrameSet | None = field(default=None, repr=False, compare=False)
     seed: int = 0
+    used: Selection | None = None
 
     @property
     def adequate(self) -> bool:
@@ -82,6 +86,7 @@ class Comparison:
             },
             "where": [place.to_json() for place in self.where],
             "differences": self.differences(),
+            "used": self.used.to_json() if self.used else None,
             "warnings": list(self.warnings),
         }
 
@@ -178,8 +183,8 @@ def compare(
     Raises:
         InputError: frames of which nothing is known, a scene without its target, a frame that cannot be read.
     """
-    lab = Laboratory(frames, camera, seed, folds=False)
     say = progress or (lambda *_: None)
+    lab = Laboratory(frames, camera, seed, folds=False, report=say)
     sets = lab.finding(
         [(camera, k) for k in range(SETS)], lambda n: say("simulating sets of the camera", n, SETS)
     )
@@ -199,7 +204,8 @@ def compare(
         mean,
         spread,
         places(distance, fingerprint.statistics, z),
-        tuple(frames.warnings),
+        lab.warnings,
         frames,
         seed,
+        lab.selection,
     )

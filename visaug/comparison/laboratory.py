@@ -3,75 +3,30 @@
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 
 import numpy as np
 import torch
 
 from visaug.camera import Camera
-from visaug.comparison.selection import manageable
+from visaug.comparison.order import history_warnings
+from visaug.comparison.part import CONFIRM, FIND, WHOLE, Part, parts_of
+from visaug.comparison.selection import select
 from visaug.errors import InputError
-from visaug.fingerprint import Fingerprint, Statistic, fingerprint, fingerprint_values
+from visaug.fingerprint import Fingerprint, Statistic
 from visaug.frames import FrameSet
-from visaug.simulation import simulate
 
 Job = tuple[Camera, int]
 Work = Callable[[Job], tuple[np.ndarray, ...]]
 Spread = Callable[[Work, Sequence[Job]], Iterable[tuple[np.ndarray, ...]]]
 
 
-@dataclass(frozen=True)
-class Folds:
-    """Which frames do what, as positions in the set. Every group of equal conditions is shared out, never single pixels."""
-
-    fit: tuple[int, ...]
-    select: tuple[int, ...]
-    confirm: tuple[int, ...]
-
-    @property
-    def find(self) -> tuple[int, ...]:
-        """Frames that an effect is found on; the others only confirm it."""
-        return tuple(sorted(self.fit + self.select))
-
-
-def share_out(frames: FrameSet) -> Folds:
-    """Of each group two frames in three find (one fits, one selects), the third confirms.
-
-    Groups of one or two frames stay whole, or their temporal noise could not be seen: of a ladder of them every third confirms.
-    A scene taken twice is found once and confirmed once.
-    """
-    fit: list[int] = []
-    select: list[int] = []
-    confirm: list[int] = []
-    small: dict[str, int] = {}
-    groups = frames.groups()
-    ladder = {kind: sum(g.kind == kind and len(g.indices) < 3 for g in groups) for kind in ("dark", "flat")}
-    for group in groups:
-        members = sorted(group.indices)
-        if len(members) >= 3:
-            fit += members[::3]
-            select += members[1::3]
-            confirm += members[2::3]
-        elif group.kind == "scene" and len(members) == 2:
-            fit.append(members[0])
-            confirm.append(members[1])
-        else:
-            place = small.setdefault(group.kind, 0)
-            small[group.kind] += 1
-            middle = 0 < place < ladder.get(group.kind, 0) - 1
-            if middle and place % 3 == 1:
-                confirm += members
-            else:
-                fit.append(members[0])
-                select += members[1:]
-    return Folds(tuple(sorted(fit)), tuple(sorted(select)), tuple(sorted(confirm)))
-
-
 class Laboratory:
     """Simulates sets of the same plan as the measured one and takes their fingerprints.
 
-    Of a large set it takes a share, see `manageable`; `selection` says which, None where it takes all.
+    Of a large set it takes a share, `selection`: see `visaug.comparison.selection`. `parts` are what is measured and
+    simulated: the frames, or a window of them and some full frames beside. `frames` and `folds` are of the first part.
 
     Args:
         frames: the measured set.
@@ -79,6 +34,7 @@ class Laboratory:
         seed: of all simulations; simulation k of one camera shares its random numbers with simulation k of another.
         folds: False takes all frames as ones that find, for a comparison in which nothing is fitted.
         spread: does the simulations, in order; the threads of this machine, or a cluster.
+        report: called with (description, done, total) while frames are read.
     """
 
     def __init__(
@@ -88,6 +44,7 @@ class Laboratory:
         seed: int = 0,
         folds: bool = True,
         spread: Spread | None = None,
+        report: Callable[[str, int, int], None] | None = None,
     ):
         if not any(record.kind != "image" for record in frames.records):
             raise InputError(
@@ -95,16 +52,20 @@ class Laboratory:
                 field="kind",
                 expected="bias, dark, flat or scene frames to compare a camera with",
             )
-        small, self.selection = manageable(frames)
-        self.frames = _with_photons(small, camera)
-        self.folds = share_out(self.frames) if folds else Folds(tuple(range(len(self.frames))), (), ())
+        self.selection = select(frames)
+        self.warnings = (*frames.warnings, *self.selection.left_out, *history_warnings(frames.records))
+        lit = _with_photons(frames, camera, self.selection.frames)
+        self.parts = parts_of(lit, self.selection, folds, report)
+        self.frames, self.folds = self.parts[0].frames, self.parts[0].folds
         self.seed = seed
         self.spread = spread or by_threads
 
     @cached_property
     def measured(self) -> tuple[Fingerprint, Fingerprint, Fingerprint]:
         """Fingerprints of the measured frames that find, of those that confirm, and of the whole set."""
-        find, confirm, whole = (fingerprint(self.frames, use) for use in self._uses)
+        find, confirm, whole = (
+            _joined([part.measured(use) for part in self.parts]) for use in (FIND, CONFIRM, WHOLE)
+        )
         return find, confirm, whole
 
     @property
@@ -142,7 +103,7 @@ class Laboratory:
         Returns:
             (n, statistics) of the frames that find, of those that confirm, and of the whole set.
         """
-        results = self._run(cameras, report, self._uses)
+        results = self._run(cameras, report, (FIND, CONFIRM, WHOLE))
         find, confirm, whole = (np.array([result[k] for result in results]) for k in range(3))
         return find, confirm, whole
 
@@ -150,29 +111,29 @@ class Laboratory:
         self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None
     ) -> np.ndarray:
         """The same for the frames that find alone, in half the time: (n, statistics)."""
-        return np.array([a for (a,) in self._run(cameras, report, (self.folds.find,))])
+        return np.array([a for (a,) in self._run(cameras, report, (FIND,))])
 
     def _run(self, cameras, report, uses) -> list[tuple[np.ndarray, ...]]:
         results = []
-        for result in self.spread(partial(fingerprints, self.plan, self.seed, uses), cameras):
+        for result in self.spread(partial(fingerprints, self.parts_to_simulate, self.seed, uses), cameras):
             results.append(result)
             if report is not None:
                 report(len(results))
         return results
 
     @cached_property
-    def plan(self) -> FrameSet:
-        """What was taken, without the pixels: all that a simulation needs."""
-        records = self.frames.records
-        cleans = {
-            r.clean: self.frames.clean(i) for i, r in enumerate(records) if r.kind == "scene" and r.clean
-        }
-        unread = [np.zeros((1, 1), np.uint16)] * len(records)
-        return FrameSet.from_arrays(records, unread, cleans, bit_depth=self.frames.bit_depth)
+    def parts_to_simulate(self) -> tuple[Part, ...]:
+        """The parts without the measured pixels: all that a simulation needs."""
+        return tuple(part.without_pixels() for part in self.parts)
 
-    @property
-    def _uses(self) -> tuple[tuple[int, ...], ...]:
-        return self.folds.find, self.folds.confirm, tuple(range(len(self.frames)))
+
+def _joined(found: Sequence[Fingerprint]) -> Fingerprint:
+    """One fingerprint of several parts."""
+    if len(found) == 1:
+        return found[0]
+    return Fingerprint(
+        tuple(s for one in found for s in one.statistics), np.concatenate([one.values for one in found])
+    )
 
 
 def _places(statistics: Sequence[Statistic]) -> dict[tuple[str, str, str], int]:
@@ -181,12 +142,12 @@ def _places(statistics: Sequence[Statistic]) -> dict[tuple[str, str, str], int]:
 
 
 def fingerprints(
-    plan: FrameSet, seed: int, uses: Sequence[Sequence[int]], job: tuple[Camera, int]
+    parts: Sequence[Part], seed: int, uses: Sequence[str], job: tuple[Camera, int]
 ) -> tuple[np.ndarray, ...]:
     """Of one simulated set: one array of values for each use of its frames."""
     camera, number = job
-    frames = simulate(camera, plan, seed=seed * 1_000_003 + number)
-    return tuple(fingerprint_values(frames, use) for use in uses)
+    found = [part.simulated(camera, seed * 1_000_003 + number, uses) for part in parts]
+    return tuple(np.concatenate(values) for values in zip(*found, strict=True))
 
 
 def by_threads(work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
@@ -211,15 +172,20 @@ class _single_threads:
         torch.set_num_threads(self.before)
 
 
-def _with_photons(frames: FrameSet, camera: Camera) -> FrameSet:
-    """The set with the photons of uncalibrated flats taken from their level and the camera's gain and efficiency."""
+def _with_photons(frames: FrameSet, camera: Camera, used: Sequence[int]) -> FrameSet:
+    """The set with the photons of uncalibrated flats taken from their level and the camera's gain and efficiency.
+
+    The level is that of the frames in use; of conditions that are not used, that of one frame.
+    """
     blank = [i for i, r in enumerate(frames.records) if r.kind == "flat" and r.photons is None]
     if not blank:
         return frames
+    allowed = set(used)
     levels: dict[int, float] = {}
     for group in frames.groups():
         if group.kind == "flat" and group.photons is None:
-            level = float(np.mean([frames.read(i).mean(dtype=np.float64) for i in group.indices]))
+            read = [i for i in group.indices if i in allowed] or group.indices[:1]
+            level = float(np.mean([frames.read(i).mean(dtype=np.float64) for i in read]))
             electrons = max(level - camera.spec.black_level_dn, 0.0) * camera.gain_at(group.gain_db)
             levels |= dict.fromkeys(group.indices, electrons / camera.spec.quantum_efficiency)
     records = [replace(r, photons=levels[i]) if i in levels else r for i, r in enumerate(frames.records)]

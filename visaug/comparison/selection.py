@@ -1,59 +1,219 @@
-"""A share of a large frame set that can be simulated many times over."""
+"""Which frames of a large set, and which pixels of them, are simulated many times over.
 
-from dataclasses import replace
+A set of at most `BUDGET` pixels is taken whole. Of a larger one,
 
-import numpy as np
+- frames of each condition, spread evenly over the sequence, are taken in full where the sensor is small, or in one window of it:
+  what changes from frame to frame is measured on them;
+- where they are a window, a few full frames are taken beside them: what lies anywhere on the sensor is measured on these.
 
-from visaug.fingerprint.reduction import MAX_GROUPS, choose
-from visaug.frames import FrameSet
+Both are simulated as frames of the whole sequence: see `visaug.history`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+from visaug.comparison.folds import Folds, share_out
+from visaug.errors import InputError
+from visaug.fingerprint.reduction import MAX_GROUPS, by_condition, choose, spread
+from visaug.frames import FrameSet, Group
 
 BUDGET = 3_600_000  # pixels of a set; to simulate and measure it takes about a fifth of a second of one processor core
 SMALLEST = 50_000  # pixels of a frame: more frames rather than larger ones
-FEWEST = 3  # frames of a group, where it has them
+FEWEST = 3  # frames of a condition, where it has them
+FULL = 4_000_000  # pixels of the full frames that find, beside those of windows
+MOST_FULL = 3  # full frames of a condition that find: noise is known from the windows
+MARGIN = 8  # px around a window that are simulated with it: what neighbours give each other crosses its edge
+
+Window = tuple[int, int, int, int]
+NONE = Folds((), (), ())
 
 
-def manageable(frames: FrameSet, budget: int = BUDGET) -> tuple[FrameSet, str | None]:
-    """The set itself where it is small, or fewer of its conditions, frames and pixels.
+@dataclass(frozen=True)
+class Selection:
+    """Positions of frames in a set.
 
-    Conditions are spread evenly over those that were measured, frames are the first of each in order of acquisition, and
-    pixels are a window in the middle of the sensor.
-
-    Returns:
-        The set, and in words what was left out.
+    Attributes:
+        total: frames of the set.
+        size: rows and columns of its frames.
+        corner: row and column of the sensor at which they begin.
+        frames: those that all statistics, or those of a window, are taken from.
+        window: rows and columns of the frames, r0, r1, c0, c1; None where they are taken in full.
+        full: which of the full frames find and which confirm; none where all frames are taken in full.
+        left_out: what of the set is not used at all, and what that spoils: one sentence each.
     """
-    sizes = {frames.shape(i) for i in range(len(frames))}
-    total = sum(rows * columns for rows, columns in (frames.shape(i) for i in range(len(frames))))
-    if total <= budget:
-        return frames, None
+
+    total: int
+    size: tuple[int, int]
+    corner: tuple[int, int]
+    frames: tuple[int, ...]
+    window: Window | None = None
+    full: Folds = NONE
+    left_out: tuple[str, ...] = ()
+
+    @cached_property
+    def full_frames(self) -> tuple[int, ...]:
+        return tuple(sorted(self.full.fit + self.full.confirm))
+
+    @property
+    def is_all(self) -> bool:
+        return len(self.frames) == self.total and self.window is None
+
+    def to_json(self) -> dict[str, Any]:
+        """How many frames of how many, the share of the sensor that is looked at, and the windows of temporal statistics."""
+        rows, columns = self.size
+        r0, r1, c0, c1 = self.window or (0, rows, 0, columns)
+        top, left = self.corner
+        return {
+            "frames": len({*self.frames, *self.full_frames}),
+            "of": self.total,
+            "sensor": 1.0 if self.full_frames else (r1 - r0) * (c1 - c0) / (rows * columns),
+            "windows": [[top + r0, top + r1, left + c0, left + c1]],
+        }
+
+    def __str__(self) -> str:
+        """What is used, in words."""
+        if self.is_all:
+            return f"all {self.total} frames in full"
+        used = f"{len(self.frames)} of {self.total} frames, spread over the sequence"
+        if self.window is None:
+            return f"{used}, in full"
+        r0, r1, c0, c1 = self.window
+        said = f"{used}, in a window of {r1 - r0} x {c1 - c0} pixels for what changes from frame to frame"
+        return f"{said}; {len(self.full_frames)} full frames for what lies anywhere on the sensor"
+
+
+def select(frames: FrameSet, budget: int = BUDGET, full: int = FULL) -> Selection:
+    """The frames, and the window of them, that are simulated; all of a small set.
+
+    Raises:
+        InputError: frames of different size without a region that says which window of the sensor they are.
+    """
+    sizes = _sizes(frames)
+    total = sum(rows * columns for rows, columns in sizes)
     rows, columns = max(sizes)
-    groups = [
-        g
-        for kind, most in MAX_GROUPS.items()
-        for g in choose([g for g in frames.groups() if g.kind == kind], most)
+    if total <= budget:
+        return Selection(len(frames), (rows, columns), _corner(frames, 0), tuple(range(len(frames))))
+    usable, left_out = _of_one_window(frames, sizes)
+    rows, columns = sizes[usable[0]]
+    groups = _groups(frames.subset(usable), usable)
+    area = rows * columns
+    least = area if area <= 1.5 * SMALLEST else SMALLEST
+    chosen = _spread_out(groups, _allotted([len(g.indices) for g in groups], budget // least), frames)
+    window = _middle(rows, columns, budget / len(chosen))
+    folds = NONE if window is None else _full_frames(frames, chosen, groups, full)
+    corner = _corner(frames, usable[0])
+    return Selection(len(frames), (rows, columns), corner, tuple(chosen), window, folds, tuple(left_out))
+
+
+def _corner(frames: FrameSet, i: int) -> tuple[int, int]:
+    window = frames.records[i].window
+    return (window[0], window[2]) if window else (0, 0)
+
+
+def _sizes(frames: FrameSet) -> list[tuple[int, int]]:
+    """Rows and columns of each frame; only one is read of all those that are as large as the sensor."""
+    whole = next((i for i, r in enumerate(frames.records) if r.window is None), None)
+    size = None if whole is None else frames.shape(whole)
+    sizes = []
+    for record in frames.records:
+        window = record.window
+        sizes.append((window[1] - window[0], window[3] - window[2]) if window else size)
+    return sizes
+
+
+def _of_one_window(frames: FrameSet, sizes: Sequence[tuple[int, int]]) -> tuple[list[int], list[str]]:
+    """Positions of the frames that show the window which most show, and what is said of the others."""
+    windows = [r.window for r in frames.records]
+    main = Counter(windows).most_common(1)[0][0]
+    usable = [i for i, r in enumerate(frames.records) if r.window == main and r.kind in MAX_GROUPS]
+    others = len(frames) - len([w for w in windows if w == main])
+    said = []
+    if others:
+        rows, columns = sizes[windows.index(main)]
+        said.append(
+            f"mixed_windows: {others} of {len(frames)} frames show another window of the sensor than the "
+            f"{rows} x {columns} pixels of most and are left out; what a frame keeps of those before it (image_lag, "
+            "rts_noise) is not known where one was left out"
+        )
+    if not usable:
+        raise InputError("no frame that can be simulated", field="kind", expected=" or ".join(MAX_GROUPS))
+    return usable, said
+
+
+def _groups(frames: FrameSet, positions: Sequence[int]) -> list[Group]:
+    """The conditions that are looked at, with positions in the whole set."""
+    groups = [replace(g, indices=tuple(sorted(positions[i] for i in g.indices))) for g in frames.groups()]
+    return [
+        g for kind, most in MAX_GROUPS.items() for g in choose([g for g in groups if g.kind == kind], most)
     ]
-    most = max(len(g.indices) for g in groups)
-    smallest = min(rows * columns, SMALLEST)
-    while most > FEWEST and sum(min(len(g.indices), most) for g in groups) * smallest > budget:
-        most -= 1
-    chosen = sorted(i for g in groups for i in sorted(g.indices)[:most])
-    kept = frames.subset(chosen)
-    said = f"{len(chosen)} of {len(frames)} frames"
-    shrink = np.sqrt(budget / (len(chosen) * rows * columns))
-    if shrink < 1 and len(sizes) == 1 and len({r.window for r in frames.records}) == 1:
-        height, width = max(16, int(rows * shrink)), max(16, int(columns * shrink))
-        kept = _cropped(kept, (rows - height) // 2, (columns - width) // 2, height, width)
-        said += f", a window of {height} x {width} pixels in the middle"
-    return kept, said
 
 
-def _cropped(frames: FrameSet, r0: int, c0: int, height: int, width: int) -> FrameSet:
-    """A window of every frame, in memory."""
-    part = np.s_[r0 : r0 + height, c0 : c0 + width]
-    records, cleans = [], {}
-    for i, record in enumerate(frames.records):
-        top, left = (record.window[0], record.window[2]) if record.window else (0, 0)
-        records.append(replace(record, window=(top + r0, top + r0 + height, left + c0, left + c0 + width)))
-        if record.kind == "scene" and record.clean and record.clean not in cleans:
-            cleans[record.clean] = np.ascontiguousarray(frames.clean(i)[part])
-    pixels = [np.ascontiguousarray(frames.read(i)[part]) for i in range(len(frames))]
-    return FrameSet.from_arrays(records, pixels, cleans, bit_depth=frames.bit_depth)
+def _allotted(counts: Sequence[int], most: int) -> list[int]:
+    """How many frames of each condition: `FEWEST` of all, and further ones where most are left for each that is taken."""
+    taken = [min(count, FEWEST) for count in counts]
+    while sum(taken) < min(most, sum(counts)):
+        open_to = [k for k, count in enumerate(counts) if taken[k] < count]
+        taken[max(open_to, key=lambda k: counts[k] / (taken[k] + 1))] += 1
+    return taken
+
+
+def _spread_out(groups: Sequence[Group], counts: Sequence[int], frames: FrameSet) -> list[int]:
+    """So many frames of each condition, spread over the sequence; first those that follow a chosen scene and show what it left."""
+    chosen: set[int] = set()
+    kind = [record.kind for record in frames.records]
+    for scenes_first in (True, False):
+        for group, count in zip(groups, counts, strict=True):
+            if (group.kind == "scene") == scenes_first:
+                after = [i for i in group.indices if i and i - 1 in chosen and kind[i - 1] == "scene"]
+                after = [] if scenes_first else spread(after, count)
+                others = [i for i in group.indices if i not in after]
+                chosen.update(after, spread(others, count - len(after)) if count > len(after) else [])
+    return sorted(chosen)
+
+
+def _middle(rows: int, columns: int, pixels: float) -> Window | None:
+    """A window in the middle of so many pixels, of the sensor's shape; None where that is nearly all of it."""
+    shrink = (pixels / (rows * columns)) ** 0.5
+    if shrink > 0.9:
+        return None
+    height, width = (max(16, 2 * int(n * shrink / 2)) for n in (rows, columns))
+    top, left = (
+        2 * ((n - part) // 4) for n, part in ((rows, height), (columns, width))
+    )  # rows keep their parity
+    return top, top + height, left, left + width
+
+
+def _full_frames(frames: FrameSet, chosen: Sequence[int], groups: Sequence[Group], pixels: int) -> Folds:
+    """Frames of the shortest and the longest darks, of a middle flat, and scenes; near each other, as they remember alike.
+
+    No frame finds here that confirms in a window, nor the other way about.
+    """
+    shared = share_out(frames.subset(chosen))
+    finds, confirms = ({chosen[k] for k in part} for part in (shared.find, shared.confirm))
+    of = {kind: sorted((g for g in groups if g.kind == kind), key=by_condition) for kind in MAX_GROUPS}
+    bias, darks, flats = of["bias"], of["dark"], of["flat"]
+    ends = [max(bias, key=lambda g: len(g.indices))] if bias else darks[:1]
+    ends += [g for g in darks[-1:] if g not in ends]
+    ends += flats[len(flats) * 5 // 8 : len(flats) * 5 // 8 + 1]
+    rows, columns = frames.shape(chosen[0])
+    area = rows * columns
+    each = min(MOST_FULL, max(1, pixels // (area * max(len(ends), 1))))
+    scenes = spread(of["scene"], max(1, pixels // area - each * len(ends)))
+    find: list[int] = []
+    confirm: list[int] = []
+    for group, count in [(g, each) for g in ends] + [(g, 1) for g in scenes]:
+        middle = group.indices[len(group.indices) // 2]
+        first = _nearest([i for i in group.indices if i not in confirms], middle, count)
+        others = [i for i in group.indices if i not in finds and i not in first]
+        find += first
+        confirm += _nearest(others, middle, (count + 1) // 2)
+    return Folds(tuple(sorted(find)), (), tuple(sorted(confirm)))
+
+
+def _nearest(positions: Sequence[int], middle: int, count: int) -> list[int]:
+    return sorted(sorted(positions, key=lambda i: abs(i - middle))[:count])

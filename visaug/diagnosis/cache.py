@@ -19,6 +19,8 @@ from visaug.diagnosis.signatures import Signatures
 from visaug.diagnosis.signatures import signatures as simulated_signatures
 from visaug.diagnosis.store import keep, load
 from visaug.effects import catalogue
+from visaug.frames import FrameSet
+from visaug.simulation import has_clean
 
 
 def key(lab: Laboratory, camera: Camera, *words: object) -> str:
@@ -33,10 +35,16 @@ def digest(*parts: object) -> str:
 
 
 def _plan(lab: Laboratory) -> tuple:
-    frames = lab.frames
+    return tuple(
+        (_records(part.frames), _records(part.plan), part.keep, part.deepest, part.folds)
+        for part in lab.parts
+    )
+
+
+def _records(frames: FrameSet) -> tuple:
     cleans = {}
     for i, record in enumerate(frames.records):
-        if record.kind == "scene" and record.clean not in cleans:
+        if record.kind == "scene" and record.clean not in cleans and has_clean(frames, i):
             cleans[record.clean] = hashlib.blake2b(
                 np.ascontiguousarray(frames.clean(i)).tobytes(), digest_size=8
             ).hexdigest()
@@ -45,7 +53,7 @@ def _plan(lab: Laboratory) -> tuple:
         (r.sequence, r.kind, r.exposure_s, r.temperature_c, r.gain_db, r.photons, r.clean, r.window)
         for r in frames.records
     )
-    return records, shapes, cleans, lab.folds
+    return records, shapes, cleans
 
 
 def _code() -> str:
@@ -54,7 +62,8 @@ def _code() -> str:
     for room in ("sampling", "effects", "camera", "fingerprint", "comparison", "diagnosis"):
         for file in sorted((root / room).rglob("*.py")):
             digest.update(file.read_bytes())
-    digest.update((root / "simulation.py").read_bytes())
+    for file in ("simulation.py", "history.py"):
+        digest.update((root / file).read_bytes())
     return digest.hexdigest()
 
 

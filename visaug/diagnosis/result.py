@@ -11,6 +11,7 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.camera.paths import place_of
 from visaug.comparison import Error, Places, data_frame
+from visaug.comparison.selection import Selection
 from visaug.diagnosis.parameters import Coordinate, intervals
 from visaug.diagnosis.residue import Residue
 from visaug.frames import FrameSet
@@ -102,6 +103,8 @@ class Diagnosis:
         cannot_show: effects that frames like these could not show even where they are strong.
         given, frame_set, seed: what was diagnosed: the camera file, the frames, and the seed of the simulations.
         frames: sequence numbers of the frames that fit, select and confirm.
+        used: the frames and pixels that were looked at.
+        warnings: what was assumed, and what of the set spoils which effects.
     """
 
     camera: Camera
@@ -122,6 +125,8 @@ class Diagnosis:
     given: Camera | None = field(default=None, repr=False, compare=False)
     frame_set: FrameSet | None = field(default=None, repr=False, compare=False)
     seed: int = 0
+    used: Selection | None = None
+    warnings: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """As `visaug diagnose --json` writes it."""
@@ -149,6 +154,8 @@ class Diagnosis:
             "unexplained": self.unexplained.to_json() if self.unexplained else None,
             "form": self.form,
             "cannot_show": list(self.cannot_show),
+            "used": self.used.to_json() if self.used else None,
+            "warnings": list(self.warnings),
         }
 
     def to_frame(self) -> Any:

@@ -71,10 +71,11 @@ def diagnose(
             raise InputError(f"{name!r} is no effect", field="without", expected="a name of `visaug effects`")
     left_out, report = frozenset(without), progress or (lambda *_: None)
     if cluster is None:
-        found = _Search(Laboratory(frames, camera, seed), camera, left_out, report, sets).run()
+        lab = Laboratory(frames, camera, seed, report=report)
+        found = _Search(lab, camera, left_out, report, sets).run()
     else:
         with connected(cluster) as ray:
-            lab = Laboratory(frames, camera, seed, spread=by_ray(ray))
+            lab = Laboratory(frames, camera, seed, spread=by_ray(ray), report=report)
             found = _Search(lab, camera, left_out, report, sets).run()
     return replace(found, given=camera, frame_set=frames, seed=seed)
 
@@ -145,6 +146,8 @@ class _Search:
             unexplained=residue(told, self.errors, self.lab.measured[2], state, missing, nearest),
             form=form(self._of_all, state),
             cannot_show=cannot_show(self.signs, first),
+            used=self.lab.selection,
+            warnings=self.lab.warnings,
         )
 
     def _last_explains_nothing(self, missing: bool) -> bool:

@@ -41,7 +41,7 @@ def measurement(cameras: Mapping[str, Camera], at_hand: Sequence[Statistic], rep
     """
     pair = _on_one_base(cameras)
     lab = Laboratory(_plan(pair[0]), pair[0], folds=False)
-    statistics = fingerprint(simulate(pair[0], lab.plan)).statistics
+    statistics = fingerprint(simulate(pair[0], lab.parts[0].plan)).statistics
     apart = np.abs(_apart(lab, pair, statistics, report))
     kinds = np.array([s.kind for s in statistics])
     known = taken(at_hand, statistics)

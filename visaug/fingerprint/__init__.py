@@ -7,11 +7,13 @@ import numpy as np
 from visaug.fingerprint.reduction import FrameData, GroupData
 from visaug.fingerprint.statistic import AXES, Fingerprint, Statistic, finite
 from visaug.fingerprint.view import Curve, Picture, View
-from visaug.fingerprint.views import VIEWS
+from visaug.fingerprint.views import IN_A_WINDOW, OF_FULL_FRAMES, VIEWS
 from visaug.frames import FrameSet
 
 __all__ = [
     "AXES",
+    "IN_A_WINDOW",
+    "OF_FULL_FRAMES",
     "VIEWS",
     "Curve",
     "Fingerprint",
@@ -26,13 +28,13 @@ __all__ = [
 
 
 def fingerprint(
-    frames: FrameSet, use: Iterable[int] | None = None, views: Sequence[View] = VIEWS
+    frames: FrameSet, use: Iterable[int] | None = None, views: Sequence[View] = VIEWS, place: str = ""
 ) -> Fingerprint:
     """The statistics of the frames at positions `use` (all by default).
 
-    Two sets of the same plan have the same statistics in the same order.
+    Two sets of the same plan have the same statistics in the same order. `place` names the part of the sensor that they show.
     """
-    data = FrameData(frames, use)
+    data = FrameData(frames, use, place=place)
     return Fingerprint.of(pair for view in views for pair in view.measure(data))
 
 

@@ -144,10 +144,14 @@ class FrameData:
         frames: the whole set; frames outside `use` are read only as predecessors.
         use: positions that the statistics may be taken from; all by default.
         named: False leaves statistics without their descriptions.
+        place: what part of the sensor the frames show, in words, where a fingerprint has several; follows the conditions.
     """
 
-    def __init__(self, frames: FrameSet, use: Iterable[int] | None = None, named: bool = True):
+    def __init__(
+        self, frames: FrameSet, use: Iterable[int] | None = None, named: bool = True, place: str = ""
+    ):
         self.named = named
+        self.place = place
         self.frames = frames
         self.use = frozenset(range(len(frames)) if use is None else use)
         self.records: tuple[FrameRecord, ...] = frames.records
@@ -197,7 +201,8 @@ class FrameData:
     @cached_property
     def _labels(self) -> dict[Group, str]:
         """Of the conditions in the whole set, so that every use of its frames calls them alike."""
-        return labels(self.frames.groups())
+        found = labels(self.frames.groups())
+        return {g: f"{word}, {self.place}" for g, word in found.items()} if self.place else found
 
 
 def labels(groups: Iterable[Group]) -> dict[Group, str]:
@@ -244,6 +249,8 @@ def spread(items: list, most: int) -> list:
     """At most so many of the items, evenly spread, the first and the last among them."""
     if len(items) <= most:
         return items
+    if most == 1:
+        return [items[len(items) // 2]]
     return [items[round(i * (len(items) - 1) / (most - 1))] for i in range(most)]
 
 

@@ -24,7 +24,7 @@ def content(bench: Bench) -> dict[str, Any]:
     return {
         "camera": bench.given.name,
         "frames": described(bench.frames),
-        "part": bench.session.fits.lab.selection,
+        "part": _part(bench),
         "warnings": bench.frames.warnings,
         "output": str(bench.output) if bench.output else None,
         "error": _error(bench),
@@ -41,6 +41,12 @@ def content(bench: Bench) -> dict[str, Any]:
         "other_views": views[FIRST:],
         "numbers": _numbers(bench),
     }
+
+
+def _part(bench: Bench) -> str | None:
+    """What of a large set is looked at, in words; None where all of it is."""
+    selection = bench.session.fits.lab.selection
+    return None if selection.is_all else str(selection)
 
 
 def verdict(bench: Bench) -> str:

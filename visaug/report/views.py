@@ -8,6 +8,7 @@ from visaug.report.plots.view import plot_view
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
+    from visaug.fingerprint import View
     from visaug.frames import FrameSet
 
 
@@ -23,20 +24,21 @@ class ViewGallery:
     def __init__(self, frames: "FrameSet", camera: "Camera", seed: int = 0) -> None:
         from visaug.comparison.laboratory import Laboratory
         from visaug.fingerprint import FrameData
-        from visaug.simulation import simulate
 
-        plan = Laboratory(frames, camera, seed).frames  # with the photons of uncalibrated flats filled in
-        self.measured: FrameData = FrameData(plan)
-        self.modelled: FrameData = FrameData(simulate(camera, plan, seed=seed))
+        # full frames before windows: they show the whole sensor
+        parts = sorted(Laboratory(frames, camera, seed).parts, key=lambda part: not part.place)
+        self.parts: list[tuple[tuple[View, ...], FrameData, FrameData]] = [
+            (p.views, FrameData(p.frames, place=p.place), FrameData(p.take(camera, seed), place=p.place))
+            for p in parts
+        ]
 
     def figure(self, name: str, caption: str = "", focus: str = "") -> Figure | None:
         """The picture of a view by its name; None where these frames do not show it."""
-        from visaug.fingerprint import VIEWS
-
-        view = next((view for view in VIEWS if view.name == name), None)
+        shown = ((v, *data) for views, *data in self.parts for v in views if v.name == name)
+        view, *data = next(shown, (None,))
         if view is None:
             return None
-        measured, modelled = view.picture(self.measured), view.picture(self.modelled)
+        measured, modelled = (view.picture(frames) for frames in data)
         if measured is None:
             return None
         text = f"{view.title}. {caption}".strip()
@@ -59,9 +61,9 @@ class ViewGallery:
 
 
 def all_views() -> list[str]:
-    from visaug.fingerprint import VIEWS
+    from visaug.fingerprint import OF_FULL_FRAMES, VIEWS
 
-    return [view.name for view in VIEWS]
+    return list(dict.fromkeys(view.name for view in (*VIEWS, *OF_FULL_FRAMES)))
 
 
 def _many_points(picture) -> bool:

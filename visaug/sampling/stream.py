@@ -60,6 +60,8 @@ class Stream:
         channels: number of planes C.
         window: rows and columns of the sensor that the images show.
         device: where the numbers are wanted.
+        drawn: keeps the camera's own numbers, those of `fixed`, for the next batch of the same window; its tensors must
+            not be changed.
 
     Every draw takes `vary`, which says what shares one number:
     "pixel" (B, C, H, W), "row" (B, C, H, 1), "column" (B, C, 1, W), "frame" (B, 1, 1, 1).
@@ -73,7 +75,10 @@ class Stream:
         channels: int,
         window: tuple[range, range],
         device: torch.device | str = "cpu",
+        drawn: dict[tuple, Tensor] | None = None,
+        is_fixed: bool = False,
     ):
+        self._drawn, self._is_fixed = drawn, is_fixed
         self.channels = channels
         self.window = window
         self.device = torch.device(device)
@@ -87,7 +92,7 @@ class Stream:
             keys, camera_keys = (_forked(k, name) for k in (self._keys, self._camera_keys))
         else:
             keys, camera_keys = mix(self._keys ^ name), mix(self._camera_keys ^ name)
-        return Stream(keys, camera_keys, self.channels, self.window, self.device)
+        return self._like(keys, camera_keys, self._is_fixed)
 
     @property
     def fixed(self) -> "Stream":
@@ -95,7 +100,10 @@ class Stream:
 
         Where all images come from one camera its draws have a batch of 1, and broadcast.
         """
-        return Stream(self._camera_keys, self._camera_keys, self.channels, self.window, self.device)
+        return self._like(self._camera_keys, self._camera_keys, True)
+
+    def _like(self, keys: Tensor, camera_keys: Tensor, is_fixed: bool) -> "Stream":
+        return Stream(keys, camera_keys, self.channels, self.window, self.device, self._drawn, is_fixed)
 
     def over(self, rows: range, columns: range) -> "Stream":
         """The same numbers for another window: whole rows, the whole sensor, or a table of fixed numbers."""
@@ -116,6 +124,14 @@ class Stream:
         """Standard normal, float32."""
         if not self._native():
             return distributions.normal(self._bits(vary))
+        if self._drawn is None or not self._is_fixed or len(self._keys) > 1:
+            return self._native_normal(vary)
+        place = (int(self._keys[0]), vary, self.channels, self.window)
+        if place not in self._drawn:
+            self._drawn[place] = self._native_normal(vary)
+        return self._drawn[place]
+
+    def _native_normal(self, vary: str) -> Tensor:
         keys, r0, c0, out = self._native_arguments(vary)
         kernels.fill_normal(keys, r0, c0, out)
         return torch.from_numpy(out)

@@ -1,6 +1,7 @@
 """One way of looking at a frame set a class."""
 
 from visaug.fingerprint.view import View
+from visaug.fingerprint.views.borders import Borders
 from visaug.fingerprint.views.codes import Codes
 from visaug.fingerprint.views.level import Drift, Level
 from visaug.fingerprint.views.memory import Memory
@@ -31,5 +32,16 @@ VIEWS: tuple[View, ...] = (
     Defects(),
     Codes(),
     Memory(),
+    Scene(),
+)
+
+# Of a large set. A window sees no more of a scene than what lies in it, though light and charge come from all over the sensor.
+IN_A_WINDOW: tuple[View, ...] = tuple(view for view in VIEWS if not isinstance(view, Scene))
+OF_FULL_FRAMES: tuple[View, ...] = (
+    FixedPattern(),
+    SmoothMap(),
+    Seams(),
+    Defects(),
+    Borders(),
     Scene(),
 )
