@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 # A flat dark is a dark frame of a flat's exposure, so darks are looked for before flats.
 _WORDS = (
@@ -16,6 +17,7 @@ _MASTER = ("master", "combined", "stacked", "averaged", "superbias", "superdark"
 _TYPED = {"superbias": "bias", "superdark": "dark", "superflat": "flat"}
 
 
+@lru_cache(1000)  # a table repeats few words
 def kind_of(text: str) -> str | None:
     """The kind that `text` names (``Bias Frame``, ``DOME FLAT``, ``zero``), None where it names none.
 
@@ -30,6 +32,7 @@ def kind_of(text: str) -> str | None:
     return None
 
 
+@lru_cache(1000)
 def is_master(text: str) -> bool:
     """Whether `text` names a frame that was combined from several exposures."""
     return any(word in _MASTER for word in re.findall("[a-z]+", _split_master(text)))
