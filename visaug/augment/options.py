@@ -31,6 +31,7 @@ def check_choice(name: str, word: Any) -> str:
 
 def check_number(name: str, value: Any, low: float, high: float, above: bool = False) -> float:
     """A finite number in [low, high], or in (low, high] where `above`."""
+    given = value
     try:
         value = math.nan if isinstance(value, bool | str | bytes) else float(value)
     except (TypeError, ValueError):
@@ -38,7 +39,7 @@ def check_number(name: str, value: Any, low: float, high: float, above: bool = F
     if not low <= value <= high or not math.isfinite(value) or (above and value == low):
         end = f" up to {high:g}" if math.isfinite(high) else ""
         expected = f"a number {'above' if above else 'from'} {low:g}{end}"
-        raise InputError("is not a valid number", field=name, expected=expected)
+        raise InputError(f"{given!r} is not valid", field=name, expected=expected)
     return value
 
 
