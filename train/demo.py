@@ -35,16 +35,8 @@ def with_diagnosed(config: Config, seed: int = 0, progress: Progress | None = No
     """The config with an arm more: the sensor noise of the lightbox-like camera as a diagnosis of its frames finds it."""
     vis = config.arm("vis").vis
     assert vis is not None
-    rendered = config.data.rendered
-    assert rendered is not None
-    resolution = rendered.height, rendered.width
     found = diagnosed_camera(
-        LIGHTBOX_CAMERA,
-        "lightbox camera",
-        resolution,
-        config.output / "lightbox_camera",
-        seed,
-        progress,
+        LIGHTBOX_CAMERA, "lightbox camera", config.output / "lightbox_camera", seed, progress
     )
     named = ", ".join(diagnosis_of(found)["accepted"]) or "nothing"
     arm = Arm(

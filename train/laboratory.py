@@ -18,6 +18,10 @@ from visaug.frames import FrameRecord, FrameSet
 from visaug_train.render.independent_camera import IndependentCamera
 
 Progress = Callable[[str, int, int], None]
+RESOLUTION = (
+    96,
+    128,
+)  # of the frames; a diagnosis takes time by the pixel, and the effects are those of the whole sensor
 EXPOSURE_S, TEMPERATURE_C = 0.01, 20.0
 BIASES, FLATS = 12, 6
 LEVELS = (0.1, 0.3, 0.5, 0.7)  # of full well
@@ -76,7 +80,6 @@ def take_frames(camera: IndependentCamera, resolution: tuple[int, int], seed: in
 def diagnosed_camera(
     camera: IndependentCamera,
     name: str,
-    resolution: tuple[int, int],
     folder: Path,
     seed: int = 0,
     progress: Progress | None = None,
@@ -84,9 +87,9 @@ def diagnosed_camera(
     """The file of the camera that a diagnosis of its frames finds, starting from its data sheet; kept once made."""
     answer, found = folder / f"diagnosis-{seed}.json", folder / f"camera-{seed}.yaml"
     if not answer.is_file():
-        stated = visaug.Camera.load(data_sheet(camera, name, resolution))
+        stated = visaug.Camera.load(data_sheet(camera, name, RESOLUTION))
         stated.save(folder / "data_sheet.yaml")
-        frames = take_frames(camera, resolution, seed)
+        frames = take_frames(camera, RESOLUTION, seed)
         diagnosis = visaug.diagnose(stated, frames, seed=seed, progress=progress)
         content = diagnosis.camera.to_dict()
         known = visaug.Camera.load(content).values()
