@@ -195,3 +195,26 @@ def test_tables_have_the_papers_form(rendered):
     assert made["detection"].head == ["arm", "lightbox: box AP50-95", "lightbox: IoU mean"]
     assert [row[0] for row in made["keypoints"].rows] == ["baseline", "better"]
     assert made["keypoints"].to_markdown().count("\n") == 6
+
+
+def test_an_overview_says_in_words_what_is_clear(rendered):
+    """Two seeds: Student's t with one degree of freedom, 12.7 times the standard error."""
+    clear = constructed(rendered, {"baseline": [9.0, 9.0], "better": [0.1, 0.1]}).tables()["overview"]
+    assert clear.head == ["test set", "baseline", "better"]
+    assert clear.rows[0][0] == "lightbox"
+    assert "(better: +" in clear.rows[0][2]
+    lottery = constructed(rendered, {"baseline": [9.0, 9.0], "better": [0.1, 8.0]}).tables()["overview"]
+    assert "(not clear: +" in lottery.rows[0][2]
+
+
+def test_tables_are_written_for_papers(rendered):
+    ablation = constructed(rendered, {"baseline": [3.0, 2.0], "better": [1.0, 0.5]})
+    ablation.config.published = True
+    made = ablation.tables()
+    assert "0.8280" in next(row for row in made["detection"].rows if row[0] == "the paper: baseline")[2]
+    assert ["SLN (YOLOv5s)", "0.9538", "0.9851"] in made["comparison"].rows
+    latex = made["detection"].to_latex()
+    assert latex.count(r"\\") == len(made["detection"].rows) + 1
+    assert r"$\pm$" in latex
+    assert made["poses"].head[2:4] == ["E_t mean, m", "E_t median, m"]
+    assert r"E\_t" in made["poses"].to_latex()
