@@ -10,7 +10,7 @@ from scipy import stats
 from visaug.characterization import dark_current
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
-from visaug.characterization.intervals import t_quantile
+from visaug.characterization.intervals import t_quantile, widen
 from visaug.characterization.light import NEEDS_FLATS
 from visaug.characterization.moments import GroupMoments
 
@@ -19,9 +19,59 @@ _NEEDS_LADDER = "dark frames at two or more exposures and two or more temperatur
 
 def dark_law(found: Findings, measured: Measured, frames: GroupMoments | None = None) -> float:
     """Dark current and its law; returns the dark signal of `frames` in DN (0 where it is not known)."""
-    lines = dark_current.slopes(dark_current.mean_points((*measured.darks, *measured.biases)))
+    groups = (*measured.darks, *measured.biases)
+    _saturated(found, groups)
+    if measured.wanders:
+        law = _of_frames(measured, groups)
+        if law is not None:
+            found.warn(
+                "temperature_drift: the temperature changed while dark frames were taken; dark current comes "
+                "from one fit over each frame's own temperature and exposure, with one black level for all",
+                spoils=("emva.dark_current_*",),
+            )
+            _add_law(found, law, "one fit over the temperatures and exposures of all dark frames")
+            if frames is None or frames.group.temperature_c is None:
+                return 0.0
+            return math.exp(law.log_a + law.b_per_c * frames.group.temperature_c) * frames.group.exposure_s
+    lines = dark_current.slopes(dark_current.mean_points(groups))
     found_law(found, lines)
     return _signal_of(frames, lines) if frames is not None and lines else 0.0
+
+
+def _saturated(found: Findings, groups: tuple[GroupMoments, ...]) -> None:
+    share = max((m.clipped_high for m in groups if m.shape and not math.isnan(m.mean)), default=0.0)
+    if share > 0:
+        found.warn(
+            f"saturated_dark: {share:.2%} of the pixels of dark frames are at the converter's top; the mean "
+            "dark current leaves out what is cut there",
+            spoils=("dark_current.*", "emva.dark_current_*"),
+        )
+
+
+def _of_frames(measured: Measured, groups: tuple[GroupMoments, ...]) -> dark_current.Law | None:
+    records = measured.frames.records
+    rows = [
+        (records[i].temperature_c, records[i].exposure_s, level)
+        for m in groups
+        for i, level in zip(m.group.indices, m.frame_means)
+        if records[i].temperature_c is not None
+    ]
+    return dark_current.joint_law(*np.array(rows, float).reshape(-1, 3).T)
+
+
+def _add_law(found: Findings, law: dark_current.Law, source: str) -> None:
+    """The law in electrons where the gain is known."""
+    scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
+    relative = 0.0 if found.gain is None else found.gain.relative_error
+    t = t_quantile(law.df)
+    error = math.hypot(math.sqrt(law.covariance[0, 0]), relative)
+    a = math.exp(law.log_a) * scale
+    name, unit = ("a_e_per_s", "e-/s") if found.gain is not None else ("a_dn_per_s", "DN/s")
+    found.add(f"dark_current.{name}", (a, a * math.exp(-t * error), a * math.exp(t * error)), unit, source)
+    if found.gain is None:
+        found.miss("dark_current.a_e_per_s", NEEDS_FLATS)
+    half = t * math.sqrt(law.covariance[1, 1])
+    found.add("dark_current.b_per_c", (law.b_per_c, law.b_per_c - half, law.b_per_c + half), "1/degC", source)
 
 
 def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
@@ -31,8 +81,6 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
             found.miss(name, _NEEDS_LADDER)
         return
     scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
-    relative = 0.0 if found.gain is None else found.gain.relative_error
-    unit = "DN/s" if found.gain is None else "e-/s"
     law = dark_current.law(lines)
     found.curves["dark_current"] = {
         "temperature_c": np.array([math.nan if s.temperature_c is None else s.temperature_c for s in lines]),
@@ -42,24 +90,31 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
         "in_electrons": np.array(found.gain is not None),
     }
     if law is not None:
-        t = t_quantile(law.df)
-        error = math.hypot(math.sqrt(law.covariance[0, 0]), relative)
-        a = math.exp(law.log_a) * scale
-        source = f"mean dark signal against exposure at {len(lines)} temperatures"
-        name = "dark_current.a_e_per_s" if found.gain is not None else "dark_current.a_dn_per_s"
-        found.add(name, (a, a * math.exp(-t * error), a * math.exp(t * error)), unit, source)
-        if found.gain is None:
-            found.miss("dark_current.a_e_per_s", NEEDS_FLATS)
-        half = t * math.sqrt(law.covariance[1, 1])
-        found.add(
-            "dark_current.b_per_c", (law.b_per_c, law.b_per_c - half, law.b_per_c + half), "1/degC", source
-        )
+        _add_law(found, law, f"mean dark signal against exposure at {len(lines)} temperatures")
         if law.misfit > stats.f.ppf(0.999, max(len(lines) - 2, 1), min(law.df, 1e6)):
-            found.warn("dark_current_law: the dark current does not follow a exp(b T) within its errors")
+            found.warn(
+                "dark_current_law: the dark current does not follow a exp(b T) within its errors",
+                spoils=("dark_current.a_e_per_s", "dark_current.b_per_c"),
+            )
     else:
+        _one_temperature(found, lines)
         needs = "dark frames at two or more known temperatures, warm or long enough for a dark signal"
         found.miss("dark_current.a_e_per_s", needs)
         found.miss("dark_current.b_per_c", needs)
+
+
+def _one_temperature(found: Findings, lines: list[dark_current.Slope]) -> None:
+    """The rate where only one temperature tells it: no law, but a figure."""
+    if found.gain is None or len(lines) != 1:
+        return
+    line, scale = lines[0], 1 / found.gain.dn_per_e
+    half = t_quantile(line.df) * line.error
+    interval = tuple(v * scale for v in (line.value, line.value - half, line.value + half))
+    if interval[0] > 0:
+        interval = widen(interval, found.gain.relative_error) if interval[1] > 0 else interval
+    at = "" if line.temperature_c is None else f" at {line.temperature_c:g} degC"
+    found.add("dark_current.rate_e_per_s", interval, "e-/s", f"mean dark signal against exposure{at}")
+    found.dark_rate = (line.value * scale, line.temperature_c) if interval[1] > 0 else None
 
 
 def _signal_of(frames: GroupMoments, lines: list[dark_current.Slope]) -> float:

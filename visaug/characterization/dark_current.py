@@ -11,6 +11,8 @@ from scipy import optimize
 
 from visaug.characterization.moments import GroupMoments
 
+_STEP_C = 0.6  # a sensor's reading wanders by less; steps of a ladder are wider
+
 
 @dataclass(frozen=True)
 class Slope:
@@ -71,6 +73,43 @@ def variance_points(moments: Sequence[GroupMoments]) -> list[Point]:
         for m in moments
         if m.temporal is not None
     ]
+
+
+def wanders(temperature_c: np.ndarray, exposure_s: np.ndarray) -> bool:
+    """Whether temperatures of dark frames (n,) make no steps with two exposures each: then exposure and
+    temperature can only be told apart by one fit to all.
+    """
+    if len(np.unique(exposure_s)) < 2:
+        return False
+    order = np.argsort(temperature_c)
+    t, e = temperature_c[order], exposure_s[order]
+    steps = np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > _STEP_C) + 1)
+    drifts = any(np.ptp(t[s]) > 1.5 * _STEP_C for s in steps)
+    return drifts or (len(steps) > 1 and any(len(np.unique(e[s])) < 2 for s in steps))
+
+
+def joint_law(temperature_c: np.ndarray, exposure_s: np.ndarray, level: np.ndarray) -> Law | None:
+    """a exp(b T) t + black level by one least-squares fit over frames, each of its own temperature and
+    exposure; the misfit tells the errors.
+    """
+    n = len(level)
+    if n < 6 or np.ptp(temperature_c) < 0.5 or len(np.unique(exposure_s)) < 2:
+        return None
+    centre = float(np.average(temperature_c, weights=exposure_s + 1e-12))
+    rate = np.polyfit(exposure_s, level, 1)[0]
+    if not rate > 0:
+        return None
+
+    def residual(p: np.ndarray) -> np.ndarray:
+        return p[0] + np.exp(np.clip(p[1] + p[2] * (temperature_c - centre), -700, 700)) * exposure_s - level
+
+    fit = optimize.least_squares(residual, [float(level.min()), math.log(rate), 0.08], x_scale="jac")
+    try:
+        covariance = np.linalg.inv(fit.jac.T @ fit.jac)[1:, 1:] * 2 * fit.cost / (n - 3)
+    except np.linalg.LinAlgError:
+        return None
+    shift = np.array([[1.0, -centre], [0.0, 1.0]])
+    return Law(float(fit.x[1] - fit.x[2] * centre), float(fit.x[2]), shift @ covariance @ shift.T, n - 3, 0.0)
 
 
 def slopes(points: Sequence[Point]) -> list[Slope]:

@@ -63,6 +63,7 @@ def emva(found: Findings, measured: Measured) -> None:
             found.miss(f"emva.{name}", NEEDS_PHOTONS)
     _dark_noise(found, darks, gain, relative)
     _dark_current(found, _dark_ladder(measured), gain, relative)
+    _disagree(found)
     _spatial(found, measured, gain, relative)
     emva4.derived(found, _around(sensitivity["response"]) if "response" in sensitivity else None)
 
@@ -163,6 +164,19 @@ def _dark_current(found: Findings, darks: list[GroupMoments], gain: float, relat
             found.add(key, (value, low, high), "e-/s", _R3 + at)
         else:
             found.miss(key, "longer exposures: the dark variance does not grow with exposure")
+
+
+def _disagree(found: Findings) -> None:
+    """Mean and variance of the dark signal tell the same current, unless something else is in it."""
+    mean, variance = (found.parameters.get(f"emva.dark_current_{n}_e_per_s") for n in ("mean", "variance"))
+    if mean is None or variance is None:
+        return
+    if variance.low > mean.high > 0 or variance.high < mean.low:
+        found.warn(
+            "dark_current_disagrees: mean and variance of the dark signal tell different currents (cosmic rays, "
+            "hot pixels that clip, light, or a mean that is corrected in the camera)",
+            spoils=("dark_current.*", "emva.dark_current_*"),
+        )
 
 
 def _spatial(found: Findings, measured: Measured, gain: float, relative: float) -> None:

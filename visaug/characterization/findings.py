@@ -6,6 +6,7 @@ import fnmatch
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +37,10 @@ class Findings:
     spoils: dict[str, tuple[str, ...]] = field(default_factory=dict)
     gain: Gain | None = None
     bit_depth: int | None = None
+    dark_rate: tuple[float, float | None] | None = None  # e-/s and its temperature, where no law is known
+    bend_per_e: float | None = None  # c of the response e (1 + c e), where it bends beyond doubt
+    effects: list[dict[str, Any]] = field(default_factory=list)  # of a camera.yaml, beyond the base chain
+    assumed: list[str] = field(default_factory=list)  # paths of a camera.yaml that nothing measured
 
     def add(
         self, name: str, interval: Sequence[float], unit: str, source: str, most: float = math.inf

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from visaug.characterization.dark_current import Slope, mean_points, slopes
+from visaug.characterization.dark_current import Slope, mean_points, slopes, wanders
 from visaug.characterization.facts import Facts
 from visaug.characterization.moments import GroupMoments, measure
 from visaug.frames import FrameSet, Group
@@ -107,8 +107,17 @@ class Measured:
         small = [v for v in levels if v.flat.n <= _STACK * usual]
         return tuple(small if len(small) >= 3 else levels)
 
+    @property
+    def wanders(self) -> bool:
+        """Whether the temperature drifts among the dark frames."""
+        taken = [self.frames.records[i] for m in self.darks for i in m.group.indices]
+        known = [(r.temperature_c, r.exposure_s) for r in taken if r.temperature_c is not None]
+        return bool(known) and wanders(*np.array(known, float).T)
+
     def with_dark_signal(self) -> Measured:
         """Levels that know what dark current adds beyond their dark frames, where dark frames tell its rate."""
+        if self.wanders:
+            return self
         lines = slopes(mean_points((*self.darks, *self.biases)))
         return replace(self, levels=tuple(_with_rate(v, lines) for v in self.levels)) if lines else self
 

@@ -10,6 +10,7 @@ from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Level, Measured
 from visaug.characterization.intervals import mean_error, root, symmetric, t_quantile
 from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.characterization.mosaic import Mosaic
 from visaug.characterization.nonuniformity import Parts, parts, surface
 from visaug.characterization.photon_transfer import (
     PhotonTransfer,
@@ -90,6 +91,7 @@ def _efficiency(found: Findings, result: PhotonTransfer) -> None:
             "the straight line; quantum_efficiency is that of faint light",
             spoils=("emva.quantum_efficiency",),
         )
+        found.bend_per_e = line.curvature_per_photon / value
     if line.dark == "unknown":
         found.warn(
             "dark_exposure: flats were exposed longer than their dark frames and dark frames at two exposures "
@@ -123,8 +125,13 @@ def _transfer_curves(found: Findings, result: PhotonTransfer) -> None:
         }
 
 
-def response_pattern(found: Findings, measured: Measured, result: PhotonTransfer) -> Parts | None:
-    """PRNU by row, column and pixel from the slope of every pixel over the safe levels."""
+def response_pattern(
+    found: Findings, measured: Measured, result: PhotonTransfer, mosaic: Mosaic | None = None
+) -> Parts | None:
+    """PRNU by row, column and pixel from the slope of every pixel over the safe levels.
+
+    On a mosaic each pixel is compared with those of its own colour.
+    """
     shape = max((result.levels[i].flat.shape for i in result.safe), key=lambda s: s[0] * s[1])
     levels = [v for i in result.safe if (v := result.levels[i]).flat.shape == shape]
     darks: dict[int, tuple[GroupMoments, np.ndarray]] = {}
@@ -150,6 +157,10 @@ def response_pattern(found: Findings, measured: Measured, result: PhotonTransfer
         share = float(sum(a for v, a in zip(levels, weights) if id(v.dark) == key))
         pattern -= share * master
         noise.append((share**2 / dark.n, dark))
+    if mosaic is not None:
+        colours = mosaic.map(shape)
+        pattern /= colours
+        noise = [(f * _noise_over(colours, m, result), m) for f, m in noise]
     split = parts(pattern, noise, detrend=True)
     source = f"analysis of variance of the pixels' slopes over {len(levels)} levels, smooth shading taken out"
     for name in ("row", "column", "pixel"):
@@ -161,6 +172,23 @@ def response_pattern(found: Findings, measured: Measured, result: PhotonTransfer
         found.warn(f"defects: {split.defects} pixels respond unlike the others and are left out of PRNU")
     found.maps["response"] = pattern.astype(np.float32)
     return split
+
+
+def _noise_over(colours: np.ndarray, moments: GroupMoments, result: PhotonTransfer) -> float:
+    """How much the temporal noise grows where every pixel is divided by its colour's response."""
+    quiet = min(v.dark.variance for v in result.levels)
+    shot = max(moments.variance - quiet, 0.0)
+    return float(((shot * colours + quiet) / colours**2).mean() / max(shot + quiet, 1e-12))
+
+
+def colour_efficiency(found: Findings, mosaic: Mosaic) -> None:
+    """Quantum efficiency of green, whose share of a flat's mean signal is known."""
+    mean = found.parameters.get("quantum_efficiency")
+    if mean is None:
+        return
+    share = sum(mosaic.response[i] for i in mosaic.green) / 2
+    interval = (mean.value * share, mean.low * share, mean.high * share)
+    found.add("quantum_efficiency", interval, "e-/photon", mean.source + ", of green", 1.0)
 
 
 def capacity(found: Findings, result: PhotonTransfer, pattern: Parts | None) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from visaug.effects.readout.read_noise import LEAST_SHAPE
 from visaug.errors import InputError
 
 if TYPE_CHECKING:
@@ -86,6 +87,9 @@ class Characterization:
             hot, 2 dead, 4 unsteady).
         assumed: settings of the frames, and what was taken from the camera given.
         base: content of the camera given, whose further effects stay.
+        not_measured: further paths of the camera file that are assumptions.
+        effects: effects beyond the base chain that were measured, as a camera file has them.
+        planes: the same for each colour of a mosaic, by its name or place.
     """
 
     parameters: Mapping[str, Estimate]
@@ -96,6 +100,9 @@ class Characterization:
     assumed: Mapping[str, float] = field(default_factory=dict, repr=False)
     base: Mapping[str, Any] | None = field(default=None, repr=False)
     resolution: tuple[int, int] | None = None
+    not_measured: tuple[str, ...] = ()
+    effects: tuple[Mapping[str, Any], ...] = ()
+    planes: Mapping[str, Characterization] = field(default_factory=dict, repr=False)
     method: str = "emva"
 
     @property
@@ -119,6 +126,11 @@ class Characterization:
             "not_determined": [{"parameter": p, "needs": n} for p, n in self.not_determined.items()],
             "warnings": list(self.warnings),
             "warning_details": [w.to_json() for w in self.warning_details],
+            **(
+                {"planes": {name: plane.to_json() for name, plane in self.planes.items()}}
+                if self.planes
+                else {}
+            ),
         }
 
     def to_camera_dict(self) -> dict[str, Any]:
@@ -145,10 +157,27 @@ class Characterization:
                 content.setdefault(part, {})[name] = value
             else:
                 content[key] = value
-        assumed = [k for k in self.assumed if k not in self.parameters and k not in _SETTINGS]
+        shape = content.get("read_noise", {}).get("shape")
+        if shape is not None:
+            content["read_noise"]["shape"] = max(shape, LEAST_SHAPE)
+        effects = {e["name"]: e for e in content.get("effects", [])}
+        for effect in self.effects:
+            rounded = {k: v if isinstance(v, str) else float(f"{v:.4g}") for k, v in effect.items()}
+            effects[effect["name"]] = effects.get(effect["name"], {}) | rounded
+        if effects:
+            content["effects"] = list(effects.values())
+        assumed = self._assumptions(found)
         if assumed:
             content["assumed"] = assumed
         return content
+
+    def _assumptions(self, found: Mapping[str, float]) -> list[str]:
+        """Paths of the camera file that nothing measured: taken from elsewhere, or left at their default."""
+        paths = [k for k in self.assumed if k not in self.parameters and k not in _SETTINGS]
+        paths += [k for k in _NEEDED if k not in found and self.base is None]
+        paths += list(self.not_measured)
+        paths += [k for w in self.warning_details if w.word == "bit_depth_assumed" for k in w.spoils]
+        return list(dict.fromkeys(paths))
 
     @cached_property
     def camera(self) -> Camera:
@@ -237,4 +266,5 @@ class Characterization:
         return draw(self)
 
 
+_NEEDED = tuple(k for k in CAMERA_KEYS if k != "full_well_e")
 _SETTINGS = ("bit_depth", "gain_db", "exposure_s", "temperature_c")

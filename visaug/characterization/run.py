@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -13,12 +14,20 @@ from visaug.characterization.emva import emva
 from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Measured, measure_groups
 from visaug.characterization.maps import add_maps
+from visaug.characterization.mosaic import PLACES, Mosaic, find_mosaic
 from visaug.characterization.result import CAMERA_KEYS, Characterization, Warned
+from visaug.characterization.views import colour_plane
 from visaug.errors import InputError
 from visaug.frames import FrameSet
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
+
+_DOUBLING_C = (
+    8.0  # of dark current in silicon near room temperature: 0.64 eV (half the band gap, diffusion aside)
+)
+_NO_TEMPERATURE_C = 20.0
+_MOST_BEND = 0.15  # of the effect `nonlinearity`
 
 
 def characterize(
@@ -67,9 +76,17 @@ def characterize(
         from visaug.characterization.paper import procedure
 
         procedure(found, measured, camera)
-    else:
-        _measure(found, measured, camera, seed)
-    return _result(found, ready, camera, measured, method)
+        return _result(found, ready, camera, measured, method)
+    mosaic = find_mosaic(ready, facts)
+    _measure(found, measured, camera, seed, mosaic)
+    result = _result(found, ready, camera, measured, method)
+    if mosaic is None:
+        return result
+    planes = {
+        name: characterize(colour_plane(ready, *place), camera, seed)
+        for name, place in zip(mosaic.names, PLACES)
+    }
+    return replace(result, planes=planes)
 
 
 def _few_frames(found: Findings, measured: Measured) -> None:
@@ -81,7 +98,9 @@ def _few_frames(found: Findings, measured: Measured) -> None:
         )
 
 
-def _measure(found: Findings, measured: Measured, camera: Camera | None, seed: int) -> None:
+def _measure(
+    found: Findings, measured: Measured, camera: Camera | None, seed: int, mosaic: Mosaic | None
+) -> None:
     dark_tells = still.dark_frames_tell(measured)
     if any(still.noisier(v) for v in measured.sweep):
         found.warn(
@@ -101,7 +120,16 @@ def _measure(found: Findings, measured: Measured, camera: Camera | None, seed: i
             found.miss(f"prnu.{name}", light.NEEDS_FLATS)
         found.miss("full_well_e", "calibrated flats beyond saturation")
     else:
-        pattern = light.response_pattern(found, measured, transfer)
+        pattern = light.response_pattern(found, measured, transfer, mosaic)
+        if mosaic is not None:
+            light.colour_efficiency(found, mosaic)
+            found.warn(
+                f"mosaic: neighbouring pixels respond by {', '.join(f'{r:.3g}' for r in mosaic.response)} of "
+                f"their mean ({mosaic.pattern or 'a pattern that no header names'}); PRNU is that within a "
+                "colour, quantum_efficiency that of green, and `planes` holds each colour by itself",
+                spoils=("emva.prnu_fraction", "emva4.prnu_*", "emva.quantum_efficiency",
+                        "emva.saturation_*", "full_well_e", "emva.linearity_error_*"),
+            )  # fmt: skip
         light.capacity(found, transfer, pattern)
         light.gain_law(found, measured, transfer)
     emva(found, measured)
@@ -146,6 +174,8 @@ def _result(
             settings["exposure_s"] = float(np.median(flats))
         if measured.temperature_c is not None:
             settings["temperature_c"] = measured.temperature_c
+    _dark_rate(found, settings)
+    _nonlinearity(found, settings)
     base = None
     if camera is not None:
         base = camera.to_dict()
@@ -169,10 +199,36 @@ def _result(
         curves=found.curves,
         maps=found.maps,
         assumed=settings,
+        not_measured=tuple(found.assumed),
+        effects=tuple(found.effects),
         base=base,
         resolution=resolution,
         method=method,
     )
+
+
+def _dark_rate(found: Findings, settings: dict[str, float]) -> None:
+    """Dark current known at one temperature, with the doubling interval of the literature."""
+    if found.dark_rate is None or "dark_current.a_e_per_s" in found.parameters:
+        return
+    rate, temperature_c = found.dark_rate
+    at = _NO_TEMPERATURE_C if temperature_c is None else temperature_c
+    b = math.log(2) / _DOUBLING_C
+    settings["dark_current.a_e_per_s"], settings["dark_current.b_per_c"] = rate * math.exp(-b * at), b
+    settings.setdefault("temperature_c", at)
+    if temperature_c is None:
+        found.assumed.append("temperature_c")
+
+
+def _nonlinearity(found: Findings, settings: dict[str, float]) -> None:
+    """A response that bends, as the effect has it: its departure at the converter's full scale."""
+    black = found.parameters.get("black_level_dn")
+    if found.bend_per_e is None or found.gain is None or "bit_depth" not in settings:
+        return
+    top_dn = 2 ** settings["bit_depth"] - 1 - (black.value if black else 0.0)
+    quadratic = found.bend_per_e * top_dn / found.gain.dn_per_e
+    if abs(quadratic) <= _MOST_BEND:
+        found.effects.append({"name": "nonlinearity", "quadratic": quadratic, "full_scale": "converter"})
 
 
 def _order(item) -> tuple[bool, int, str]:

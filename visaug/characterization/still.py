@@ -10,6 +10,7 @@ from visaug.characterization import read_noise, structure
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Level, Measured
 from visaug.characterization.intervals import (
+    jackknife,
     mean_error,
     root,
     symmetric,
@@ -20,7 +21,9 @@ from visaug.characterization.intervals import (
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import Parts, parts
 from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly
+from visaug.characterization.pixel_noise import PixelNoise, pixel_noise, shrunk
 
+_UNEVEN = 0.05  # spread of log sigma from which on it bends the histogram's shape
 CLIPPED = 0.002  # share of pixels at 0 above which moments of bias frames are cut
 NEEDS_STILL = "two or more bias frames (lens capped, shortest exposure)"
 
@@ -71,13 +74,49 @@ def noise_of_reading(
     source = f"maximum likelihood on residuals of {still.n} {still.group.kind} frames"
     half = t_quantile(fitted.df) * fitted.sigma_error
     interval = (fitted.sigma_dn, max(fitted.sigma_dn - half, 0.0), fitted.sigma_dn + half)
-    add_in_electrons(found, "read_noise.sigma", interval, source)
     found.add("read_noise.shape", symmetric(fitted.shape, fitted.shape_error, fitted.df), "1", source)
+    own = pixel_noise(measured.frames, still)
+    if own is not None:
+        interval = _own_noise(found, still, own, interval, dark_variance_dn2)
+    add_in_electrons(found, "read_noise.sigma", interval, source)
     found.curves["read_noise"] = {
         "residual_dn": fitted.centres_dn,
         "counts": fitted.counts,
         "model": fitted.model,
     }
+
+
+def _own_noise(
+    found: Findings,
+    still: GroupMoments,
+    own: PixelNoise,
+    interval: tuple[float, float, float],
+    dark_variance_dn2: float,
+) -> tuple[float, float, float]:
+    """Read noise by pixel; returns the interval of its root mean square in DN."""
+    source = f"covariance of the pixels' variances between halves of {still.n} {still.group.kind} frames"
+    found.add("read_noise.spread", symmetric(own.spread, own.spread_error), "1", source)
+    rms = interval[0]
+    if own.established and own.spread > _UNEVEN:
+        found.drop(
+            "read_noise.shape", "pixels of equal noise: here every pixel has its own, see read_noise.spread"
+        )
+        found.warn(
+            f"read_noise_nonuniform: the pixels' own read noise spreads by {own.spread:.0%}; its histogram has "
+            "heavy tails though each pixel may be normal, so that no shape is given; sigma is the root mean square",
+            spoils=("read_noise.shape",),
+        )
+
+        def variance(rows: np.ndarray) -> dict[str, float]:
+            return {"v": float((still.row_variances * rows).sum() / rows.sum()) - still.frame_variance}
+
+        value, error, df = jackknife(variance, still.shape[0])["v"]
+        half = t_quantile(df) * error
+        interval = root(tuple(max(v - 1 / 12 - dark_variance_dn2, 0.0) for v in (value, value - half, value + half)))  # type: ignore[arg-type]  # fmt: skip
+        rms = interval[0]
+    if rms > 0:
+        found.maps["read_noise"] = shrunk(own, rms).astype(np.float32)
+    return interval
 
 
 def temporal_parts(found: Findings, still: GroupMoments) -> None:
@@ -93,8 +132,15 @@ def temporal_parts(found: Findings, still: GroupMoments) -> None:
         add_in_electrons(found, f"temporal.{name}", root(variance_combination(terms)), source)
         if read_noise.unsteady(ms, t.pixel, df):
             found.warn(
-                f"{name}_noise: {name}s shift alike from frame to frame; read noise is given without it"
+                f"{name}_noise: {name}s shift alike from frame to frame; read noise is given without it",
+                spoils=(
+                    f"emva4.dsnu_{name}*",
+                    f"emva4.prnu_{name}*",
+                    "emva4.dsnu_pixel*",
+                    "emva4.prnu_pixel*",
+                ),
             )
+            _add_effect(found, f"{name}_noise", f"temporal.{name}_e")
     frame = [
         (1 / (height * width), t.frame, t.frame_df),
         (-1 / (height * width), t.row, t.row_df),
@@ -107,6 +153,19 @@ def temporal_parts(found: Findings, still: GroupMoments) -> None:
         t.frame, max(t.row, t.column), t.frame_df
     ):
         found.warn("black_level_drift: the offset of whole frames changes by more than noise explains")
+        if found.gain is not None:
+            course = still.frame_means - still.frame_means.mean()
+            follows = float((course[1:] * course[:-1]).sum() / (course**2).sum()) if still.n > 7 else None
+            drift = {"name": "black_level_drift", "sigma_e": interval[0] / found.gain.dn_per_e}
+            found.effects.append(drift | ({} if follows is None else {"correlation": max(follows, 0.0)}))
+            if follows is None:
+                found.assumed.append("effects.black_level_drift.correlation")
+
+
+def _add_effect(found: Findings, name: str, parameter: str) -> None:
+    """An effect of the camera with the value that was found, in electrons."""
+    if parameter in found.parameters:
+        found.effects.append({"name": name, "sigma_e": found.parameters[parameter].value})
 
 
 def dark_pattern(found: Findings, measured: Measured, still: GroupMoments) -> Parts:
