@@ -28,6 +28,7 @@ _BINS_PER_SIGMA = 6
 _ROUNDS = 2
 _ITERATIONS = 12
 _BLIND = 3.0  # upper over lower bound of the read noise from which on it counts as not determined
+_OPEN = 20.0  # half width of a logarithm of which nothing is known
 _FAINTEST = 0.02  # DN
 _RISE = 3.0  # of minus the log-likelihood: 1.92 for 95 %, and what pixels of a column have in common
 _DITHER_DN = 0.3  # spread of values below which the mean of many pixels keeps the steps of the converter
@@ -195,7 +196,7 @@ def _add(
     source: str,
     origin: int,
 ) -> None:
-    half = t_quantile(19) * math.sqrt(fit.covariance[0, 0])
+    half = min(t_quantile(19) * math.sqrt(fit.covariance[0, 0]), _OPEN)
     sigma = (fit.sigma, fit.sigma * math.exp(-half), fit.sigma * math.exp(half))
     add_in_electrons(found, "read_noise.sigma", sigma, source)
     found.add("read_noise.shape", symmetric(fit.shape, math.sqrt(fit.covariance[1, 1]), 19), "1", source)
@@ -205,7 +206,7 @@ def _add(
         terms = [(1.0, float(lines.places.var(ddof=1)), n - 1), (-1.0, lines.error, 10 * n)]
         variances[name] = variance_combination(terms)
         add_in_electrons(found, f"dsnu.{name}", root(variances[name]), source)
-    half = t_quantile(19) * math.sqrt(fit.covariance[3, 3])
+    half = min(t_quantile(19) * math.sqrt(fit.covariance[3, 3]), _OPEN)
     spread = fit.spread / math.sqrt(1 - 1 / height - 1 / width)
     pixel = (spread, spread * math.exp(-half), spread * math.exp(half))
     add_in_electrons(found, "dsnu.pixel", pixel, source)

@@ -78,7 +78,7 @@ class GroupMoments:
 
 def measure(frames: FrameSet, group: Group) -> GroupMoments:
     """Moments of one group in one pass."""
-    return _finish(frames, group, *_accumulate(frames, group.indices))
+    return _finish(frames, group, *_accumulate(frames, group.indices, group.kind == "flat"))
 
 
 def mean_map(frames: FrameSet, indices: Iterable[int]) -> np.ndarray:
@@ -92,7 +92,7 @@ def mean_map(frames: FrameSet, indices: Iterable[int]) -> np.ndarray:
     return total / count
 
 
-def _accumulate(frames: FrameSet, indices: tuple[int, ...]):
+def _accumulate(frames: FrameSet, indices: tuple[int, ...], pile: bool):
     first = frames.read(indices[0])
     total, squares = np.zeros(first.shape), np.zeros(first.shape)
     rows, columns = np.empty((len(indices), first.shape[0])), np.empty((len(indices), first.shape[1]))
@@ -101,7 +101,7 @@ def _accumulate(frames: FrameSet, indices: tuple[int, ...]):
     for n, i in enumerate(indices):
         frame = first if n == 0 else frames.read(i)
         low += np.count_nonzero(frame <= 0)
-        high += _at_the_top(frame, top)
+        high += _at_the_top(frame, top, pile)
         difference = frame.astype(np.float64)
         rows[n], columns[n] = difference.mean(1), difference.mean(0)
         difference -= first  # small numbers, so that the squares do not swallow the variance
@@ -110,11 +110,11 @@ def _accumulate(frames: FrameSet, indices: tuple[int, ...]):
     return first, total, squares, rows, columns, low, high
 
 
-def _at_the_top(frame: np.ndarray, top: int | None) -> int:
-    """Pixels at the converter's top: the known one, or one value that far too many pixels share as the largest."""
+def _at_the_top(frame: np.ndarray, top: int | None, pile: bool) -> int:
+    """Pixels at the converter's top: the known one, or, of flats, a value that far too many share as the largest."""
     largest = float(frame.max())
     count = int(np.count_nonzero(frame == largest))
-    return count if largest == top or (count > _PILE * frame.size and largest > frame.min()) else 0
+    return count if largest == top or (pile and count > _PILE * frame.size and largest > frame.min()) else 0
 
 
 def _finish(frames, group, first, total, squares, rows, columns, low, high) -> GroupMoments:

@@ -31,7 +31,7 @@ class _View:
         return self._change(self._frames.clean(i))
 
     def shape(self, i: int) -> tuple[int, int]:
-        return self._change(np.empty(self._frames.shape(i), np.float32)).shape[:2]  # type: ignore[return-value]
+        return self._change(np.zeros(self._frames.shape(i), np.float32)).shape[:2]  # type: ignore[return-value]
 
 
 def shifted(frames: FrameSet, low: int) -> FrameSet:
