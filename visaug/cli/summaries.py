@@ -47,6 +47,7 @@ def _cell(value: float | str | None) -> str:
 def print_comparison(result: dict[str, Any]) -> None:
     """Where the model fails, then the answer in one sentence."""
     print_places(result["where"])
+    print_used(result)
     click.echo(comparison_headline(result))
 
 
@@ -57,11 +58,21 @@ def print_diagnosis(result: dict[str, Any]) -> None:
         click.echo(f"  {step['action']:<32} error {with_interval(step['error'], low, high)}")
     if result.get("cannot_show"):
         click.echo("these frames cannot show: " + ", ".join(result["cannot_show"]))
+    print_used(result)
     click.echo(diagnosis_headline(result))
     for line in diagnosis_details(result):
         click.echo(line)
     if result["unexplained"]:
         click.echo("visaug effects new NAME writes a file in which you can model it")
+
+
+def print_used(result: dict[str, Any]) -> None:
+    """Which frames and pixels were looked at, where it is not all of them, and warnings."""
+    used = result.get("used")
+    if used and (used["frames"] < used["of"] or used["windows"] != [used["frame"]]):
+        click.echo(f"used: {used['description']}")
+    for warning in result.get("warnings", ()):
+        click.echo(f"warning: {warning}", err=True)
 
 
 def print_places(where: list[dict[str, Any]], most: int = 10) -> None:

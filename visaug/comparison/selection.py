@@ -64,7 +64,10 @@ class Selection:
         return len(self.frames) == self.total and self.window is None
 
     def to_json(self) -> dict[str, Any]:
-        """How many frames of how many, the share of the sensor that is looked at, and the windows of temporal statistics."""
+        """How many frames of how many, the share of their pixels that some statistic covers, and the windows of the temporal ones.
+
+        `frame` is what the frames show of the sensor, `full_frames` how many are looked at in full, `description` says it all.
+        """
         rows, columns = self.size
         r0, r1, c0, c1 = self.window or (0, rows, 0, columns)
         top, left = self.corner
@@ -73,6 +76,9 @@ class Selection:
             "of": self.total,
             "sensor": 1.0 if self.full_frames else (r1 - r0) * (c1 - c0) / (rows * columns),
             "windows": [[top + r0, top + r1, left + c0, left + c1]],
+            "frame": [top, top + rows, left, left + columns],
+            "full_frames": len(self.full_frames) if self.window else len(self.frames),
+            "description": str(self),
         }
 
     def __str__(self) -> str:

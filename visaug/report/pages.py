@@ -13,6 +13,7 @@ from visaug.report.headline import (
 )
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
 from visaug.report.plots.error import plot_error_steps, plot_ranking
+from visaug.report.plots.used import plot_used
 from visaug.report.provenance import footer
 from visaug.report.views import ViewGallery, all_views
 from visaug.wording import number, p_text, probability_text, with_interval
@@ -85,6 +86,7 @@ def write_comparison(
         Section("Where it fails" if content["where"] else "Answer", blocks),
         Section("These views differ", [pictures[name] for name in worst[1:] if name in pictures]),
         Section("The other views", [pictures[name] for name in others if name in pictures]),
+        used_section(content),
     ]
     page = Page(
         "Model and measurement",
@@ -99,6 +101,18 @@ def write_comparison(
     folder = write_page(path, page).with_suffix("")
     folder = folder.with_name(f"{folder.name}_pictures")
     return {name: picture.save(folder / name) for name, picture in pictures.items()}
+
+
+def used_section(content: dict[str, Any]) -> Section:
+    """Which frames and pixels were looked at, and what of the set spoils which effects."""
+    used = content.get("used")
+    blocks: list[Text | Table | Figure] = [Text(warning, "note") for warning in content.get("warnings", ())]
+    if used:
+        blocks.insert(0, Text(f"Used: {used['description']}."))
+        if used["windows"] != [used["frame"]]:
+            caption = "The sensor, and the window in which what changes from frame to frame is measured."
+            blocks.append(figure(plot_used(used), caption, wide=False))
+    return Section("What was looked at", blocks)
 
 
 def write_diagnosis(
@@ -166,7 +180,8 @@ def diagnosis_sections(
         left.append(Text("These frames cannot show: " + ", ".join(content["cannot_show"]) + ".", "note"))
     if left:
         sections.append(Section("What is left", left))
-    return sections
+    looked_at = used_section(content)
+    return [*sections, looked_at] if looked_at.blocks else sections
 
 
 def next_step(content: dict[str, Any]) -> str:
