@@ -21,7 +21,7 @@ class {class_name}(Effect):
 
     name = "{name}"
     # OPTICS (photons) -> GENERATION (mean electrons) -> CHARGE (electrons after shot noise)
-    # -> READOUT (electrons on their way to the converter) -> DIGITAL (DN)
+    # -> READOUT (electrons on their way to the converter) -> DIGITAL (DN) -> PICTURE (0 to 1, no part of frames)
     stage = Stage.READOUT
     summary = "one random offset for each row and frame"
 
