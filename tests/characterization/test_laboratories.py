@@ -27,7 +27,9 @@ class Camera:
         self.rng = np.random.default_rng(seed)
         self.response = 1 + 0.012 * self.rng.standard_normal(SHAPE)
 
-    def take(self, photons=0.0, exposure_s=0.01, temperature_c=20.0, light=1.0, sigma_e=None):
+    def take(
+        self, photons=0.0, exposure_s=0.01, temperature_c=20.0, light: float | np.ndarray = 1.0, sigma_e=None
+    ):
         mean = 0.5 * photons * self.response * light + self.dark * exposure_s * 2 ** (
             (temperature_c - 20) / 7
         )
