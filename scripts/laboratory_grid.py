@@ -61,7 +61,7 @@ def run(repeats: int, minutes: float) -> str:
     cells = [c for c in itertools.product(BITS, NOISE_DN, BLACK_IN_SIGMA, GAIN, FRAMES)
              if c[1] * (c[2] + 12) < 2 ** c[0] / 4 and c[3] * 2 ** c[0] < 4e6]  # fmt: skip
     np.random.default_rng(0).shuffle(cells)
-    hits: dict[str, dict[tuple, list[bool]]] = defaultdict(lambda: defaultdict(list))
+    hits: dict[str, dict[str, list[bool]]] = defaultdict(lambda: defaultdict(list))
     open_, warned, sets, end = defaultdict(int), defaultdict(int), 0, time.time() + 60 * minutes
     for repeat, cell in itertools.product(range(repeats), cells):
         if time.time() > end:
