@@ -7,6 +7,7 @@ from scipy.ndimage import label
 
 from visaug.camera import Camera
 from visaug.comparison import Laboratory
+from visaug.comparison.part import Part
 from visaug.effects import Look
 from visaug.fingerprint import FrameData, GroupData
 
@@ -16,38 +17,47 @@ STRUCK = 8.0  # standard deviations by which a pixel of one frame stands above t
 
 def look(lab: Laboratory, camera: Camera) -> Look | None:
     """At the frames that find; None where there is no bias or dark frame among them."""
-    unlit = [i for i in lab.folds.find if lab.frames.records[i].kind in ("bias", "dark")]
-    data = FrameData(lab.frames, unlit)  # its groups would read all flats and scenes
+    data = _unlit(lab.parts[0])
     dark = data.bias
-    if dark is None:
+    everywhere = _unlit(
+        lab.parts[-1]
+    ).bias  # of a large set the full frames: a seam may lie outside the window
+    if dark is None or everywhere is None:
         return None
     height, width = camera.resolution
-    window = lab.frames.records[dark.group.indices[0]].window or (0, height, 0, width)
+    window = lab.parts[-1].frames.records[everywhere.group.indices[0]].window or (0, height, 0, width)
     codes: set[int] = set()
     for i in lab.folds.find:
         codes.update(np.unique(lab.frames.read(i)).tolist())
     gain = camera.gain_at(dark.group.gain_db)
     darks = data.of("dark", 2)
     return Look(
-        dark_e=dark.calm * gain,
+        dark_e=everywhere.calm * camera.gain_at(everywhere.group.gain_db),
         rows=np.arange(window[0], window[1]) / height,
         columns=np.arange(window[2], window[3]) / width,
         codes=np.array(sorted(codes)),
         row_noise_e=dark.noise_rows * gain if dark.count > 1 else np.zeros((0, dark.calm.shape[0])),
         tracks=tracks(darks, camera),
         searched_mpx_s=1e-6 * sum(d.frames.size * d.group.exposure_s for d in darks),
-        spilled_e=np.concatenate([np.zeros((0, 3)), *_spilled(lab, camera)]),
+        spilled_e=np.concatenate([np.zeros((0, 3)), *_spilled(lab.parts[-1], camera)]),
     )
 
 
-def _spilled(lab: Laboratory, camera: Camera) -> Iterator[np.ndarray]:
+def _unlit(part: Part) -> FrameData:
+    """Bias and dark frames that find; a part's own groups would read all flats and scenes."""
+    dark = [i for i in part.folds.find if part.frames.records[i].kind in ("bias", "dark")]
+    return FrameData(part.frames, dark)
+
+
+def _spilled(part: Part, camera: Camera) -> Iterator[np.ndarray]:
     """What runs out of full wells in each scene that finds."""
-    for i in lab.folds.find:
-        record = lab.frames.records[i]
+    frames = part.frames
+    for i in part.folds.find:
+        record = frames.records[i]
         if record.kind == "scene" and record.clean:
             gain = camera.gain_at(record.gain_db)
-            light_e = lab.frames.clean(i) * camera.spec.quantum_efficiency
-            seen_e = (lab.frames.read(i) - camera.spec.black_level_dn) * gain
+            light_e = frames.clean(i) * camera.spec.quantum_efficiency
+            seen_e = (frames.read(i) - camera.spec.black_level_dn) * gain
             highest_e = (2**camera.bit_depth - 1 - camera.spec.black_level_dn) * gain
             yield spilled(light_e, seen_e, min(camera.spec.full_well_e, highest_e))
 

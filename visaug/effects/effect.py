@@ -84,7 +84,7 @@ class Look:
         dark_e: (H, W) mean frame of the shortest dark exposure, less its mean, electrons.
         rows, columns: (H,), (W,), where each of its lines begins, as a share of the sensor.
         codes: every DN that comes in any frame, rising.
-        row_noise_e: (n, H), means of the rows of each frame behind `dark_e`, less those of all, electrons; n is 0 where it is one.
+        row_noise_e: (n, h), means of consecutive rows of short dark frames, less those of all, electrons; n is 0 where it is one.
         tracks: (n, 2), pixels, and electrons in all of them, of each place that is bright in one dark frame alone.
         searched_mpx_s: 10^6 pixels times seconds that were searched for these.
         spilled_e: (n, 3), of each column of a known scene that holds more than the full well: the electrons that it holds more, and
