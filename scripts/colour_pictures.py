@@ -5,6 +5,7 @@ Usage: python scripts/colour_pictures.py
 """
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -93,7 +94,7 @@ def spectra(path: Path) -> None:
         2, len(CHAINS), figsize=(10.5, 5.2), layout="constrained", height_ratios=(1.1, 1)
     )
     light = scenes()["flat, 0.2"]
-    shown = None
+    shown: Any = None
     for (above, below), (chain, camera) in zip(axes.T, CHAINS.items()):
         noise = taken(camera, light, COUNT)
         noise -= noise.mean((0, 2, 3), keepdims=True)
