@@ -128,7 +128,7 @@ def _size(text: str | None) -> tuple[int, int] | None:
         return None
     width, _, height = text.partition("x")
     if not (width.isdigit() and height.isdigit() and int(width) > 0 and int(height) > 0):
-        raise InputError(f"{text!r} is no size", field="--size", expected="WIDTHxHEIGHT such as 640x400")
+        raise InputError(f"{text!r} is not a size", field="--size", expected="WIDTHxHEIGHT such as 640x400")
     return int(width), int(height)
 
 

@@ -140,7 +140,7 @@ class Config(Part):
     def arm(self, name: str) -> Arm:
         """An arm with what it takes from others filled in."""
         if name not in self.arms:
-            raise InputError(f"{name} is no arm", field="arms", expected=f"one of {', '.join(self.arms)}")
+            raise InputError(f"{name} is not an arm", field="arms", expected=f"one of {', '.join(self.arms)}")
         seen, merged = [], {}
         current: str | None = name
         while current is not None:
@@ -237,9 +237,9 @@ def check_config(content: Any, path: Path | None = None) -> Config:
     if config.data.reduce and not config.data.image_size:
         raise InputError("needs data.image_size", file=path, field="data.reduce", expected="[width, height]")
     if config.start and config.start.like and config.start.like not in config.arms:
-        raise InputError(f"{config.start.like} is no arm", file=path, field="start.like")
+        raise InputError(f"{config.start.like} is not an arm", file=path, field="start.like")
     if config.baseline not in config.arms:
-        raise InputError(f"{config.baseline} is no arm", file=path, field="baseline")
+        raise InputError(f"{config.baseline} is not an arm", file=path, field="baseline")
     if not config.seeds:
         raise InputError("is empty", file=path, field="seeds", expected="a list of whole numbers")
     if len(set(config.seeds)) < len(config.seeds):

@@ -92,7 +92,7 @@ def hide_effects(
     assert config.hidden is not None
     cameras = hidden_cameras(config)
     if config.hidden.views not in tests:
-        raise InputError("is no test set", field="hidden.views", expected=f"one of {', '.join(tests)}")
+        raise InputError("is not a test set", field="hidden.views", expected=f"one of {', '.join(tests)}")
     views = tests[config.hidden.views]
     size = (views.camera.height, views.camera.width)
     if cameras[PLAIN].resolution != size:

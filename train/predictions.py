@@ -46,7 +46,7 @@ def load_predictions(
         field = f"record {number}"
         if not isinstance(record, dict):
             raise InputError(
-                "is no object", file=path, field=field, expected="file_name, bbox, keypoints and score"
+                "is not an object", file=path, field=field, expected="file_name, bbox, keypoints and score"
             )
         name = record.get("file_name")
         if name is None and names:

@@ -30,7 +30,7 @@ def hidden_effect_sections(output: Path, seed: int = 0, progress: Progress | Non
         diagnosis.camera.save(better_file)
         write_json(answer, diagnosis.to_json())  # last: where it stands, the camera does
     intro = Text(
-        "The other way round: a camera's file and frames that it took, and the file does not tell all. The"
+        "The other way round: a camera's file and frames that it took, and the file is incomplete. The"
         " frames were simulated by code that shares nothing with the model. Which physical effect is "
         "missing, and how strong is it?"
     )

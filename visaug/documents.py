@@ -56,7 +56,7 @@ def parse_json(text: str, file: str | Path | None = None) -> Any:
             parse_float=_float,
             parse_constant=_no_constant,
         )
-        if "\\u" in text:  # half of a surrogate pair can be written as an escape, but is no text
+        if "\\u" in text:  # half of a surrogate pair can be written as an escape, but is not text
             json.dumps(content, ensure_ascii=False).encode()
         return content
     except UnicodeEncodeError:
@@ -73,7 +73,7 @@ def _read(path: Path, expected: str, limit: int | None = None) -> str:
             raise InputError("is too large", file=path, expected=f"{expected} of at most {limit} bytes")
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError("is no text in UTF-8", file=path, expected=expected) from None
+        raise InputError("is not text in UTF-8", file=path, expected=expected) from None
     except FileNotFoundError:
         raise InputError("no such file", file=path, expected=expected) from None
     except (OSError, ValueError) as error:  # the latter for a path that holds a zero byte
@@ -176,4 +176,4 @@ def _float(text: str) -> float:
 
 
 def _no_constant(text: str) -> float:
-    raise ValueError(f"{text} is no number of JSON")
+    raise ValueError(f"{text} is not a number of JSON")

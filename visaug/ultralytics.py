@@ -119,7 +119,7 @@ def trainer_of(task: str) -> type:
 
     if task not in TRAINERS:
         raise InputError(
-            f"{task!r} is no task", field="task", expected="base=TRAINER, or " + ", ".join(TRAINERS)
+            f"{task!r} is not a task", field="task", expected="base=TRAINER, or " + ", ".join(TRAINERS)
         )
     return getattr(import_module(f"ultralytics.models.yolo.{task}"), TRAINERS[task])
 

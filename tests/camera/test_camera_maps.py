@@ -146,5 +146,5 @@ def test_maps_that_mean_nothing_are_refused(tmp_path: Path, pattern):
         with_effects(tmp_path, "{name: row_noise, map: map.npy}")
     with pytest.raises(InputError, match=r"map\.npy: effects\.1\.map: holds negative"):
         with_effects(tmp_path, "{name: row_noise}", "{name: vignetting, map: map.npy}")
-    with pytest.raises(InputError, match=r"effects\.0\.map: 3 is no file"):
+    with pytest.raises(InputError, match=r"effects\.0\.map: 3 is not a file"):
         with_effects(tmp_path, "{name: vignetting, map: 3}")

@@ -280,7 +280,7 @@ def test_frames_of_a_folder_as_a_table(program_run, tmp_path):
         tifffile.imwrite(tmp_path / "shots" / name, np.full((6, 8), 90, np.uint16), photometric="minisblack")
     status, out, err = program_run("frames", "shots", "-o", "shots/frames.csv")
     assert status == 0, err
-    assert "nothing tells the exposure of flat/1.tif" in out
+    assert "the exposure of flat/1.tif is not known" in out
     assert "not complete" in out
     words = ("frames", "shots", "-o", "shots/frames.csv", "--exposure", "0.1", "--bit-depth", "12", "--force")
     status, out, err = program_run(*words)

@@ -150,5 +150,5 @@ def test_subframe_is_a_region(tmp_path):
 
 def test_a_number_that_is_none_is_named(tmp_path):
     write(tmp_path / "a.fits", pixels(), IMAGETYP="dark", EXPTIME="long")
-    with pytest.raises(InputError, match=r"a.fits: EXPTIME: 'long' is no number"):
+    with pytest.raises(InputError, match=r"a.fits: EXPTIME: 'long' is not a number"):
         FrameSet.load(tmp_path)

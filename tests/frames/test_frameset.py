@@ -69,7 +69,7 @@ def test_bit_depth_of_the_records_is_the_sets(tmp_path):
     assert again.bit_depth == 14
     again.save(tmp_path / "copy")
     assert FrameSet.load(tmp_path / "copy").bit_depth == 14
-    with pytest.raises(InputError, match="14 and 12 bits stand in one set"):
+    with pytest.raises(InputError, match="14 and 12 bits are mixed in one set"):
         FrameSet.from_arrays([records[0], FrameRecord(1, "b", "dark", bit_depth=14)], frames)
 
 
@@ -219,7 +219,7 @@ def test_nothing_to_read_is_named(tmp_path):
         with pytest.raises(InputError, match=str(path)):
             FrameSet.load(path)
     (tmp_path / "notes.md").write_text("x")
-    with pytest.raises(InputError, match="is no frame set"):
+    with pytest.raises(InputError, match="is not a frame set"):
         FrameSet.load(tmp_path / "notes.md")
 
 

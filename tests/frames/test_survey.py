@@ -124,7 +124,7 @@ def test_a_descriptor_beside_the_frames_is_pointed_out(tmp_path):
 def test_nothing_to_find(tmp_path):
     with pytest.raises(InputError, match="holds no frames"):
         survey(tmp_path)
-    with pytest.raises(InputError, match="is no folder"):
+    with pytest.raises(InputError, match="is not a folder"):
         survey(tmp_path / "absent")
     put(tmp_path, "deep/er/a.tif")
     with pytest.raises(InputError, match=r"1 files may hold some.*visaug frames"):

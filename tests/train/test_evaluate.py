@@ -90,7 +90,7 @@ def test_files_round_trip_and_every_image_has_a_line(rendered, tmp_path):
         ({"keypoints": [1.0] * 51}, "record 0.keypoints: has 51 numbers; expected 33"),
         ({"keypoints": [[1, 2, 3]] * 11}, "record 0.keypoints: is malformed"),
         ({"score": "high"}, "record 0.score"),
-        ({"score": float("nan")}, "NaN is no number of JSON"),
+        ({"score": float("nan")}, "NaN is not a number of JSON"),
     ],
 )
 def test_malformed_predictions_are_named(rendered, tmp_path, change, message):

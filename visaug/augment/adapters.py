@@ -215,7 +215,7 @@ def _plain(camera: Source) -> str | dict[str, Any]:
 
 def _probability(p: float) -> float:
     if not 0 <= p <= 1:
-        raise InputError(f"{p} is no probability", field="p", expected="0 to 1")
+        raise InputError(f"{p} is not a probability", field="p", expected="0 to 1")
     return float(p)
 
 

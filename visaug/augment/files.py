@@ -92,7 +92,7 @@ def augment_files(
 
     output = Path(output)
     if not 0 <= p <= 1:
-        raise InputError(f"{p} is no probability", field="p", expected="0 to 1")
+        raise InputError(f"{p} is not a probability", field="p", expected="0 to 1")
     if copies < 1:
         raise InputError(f"{copies} copies", field="copies", expected="1 or more")
     if bits is not None and not 1 <= bits <= 16:

@@ -154,7 +154,7 @@ class SensorNoise(nn.Module):
         known = self.cameras[0].values()
         if path not in known:
             raise InputError(
-                "is no parameter of this camera", field=path, expected=f"one of {', '.join(known)}"
+                "is not a parameter of this camera", field=path, expected=f"one of {', '.join(known)}"
             )
         name = self._names[path] = "value_" + path.replace(".", "_")
         if isinstance(value, nn.Parameter):

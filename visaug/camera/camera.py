@@ -140,7 +140,7 @@ class Camera:
                 entry = next((entry for entry in content.get("effects", ()) if entry["name"] == effect), None)
                 if entry is None or key not in catalogue()[effect].parameters:
                     raise InputError(
-                        "is no parameter of this camera",
+                        "is not a parameter of this camera",
                         field=path,
                         expected=f"one of {', '.join(self.values())}",
                     )

@@ -153,7 +153,7 @@ def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
     names = [entry["name"] for entry in spec.effects]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"{name} stands twice", file=file, field="effects", expected="each effect once")
+            raise InputError(f"{name} is listed twice", file=file, field="effects", expected="each effect once")
     if spec.black_level_dn >= 2**spec.bit_depth - 1:
         raise InputError(
             f"{spec.black_level_dn:g} leaves no range to the signal",
@@ -168,7 +168,7 @@ def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
 def _refuse_switches(content: Any, path: str, file: Path | None) -> None:
     """No key of a camera takes true or false, which pydantic would read as 1 or 0."""
     if isinstance(content, bool):
-        raise InputError(f"{content} is no value", file=file, field=path, expected="a number or a word")
+        raise InputError(f"{content} is not a value", file=file, field=path, expected="a number or a word")
     parts = (
         content.items()
         if isinstance(content, dict)
@@ -195,7 +195,7 @@ def _check_effect(entry: dict[str, Any], path: str, file: Path | None) -> None:
         if key == "map" and known[name].map_unit:
             if not isinstance(value, str):
                 raise InputError(
-                    f"{value!r} is no file",
+                    f"{value!r} is not a file",
                     file=file,
                     field=f"{path}.map",
                     expected=f"a map in {known[name].map_unit}",
@@ -227,7 +227,7 @@ def _check_randomize(spec: CameraSpec, file: Path | None) -> None:
         field = f"randomize.{path}"
         if path not in known:
             raise InputError(
-                "is no numeric parameter of this camera",
+                "is not a numeric parameter of this camera",
                 file=file,
                 field=field,
                 expected=f"one of {', '.join(known)}",
@@ -237,7 +237,7 @@ def _check_randomize(spec: CameraSpec, file: Path | None) -> None:
         field = f"correlated.{i}"
         for path in (one, other):
             if path not in known:
-                raise InputError(f"{path!r} is no numeric parameter of this camera", file=file, field=field)
+                raise InputError(f"{path!r} is not a numeric parameter of this camera", file=file, field=field)
         if one == other or not -1 < coefficient < 1:
             expected = "two different paths and a correlation between -1 and 1"
             raise InputError("is not a correlation", file=file, field=field, expected=expected)
@@ -252,7 +252,7 @@ def _check_spread(spread: Any, parameter: Parameter, field: str, file: Path | No
     kind, size = ("std", spread)
     if isinstance(spread, dict):
         if len(spread) != 1:
-            raise InputError(f"{spread!r} is no spread", file=file, field=field, expected=laws)
+            raise InputError(f"{spread!r} is not a spread", file=file, field=field, expected=laws)
         kind, size = next(iter(spread.items()))
     if kind in ("std", "half_normal") and isinstance(size, int | float):
         if not 0 <= size < math.inf:
@@ -270,4 +270,4 @@ def _check_spread(spread: Any, parameter: Parameter, field: str, file: Path | No
         if kind == "log_uniform" and low <= 0:
             raise InputError(f"{size!r} is out of range", file=file, field=field, expected="a above 0")
     else:
-        raise InputError(f"{spread!r} is no spread", file=file, field=field, expected=laws)
+        raise InputError(f"{spread!r} is not a spread", file=file, field=field, expected=laws)

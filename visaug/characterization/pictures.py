@@ -71,7 +71,7 @@ def noise_of_pictures(found: Findings, frames: FrameSet, seed: int) -> None:
     add("image.column_noise_dn", "DN", lambda b: _shared(b.column, b.variance))
     _noise_level(found, blocks, draws, source)
     found.warn(
-        "pictures_alone: noise and fixed pattern are not told apart, nor is the camera's noise from what "
+        "pictures_alone: noise and fixed pattern are not separated, nor is the camera's noise from what "
         "processing (compression, sharpening, tone curve) made of it"
     )
 

@@ -203,7 +203,7 @@ class Characterization:
 
         if suffix not in (".fits", ".tif", ".tiff", ".npy"):
             raise InputError(
-                f"{suffix!r} is no format of maps", field="suffix", expected=".fits, .tif or .npy"
+                f"{suffix!r} is not a map format", field="suffix", expected=".fits, .tif or .npy"
             )
         written = []
         for name, values in self.maps.items():

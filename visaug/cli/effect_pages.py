@@ -80,7 +80,7 @@ def find(name: str) -> type[Effect]:
     from difflib import get_close_matches
 
     near = get_close_matches(name, effects, n=3) or sorted(effects)
-    raise InputError(f"{name!r} is no effect of the catalogue", field="NAME", expected=" or ".join(near))
+    raise InputError(f"{name!r} is not an effect of the catalogue", field="NAME", expected=" or ".join(near))
 
 
 def _range(parameter: Parameter) -> str:

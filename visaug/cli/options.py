@@ -125,7 +125,7 @@ def numbers(text: str, field: str) -> tuple[float, ...]:
         return tuple(float(word) for word in text.replace(",", " ").split())
     except ValueError:
         raise InputError(
-            f"{text!r} is no list of numbers", field=field, expected="for instance 0.1,0.5,2"
+            f"{text!r} is not a list of numbers", field=field, expected="for instance 0.1,0.5,2"
         ) from None
 
 

@@ -33,7 +33,7 @@ class Range(click.ParamType):
                 return one
             case [low, high]:
                 return low, high
-        self.fail(f"{value!r} is no number and no pair of numbers such as 0:24", param, ctx)
+        self.fail(f"{value!r} is not a number and no pair of numbers such as 0:24", param, ctx)
 
 
 cameras_option = click.option(

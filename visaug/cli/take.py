@@ -109,9 +109,9 @@ def plan(camera_name: str | None, output: Path | None, force: bool, seed: int, *
 @command("frames", example="visaug frames measured/ -o measured/frames.csv --bit-depth 12 --temperature 20")
 @click.argument("folder", metavar="FOLDER", type=click.Path(path_type=Path))
 @bit_depth_option
-@click.option("--exposure", "exposure_s", type=float, metavar="S", help="Where nothing tells it, in seconds.")
-@click.option("--temperature", "temperature_c", type=float, metavar="C", help="Where nothing tells it.")
-@click.option("--gain-db", "gain_db", type=float, metavar="DB", help="Where nothing tells it.")
+@click.option("--exposure", "exposure_s", type=float, metavar="S", help="Used where it is not known, in seconds.")
+@click.option("--temperature", "temperature_c", type=float, metavar="C", help="Used where it is not known.")
+@click.option("--gain-db", "gain_db", type=float, metavar="DB", help="Used where it is not known.")
 @click.option("--resolution", metavar="ROWSxCOLUMNS", help="Of .raw files.")
 @output_option("frames.csv", "Write the table; `file` is relative to the folder that it lies in.")
 @force_option

@@ -68,7 +68,7 @@ def diagnose(
         load_file(file)
     for name in without:
         if name not in catalogue():
-            raise InputError(f"{name!r} is no effect", field="without", expected="a name of `visaug effects`")
+            raise InputError(f"{name!r} is not an effect", field="without", expected="a name of `visaug effects`")
     left_out, report = frozenset(without), progress or (lambda *_: None)
     if cluster is None:
         lab = Laboratory(frames, camera, seed, report=report)

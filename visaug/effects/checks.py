@@ -27,12 +27,12 @@ def check_effect(effect: type[Effect]) -> None:
     if not isinstance(getattr(effect, "stage", None), Stage):
         raise InputError(f"{where}: stage: expected a Stage such as Stage.READOUT")
     if not _number(effect.order) or not math.isfinite(effect.order):
-        raise InputError(f"{where}: order: {effect.order!r} is no number")
+        raise InputError(f"{where}: order: {effect.order!r} is not a number")
     if not _number(effect.map_low):
-        raise InputError(f"{where}: map_low: {effect.map_low!r} is no number")
+        raise InputError(f"{where}: map_low: {effect.map_low!r} is not a number")
     for key in TEXTS:
         if not isinstance(getattr(effect, key), str):
-            raise InputError(f"{where}: {key}: {getattr(effect, key)!r} is no text")
+            raise InputError(f"{where}: {key}: {getattr(effect, key)!r} is not text")
     for key in ("differentiable", "base"):
         if not isinstance(getattr(effect, key), bool):
             raise InputError(f"{where}: {key}: expected True or False")
@@ -52,18 +52,18 @@ def check_effect(effect: type[Effect]) -> None:
 def _check_parameter(parameter: Parameter, where: str) -> None:
     for key in ("unit", "source"):
         if not isinstance(getattr(parameter, key), str):
-            raise InputError(f"{where}: {key}: {getattr(parameter, key)!r} is no text")
+            raise InputError(f"{where}: {key}: {getattr(parameter, key)!r} is not text")
     for key in ("options", "of"):
         words = getattr(parameter, key)
         if not isinstance(words, tuple) or not all(isinstance(word, str) for word in words):
-            raise InputError(f"{where}: {key}: {words!r} is no tuple of words")
+            raise InputError(f"{where}: {key}: {words!r} is not a tuple of words")
     for key in ("low", "high"):
         if not _number(getattr(parameter, key)):
-            raise InputError(f"{where}: {key}: {getattr(parameter, key)!r} is no number")
+            raise InputError(f"{where}: {key}: {getattr(parameter, key)!r} is not a number")
     if not parameter.low <= parameter.high:
         raise InputError(f"{where}: low, high: {parameter.low} is not below {parameter.high}")
     if not isinstance(parameter.trials, tuple):
-        raise InputError(f"{where}: trials: {parameter.trials!r} is no tuple")
+        raise InputError(f"{where}: trials: {parameter.trials!r} is not a tuple")
     if parameter.default != math.inf or parameter.options:
         check_value(parameter, parameter.default, f"{where}: default")
     for trial in parameter.trials:

@@ -202,7 +202,7 @@ def _float(header: Any, path: Path, *names: str) -> float | None:
             try:
                 return float(header[name])
             except (TypeError, ValueError):
-                raise InputError(f"{header[name]!r} is no number", file=path, field=name) from None
+                raise InputError(f"{header[name]!r} is not a number", file=path, field=name) from None
     return None
 
 

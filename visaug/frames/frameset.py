@@ -73,7 +73,7 @@ class FrameSet:
             records, bits, shape = sources.read_descriptor(files[0])
             bit_depth, resolution = bit_depth or bits, resolution or shape
             warnings.append(
-                f"order_assumed: {files[0].name} does not tell the order of acquisition; the order "
+                f"order_assumed: {files[0].name} does not contain the order of acquisition; the order "
                 "in which it lists the frames is taken"
             )
         elif kind == "fits":
@@ -223,7 +223,7 @@ def _common_depth(records: Sequence[FrameRecord]) -> int | None:
     if len(given) > 1:
         (one, _), (other, record), *_ = given.items()
         raise InputError(
-            f"{other} and {one} bits stand in one set",
+            f"{other} and {one} bits are mixed in one set",
             file=record.file,
             field="bit_depth",
             expected="frames of one bit depth; put the others in a set of their own",
@@ -236,5 +236,5 @@ def _pair(resolution: Sequence[int] | None) -> tuple[int, int] | None:
         return None
     pair = tuple(int(n) for n in resolution)
     if len(pair) != 2 or min(pair) < 1:
-        raise InputError(f"{list(resolution)} is no size", field="resolution", expected="rows and columns")
+        raise InputError(f"{list(resolution)} is not a size", field="resolution", expected="rows and columns")
     return pair[0], pair[1]

@@ -36,7 +36,7 @@ def max_pixels() -> int:
 
 
 def check_axes(shape: Sequence[int], file: Path | str) -> None:
-    """Refuse a shape with an axis that is no positive whole number."""
+    """Refuse a shape with an axis that is not a positive whole number."""
     if not all(type(n) is int and n > 0 for n in shape):
         raise InputError(f"has shape {tuple(shape)}", file=file, expected="axes of 1 or more")
 

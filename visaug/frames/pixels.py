@@ -83,7 +83,7 @@ class PixelReader:
             pixels = _read_picture(path)
         else:
             raise InputError(
-                f"{suffix or 'no suffix'} is no format of frames",
+                f"{suffix or 'no suffix'} is not a frame format",
                 file=path,
                 expected="one of " + " ".join(SUFFIXES),
             )

@@ -114,7 +114,7 @@ def plan_groups(
         "pixel measured",
         "gain by photon transfer, quantum efficiency, PRNU by row, column and pixel, linearity, full "
         "well, vignetting",
-        "gain: nothing can be told in electrons; photons left blank: quantum efficiency alone is lost",
+        "gain: no figure in electrons is possible; photons left blank: quantum efficiency alone is lost",
         [
             frame("flat", exposure_s, photons=round(level * saturation_photons))
             for level in levels

@@ -121,7 +121,7 @@ def _bytes(form: _Layout, count: int) -> int:
 def _needed(shape: tuple[int, int] | None, path: Path) -> tuple[int, int]:
     if shape is None:
         raise InputError(
-            "a .raw file does not tell its size",
+            "a .raw file does not contain its size",
             file=path,
             field="resolution",
             expected="the camera's rows and columns (--camera), or a region 0:rows,0:columns in frames.csv",

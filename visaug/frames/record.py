@@ -56,7 +56,7 @@ class FrameRecord:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise InputError(f"{self.kind!r} is no kind of frame", field="kind", expected=" or ".join(KINDS))
+            raise InputError(f"{self.kind!r} is not a kind of frame", field="kind", expected=" or ".join(KINDS))
         _check("exposure_s", self.exposure_s, 0.0, 1e6, "seconds, 0 or more")
         _check("gain_db", self.gain_db, -100.0, 100.0, "decibels between -100 and 100")
         if self.temperature_c is not None:
@@ -68,7 +68,7 @@ class FrameRecord:
         _check("combined", self.combined, 0, 1e6, "how many exposures were averaged, 1 for a raw frame")
         if self.bayer is not None and self.bayer not in MOSAICS:
             raise InputError(
-                f"{self.bayer!r} is no mosaic of colours", field="bayer", expected=" or ".join(MOSAICS)
+                f"{self.bayer!r} is not a colour filter pattern", field="bayer", expected=" or ".join(MOSAICS)
             )
         if self.bit_depth is not None:
             _check("bit_depth", self.bit_depth, 1, 32, "1 to 32 bits")
@@ -76,7 +76,7 @@ class FrameRecord:
             r0, r1, c0, c1 = self.window
             if not (0 <= r0 < r1 and 0 <= c0 < c1):
                 raise InputError(
-                    f"{format_window(self.window)} is no window",
+                    f"{format_window(self.window)} is not a window",
                     field="region",
                     expected="r0:r1,c0:c1 with 0 <= r0 < r1 and 0 <= c0 < c1",
                 )
@@ -135,7 +135,7 @@ def parse_window(text: str) -> Window:
         r0, r1 = (int(n) for n in rows.split(":"))
         c0, c1 = (int(n) for n in columns.split(":"))
     except ValueError:
-        raise InputError(f"{text!r} is no window", field="region", expected="r0:r1,c0:c1") from None
+        raise InputError(f"{text!r} is not a window", field="region", expected="r0:r1,c0:c1") from None
     return r0, r1, c0, c1
 
 

@@ -118,7 +118,7 @@ def find(path: Path) -> tuple[str, Path, list[Path]]:
         if suffix_of(path) in SUFFIXES:
             return "pictures", path.parent, [path]
         raise InputError(
-            "is no frame set", file=path, expected=f"a folder, a frames.csv, an {DESCRIPTOR} or a picture"
+            "is not a frame set", file=path, expected=f"a folder, a frames.csv, an {DESCRIPTOR} or a picture"
         )
     if not path.is_dir():
         raise InputError("no such file or folder", file=path)
@@ -144,7 +144,7 @@ def find(path: Path) -> tuple[str, Path, list[Path]]:
 def nothing_here(folder: Path, below: int) -> InputError:
     """The error for a folder that tells of no frames; `below` files lie in or under it that may hold some."""
     return InputError(
-        "holds no frames" if not below else f"does not tell what its frames are; {below} files may hold some",
+        "holds no frames" if not below else f"does not say what its frames are; {below} files may hold some",
         file=folder,
         expected=f"frames.csv (`visaug frames {folder} -o {folder / 'frames.csv'}` writes one), {DESCRIPTOR}, FITS "
         f"files, pictures ({' '.join(SUFFIXES)}), or folders named bias, dark and flat",

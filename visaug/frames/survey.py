@@ -56,7 +56,7 @@ class Survey:
         for name, what in (("kind", "bias, dark, flat or scene"), ("exposure_s", "seconds")):
             if lacking := self.missing(name):
                 raise InputError(
-                    f"nothing tells the {name} of {_names(lacking)}",
+                    f"the {name} of {_names(lacking)} is not known",
                     file=self.folder,
                     field=name,
                     expected=f"{what}: write a table with `visaug frames {self.folder} -o "
@@ -100,7 +100,7 @@ def survey(
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError("is no folder", file=folder, expected="the folder that holds the frames")
+        raise InputError("is not a folder", file=folder, expected="the folder that holds the frames")
     files = frame_files(folder) if files is None else files
     if not files:
         raise InputError(
@@ -129,7 +129,7 @@ def parse_resolution(text: str | None) -> tuple[int, int] | None:
     match = re.fullmatch(r"\s*([1-9]\d*)\s*[x×]\s*([1-9]\d*)\s*", text)
     if match is None:
         raise InputError(
-            f"{text!r} is no size", field="--resolution", expected="rows x columns, as 1024x1280"
+            f"{text!r} is not a size", field="--resolution", expected="rows x columns, as 1024x1280"
         )
     return int(match[1]), int(match[2])
 
@@ -196,12 +196,12 @@ def _notes(found: Survey) -> list[str]:
         )
     if lacking := found.missing("kind"):
         notes.append(
-            f"kind: nothing tells what {_names(lacking)} are; put them into folders named bias, dark or flat, or fill "
+            f"kind: not known for {_names(lacking)}; put them into folders named bias, dark or flat, or fill "
             "in the column kind"
         )
     if lacking := found.missing("exposure_s"):
         notes.append(
-            f"exposure_s: nothing tells the exposure of {_names(lacking)}; put it into the names (dark_2s_003), give "
+            f"exposure_s: the exposure of {_names(lacking)} is not known; put it into the names (dark_2s_003), give "
             "it with --exposure where it is one for all, or fill in the column"
         )
     rows = found.rows
@@ -219,7 +219,7 @@ def _notes(found: Survey) -> list[str]:
         )
     if any(r["bit_depth"] is None and not r["file"].lower().endswith((".png", ".jpg")) for r in rows):
         notes.append(
-            "bit_depth: not told by the files; a camera of 10, 12 or 14 bits often writes files of 16. Give --bit-depth"
+            "bit_depth: not known from the files; a camera of 10, 12 or 14 bits often writes files of 16. Give --bit-depth"
         )
     unlike = [
         r for r in rows if r["_header_kind"] and r["_name_kind"] and r["_header_kind"] != r["_name_kind"]

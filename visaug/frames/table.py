@@ -49,7 +49,7 @@ def read_table(path: str | Path, warnings: list[str] | None = None) -> list[Fram
     for number, record in made:
         if record.sequence in seen:
             raise InputError(
-                f"{record.sequence} stands in row {seen[record.sequence]} too",
+                f"{record.sequence} is used in row {seen[record.sequence]} too",
                 file=path,
                 field=f"row {number}, sequence",
                 expected="a number of its own for each frame",
@@ -130,7 +130,7 @@ def _check_header(header: list[str], path: Path) -> list[str]:
         likely = likely or difflib.get_close_matches(name, missing, 1, _ALIKE)
         if likely:
             raise InputError(
-                f"{name!r} is no column of a frame set", file=path, field="header", expected=likely[0]
+                f"{name!r} is not a column of a frame set", file=path, field="header", expected=likely[0]
             )
     return ignored
 
@@ -163,14 +163,14 @@ def _record(cells: dict[str, str], decimal: str, path: Path, number: int, order:
         try:
             return float(text.replace(",", ".") if decimal == "," else text)
         except ValueError:
-            raise wrong(column, f"{text!r} is no number", "a number") from None
+            raise wrong(column, f"{text!r} is not a number", "a number") from None
 
     def whole(column: str, default: int, what: str) -> int:
         value = number_in(column)
         if value is None:
             return default
         if value != value or value != value // 1 or abs(value) > 1e15:
-            raise wrong(column, f"{cells[column]!r} is no whole number", what)
+            raise wrong(column, f"{cells[column]!r} is not a whole number", what)
         return int(value)
 
     if "sequence" in cells and not cells["sequence"]:
@@ -179,7 +179,7 @@ def _record(cells: dict[str, str], decimal: str, path: Path, number: int, order:
         raise wrong("file", "is blank", "the name of a file")
     kind = kind_of(cells["kind"])
     if kind is None:
-        raise wrong("kind", f"{cells['kind']!r} is no kind of frame", " or ".join(KINDS))
+        raise wrong("kind", f"{cells['kind']!r} is not a kind of frame", " or ".join(KINDS))
     exposure_s = number_in("exposure_s")
     if exposure_s is None and kind not in _MAY_LACK_EXPOSURE:
         raise wrong("exposure_s", "is blank", "seconds, 0 or more")
@@ -216,7 +216,7 @@ def _time(text: str, number_in, wrong) -> float | None:
         try:
             return number_in("time_s")
         except InputError:
-            raise wrong("time_s", f"{text!r} is no time", "seconds, or 2026-01-31T23:59:58.5") from None
+            raise wrong("time_s", f"{text!r} is not a time", "seconds, or 2026-01-31T23:59:58.5") from None
     return seconds
 
 

@@ -105,7 +105,7 @@ class Bench:
         name = Path(file_name).name
         if not name.endswith(".py"):
             raise InputError(
-                "is no Python file", file=name, expected="a .py file as `visaug effects new` writes it"
+                "is not a Python file", file=name, expected="a .py file as `visaug effects new` writes it"
             )
         path = Path(self._uploads.name) / name
         path.write_text(text, encoding="utf-8")

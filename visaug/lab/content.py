@@ -139,7 +139,7 @@ def _notes(bench: Bench) -> list[str]:
         names = " and ".join(f"Add {name}" for name in found.accepted)
         notes.append(f"The camera on the bench is still the file as given: {names} to put it in.")
     for group in found.ambiguous:
-        notes.append(f"{', '.join(group['effects'])} cannot be told apart here; {group['measure']}.")
+        notes.append(f"{', '.join(group['effects'])} cannot be distinguished with these frames; {group['measure']}.")
     if found.form:
         notes.append(found.form)
     if found.unexplained:

@@ -179,7 +179,7 @@ class _Lab:
         try:
             text = body.decode()
         except UnicodeDecodeError:
-            raise InputError("is no text", file=name, expected="a Python file in UTF-8") from None
+            raise InputError("is not text", file=name, expected="a Python file in UTF-8") from None
         return self._ask(f"loading {name}", lambda _: self.bench.load(name, text))
 
     def save(self, _: Request) -> Response:
@@ -249,7 +249,7 @@ class _Server(uvicorn.Server):
 def _effect(request: Request) -> str:
     name = request.path_params["name"]
     if name not in catalogue():
-        raise InputError(f"{name!r} is no effect of the catalogue")
+        raise InputError(f"{name!r} is not an effect of the catalogue")
     return name
 
 

@@ -52,5 +52,5 @@ def write_picture(path: Path, picture: Picture) -> None:
 
 def _format(path: Path) -> tuple[Reader, Writer]:
     if path.suffix.lower() not in FORMATS:
-        raise InputError("is no picture", file=path, expected="a name ending in " + " ".join(SUFFIXES))
+        raise InputError("is not a picture", file=path, expected="a name ending in " + " ".join(SUFFIXES))
     return FORMATS[path.suffix.lower()]
