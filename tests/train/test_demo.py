@@ -10,7 +10,7 @@ import yaml
 
 import visaug
 from visaug.effects import catalogue
-from visaug_train import demo
+from visaug_train import demo, laboratory
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
@@ -39,6 +39,7 @@ def test_demo_writes_one_report_and_goes_on(tmp_path, monkeypatch):
     tried = {"amplifier_glow", "row_noise"}  # of the catalogue: the story is told all the same
     without = [name for name, effect in catalogue().items() if not effect.base and name not in tried]
     monkeypatch.setattr(visaug, "diagnose", partial(visaug.diagnose, sets=60, without=without))
+    monkeypatch.setattr(laboratory, "RESOLUTION", (48, 64))
     seen = set()
     report = demo.run_demo(tmp_path / "out", progress=lambda title, done, total: seen.add(title))
     page = report.read_text()
