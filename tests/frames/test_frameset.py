@@ -336,3 +336,19 @@ def test_trial_sets_have_what_their_tables_say(shared_data):
         scene = next(i for i, r in enumerate(fs.records) if r.kind == "scene")
         assert fs.clean(scene).shape == (200, 256)
         assert fs.check() == [], folder.name
+
+
+def test_a_cameras_bits_are_taken_where_files_of_16_leave_them_open(tmp_path):
+    """12-bit words at the top of 16 are shifted; a depth that somebody gave stays."""
+    dn = np.arange(64, 64 + 48, dtype=np.uint16).reshape(6, 8)
+    records = [FrameRecord(i, f"{i}.npy", "bias") for i in range(2)]
+    for record in records:
+        np.save(tmp_path / record.file, dn * 16 + (0xF000 - 0x1000))
+    write_table(tmp_path / "frames.csv", records)
+    frames = FrameSet.load(tmp_path, resolution=(6, 8))
+    assert frames.subset([1]).assuming_bits(12).bit_depth == 12
+    np.testing.assert_array_equal(frames.assuming_bits(12).read(1), dn + 0xF00 - 0x100)
+    assert FrameSet.load(tmp_path, bit_depth=14).assuming_bits(12).bit_depth == 14
+    bottom = FrameSet.from_arrays(records, np.stack([dn, dn]))
+    assert bottom.assuming_bits(10).bit_depth == 10
+    assert bottom.assuming_bits(16) is bottom

@@ -33,6 +33,9 @@ class _View:
     def shape(self, i: int) -> tuple[int, int]:
         return self._change(np.zeros(self._frames.shape(i), np.float32)).shape[:2]  # type: ignore[return-value]
 
+    def with_bits(self, bit_depth: int) -> _View:
+        return _View(self._frames, self._change, bit_depth)
+
 
 def shifted(frames: FrameSet, low: int) -> FrameSet:
     """Values without their lowest bits."""

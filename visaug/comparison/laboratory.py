@@ -52,6 +52,7 @@ class Laboratory:
                 field="kind",
                 expected="bias, dark, flat or scene frames to compare a camera with",
             )
+        frames = frames.assuming_bits(camera.bit_depth)
         self.selection = select(frames)
         self.warnings = (*frames.warnings, *self.selection.left_out, *history_warnings(frames.records))
         lit = _with_photons(frames, camera, self.selection.frames)

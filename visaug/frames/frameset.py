@@ -187,6 +187,12 @@ class FrameSet:
         """The same pixels under other records, one for each of this set's, in the same order."""
         return FrameSet(records, self._store, self._positions, self.warnings)
 
+    def assuming_bits(self, bit_depth: int) -> FrameSet:
+        """The same frames read as those of a converter of `bit_depth` bits, where 16-bit files leave open how many it has."""
+        if self.told_bits is not None or self.bit_depth != 16 or bit_depth >= 16:
+            return self
+        return FrameSet(self.records, self._store.with_bits(bit_depth), self._positions, self.warnings)
+
     def check(self) -> list[str]:
         """One pass over all pixels; returns named warnings (``duplicate_frames: ...``), see
         `visaug.frames.checks`.

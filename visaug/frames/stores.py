@@ -31,6 +31,7 @@ class Store(Protocol):
     def read(self, i: int) -> np.ndarray: ...
     def clean(self, i: int) -> np.ndarray: ...
     def shape(self, i: int) -> tuple[int, int]: ...
+    def with_bits(self, bit_depth: int) -> Store: ...
 
 
 class MemoryStore:
@@ -72,6 +73,9 @@ class MemoryStore:
     def shape(self, i: int) -> tuple[int, int]:
         shape = np.shape(self._frames[i])
         return shape[0], shape[1]
+
+    def with_bits(self, bit_depth: int) -> MemoryStore:
+        return MemoryStore(self._records, self._frames, self._cleans, bit_depth)
 
 
 class FileStore:
@@ -146,6 +150,17 @@ class FileStore:
         if i not in self._shapes:
             self.read(i)
         return self._shapes[i]
+
+    def with_bits(self, bit_depth: int) -> FileStore:
+        return FileStore(
+            self._records,
+            self._root,
+            self._resolution,
+            bit_depth,
+            self._byte_order,
+            self._bits_at,
+            self.warnings,
+        )
 
     def _stored(self, i: int) -> np.ndarray:
         return self._reader.read(self._records[i].file, self._shape_of_raw(self._records[i]))
