@@ -34,7 +34,7 @@ def test_headlines_hold_the_answer():
     said = comparison_headline({"fits": fits, "where": [place]})
     assert said == (
         "The model does not hold: the frames differ from it (p < 0.01). The largest difference: row and column noise, fresh in "
-        "every frame (rows, bias), 48 standard deviations above the model."
+        "every frame (rows in bias frames), 48 standard deviations above the model."
     )
     strength = {"sigma_e": {"value": 1.187, "low": 1.103, "high": 1.297, "unit": "e-"}}
     ranking = [{"effect": "row_noise", "probability": 0.9999, "parameters": strength}]

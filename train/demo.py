@@ -8,6 +8,7 @@ from pathlib import Path
 
 from visaug.errors import InputError
 from visaug.report.html import Page, write_page
+from visaug.report.provenance import footer
 from visaug.report.real_camera import real_camera_section
 from visaug_train.ablation import Ablation, ablate
 from visaug_train.arms import Arm
@@ -81,5 +82,10 @@ def run_demo(output: str | Path, seed: int = 0, progress: Progress | None = None
     sections.append(timing_section(ablation, seconds))
     return write_page(
         output / "report.html",
-        Page("Sensor noise as augmentation: the demonstration", finding(ablation), sections),
+        Page(
+            "Sensor noise as augmentation: the demonstration",
+            finding(ablation),
+            sections,
+            footer=footer(None, None, seed),
+        ),
     )

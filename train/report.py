@@ -11,6 +11,7 @@ from visaug.report.html import Figure, Page, Section, Table, Text, figure, write
 from visaug.report.noise import components
 from visaug.report.plots.images import plot_components, plot_images
 from visaug.report.plots.learning import plot_timing, plot_training
+from visaug.report.provenance import footer
 from visaug_train.ablation import Ablation
 from visaug_train.plots import plot_dependence, plot_gallery, read_gray
 from visaug_train.proof import proof_sections
@@ -28,6 +29,7 @@ def write_report(ablation: Ablation) -> Path:
         f"{len(ablation.means)} arms, seeds {', '.join(map(str, ablation.config.seeds))}, all "
         "hyperparameters equal.",
         [*proof_sections(ablation), *ablation_sections(ablation), timing_section(ablation)],
+        footer=footer(None, None),
     )
     return write_page(ablation.config.output / "report.html", page)
 

@@ -1,6 +1,7 @@
-"""Numbers as text: two significant digits of the interval, p-values that do not pretend to be exact."""
+"""Numbers and names as text: two significant digits of the interval, p-values that do not pretend to be exact."""
 
 import math
+import re
 
 
 def number(value: float | None) -> str:
@@ -56,3 +57,33 @@ def with_interval(value: float | None, low: float | None, high: float | None, un
     decimals = max(-place, 0)
     shown = [f"{round(x, -place):.{decimals}f}" for x in (value, low, high)]
     return f"{shown[0]} [{shown[1]}, {shown[2]}]{tail}"
+
+
+def share_text(share: float) -> str:
+    """A share in per cent, never 0.
+
+    Example:
+        >>> share_text(0.617), share_text(0.0004)
+        ('62 %', '< 1 %')
+    """
+    return "< 1 %" if share < 0.005 else f"{share:.0%}".replace("%", " %")
+
+
+def statistic_text(name: str) -> str:
+    """The plain name of a statistic: what is measured, in which frames.
+
+    Args:
+        name: as a comparison's `where` has it, "WHAT, FRAMES".
+
+    Example:
+        >>> statistic_text("rows, bias"), statistic_text("dark rows, band 6, dark 2 s 30 C")
+        ('rows in bias frames', 'dark rows, frequency band 6 in dark frames (2 s, 30 °C)')
+    """
+    what, _, frames = name.rpartition(", ")
+    kind, _, conditions = frames.partition(" ")
+    what = re.sub(r"\bband (\d)", r"frequency band \1", what)
+    if not what or kind not in ("bias", "dark", "flat", "scene"):
+        return re.sub(r"\bband (\d)", r"frequency band \1", name)
+    found = re.findall(r"[-+.\de]+ (?:ph|s|C|dB)\b|\S+ \S+|\S+", conditions)
+    words = [re.sub(r" ph$", " photons", re.sub(r" C$", " °C", part)) for part in found]
+    return f"{what} in {kind} frames" + (f" ({', '.join(words)})" if words else "")

@@ -6,7 +6,7 @@ import click
 
 from visaug.cli.tables import print_table
 from visaug.report.headline import comparison_headline, diagnosis_details, diagnosis_headline, view_title
-from visaug.wording import number, with_interval
+from visaug.wording import share_text, statistic_text, with_interval
 
 if TYPE_CHECKING:
     from visaug.frames.survey import Survey
@@ -15,10 +15,15 @@ if TYPE_CHECKING:
 def print_characterization(result: dict[str, Any]) -> None:
     """A table of parameters with intervals, what stays open, and warnings."""
     rows = [
-        [name, number(entry["value"]), interval(entry), entry["unit"], entry["from"]]
+        [
+            name,
+            with_interval(entry["value"], entry.get("low"), entry.get("high")),
+            entry["unit"],
+            entry["from"],
+        ]
         for name, entry in result["parameters"].items()
     ]
-    print_table(["parameter", "value", "95 % interval", "unit", "from"], rows)
+    print_table(["parameter", "value [95 % interval]", "unit", "from"], rows)
     for entry in result["not_determined"]:
         click.echo(f"not determined: {entry['parameter']}; needs {entry['needs']}")
     for warning in result["warnings"]:
@@ -77,13 +82,13 @@ def print_used(result: dict[str, Any]) -> None:
 
 def print_places(where: list[dict[str, Any]], most: int = 10) -> None:
     rows = [
-        [view_title(place["view"]), f"{place['share']:.0%}", str(place["worst"]), f"{place['z']:.2g}"]
+        [
+            view_title(place["view"]),
+            share_text(place["share"]),
+            statistic_text(place["worst"]),
+            f"{place['z']:.2g}",
+        ]
         for place in where[:most]
     ]
     if rows:
         print_table(["view", "share of the misfit", "worst statistic", "standard deviations"], rows)
-
-
-def interval(entry: dict[str, Any]) -> str:
-    low, high = entry.get("low"), entry.get("high")
-    return "" if low is None and high is None else f"[{number(low)}, {number(high)}]"

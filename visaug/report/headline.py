@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from visaug.wording import p_text, probability_text, with_interval
+from visaug.wording import p_text, probability_text, statistic_text, with_interval
 
 Content = Mapping[str, Any]
 
@@ -25,9 +25,10 @@ def comparison_headline(content: Content) -> str:
     if not content["where"]:
         return said
     worst = content["where"][0]
+    view, side = view_title(worst["view"]), "above" if worst["z"] > 0 else "below"
     return (
-        f"{said} The largest difference: {view_title(worst['view'])[0].lower()}{view_title(worst['view'])[1:]} "
-        f"({worst['worst']}), {abs(worst['z']):.2g} standard deviations {'above' if worst['z'] > 0 else 'below'} the model."
+        f"{said} The largest difference: {view[0].lower()}{view[1:]} ({statistic_text(worst['worst'])}), "
+        f"{abs(worst['z']):.2g} standard deviations {side} the model."
     )
 
 

@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Text:
-    """A paragraph; `kind` sets it off as a finding, or as a note in small print."""
+    """A paragraph; `kind` sets it off as a finding, or as a note in small print. `command` is set below it as code."""
 
     text: str
     kind: Literal["plain", "finding", "note"] = "plain"
+    command: str = ""
 
 
 @dataclass(frozen=True)

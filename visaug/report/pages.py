@@ -16,7 +16,7 @@ from visaug.report.plots.error import plot_error_steps, plot_ranking
 from visaug.report.plots.used import plot_used
 from visaug.report.provenance import footer
 from visaug.report.views import ViewGallery, all_views
-from visaug.wording import number, p_text, probability_text, with_interval
+from visaug.wording import p_text, probability_text, share_text, statistic_text, with_interval
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -35,13 +35,7 @@ ERROR = (
 def write_characterization(path: str | Path, result: "Characterization", frames: "FrameSet") -> Path:
     """Parameters with intervals, what stays open, and a plot of each measurement."""
     content = result.to_json()
-    rows = [
-        [name, number(e["value"]), f"[{number(e['low'])}, {number(e['high'])}]", e["unit"], e["from"]]
-        for name, e in content["parameters"].items()
-    ]
-    blocks: list[Text | Table | Figure] = [
-        Table(["parameter", "value", "95 % interval", "unit", "from"], rows)
-    ]
+    blocks: list[Text | Table | Figure] = [*_parameter_tables(content["parameters"])]
     if content["not_determined"]:
         open_rows = [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]
         blocks.append(Table(["not determined", "needs"], open_rows, caption="What these frames cannot tell."))
@@ -58,6 +52,23 @@ def write_characterization(path: str | Path, result: "Characterization", frames:
         footer=footer(None, frames),
     )
     return write_page(path, page)
+
+
+def _parameter_tables(parameters: dict[str, dict[str, Any]]) -> list[Table]:
+    """One table for the camera file, one for each release of the standard."""
+    groups = {
+        "": "Of the camera file, and what else was measured.",
+        "emva": "EMVA 1288, release 3.",
+        "emva4": "EMVA 1288, release 4.",
+        "emva4_corrected": "EMVA 1288, release 4, corrected for noise that the pixels of a row or column share.",
+    }
+    rows: dict[str, list[list[str]]] = {group: [] for group in groups}
+    for name, e in parameters.items():
+        group = name.split(".")[0] if name.split(".")[0] in groups else ""
+        value = with_interval(e["value"], e.get("low"), e.get("high"))
+        rows[group].append([name, value, _unit(e["unit"]), e["from"]])
+    head = ["parameter", "value [95 % interval]", "unit", "from"]
+    return [Table(head, rows[group], caption) for group, caption in groups.items() if rows[group]]
 
 
 def write_comparison(
@@ -80,7 +91,7 @@ def write_comparison(
     if content["where"]:
         blocks += [*(pictures[name] for name in worst[:1] if name in pictures), where_table(content["where"])]
         blocks.append(
-            Text("Next: visaug diagnose FRAMES --camera CAMERA names the effect that is missing.", "note")
+            Text("Next: find the effect that is missing.", command="visaug diagnose FRAMES --camera CAMERA")
         )
     sections = [
         Section("Where it fails" if content["where"] else "Answer", blocks),
@@ -95,12 +106,20 @@ def write_comparison(
         facts=[
             ("yes" if fits["adequate_before"] else "no", "does the camera explain the frames?"),
             (p_text(fits["p_value_before"]), "probability of such a difference by chance"),
+            *_largest(content["where"]),
         ],
         footer=footer(camera, frames, seed),
     )
     folder = write_page(path, page).with_suffix("")
     folder = folder.with_name(f"{folder.name}_pictures")
     return {name: picture.save(folder / name) for name, picture in pictures.items()}
+
+
+def _largest(where: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    if not where:
+        return []
+    size = f"{abs(where[0]['z']):.2g} standard deviations"
+    return [(size, f"largest difference: {statistic_text(where[0]['worst'])}")]
 
 
 def used_section(content: dict[str, Any]) -> Section:
@@ -138,7 +157,9 @@ def diagnosis_sections(
     found: list[Text | Table | Figure] = [Text(diagnosis_headline(content), "finding")]
     found += [Text(line) for line in diagnosis_details(content)]
     found += [Text(line) for line in effect_texts(content["accepted"])]
-    found.append(Text(next_step(content), "note"))
+    if content["accepted"]:
+        found.append(Text(PROBABILITY, "note"))
+    found.append(next_step(content))
     if any(step["error"] is not None for step in content["steps"]):
         steps = plot_error_steps(content["steps"], error["before"], error["floor"])
         found.append(figure(steps, f"The error on hold-out frames after each step. {ERROR}"))
@@ -171,7 +192,7 @@ def diagnosis_sections(
             )
     if any(entry["error_after"] is not None for entry in content["ranking"]):
         picture = figure(plot_ranking(content["ranking"]), "Error that each effect alone would leave.")
-        sections.append(Section("Ranking", [picture, Text(PROBABILITY, "note")]))
+        sections.append(Section("Ranking", [picture]))
     left: list[Text] = []
     if content["unexplained"]:
         left.append(Text(content["unexplained"]["description"], "finding"))
@@ -184,13 +205,19 @@ def diagnosis_sections(
     return [*sections, looked_at] if looked_at.blocks else sections
 
 
-def next_step(content: dict[str, Any]) -> str:
+def next_step(content: dict[str, Any]) -> Text:
     """The command that follows from the answer."""
     if content["accepted"]:
-        return "Next: visaug augment IMAGES -o noisy/ --camera BETTER trains with the camera that diagnose -o BETTER wrote."
+        return Text(
+            "Next: train with the corrected camera, which diagnose -o BETTER.yaml wrote.",
+            command="visaug augment IMAGES -o noisy/ --camera BETTER.yaml",
+        )
     if content["unexplained"]:
-        return "Next: visaug effects new NAME writes a file in which you can model it; then diagnose --effects NAME.py."
-    return "Next: visaug augment IMAGES -o noisy/ --camera CAMERA."
+        return Text(
+            "Next: write the effect down in a file that runs as it is, then diagnose with --effects NAME.py.",
+            command="visaug effects new NAME",
+        )
+    return Text("Next: train with this camera.", command="visaug augment IMAGES -o noisy/ --camera CAMERA")
 
 
 def _diagnosis_facts(content: dict[str, Any]) -> list[tuple[str, str]]:
@@ -224,7 +251,8 @@ def _worst_frames(where: list[dict[str, Any]]) -> dict[str, str]:
 
 def where_table(where: list[dict[str, Any]], most: int = 10) -> Table:
     rows = [
-        [view_title(w["view"]), f"{w['share']:.0%}", str(w["worst"]), f"{w['z']:.2g}"] for w in where[:most]
+        [view_title(w["view"]), share_text(w["share"]), statistic_text(w["worst"]), f"{w['z']:.2g}"]
+        for w in where[:most]
     ]
     head = ["view", "share of the misfit", "worst statistic", "standard deviations"]
     return Table(
@@ -244,9 +272,8 @@ def _accepted_table(content: dict[str, Any]) -> Table:
 
 def _captions(where: list[dict[str, Any]]) -> dict[str, str]:
     return {
-        w[
-            "view"
-        ]: f"{w['share']:.0%} of the misfit; {w['worst']}: {w['z']:.2g} standard deviations from the model."
+        w["view"]: f"{share_text(w['share'])} of the misfit; {statistic_text(w['worst'])}: "
+        f"{w['z']:.2g} standard deviations from the model."
         for w in reversed(where)
     }
 
@@ -259,7 +286,7 @@ def _headline(parameters: dict[str, dict[str, Any]]) -> list[tuple[str, str]]:
         "emva.saturation_e": "saturation",
     }
     found = [(parameters[key], name) for key, name in wanted.items() if key in parameters]
-    return [(f"{number(entry['value'])} {entry['unit']}".removesuffix(" 1"), name) for entry, name in found]
+    return [(with_interval(e["value"], e.get("low"), e.get("high"), e["unit"]), name) for e, name in found]
 
 
 CAPTIONS = {

@@ -69,9 +69,24 @@ def _draw_panel(
         axes.set_xscale("log" if _all_positive(measured, "x") else "symlog")
     if measured.log_y:
         axes.set_yscale("log")
+        _plain_decades(axes)
     if alone:
         axes.set_title(textwrap.fill(measured.curves[chosen[0]].label, 40), fontsize=9)
     axes.set(xlabel=measured.x_label)
+
+
+def _plain_decades(axes: Any) -> None:
+    """Numbers such as 0.6 or 20 where the axis covers less than two decades, decades alone elsewhere."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axes.get_ylim()
+    if high < 100 * low:
+        plain = FuncFormatter(lambda value, _: f"{value:g}")
+        axes.yaxis.set_major_formatter(plain)
+        axes.yaxis.set_minor_locator(LogLocator(subs=(2, 5)))
+        axes.yaxis.set_minor_formatter(plain)
+    else:
+        axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _legend(figure: "Figure", axes: Any, curves: int) -> None:
