@@ -27,20 +27,30 @@ def simulate(
     keep: Sequence[int] | None = None,
     deepest: int = DEEPEST,
 ) -> FrameSet:
-    """The frames of `plan` as `camera` would take them: one camera, its fixed patterns kept, in order.
+    """Simulates the frames of `plan`, in order, with one camera whose fixed patterns stay the same.
 
     Args:
-        camera: the camera; randomize is not used, a camera under test is one camera.
-        plan: what to take: its records, and its noiseless targets for scenes. Its pixels are not read.
-        seed: chooses the individual camera (its maps) and the noise.
+        camera: the camera. Its `randomize` entries are not used: all frames are from one specimen.
+        plan: records of the frames to simulate, with noiseless targets for scenes. Its pixels are not read.
+        seed: of the specimen (its fixed patterns) and of the temporal noise.
         progress: called with (description, done, total).
-        keep, deepest: of which frames, see `exposures`.
+        keep: positions of the frames to simulate; None simulates all. See `exposures`.
+        deepest: see `exposures`.
 
     Returns:
         A frame set in memory, uint16 DN.
 
     Raises:
-        InputError: a flat without `photons`, a scene without `clean`, an image of which nothing is known.
+        InputError: a flat frame without `photons`, a scene without `clean`, or a frame of kind image.
+
+    Example:
+        >>> import numpy as np, visaug
+        >>> from visaug.frames import FrameRecord
+        >>> camera = visaug.Camera.load({"resolution": [8, 8], "gain_e_per_dn": 0.5, "black_level_dn": 100})
+        >>> records = [FrameRecord(sequence=k, file=f"{k}", kind="bias", exposure_s=0.0, temperature_c=20.0) for k in range(2)]
+        >>> plan = visaug.FrameSet.from_arrays(records, np.zeros((2, 8, 8)))
+        >>> visaug.simulate(camera, plan).read(0).shape
+        (8, 8)
     """
     frames: list[np.ndarray] = []
     places = range(len(plan)) if keep is None else sorted(keep)

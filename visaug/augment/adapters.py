@@ -1,7 +1,7 @@
-"""A camera's noise where other libraries expect it: DataLoader workers, torchvision v2, albumentations.
+"""Camera noise as transforms of other libraries: DataLoader workers, torchvision v2, albumentations.
 
-All of these take PIL images, NumPy arrays or tensors of 8 bit, 16 bit and floats, as the library does, and give them
-back in their own form and depth; see `visaug.augment.images`.
+All of these accept PIL images, NumPy arrays or tensors with 8 bits, 16 bits or floats, as the library does, and return the
+same type and depth; see `visaug.augment.images`.
 """
 
 import inspect
@@ -22,18 +22,23 @@ from visaug.sampling import derive_key
 
 
 class ImageNoise:
-    """A plain callable on one image, for a dataset's `transform`.
+    """A callable that adds camera noise to one image, for a dataset's `transform`.
 
-    Follows `torch.manual_seed`; every DataLoader worker has a stream of its own, the same at every run that is seeded.
+    Random numbers follow `torch.manual_seed`. Each DataLoader worker has its own stream, and a seeded run is reproducible.
 
     Args:
-        camera, options: see `SensorNoise`. With transfer="auto" colour of 8 bit is sRGB, everything else linear.
-        p: probability that an image is taken by the camera.
-        bits: depth of the data in uint16 words, where it is less: 10, 12 or 14.
+        camera: see `SensorNoise`.
+        p: probability that noise is applied to an image, 0 to 1.
+        bits: number of bits used in uint16 data if fewer than 16: 10, 12 or 14.
+        options: keywords of `SensorNoise`. With transfer="auto", 8-bit colour images are taken as sRGB, all others as
+            linear.
 
     Shape:
         PIL image, tensor (C, H, W), or array (H, W) or (H, W, C); uint8, uint16 or float in [0, 1] -> the same. C is 1 or
-        3, or 2 or 4 with alpha, which stays.
+        3, or 2 or 4 with an alpha channel, which is not changed.
+
+    Raises:
+        InputError: an option or an image that is not valid.
 
     Example:
         >>> import numpy as np
@@ -56,7 +61,7 @@ class ImageNoise:
         return like(take(self.noise, tensor[None], self.noise.draw(1), self.bits)[0], image)
 
     def clip(self, images: np.ndarray) -> np.ndarray:
-        """Frames (T, H, W) or (T, H, W, C) of one clip: one camera with its fixed patterns, temporal noise of each's own."""
+        """Adds noise to the frames of one clip, (T, H, W) or (T, H, W, C): same fixed pattern, independent temporal noise."""
         if not len(images):
             return images
         batch = torch.stack([to_tensor(image) for image in images])
@@ -82,15 +87,24 @@ def _torchvision_noise() -> type:
     from torchvision.transforms import v2
 
     class TorchvisionNoise(v2.Transform):
-        """A camera's noise as a torchvision v2 transform: images and videos change, boxes and masks do not.
+        """Camera noise as a torchvision v2 transform: images and videos change, boxes and masks do not.
 
-        The frames of a video have one camera with its fixed patterns, and temporal noise of their own.
+        The frames of a video share the fixed pattern of one camera and have independent temporal noise.
 
         Args:
-            camera, p, bits, options: see `ImageNoise`.
+            camera: see `SensorNoise`.
+            p: probability that noise is applied to a sample, 0 to 1.
+            bits: see `ImageNoise`.
+            options: keywords of `SensorNoise`.
 
         Raises:
-            InputError: a sample without a PIL image, tensor or video, such as a NumPy array.
+            InputError: a sample without a PIL image, tensor or video, for example a NumPy array alone.
+
+        Example:
+            >>> import torch
+            >>> from visaug.augment import TorchvisionNoise
+            >>> TorchvisionNoise("sony_imx174")(torch.rand(1, 32, 32)).shape
+            torch.Size([1, 32, 32])
         """
 
         _transformed_types = (
@@ -148,17 +162,26 @@ def _albumentations_noise() -> type:
     own = {"p": 1.0, "bits": None}
 
     class AlbumentationsNoise(albumentations.ImageOnlyTransform):
-        """A camera's noise as an albumentations transform, e.g. for ultralytics' `augmentations=[...]`.
+        """Camera noise as an albumentations transform, e.g. for `augmentations=[...]` of ultralytics.
 
-        Random numbers come from albumentations' generator, which a pipeline's seed sets, mixed with the DataLoader worker's
-        seed: workers and epochs differ. Frames given as `images=` are a clip: one camera with its fixed patterns, temporal
-        noise of each frame's own. Can be written with `albumentations.to_dict` to JSON and read back.
+        Random numbers come from albumentations' generator, which the seed of a pipeline sets, combined with the seed of the
+        DataLoader worker, so workers and epochs differ. Frames given as `images=` form a clip: they share the fixed pattern
+        of one camera and have independent temporal noise. The transform can be serialized with `albumentations.to_dict`.
 
         Args:
             camera: see `SensorNoise`.
-            p: probability for each image.
+            p: probability that noise is applied to an image, 0 to 1.
             bits: see `ImageNoise`.
-            options: any of `SensorNoise`: transfer, gain_db, exposure, strength, fixed_pattern, ...
+            options: keywords of `SensorNoise`: transfer, gain_db, exposure, strength, fixed_pattern, ...
+
+        Raises:
+            InputError: an option or an image that is not valid.
+
+        Example:
+            >>> import numpy as np
+            >>> from visaug.augment import AlbumentationsNoise
+            >>> AlbumentationsNoise("sony_imx174")(image=np.full((8, 8, 3), 120, np.uint8))["image"].shape
+            (8, 8, 3)
         """
 
         def __init__(

@@ -46,52 +46,51 @@ Source = Camera | str | Path | Mapping[str, Any]
 
 
 class SensorNoise(nn.Module):
-    """Images as a camera would have taken them.
+    """Adds the noise of a camera to images.
 
-    The image value 1 stands for the saturation of the exposure, min(full well, (max_dn - black level) gain), at the gain
-    and quantum efficiency of each image: what `randomize` draws changes the noise and not the brightness. A camera file
-    with `reading: paper` takes the converter's whole range instead, the paper's eq. 7.
+    The image value 1 corresponds to the saturation of the exposure, min(full well, (max_dn - black level) gain), at the
+    gain and quantum efficiency of each image, so `randomize` changes the noise and not the brightness. For a camera file
+    with `reading: paper` it corresponds to the full range of the converter, eq. 7 of the paper.
 
     Args:
-        camera: a Camera, the file or name of one, or a list of these: a population, of which each image gets one.
-        fixed_pattern: "image" draws row, column and pixel patterns anew for every image, as of another specimen;
-            "camera" keeps one specimen's, chosen by `seed`.
-        transfer: "linear" takes pixel values as linear in light; "srgb" makes them linear first and encodes again.
-            "auto" is linear here; adapters that see a file or its type decide.
-        black_level: "subtract" takes the camera's offset off again and scales, so that saturation is 1; "keep" gives the
-            converter's DN as a share of its range.
-        resolution: "network": each pixel of the image is a pixel of the sensor. "sensor": each pixel of the image
-            stands for k x k pixels of the sensor, k as the sensor's size over the image's has it (rounded, at least
-            1). The noise acts on these and is averaged, so it is about k times weaker.
-        fast: True takes the table-driven path where it has the same law: base chain, physical reading, no gradient
-            wanted, CPU. False always runs the exact chain.
-        seed: of the kept fixed pattern, and of the random numbers; None follows `torch.manual_seed`. Ranks of a
-            distributed training share the kept pattern and have random numbers of their own.
-        full_scale_photons: mean photons per pixel that the image's value 1 stands for, > 0, in place of saturation.
-            Brightness then follows gain and quantum efficiency; 1 still comes out where the exposure saturates.
-        values: numbers that replace the camera's by path, e.g. {"read_noise.sigma_e": nn.Parameter(...)};
-            gradients reach them.
-        origin: row and column of the sensor at which the image begins, where it is a crop; then kept patterns are
-            the crop of the sensor's, and effects that depend on the place on the sensor know it.
-        mono: how one sensor serves several channels. None: as the camera is: one with `colour` filters takes the picture
-            through its mosaic (see `visaug.camera.colour`), of which a gray one-channel image gets the luminance of what comes
-            out; one without is monochrome. True: the noise of the exposed
-            luminance 0.2126 R + 0.7152 G + 0.0722 B is added to every channel, so equal channels stay equal. False: every
-            channel is a sensor of its own, with independent noise.
-        gain_db: gain in dB on the camera's own scale (the one of `gain_db` in its file), or a pair (low, high) from which each
-            image's is drawn uniformly; takes the place of the camera's and of its spread.
-        exposure: share of the light that would saturate, in (0, 1]: 0.05 takes the image with a twentieth of the light and
-            brightens it by 20 after the converter. A pair (low, high) is drawn from uniformly. Exposure time and dark current
-            stay as they are.
-        strength: factor on the standard deviation of all noise, temporal and fixed, at the same brightness; 0 changes
-            nothing, 1 is the camera. Realised by 1/strength^2 of the electrons, see `visaug.camera.strength`: shot noise
-            stays Poisson, and effects that are no noise (blur, shares, densities) stay as they are.
+        camera: a Camera, its file or name, or a list of these from which one is drawn for each image.
+        fixed_pattern: "image" draws new row, column and pixel patterns for every image, as from different specimens;
+            "camera" keeps the patterns of one specimen, chosen by `seed`.
+        transfer: "linear" takes pixel values as linear in light; "srgb" decodes them to linear values first and encodes the
+            result. "auto" is linear here; adapters choose by file type or data type.
+        black_level: "subtract" subtracts the camera's black level and scales so that saturation is 1; "keep" returns the
+            DN of the converter as a fraction of its range.
+        resolution: "network": an image pixel is a sensor pixel. "sensor": an image pixel is the mean of k x k sensor
+            pixels, where k is the ratio of sensor size to image size, rounded, at least 1. The noise is then about k times
+            weaker.
+        fast: True uses the table-driven implementation where it follows the same law: base chain, physical reading, no
+            gradient required, CPU. False always uses the exact chain.
+        seed: of the kept fixed pattern and of the random numbers; None follows `torch.manual_seed`. The ranks of a
+            distributed training share the kept pattern and have independent random numbers.
+        full_scale_photons: mean photons per pixel at image value 1, > 0, instead of saturation. The brightness then depends
+            on gain and quantum efficiency; the output is still 1 at saturation.
+        values: replacements for camera parameters by path, e.g. {"read_noise.sigma_e": nn.Parameter(...)}. Gradients
+            reach them.
+        origin: row and column of the sensor at which the image begins, if it is a crop. Kept patterns and effects that
+            depend on the position on the sensor then belong to this window.
+        mono: how one sensor serves several channels. None follows the camera: a camera with `colour` filters images through
+            its mosaic (see `visaug.camera.colour`), and a one-channel image gets the luminance of the result; a camera without
+            filters is monochrome. True: the noise of the exposed luminance 0.2126 R + 0.7152 G + 0.0722 B is added to every
+            channel, so equal channels stay equal. False: every channel is a separate sensor with independent noise.
+        gain_db: gain in dB on the camera's scale (that of `gain_db` in its file), or a pair (low, high) from which it is
+            drawn uniformly for each image. It replaces the camera's gain and its `randomize` entry.
+        exposure: fraction of the saturation exposure, in (0, 1], or a pair (low, high) from which it is drawn uniformly.
+            With 0.05 the image is exposed with a twentieth of the light and multiplied by 20 after the converter. Exposure
+            time and dark current do not change.
+        strength: factor on the standard deviation of all noise, temporal and fixed, at the same brightness, 0 to 100. 0
+            returns the images unchanged, 1 is the camera. Implemented with 1/strength^2 of the electrons, see
+            `visaug.camera.strength`: shot noise stays Poisson, and effects that are not noise (blur, fractions, densities) do
+            not change.
 
     Shape:
         (B, 1|3, H, W), floating point in [0, 1] -> the same shape, dtype and device, in [0, 1]. Values below 0 or above 1
-        are cut by the sensor; values below -0.5 or above 1.5 are refused. A NaN stays at its pixel, or with the
-        neighbours that a demosaicing makes of it. What the camera's effects of stage PICTURE (tone curve, JPEG) do comes last,
-        to the picture as it is encoded.
+        are clipped by the sensor; values below -0.5 or above 1.5 are an error. A NaN stays at its pixel; demosaicing spreads
+        it to neighbours. Effects of stage PICTURE (tone curve, JPEG) act last, on the encoded picture.
 
     Raises:
         InputError: an option or an image that is not valid.
@@ -163,7 +162,7 @@ class SensorNoise(nn.Module):
             self.register_buffer(name, torch.as_tensor(value, dtype=torch.float32), persistent=False)
 
     def draw(self, count: int, same_on_batch: bool = False) -> dict[str, Tensor]:
-        """Fresh random draws for `count` images; see `visaug.augment.draws`."""
+        """Draws random keys and parameters for `count` images; see `visaug.augment.draws`."""
         key = drawing.pattern_key_of(self.seed or 0) if self.fixed_pattern == "camera" else None
         ranges = {"gain_db": self.gain_db, "exposure": self.exposure}
         drawn = drawing.draw(
@@ -194,11 +193,12 @@ class SensorNoise(nn.Module):
         return self.apply_draws(images, self.draw(check_images(images).shape[0]))
 
     def apply_draws(self, images: Tensor, draws: Mapping[str, Tensor], transfer: str | None = None) -> Tensor:
-        """The noisy images that belong to the draws: the same draws and images, the same noise.
+        """Applies the noise given by `draws`: the same draws and images give the same noise.
 
         Args:
-            images, draws: of the same number.
-            transfer: what "auto" means for these images, as an adapter finds it: "linear" (also where None) or "srgb".
+            images: (B, 1|3, H, W) in [0, 1].
+            draws: the result of `draw(B)`.
+            transfer: meaning of "auto" for these images: "linear" (also if None) or "srgb".
         """
         check_values(check_images(images))
         if self.strength == 0:

@@ -13,20 +13,33 @@ from visaug.augment.sensor_noise import SensorNoise, Source
 
 
 class VISNoise(IntensityAugmentationBase2D):
-    """Noise of a visible image sensor, at home in kornia: `AugmentationSequential` with keypoints, boxes and masks,
+    """Noise of an image sensor for visible light, as a kornia augmentation.
 
-    `p`, `same_on_batch`, replay by `params=noise._params`.
+    It works in `kornia.augmentation.AugmentationSequential` with keypoints, boxes and masks, and a call can be repeated with
+    `params=noise._params`.
 
     Args:
-        camera: a Camera, the file or name of one, or a list of these, of which each image gets one at random.
-        p: probability for each image to be taken by the camera; the others pass unchanged.
-        fixed_pattern, transfer, black_level, resolution, fast, seed, mono, gain_db, exposure, strength, further: see
-            `SensorNoise`.
-        same_on_batch: one draw (and one noise) for all images of a batch.
-        keepdim: True gives (C, H, W) for (C, H, W); False adds the batch's axis, as kornia does.
+        camera: a Camera, its file or name, or a list of these from which one is drawn for each image.
+        p: probability that noise is applied to an image, 0 to 1; other images are not changed.
+        fixed_pattern: "image" or "camera", see `SensorNoise`.
+        transfer: "auto", "linear" or "srgb", see `SensorNoise`.
+        black_level: "subtract" or "keep", see `SensorNoise`.
+        resolution: "network" or "sensor", see `SensorNoise`.
+        fast: True uses the faster implementation where it follows the same law.
+        same_on_batch: True uses the same draw, and the same noise, for all images of a batch.
+        keepdim: True returns (C, H, W) for (C, H, W); False adds the batch axis, as kornia does.
+        seed: of the kept fixed pattern and of the random numbers; None follows `torch.manual_seed`.
+        mono: None, True or False, see `SensorNoise`.
+        gain_db: gain in dB, or a pair (low, high) from which it is drawn uniformly for each image.
+        exposure: fraction of the saturation exposure, in (0, 1], or a pair (low, high).
+        strength: factor on the standard deviation of all noise, 0 to 100.
+        further: other keywords of `SensorNoise`: full_scale_photons, values, origin.
 
     Shape:
         (B, 1|3, H, W) in [0, 1] -> the same shape, dtype and device, in [0, 1]. Computed in float32.
+
+    Raises:
+        InputError: an option or an image that is not valid.
 
     Example:
         >>> import torch, visaug

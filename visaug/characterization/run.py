@@ -33,22 +33,31 @@ _MOST_BEND = 0.15  # of the effect `nonlinearity`
 def characterize(
     frames: FrameSet, camera: Camera | None = None, seed: int = 0, method: Literal["emva", "paper"] = "emva"
 ) -> Characterization:
-    """Camera parameters with 95 % intervals from measured frames.
+    """Estimates camera parameters with 95 % confidence intervals from measured frames.
 
     Args:
-        frames: bias, dark and flat frames in any combination, or plain pictures.
-        camera: gives what the frames cannot tell (quantum efficiency of uncalibrated flats, the gain without
-            flats).
-        seed: for what is drawn by chance (bootstrap of plain pictures, subsamples).
-        method: ``emva``, or ``paper`` for the simpler procedure of bias and dark frames alone (regression on
-        means,
-            standard deviation of residuals, histogram match of the shape).
+        frames: bias, dark and flat frames in any combination, or images of scenes.
+        camera: supplies parameters that the frames do not determine (the quantum efficiency if the photons are not
+            calibrated, the gain without flats).
+        seed: of the bootstrap and of random subsamples.
+        method: ``emva``, or ``paper`` for the paper's procedure, which uses bias and dark frames only: regression on means,
+            standard deviation of residuals, histogram match of the shape.
 
     Returns:
-        What the frames tell; what they do not is listed, not guessed.
+        The estimates. Parameters that the frames do not determine are listed with the reason, and get no value.
 
     Raises:
-        InputError: frames that cannot be read, or of which nothing can be measured.
+        InputError: frames that cannot be read, or from which nothing can be measured.
+
+    Example:
+        >>> import numpy as np, visaug
+        >>> from visaug.frames import FrameRecord
+        >>> camera = visaug.Camera.load({"resolution": [64, 64], "gain_e_per_dn": 0.5, "black_level_dn": 100})
+        >>> records = [FrameRecord(sequence=k, file=f"{k}", kind="bias", exposure_s=0.0, temperature_c=20.0) for k in range(4)]
+        >>> plan = visaug.FrameSet.from_arrays(records, np.zeros((4, 64, 64)))
+        >>> result = visaug.characterize(visaug.simulate(camera, plan))
+        >>> round(result["black_level_dn"].value)
+        100
     """
     if method not in ("emva", "paper"):
         raise InputError(f"{method!r} is unknown", field="method", expected="emva or paper")

@@ -10,18 +10,30 @@ from visaug.errors import InputError
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect.
+    """A parameter of an effect: a number with a unit and bounds, or a categorical option.
 
     Args:
-        default: the value where a camera file leaves it out.
-        unit: e.g. "e-", "DN", "fraction", "px", "s", "e-/s"; "1" for a pure number.
-        low, high: bounds; a value outside is refused, a random draw is truncated to them.
+        default: value used if a camera file does not give the parameter.
+        unit: e.g. "e-", "DN", "fraction", "px", "s", "e-/s"; "1" for a dimensionless number.
+        low: lower bound. A value below it is an error; random draws are truncated at it.
+        high: upper bound, likewise.
         source: paper, standard or datasheet that the parameter and its default come from.
-        strength: True if the effect vanishes where this parameter is zero.
-        trials: values at which a diagnosis first tries it, from weak to strong for a strength, all over the range for others.
-        options: for a choice (no number): the allowed words. A choice has no bounds and is not randomised.
-        integer: True where only whole numbers make sense; a random draw is rounded.
-        of: words of the effect's choices that use this number; empty where all do. A fit leaves it alone under other words.
+        strength: True if the effect vanishes when this parameter is zero.
+        trials: starting values of a diagnosis: from weak to strong for a strength, across the range otherwise.
+        options: allowed values of a categorical parameter. It has no bounds and is not randomised.
+        integer: True if only whole numbers are allowed; random draws are rounded.
+        of: options of the effect's categorical parameters with which this number is used; empty means all. A fit does not vary
+            it with other options.
+
+    Example:
+        >>> from visaug.effects import Effect, Parameter, Stage
+        >>> class Offset(Effect):
+        ...     name, stage = "offset", Stage.READOUT
+        ...     level_e = Parameter(1.0, unit="e-", high=1e4, strength=True)
+        ...     def apply(self, signal, p, stream, context):
+        ...         return signal + p.level_e
+        >>> Offset.parameters["level_e"].high
+        10000.0
     """
 
     default: Any = 0.0
@@ -41,13 +53,13 @@ class Parameter:
 
 
 def check_value(parameter: Parameter, value: Any, path: str, file: Path | None = None) -> None:
-    """Refuses a value that is not a number of the parameter's range, or not one of its options.
+    """Checks that a value is a number within the parameter's bounds, or one of its options.
 
     Args:
-        parameter: what the effect states about it.
-        value: what a user gave.
-        path: the key that the error names, e.g. "effects.0.sigma_e".
-        file: the file that the error names.
+        parameter: the parameter with its bounds or options.
+        value: the value to check.
+        path: key named by the error, e.g. "effects.0.sigma_e".
+        file: file named by the error.
 
     Raises:
         InputError: the value is not allowed.
@@ -66,5 +78,5 @@ def check_value(parameter: Parameter, value: Any, path: str, file: Path | None =
 
 
 def bounds_text(parameter: Parameter) -> str:
-    """The allowed range in words, with the unit."""
+    """Describes the allowed range, with the unit."""
     return f"a number from {parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip()
