@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import visaug
 from visaug.characterization import characterize
 from visaug.characterization.clipped import _cut_mean
 from visaug.characterization.facts import temporal_variances
@@ -195,7 +196,7 @@ def test_a_mosaic_is_measured_by_colour():
     assert "mosaic" not in words(measured(Camera(seed=12).set(light=columns)))
 
 
-def test_pixels_of_their_own_noise_are_no_heavy_tails():
+def test_pixels_of_their_own_noise_are_no_heavy_tails(tmp_path):
     """Log sigma spreads by 0.4; every pixel is normal."""
     sigma = 3 * np.exp(0.4 * np.random.default_rng(13).standard_normal(SHAPE) - 0.16)
     camera = Camera(gain=0.4, seed=13)
@@ -205,6 +206,15 @@ def test_pixels_of_their_own_noise_are_no_heavy_tails():
     covers(result, read_noise__spread=0.4, read_noise__sigma_e=float(np.sqrt((sigma**2).mean())))
     found = result.maps["read_noise"]
     assert np.corrcoef(np.log(found).ravel(), np.log(sigma).ravel())[0, 1] > 0.8
+    assert np.sqrt((found**2).mean()) == pytest.approx(np.sqrt((sigma**2).mean()), rel=0.03)  # electrons
+    result.save_camera(tmp_path / "a" / "camera.yaml", tmp_path / "maps")
+    named = visaug.Camera.load(tmp_path / "a" / "camera.yaml")
+    np.testing.assert_array_equal(named.maps["read_noise"], found)
+    # K is known to 1.2 % a pixel, as large as K itself; 6336 pixels.
+    assert np.corrcoef(named.maps["prnu"].ravel(), camera.response.ravel())[0, 1] == pytest.approx(0.7, abs=0.1)
+    assert float(named.maps["prnu"].std()) == pytest.approx(0.017, rel=0.15)
+    master = np.mean([r[-1] for r in rows], axis=0)
+    np.testing.assert_allclose(named.maps["dsnu"], (master - master.mean()) * result["gain_e_per_dn"].value, atol=1e-3)
     alike = measured(Camera(seed=14).set())
     assert "read_noise.shape" in alike.parameters
 

@@ -1,4 +1,4 @@
-"""Measured maps: files that `prnu.map`, `dsnu.map` and the `map` of further effects name."""
+"""Measured maps: files that `prnu.map`, `dsnu.map`, `read_noise.map` and the `map` of further effects name."""
 
 import os
 from pathlib import Path
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def named_maps(spec: "CameraSpec") -> dict[str, tuple[str, str]]:
     """Which effects have a measured map: its file's name, and the key that gives it, by effect."""
-    found = {part: (getattr(spec, part).map, f"{part}.map") for part in ("prnu", "dsnu")}
+    found = {part: (getattr(spec, part).map, f"{part}.map") for part in ("prnu", "dsnu", "read_noise")}
     found |= {entry["name"]: (entry.get("map"), f"effects.{i}.map") for i, entry in enumerate(spec.effects)}
     return {effect: (name, key) for effect, (name, key) in found.items() if name is not None}
 

@@ -28,6 +28,9 @@ class ReadNoise(_Part):
     shape: float = Field(0.14, ge=LEAST_SHAPE, le=1)
     after_gain_dn: float = Field(0.0, ge=0, le=65535)
     meaning: Literal["standard_deviation", "scale"] = "standard_deviation"
+    map: str | None = Field(
+        None, description="a file of the standard deviation in e- of every pixel: replaces sigma_e and meaning"
+    )
 
 
 class DarkCurrent(_Part):

@@ -166,7 +166,8 @@ def corrected(
     found.warn(
         f"emva4_split: {' and '.join(sorted(shared))} means share temporal noise, which the split of release 4 takes "
         f"to be white: emva4.dsnu_* and emva4.prnu_* are the standard's figures{spoiled}; emva4_corrected.* takes off "
-        "the noise that rows and columns have"
+        "the noise that rows and columns have",
+        spoils=("emva4.dsnu_*", "emva4.prnu_*"),
     )
 
 

@@ -1,15 +1,27 @@
-"""Maps of the sensor: dark current of every pixel, and pixels that are no part of a pattern."""
+"""Maps of the sensor: dark current of every pixel, pixels that are no part of a pattern, and maps for a camera."""
 
 from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.characterization.nonuniformity import surface
+from visaug.errors import InputError
+
+if TYPE_CHECKING:
+    from visaug.characterization.result import Characterization
 
 HOT, DEAD, UNSTEADY = 1, 2, 4
 _ODD = 8.0  # robust standard deviations
+_BELOW_0 = 0.023  # share of pixels whose rate comes out negative where its error is half the mean rate
 
 
 def add_maps(found: Findings, measured: Measured) -> None:
@@ -86,3 +98,52 @@ def _deviation(measured: Measured, still: GroupMoments) -> np.ndarray:
         squares += difference**2
     variance = (squares - total**2 / still.n) / (still.n - 1)
     return np.log(np.sqrt(np.maximum(variance, 0.0) + 1 / 12))
+
+
+def camera_maps(result: Characterization) -> dict[str, np.ndarray]:
+    """Maps in the units of a camera file, by effect, (H, W) float32.
+
+    `prnu` is K, the smooth course of light and lens taken out; `dsnu` e- about their mean; `read_noise` e-, where every
+    pixel has its own; `dark_current_nonuniformity` a factor, where the dark current of single pixels is measured to
+    half of it or better. Temporal noise that the mean of n frames keeps is in them. Frames cut at 0, or coarser than
+    their noise, give no `dsnu`.
+
+    Raises:
+        InputError: no gain, or a map of another shape than the sensor.
+    """
+    content = result.to_camera_dict()
+    words = {w.word for w in result.warning_details}
+    maps = result.maps
+    found: dict[str, np.ndarray] = {}
+    if "response" in maps:
+        fraction = maps["response"] / maps["response"].mean(dtype=np.float64) - 1
+        found["prnu"] = fraction - surface(fraction)
+    if "master_bias" in maps and not words & {"clipped_at_zero", "coarse_converter"}:
+        master = maps["master_bias"].astype(np.float64)
+        found["dsnu"] = (master - master.mean()) * content["gain_e_per_dn"]
+    if "read_noise" in maps and "read_noise_nonuniform" in words:
+        found["read_noise"] = maps["read_noise"]
+    rate = maps.get("dark_current")
+    if rate is not None and (rate < 0).mean() < _BELOW_0 and "dark_current" in content:
+        found["dark_current_nonuniformity"] = np.maximum(rate, 0) / rate.mean(dtype=np.float64)
+    for name, values in found.items():
+        if values.shape != tuple(content["resolution"]):
+            raise InputError(
+                f"the map of {name} is {values.shape[0]} x {values.shape[1]}",
+                field="resolution",
+                expected="frames of the whole sensor, {} x {}".format(*content["resolution"]),
+            )
+    return {name: values.astype(np.float32) for name, values in found.items()}
+
+
+def with_maps(content: Mapping[str, Any], files: Mapping[str, Path]) -> dict[str, Any]:
+    """The content of a camera.yaml that names a map of each effect, relative to the working folder."""
+    named: dict[str, Any] = copy.deepcopy(dict(content))
+    for effect, file in files.items():
+        name = str(file) if file.is_absolute() else os.path.relpath(file)
+        if effect in ("prnu", "dsnu", "read_noise"):
+            named[effect] = {**named.get(effect, {}), "map": name}
+        else:
+            others = [e for e in named.get("effects", []) if e["name"] != effect]
+            named["effects"] = [*others, {"name": effect, "map": name}]
+    return named

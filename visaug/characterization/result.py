@@ -83,8 +83,8 @@ class Characterization:
         warnings: named sentences about the frames and the fits.
         warning_details: the same, each with the parameters that it puts in doubt.
         curves: arrays for plots, by name (see the `plot_*` methods).
-        maps: (H, W) float32 arrays by name: `master_bias` (DN), `dark_current` (e-/s), `defects` (bits: 1
-            hot, 2 dead, 4 unsteady).
+        maps: (H, W) float32 arrays by name: `master_bias` (DN), `response` (over the mean), `read_noise` (e-),
+            `dark_current` (e-/s), `defects` (bits: 1 hot, 2 dead, 4 unsteady); DN in place of e- without a gain.
         assumed: settings of the frames, and what was taken from the camera given.
         base: content of the camera given, whose further effects stay.
         not_measured: further paths of the camera file that are assumptions.
@@ -212,6 +212,33 @@ class Characterization:
                 write_frame(temporary, values)
             written.append(path)
         return written
+
+    def save_camera(self, path: str | Path, maps: str | Path | None = None) -> list[Path]:
+        """Write the camera.yaml; with `maps` it names measured maps of every pixel, .npy files in that folder.
+
+        Maps take the place of drawn patterns: `prnu`, `dsnu`, and, where pixels differ in them, `read_noise` and
+        `dark_current_nonuniformity`.
+
+        Returns:
+            The files of the maps.
+
+        Raises:
+            InputError: the gain is neither measured nor given, or the frames show a window of the sensor only.
+        """
+        from visaug.camera import Camera
+        from visaug.characterization.maps import camera_maps, with_maps
+        from visaug.files import whole_file
+
+        if maps is None:
+            self.camera.save(path)
+            return []
+        written = {}
+        for name, values in camera_maps(self).items():
+            written[name] = Path(maps) / f"{name}.npy"
+            with whole_file(written[name]) as temporary, open(temporary, "wb") as handle:
+                np.save(handle, values)
+        Camera.load(with_maps(self.to_camera_dict(), written)).save(path)
+        return list(written.values())
 
     def draw_dsnu(self, seed: int) -> np.ndarray:
         """Another sensor's dark pattern with this one's bands and spatial spectrum, (H, W) float32 in DN.

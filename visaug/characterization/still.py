@@ -115,7 +115,8 @@ def _own_noise(
         interval = root(tuple(max(v - 1 / 12 - dark_variance_dn2, 0.0) for v in (value, value - half, value + half)))  # type: ignore[arg-type]  # fmt: skip
         rms = interval[0]
     if rms > 0:
-        found.maps["read_noise"] = shrunk(own, rms).astype(np.float32)
+        scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
+        found.maps["read_noise"] = (shrunk(own, rms) * scale).astype(np.float32)
     return interval
 
 

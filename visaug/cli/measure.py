@@ -51,7 +51,12 @@ MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of
     "maps_path",
     metavar="DIR",
     type=click.Path(path_type=Path),
-    help="Write master bias, dark-current and defect maps as FITS.",
+    help="Write maps of every pixel as FITS: master bias, response, read noise, dark current, defects.",
+)
+@click.option(
+    "--use-maps",
+    is_flag=True,
+    help="The camera of -o names the maps in --maps (.npy) in place of patterns drawn by chance.",
 )
 @click.option(
     "--sheet",
@@ -73,6 +78,7 @@ def characterize(
     method: Literal["emva", "paper"],
     output: Path | None,
     maps_path: Path | None,
+    use_maps: bool,
     sheets: tuple[Path, ...],
     force: bool,
     json_path: Path | None,
@@ -88,6 +94,8 @@ def characterize(
     import visaug
 
     may_write(output, force)
+    if use_maps and not (output and maps_path):
+        raise InputError("there is no camera or no folder", field="--use-maps", expected="-o and --maps beside it")
     for path in sheets:
         if path.suffix.lower() not in (".html", ".json"):
             raise InputError("is neither", file=path, field="--sheet", expected="a name in .html or .json")
@@ -100,7 +108,7 @@ def characterize(
     if not is_silent(quiet, json_path):
         summaries.print_characterization(result.to_json())
     if output:
-        result.camera.save(output)
+        result.save_camera(output, maps_path if use_maps else None)
     if maps_path:
         result.save_maps(maps_path)
     write_result(json_path, result.to_json())

@@ -107,7 +107,7 @@ def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list
     free: list[Coordinate] = [Coordinate(BLACK, False, 1.0, 30.0)]
 
     def scale(path: str, step: float = 0.04, prior: float = 0.5) -> None:
-        if 0 < values[path] < math.inf:
+        if 0 < values[path] < math.inf and path.partition(".")[0] not in camera.maps:
             free.append(Coordinate(path, True, step, prior, in_dn=_is_in_electrons(path)))
 
     if light:

@@ -16,7 +16,8 @@ class ReadNoise(Effect):
     `sigma_e` is the standard deviation of the first; `meaning: scale` takes it as the scale instead, as a fit that does not
     normalise the quantile function gives it (at shape -0.23 the standard deviation is then 2.96 times it). `after_gain_dn` is the
     standard deviation of the second in DN: converter and line noise that no gain amplifies, so that in electrons it falls as
-    the gain rises.
+    the gain rises. A measured standard deviation of every pixel (`read_noise.map`, a file, e-) takes the place of `sigma_e`
+    and `meaning`; the shape stays.
     """
 
     name = "read_noise"
@@ -30,6 +31,8 @@ class ReadNoise(Effect):
         "bias frames: this is what their pixels scatter by, each on its own; shot noise comes with light or exposure, "
         "row_noise and column_noise are common to a line; histograms of the residuals tell the shape"
     )
+    map_unit = "e-"
+    map_low = 0.0
     sigma_e = Parameter(
         0.0, unit="e-", high=1e4, strength=True, source="EMVA 1288: temporal dark noise", trials=(1.0, 3.0)
     )
@@ -52,15 +55,19 @@ class ReadNoise(Effect):
         return "sigma_e", "after_gain_dn"  # no fit moves the second: frames at one gain cannot part the two
 
     def apply(self, signal, p, stream, context):
-        sigma = p.sigma_e
-        if p.meaning == "scale":
-            sigma = sigma * tukey_standard_deviation(p.shape).float()
-        signal = signal + sigma * stream.tukey_lambda(p.shape)
+        signal = signal + _sigma(signal, p, context) * stream.tukey_lambda(p.shape)
         after = p.after_gain_dn
         if after.requires_grad or after.is_cuda or torch.compiler.is_compiling() or bool(after.any()):
             signal = signal + after * context.gain_e_per_dn * stream.fork("after gain").normal()
         return signal
 
     def moments(self, mean, p, context):
-        sigma = p.sigma_e * (tukey_standard_deviation(p.shape).float() if p.meaning == "scale" else 1)
-        return mean, sigma**2 + (p.after_gain_dn * context.gain_e_per_dn) ** 2
+        return mean, _sigma(mean, p, context) ** 2 + (p.after_gain_dn * context.gain_e_per_dn) ** 2
+
+
+def _sigma(like, p, context):
+    """Standard deviation before the gain stage in electrons: of every pixel where it was measured, else of all."""
+    measured = context.measured_map(ReadNoise.name, like)
+    if measured is not None:
+        return measured
+    return p.sigma_e * tukey_standard_deviation(p.shape).float() if p.meaning == "scale" else p.sigma_e
