@@ -1,4 +1,4 @@
-"""docs/chain.md: the order of the chain, and the physical and the paper's reading in numbers."""
+"""Generates docs/chain.md: the order of the chain, and a numerical comparison of the two readings."""
 
 from pathlib import Path
 
@@ -76,15 +76,19 @@ def _text(effects: list[type[Effect]], curves, fine) -> str:
     comb = {r: _comb(stack) for r, stack in fine.items()}
     return f"""# The chain
 
-A camera turns mean photons per pixel into DN. Effects act in the order of physics, and nothing else
-decides it: stage by stage (optics, generation, charge, readout, digital, picture), within a stage in rising
-`order`. The order matters: light that is spread by a lens has white noise, charge that is shared by
-pixels has not; the sum of two Poisson counts is one Poisson count of the summed mean, so photo-
-electrons and dark electrons share one draw; a full well clips charge, noise of the amplifier comes
-after it. Frames of a frame set end at the converter; effects of stage picture act on the developed picture
-that augmentation gives, and a [colour camera](colour.md) has its filters between optics and generation.
+A camera converts mean photons per pixel to DN. Effects act in physical order: stage by stage (optics,
+generation, charge, readout, digital, picture), and by increasing `order` within a stage. The order matters:
 
-The base chain, always there ([all effects](effects/index.md) stand among these):
+- A blur by the optics acts before shot noise, so the noise stays white; crosstalk between pixels acts after it
+  and correlates the noise.
+- The sum of two Poisson counts is a Poisson count of the summed mean, so photo-electrons and dark electrons
+  share one draw.
+- The full well clips the charge; read noise is added afterwards.
+
+Frames of a frame set end at the converter. Effects of stage picture act on the developed picture, which is the
+output of augmentation. The filters of a [colour camera](colour.md) act between optics and generation.
+
+Every camera has the base chain. [Further effects](effects/index.md) are inserted by stage and order.
 
 | stage | order | effect | law |
 | --- | --- | --- | --- |
@@ -97,48 +101,48 @@ The base chain, always there ([all effects](effects/index.md) stand among these)
     mu_y      = K (eta mu_p + mu_d) + black level
     sigma_y^2 = K^2 (sigma_d^2 + eta mu_p + mu_d) + 1/12,    K = 1 / gain_e_per_dn
 
-`reading: paper` follows the paper's eqs. 7 to 13 to the letter. It differs in four places:
+`reading: paper` follows eqs. 7 to 13 of the paper literally. It differs in four places:
 
 | | physical | paper |
 | --- | --- | --- |
-| shot noise | electrons: Poisson of mean QE mu_p | photons: Poisson of mean mu_p, then times QE |
-| dark current | joins the mean before the one Poisson draw | a Poisson draw of its own, after PRNU |
-| before the converter | a voltage, not rounded | electrons, read noise included, are rounded |
+| shot noise | electrons: Poisson of mean QE mu_p | photons: Poisson of mean mu_p, then multiplied by QE |
+| dark current | added to the mean before the Poisson draw | a separate Poisson draw, after PRNU |
+| before the converter | a voltage, not rounded | electrons, including read noise, are rounded |
 | quantisation | rounding: 1/12 DN^2 | uniform noise of one DN, then rounding: 1/12 + 1/12 DN^2 |
 
-so that its variance is
+Its variance is therefore
 
     sigma_y^2 = K^2 (sigma_read^2 + QE^2 mu_p + mu_d + 1/12) + 1/6
 
-Detection selects photons at random, one by one, and a random selection of a Poisson count is again a
-Poisson count. Multiplying a count by QE instead makes its variance too small by the factor QE. The mean
-is the same in both.
+Detection selects photons at random, and a random selection from a Poisson count is again a Poisson count.
+Multiplying the count by QE instead gives a variance that is too small by the factor QE. The mean is the same in
+both readings.
 
 ![photon transfer and codes of both readings](figures/readings.png)
 
-A camera of QE 0.4 and 0.5 e-/DN, {FRAMES} frames of {SIDE} x {SIDE} pixels a level:
+A camera with QE 0.4 and 0.5 e-/DN, {FRAMES} frames of {SIDE} x {SIDE} pixels per level:
 
 | photons | mean, DN | variance, physical | variance, paper | ratio |
 | --- | --- | --- | --- | --- |
 {chr(10).join(table)}
 
-The slope of variance over mean is {slopes["physical"]:.3f} DN in the physical reading, where it is K =
-2 DN/e-, and {slopes["paper"]:.3f} DN in the paper's, QE times that: who measures the gain of such
-frames by photon transfer finds {1 / slopes["paper"]:.2f} e-/DN in place of {1 / slopes["physical"]:.2f}.
+The slope of variance against mean is {slopes["physical"]:.3f} DN in the physical reading, which is K = 2 DN/e-, and
+{slopes["paper"]:.3f} DN in the paper's reading, which is QE K. Photon transfer applied to frames of the paper's
+reading therefore gives a gain of {1 / slopes["paper"]:.2f} e-/DN instead of {1 / slopes["physical"]:.2f}.
 
-Rounding electrons before a converter that resolves less than one electron leaves a comb: at 0.19 e-/DN
-{comb["paper"]} of the 31 codes about the black level never come in a bias frame, {comb["physical"]} in the physical
-reading.
+Rounding to electrons before a converter that resolves less than one electron leaves gaps in the histogram: at
+0.19 e-/DN, {comb["paper"]} of the 31 codes around the black level do not occur in a bias frame, and
+{comb["physical"]} in the physical reading.
 
 ## Gradients
 
-Everything is differentiable but for five effects, which say why on their pages. A Poisson count N of
-mean m passes 1 + (N - m) / (2 m), which is unbiased for the derivatives of the mean and of the second
-moment; rounding passes the gradient unchanged, the derivative of the mean wherever noise spans a DN;
-clipping passes none.
+All effects are differentiable except a few, whose pages give the reason. The gradient of a Poisson count N with
+mean m is 1 + (N - m) / (2 m), which is unbiased for the derivatives of the mean and of the second moment.
+Rounding passes the gradient unchanged, which is the derivative of the mean if the noise is wider than one DN.
+Clipping passes no gradient.
 """
 
 
 def _comb(stack: np.ndarray) -> int:
-    """How many of the 31 codes about the black level of 100 never come."""
+    """Number of the 31 codes around the black level of 100 that do not occur."""
     return int((np.bincount(stack.astype(int).ravel(), minlength=160)[85:116] == 0).sum())

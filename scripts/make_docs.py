@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Makes docs/effects/ (one page an effect, from its code) and docs/chain.md (order and readings).
+"""Generates docs/effects/ (one page per effect, from its code) and docs/chain.md (order and readings).
 
 Usage: python scripts/make_docs.py [NAME ...]     without names: every page
 """
@@ -17,12 +17,12 @@ from visaug.effects import Effect, catalogue
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 STAGES = {
-    "OPTICS": "light on its way to the sensor; photons per pixel",
-    "GENERATION": "means in the pixel, before shot noise; electrons",
-    "CHARGE": "counted charge, stored, shared and transferred; electrons",
-    "READOUT": "voltages on their way to the converter, told in electrons",
-    "DIGITAL": "in and after the converter; DN",
-    "PICTURE": "the developed picture, encoded as it is shown; 0 to 1",
+    "OPTICS": "light before it reaches the sensor; photons per pixel",
+    "GENERATION": "mean electrons in the pixel, before shot noise",
+    "CHARGE": "charge after shot noise, stored, shared and transferred; electrons",
+    "READOUT": "voltages before the converter, in electrons",
+    "DIGITAL": "the converter and after it; DN",
+    "PICTURE": "the developed picture, encoded for display; 0 to 1",
 }
 
 
@@ -62,21 +62,24 @@ def page(effect: type[Effect], span: str) -> str:
         *_parameters(effect),
         "## Gradient",
         "",
-        "To the image and to every number." if effect.differentiable else f"None: {effect.why_not}.",
+        "With respect to the image and to every numeric parameter."
+        if effect.differentiable
+        else f"None: {effect.why_not}.",
         "",
     ]
     if text := effect.separates:
-        lines += ["## What tells it from its look-alikes", "", f"{text[0].upper()}{text[1:]}.", ""]
+        lines += ["## How to distinguish it from similar effects", "", f"{text[0].upper()}{text[1:]}.", ""]
     settings = ", ".join(f"{name} {value:g}" for name, value in pictures.shown(effect).items())
+    colours = f"blue to red: -{span} to {span} {pictures.unit(effect)}"
     at = f" ({settings})" if settings and not effect.base else ""
     lines += [
-        "## What it looks like",
+        "## Example",
         "",
-        f"Without, with{at}, and the difference (blue to red: -{span} to {span} {pictures.unit(effect)}), same random numbers:",
+        f"Without the effect, with it{at}, and the difference ({colours}), for the same random numbers:",
         "",
         f"![{effect.name}: without, with, difference]({effect.name}.png)",
         "",
-        "What it does to a camera's usual measures, grey without and blue with it:",
+        "Statistics of simulated frames without (grey) and with (blue) the effect:",
         "",
         f"![signature of {effect.name}]({effect.name}_signature.png)",
         "",
@@ -86,7 +89,7 @@ def page(effect: type[Effect], span: str) -> str:
 
 def _parameters(effect: type[Effect]) -> list[str]:
     if not effect.parameters:
-        return ["It has no parameters.", ""]
+        return ["The effect has no parameters.", ""]
     lines = [
         "## Parameters",
         "",
@@ -95,7 +98,9 @@ def _parameters(effect: type[Effect]) -> list[str]:
     ]
     for name, p in effect.parameters.items():
         allowed = (
-            ", ".join(p.options) if p.options else f"{p.low:g} to {p.high:g}{', whole' if p.integer else ''}"
+            ", ".join(p.options)
+            if p.options
+            else f"{p.low:g} to {p.high:g}{', integer' if p.integer else ''}"
         )
         default = p.default if p.options else f"{p.default:g}"
         path = path_of(effect.name, name) if effect.base else name
@@ -106,7 +111,7 @@ def _parameters(effect: type[Effect]) -> list[str]:
     lines.append("")
     zeros = " and ".join(f"`{strength}`" for strength in effect.strengths())
     if zeros:
-        lines += [f"It vanishes where {zeros} {'are' if ' and ' in zeros else 'is'} 0.", ""]
+        lines += [f"The effect vanishes if {zeros} {'are' if ' and ' in zeros else 'is'} 0.", ""]
     if not effect.base:
         given = ", ".join(f"{name}: {value:g}" for name, value in pictures.shown(effect).items())
         lines += ["```yaml", "effects:", f"  - {{name: {effect.name}, {given}}}", "```", ""]
@@ -118,11 +123,11 @@ def index(effects: list[type[Effect]]) -> str:
     lines = [
         "# Effects",
         "",
-        "In the order in which they act ([why this order](../chain.md)).",
-        "Pages and pictures are made from the code by `scripts/make_docs.py`.",
+        "The effects in the order in which they act ([the chain](../chain.md) explains the order).",
+        "`scripts/make_docs.py` generates these pages and pictures from the code.",
     ]
     for stage, unit in STAGES.items():
-        lines += ["", f"## {stage.capitalize()}: {unit}", "", "| effect | what it is |", "| --- | --- |"]
+        lines += ["", f"## {stage.capitalize()}: {unit}", "", "| effect | description |", "| --- | --- |"]
         for effect in effects:
             if effect.stage.name == stage:
                 star = " (base chain)" if effect.base else ""

@@ -20,18 +20,18 @@ RIM = "rim"  # all four sides: drivers and amplifiers all around
 
 
 class AmplifierGlow(Effect):
-    """Circuits beside the pixels shine in the near infrared during the exposure, hardly changed by heat.
+    """Circuits beside the pixels emit near-infrared light during the exposure, almost independent of temperature.
 
-    A measured glow (`map`, a file) takes the place of the profile and its rate; heat still changes it.
+    A measured glow (`map`, a file) replaces the profile and its rate; the temperature coefficient still applies.
     """
 
     name = "amplifier_glow"
     stage = Stage.GENERATION
     order = 40
-    summary = "A smooth dark signal from an edge or corner, growing with the exposure."
+    summary = "A smooth dark signal from an edge or corner grows with the exposure time."
     equation = "mu_e <- mu_e + t rate exp(b (T - 20 C)) exp(-(d / width)^shape), d: distance to the place"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on amplifier luminescence"
-    separates = "darks with and without the lens covered: a light leak goes, glow stays"
+    separates = "take darks with and without a lens cover: a light leak disappears, glow does not"
     map_unit = "e-/s at 20 C"
     map_low = 0.0
     rate_e_per_s = Parameter(
@@ -40,12 +40,12 @@ class AmplifierGlow(Effect):
         high=1e6,
         strength=True,
         trials=(5.0, 25.0),
-        source="at the brightest place, at 20 C",
+        source="at the brightest position, at 20 C",
     )
     place = Parameter(
         "bottom_right",
         options=(*PLACES, RIM),
-        source="the corner or edge where the circuit lies, or all around",
+        source="the corner or edge at which the circuit lies, or all edges",
     )
     width = Parameter(
         0.25,
@@ -53,7 +53,7 @@ class AmplifierGlow(Effect):
         low=0.01,
         high=5.0,
         trials=(0.12, 0.3, 0.6),
-        source="decay length to the longer side",
+        source="decay length relative to the longer side",
     )
     shape = Parameter(
         1.0, low=0.3, high=4.0, trials=(1.0, 2.0), source="1: exponential, 2: Gaussian fall-off"
@@ -64,7 +64,7 @@ class AmplifierGlow(Effect):
         low=-0.1,
         high=0.2,
         trials=(0.01, 0.1),
-        source="light, not heat: far below dark current's 0.0866",
+        source="light, not heat: much smaller than the dark current's 0.0866",
     )
 
     def apply(self, signal, p, stream, context):

@@ -10,30 +10,33 @@ LEAST = 0.02  # share of the excess that is seen beside it: less may be a blur, 
 
 
 class Blooming(Effect):
-    """Charge above full well runs up and down the column and fills the first wells that have room.
+    """Charge above the full well flows up and down the column into the first wells with free capacity.
 
-    Of the excess, `share` runs and the rest is drained (an anti-blooming gate). Each direction is a queue:
-    what passes a pixel, w_i = max(0, w_(i-1) + excess_i - room_i), is the running sum less its running
-    minimum. What reaches an end of the column is lost. Needs a camera with a full well.
+    The fraction `share` of the excess flows and the rest is drained (an anti-blooming gate). Each direction is a queue: the
+    flow past a pixel, w_i = max(0, w_(i-1) + excess_i - room_i), is the running sum minus its running minimum. Charge that
+    reaches an end of the column is lost. Requires a camera with a full well.
     """
 
     name = "blooming"
     stage = Stage.CHARGE
     order = 70  # before the clipping at full well, order 80
-    summary = "Charge above full well spills to the neighbours in the column."
+    summary = "Charge above the full well spills to neighbours in the column."
     equation = "N_i <- N_i - share (N_i - full well)+ + what neighbours' overflow fills into N_i < full well"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on blooming"
-    separates = "a bright spot below and above full well: only above it blooms; smear needs no full well"
+    separates = (
+        "image a bright spot below and above the full well: blooming occurs only above it; smear does not "
+        "require a full well"
+    )
     share = Parameter(
         0.5,
         unit="fraction",
         high=1.0,
         strength=True,
         trials=(0.2, 0.8, 1.0),
-        source="1: no anti-blooming drain at all",
+        source="1: no anti-blooming drain",
     )
     upward = Parameter(
-        0.5, unit="fraction", high=1.0, trials=(0.2, 0.8), source="part that runs to lower row numbers"
+        0.5, unit="fraction", high=1.0, trials=(0.2, 0.8), source="fraction that flows to lower row numbers"
     )
 
     @classmethod

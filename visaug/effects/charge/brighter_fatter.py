@@ -9,32 +9,34 @@ LIMIT = 0.2  # below 1/4: a pixel cannot give its four neighbours more than it h
 
 
 class BrighterFatter(Effect):
-    """Charge in a pixel pushes its walls outwards, so that charge on its way lands next door.
+    """Charge in a pixel shifts the pixel's boundaries, so that arriving charge is collected by its neighbours.
 
-    A pair of neighbours evens out by a share of its difference that grows with the pair's mean charge: what a pixel holds
-    while light arrives turns some of it away. All charge is kept. In CCDs the neighbour after next takes part too, by
-    `tail`. In a flat of mean mu, the neighbours alike and no tail, the variance becomes
-    mu [(1 - 4 a mu)^2 + 4 (a mu)^2] and neighbours get the covariance 2 a mu^2 (1 - 4 a mu), where a is the share
-    per electron.
+    A pair of neighbours exchanges a fraction of its difference that grows with the mean charge of the pair. Charge is
+    conserved. In CCDs the second neighbour takes part too, by `tail`. In a flat of mean mu, with equal coupling to all
+    neighbours and no tail, the variance becomes mu [(1 - 4 a mu)^2 + 4 (a mu)^2] and the covariance of neighbours
+    2 a mu^2 (1 - 4 a mu), where a is the coupling per electron.
     """
 
     name = "brighter_fatter"
     stage = Stage.CHARGE
     order = 40
-    summary = "Neighbours share charge, the more the more they hold."
+    summary = "Charge in a pixel deflects further charge to its neighbours, increasingly with the signal."
     equation = (
         "N_i <- N_i + sum over neighbours j of a (P_j - P_i), at most 0.2 |N_j - N_i|, and tail times the same over those after "
         "next; P = N^2 / 2, beyond the full well W: W^2 / 2 + beyond W (N - W)"
     )
     source = "P. Antilogus et al., JINST 9 (2014) C03048; A. Guyonnet et al., A&A 575 (2015) A41"
-    separates = "covariance in flats: this one grows with the square of the level, crosstalk's with the level"
+    separates = (
+        "measure the covariance of neighbours in flats: brighter_fatter grows with the square of the level,"
+        " crosstalk in proportion to it"
+    )
     share_per_ke = Parameter(
         3e-4,
         unit="1/(1000 e-)",
         high=0.1,
         strength=True,
         trials=(1e-3, 4e-3),
-        source="variance of thick CCDs falls by 20 % at 100 000 e-; more in small pixels",
+        source="the variance of thick CCDs falls by 20 % at 100 000 e-; more in small pixels",
     )
     aspect = Parameter(1.0, high=5.0, trials=(1.0, 2.5), source="vertical to horizontal; in CCDs 2 to 3")
     tail = Parameter(
@@ -42,13 +44,13 @@ class BrighterFatter(Effect):
         unit="fraction",
         high=0.25,  # with the eight of LIMIT each a pixel cannot give more than it has
         trials=(0.2,),
-        source="share that the neighbour after next takes, to the next one's; in CCDs 0.05 to 0.2",
+        source="coupling to the second neighbour relative to the first; in CCDs 0.05 to 0.2",
     )
     beyond = Parameter(
         1.0,
         high=10.0,
         trials=(0.0,),
-        source="1: a full well turns away what still arrives as long as light falls; 0: overflow no longer pushes",
+        source="1: a full well deflects all charge that still arrives; 0: charge above the full well does not deflect",
     )
 
     def apply(self, signal, p, stream, context):

@@ -7,22 +7,27 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class ChargeTransferInefficiency(Effect):
-    """Each transfer leaves a share of the packet behind, after n of them 1 - (1 - share)^n, as a trail.
+    """Each transfer leaves a fraction of the charge behind, 1 - (1 - share)^n after n transfers, which forms a trail.
 
-    The trail decays exponentially away from the register; what would trail beyond the last pixel goes to the
-    overscan. First order: charge of the trail is not caught again, which holds while n share is well below 1.
+    The trail decays exponentially away from the register; what would trail beyond the last pixel goes to the overscan. First
+    order: charge of the trail is not captured again, which holds if n share is well below 1.
     """
 
     name = "charge_transfer_inefficiency"
     stage = Stage.CHARGE
     order = 85  # the full wells are what is transferred
-    summary = "Trails along the transfer that grow with the number of transfers."
+    summary = (
+        "Each transfer leaves a fraction of the charge behind; trails grow with the number of transfers."
+    )
     equation = (
         "N_i <- (1 - d_i) N_i + (1 - q) sum_k>0 q^(k-1) d_(i-k) N_(i-k), "
         "d_i = 1 - (1 - share)^n_i, q = exp(-1 / trail)"
     )
     source = "J. Janesick, Scientific Charge-Coupled Devices (2001); R. Massey et al., MNRAS 401 (2010) 371"
-    separates = "edges near and far from the register: the trail grows with the distance, lag does not"
+    separates = (
+        "image edges near and far from the readout register: the trail grows with the distance, image lag "
+        "does not"
+    )
     share_per_transfer = Parameter(
         1e-5,
         unit="fraction",

@@ -5,27 +5,32 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class ClockInducedCharge(Effect):
-    """Clocking frees electrons in every frame, however short; the shot noise makes them Poisson.
+    """Clocking generates electrons in every frame, however short; the shot noise makes them Poisson.
 
-    Charge that is clocked through more rows gathers more: `gradient`.
+    Charge that is clocked through more rows collects more: `gradient`.
     """
 
     name = "clock_induced_charge"
     stage = Stage.GENERATION
     order = 50
-    summary = "Poisson electrons in every frame, whatever the exposure."
+    summary = "Clocking adds Poisson electrons to every frame, independent of the exposure time."
     equation = "mu_e <- mu_e + mean (1 + gradient u), u from -1 at row 0 to 1 at the last row"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on spurious charge"
-    separates = "bias frames against a covered black level: its variance equals its mean"
+    separates = "compare bias frames with the optical black: the variance of the added signal equals its mean"
     mean_e = Parameter(
-        0.5, unit="e-", high=1e4, strength=True, trials=(1.0, 4.0), source="0.002 (EMCCD) to some e- a frame"
+        0.5,
+        unit="e-",
+        high=1e4,
+        strength=True,
+        trials=(1.0, 4.0),
+        source="0.002 (EMCCD) to several e- per frame",
     )
     gradient = Parameter(
         0.0,
         low=-1.0,
         high=1.0,
         trials=(1.0, -1.0),
-        source="0: alike everywhere; 1: in proportion to the transfers from row 0; -1: from the last row",
+        source="0: uniform; 1: proportional to the transfers from row 0; -1: from the last row",
     )
 
     def apply(self, signal, p, stream, context):

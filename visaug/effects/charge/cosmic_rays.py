@@ -10,9 +10,9 @@ LONGEST_PX = 200  # tracks are cut here; at a mean of 20 px one in 22000 is
 
 
 class CosmicRays(Effect):
-    """Tracks start at a Poisson count of places; direction uniform, length and charge per px exponential.
+    """The number of tracks is Poisson; start and direction are uniform, length and charge per pixel exponential.
 
-    Where a track starts outside a crop, the crop does not see it.
+    Tracks that start outside a crop do not appear in it.
     """
 
     name = "cosmic_rays"
@@ -24,24 +24,33 @@ class CosmicRays(Effect):
     )
     source = "D. Groom, Experimental Astronomy 14 (2002) 45; 80 e- per um of silicon"
     differentiable = False
-    why_not = "a pixel is hit or not: the count of tracks, and the pixels they cross, are whole numbers"
-    separates = "a second frame: a track does not come again, a hot or jumping pixel does"
+    why_not = "the number of tracks and the pixels they cross are discrete"
+    separates = "take a second frame: a cosmic-ray track is not repeated, a hot pixel or rts_noise pixel is"
     rate_per_mpx_s = Parameter(
         1.0,
         unit="1/(Mpx s)",
         high=1e6,
         strength=True,
         trials=(30.0, 300.0),
-        source="ground: 1/(cm^2 min), 0.003 for 4 um pixels; orbit: 100 times that, belts more",
+        source="ground: 1/(cm^2 min), 0.003 for 4 um pixels; orbit: 100 times that, more in the radiation belts",
     )
     charge_e_per_px = Parameter(
-        800.0, unit="e-/px", high=1e6, trials=(400.0, 2000.0), source="80 e-/um of path, times the pixel"
+        800.0, unit="e-/px", high=1e6, trials=(400.0, 2000.0), source="80 e-/um of path, times the pixel size"
     )
     length_px = Parameter(
-        6.0, unit="px", low=0.5, high=50.0, trials=(2.0, 8.0), source="depth over pixel, by the slant"
+        6.0,
+        unit="px",
+        low=0.5,
+        high=50.0,
+        trials=(2.0, 8.0),
+        source="depth over pixel size, depending on the angle",
     )
     readout_s = Parameter(
-        0.0, unit="s", high=1e3, trials=(0.0, 0.2), source="rays hit while a frame waits to be read, too"
+        0.0,
+        unit="s",
+        high=1e3,
+        trials=(0.0, 0.2),
+        source="frames also collect tracks while they wait for readout",
     )
 
     @classmethod

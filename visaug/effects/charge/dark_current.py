@@ -4,21 +4,21 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class DarkCurrent(Effect):
-    """Electrons freed by heat, D(T) = a exp(b T) with T in degrees Celsius.
+    """Thermal electrons, D(T) = a exp(b T) with T in degrees Celsius.
 
-    They join the photo-electrons before the shot noise: the sum of two Poisson counts is one of the summed mean.
+    They are added to the photo-electrons before the shot noise: the sum of two Poisson counts is Poisson of the summed mean.
     """
 
     name = "dark_current"
     stage = Stage.GENERATION
     order = 20
     base = True
-    summary = "Heat frees electrons in every pixel, in proportion to the exposure."
+    summary = "Thermal electrons are generated in every pixel in proportion to the exposure time."
     equation = "mu_e <- mu_e + t a exp(b T)"
     source = "the paper, eqs. 3 and 15; EMVA 1288 release 4 Linear, section 7"
     separates = (
-        "darks at several exposures and temperatures: this grows with both; clock_induced_charge is there without "
-        "exposure, a light leak hardly changes with temperature"
+        "take darks at several exposures and temperatures: dark current grows with both; "
+        "clock_induced_charge is present at zero exposure, and a light leak hardly changes with temperature"
     )
     a_e_per_s = Parameter(
         0.0, unit="e-/s", high=1e7, strength=True, source="dark current at 0 C", trials=(0.05, 0.2)

@@ -6,10 +6,10 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class DarkCurrentNonuniformity(Effect):
-    """Each pixel has the camera's dark current times a factor of mean 1, drawn once a camera.
+    """The dark current of each pixel is that of the camera times a factor of mean 1, drawn once per camera.
 
-    Without dark current in the camera there is nothing to differ. Measured factors (`map`, a file: a map of
-    the dark current over its mean) take the place of the drawn ones.
+    Without dark current in the camera there is no effect. Measured factors (`map`, a file: a map of the dark current divided
+    by its mean) replace the drawn ones.
     """
 
     name = "dark_current_nonuniformity"
@@ -20,7 +20,7 @@ class DarkCurrentNonuniformity(Effect):
     source = (
         "R. D. Gow et al., IEEE Trans. Electron Devices 54 (2007) 1321; EMVA 1288 release 4 Linear, section 7"
     )
-    separates = "darks at two exposures: this pattern grows with them, dsnu stays"
+    separates = "take darks at two exposures: this pattern grows with the exposure, dsnu does not"
     map_unit = "factor K"
     map_low = 0.0
     spread = Parameter(
@@ -29,7 +29,7 @@ class DarkCurrentNonuniformity(Effect):
         high=10.0,
         strength=True,
         trials=(0.4, 1.2),
-        source="standard deviation to mean: 0.1 to 1",
+        source="standard deviation relative to the mean: 0.1 to 1",
     )
     distribution = Parameter(
         "lognormal", options=("lognormal", "gaussian", "exponential"), source="of the factors"

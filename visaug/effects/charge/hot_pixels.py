@@ -9,28 +9,31 @@ REFERENCE_C = 20.0
 
 
 class HotPixels(Effect):
-    """Excess dark current of few pixels, drawn once a camera; exponentially distributed for tail = 1.
+    """Excess dark current of a few pixels, drawn once per camera; exponentially distributed for tail = 1.
 
-    One uniform number u says whether (u < density) and how hot a pixel is: the rate sinks to 0 where u
-    meets the density, so that the map is a continuous function of it and has a true gradient.
+    One uniform random number u decides whether a pixel is hot (u < density) and how hot: the rate goes to 0 as u approaches
+    the density, so the map is a continuous function of the density and has a gradient.
     """
 
     name = "hot_pixels"
     stage = Stage.GENERATION
     order = 30
-    summary = "Few pixels have far more dark current, with a temperature coefficient of their own."
+    summary = "A few pixels have a much larger dark current, with their own temperature coefficient."
     equation = (
         "mu_e <- mu_e + t rate exp(b (T - 20 C)) (ln density/u)^tail / Gamma(1 + tail) where u < density"
     )
     source = "R. Widenhorn et al., Proc. SPIE 4669 (2002) 193; EMVA 1288 release 4 Linear, defect pixels"
-    separates = "darks at two exposures: hot pixels grow with them; a long series: rts_noise jumps"
+    separates = (
+        "take darks at two exposures: hot pixels grow with the exposure; in a long series, rts_noise pixels"
+        " jump between levels"
+    )
     density = Parameter(
         1e-3,
         unit="fraction",
         high=0.2,
         strength=True,
         trials=(5e-4, 4e-3),
-        source="1e-5 new to 1e-2 after radiation",
+        source="1e-5 when new to 1e-2 after irradiation",
     )
     rate_e_per_s = Parameter(
         500.0, unit="e-/s", high=1e7, trials=(80.0, 600.0), source="mean of the hot pixels, at 20 C"
@@ -39,7 +42,11 @@ class HotPixels(Effect):
         0.06, unit="1/C", high=0.3, trials=(0.06, 0.12), source="below 0.0866 of silicon: field-assisted"
     )
     tail = Parameter(
-        1.0, low=0.1, high=4.0, trials=(1.0, 2.0), source="near 0: all alike; 1: exponential; more: heavier"
+        1.0,
+        low=0.1,
+        high=4.0,
+        trials=(1.0, 2.0),
+        source="near 0: all equal; 1: exponential; higher: heavier tails",
     )
 
     def apply(self, signal, p, stream, context):

@@ -6,25 +6,28 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class ImageLag(Effect):
-    """A share of the charge stays in the photodiode and comes with the frames that follow; none is lost.
+    """A fraction of the charge stays in the photodiode and is read with the following frames; none is lost.
 
-    Each electron stays or goes on its own: the count that stays is binomial, here in its mean and variance. Below saturation a
-    steady scene therefore keeps its Poisson noise; a full well, which has none, gets what the parting brings.
+    Each electron stays independently, so the retained count is binomial; its mean and variance are reproduced. Below
+    saturation, a constant scene keeps its Poisson noise; a full well has no noise and gets that of the binomial split.
 
-    Of what is held back, each frame gives 1 - decay: decay 0 empties it into the next frame, more makes a tail over several. An
-    image on its own is one of a steady scene: as much comes as stays.
+    Each frame releases 1 - decay of the retained charge: with decay 0 all of it is read with the next frame, larger values
+    give a tail over several frames. A single image is taken from a constant scene: gain and loss are equal.
     """
 
     name = "image_lag"
     stage = Stage.CHARGE
     order = 75  # what was collected is transferred
-    summary = "A share of the last frame's charge comes again."
+    summary = "A fraction of the charge of a frame appears in the following frames."
     equation = (
         "W_k = min(N_k + (1 - decay) H_k, full well), L_k ~ Binomial(W_k, share), "
         "N_k <- W_k - L_k, H_(k+1) = decay H_k + L_k"
     )
     source = "E. Fossum and D. Hondongwa, IEEE J. Electron Devices Soc. 2 (2014) 33, on incomplete transfer"
-    separates = "a dark frame right after a bright one: lag decays in it, drift does not know the order"
+    separates = (
+        "take a dark frame directly after a bright one: lag appears in it and decays; drift is independent "
+        "of the preceding frame"
+    )
     share = Parameter(
         0.01,
         unit="fraction",
@@ -34,12 +37,16 @@ class ImageLag(Effect):
         source="pinned photodiodes 0.1 %, others 5 %",
     )
     decay = Parameter(
-        0.0, unit="fraction", high=0.99, trials=(0.0, 0.6), source="of the held charge, from frame to frame"
+        0.0,
+        unit="fraction",
+        high=0.99,
+        trials=(0.0, 0.6),
+        source="of the retained charge, from frame to frame",
     )
     saturates = Parameter(
         "diode",
         options=("diode", "node"),
-        source="which is full first: the photodiode, before the transfer, or the node that is read, after it",
+        source="which saturates first: the photodiode before the transfer, or the sense node after it",
     )
 
     def apply(self, signal, p, stream, context):

@@ -6,24 +6,25 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class InterpixelCrosstalk(Effect):
-    """Neighbouring nodes couple by their capacitance: each sees a share of the other's signal and noise.
+    """Neighbouring nodes are coupled by their capacitance: each contains a fraction of the other's signal and noise.
 
-    Along rows and columns the neighbour after next may take part too, by `tail`. Energy is kept. White noise of variance v
-    has afterwards, the four neighbours alike and no more, to first order in the share a, the variance v (1 - 8 a) and the
-    covariance 2 a v between neighbours, at every level alike.
+    Along rows and columns the second neighbour may be coupled too, by `tail`. The total is conserved. With four equal
+    neighbours and no further coupling, white noise of variance v gets, to first order in the share a, the variance
+    v (1 - 8 a) and the covariance 2 a v between neighbours, at every level.
     """
 
     name = "interpixel_crosstalk"
     stage = Stage.CHARGE
     order = 90  # at the nodes that are read: after everything that happens to the charge itself
-    summary = "Neighbours share signal linearly, after the shot noise: noise is correlated."
+    summary = "Neighbouring pixels share signal linearly after the shot noise, so their noise is correlated."
     equation = (
         "N_i <- N_i + share sum over the 8 neighbours j of g_j (N_j - N_i), g: 1, aspect or diagonal, and tail times the same over "
         "the four after next, g: 1 or aspect"
     )
     source = "A. C. Moore, Z. Ninkov and W. J. Forrest, Optical Engineering 45 (2006) 076402"
     separates = (
-        "covariance of noise in flats: point_spread has none, brighter_fatter's share grows with level"
+        "measure the covariance of noise in flats: point_spread has none, and the fraction of "
+        "brighter_fatter grows with the level"
     )
     share = Parameter(
         0.01,
@@ -33,14 +34,24 @@ class InterpixelCrosstalk(Effect):
         trials=(0.006, 0.025),
         source="each neighbour: 0.5 to 3 %",
     )
-    aspect = Parameter(1.0, high=1.5, trials=(0.7, 1.4), source="coupling above and below, to that beside")
-    diagonal = Parameter(0.0, high=1.0, trials=(0.0, 0.3), source="coupling at the corners, to that beside")
+    aspect = Parameter(
+        1.0,
+        high=1.5,
+        trials=(0.7, 1.4),
+        source="coupling to the neighbours above and below, relative to those beside",
+    )
+    diagonal = Parameter(
+        0.0,
+        high=1.0,
+        trials=(0.0, 0.3),
+        source="coupling to the diagonal neighbours, relative to those beside",
+    )
     tail = Parameter(
         0.0,
         unit="fraction",
         high=0.5,
         trials=(0.2,),
-        source="coupling of the one after next, to that of the next; in a network of equal nodes about the share",
+        source="coupling to the second neighbour, relative to the first; in a network of equal nodes about `share`",
     )
 
     def apply(self, signal, p, stream, context):

@@ -4,19 +4,22 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class PRNU(Effect):
-    """A fixed pattern, drawn once a camera: K = column + row + pixel, each Gaussian of mean 0.
+    """A fixed pattern, drawn once per camera: K = column + row + pixel, each Gaussian with mean 0.
 
-    A measured K of every pixel (`prnu.map`, a file) takes the place of the drawn one.
+    A measured K of every pixel (`prnu.map`, a file) replaces the drawn one.
     """
 
     name = "prnu"
     stage = Stage.GENERATION
     order = 10
     base = True
-    summary = "Pixels, rows and columns differ in how well they respond to light."
+    summary = "Pixels, rows and columns differ in their response to light."
     equation = "mu_e <- mu_e (1 + K_column + K_row + K_pixel)"
     source = "EMVA 1288 release 4 Linear, section 4; the paper, eq. 10"
-    separates = "noise of single flats grows with the root of the light, this with the light; differences of two lack it"
+    separates = (
+        "compare flats at several levels: shot noise grows with the root of the light, PRNU in proportion "
+        "to it; the difference of two flats contains no PRNU"
+    )
     map_unit = "fraction"
     column = Parameter(
         0.0, unit="fraction", high=0.5, strength=True, source="EMVA 1288: PRNU_col", trials=(0.001, 0.003)

@@ -4,13 +4,13 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class QuantumEfficiency(Effect):
-    """Detection is a selection of photons, so the mean goes before the shot noise: electrons are Poisson of mean QE mu_p."""
+    """Detection selects photons at random and acts on the mean before the shot noise: electrons are Poisson of mean QE mu_p."""
 
     name = "quantum_efficiency"
     stage = Stage.GENERATION
     order = 0
     base = True
-    summary = "A photon frees an electron with a probability, the total quantum efficiency."
+    summary = "A photon generates an electron with a probability, the total quantum efficiency."
     equation = "mu_e = QE mu_p"
     source = "EMVA 1288 release 4 Linear, eq. 2; the paper, eq. 9"
     value = Parameter(1.0, unit="e-/photon", low=1e-4, high=1.0, source="EMVA 1288: total quantum efficiency")

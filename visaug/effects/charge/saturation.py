@@ -6,7 +6,7 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class Saturation(Effect):
-    """Clips the charge; the gradient is that of the clip, zero where the well is full."""
+    """Clips the charge at the full well. The gradient is that of the clip: zero in a saturated pixel."""
 
     name = "saturation"
     stage = Stage.CHARGE
@@ -16,7 +16,8 @@ class Saturation(Effect):
     equation = "N_e <- min(N_e, full well)"
     source = "EMVA 1288 release 4 Linear, saturation capacity"
     separates = (
-        "flats beyond saturation: read noise is left where the charge clips, none where the converter does"
+        "take flats beyond saturation: read noise remains if the charge is clipped, none if the converter "
+        "clips"
     )
     full_well_e = Parameter(float("inf"), unit="e-", low=1.0, source="EMVA 1288: saturation capacity")
 

@@ -4,30 +4,33 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class Smear(Effect):
-    """While a column is shifted, each of its packets passes under the light of the others.
+    """While a column is transferred, each of its charge packets passes the light of other rows.
 
-    passes `both`: a shift before the exposure counts too, so every pixel passes all rows and the smear is
-    the column's mean, whatever the distance. `below` or `above`: one shift counts, and a pixel collects
-    from the rows of lower, or higher, number alone. A crop takes its own rows for the column's.
+    With passes `both`, a transfer before the exposure counts too, so every pixel passes all rows and the smear is the mean
+    of the column at any distance. With `below` or `above`, one transfer counts, and a pixel collects from rows of lower, or
+    higher, number only. A crop uses its own rows in place of the whole column.
     """
 
     name = "smear"
     stage = Stage.GENERATION
     order = 15  # light alone smears: after PRNU, before the dark current
-    summary = "Light is collected while a column is read, whatever the distance to its source."
+    summary = "Charge is generated while a column is transferred, at any distance from the light source."
     equation = "mu_e <- mu_e + (transfer_s / exposure_s) mean of mu_e over the column"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on frame-transfer smear"
-    separates = "a bright spot at several exposures: smear does not grow with them; blooming needs full well"
+    separates = (
+        "image a bright spot at several exposures: smear does not grow with the exposure, and does not "
+        "require a full well as blooming does"
+    )
     transfer_s = Parameter(
         2e-4,
         unit="s",
         high=1.0,
         strength=True,
         trials=(2e-4, 1e-3),
-        source="shift of a whole frame: 0.1 to 10 ms",
+        source="transfer time of a whole frame: 0.1 to 10 ms",
     )
     passes = Parameter(
-        "both", options=("both", "below", "above"), source="rows that a packet passes under light"
+        "both", options=("both", "below", "above"), source="rows whose light a charge packet passes"
     )
 
     def apply(self, signal, p, stream, context):

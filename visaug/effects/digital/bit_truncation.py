@@ -7,7 +7,7 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class BitTruncation(Effect):
-    """A link that carries fewer bits than the converter gives, or 12 bits in a file of 16, end in zeros."""
+    """A link with fewer bits than the converter, or 12-bit data in a 16-bit file: the lowest bits are zero."""
 
     name = "bit_truncation"
     stage = Stage.DIGITAL
@@ -19,11 +19,13 @@ class BitTruncation(Effect):
         "noise is wide"
     )
     separates = (
-        "the histogram of codes: all are multiples of a power of two; missing_codes leaves gaps that "
-        "keep no such step"
+        "look at the histogram of codes: all are multiples of a power of two; missing_codes has gaps "
+        "without such a step"
     )
     differentiable = False
-    why_not = "the number of bits is whole; the image's gradient passes straight through, as in rounding"
+    why_not = (
+        "the number of bits is an integer; the gradient of the image passes straight through, as for rounding"
+    )
     bits = Parameter(
         2.0,
         unit="bits",
@@ -33,7 +35,9 @@ class BitTruncation(Effect):
         trials=(1, 2, 3, 4),
         source="16-bit files of 12-bit cameras: 4",
     )
-    mode = Parameter("cut", options=("cut", "round"), source="most links cut; scaling in software rounds")
+    mode = Parameter(
+        "cut", options=("cut", "round"), source="most links truncate; scaling in software rounds"
+    )
 
     def apply(self, signal, p, stream, context):
         step = 2.0 ** p.bits.round()  # what a fit gives may lie between

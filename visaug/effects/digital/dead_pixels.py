@@ -6,23 +6,23 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class DeadPixels(Effect):
-    """A broken pixel gives one code in every frame: the black level (it takes no light), code 0, the top, or one between."""
+    """A defective pixel gives one code in every frame: the black level (no response), code 0, the highest code, or one between."""
 
     name = "dead_pixels"
     stage = Stage.DIGITAL
     order = 90
-    summary = "A few pixels stick at a level, whatever the light."
+    summary = "A few pixels have a constant output at any light level."
     equation = (
         "y <- round(L), L = b + l (top - b), or b (1 + l) for l < 0, where the pixel is dead; "
         "l = clip(level + spread n_pixel, -1, 1), b: black level"
     )
     source = "EMVA 1288 release 4 Linear, defect pixels"
     separates = (
-        "flats at several levels: a dead pixel never moves; hot_pixels give light and dark added, prnu "
-        "scales with the light"
+        "take flats at several levels: a dead pixel never changes; hot_pixels add a dark signal to the "
+        "light, prnu scales with the light"
     )
     differentiable = False
-    why_not = "whether a pixel is dead is yes or no; image and level carry no gradient through a stuck pixel"
+    why_not = "whether a pixel is dead is discrete; image and level have no gradient through a dead pixel"
     density = Parameter(
         0.001,
         unit="share of pixels",
@@ -37,14 +37,14 @@ class DeadPixels(Effect):
         low=-1.0,
         high=1.0,
         trials=(0.0, -1.0, 0.3, 1.0),
-        source="0: the black level, as without light; -1: code 0; 1: the highest code, stuck bright",
+        source="0: the black level, as without light; -1: code 0; 1: the highest code",
     )
     spread = Parameter(
         0.0,
         unit="share of the range",
         high=1.0,
         trials=(0.15,),
-        source="standard deviation among dead pixels",
+        source="standard deviation over dead pixels",
     )
 
     def apply(self, signal, p, stream, context):

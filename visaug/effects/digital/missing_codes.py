@@ -6,33 +6,36 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class MissingCodes(Effect):
-    """A converter of uneven steps skips codes; a digital gain or look-up table skips them evenly.
+    """A converter with unequal steps skips codes; a digital gain or look-up table skips them evenly.
 
-    What would have been a missing code comes out as the next lower code that exists. Code 0 always exists.
+    A missing code is replaced by the next lower code that exists. Code 0 always exists.
     """
 
     name = "missing_codes"
     stage = Stage.DIGITAL
     order = 60
-    summary = "Some codes never come; which ones is fixed for a camera."
+    summary = "Some output codes never occur; the set is fixed for a camera."
     equation = (
         "y <- max{k <= y: k exists}; a code is missing with probability density, or at every "
         "1/density-th place"
     )
     source = "IEEE Std 1241-2010, missing codes"
     separates = (
-        "the histogram of codes over a ramp of light: the same codes stay empty at every level; "
+        "take the histogram of codes over a ramp of light: the same codes are empty at every level; "
         "bit_truncation leaves multiples of a power of two"
     )
     differentiable = False
-    why_not = "which codes exist is yes or no; the image's gradient passes straight through, as in rounding"
+    why_not = (
+        "whether a code exists is discrete; the gradient of the image passes straight through, as for "
+        "rounding"
+    )
     density = Parameter(
         0.05,
         unit="share of codes",
         high=0.5,
         strength=True,
         trials=(0.02, 0.1),
-        source="0 in a good converter; a digital gain g gives 1 - 1/g, from 2 on a step that bit_truncation names",
+        source="0 for a good converter; a digital gain g gives 1 - 1/g; above a gain of 2 use bit_truncation",
     )
     pattern = Parameter(
         "random", options=("random", "even"), source="random: the converter; even: a digital gain"

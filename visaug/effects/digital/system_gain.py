@@ -5,7 +5,7 @@ from visaug.effects.straight_through import round_through
 
 
 class SystemGain(Effect):
-    """Electrons to DN. In the paper's reading the electrons are rounded first (eq. 12)."""
+    """Converts electrons to DN. In the paper's reading the electrons are rounded first (eq. 12)."""
 
     name = "system_gain"
     stage = Stage.DIGITAL
@@ -15,14 +15,15 @@ class SystemGain(Effect):
     equation = "y = V / G(dB) + black level, G(dB) = G 10^((dB_0 - dB) / 20)"
     source = "EMVA 1288 release 4 Linear, eq. 7 (K = 1/G); the paper, eq. 12"
     separates = (
-        "variance over mean of flats at several levels (photon transfer) is the gain, whatever the light is"
+        "measure the photon transfer curve (variance against mean of flats at several levels): its slope "
+        "gives the gain, independent of the light source"
     )
     gain_e_per_dn = Parameter(
         1.0, unit="e-/DN", low=1e-6, high=1e6, source="EMVA 1288: inverse of the system gain K"
     )
-    gain_db = Parameter(0.0, unit="dB", low=-60.0, high=120.0, source="20 dB are a factor of ten")
+    gain_db = Parameter(0.0, unit="dB", low=-60.0, high=120.0, source="20 dB is a factor of ten")
     black_level_dn = Parameter(
-        0.0, unit="DN", high=65535.0, source="offset of the converter, the same at every gain"
+        0.0, unit="DN", high=65535.0, source="offset of the converter, equal at every gain"
     )
 
     def apply(self, signal, p, stream, context):

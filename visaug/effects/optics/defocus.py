@@ -13,18 +13,20 @@ LEAST_PX = 0.25  # a disc within the middle of a pixel is a point
 
 
 class Defocus(Effect):
-    """The sensor lies before or behind the image: a point becomes a disc of even light, the shadow of the aperture.
+    """The sensor is in front of or behind the image: a point becomes a uniform disc, the shadow of the aperture.
 
-    A pixel collects the part of the disc that falls on it. All of the scene is out of focus alike.
+    A pixel collects the part of the disc that falls on it. The whole scene is equally out of focus.
     """
 
     name = "defocus"
     stage = Stage.OPTICS
     order = 34
-    summary = "Out of focus, a point becomes a disc."
+    summary = "The image of a point is a uniform disc."
     equation = "mu_p convolved with a disc of the radius, integrated over each pixel"
     source = "J. W. Goodman, Introduction to Fourier Optics (4th ed. 2017), section 7.4; geometrical limit"
-    separates = "a bright point: an even disc with a sharp rim, where point_spread has a Gaussian"
+    separates = (
+        "image a bright point: defocus gives a uniform disc with a sharp edge, point_spread a Gaussian"
+    )
     proposed = False  # a diagnosis names the blur by point_spread; bright points tell them apart
     radius_px = Parameter(
         2.0,

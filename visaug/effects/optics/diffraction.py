@@ -13,23 +13,26 @@ MOST_FOLDS = 4  # of the spectrum, by the pixels: all there are for a radius of 
 
 
 class Diffraction(Effect):
-    """A round aperture spreads the image of a point to an Airy pattern, collected by pixels.
+    """A circular aperture spreads the image of a point into an Airy pattern, which is integrated over pixels.
 
-    The optical transfer function has an end, the cutoff frequency; sampling by pixels folds what lies beyond half a cycle per pixel
-    back, and with these folds the kernel is the Airy pattern's integral over each pixel, rings without end included. The frame's
-    edges mirror, so the total is kept.
+    The optical transfer function is zero above the cutoff frequency. Sampling by pixels aliases what lies above half a cycle
+    per pixel; with it, the kernel is the integral of the Airy pattern over each pixel, with all its rings. The frame is
+    mirrored at its edges, so the total is conserved.
     """
 
     name = "diffraction"
     stage = Stage.OPTICS
     order = 38
-    summary = "The aperture spreads a point to an Airy pattern."
+    summary = "The aperture spreads a point into an Airy pattern."
     equation = (
         "mu_p convolved with (2 J1(v) / v)^2, v = 3.832 r / radius, integrated over each pixel; "
         "transfer (2 / pi)(acos u - u sqrt(1 - u^2)), u = f radius / 1.22"
     )
     source = "J. W. Goodman, Introduction to Fourier Optics (4th ed. 2017), sections 4.4 and 7.4; radius = 1.22 lambda N / pixel"
-    separates = "a bright point: rings, and wings that fall with the third power of the distance"
+    separates = (
+        "image a bright point: diffraction gives rings and wings that fall with the third power of the "
+        "distance"
+    )
     proposed = False  # a diagnosis names the blur by point_spread; bright points tell them apart
     radius_px = Parameter(
         1.0,

@@ -10,23 +10,25 @@ GHOSTS = ((1.0, 0.7), (1.8, 0.3))  # size relative to `ghost_scale`, and share o
 
 
 class LensFlare(Effect):
-    """Light reflected between lens surfaces comes as ghosts: defocused copies, mirrored and scaled.
+    """Light reflected between lens surfaces forms ghosts: defocused copies, mirrored and scaled.
 
-    Surfaces scatter some more into a halo around the source. The light is taken from the source, so the
-    total is kept but for what falls beside the sensor. Reflection is linear; `threshold_photons` leaves the
-    dimmer parts of a scene out.
+    Surfaces scatter further light into a halo around the source. The light is taken from the source, so the total is
+    conserved except for what falls outside the sensor. Reflection is linear; `threshold_photons` excludes the dimmer parts
+    of a scene.
     """
 
     name = "lens_flare"
     stage = Stage.OPTICS
     order = 20
-    summary = "Ghosts and a halo of bright sources."
+    summary = "Reflections between lens surfaces produce ghosts and a halo around bright sources."
     equation = (
         "mu_p <- mu_p - (g + h) s + g ghost(s) + h halo(s), s = max(0, mu_p - threshold), "
         "ghost(s)(x) = s(-x/m) / m^2"
     )
     source = "M. Hullin et al., ACM TOG 30 (2011) 108"
-    separates = "a bright source put at several places: ghosts mirror its way, veiling glare does not"
+    separates = (
+        "place a bright source at several positions: ghosts move opposite to it, veiling glare does not"
+    )
     ghost_share = Parameter(
         0.01,
         unit="fraction",
@@ -44,10 +46,12 @@ class LensFlare(Effect):
         source="a dusty or scratched lens",
     )
     ghost_scale = Parameter(1.23, low=0.3, high=5.0, trials=(0.83, 1.57), source="size of the first ghost")
-    ghost_blur_px = Parameter(2.0, unit="px", high=50.0, trials=(2.0, 8.0), source="ghosts are out of focus")
+    ghost_blur_px = Parameter(2.0, unit="px", high=50.0, trials=(2.0, 8.0), source="ghosts are defocused")
     halo_width_px = Parameter(8.0, unit="px", low=3.0, high=1e3, trials=(5.0, 15.0), source="decay length")
-    halo_profile = Parameter("exponential", options=PROFILES, source="as of veiling_glare")
-    threshold_photons = Parameter(0.0, unit="photons", high=1e9, source="light above it flares; 0: all light")
+    halo_profile = Parameter("exponential", options=PROFILES, source="as for veiling_glare")
+    threshold_photons = Parameter(
+        0.0, unit="photons", high=1e9, source="only light above it flares; 0: all light"
+    )
 
     def apply(self, signal, p, stream, context):
         source = (signal - p.threshold_photons).clamp_min(0)

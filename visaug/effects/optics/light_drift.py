@@ -6,19 +6,22 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class LightDrift(Effect):
-    """A relative Gaussian change of all light of a frame; a dark frame has none to change.
+    """All light of a frame changes by a relative Gaussian amount; a dark frame does not change.
 
-    In a sequence a frame may remember the one before (a lamp that wanders): a first-order autoregression
-    whose standard deviation stays `sigma`. Unrelated images have one draw each.
+    In a sequence, consecutive frames may be correlated (a drifting lamp): a first-order autoregression with standard
+    deviation `sigma`. Unrelated images have independent draws.
     """
 
     name = "light_drift"
     stage = Stage.OPTICS
     order = 0
-    summary = "The source's level changes from frame to frame."
+    summary = "The level of the light source changes from frame to frame."
     equation = "mu_p <- mu_p (1 + sigma x_k), x_k = c x_(k-1) + sqrt(1 - c^2) z_k, z_k ~ N(0, 1)"
     source = "a first-order autoregression; EMVA 1288 asks for a source that is stable over a series"
-    separates = "frames with the shutter closed move with black_level_drift, not with the lamp"
+    separates = (
+        "compare dark with illuminated frames: black_level_drift is present in both, light_drift only with "
+        "light"
+    )
     sigma = Parameter(
         0.01,
         unit="fraction",
@@ -32,7 +35,7 @@ class LightDrift(Effect):
         low=0.0,
         high=0.999,
         trials=(0.0, 0.9),
-        source="of consecutive frames; 0: white, near 1: a random walk",
+        source="between consecutive frames; 0: white, near 1: a random walk",
     )
 
     def apply(self, signal, p, stream, context):

@@ -12,23 +12,25 @@ LEAST_PX = 1e-3  # a shorter way is one
 
 
 class MotionBlur(Effect):
-    """The image moves evenly along a straight line while the shutter is open.
+    """The image moves uniformly along a straight line while the shutter is open.
 
-    The image of a point is a line of `length_px`, with the point in its middle; a pixel collects the part of the line that
-    crosses it, so a way shorter than a pixel does nothing. Shot noise comes after it, so noise stays white. All of the
-    scene moves alike: a camera that turns, or a target that moves across.
+    The image of a point is a line of `length_px` centred on the point; a pixel collects the part of the line that crosses
+    it, so motion shorter than a pixel has no effect. Shot noise is added afterwards, so noise stays white. The whole scene
+    moves equally: a rotating camera, or a target that crosses the field.
     """
 
     name = "motion_blur"
     stage = Stage.OPTICS
     order = 36
-    summary = "The image moves along a line during the exposure."
+    summary = "The image moves along a straight line during the exposure."
     equation = (
         "mu_p <- integral of mu_p(x - v t, y - w t) dt / T: a line of length L at the angle, counter-clockwise from the rows, "
         "its share in each pixel"
     )
     source = "A. N. Rajagopalan and R. Chellappa, Motion Deblurring (Cambridge 2014), chapter 1"
-    separates = "a bright point: a line, and not a disc; at half the exposure half as long"
+    separates = (
+        "image a bright point: motion blur gives a line and not a disc, half as long at half the exposure"
+    )
     proposed = False  # frames under test are taken with camera and target at rest
     length_px = Parameter(
         5.0,

@@ -5,18 +5,20 @@ from visaug.effects.optics.spread import gaussian_blur
 
 
 class PointSpread(Effect):
-    """A Gaussian blur of the mean light, collected by pixels. Shot noise comes after it, so noise stays white."""
+    """A Gaussian blur of the mean light, integrated over pixels. Shot noise is added afterwards, so noise stays white."""
 
     name = "point_spread"
     stage = Stage.OPTICS
     order = 40
-    summary = "The optics blur the image before the pixels see it."
+    summary = "The optics blur the image before the pixels sample it."
     equation = (
         "mu_p convolved with a Gaussian of standard deviation sigma along rows, aspect sigma along columns, "
         "integrated over each pixel"
     )
     source = "B. Zhang et al., Applied Optics 46 (2007) 1819, on the Gaussian as the image of a point"
-    separates = "noise of a flat: crosstalk correlates it, point spread does not"
+    separates = (
+        "compare the noise of neighbouring pixels in flats: crosstalk correlates it, point spread does not"
+    )
     sigma_px = Parameter(
         0.7,
         unit="px",

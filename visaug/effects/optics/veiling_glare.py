@@ -5,15 +5,15 @@ from visaug.effects.optics.spread import PROFILES, halo
 
 
 class VeilingGlare(Effect):
-    """What the veil gives, the scene loses; at the frame's edge as much comes in as leaves."""
+    """The scattered light is taken from the scene; at the edge of the frame as much light enters as leaves."""
 
     name = "veiling_glare"
     stage = Stage.OPTICS
     order = 30
-    summary = "A share of all light is scattered into a wide halo."
+    summary = "A fraction of all light is scattered into a wide halo."
     equation = "mu_p <- (1 - share) mu_p + share (mu_p * k), k of unit volume and given width"
     source = "ISO 9358:1994, veiling glare index; E. Talvala et al., ACM TOG 26 (2007) 37"
-    separates = "a bright source on black: the veil reaches far, crosstalk and point spread do not"
+    separates = "image a bright source on black: veiling glare reaches far, crosstalk and point spread do not"
     share = Parameter(
         0.05,
         unit="fraction",
@@ -28,10 +28,10 @@ class VeilingGlare(Effect):
         low=5.0,
         high=1e5,
         trials=(15.0, 50.0, 200.0),
-        source="from tens of px up to the whole field",
+        source="from tens of pixels to the whole field",
     )
     profile = Parameter(
-        "exponential", options=PROFILES, source="width is its sigma, decay length or core radius"
+        "exponential", options=PROFILES, source="width_px is its sigma, decay length or core radius"
     )
 
     def apply(self, signal, p, stream, context):

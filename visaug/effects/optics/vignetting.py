@@ -6,23 +6,26 @@ ALL_BUT = 0.999  # of the light that cos^4 can lose, short of 90 degrees
 
 
 class Vignetting(Effect):
-    """Transmission falls from 1 at the axis as a power of the distance in half diagonals of the sensor, or as cos^4.
+    """Transmission falls from 1 on the axis as a power of the distance in half diagonals of the sensor, or as cos^4.
 
-    The natural law is the fourth power of the cosine of the field angle, of which the power 2 is the first term; lens barrels cut
-    off more steeply, towards 4 and above. A measured transmission (`map`, a file: a mean flat of an even source over its brightest
-    part) takes the place of the law.
+    The natural law is the fourth power of the cosine of the field angle, whose first term is the power 2; vignetting by the
+    lens barrel falls more steeply, with a power of 4 and above. A measured transmission (`map`, a file: a mean flat of a
+    uniform source divided by its maximum) replaces the law.
     """
 
     name = "vignetting"
     stage = Stage.OPTICS
     order = 10
-    summary = "Light falls smoothly off from the centre of the field."
+    summary = "Transmission decreases smoothly from the centre of the field to the corners."
     equation = (
         "mu_p <- mu_p max(0, 1 - corner_loss (r / r_corner)^power); cos4: mu_p <- mu_p cos^4 a, "
         "tan a ~ r, cos^4 a = 1 - corner_loss at r_corner"
     )
     source = "D. B. Goldman, IEEE TPAMI 32 (2010) 2276; cos^4 law"
-    separates = "flats with the camera turned before the source: vignetting stays, uneven light does not"
+    separates = (
+        "take flats with the camera rotated in front of the source: vignetting stays fixed on the sensor, "
+        "uneven illumination does not"
+    )
     map_unit = "fraction of the light that passes"
     map_low = 0.0
     corner_loss = Parameter(
@@ -38,16 +41,21 @@ class Vignetting(Effect):
         low=1.0,
         high=8.0,
         trials=(2.0, 4.0),
-        source="2: a small field; more: stops in the barrel",
+        source="2: a small field; higher: vignetting by the lens barrel",
         of=("power",),
     )
     law = Parameter(
         "power",
         options=("power", "cos4"),
-        source="cos4: the natural law, R. Kingslake, Optical System Design (1983)",
+        source="cos4: natural vignetting, R. Kingslake, Optical System Design (1983)",
     )
     centre_row = Parameter(
-        0.0, unit="fraction", low=-0.5, high=0.5, trials=(0.05,), source="axis off the centre, of the rows"
+        0.0,
+        unit="fraction",
+        low=-0.5,
+        high=0.5,
+        trials=(0.05,),
+        source="vertical offset of the optical axis from the centre",
     )
     centre_column = Parameter(
         0.0,
@@ -55,7 +63,7 @@ class Vignetting(Effect):
         low=-0.5,
         high=0.5,
         trials=(0.05,),
-        source="axis off the centre, of the columns",
+        source="horizontal offset of the optical axis from the centre",
     )
 
     def apply(self, signal, p, stream, context):

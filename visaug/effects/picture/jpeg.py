@@ -24,13 +24,13 @@ YCC = ((0.299, 0.587, 0.114), (-0.168735892, -0.331264108, 0.5), (0.5, -0.418687
 
 
 class JPEG(Effect):
-    """The picture is compressed as a JPEG file of 8 bit and read again.
+    """The picture is compressed as an 8-bit JPEG file and decoded.
 
-    Blocks of 8 x 8 pixels are transformed by cosines, and their coefficients are rounded to multiples of a step that grows
-    with the frequency and as quality falls: fine noise is lost first, and what is left of it has the shape of the blocks'
-    modes. A picture of three channels is turned to luminance and two colour differences, which are averaged over 2 x 2 pixels
-    where `chroma` is half (4:2:0). One channel is a gray JPEG. Sides that are no multiples of the blocks are continued by
-    their last pixels, as encoders do.
+    Blocks of 8 x 8 pixels are cosine transformed, and their coefficients are rounded to multiples of a step that grows with
+    the frequency and with decreasing quality: fine noise is lost first, and the remaining noise has the shape of the basis
+    functions. A picture with three channels is converted to luminance and two colour differences, which are averaged over
+    2 x 2 pixels if `chroma` is half (4:2:0). One channel is a gray JPEG. Images whose sides are not multiples of the block
+    size are padded with their last pixels, as encoders do.
     """
 
     name = "jpeg"
@@ -44,9 +44,12 @@ class JPEG(Effect):
     source = (
         "ITU-T T.81 (1992), Annexes A and K; JFIF 1.02; quality as in the Independent JPEG Group's library"
     )
-    separates = "the spectrum of blocks of 8 x 8: coefficients lie on multiples of a step"
+    separates = "compute the DCT of 8 x 8 blocks: the coefficients are multiples of a step"
     differentiable = False
-    why_not = "quality is whole, and coefficients are rounded; the image's gradient passes straight through the rounding"
+    why_not = (
+        "the quality is an integer and coefficients are rounded; the gradient of the image passes straight "
+        "through the rounding"
+    )
     quality = Parameter(
         90.0, low=1.0, high=100.0, integer=True, trials=(95, 75), source="cameras: 85 to 98; SPEED+ is JPEG"
     )

@@ -6,17 +6,19 @@ from visaug.effects.straight_through import round_through
 
 
 class PictureQuantization(Effect):
-    """The picture is kept in whole numbers of few bits, as a file or a link does. The converter's own steps are `bit_depth`."""
+    """The picture is stored with a small number of bits, as by a file or a link. The converter's own steps are `bit_depth`."""
 
     name = "picture_quantization"
     stage = Stage.PICTURE
     order = 30
-    summary = "The picture is stored in whole numbers of few bits."
+    summary = "The picture is stored with a small number of bits."
     equation = "y <- round(y (2^bits - 1)) / (2^bits - 1)"
     source = "B. Widrow and I. Kollar, Quantization Noise (Cambridge 2008)"
-    separates = "codes of the picture: 2^bits at most"
+    separates = "look at the histogram of the picture: at most 2^bits values occur"
     differentiable = False
-    why_not = "the number of bits is whole; the image's gradient passes straight through, as in rounding"
+    why_not = (
+        "the number of bits is an integer; the gradient of the image passes straight through, as for rounding"
+    )
     bits = Parameter(
         8.0, unit="bits", low=1.0, high=16.0, integer=True, trials=(8,), source="most pictures: 8"
     )

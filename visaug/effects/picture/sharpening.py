@@ -6,17 +6,21 @@ from visaug.effects.parameter import Parameter
 
 
 class Sharpening(Effect):
-    """An unsharp mask: what a Gaussian blur takes away is added. Noise of single pixels grows by about 1 + amount, and becomes
-    correlated with the opposite sign around them.
+    """An unsharp mask: the difference from a Gaussian blur is added.
+
+    The noise of single pixels grows by about 1 + amount and becomes negatively correlated with the surrounding pixels.
     """
 
     name = "sharpening"
     stage = Stage.PICTURE
     order = 20
-    summary = "An unsharp mask strengthens edges, and noise."
+    summary = "An unsharp mask amplifies edges and noise."
     equation = "y <- clip(y + amount (y - y * G), 0, 1), G a Gaussian of standard deviation radius, integrated over each pixel"
     source = "A. Polesel et al., IEEE Trans. Image Processing 9 (2000) 505, linear unsharp masking"
-    separates = "a slanted edge: the response overshoots on both sides; the noise of a flat falls towards low frequencies"
+    separates = (
+        "image a slanted edge: the response overshoots on both sides; the noise of a flat decreases towards"
+        " low frequencies"
+    )
     amount = Parameter(
         0.5, high=10.0, strength=True, trials=(0.3, 1.0), source="cameras and editors: 0.3 to 1.5"
     )

@@ -9,20 +9,22 @@ LEAST = 1e-6  # a power has no finite slope at 0; below it the curve is a straig
 
 
 class ToneCurve(Effect):
-    """The picture's values are bent by a curve that rises from 0 to 1: a power, the sRGB curve, or a table.
+    """The values of the picture follow a curve that rises from 0 to 1: a power, the sRGB curve, or a table.
 
-    Pictures that are linear in light become encoded ones. Of pictures that are encoded already (`transfer="srgb"`) it is a
-    further change of contrast. A table (`map`: a file of 2 or more values from 0 to 1, taken as evenly spaced over the input)
-    takes the place of the law; values between are interpolated.
+    Pictures that are linear in light become encoded ones. For pictures that are already encoded (`transfer="srgb"`) it is a
+    further change of contrast. A table (`map`: a file of 2 or more values from 0 to 1, evenly spaced over the input)
+    replaces the law; values between are interpolated.
     """
 
     name = "tone_curve"
     stage = Stage.PICTURE
     order = 10
-    summary = "A curve bends the picture's values, as gamma does."
+    summary = "A curve such as gamma changes the contrast of the picture."
     equation = "y <- y^(1 / gamma); srgb: 12.92 y up to 0.0031308, then 1.055 y^(1 / 2.4) - 0.055"
     source = "IEC 61966-2-1 (sRGB); ITU-R BT.709"
-    separates = "a step wedge: values against light; noise against mean is bent alike"
+    separates = (
+        "image a step wedge: values against light follow the curve, and so does the noise against the mean"
+    )
     map_unit = "share of full scale"
     map_low = 0.0
     map_is_table = True

@@ -6,24 +6,23 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class BlackLevelDrift(Effect):
-    """The clamp that sets the black level is noisy and follows the temperature of the electronics.
+    """The clamp that sets the black level is noisy and depends on the temperature of the electronics.
 
-    Along a sequence the offset walks, pulled back to 0: an autoregressive course of standard deviation
-    `sigma_e`, in which neighbouring frames correlate by `correlation` (0: white; towards 1: a random walk).
-    Unrelated images get independent offsets.
+    Along a sequence the offset is a first-order autoregression with standard deviation `sigma_e` and `correlation` between
+    consecutive frames (0: white; towards 1: a random walk). Unrelated images get independent offsets.
     """
 
     name = "black_level_drift"
     stage = Stage.READOUT
     order = 70
-    summary = "The offset of a whole frame changes from frame to frame."
+    summary = "The offset of the whole frame changes from frame to frame."
     equation = "V <- V + d_t, d_t = r d_(t-1) + sigma sqrt(1 - r^2) n_t, n_t ~ N(0, 1)"
     source = (
         "EMVA 1288 release 4 Linear, stability of the dark signal; J. Janesick, Photon Transfer (SPIE 2007)"
     )
     separates = (
-        "the mean of each frame of a dark series: the whole frame moves, light or not; light_drift is "
-        "gone with the light"
+        "compute the mean of each frame of a dark series: the whole frame shifts, with and without light; "
+        "light_drift is absent in the dark"
     )
     sigma_e = Parameter(
         1.0, unit="e-", high=1e4, strength=True, trials=(0.3, 1.5), source="0.1 to 1 times the read noise"

@@ -4,9 +4,9 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class DSNU(Effect):
-    """A fixed pattern of offsets, drawn once a camera: column + row + pixel, each Gaussian of mean 0.
+    """A fixed pattern of offsets, drawn once per camera: column + row + pixel, each Gaussian with mean 0.
 
-    A measured offset of every pixel (`dsnu.map`, a file) takes the place of the drawn one.
+    A measured offset of every pixel (`dsnu.map`, a file) replaces the drawn one.
     """
 
     name = "dsnu"
@@ -17,8 +17,8 @@ class DSNU(Effect):
     equation = "V <- V + D_column + D_row + D_pixel"
     source = "EMVA 1288 release 4 Linear, section 4; the paper, eq. 11"
     separates = (
-        "the mean of many bias frames: noise of rows, columns and pixels averages away, this stays; "
-        "dark_current_nonuniformity is not there yet, and grows with the exposure"
+        "average many bias frames: temporal noise of rows, columns and pixels averages out, dsnu remains; "
+        "dark_current_nonuniformity is absent in bias frames and grows with the exposure"
     )
     map_unit = "e-"
     column_e = Parameter(

@@ -10,29 +10,29 @@ from visaug.effects.readout.steps import edges
 
 
 class FixedPatternStructure(Effect):
-    """Column amplifiers share supplies and layout, so their offsets are no white noise. The shapes:
+    """Column amplifiers share supplies and layout, so their offsets are correlated. The shapes:
 
-    bands: lines side by side, `period_px` of them, share a level that is uniform in [-1, 1];
+    bands: groups of `period_px` adjacent lines share a level that is uniform in [-1, 1];
     levels: the same with one of three levels -1, 0, 1 (the paper's columns lie near 11, 6 and 1 e-);
-    wave: a sine of period `period_px`, its phase a property of the camera;
+    wave: a sine of period `period_px` with a phase that is fixed for the camera;
     slope: a parabola across the sensor, from one edge to the other;
-    steps: the level rises by A at `edge` and by A times `second` at `second_edge`; a negative A turns it over.
-    A measured structure (`map`, a file: a whole pattern, or the profile of columns or rows) takes the place
-    of the shape and its amplitude, and adds to what `dsnu` draws; `dsnu.map` takes the place of that too.
+    steps: the level rises by A at `edge` and by A times `second` at `second_edge`; a negative A inverts it.
+    A measured structure (`map`, a file: a whole pattern, or the profile of columns or rows) replaces the shape and its
+    amplitude and is added to what `dsnu` draws; `dsnu.map` replaces that too.
     """
 
     name = "fixed_pattern_structure"
     stage = Stage.READOUT
     order = 15
-    summary = "An additive dark pattern with bands, slope or period, the same in every frame of a camera."
+    summary = "An additive pattern with bands, steps, slope or period, constant over the frames of a camera."
     equation = (
         "V <- V + A f(x): bands, levels, sin(2 pi (x / period + phase)), slope u + curvature (u^2 "
         "- 1), u from -1 to 1, or steps [x > edge] + second [x > second_edge]"
     )
     source = "the paper, figs. 2 and 4 (columns in three bands); EMVA 1288 release 4 Linear, spectrograms"
     separates = (
-        "row and column profiles of the mean of many bias frames, and their spectra: dsnu is white there; "
-        "periodic_banding and flicker_noise average away; dark current's patterns grow with the exposure"
+        "average many bias frames and compute the row and column profiles and their spectra: dsnu is white;"
+        " periodic_banding and flicker_noise average out; dark-current patterns grow with the exposure"
     )
     map_unit = "e-"
     amplitude_e = Parameter(
@@ -67,7 +67,7 @@ class FixedPatternStructure(Effect):
         unit="share of the sensor",
         high=1.0,
         trials=(0.33,),
-        source="of steps: where the first is",
+        source="of steps: position of the first",
         of=("steps",),
     )
     second_edge = Parameter(
@@ -75,7 +75,7 @@ class FixedPatternStructure(Effect):
         unit="share of the sensor",
         high=1.0,
         trials=(0.67,),
-        source="of steps: where the second is",
+        source="of steps: position of the second",
         of=("steps",),
     )
     second = Parameter(
@@ -92,7 +92,7 @@ class FixedPatternStructure(Effect):
         options=("bands", "levels", "wave", "slope", "steps"),
         source="the paper, fig. 2: levels, steps and a slope",
     )
-    direction = Parameter("columns", options=("columns", "rows"), source="columns: alike along a column")
+    direction = Parameter("columns", options=("columns", "rows"), source="columns: constant along a column")
 
     def apply(self, signal, p, stream, context):
         measured = context.measured_map(self.name, signal)

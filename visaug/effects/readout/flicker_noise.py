@@ -6,11 +6,11 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class FlickerNoise(Effect):
-    """Slow noise of an output amplifier, in the order in which it reads the pixels: stripes along rows.
+    """Low-frequency noise of an output amplifier, in the order in which it reads the pixels: stripes along rows.
 
-    Each frequency along the readout of the whole sensor gets its amplitude and phase. The course is twice
-    as long as a frame, so that a frame's end does not know its beginning, and as long as one where a clamp
-    leaves the frame no mean of its own; a crop of the sensor gets its part of the whole readout.
+    Each frequency along the readout of the whole sensor gets a random amplitude and phase. The simulated record is twice as
+    long as a frame, so that the end of a frame is not correlated with its beginning, and as long as one frame if a clamp
+    removes the mean of each frame. A crop of the sensor gets its part of the readout.
     """
 
     name = "flicker_noise"
@@ -26,8 +26,8 @@ class FlickerNoise(Effect):
         "and Koenig, A&A 300 (1995) 707"
     )
     separates = (
-        "the spectrum of single dark frames along the readout: this one rises to low frequencies, "
-        "row_noise is white from row to row and constant in a row"
+        "compute the spectrum of single dark frames along the readout: flicker noise rises towards low "
+        "frequencies; row_noise is white over the rows and constant within a row"
     )
     sigma_e = Parameter(
         1.0, unit="e-", high=1e4, strength=True, trials=(0.5, 1.5), source="0.1 to 1 times the read noise"
@@ -45,7 +45,7 @@ class FlickerNoise(Effect):
     clamp = Parameter(
         "none",
         options=("none", "frame"),
-        source="none: periods longer than a frame move it as a whole; frame: a black clamp takes its mean away",
+        source="none: periods longer than a frame shift the whole frame; frame: a black clamp removes the mean of each frame",
     )
 
     def apply(self, signal, p, stream, context):

@@ -6,24 +6,23 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class Nonlinearity(Effect):
-    """Capacitance of the sense node and gain of its amplifier change with the voltage: the response bends.
+    """The capacitance of the sense node and the gain of its amplifier depend on the voltage, so the response is not linear.
 
-    The curve starts at 0 with slope 1 and follows its tangent beyond full scale. Within the bounds its slope
-    is never below 0.25, so the response is monotone. A full well of infinity falls back on the converter's
-    range.
+    The curve starts at 0 with slope 1 and follows its tangent beyond full scale. Within the bounds its slope is at least
+    0.25, so the response is monotone. With an infinite full well, full scale is the range of the converter.
     """
 
     name = "nonlinearity"
     stage = Stage.READOUT
     order = 0
-    summary = "The response bends with the signal."
+    summary = "The response is not proportional to the signal."
     equation = "V <- V + S (quadratic x^2 + cubic x^3), x = V / S in [0, 1], S the full scale; linear outside"
     source = (
         "EMVA 1288 release 4 Linear, linearity error; J. Janesick, Photon Transfer (SPIE 2007), nonlinearity"
     )
     separates = (
-        "a sweep of exposures at steady light: the mean bends while dark frames stay; blooming and a "
-        "full well act near saturation alone"
+        "take flats at several exposures with constant light: the mean is not proportional to the exposure "
+        "while dark frames do not change; blooming and saturation act only near the full well"
     )
     quadratic = Parameter(
         -0.02,
@@ -32,7 +31,7 @@ class Nonlinearity(Effect):
         high=0.15,
         strength=True,
         trials=(-0.01, -0.04),
-        source="departure at full scale; EMVA 1288 datasheets state 0.2 to 3 %",
+        source="deviation at full scale; EMVA 1288 datasheets state 0.2 to 3 %",
     )
     cubic = Parameter(
         0.0,
@@ -41,10 +40,12 @@ class Nonlinearity(Effect):
         high=0.15,
         strength=True,
         trials=(-0.01, -0.04),
-        source="departure at full scale; the next term of the same curve",
+        source="deviation at full scale; the next term of the curve",
     )
     full_scale = Parameter(
-        "full_well", options=("full_well", "converter"), source="which of the two bends the response"
+        "full_well",
+        options=("full_well", "converter"),
+        source="signal range to which the curve refers: full well or converter range",
     )
 
     def apply(self, signal, p, stream, context):

@@ -11,18 +11,15 @@ FINER = 8  # points of a spectrum for each that a frame's rows resolve
 
 
 class PeriodicBanding(Effect):
-    """A clock, a switching supply or the mains couples into the readout, row after row at its phase.
+    """A clock, a switching supply or the mains interferes with the readout, row after row.
 
-    It runs free of the frame clock, so the phase at row 0 is uniform and new in every frame.
+    It is not synchronised with the frame clock, so the phase at row 0 is uniform and independent in every frame.
     """
 
     name = "periodic_banding"
     stage = Stage.READOUT
     order = 50
-    summary = (
-        "Every pixel of a row shifts alike, by a sine of the row number whose phase changes from "
-        "frame to frame."
-    )
+    summary = "A sinusoidal offset over the rows, with a random phase in each frame."
     equation = (
         "V <- V + A (sin theta + h sin 2 theta), theta = 2 pi (row / period + phase), phase ~ U(0, 1) "
         "in every frame"
@@ -32,8 +29,8 @@ class PeriodicBanding(Effect):
         "Linear, spectrograms"
     )
     separates = (
-        "the spectrum of row means of single dark frames: a line at one frequency; in the mean of many "
-        "it is gone, a wave of fixed_pattern_structure stays"
+        "compute the spectrum of the row means of single dark frames: a line at one frequency, absent in "
+        "the average of many frames; a wave of fixed_pattern_structure remains in the average"
     )
     amplitude_e = Parameter(
         1.0, unit="e-", high=1e4, strength=True, trials=(0.5, 1.5), source="0.1 to 1 times the read noise"
@@ -44,10 +41,14 @@ class PeriodicBanding(Effect):
         low=2.0,
         high=1e5,
         trials=(3.0, 6.0, 10.0, 20.0, 35.0, 60.0),
-        source="row rate over the frequency that couples in",
+        source="row rate divided by the interfering frequency",
     )
     second_harmonic = Parameter(
-        0.0, unit="fraction", high=1.0, trials=(0.5,), source="share of the first; 0 is a pure sine"
+        0.0,
+        unit="fraction",
+        high=1.0,
+        trials=(0.5,),
+        source="amplitude relative to the first; 0: a pure sine",
     )
 
     def apply(self, signal, p, stream, context):

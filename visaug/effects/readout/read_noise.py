@@ -13,23 +13,24 @@ LEAST_SHAPE = -0.35
 class ReadNoise(Effect):
     """Tukey-lambda noise of mean 0 before the gain stage, and Gaussian noise after it.
 
-    `sigma_e` is the standard deviation of the first; `meaning: scale` takes it as the scale instead, as a fit that does not
-    normalise the quantile function gives it (at shape -0.23 the standard deviation is then 2.96 times it). `after_gain_dn` is the
-    standard deviation of the second in DN: converter and line noise that no gain amplifies, so that in electrons it falls as
-    the gain rises. A measured standard deviation of every pixel (`read_noise.map`, a file, e-) takes the place of `sigma_e`
-    and `meaning`; the shape stays.
+    `sigma_e` is the standard deviation of the first. With `meaning: scale` it is the scale instead, as given by a fit that
+    does not normalise the quantile function (at shape -0.23 the standard deviation is 2.96 times the scale). `after_gain_dn`
+    is the standard deviation of the second in DN: converter and line noise that is not amplified, so in electrons it
+    decreases as the gain increases. A measured standard deviation of every pixel (`read_noise.map`, a file, in e-) replaces
+    `sigma_e` and `meaning`; the shape still applies.
     """
 
     name = "read_noise"
     stage = Stage.READOUT
     order = 60
     base = True
-    summary = "Reading a pixel adds noise, whatever the signal; its tails may be heavier than Gaussian."
+    summary = "Reading a pixel adds signal-independent noise; its tails may be heavier than Gaussian."
     equation = "V <- V + sigma TL(shape) + G(dB) sigma_after N, TL normalised to standard deviation 1"
     source = "the paper, eq. 4; K. Wei et al., IEEE TPAMI 44 (2022) 8520; after the gain: EMVA 1288 release 4 Linear, eq. 8"
     separates = (
-        "bias frames: this is what their pixels scatter by, each on its own; shot noise comes with light or exposure, "
-        "row_noise and column_noise are common to a line; histograms of the residuals tell the shape"
+        "take bias frames: read noise is the independent noise of single pixels; shot noise requires light "
+        "or exposure, row_noise and column_noise are common to a line; the histogram of the residuals shows"
+        " the shape"
     )
     map_unit = "e-"
     map_low = 0.0
@@ -44,10 +45,10 @@ class ReadNoise(Effect):
         source="0.14 is nearly Gaussian; the paper's camera has -0.23",
     )
     after_gain_dn = Parameter(
-        0.0, unit="DN", high=65535.0, source="converter and line noise, behind the gain stage"
+        0.0, unit="DN", high=65535.0, source="converter and line noise after the gain stage"
     )
     meaning = Parameter(
-        "standard_deviation", options=("standard_deviation", "scale"), source="the paper fits the scale"
+        "standard_deviation", options=("standard_deviation", "scale"), source="scale: as fitted in the paper"
     )
 
     @classmethod

@@ -4,17 +4,17 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class RowNoise(Effect):
-    """The reset and reference of a row are common to its pixels, and fresh in every frame."""
+    """The reset and reference voltages of a row are common to its pixels and fluctuate from frame to frame."""
 
     name = "row_noise"
     stage = Stage.READOUT
     order = 40
-    summary = "One random offset for each row and frame."
+    summary = "An independent random offset for each row and frame."
     equation = "V <- V + r_row, r ~ N(0, sigma^2), new in every frame"
     source = "EMVA 1288 release 4 Linear, temporal row noise; K. Wei et al., IEEE TPAMI 44 (2022) 8520, eq. 7"
     separates = (
-        "two frames subtracted: fixed patterns cancel, this stays; its spectrum along the rows is "
-        "white, periodic_banding has a line, flicker_noise rises to low frequencies"
+        "subtract two frames: fixed patterns cancel, row noise remains; its spectrum over the rows is "
+        "white, periodic_banding has a line, flicker_noise rises towards low frequencies"
     )
     sigma_e = Parameter(
         1.0, unit="e-", high=1e4, strength=True, source="0.1 to 1 times the read noise", trials=(0.5, 1.5)

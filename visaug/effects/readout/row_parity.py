@@ -6,23 +6,23 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class RowParity(Effect):
-    """Odd and even rows go through different amplifiers, or share transistors, hence differ in a fixed way.
+    """Odd and even rows have different amplifiers, or share transistors, and so have a constant difference.
 
-    Half the difference goes to each side, so that the frame's mean stays where it was.
+    Half of the difference is applied to each, so the mean of the frame does not change.
     """
 
     name = "row_parity"
     stage = Stage.READOUT
     order = 30
-    summary = "Odd and even rows differ in offset and gain, always in the same way."
+    summary = "Odd and even rows have a constant difference in offset and gain."
     equation = "V <- V (1 + s gain / 2) + s offset / 2, s = +1 on rows 1, 3, 5 ..., -1 on rows 0, 2, 4 ..."
     source = (
         "J. Nakamura (ed.), Image Sensors and Signal Processing for Digital Still Cameras (CRC 2006), "
         "fixed-pattern noise"
     )
     separates = (
-        "the mean of many frames, odd rows less even ones: a constant in the dark (offset), growing "
-        "with the light (gain); seen by no seam"
+        "average many frames and subtract even from odd rows: constant in the dark (offset), growing with "
+        "the light (gain); tap_mismatch has a single step instead"
     )
     offset_e = Parameter(
         1.0,

@@ -6,17 +6,17 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 
 class RTSNoise(Effect):
-    """A trap beside a pixel's source follower catches and frees an electron, which shifts the voltage.
+    """A trap next to the source follower of a pixel captures and releases an electron, which shifts the voltage.
 
-    Traps that switch far faster than frames follow one another are found at random by each frame; slower ones keep their state
-    from frame to frame with the probability `kept`. Correlated double sampling subtracts two fast states and shows three levels,
-    -A, 0 and A.
+    Traps that switch much faster than the frame rate have an independent random state in each frame; slower ones keep their
+    state from frame to frame with the probability `kept`. Correlated double sampling subtracts two states of fast traps and
+    gives three levels, -A, 0 and A.
     """
 
     name = "rts_noise"
     stage = Stage.READOUT
     order = 55
-    summary = "A few pixels jump between two levels from frame to frame."
+    summary = "A few pixels jump between discrete levels from frame to frame."
     equation = (
         "V <- V + A_pixel s, s in {0, 1} with P(1) = duty, s_k = s_(k-1) with probability kept, else drawn anew; "
         "three levels: s = s_1 - s_2"
@@ -26,13 +26,13 @@ class RTSNoise(Effect):
         "release 4 General"
     )
     separates = (
-        "a long series of dark frames: single pixels jump between levels; hot_pixels and dsnu stay "
-        "where they are; cosmic_rays come once"
+        "take a long series of dark frames: single pixels jump between levels; hot_pixels and dsnu are "
+        "constant; cosmic_rays occur once"
     )
     differentiable = False
     why_not = (
-        "whether a pixel has a trap, and which state a frame finds it in, are yes or no; image and "
-        "amplitude do have a gradient"
+        "whether a pixel has a trap, and its state in a frame, are discrete; the image and the amplitude "
+        "have gradients"
     )
     density = Parameter(
         0.003,
@@ -50,14 +50,14 @@ class RTSNoise(Effect):
         source="mean; a few to tens of electrons (Wang et al.)",
     )
     duty = Parameter(
-        0.5, unit="1", high=1.0, trials=(0.2, 0.5), source="share of the time in the upper level"
+        0.5, unit="1", high=1.0, trials=(0.2, 0.5), source="fraction of the time in the upper level"
     )
     kept = Parameter(
         0.0,
         unit="1",
         high=0.99,
         trials=(0.0, 0.5),
-        source="time constants lie decades apart (Wang et al.): some traps are slower than the frames",
+        source="time constants vary by decades (Wang et al.): some traps are slower than the frame rate",
         of=("two",),
     )
     amplitudes = Parameter(

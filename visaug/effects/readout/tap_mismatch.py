@@ -7,20 +7,22 @@ from visaug.effects.readout.steps import edges
 
 
 class TapMismatch(Effect):
-    """Fast sensors are read by two output amplifiers at once, one for each half; they never match exactly.
+    """Fast sensors are read by two output amplifiers, one for each half, which never match exactly.
 
-    Half the difference goes to each side. A seam that falls inside a pixel gives this pixel the share of
-    either side, which is what gives `seam` a derivative.
+    Half of the difference is applied to each side. A pixel that contains the seam gets a weighted mean of both sides, which
+    gives `seam` a derivative.
     """
 
     name = "tap_mismatch"
     stage = Stage.READOUT
     order = 20
-    summary = "Two halves are read with different gain and offset, which shows as a step at the seam."
+    summary = (
+        "Two halves of the sensor are read with different gain and offset, which gives a step at the seam."
+    )
     equation = "V <- V (1 + s gain / 2) + s offset / 2, s = -1 before the seam and +1 behind it"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE 2001), multiple output amplifiers"
     separates = (
-        "the mean of many dark frames and of many flats: a step at the seam, in the dark (offset) and "
+        "average many dark frames and many flats: a step at the seam, constant in the dark (offset) and "
         "growing with the light (gain); vignetting has no step"
     )
     offset_e = Parameter(
@@ -30,7 +32,7 @@ class TapMismatch(Effect):
         high=1e4,
         strength=True,
         trials=(0.5, 2.0),
-        source="the size of the read noise; second minus first",
+        source="about the read noise; second minus first half",
     )
     gain = Parameter(
         0.0,
@@ -39,7 +41,7 @@ class TapMismatch(Effect):
         high=0.5,
         strength=True,
         trials=(0.005, 0.02),
-        source="matching to about 1 %; second minus first",
+        source="matched to about 1 %; second minus first half",
     )
     seam = Parameter(0.5, unit="share of the sensor", high=1.0, trials=(0.5,), source="0.5 is the middle")
     direction = Parameter("columns", options=("columns", "rows"), source="columns: left and right halves")
