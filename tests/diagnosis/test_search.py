@@ -1,12 +1,16 @@
 """An earlier name is thought over once a later effect is there."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
+from tests.diagnosis.small import frame_set
 from tests.diagnosis.states import leaving, refined
 from visaug import Camera
+from visaug.comparison import Laboratory
 from visaug.diagnosis import adding, naming, search
+from visaug.diagnosis.fits import Fits
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.result import Ranked, Step
 
@@ -126,3 +130,24 @@ def test_a_step_has_the_numbers_of_the_steps_before(veiled, monkeypatch):
     for _ in range(3):
         begun._add(state, None)  # pyright: ignore[reportArgumentType]
     assert had == [{}, {"lens_flare": flare}, {"lens_flare": flare, "veiling_glare": veil}]
+
+
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_quantum_efficiency_is_refitted_only_where_the_photons_of_flats_are_measured(
+    stated, monkeypatch, calibrated
+):
+    """Photons that the stated efficiency itself gave cannot correct it; everything else is refitted all the same."""
+    frames = frame_set(5)
+    if not calibrated:
+        frames = frames.with_records([replace(r, photons=None) for r in frames.records])
+    given = []
+    monkeypatch.setattr(
+        search.cache, "reference", lambda lab, camera, coordinates, *_: given.append(coordinates)
+    )
+    search._Search(Laboratory(frames, stated), stated, frozenset(), lambda *_: None, 20)._reference()
+    Fits(stated, frames)._reference((), lambda *_: None)
+    assert len(given) == 2
+    for coordinates in given:
+        paths = {c.path for c in coordinates}
+        assert "gain_e_per_dn" in paths
+        assert ("quantum_efficiency" in paths) == calibrated

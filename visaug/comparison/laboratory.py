@@ -27,6 +27,7 @@ class Laboratory:
 
     Of a large set it takes a share, `selection`: see `visaug.comparison.selection`. `parts` are what is measured and
     simulated: the frames, or a window of them and some full frames beside. `frames` and `folds` are of the first part.
+    `calibrated` says whether the set itself has the photons of all its flats.
 
     Args:
         frames: the measured set.
@@ -55,6 +56,7 @@ class Laboratory:
         frames = frames.assuming_bits(camera.bit_depth)
         self.selection = select(frames)
         self.warnings = (*frames.warnings, *self.selection.left_out, *history_warnings(frames.records))
+        self.calibrated = all(r.photons is not None for r in frames.records if r.kind == "flat")
         lit = _with_photons(frames, camera, self.selection.frames)
         self.parts = parts_of(lit, self.selection, folds, report)
         self.frames, self.folds = self.parts[0].frames, self.parts[0].folds

@@ -67,7 +67,6 @@ class Fits:
                 field="frames",
                 expected="at least 4 under some conditions",
             )
-        self.calibrated = all(r.photons is not None for r in frames.records if r.kind == "flat")
         self._references: dict[Names, Reference] = {}
         self._states: dict[tuple[Names, Names], State] = {}
 
@@ -139,7 +138,7 @@ class Fits:
             camera = self.given
             for name in without:
                 camera = camera.without_effect(name)
-            coordinates = base_coordinates(camera, self.lab.frames, self.calibrated)
+            coordinates = base_coordinates(camera, self.lab.frames, self.lab.calibrated)
             sets = self._after if without else self.sets
             self._references[without] = cache.reference(self.lab, camera, coordinates, sets, report)
         return self._references[without]

@@ -83,7 +83,6 @@ def diagnose(
 class _Search:
     def __init__(self, lab: Laboratory, camera: Camera, without: frozenset[str], report: Report, sets: int):
         self.lab, self.given, self.without, self.report, self.sets = lab, camera, without, report, sets
-        self.calibrated = all(r.photons is not None for r in lab.frames.records if r.kind == "flat")
         if len(self.lab.folds.find) < 2:
             raise InputError(
                 f"{len(lab.frames)} frames are too few",
@@ -160,7 +159,7 @@ class _Search:
         return self.lab.measured[2].statistics
 
     def _reference(self) -> Reference:
-        coordinates = base_coordinates(self.given, self.lab.frames, self.calibrated)
+        coordinates = base_coordinates(self.given, self.lab.frames, self.lab.calibrated)
         return cache.reference(self.lab, self.given, coordinates, self.sets, self.report)
 
     @cached_property
