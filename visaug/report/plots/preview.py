@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from visaug.augment.preview import LEVELS, Sample
-from visaug.report.plots.style import styled
+from visaug.report.plots.style import plain, styled
 
 if TYPE_CHECKING:
     import numpy as np
@@ -36,14 +36,14 @@ def plot_preview(title: str, given: "np.ndarray", samples: Sequence[Sample]) -> 
     with styled():
         figure = Figure(figsize=(wide / DPI, high / DPI), dpi=DPI)
         FigureCanvasAgg(figure)
-        figure.text(GAP / wide, 1 - 22 / high, title, fontsize=9.5)
+        figure.text(GAP / wide, 1 - 22 / high, plain(title), fontsize=9.5)
         for number, (name, crop, sigma) in enumerate(
             [("as given", given, None), *((one.name, one.crop, one.sigma) for one in samples)]
         ):
             left = GAP + number % columns * (cell + GAP)
             top = 36 + number // columns * (HEAD + height + FOOT + GAP) + HEAD
             figure.figimage(crop, left, high - top - height)
-            figure.text(left / wide, 1 - (top - 7) / high, name, fontsize=9)
+            figure.text(left / wide, 1 - (top - 7) / high, plain(name), fontsize=9)
             levels = "   ".join(f"{level:>5d}" for level in LEVELS)
             noise = "   ".join(f"{value:5.2f}" for value in sigma) if sigma else ""
             for line, (label, text) in enumerate([("level", levels), ("noise", noise)] if sigma else []):

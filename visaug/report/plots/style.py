@@ -46,6 +46,11 @@ def styled() -> Iterator[None]:
         yield
 
 
+def plain(text: str) -> str:
+    """A user's text for a figure, where matplotlib would take what is between two $ for a formula."""
+    return text.replace("$", r"\$")
+
+
 def blank(width: float = 8.0, height: float = 3.6) -> "Figure":
     """An empty figure (inches) that belongs to no window; axes find their place by themselves."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
