@@ -250,18 +250,19 @@ def test_temporal_variance_of_single_frames():
     np.testing.assert_allclose(found, sigmas**2, atol=1.5)
 
 
-def test_mean_of_rounded_values_is_that_of_the_staircase():
-    """Against the sum over codes for a normal law."""
+@pytest.mark.parametrize(("sigma", "spread", "within"), [(0.2, 0.05, 0.01), (0.65, 0.4, 0.003), (2.1, 1.3, 1e-3)])
+def test_mean_of_rounded_values_is_that_of_the_staircase(sigma, spread, within):
+    """Against the sum over codes for a normal law; shape 0.1349 is within 0.002 of it."""
     from scipy import stats
 
     from visaug.characterization.clipped import Fit
 
-    fit = Fit(np.log(0.2), 0.14, 0.0, np.log(0.05), np.zeros((4, 4)))
-    x, mean = _cut_mean(fit, 0.05**2)
-    codes = np.arange(1, 12)
-    for level in (0.0, 0.3, 2.5, 2.62):
-        expected = stats.norm.sf((codes - 0.5 - level) / np.hypot(0.2, 0.05)).sum()
-        assert np.interp(level, x, mean) == pytest.approx(expected, abs=0.01)
+    fit = Fit(np.log(sigma), 0.1349, 0.0, np.log(spread), np.zeros((4, 4)))
+    x, mean = _cut_mean(fit, spread**2)
+    codes = np.arange(1, 40)
+    for level in (-0.4 * sigma, 0.0, 0.3, 2.5, 2.62):
+        expected = stats.norm.sf((codes - 0.5 - level) / np.hypot(sigma, spread)).sum()
+        assert np.interp(level, x, mean) == pytest.approx(expected, abs=within)
 
 
 def test_no_mosaic_without_flats():

@@ -379,7 +379,7 @@ def _locations(
 
 
 def _cut_mean(fit: Fit, within: float, electrons: float = 0.0, dn_per_e: float = 0.0):
-    """Grid of mean levels (DN) and the mean of max(0, level + noise) there.
+    """Grid of mean levels (DN) and the mean of max(0, level + noise), rounded, there.
 
     The noise: read noise, N(0, within) of locations, and the Poisson spread (its skewness too) of `electrons`.
     """
@@ -393,11 +393,12 @@ def _cut_mean(fit: Fit, within: float, electrons: float = 0.0, dn_per_e: float =
     density = np.fft.fftshift(np.fft.irfft(spectrum, law.x.size)) / step  # of the noise with its sign turned
     below = (np.cumsum(density) - 0.5 * density) * step
     x = law.x * fit.sigma
-    if math.hypot(fit.sigma, math.sqrt(within)) < EVEN_DN:  # the mean of max(0, round(x + noise))
+    if math.hypot(fit.sigma, math.sqrt(within)) < EVEN_DN:
         codes = np.arange(math.ceil(max(x[-1], 1.0)) + 1)
         cut = np.interp(x[:, None] - codes - 0.5, x, below, left=0.0, right=1.0).sum(1)
     else:
         cut = (np.cumsum(below) - 0.5 * below) * step * fit.sigma  # the mean of max(0, x + noise), by parts
+        cut -= density / fit.sigma / 24  # of codes, whose cut is at half a DN: Euler and Maclaurin's first term
     keep = np.concatenate([[True], np.diff(cut) > 0]) & (np.abs(x) < 60 * fit.sigma)
     return x[keep], np.maximum.accumulate(cut[keep])
 
