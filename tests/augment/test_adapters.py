@@ -95,6 +95,15 @@ def test_arrays_keep_their_depth(dtype, bits, top, channels):
     assert 1e-4 < difference.std() < 0.05  # about the noise of 10,000 electrons, or the step of 8 bit
 
 
+def test_big_endian_arrays_keep_their_type_and_get_the_same_noise():
+    image = picture(3, np.uint16, 60000)
+    swapped = image.astype(">u2")
+    noisy = ImageNoise(CAMERA, seed=4)(swapped)
+    assert noisy.dtype == swapped.dtype
+    assert np.array_equal(noisy, ImageNoise(CAMERA, seed=4)(image))
+    assert not np.array_equal(noisy, image)
+
+
 class Flats(Dataset):
     def __init__(self):
         self.noise = ImageNoise(CAMERA)
@@ -189,6 +198,7 @@ def test_what_is_no_image_is_refused_by_name():
         (lambda: TorchvisionNoise(CAMERA)({"boxes": boxes, "label": 3}), "no image"),
         (lambda: ImageNoise(CAMERA)("photo.jpg"), "str"),
         (lambda: ImageNoise(CAMERA)(Image.new("P", (4, 4))), "mode P"),
+        (lambda: ImageNoise(CAMERA)(Image.new("I", (4, 4))), "uint16"),  # convert() would cut it at 255
         (lambda: ImageNoise(CAMERA)(picture().transpose(2, 0, 1)), "channels first"),
         (lambda: ImageNoise(CAMERA)(torch.rand(24, 32, 3)), "channels last"),
         (lambda: ImageNoise(CAMERA)(torch.rand(2, 3, 24, 32)), "shape"),
@@ -196,6 +206,8 @@ def test_what_is_no_image_is_refused_by_name():
         (lambda: ImageNoise(CAMERA)(torch.rand(3, 8, 8) * 255), "values"),
         (lambda: ImageNoise(CAMERA, p=1.5), "probability"),
         (lambda: TorchvisionNoise(CAMERA, bits=20), "bit"),
+        (lambda: ImageNoise(CAMERA, seed=1.5), "seed"),
+        (lambda: VISNoise(CAMERA, seed="5"), "seed"),
     ):
         with pytest.raises(InputError, match=message):
             call()

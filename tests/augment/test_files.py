@@ -362,6 +362,32 @@ def test_palettes_tags_and_white_is_zero_of_tiffs(camera, tmp_path):
     assert negative.std() == pytest.approx((5535 * GAIN + READ_E**2) ** 0.5 / GAIN, rel=0.055)
 
 
+def test_floats_that_hold_whole_numbers_of_8_bit_are_refused(camera, tmp_path):
+    values = pixels(np.uint8, 3)
+    np.save(tmp_path / "a.npy", values.astype(np.float32))
+    tifffile.imwrite(tmp_path / "b.tif", values.astype(np.float32), photometric="rgb")
+    np.save(tmp_path / "mask.npy", (values > 90).astype(np.float32))  # whole too, and in [0, 1]
+    done = augment_files([tmp_path], tmp_path / "out", camera)
+    assert done.written == 1
+    assert [line.split(": ")[-1] for line in done.failed] == [done.failed[0].split(": ")[-1]] * 2
+    assert "divide by" in done.failed[0]
+
+
+def test_tifffiles_description_of_another_layout_is_left_out(camera, tmp_path):
+    values = pixels(np.uint8, 3)
+    tifffile.imwrite(
+        tmp_path / "planes.tif", np.moveaxis(values, -1, 0), photometric="rgb", planarconfig="separate"
+    )
+    tifffile.imwrite(tmp_path / "pixels.tif", values, photometric="rgb")
+    augment_files([tmp_path], tmp_path / "out", camera)
+    described = {}
+    for name in ("planes", "pixels"):
+        with tifffile.TiffFile(tmp_path / "out" / f"{name}.tif") as file:
+            assert file.asarray().shape == values.shape
+            described[name] = file.pages[0].description
+    assert described == {"planes": "", "pixels": '{"shape": [24, 40, 3]}'}
+
+
 def test_floating_point_pictures_stay_linear_light(camera, tmp_path):
     exr = pytest.importorskip("OpenEXR")
     light = np.full((32, 40, 3), 0.25, np.float32)

@@ -321,6 +321,14 @@ def test_values_a_little_outside_are_cut_and_nan_stays_at_its_pixel(fast):
     assert lost.sum() == 1
 
 
+def test_a_nan_does_not_hide_that_values_are_of_another_scale():
+    images = torch.full((1, 1, 8, 8), 120.0)
+    images[0, 0, 3, 3] = float("nan")
+    with pytest.raises(InputError, match="120"):
+        SensorNoise(camera())(images)
+    assert SensorNoise(camera())(torch.full((1, 1, 2, 2), float("nan"))).isnan().all()
+
+
 def test_the_repr_names_what_was_chosen():
     text = repr(VISNoise(camera(), seed=4, gain_db=(0, 12), strength=2, mono=False))
     for part in (

@@ -175,8 +175,19 @@ def add_noise(picture: Picture, noise: "SensorNoise", seed: int, bits: int | Non
 
 
 def _white(light: np.ndarray, bits: int | None) -> float:
-    """The value that stands for white."""
+    """The value that stands for white.
+
+    Raises:
+        InputError: values above that of `bits`, or floats that are all whole and exceed 1, as a picture of 0 to 255 has
+            them: light in [0, 1] would have fractions.
+    """
     if light.dtype.kind == "f":
+        there = light[np.isfinite(light)]
+        if there.max(initial=0) > 1 and np.array_equal(there, np.round(there)):
+            raise InputError(
+                f"holds whole numbers up to {there.max():g} as floating point",
+                expected="values in [0, 1]: divide by what stands for white (255 for data of 8 bit)",
+            )
         return 1.0
     if bits is None or light.dtype != np.uint16:
         return float(np.iinfo(light.dtype).max)

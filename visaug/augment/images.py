@@ -17,6 +17,8 @@ from visaug.errors import InputError
 
 DEPTHS = {torch.uint8: 8, torch.uint16: 16}
 PIL_MODES = ("L", "LA", "RGB", "RGBA", "I;16")
+# Pillow's convert() cuts these two at 255.
+PIL_ARRAYS = {"I": "np.asarray(image).astype(np.uint16)", "F": "np.asarray(image), scaled to [0, 1]"}
 
 _log = logging.getLogger("visaug")
 _said: list[str] = []
@@ -90,10 +92,12 @@ def to_tensor(image: Any) -> Tensor:
                 f"an array has shape {image.shape}, channels first",
                 expected="(H, W, C), or a tensor (C, H, W)",
             )
-        tensor, place = torch.from_numpy(np.ascontiguousarray(planes.transpose(2, 0, 1))), 2
+        native = planes.astype(planes.dtype.newbyteorder("="), copy=False)  # FITS and some TIFF: big-endian
+        tensor, place = torch.from_numpy(np.ascontiguousarray(native.transpose(2, 0, 1))), 2
     elif hasattr(image, "mode") and hasattr(image, "getbands"):
         if image.mode not in PIL_MODES:
-            raise InputError(f"a PIL image has mode {image.mode}", expected="image.convert('RGB') or 'L'")
+            expected = PIL_ARRAYS.get(image.mode, "image.convert('RGB') or 'L'")
+            raise InputError(f"a PIL image has mode {image.mode}", expected=expected)
         return to_tensor(np.array(image))
     else:
         raise InputError(f"an image is a {type(image).__name__}", expected="PIL, NumPy or a tensor")
@@ -112,7 +116,7 @@ def like(noisy: Tensor, image: Any) -> Any:
         return noisy
     array = noisy.numpy().transpose(1, 2, 0)
     if isinstance(image, np.ndarray):
-        return np.ascontiguousarray(array.reshape(image.shape))
+        return np.ascontiguousarray(array.reshape(image.shape), dtype=image.dtype)
     from PIL import Image
 
     made = Image.fromarray(np.ascontiguousarray(array[..., 0] if array.shape[2] == 1 else array))

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from numbers import Integral
 from typing import Any
 
 import torch
@@ -65,6 +66,13 @@ def check_flag(name: str, value: Any) -> bool | None:
     raise InputError(f"{value!r} is not a choice", field=name, expected="True, False or None")
 
 
+def check_seed(seed: Any) -> int | None:
+    """None, or a whole number."""
+    if seed is None or (isinstance(seed, Integral) and not isinstance(seed, bool)):
+        return None if seed is None else int(seed)
+    raise InputError(f"{seed!r} is not valid", field="seed", expected="a whole number, or None")
+
+
 def check_images(images: Any) -> Tensor:
     """A batch of images (B, C, H, W) of floating-point values in about [0, 1].
 
@@ -99,6 +107,9 @@ def check_values(images: Tensor) -> None:
     if images.numel() == 0 or torch.compiler.is_compiling():
         return
     low, high = (float(end) for end in images.detach().aminmax())
+    if math.isnan(low):  # a missing value must not hide the scale of the others
+        there = images.detach()[~images.isnan()]
+        low, high = (float(end) for end in there.aminmax()) if there.numel() else (0.0, 0.0)
     if low < LEAST or high > MOST:
         raise InputError(
             f"holds values from {low:g} to {high:g}", field="images", expected="values in [0, 1]: divide an image "

@@ -237,7 +237,10 @@ def _say(done: "Augmented", output: Path) -> None:
         parts = [f"{WORDS[kind]} for {count} ({why})" for (kind, why), count in sorted(done.assumed.items())]
         click.echo(f"transfer function: {', '.join(parts)}")
     if done.clipped:
-        click.echo(f"{_number(done.clipped, 'picture')} with values outside [0, 1], which the sensor cuts")
+        click.echo(
+            f"{_number(done.clipped, 'picture')} with values outside [0, 1], which the sensor cuts: 1 is white; "
+            "scale data of another range first"
+        )
     if done.skipped:
         parts = [f"{count} {suffix}" for suffix, count in sorted(done.skipped.items())]
         click.echo(f"skipped {_number(sum(done.skipped.values()), 'file')}: {', '.join(parts)}")

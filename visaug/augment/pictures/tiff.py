@@ -13,7 +13,7 @@ from visaug.errors import InputError
 from visaug.frames.limits import check_shape
 
 PALETTE, WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, YCBCR = 3, 0, 1, 2, 6
-ICC, GDAL_NODATA = 34675, 42113
+DESCRIPTION, ICC, GDAL_NODATA = 270, 34675, 42113
 RESOLUTION = (282, 283, 296)  # along x, along y, unit: the writer takes them apart from other tags
 # Tags that say how the pixels lie in the file, which the writer sets; and folders of tags, which hold places in the
 # old file. Every other tag is carried over.
@@ -60,6 +60,9 @@ def read_tiff(path: Path) -> Picture:
             ],
         }
         pixels = _pixels(path, page)
+        if page.is_shaped and page.shape != (pixels.shape if pixels.shape[2] > 1 else pixels.shape[:2]):
+            # tifffile's own description: the shape that the old file had
+            extras["tags"] = [tag for tag in extras["tags"] if tag[0] != DESCRIPTION]
         icc, nodata = page.tags.get(ICC), page.tags.get(GDAL_NODATA)
     if pixels.dtype not in (np.uint8, np.uint16) and pixels.dtype.kind != "f":
         raise InputError(f"holds {pixels.dtype}", file=path, expected="uint8, uint16 or floats")
