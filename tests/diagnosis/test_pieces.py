@@ -189,3 +189,11 @@ def test_a_diagnosis_proposes_no_effect_that_frames_cannot_show():
     assert not {trial.effect for trial in trials(camera)} & (blurs | pictures)
     asked = {trial.effect for trial in trials(camera, only=frozenset(blurs | pictures))}
     assert asked & (blurs | pictures) == blurs
+
+
+def test_values_estimated_from_frames_are_brought_into_range():
+    from visaug.diagnosis.candidates import within_bounds
+    from visaug.effects import CosmicRays
+
+    point = {"rate_per_mpx_s": 3.0, "charge_e_per_px": 50.0, "length_px": 64.4}
+    assert within_bounds(CosmicRays, point) == point | {"length_px": CosmicRays.parameters["length_px"].high}

@@ -145,11 +145,21 @@ def looked(lab: Laboratory, camera: Camera, without: frozenset[str] = frozenset(
     if seen is None:
         return []
     return [
-        _trial(effect, point, looked=True)
+        _trial(effect, within_bounds(effect, point), looked=True)
         for name, effect in catalogue().items()
         if not effect.base and name not in camera.effect_names and name not in without and is_proposed(effect)
         for point in effect.looks(seen)
     ]
+
+
+def within_bounds(effect: type[Effect], point: dict[str, Any]) -> dict[str, Any]:
+    """Values that were estimated from frames, each brought into the range of its parameter: frames may show anything."""
+    return {
+        key: value
+        if effect.parameters[key].options
+        else min(max(value, effect.parameters[key].low), effect.parameters[key].high)
+        for key, value in point.items()
+    }
 
 
 def _trial(effect: type[Effect], point: dict[str, Any], looked: bool = False) -> Trial:
