@@ -164,9 +164,10 @@ yardstick = lru_cache(Yardstick)
 def for_specimen(recipe: Recipe) -> Recipe | None:
     """The recipe with the strengths that its word means on the specimen that its seed draws.
 
-    None where an effect cannot be made that plain. What is no multiple of plain stays.
+    None where an effect cannot be made that plain. What is no multiple of plain stays, as do sets of real size: their
+    strengths are stated, forty base sets of each would take hours.
     """
-    if recipe.strength not in FACTOR:
+    if recipe.strength not in FACTOR or recipe.camera in cameras.LARGE:
         return recipe
     hidden = []
     for name, nearly, form in recipe.hidden:

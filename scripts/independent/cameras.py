@@ -1,4 +1,4 @@
-"""Ten cameras with frame plans and targets, drawn once from fixed seeds and rounded like a data sheet."""
+"""Ten small cameras and two of real size with frame plans and targets, fixed by seeds and rounded as data sheets do."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ _FORMATS = (
     (16, 128, 160), (12, 128, 160), (14, 96, 128), (16, 160, 200), (12, 128, 192),
     (14, 144, 176), (12, 200, 256), (16, 112, 144), (14, 160, 160), (12, 176, 224),
 )  # fmt: skip
-COUNT = len(_FORMATS)
+COUNT = len(_FORMATS)  # of those that a seed may draw
+# Sets of real size by the camera's number: bit depth, rows, columns, frames
+LARGE = {COUNT: (12, 200, 256, 150), COUNT + 1: (14, 1000, 1000, 60)}
 
 
 def camera_of(seed: int) -> int:
@@ -25,7 +27,7 @@ def camera_of(seed: int) -> int:
 
 @lru_cache
 def sensor(number: int) -> Sensor:
-    bits, rows, columns = _FORMATS[number]
+    bits, rows, columns = LARGE[number][:3] if number in LARGE else _FORMATS[number]
     rng = stream(1288, "sensor", number)
     well_e = round(rng.uniform(7000, 11000) if bits == 12 else rng.uniform(9000, 20000), -2)
     headroom = rng.uniform(0.86, 0.94)  # the well fills before the converter does
@@ -56,6 +58,8 @@ def sensor(number: int) -> Sensor:
 @lru_cache
 def plan(number: int) -> tuple[Shot, ...]:
     """Bias, dark ladder, flats to near full well or beyond, scenes each followed by a dark frame: about 70 frames."""
+    if number in LARGE:
+        return _large_plan(number, LARGE[number][3])
     camera, rng = sensor(number), stream(1288, "plan", number)
     shots = [Shot("bias", 1e-5, camera.celsius)] * int(rng.integers(14, 19))
     longest = float(rng.choice([1.5, 2.0, 3.0]))
@@ -72,6 +76,30 @@ def plan(number: int) -> tuple[Shot, ...]:
             shots.append(Shot("scene", camera.integration_s, camera.celsius, target=target))
             shots.append(Shot("dark", camera.integration_s, camera.celsius))
     return tuple(shots)
+
+
+def _large_plan(number: int, frames: int) -> tuple[Shot, ...]:
+    """A plan of so many frames: more of each condition in a longer set, bias frames fill it up. Scenes stand in the middle."""
+    camera, each = sensor(number), frames // 18
+    ladder = [
+        Shot("dark", t, camera.celsius + warmer)
+        for warmer in (0.0, 10.0)
+        for t in (0.3, 3.0)
+        for _ in range(each)
+    ]
+    scenes = []
+    for target in ("chart", "scene", "spot"):
+        for _ in range(2):
+            scenes.append(Shot("scene", camera.integration_s, camera.celsius, target=target))
+            scenes.append(Shot("dark", camera.integration_s, camera.celsius))
+    full = camera.well_e / camera.efficiency
+    flats = [
+        Shot("flat", camera.integration_s, camera.celsius, photons=float(round(share * full)))
+        for share in (0.01, 0.05, 0.2, 0.45, 0.7, 0.92)
+        for _ in range(each)
+    ]
+    biases = [Shot("bias", 1e-5, camera.celsius)] * (frames - len(ladder) - len(scenes) - len(flats))
+    return tuple(biases + ladder + scenes + flats)
 
 
 @lru_cache

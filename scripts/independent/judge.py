@@ -89,7 +89,8 @@ def verdict(answer: dict[str, Any], result: dict[str, Any], usual: Sequence[str]
     told_growth = set((unexplained or {}).get("grows_with") or [])
     growth = set(answer["grows"]) <= told_growth <= set(answer["grows"]) | set(answer["may_grow"])
     axis = told_axis[:1] != [] and told_axis[0] in answer["axis"] and growth  # the clearest is told first
-    outside = bool(answer["without"]) or (answer["kind"] == "foreign" and not result.get("effects"))
+    in_no_catalogue = answer["kind"] == "foreign" or (answer.get("hidden") and not answer["expect"])
+    outside = bool(answer["without"]) or (in_no_catalogue and not result.get("effects"))
     if outside:
         right, wrong = unexplained is not None and axis, bool(accepted) and unexplained is None
     else:

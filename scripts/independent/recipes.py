@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from . import cameras, effects, foreign
+import numpy as np
+
+from . import cameras, effects, foreign, local
 from .randomness import stream
 from .sets import Recipe
-from .strengths import scaled
+from .strengths import FACTOR, scaled
+
+FEW = 40  # pixels of a large sensor that an effect of single pixels hides in, where it is plain
 
 
 def _hidden(camera: int, kind: effects.Kind, form: str, word: str) -> tuple[str, float, str] | None:
@@ -127,6 +131,30 @@ def mixed(seed: int, camera: int, word: str) -> Iterator[Recipe]:
     )  # fmt: skip
 
 
+def _large(number: int, of: str) -> Callable[[int, int, str], Iterator[Recipe]]:
+    """Sets of real size of one camera, whichever the seed draws: clean, in a part of the sensor, in few pixels, with memory."""
+
+    def large(seed: int, _: int, word: str) -> Iterator[Recipe]:
+        yield Recipe(f"{of}-clean-{seed}", of, "none", seed, number)
+        for kind in local.KINDS:
+            hidden = _hidden(number, kind, "default", word)
+            if hidden:
+                yield Recipe(
+                    f"{of}-{kind.name}-{word}-{seed}", of, word, seed, number, (hidden,),
+                    expect=local.CATALOGUE[kind.name], axis=kind.axis, grows=kind.grows, may_grow=kind.may_grow,
+                )  # fmt: skip
+        few = FEW * FACTOR.get(word, 1.0) / np.prod(cameras.sensor(number).shape)
+        spread = [(name, float(few), "default") for name in ("hot_pixels", "rts_noise")]
+        kept = [("image_lag", "default"), ("black_level_drift", "slow walk")]
+        spread += filter(None, (_hidden(number, effects.BY_NAME[name], form, word) for name, form in kept))
+        for hidden in spread:
+            yield Recipe(
+                f"{of}-{hidden[0]}-{word}-{seed}", of, word, seed, number, (hidden,), expect=(hidden[0],)
+            )
+
+    return large
+
+
 KINDS: dict[str, Callable[[int, int, str], Iterator[Recipe]]] = {
     "single": single,
     "clean": clean,
@@ -138,4 +166,6 @@ KINDS: dict[str, Callable[[int, int, str], Iterator[Recipe]]] = {
     "foreign": unlisted,
     "mixed": mixed,
     "small": small,
+    "large_150": _large(cameras.COUNT, "large_150"),  # 150 frames of 200 x 256
+    "large_1mpx": _large(cameras.COUNT + 1, "large_1mpx"),  # 60 frames of 1000 x 1000
 }

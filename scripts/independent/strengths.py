@@ -10,7 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from statistics import median
 
-from . import cameras, effects, foreign
+from . import cameras, effects, foreign, local
 
 TABLE = Path(__file__).with_name("strengths.json")
 FACTOR = {"strong": 4.0, "plain": 1.0, "half": 0.5, "quarter": 0.25, "tenth": 0.1}
@@ -25,9 +25,10 @@ TYPICAL = {
     "missing_codes": 0.02, "slanted_pickup": 3, "row_gain_noise": 0.01, "patchwork": 3,
     "row_loading": 0.01, "electronic_ghost": 0.01, "fringing": 0.01, "dust": 0.05, "bit_flips": 1e-3, "checkerboard": 1,
     "converter_step": 30, "column_parity_gain": 0.005, "despeckle": 0.2,
+    "corner_glow": 200, "edge_columns": 4, "quarter_taps": 2,
 }  # fmt: skip
 WORDS = (*FACTOR, "typical")
-KNOWN = effects.BY_NAME | {kind.name: kind for kind in foreign.KINDS}
+KNOWN = effects.BY_NAME | {kind.name: kind for kind in (*foreign.KINDS, *local.KINDS)}
 
 
 @lru_cache

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import hidden_effects
 import numpy as np
@@ -12,12 +13,14 @@ from independent import (
     effects,
     getframes_sets,
     judge,
+    local,
     pyxel_sets,
     real,
     recipes,
     strengths,
 )
-from independent.sets import write_set
+from independent.camera import Shot, take
+from independent.sets import plan_of, write_set
 from scipy.stats import binomtest
 
 
@@ -138,6 +141,13 @@ ANSWER = {
         ({"kind": "mixed"}, diagnosis(["smear"], {"axis": ["row"], "grows_with": []}), True, False),
         ({"kind": "mixed"}, diagnosis(["smear"]), False, False),
         ({"kind": "mixed"}, diagnosis(["smear", "prnu"], {"axis": ["row"], "grows_with": []}), False, True),
+        (
+            {"hidden": [1], "expect": []},
+            diagnosis([], {"axis": ["column"], "grows_with": ["signal"]}),
+            True,
+            False,
+        ),
+        ({"hidden": [1], "expect": []}, diagnosis([]), False, False),
         ({}, {"diagnosis": None}, False, False),
     ],
 )
@@ -239,3 +249,63 @@ def test_getframes_follows_the_photon_transfer_curve():
     expected = (sensor.read_e / sensor.e_per_dn) ** 2 + 1 / 12
     assert frames.var(0, ddof=1).mean() == pytest.approx(expected, rel=0.02)
     assert frames.mean() == pytest.approx(sensor.pedestal_dn, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "frames"), [("large_150", (200, 256), 150), ("large_1mpx", (1000, 1000), 60)]
+)
+def test_sets_of_real_size(name, shape, frames):
+    """What lies in one corner, at an edge, at quarter seams, in few pixels of many, and in memory."""
+    found = list(recipes.KINDS[name](8, 3, "half"))
+    assert {recipe.camera for recipe in found} == {found[0].camera}
+    assert cameras.sensor(found[0].camera).shape == shape
+    plan = plan_of(found[0])
+    assert len(plan) == frames
+    assert {shot.kind for shot in plan} == {"bias", "dark", "flat", "scene"}
+    assert {entry[0] for recipe in found for entry in recipe.hidden} == {
+        "corner_glow", "edge_columns", "quarter_taps", "hot_pixels", "rts_noise", "image_lag", "black_level_drift",
+    }  # fmt: skip
+    (hot,) = (recipe for recipe in found if recipe.expect == ("hot_pixels",))
+    assert hot.hidden[0][1] * np.prod(shape) == pytest.approx(recipes.FEW / 2)
+    assert all(calibrate.for_specimen(recipe) is recipe for recipe in found)
+    assert found[0].camera not in {cameras.camera_of(seed) for seed in range(200)}
+
+
+@pytest.fixture(scope="module")
+def local_differences():
+    """Mean of the longest darks with an effect less those without, e-; 12 frames of one specimen with the same noise."""
+    sensor = replace(
+        cameras.sensor(0),
+        rows=160,
+        columns=200,
+        e_per_dn=0.05,
+        pedestal_dn=3000.0,
+        well_e=3000.0,
+        dark_e_per_s=0.0,
+        dsnu_e=(0.0, 0.0, 0.0),
+    )
+    plan = [Shot("dark", 2.0, 20.0)] * 12
+    plain = take(sensor, plan, {}, 4).mean(0)
+    return {
+        kind.name: (take(sensor, plan, {}, 4, [kind.at(30.0)]).mean(0) - plain) * sensor.e_per_dn
+        for kind in local.KINDS
+    }
+
+
+def test_local_effects_are_where_they_say(local_differences):
+    glow, edge, taps = (local_differences[name] for name in ("corner_glow", "edge_columns", "quarter_taps"))
+    y, x = np.mgrid[:160, :200]
+    distance = min(
+        (np.hypot(r - y, c - x) for r in (0, 159) for c in (0, 199)), key=lambda d: glow[d < 10].mean() * -1
+    )
+    expected = 60 * np.exp(-distance / local.REACH_PX)
+    # shot noise of 60 e- in 12 frames is 2.3 e- a pixel at the most; a block of 10 x 10 knows its mean to 0.23
+    blocks = (glow - expected).reshape(16, 10, 20, 10).mean((1, 3))
+    assert np.abs(blocks).max() < 5 * 0.23
+    columns = edge.mean(0)
+    assert sorted(np.flatnonzero(columns < -29.9)) in (list(range(12)), list(range(188, 200)))
+    assert np.count_nonzero(np.abs(columns) > 0.1) == local.EDGE_COLUMNS
+    levels = taps.mean(0).reshape(4, 50)
+    assert np.ptp(levels, axis=1).max() < 0.1  # rounding
+    assert np.sqrt(np.mean(levels**2)) == pytest.approx(30.0, rel=0.01)
+    assert np.diff(np.sort(levels[:, 0])) == pytest.approx([26.7, 27.0, 26.7], abs=0.2)
