@@ -253,7 +253,7 @@ def _photons(plan: FrameSet, i: int, shape: tuple[int, int]) -> Tensor:
     if record.kind == "flat":
         if record.photons is None:
             raise InputError(
-                "a flat needs its photons to be simulated",
+                "a flat cannot be simulated without photons",
                 file=record.file,
                 field="photons",
                 expected="mean photons per pixel",

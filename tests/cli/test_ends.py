@@ -94,7 +94,7 @@ def test_a_terminated_command_says_so_and_cleans_up(folder):
     process.send_signal(signal.SIGTERM)
     _, said = process.communicate(timeout=60)
     assert process.returncode == 143
-    assert "visaug: terminated; run the same command again to go on" in said
+    assert "visaug: terminated; run the same command again to resume" in said
     assert not list(folder.rglob(".visaug-half-*"))
 
 

@@ -256,7 +256,7 @@ def test_nothing_edited_is_overwritten_without_force(program_run, tmp_path):
         (tmp_path / name).write_text("mine")
         status, _, err = program_run(*words, "-o", name)
         assert status == 2, err
-        assert f"{name}: is there already; expected another name, or --force to overwrite it" in err
+        assert f"{name}: already exists; expected another name, or --force to overwrite it" in err
         assert (tmp_path / name).read_text() == "mine"
     assert program_run("plan", "-o", "frames.csv", "--force")[0] == 0
     assert (tmp_path / "frames.csv").read_text().startswith("sequence,file,kind")

@@ -113,7 +113,7 @@ def test_dark_frames_of_one_exposure_alone(stated):
             0.01,
             Shot("flat", 0.01, 20.0, 9000.0),
             "brighter_fatter",
-            "a chart of edges",
+            "a test chart with edges",
             CHART,
         ),
     ],

@@ -1,4 +1,4 @@
-"""What is left is told along its axis and by what it grows with."""
+"""The remaining difference is described by its axes and by what it grows with."""
 
 import numpy as np
 import pytest
@@ -138,12 +138,12 @@ def test_codes_are_told_only_where_little_else_is_off():
     assert along(("codes", "level", 700.0), ("pixel_noise", "time pixel", 9.5)) == ("level",)
 
 
-def test_what_is_left_is_told_in_a_sentence():
+def test_the_remaining_difference_is_described_in_words():
     statistics = [Statistic("scene", axis, "bias", (axis,)) for axis in ("row", "smooth", "level")]
     assert describe(statistics, np.array([9.0, 8.0, 7.0]), "smear").description == (
-        "What is left differs from row to row, slowly over the sensor and with the level, and does not clearly grow with signal, "
-        "exposure or temperature. Furthest off is row of bias (scene), by 9.0 standard deviations. "
-        "smear lowers the error but does not explain it."
+        "The remaining difference varies from row to row, smoothly over the sensor and with the level, and does not clearly grow "
+        "with signal, exposure or temperature. The largest deviation is row of bias (scene), by 9.0 standard deviations. "
+        "smear reduces the error but does not explain it."
     )
     assert set(WORDS) == set(AXES)
 

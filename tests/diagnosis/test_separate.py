@@ -1,4 +1,4 @@
-"""Which frames would tell two effects apart."""
+"""Which frames would distinguish two effects."""
 
 import pytest
 
@@ -25,10 +25,10 @@ def told(stated, one: dict, other: dict, plan=()) -> str:
 @pytest.mark.parametrize(
     ("one", "other", "wanted"),
     [
-        (VEIL, FLARE, "a chart of edges"),
+        (VEIL, FLARE, "a test chart with edges"),
         (STRIPES, WAVES, "a stack of bias frames"),
         (CURVE, CORNERS, "flats over the whole range"),
-        (STRIPES, DEFECTS, "a ladder of dark frames"),
+        (STRIPES, DEFECTS, "a series of dark frames"),
     ],
 )
 def test_frames_in_which_two_effects_differ_are_asked_for(stated, one, other, wanted):
@@ -37,13 +37,13 @@ def test_frames_in_which_two_effects_differ_are_asked_for(stated, one, other, wa
 
 def test_frames_that_are_there_already_are_not_asked_for(stated):
     assert not told(stated, STRIPES, WAVES, BIAS).startswith("a stack of bias frames")
-    assert told(stated, VEIL, FLARE, BIAS + DARKS + FLATS).startswith("a chart of edges")
+    assert told(stated, VEIL, FLARE, BIAS + DARKS + FLATS).startswith("a test chart with edges")
 
 
 def test_where_all_kinds_are_there_more_of_the_best_are_asked_for(stated):
     all_kinds = BIAS + DARKS + FLATS + CHART
     assert told(stated, VEIL, FLARE, all_kinds).startswith(
-        "many more of the frames that are there, above all a chart"
+        "many more frames of the kinds already taken, above all a test chart"
     )
 
 
@@ -55,7 +55,7 @@ def test_what_differs_in_the_cameras_own_numbers_is_no_difference(stated):
     """Few frames leave the black level and the gain open: a flat does not know them."""
     elsewhere = stated.replace({"black_level_dn": 134.0, "gain_e_per_dn": 0.73})
     pair = {"veiling_glare": stated.with_effect(**VEIL), "lens_flare": elsewhere.with_effect(**FLARE)}
-    assert measurement(pair, (), lambda *_: None).startswith("a chart of edges")
+    assert measurement(pair, (), lambda *_: None).startswith("a test chart with edges")
 
 
 def test_cameras_that_differ_in_nothing_are_told_so(stated):

@@ -134,7 +134,7 @@ def test_mixed_sizes_need_a_region(tmp_path):
         fs.read_many([0, 1])
     records[1] = FrameRecord(1, "b.npy", "dark", 1.0, window=(0, 2, 0, 4))
     write_table(tmp_path / "frames.csv", records)
-    with pytest.raises(InputError, match="as its region says"):
+    with pytest.raises(InputError, match="as stated by its region"):
         FrameSet.load(tmp_path).read(1)
 
 

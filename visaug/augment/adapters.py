@@ -126,7 +126,7 @@ def _torchvision_noise() -> type:
             if not v2._utils.has_any(flat_inputs, *self._transformed_types):
                 kinds = ", ".join(sorted({type(one).__name__ for one in flat_inputs}))
                 raise InputError(
-                    f"a sample holds no image, but {kinds}",
+                    f"a sample contains no image, only {kinds}",
                     expected="a PIL image, a tensor or a tv_tensor; put v2.ToImage() before the noise",
                 )
 

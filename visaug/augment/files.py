@@ -193,9 +193,7 @@ def _white(light: np.ndarray, bits: int | None) -> float:
         return float(np.iinfo(light.dtype).max)
     top = 2**bits - 1
     if light.max(initial=0) > top:
-        raise InputError(
-            f"holds the value {light.max()}", expected=f"at most {top}, as data of {bits} bit have"
-        )
+        raise InputError(f"contains the value {light.max()}", expected=f"at most {top}, for {bits}-bit data")
     return float(top)
 
 

@@ -141,7 +141,7 @@ class SensorNoise(nn.Module):
             raise InputError("is given twice", field="gain_db", expected="the option, or an entry of values")
         if self.black_level == "keep" and mono is None and any(camera.spec.colour for camera in self.cameras):
             raise InputError(
-                "keep leaves an offset that white balance would turn into a colour",
+                "keep leaves an offset that white balance would turn into a colour cast",
                 field="black_level",
                 expected="subtract for a colour camera, or mono=True",
             )

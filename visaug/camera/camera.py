@@ -1,4 +1,4 @@
-"""A camera: its parameters, its chain of effects, and exposures with it."""
+"""A camera: its parameters, its chain of effects, and simulated exposures."""
 
 import copy
 from collections.abc import Callable, Mapping
@@ -22,7 +22,7 @@ from visaug.sampling import Stream
 
 
 def shipped() -> dict[str, Path]:
-    """The cameras that come with the package: names and files."""
+    """The cameras in the package: names and files."""
     folder = resources.files("visaug.camera") / "data"
     return {
         Path(str(file)).stem: Path(str(file))
@@ -32,17 +32,23 @@ def shipped() -> dict[str, Path]:
 
 
 class Camera:
-    """A detector as a chain of effects with nominal parameters.
+    """A camera model: a chain of effects with nominal parameters.
 
-    Immutable: `replace`, `with_effect` and `without_effect` give another.
+    Immutable: `replace`, `with_effect` and `without_effect` return a new camera. Use `Camera.load` to make one.
 
     Args:
-        spec: the checked content of a camera.yaml.
-        folder: where it lies; names of measured maps are relative to it.
-        maps: the measured maps by effect, where they are read already.
+        spec: the validated content of a camera.yaml.
+        folder: folder of the file; paths of measured maps are relative to it.
+        maps: the measured maps by effect; None reads them from the files.
 
     Attributes:
         effects: the chain, base terms and further effects, in the order in which they act.
+
+    Example:
+        >>> import visaug
+        >>> camera = visaug.Camera.load("sony_imx174").with_effect("row_noise", sigma_e=1.5)
+        >>> camera.effect_names
+        ['row_noise']
     """
 
     def __init__(self, spec: CameraSpec, folder: Path | None = None, maps: dict[str, Tensor] | None = None):
@@ -59,11 +65,11 @@ class Camera:
 
     @classmethod
     def load(cls, source: "str | Path | Mapping[str, Any] | Camera") -> "Camera":
-        """A camera from a camera.yaml, the name of a shipped one, or the content of such a file.
+        """Loads a camera from a camera.yaml, the name of a camera in the package, or a mapping with the content of such a file.
 
         Raises:
-            InputError: no such file or name; an unknown key, a value out of range, a measured map that
-                cannot be read.
+            InputError: the file or name does not exist, a key is unknown, a value is out of range, or a measured map cannot
+                be read.
         """
         if isinstance(source, Camera):
             return source
@@ -103,26 +109,31 @@ class Camera:
         return [entry["name"] for entry in self.spec.effects]
 
     def values(self) -> dict[str, float]:
-        """Every number of the camera by its path in camera.yaml; a full well that is left out is infinite."""
+        """All numeric parameters by their path in camera.yaml. An unspecified full well is infinite."""
         return dict(self._values)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The same numbers as `values` gives, (1,) float64 each; not to be written to."""
+        """The values of `values` as (1,) float64 arrays, read-only."""
         return dict(self._arrays)
 
     def choices(self) -> dict[str, str]:
-        """Every choice (no number) by its path."""
+        """All categorical parameters by their path."""
         return dict(self._choices)
 
     def replace(self, values: Mapping[str, Any]) -> "Camera":
-        """The same camera with other values, given by path.
+        """Returns the camera with other parameter values, given by path.
 
-        `gain_db` alone turns the camera's gain: `gain_e_per_dn`, which a camera file gives at `gain_db`, follows it, so
-        that 20 dB more are a tenth of the electrons per DN. `gain_e_per_dn` alone is the gain at the present `gain_db`;
-        both together are a new reference.
+        With `gain_db` only, `gain_e_per_dn` is adjusted: 20 dB more is a tenth of the electrons per DN. With
+        `gain_e_per_dn` only, it is the gain at the present `gain_db`. Both together are a new reference.
 
         Raises:
-            InputError: a path that the camera lacks, or a value out of bounds.
+            InputError: the camera has no such parameter, or the value is out of bounds.
+
+        Example:
+            >>> import visaug
+            >>> camera = visaug.Camera.load({"resolution": [8, 8], "gain_e_per_dn": 0.5})
+            >>> camera.replace({"gain_db": 20.0}).values()["gain_e_per_dn"]
+            0.05
         """
         content = self.to_dict()
         if "gain_db" in values and "gain_e_per_dn" not in values:
@@ -148,13 +159,13 @@ class Camera:
         return self._changed(content)
 
     def with_effect(self, name: str, **parameters: Any) -> "Camera":
-        """The same camera with one more effect (or, where it has it already, with other parameters of it)."""
+        """Returns the camera with one more effect. An effect that it has already is replaced."""
         content = self.without_effect(name).to_dict()
         content.setdefault("effects", []).append({"name": name, **parameters})
         return self._changed(content)
 
     def without_effect(self, name: str) -> "Camera":
-        """The same camera without one of its further effects, and without its spreads in `randomize`."""
+        """Returns the camera without one of its further effects and its entries in `randomize`."""
         content = self.to_dict()
         content["effects"] = [entry for entry in content.get("effects", ()) if entry["name"] != name]
         content["randomize"] = {
@@ -174,7 +185,7 @@ class Camera:
         return Camera(spec, self.folder, self.maps if same else None)
 
     def to_dict(self) -> dict[str, Any]:
-        """What a camera.yaml holds, only the keys that differ from the defaults."""
+        """The content of a camera.yaml: the keys that differ from the defaults."""
         return copy.deepcopy(self.spec.model_dump(exclude_defaults=True, mode="json"))
 
     def to_yaml(self) -> str:
@@ -182,9 +193,7 @@ class Camera:
         return _as_yaml(self.to_dict())
 
     def save(self, path: str | Path) -> None:
-        """Writes a camera.yaml, whole or not at all; measured maps stay where they are and are named from
-        there.
-        """
+        """Writes a camera.yaml. Measured maps are not copied; their paths are adjusted to the new folder."""
         path = Path(path)
         content = self.to_dict()
         parts = [content[part] for part in ("prnu", "dsnu") if part in content]
@@ -205,7 +214,7 @@ class Camera:
         )
 
     def gain_at(self, gain_db: float) -> float:
-        """Electrons per DN at a gain in dB: 20 dB more are a tenth of the electrons."""
+        """Electrons per DN at a gain in dB; 20 dB more is a tenth of the electrons per DN."""
         return self.spec.gain_e_per_dn * 10 ** ((self.spec.gain_db - gain_db) / 20)
 
     def expose(
@@ -219,15 +228,15 @@ class Camera:
         resolution: tuple[int, int] | None = None,
         mosaic: Callable[[Tensor], Tensor] | None = None,
     ) -> Tensor:
-        """Frames of this camera: the exact, differentiable chain, up to the converter.
+        """Simulates frames in DN with the exact, differentiable chain, up to the converter.
 
         Args:
             photons: (B, C, H, W) float32, mean photons per pixel and exposure.
             stream: the random numbers; its window is the part of the sensor that the images show.
-            values: numbers that differ from the nominal ones, by path: scalars or (B,) or (B, 1, 1, 1); may
-                require grad.
-            sequence: the batch is consecutive frames (lag and drift see the frame before); `memory` carries
-                over batches.
+            values: parameters that differ from the nominal values, by path: scalars, (B,) or (B, 1, 1, 1); may require
+                gradients.
+            sequence: True if the batch consists of consecutive frames, for lag and drift; `memory` carries state from batch
+                to batch.
             watch: called with (effect, signal) after each effect.
             resolution: rows and columns of the whole sensor, where they are not this camera's own.
             mosaic: of a colour camera, what lets one of three planes of photons through to each pixel, after the optics.

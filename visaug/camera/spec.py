@@ -29,7 +29,8 @@ class ReadNoise(_Part):
     after_gain_dn: float = Field(0.0, ge=0, le=65535)
     meaning: Literal["standard_deviation", "scale"] = "standard_deviation"
     map: str | None = Field(
-        None, description="a file of the standard deviation in e- of every pixel: replaces sigma_e and meaning"
+        None,
+        description="a file of the standard deviation in e- of every pixel: replaces sigma_e and meaning",
     )
 
 
@@ -156,13 +157,15 @@ def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
     names = [entry["name"] for entry in spec.effects]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"{name} is listed twice", file=file, field="effects", expected="each effect once")
+            raise InputError(
+                f"{name} is listed twice", file=file, field="effects", expected="each effect once"
+            )
     if spec.black_level_dn >= 2**spec.bit_depth - 1:
         raise InputError(
-            f"{spec.black_level_dn:g} leaves no range to the signal",
+            f"{spec.black_level_dn:g} leaves no range for the signal",
             file=file,
             field="black_level_dn",
-            expected=f"less than {2**spec.bit_depth - 1}, the last DN of {spec.bit_depth} bit",
+            expected=f"less than {2**spec.bit_depth - 1}, the highest code of {spec.bit_depth} bits",
         )
     _check_randomize(spec, file)
     return spec
@@ -240,14 +243,16 @@ def _check_randomize(spec: CameraSpec, file: Path | None) -> None:
         field = f"correlated.{i}"
         for path in (one, other):
             if path not in known:
-                raise InputError(f"{path!r} is not a numeric parameter of this camera", file=file, field=field)
+                raise InputError(
+                    f"{path!r} is not a numeric parameter of this camera", file=file, field=field
+                )
         if one == other or not -1 < coefficient < 1:
             expected = "two different paths and a correlation between -1 and 1"
             raise InputError("is not a correlation", file=file, field=field, expected=expected)
     matrix = correlations(spec.correlated, tuple(spec.randomize))
     if matrix is not None and np.linalg.eigvalsh(matrix)[0] < 1e-6:
-        expected = "correlations that can hold together (a positive definite matrix)"
-        raise InputError("contradict one another", file=file, field="correlated", expected=expected)
+        expected = "correlations that form a positive definite matrix"
+        raise InputError("are inconsistent", file=file, field="correlated", expected=expected)
 
 
 def _check_spread(spread: Any, parameter: Parameter, field: str, file: Path | None) -> None:

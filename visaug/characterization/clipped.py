@@ -110,8 +110,8 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
     if cut:
         found.warn(
             f"clipped_at_zero: {still.clipped_low:.0%} of the pixels of the {still.group.kind} frames are 0; "
-            "gain, quantum efficiency and PRNU come from flats alone, read noise, DSNU and dark current from a "
-            "likelihood that knows the cut; the emva figures do not",
+            "gain, quantum efficiency and PRNU are estimated from flats only, read noise, DSNU and dark current by a "
+            "likelihood that includes the clipping; the emva figures do not include it",
             spoils=("emva.*", "emva4.*"),
         )
     if bounds:
@@ -123,8 +123,8 @@ def _coarse(found: Findings, fit: Fit, bounds: tuple[float, float], source: str)
     finer = "a finer converter or more gain: the noise is below half a DN"
     found.drop("read_noise.shape", finer)
     found.warn(
-        f"coarse_converter: the noise of the dark frames is below {EVEN_DN} DN; read noise and DSNU come from "
-        "a likelihood that knows the rounding, for normal noise; the emva figures do not know it",
+        f"coarse_converter: the noise of the dark frames is below {EVEN_DN} DN; read noise and DSNU are estimated by "
+        "a likelihood that includes the rounding, for normal noise; the emva figures do not include it",
         spoils=("emva.*", "emva4.*", "temporal.*"),
     )
     low, high = bounds

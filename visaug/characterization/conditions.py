@@ -51,8 +51,8 @@ def _one_setting(frames: FrameSet, found: Findings) -> FrameSet:
     kept = [i for i, r in enumerate(frames.records) if r.setting == usual]
     others = ", ".join(sorted(str(s or "no setting") for s in weights if s != usual))
     found.warn(
-        f"settings_mixed: {len(frames) - len(kept)} frames of other settings ({others}) are left out; "
-        f"measured is {usual or 'the frames without a setting'}"
+        f"settings_mixed: {len(frames) - len(kept)} frames with other settings ({others}) are excluded; "
+        f"the measured setting is {usual or 'the frames without a setting'}"
     )
     return frames.subset(kept)
 
@@ -68,7 +68,7 @@ def _leave_out(frames: FrameSet, masters: Sequence[int], found: Findings, why: s
     numbers = ", ".join(str(frames.records[i].sequence) for i in masters[:8])
     found.warn(
         f"master_frame: frames {numbers}{' and more' if len(masters) > 8 else ''} are averages of several "
-        f"exposures, {why}, and are left out: their noise is not the camera's"
+        f"exposures, {why}, and are excluded: their noise is not that of single frames"
     )
     return frames.subset([i for i in range(len(frames)) if i not in set(masters)])
 
@@ -136,8 +136,8 @@ def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits:
         return
     found.bit_depth = next(n for n in _DEPTHS if largest <= (1 << n) - 1)
     found.warn(
-        f"bit_depth_assumed: no flat reaches the converter's top, so its bits are not known; "
-        f"{found.bit_depth} hold the largest value, {largest:g} DN (say --bit-depth, or take a saturated flat)",
+        f"bit_depth_assumed: no flat reaches the highest code, so the bit depth is not known; "
+        f"{found.bit_depth} bits hold the largest value, {largest:g} DN (give --bit-depth, or take a saturated flat)",
         spoils=("bit_depth",),
     )
 

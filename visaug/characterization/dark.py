@@ -25,8 +25,8 @@ def dark_law(found: Findings, measured: Measured, frames: GroupMoments | None = 
         law = _of_frames(measured, groups)
         if law is not None:
             found.warn(
-                "temperature_drift: the temperature changed while dark frames were taken; dark current comes "
-                "from one fit over each frame's own temperature and exposure, with one black level for all",
+                "temperature_drift: the temperature changed during the dark frames; dark current is estimated "
+                "by one fit with the temperature and exposure of each frame, and one black level",
                 spoils=("emva.dark_current_*",),
             )
             _add_law(found, law, "one fit over the temperatures and exposures of all dark frames")
@@ -42,8 +42,8 @@ def _saturated(found: Findings, groups: tuple[GroupMoments, ...]) -> None:
     share = max((m.clipped_high for m in groups if m.shape and not math.isnan(m.mean)), default=0.0)
     if share > 0:
         found.warn(
-            f"saturated_dark: {share:.2%} of the pixels of dark frames are at the converter's top; the mean "
-            "dark current leaves out what is cut there",
+            f"saturated_dark: {share:.2%} of the pixels of dark frames are at the highest code; the mean "
+            "dark current excludes the clipped charge",
             spoils=("dark_current.*", "emva.dark_current_*"),
         )
 
@@ -93,7 +93,7 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
         _add_law(found, law, f"mean dark signal against exposure at {len(lines)} temperatures")
         if law.misfit > stats.f.ppf(0.999, max(len(lines) - 2, 1), min(law.df, 1e6)):
             found.warn(
-                "dark_current_law: the dark current does not follow a exp(b T) within its errors",
+                "dark_current_law: the dark current does not follow a exp(b T) within its uncertainty",
                 spoils=("dark_current.a_e_per_s", "dark_current.b_per_c"),
             )
     else:

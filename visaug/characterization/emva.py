@@ -173,7 +173,7 @@ def _disagree(found: Findings) -> None:
         return
     if variance.low > mean.high > 0 or variance.high < mean.low:
         found.warn(
-            "dark_current_disagrees: mean and variance of the dark signal tell different currents (cosmic rays, "
+            "dark_current_disagrees: mean and variance of the dark signal give different dark currents (cosmic rays, "
             "hot pixels that clip, light, or a mean that is corrected in the camera)",
             spoils=("dark_current.*", "emva.dark_current_*"),
         )

@@ -164,9 +164,9 @@ def corrected(
     negative = [name for name in ("row", "column", "pixel") if as_written[name] < 0]
     spoiled = f"; it gives a negative variance of {' and '.join(negative)} (shown as 0)" if negative else ""
     found.warn(
-        f"emva4_split: {' and '.join(sorted(shared))} means share temporal noise, which the split of release 4 takes "
-        f"to be white: emva4.dsnu_* and emva4.prnu_* are the standard's figures{spoiled}; emva4_corrected.* takes off "
-        "the noise that rows and columns have",
+        f"emva4_split: {' and '.join(sorted(shared))} means share temporal noise, which release 4 assumes "
+        f"to be white: emva4.dsnu_* and emva4.prnu_* are the figures of the standard{spoiled}; emva4_corrected.* subtracts "
+        "the noise of rows and columns",
         spoils=("emva4.dsnu_*", "emva4.prnu_*"),
     )
 

@@ -48,7 +48,7 @@ class Findings:
         """Keep an estimate; one that is not finite is kept as not determined."""
         value, low, high = (float(v) for v in interval)
         if not all(map(math.isfinite, (value, low, high))):
-            self.miss(name, "more frames: its spread cannot be determined from these")
+            self.miss(name, "more frames: its uncertainty is not determined")
             return
         self.open.pop(name, None)
         self.parameters[name] = Estimate(value, min(low, value), max(min(high, most), value), unit, source)

@@ -60,9 +60,9 @@ def _curvature(found: Findings, result: PhotonTransfer) -> None:
     if result.bent:
         top = result.levels[result.safe[-1]].signal
         found.warn(
-            f"photon_transfer_bent: at {top:.4g} DN the variance is {interval[0] * top:+.1%} off the straight "
-            "line (a response that bends, or charge that shares); gain_e_per_dn is the slope at zero signal, "
-            "the emva gain that of the straight line the standard asks for",
+            f"photon_transfer_bent: at {top:.4g} DN the variance deviates by {interval[0] * top:+.1%} from the straight "
+            "line (nonlinear response, or charge sharing); gain_e_per_dn is the slope at zero signal, "
+            "the emva gain that of the straight line required by the standard",
             spoils=("emva.system_gain_dn_per_e", "emva.quantum_efficiency", "emva.saturation_e",
                     "emva.dark_noise_e", "emva.dsnu_e", "emva4.*_e"),
         )  # fmt: skip
@@ -81,27 +81,27 @@ def _efficiency(found: Findings, result: PhotonTransfer) -> None:
     found.add("quantum_efficiency", symmetric(value, error, df), "e-/photon", "responsivity over gain", 1.0)
     if value > 1:
         found.warn(
-            "quantum_efficiency_above_one: the photons given are too few, or the light is not even",
+            "quantum_efficiency_above_one: the stated photons are too few, or the light is not uniform",
             spoils=("quantum_efficiency", "emva.quantum_efficiency"),
         )
     if line.bent:
         top = max(float(result.levels[i].photons or 0.0) for i in result.safe)
         found.warn(
-            f"nonlinear_response: at {top:.4g} photons the signal is {line.curvature_per_photon * top:+.1%} off "
-            "the straight line; quantum_efficiency is that of faint light",
+            f"nonlinear_response: at {top:.4g} photons the signal deviates by {line.curvature_per_photon * top:+.1%} from "
+            "a straight line; quantum_efficiency is that at low light",
             spoils=("emva.quantum_efficiency",),
         )
         found.bend_per_e = line.curvature_per_photon / value
     if line.dark == "unknown":
         found.warn(
             "dark_exposure: flats were exposed longer than their dark frames and dark frames at two exposures "
-            "are missing, so that dark current counts as light",
+            "are missing, so dark current is counted as light",
             spoils=("quantum_efficiency", "prnu.*", "emva.quantum_efficiency", "emva.prnu_fraction",
                     "emva4.prnu_*", "emva.linearity_error_*", "full_well_e", "emva.saturation_e"),
         )  # fmt: skip
     elif line.dark_share > max(0.003, 2 * line.relative_error):
         found.warn(
-            "dark_exposure: flats were exposed longer than their dark frames; quantum_efficiency allows for "
+            "dark_exposure: flats were exposed longer than their dark frames; quantum_efficiency is corrected for "
             "the dark current, the emva figures do not",
             spoils=("emva.quantum_efficiency", "emva.prnu_fraction", "emva4.prnu_*", "emva.linearity_error_*",
                     "emva.saturation_e"),
@@ -167,9 +167,9 @@ def response_pattern(
         found.add(f"prnu.{name}", root(getattr(split, name)), "fraction", source)
     shading = np.ptp(surface(pattern))
     if shading > 0.01:
-        found.warn(f"shading: the light or the response falls off smoothly by {shading:.1%} over the frame")
+        found.warn(f"shading: the light or the response varies smoothly by {shading:.1%} over the frame")
     if split.defects:
-        found.warn(f"defects: {split.defects} pixels respond unlike the others and are left out of PRNU")
+        found.warn(f"defects: {split.defects} pixels with an outlying response are excluded from PRNU")
     found.maps["response"] = pattern.astype(np.float32)
     return split
 
@@ -197,7 +197,7 @@ def capacity(found: Findings, result: PhotonTransfer, pattern: Parts | None) -> 
     well = full_well(result, spread)
     if well is None:
         if converter_clips(result.levels[-1]):
-            found.miss("full_well_e", "a lower gain: here the converter clips before the pixel is full")
+            found.miss("full_well_e", "a lower gain: at this gain the converter clips before the full well")
         else:
             found.miss("full_well_e", "calibrated flats beyond saturation")
         return

@@ -56,7 +56,7 @@ def noise_of_pictures(found: Findings, frames: FrameSet, seed: int) -> None:
         found.miss(
             "image.noise_dn", f"{_LEAST} or more flat regions of {_BLOCK} x {_BLOCK} pixels that do not clip"
         )
-        found.warn("no_flat_regions: the pictures hold hardly any region without structure")
+        found.warn("no_flat_regions: the pictures contain hardly any regions without structure")
         return
     source = f"{blocks.level.size} flat regions in {len(frames)} pictures"
     rng = np.random.default_rng(seed)
@@ -71,8 +71,8 @@ def noise_of_pictures(found: Findings, frames: FrameSet, seed: int) -> None:
     add("image.column_noise_dn", "DN", lambda b: _shared(b.column, b.variance))
     _noise_level(found, blocks, draws, source)
     found.warn(
-        "pictures_alone: noise and fixed pattern are not separated, nor is the camera's noise from what "
-        "processing (compression, sharpening, tone curve) made of it"
+        "pictures_alone: noise and fixed pattern are not separated, nor the noise of the camera from the effect of "
+        "processing (compression, sharpening, tone curve)"
     )
 
 

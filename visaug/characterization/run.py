@@ -103,7 +103,7 @@ def _few_frames(found: Findings, measured: Measured) -> None:
     if alone:
         numbers = ", ".join(map(str, alone[:8])) + (f" and {len(alone) - 8} more" if len(alone) > 8 else "")
         found.warn(
-            f"few_frames: frames {numbers} stand alone at their settings; temporal noise needs two or more"
+            f"few_frames: frames {numbers} are single at their settings; temporal noise requires two or more"
         )
 
 
@@ -113,8 +113,8 @@ def _measure(
     dark_tells = still.dark_frames_tell(measured)
     if any(still.noisier(v) for v in measured.sweep):
         found.warn(
-            "dark_frames_noisier: dark frames scatter more than flats that are brighter (an image that lingers, "
-            "cosmic rays, unsteady pixels); gain_e_per_dn and PRNU come from flats alone",
+            "dark_frames_noisier: dark frames have more noise than brighter flats (image lag, "
+            "cosmic rays, unstable pixels); gain_e_per_dn and PRNU are estimated from flats only",
             spoils=("read_noise.*", "dsnu.*", "dark_current.*", "emva.*", "emva4.*"),
         )
     measured = measured.with_dark_signal() if dark_tells else measured
@@ -122,7 +122,9 @@ def _measure(
     if transfer is None and camera is not None:
         given = camera.gain_at(measured.gain_db)
         found.gain = Gain(1 / given, 0.0, measured=False)
-        found.warn(f"gain_as_given: no flats tell the gain; {given:.4g} e-/DN of the camera is taken as true")
+        found.warn(
+            f"gain_as_given: without flats the gain is not determined; {given:.4g} e-/DN of the camera is used"
+        )
     _without_light(found, measured, seed)
     if transfer is None:
         for name in ("row", "column", "pixel"):
@@ -134,8 +136,8 @@ def _measure(
             light.colour_efficiency(found, mosaic)
             found.warn(
                 f"mosaic: neighbouring pixels respond by {', '.join(f'{r:.3g}' for r in mosaic.response)} of "
-                f"their mean ({mosaic.pattern or 'a pattern that no header names'}); PRNU is that within a "
-                "colour, quantum_efficiency that of green, and `planes` holds each colour by itself",
+                f"their mean ({mosaic.pattern or 'a pattern that no header states'}); PRNU is that within a "
+                "colour, quantum_efficiency that of green, and `planes` contains each colour separately",
                 spoils=("emva.prnu_fraction", "emva4.prnu_*", "emva.quantum_efficiency",
                         "emva.saturation_*", "full_well_e", "emva.linearity_error_*"),
             )  # fmt: skip

@@ -102,8 +102,8 @@ def _own_noise(
             "read_noise.shape", "pixels of equal noise: here every pixel has its own, see read_noise.spread"
         )
         found.warn(
-            f"read_noise_nonuniform: the pixels' own read noise spreads by {own.spread:.0%}; its histogram has "
-            "heavy tails though each pixel may be normal, so that no shape is given; sigma is the root mean square",
+            f"read_noise_nonuniform: the read noise varies by {own.spread:.0%} between pixels; its histogram has "
+            "heavy tails although each pixel may be normal, so the shape is not determined; sigma is the root mean square",
             spoils=("read_noise.shape",),
         )
 
@@ -133,7 +133,7 @@ def temporal_parts(found: Findings, still: GroupMoments) -> None:
         add_in_electrons(found, f"temporal.{name}", root(variance_combination(terms)), source)
         if read_noise.unsteady(ms, t.pixel, df):
             found.warn(
-                f"{name}_noise: {name}s shift alike from frame to frame; read noise is given without it",
+                f"{name}_noise: the offset of whole {name}s changes from frame to frame; read noise excludes it",
                 spoils=(
                     f"emva4.dsnu_{name}*",
                     f"emva4.prnu_{name}*",
@@ -153,7 +153,7 @@ def temporal_parts(found: Findings, still: GroupMoments) -> None:
     if interval[1] > 0.02 * math.sqrt(t.pixel) and read_noise.unsteady(
         t.frame, max(t.row, t.column), t.frame_df
     ):
-        found.warn("black_level_drift: the offset of whole frames changes by more than noise explains")
+        found.warn("black_level_drift: the offset of whole frames changes by more than the noise")
         if found.gain is not None:
             course = still.frame_means - still.frame_means.mean()
             follows = float((course[1:] * course[:-1]).sum() / (course**2).sum()) if still.n > 7 else None
@@ -179,7 +179,7 @@ def dark_pattern(found: Findings, measured: Measured, still: GroupMoments) -> Pa
     for name in ("row", "column", "pixel"):
         add_in_electrons(found, f"dsnu.{name}", root(getattr(split, name)), source)
     if split.defects:
-        found.warn(f"defects: {split.defects} pixels of the master bias stand out and are left out of DSNU")
+        found.warn(f"defects: {split.defects} outlier pixels of the master bias are excluded from DSNU")
     return split
 
 
@@ -204,7 +204,7 @@ def add_in_electrons(found: Findings, name: str, interval_dn: tuple[float, ...],
     """`name`_e where the gain is known, else `name`_dn and a word on what it needs."""
     if found.gain is None:
         found.add(f"{name}_dn", interval_dn, "DN", source)
-        found.miss(f"{name}_e", "the gain: flats at several levels, or a camera that gives it")
+        found.miss(f"{name}_e", "the gain: flats at several levels, or a camera with a known gain")
         return
     scaled = tuple(v / found.gain.dn_per_e for v in interval_dn)
     if not found.gain.measured:

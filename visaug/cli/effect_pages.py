@@ -11,27 +11,27 @@ from visaug.effects.effect import Effect, Parameter
 from visaug.errors import InputError
 from visaug.files import write_text
 
-TEMPLATE = '''"""{name}: say in a sentence what it does to the picture, and where the law is from."""
+TEMPLATE = '''"""{name}: describe in one sentence what it does to the signal, and cite the source of the law."""
 
 from visaug import Effect, Parameter, Stage
 
 
 class {class_name}(Effect):
-    """As it stands: one random offset for each row and frame. Put your own physics in `apply`."""
+    """An independent random offset for each row and frame. Replace it with your own physics in `apply`."""
 
     name = "{name}"
     # OPTICS (photons) -> GENERATION (mean electrons) -> CHARGE (electrons after shot noise)
-    # -> READOUT (electrons on their way to the converter) -> DIGITAL (DN) -> PICTURE (0 to 1, no part of frames)
+    # -> READOUT (electrons before the converter) -> DIGITAL (DN) -> PICTURE (0 to 1, not part of measured frames)
     stage = Stage.READOUT
     summary = "one random offset for each row and frame"
 
-    # The effect must vanish where the parameter marked `strength` is zero; `trials` are values that a
-    # diagnosis tries first, from weak to strong.
+    # The effect must vanish if the parameter marked `strength` is zero. `trials` are the starting values of a
+    # diagnosis, from weak to strong.
     sigma_e = Parameter(0.0, unit="e-", low=0.0, strength=True, trials=(0.3, 1.0, 3.0), source="assumed")
 
     def apply(self, signal, p, stream, context):
         """`signal` is (images, channels, rows, columns) in the stage's unit; parameters are p.NAME."""
-        # stream: random numbers of each frame; stream.fixed: those of the camera, the same in every frame.
+        # stream: random numbers, independent in each frame; stream.fixed: the same in every frame of a camera.
         return signal + p.sigma_e * stream.normal("row")
 '''
 
@@ -39,7 +39,7 @@ class {class_name}(Effect):
 def print_catalogue() -> None:
     """One line for each effect, in the order of the chain."""
     rows = [[name, effect.stage.name.lower(), effect.summary] for name, effect in catalogue().items()]
-    print_table(["effect", "stage", "what it is"], rows)
+    print_table(["effect", "stage", "description"], rows)
 
 
 def print_effect(name: str) -> None:
@@ -64,10 +64,10 @@ def write_new(name: str, output: Path | None) -> Path:
             repr(name), field="NAME", expected="lower-case letters, digits and _, such as my_effect"
         )
     if name in catalogue():
-        raise InputError(f"{name!r} is taken by the catalogue", field="NAME", expected="a name of its own")
+        raise InputError(f"{name!r} is an effect of the catalogue", field="NAME", expected="another name")
     output = output or Path(f"{name}.py")
     if output.exists():
-        raise InputError("is there already", file=output, expected="a new file; choose one with -o")
+        raise InputError("already exists", file=output, expected="a new file; choose one with -o")
     class_name = "".join(part.capitalize() for part in name.split("_"))
     write_text(output, TEMPLATE.format(name=name, class_name=class_name))
     return output

@@ -39,7 +39,7 @@ def harness() -> Iterator[None]:
 @command("demo", example="visaug demo -o demo/")
 @output_option("DIR", "Folder for data, runs and report.html.", default=Path("demo"), show_default=True)
 def demo(output: Path, seed: int) -> None:
-    """The main job end to end on embedded data; stopped half-way, the same command goes on where it was."""
+    """Train, evaluate and report on embedded data. If interrupted, the same command resumes."""
     with harness(), progress_bars() as progress:
         from visaug_train.demo import run_demo
 
@@ -51,7 +51,7 @@ def demo(output: Path, seed: int) -> None:
 @config_argument
 @effects_option("Effects of your own that the cameras name.")
 def train(config_path: Path, seed: int) -> None:
-    """Train one network as CONFIG says."""
+    """Train one network as configured in CONFIG."""
     run("train", config_path, seed)
 
 
@@ -59,7 +59,7 @@ def train(config_path: Path, seed: int) -> None:
 @config_argument
 @effects_option("Effects of your own that the cameras name.")
 def ablate(config_path: Path, seed: int) -> None:
-    """Train the arms that CONFIG names with all else equal, and compare them."""
+    """Train the arms of CONFIG under otherwise equal conditions and compare them."""
     run("ablate", config_path, seed)
 
 
@@ -80,23 +80,23 @@ def run(what: str, config_path: Path, seed: int) -> None:
     "--predictions",
     metavar="P",
     type=click.Path(path_type=Path),
-    help="Any network's predictions: keypoints in COCO's results format (JSON), or poses (CSV).",
+    help="Predictions of any network: keypoints in the COCO results format (JSON), or poses (CSV).",
 )
 @click.option("--data", metavar="DIR", type=click.Path(path_type=Path), help="A SPEED or SPEED+ folder.")
-@click.option("--domain", metavar="NAME", help="Which of its test sets.")
+@click.option("--domain", metavar="NAME", help="Test set of that folder.")
 @effects_option("Effects of your own that the cameras name.")
 @click.option(
     "--images",
     metavar="F.json",
     type=click.Path(path_type=Path),
-    help="COCO's annotations file, where P names images by image_id.",
+    help="COCO annotations file, needed if P gives image_id instead of file names.",
 )
 @click.option(
     "--poses",
     "poses_csv",
     metavar="F.csv",
     type=click.Path(path_type=Path),
-    help="Write the poses that P's keypoints give: file, q1..q4, r1..r3.",
+    help="Write the poses computed from the keypoints of P: file, q1..q4, r1..r3.",
 )
 @json_option
 def evaluate(
@@ -109,10 +109,10 @@ def evaluate(
     json_path: Path | None,
     seed: int,
 ) -> None:
-    """A trained network on its test sets, or any network's predictions on a SPEED/SPEED+ folder.
+    """Score a trained network on its test sets, or the predictions of any network on a SPEED or SPEED+ folder.
 
-    P is COCO's results format with `file_name` (or `image_id` and --images), or a CSV of poses as the Kelvins
-    competition takes it: file, q1..q4 (scalar first), r1..r3 in metres.
+    P is in the COCO results format with `file_name` (or `image_id` and --images), or a CSV of poses in the format
+    of the Kelvins competition: file, q1..q4 (scalar first), r1..r3 in metres.
     """
 
     given = {"--predictions": predictions, "--data": data, "--domain": domain}

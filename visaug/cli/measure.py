@@ -43,9 +43,9 @@ MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of
     type=click.Choice(["emva", "paper"]),
     default="emva",
     show_default=True,
-    help="EMVA 1288 with likelihood fits, or the simpler procedure of bias and dark frames alone.",
+    help="EMVA 1288 with likelihood fits, or the paper's procedure, which uses bias and dark frames only.",
 )
-@output_option("camera.yaml", "Write the camera that was found.")
+@output_option("camera.yaml", "Write the measured camera.")
 @click.option(
     "--maps",
     "maps_path",
@@ -64,7 +64,7 @@ MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of
     metavar="F.html|F.json",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Write the EMVA 1288 release 4 data sheet, every operating point by itself: a page to print, or as JSON. "
+    help="Write the EMVA 1288 release 4 data sheet for each operating point, as a page to print or as JSON. "
     "May be repeated.",
 )
 @force_option
@@ -86,16 +86,18 @@ def characterize(
     quiet: bool,
     seed: int,
 ) -> None:
-    """Camera parameters with 95 % intervals from measured frames.
+    """Measure the parameters of a camera, with 95 % confidence intervals, from its frames.
 
-    With --camera, what the frames cannot tell (resolution of raw files, quantum efficiency without a
-    calibrated source) is taken from there. What stays open is said, not guessed.
+    With --camera, parameters that the frames do not determine (resolution of raw files, quantum efficiency
+    without a calibrated source) are taken from that camera. All others are reported as not determined.
     """
     import visaug
 
     may_write(output, force)
     if use_maps and not (output and maps_path):
-        raise InputError("there is no camera or no folder", field="--use-maps", expected="-o and --maps beside it")
+        raise InputError(
+            "there is no camera or no folder", field="--use-maps", expected="-o and --maps beside it"
+        )
     for path in sheets:
         if path.suffix.lower() not in (".html", ".json"):
             raise InputError("is neither", file=path, field="--sheet", expected="a name in .html or .json")
@@ -149,7 +151,7 @@ def _write_sheets(
 @click.option(
     "--fail-on-misfit",
     is_flag=True,
-    help=f"Exit with status {MISFIT} where the camera does not explain the frames.",
+    help=f"Exit with status {MISFIT} if the camera does not explain the frames.",
 )
 def compare(
     frames_path: Path,
@@ -161,7 +163,7 @@ def compare(
     fail_on_misfit: bool,
     seed: int,
 ) -> None:
-    """Where model and measurement differ, and by how much."""
+    """Test whether a camera model explains measured frames, and show where it does not."""
     import visaug
 
     camera = load_camera(camera_name)
@@ -188,17 +190,22 @@ def compare(
 )
 @frames_argument
 @camera_option()
-@effects_option("Effects of your own to try beside the catalogue's (see `visaug effects new`).", pass_on=True)
+@effects_option(
+    "File with your own effects to try with those of the catalogue (see `visaug effects new`).", pass_on=True
+)
 @bit_depth_option
 @click.option(
-    "--without", metavar="NAME", multiple=True, help="Leave an effect of the catalogue out. May be repeated."
+    "--without",
+    metavar="NAME",
+    multiple=True,
+    help="Do not try this effect of the catalogue. May be repeated.",
 )
 @click.option(
     "--cluster",
     metavar="ADDRESS",
-    help="Simulate on a Ray cluster: its address, auto, or local for this machine (extra `cluster`).",
+    help="Run the simulations on a Ray cluster: its address, `auto`, or `local` for this machine (extra `cluster`).",
 )
-@output_option("camera2.yaml", "Write the camera with what was missing.")
+@output_option("camera2.yaml", "Write the refitted camera with the missing effects.")
 @force_option
 @json_option
 @report_option
@@ -217,7 +224,7 @@ def diagnose(
     quiet: bool,
     seed: int,
 ) -> None:
-    """Which physical effect is missing: names it, adds it, refits, and shows the error before and after."""
+    """Find the physical effects that a camera model lacks, add them, and show the error before and after."""
     import visaug
     from visaug.cli.effect_pages import find
 
@@ -252,9 +259,9 @@ def diagnose(
 @command("lab", example="visaug lab frames/ --camera camera.yaml")
 @frames_argument
 @camera_option()
-@effects_option("Effects of your own; the page can load more.", pass_on=True)
+@effects_option("File with your own effects; the page can load more.", pass_on=True)
 @bit_depth_option
-@output_option("camera2.yaml", "Where the page's Save camera writes it, beside the download.")
+@output_option("camera2.yaml", "File that the page's Save camera writes, in addition to the download.")
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=0, show_default="a free one", help="Port on 127.0.0.1."
 )
@@ -269,10 +276,10 @@ def lab(
     browser: bool,
     seed: int,
 ) -> None:
-    """Compare and diagnose on an interactive page: add and remove effects by hand and watch the error.
+    """Compare and diagnose interactively: add and remove effects and see how the error changes.
 
-    Prints the page's address, on this machine only, and serves it until Ctrl-C. Who has the address can use
-    the page, and load effects, whose Python code is then run.
+    Prints the address of a page that is served on this machine only, until Ctrl-C. Anyone who has the address
+    can use the page and load effects, whose Python code is then executed.
     """
     import visaug
 

@@ -35,7 +35,11 @@ def command(name: str, *, example: str) -> Callable[[Callable], click.Command]:
 
     def decorate(function: Callable) -> click.Command:
         seeded = click.option(
-            "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Same seed, same result."
+            "--seed",
+            type=click.IntRange(min=0),
+            default=0,
+            show_default=True,
+            help="Seed of all random numbers.",
         )(function)
         return click.command(name, cls=_Command, epilog="\b\nExample:\n  " + example.replace("\n", "\n  "))(
             seeded
@@ -50,7 +54,7 @@ def camera_option(required: bool = True) -> Decorator:
         "camera_name",
         metavar="CAMERA",
         required=required,
-        help="A camera.yaml, or the name of one that comes with visaug (see `visaug cameras`).",
+        help="A camera.yaml, or the name of a camera in the package (see `visaug cameras`).",
     )
 
 
@@ -60,15 +64,17 @@ json_option = click.option(
     "json_path",
     metavar="F",
     type=click.Path(path_type=Path),
-    help="Write it as JSON; - writes it to standard output, and nothing else.",
+    help="Write the result as JSON; `-` writes it to standard output and suppresses all other output.",
 )
-quiet_option = click.option("-q", "--quiet", is_flag=True, help="No progress and no tables; errors only.")
+quiet_option = click.option(
+    "-q", "--quiet", is_flag=True, help="Print errors only, no progress and no tables."
+)
 report_option = click.option(
     "--report",
     "report_path",
     metavar="F.html",
     type=click.Path(path_type=Path),
-    help="Write a one-file page.",
+    help="Write a report as one HTML file.",
 )
 
 
@@ -88,7 +94,7 @@ def _load_effects(_: click.Context, __: click.Parameter, files: tuple[Path, ...]
 
 
 def effects_option(
-    text: str = "Effects of your own that the camera names.", *, pass_on: bool = False
+    text: str = "File with your own effects that the camera uses.", *, pass_on: bool = False
 ) -> Decorator:
     """`--effects FILE.py`, loaded before the command runs; handed to it as `effects` where `pass_on`."""
     return click.option(
@@ -108,15 +114,15 @@ bit_depth_option = click.option(
     "bit_depth",
     metavar="N",
     type=click.IntRange(1, 32),
-    help="Bits of the converter, where files of 16 bits hold 10, 12 or 14.",
+    help="Bits of the converter, for example 12 for 12-bit data in 16-bit files.",
 )
-force_option = click.option("--force", is_flag=True, help="Overwrite what is there.")
+force_option = click.option("--force", is_flag=True, help="Overwrite existing files.")
 
 
 def may_write(path: Path | None, force: bool) -> None:
     """Refuse, before any work, to overwrite what a user may have edited."""
     if path is not None and path.exists() and not force:
-        raise InputError("is there already", file=path, expected="another name, or --force to overwrite it")
+        raise InputError("already exists", file=path, expected="another name, or --force to overwrite it")
 
 
 def numbers(text: str, field: str) -> tuple[float, ...]:

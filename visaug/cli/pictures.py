@@ -33,7 +33,7 @@ class Range(click.ParamType):
                 return one
             case [low, high]:
                 return low, high
-        self.fail(f"{value!r} is not a number and no pair of numbers such as 0:24", param, ctx)
+        self.fail(f"{value!r} is not a number or a pair of numbers such as 0:24", param, ctx)
 
 
 cameras_option = click.option(
@@ -42,8 +42,8 @@ cameras_option = click.option(
     metavar="CAMERA",
     required=True,
     multiple=True,
-    help="A camera.yaml, or the name of one that comes with visaug (see `visaug cameras`). "
-    "Several: each picture gets one of them.",
+    help="A camera.yaml, or the name of a camera in the package (see `visaug cameras`). "
+    "If repeated, one is drawn for each picture.",
 )
 
 
@@ -55,24 +55,24 @@ def light_options(function: Decorator) -> Decorator:
             type=click.FloatRange(min=0),
             default=1.0,
             show_default=True,
-            help="Factor on the noise's standard deviation.",
+            help="Factor on the standard deviation of the noise.",
         ),
         click.option(
             "--exposure",
             type=Range(),
-            help="Share of the light that would saturate, brightened again; of a pair, each picture draws one.",
+            help="Fraction of the saturation exposure, in (0, 1]; the brightness is restored. With A:B, drawn for each picture.",
         ),
         click.option(
             "--gain-db",
             type=Range(),
-            help="Gain in dB on the camera's scale; of a pair, each picture draws one.",
+            help="Gain in dB on the camera's scale. With A:B, drawn for each picture.",
         ),
         click.option(
             "--transfer",
             type=click.Choice(["auto", "linear", "srgb"]),
             default="auto",
             show_default=True,
-            help="Whether pixel values are linear in light or sRGB. auto: by colour profile, tags, depth and colour.",
+            help="Encoding of the pixel values. auto: from colour profile, tags, bit depth and number of channels.",
         ),
     ):
         function = option(function)
@@ -86,7 +86,7 @@ def light_options(function: Decorator) -> Decorator:
 @output_option("OUT", "Folder for the copies.", required=True)
 @cameras_option
 @light_options
-@click.option("--bits", type=click.IntRange(1, 16), help="Depth of the data in 16-bit words: 10, 12 or 14.")
+@click.option("--bits", type=click.IntRange(1, 16), help="Bits used in 16-bit data, if fewer: 10, 12 or 14.")
 @click.option(
     "--p",
     type=click.FloatRange(0, 1),
@@ -109,14 +109,14 @@ def light_options(function: Decorator) -> Decorator:
     type=click.Choice(["image", "camera"]),
     default="image",
     show_default=True,
-    help="Fixed patterns drawn anew for each picture, or kept as one camera's.",
+    help="Draw new fixed patterns for each picture, or keep those of one camera.",
 )
 @click.option(
     "--black-level",
     type=click.Choice(["subtract", "keep"]),
     default="subtract",
     show_default=True,
-    help="Whether the camera's offset is taken off again.",
+    help="Subtract the camera's black level from the result, or keep it.",
 )
 @effects_option()
 def augment(
@@ -135,11 +135,11 @@ def augment(
     black_level: str,
     seed: int,
 ) -> None:
-    """Noisy copies of pictures or folders.
+    """Write noisy copies of pictures or folders.
 
-    PNG, JPEG, TIFF, WebP and BMP of 8 or 16 bit, floating-point TIFF, OpenEXR and NumPy arrays; names, sizes,
-    depth, channels and tags stay. Stopped half-way, the same command goes on where it was. A damaged picture is
-    named at the end (exit status 1).
+    Reads PNG, JPEG, TIFF, WebP and BMP with 8 or 16 bits, floating-point TIFF, OpenEXR and NumPy arrays. Names,
+    sizes, depth, channels and tags are preserved. If interrupted, the same command resumes. Damaged pictures are
+    listed at the end (exit status 1).
     """
     from visaug.augment.files import augment_files
 
@@ -174,8 +174,8 @@ def augment(
 @click.argument("picture", metavar="IMAGE", type=click.Path(path_type=Path))
 @cameras_option
 @light_options
-@click.option("--bits", type=click.IntRange(1, 16), help="Depth of the data in 16-bit words: 10, 12 or 14.")
-@output_option("sheet.png", "Write the sheet here.", required=True)
+@click.option("--bits", type=click.IntRange(1, 16), help="Bits used in 16-bit data, if fewer: 10, 12 or 14.")
+@output_option("sheet.png", "Write the contact sheet.", required=True)
 @effects_option()
 def preview(
     picture: Path,
@@ -188,9 +188,9 @@ def preview(
     output: Path,
     seed: int,
 ) -> None:
-    """One picture through several cameras: a contact sheet.
+    """Write a contact sheet of one picture through several cameras.
 
-    For each camera a crop at 1:1 and the noise's standard deviation at five levels, in steps of 8 bit.
+    It shows, for each camera, a crop at 1:1 and the standard deviation of the noise at five levels, in 8-bit units.
     """
     from visaug.report.preview import write_preview
 
@@ -212,7 +212,7 @@ def preview(
 @command("cameras", example="visaug cameras\nvisaug cameras sony_imx174 > my_camera.yaml")
 @click.argument("name", metavar="[NAME]", required=False)
 def cameras(name: str | None, seed: int) -> None:
-    """The cameras that come with visaug; with NAME, that camera's file."""
+    """List the cameras in the package, or print the file of one of them."""
     from visaug.camera import Camera, shipped
 
     if name is not None:
@@ -232,13 +232,13 @@ def cameras(name: str | None, seed: int) -> None:
 def _say(done: "Augmented", output: Path) -> None:
     """What was done, what was assumed, what was left out."""
     line = f"wrote {_number(done.written, 'picture')} to {output}"
-    click.echo(line + (f", {done.kept} were there" if done.kept else ""))
+    click.echo(line + (f", {done.kept} existed already" if done.kept else ""))
     if done.assumed:
         parts = [f"{WORDS[kind]} for {count} ({why})" for (kind, why), count in sorted(done.assumed.items())]
         click.echo(f"transfer function: {', '.join(parts)}")
     if done.clipped:
         click.echo(
-            f"{_number(done.clipped, 'picture')} with values outside [0, 1], which the sensor cuts: 1 is white; "
+            f"{_number(done.clipped, 'picture')} with values outside [0, 1], which are clipped: 1 is white; "
             "scale data of another range first"
         )
     if done.skipped:

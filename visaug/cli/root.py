@@ -17,7 +17,7 @@ from visaug.errors import USER_MODULE, InputError, PartlyFailed, described
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="visaug")
 def program() -> None:
-    """Physical image-sensor noise: augment images, characterize a camera, find the effect its model lacks.
+    """Physical image-sensor noise: augment images, characterize a camera, find effects that its model lacks.
 
     \b
     Example:
@@ -53,7 +53,7 @@ def main(arguments: list[str] | None = None) -> None:
     except (KeyboardInterrupt, click.exceptions.Abort) as stop:
         terminated = isinstance(stop, _Terminated) or isinstance(stop.__cause__, _Terminated)
         word = "terminated" if terminated else "interrupted"
-        click.echo(f"visaug: {word}; run the same command again to go on", err=True)
+        click.echo(f"visaug: {word}; run the same command again to resume", err=True)
         sys.exit(143 if terminated else 130)
     except PartlyFailed as partly:
         click.echo(printable(str(partly)))

@@ -23,7 +23,7 @@ def print_characterization(result: dict[str, Any]) -> None:
         ]
         for name, entry in result["parameters"].items()
     ]
-    print_table(["parameter", "value [95 % interval]", "unit", "from"], rows)
+    print_table(["parameter", "value [95 % interval]", "unit", "source"], rows)
     for entry in result["not_determined"]:
         click.echo(f"not determined: {entry['parameter']}; needs {entry['needs']}")
     for warning in result["warnings"]:
@@ -42,7 +42,7 @@ def print_survey(found: "Survey") -> None:
     for note in found.notes:
         click.echo(note)
     if not found.complete:
-        click.echo("the table is not complete: fill in the blank cells before it is used")
+        click.echo("the table is not complete: fill in the blank cells before you use it")
 
 
 def _cell(value: float | str | None) -> str:
@@ -68,7 +68,7 @@ def print_diagnosis(result: dict[str, Any]) -> None:
     for line in diagnosis_details(result):
         click.echo(line)
     if result["unexplained"]:
-        click.echo("visaug effects new NAME writes a file in which you can model it")
+        click.echo("visaug effects new NAME writes a template in which you can model it")
 
 
 def print_used(result: dict[str, Any]) -> None:

@@ -31,10 +31,10 @@ from visaug.progress import progress_bars
 @output_option("DIR", "Folder for the frames, frames.csv and camera.yaml.", required=True)
 @force_option
 def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed: int) -> None:
-    """A frame set as a camera would take it.
+    """Simulate a frame set with a camera.
 
-    PLAN is a frames.csv, whose `file` names what to write, or a frame set to take again. A scene whose
-    `clean` is blank shows a chart of edges and a bright spot, which is written beside the frames.
+    PLAN is a frames.csv, whose column `file` names the files to write, or an existing frame set. A scene without
+    `clean` shows a test chart with edges and a bright spot, which is written to the same folder.
     """
     from visaug.frames import FrameSet
     from visaug.simulation import simulate, with_chart
@@ -62,21 +62,25 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
 @camera_option(required=False)
 @effects_option()
 @click.option("--saturation", "saturation_photons", type=float, metavar="PHOTONS",
-              help="Photons per pixel that fill the pixel at the exposure of the flats.")  # fmt: skip
-@click.option("--exposure", "exposure_s", type=float, metavar="S", help="Exposure of flats and scenes.")
-@click.option("--dark-exposures", metavar="S,S,...", help="Exposures of the dark ladder in seconds.")
-@click.option("--levels", metavar="X,X,...", help="Light of the flats, in shares of saturation.")
+              help="Photons per pixel at saturation, at the exposure of the flats.")  # fmt: skip
+@click.option(
+    "--exposure", "exposure_s", type=float, metavar="S", help="Exposure time of flats and scenes, in seconds."
+)
+@click.option("--dark-exposures", metavar="S,S,...", help="Exposure times of the dark series, in seconds.")
+@click.option("--levels", metavar="X,X,...", help="Levels of the flats, as fractions of saturation.")
 @click.option("--temperatures", metavar="C,C,... | none",
-              help="Of the dark ladder; the first is that of all other frames. `none` where it is not known.")  # fmt: skip
-@click.option("--gains-db", metavar="DB,DB,...", help="Gain settings; the first is that of all other frames.")
-@click.option("--repeats", type=int, metavar="N", help="Frames at every setting, 2 or more.")
-@click.option("--bias-frames", type=int, metavar="N", help="Frames of the master bias, 2 or more.")
+              help="Temperatures of the dark series, in degrees Celsius; all other frames use the first. "
+              "`none` if not known.")  # fmt: skip
+@click.option("--gains-db", metavar="DB,DB,...", help="Gain settings, in dB; all other frames use the first.")
+@click.option("--repeats", type=int, metavar="N", help="Frames per setting, 2 or more.")
+@click.option("--bias-frames", type=int, metavar="N", help="Bias frames, 2 or more.")
 @output_option("frames.csv", "Write the plan as a frames.csv.")
 @force_option
 def plan(camera_name: str | None, output: Path | None, force: bool, seed: int, **given: Any) -> None:
-    """Which frames to take of a camera, and why.
+    """List the frames to take of a camera, and why.
 
-    With --camera, light, exposures, temperature and gain are chosen to suit it; what is given besides wins.
+    With --camera, light levels, exposure times, temperature and gain are chosen for that camera. Other options
+    override them.
     """
     from visaug.files import whole_file
     from visaug.frames.plan import describe_plan, plan_groups
@@ -109,11 +113,25 @@ def plan(camera_name: str | None, output: Path | None, force: bool, seed: int, *
 @command("frames", example="visaug frames measured/ -o measured/frames.csv --bit-depth 12 --temperature 20")
 @click.argument("folder", metavar="FOLDER", type=click.Path(path_type=Path))
 @bit_depth_option
-@click.option("--exposure", "exposure_s", type=float, metavar="S", help="Used where it is not known, in seconds.")
-@click.option("--temperature", "temperature_c", type=float, metavar="C", help="Used where it is not known.")
-@click.option("--gain-db", "gain_db", type=float, metavar="DB", help="Used where it is not known.")
-@click.option("--resolution", metavar="ROWSxCOLUMNS", help="Of .raw files.")
-@output_option("frames.csv", "Write the table; `file` is relative to the folder that it lies in.")
+@click.option(
+    "--exposure",
+    "exposure_s",
+    type=float,
+    metavar="S",
+    help="Exposure time of files that do not state it, in seconds.",
+)
+@click.option(
+    "--temperature",
+    "temperature_c",
+    type=float,
+    metavar="C",
+    help="Temperature of files that do not state it, in C.",
+)
+@click.option(
+    "--gain-db", "gain_db", type=float, metavar="DB", help="Gain of files that do not state it, in dB."
+)
+@click.option("--resolution", metavar="ROWSxCOLUMNS", help="Resolution of .raw files.")
+@output_option("frames.csv", "Write the table; the column `file` is relative to its folder.")
 @force_option
 def frames(
     folder: Path,
@@ -124,10 +142,10 @@ def frames(
     seed: int,
     **given: float | None,
 ) -> None:
-    """The table of a folder's frames, from headers (FITS, TIFF, EXIF), subfolders and file names.
+    """Write the frames.csv of a folder from headers (FITS, TIFF, EXIF), subfolders and file names.
 
-    Names such as bias_000.tif, darks/dark_2s_20C_003.fits and flat_10ms_500ph.png are understood. What nothing
-    tells stays blank and is listed with how to give it.
+    Names such as bias_000.tif, darks/dark_2s_20C_003.fits and flat_10ms_500ph.png are understood. Unknown values
+    stay blank and are listed with the way to supply them.
     """
     from visaug.files import write_text
     from visaug.frames.survey import parse_resolution, survey
@@ -144,19 +162,19 @@ def frames(
 
 @command("effects", example="visaug effects row_noise\nvisaug effects new my_effect")
 @click.argument("words", metavar="[NAME | new NAME]", nargs=-1)
-@output_option("FILE.py", "Where `new` writes; NAME.py if left out.")
+@output_option("FILE.py", "File that `new` writes.  [default: NAME.py]")
 @click.option(
     "--effects",
     "files",
     metavar="my.py",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="List these too.",
+    help="File with your own effects to include. May be repeated.",
 )
 def effects(words: tuple[str, ...], output: Path | None, files: tuple[Path, ...], seed: int) -> None:
-    """The catalogue of effects; one in full; or a new file to write one's own in.
+    """List the effects, describe one of them, or write a template for your own.
 
-    The file that `new` writes runs as it is.
+    The template that `new` writes is a working effect.
     """
     from visaug.cli import effect_pages
     from visaug.effects.catalogue import load_file

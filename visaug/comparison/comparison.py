@@ -1,4 +1,4 @@
-"""A camera file beside measured frames: whether it holds, how far it is off, and where."""
+"""Compares a camera file with measured frames: whether it is adequate, how large the difference is, and where."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ SIGNIFICANT = 0.02
 
 @dataclass(frozen=True)
 class Place:
-    """Where model and measurement differ: a view, its share of the excess, its worst statistic in standard deviations."""
+    """A view in which model and measurement differ: its share of the excess, and its worst statistic in standard deviations."""
 
     view: str
     share: float
@@ -45,15 +45,20 @@ class Places(tuple[Place, ...]):
 
 @dataclass(frozen=True)
 class Comparison:
-    """What `compare` found.
+    """The result of `compare`.
 
     Attributes:
-        p_value: of the largest standardised residual, against simulated sets of the camera itself.
-        statistics, measured, modelled, spread: each statistic's value, and its mean and standard deviation under the camera.
+        camera: the camera that was tested.
+        p_value: of the largest standardised residual, from a parametric bootstrap with the camera.
+        statistics: the statistics that were compared.
+        measured: (statistics,) their measured values.
+        modelled: (statistics,) their means over simulated sets of the camera.
+        spread: (statistics,) their standard deviations over simulated sets.
         where: views that differ, the largest share of the excess first.
-        warnings: what was assumed, and what of the set spoils which effects.
-        frame_set, seed: what was compared, and the seed of the simulations.
-        used: the frames and pixels that were looked at.
+        warnings: assumptions, and properties of the set that make effects undetectable.
+        frame_set: the frames that were compared.
+        seed: of the simulations.
+        used: the frames and pixels that were used.
     """
 
     camera: Camera
@@ -70,7 +75,7 @@ class Comparison:
 
     @property
     def adequate(self) -> bool:
-        """Whether the camera explains the frames: no difference beyond chance at a false-alarm rate of 2 %."""
+        """Whether the camera explains the frames: no significant difference at a false-alarm rate of 2 %."""
         return self.p_value > SIGNIFICANT
 
     def to_json(self) -> dict[str, Any]:
@@ -91,7 +96,7 @@ class Comparison:
         }
 
     def differences(self, most: int = 40) -> list[dict[str, Any]]:
-        """The statistics that differ most, with what was measured and what the camera gives."""
+        """The statistics with the largest deviations: their measured and modelled values, standard deviation and z-score."""
         z = z_scores(self.measured - self.modelled, self.spread)
         rows = []
         for i in np.argsort(-np.abs(z))[:most]:
@@ -121,7 +126,7 @@ class Comparison:
         return data_frame(self.differences(len(self.statistics)), columns)
 
     def report(self, path: str | Path) -> Path:
-        """Writes the one-file HTML report, with the pictures of all views in a folder beside it.
+        """Writes the report as one HTML file, and the pictures of all views in a folder next to it.
 
         Args:
             path: the file to write.
@@ -172,16 +177,25 @@ def places(distance: Distance, statistics: tuple[Statistic, ...], z: np.ndarray)
 def compare(
     camera: Camera, frames: FrameSet, seed: int = 0, progress: Callable[[str, int, int], None] | None = None
 ) -> Comparison:
-    """Measured frames beside frames that the camera would take.
+    """Tests whether a camera explains measured frames, by comparing their statistics with those of simulated frames.
 
     Args:
-        camera: as its file has it; nothing is refitted.
+        camera: the camera to test. Its parameters are not refitted.
         frames: bias, dark, flat or scene frames.
         seed: of the simulations.
         progress: called with (description, done, total).
 
+    Returns:
+        The p-value of the largest deviation, and the views and statistics that differ.
+
     Raises:
-        InputError: frames of which nothing is known, a scene without its target, a frame that cannot be read.
+        InputError: frames of kind image, a scene without its target, or a frame that cannot be read.
+
+    Example:
+        >>> import visaug
+        >>> result = visaug.compare(camera, frames)  # doctest: +SKIP
+        >>> result.adequate, result.where[0].view  # doctest: +SKIP
+        (False, 'temporal_lines')
     """
     say = progress or (lambda *_: None)
     lab = Laboratory(frames, camera, seed, folds=False, report=say)

@@ -1,4 +1,4 @@
-"""What is told of the candidates: how probable each is, its numbers, and which of them these frames cannot tell apart."""
+"""The reported candidates: the probability of each, its parameters, and which of them these frames do not distinguish."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,15 +15,17 @@ from visaug.diagnosis.result import Ranked, estimates
 from visaug.diagnosis.separate import measurement
 from visaug.fingerprint import Statistic
 
-UNCLEAR = 14.0  # log likelihood within which simulated rivals are told as ambiguous: twice what it is taken as known to,
-TEMPER = 4.0  # and by what differences are divided for odds: of 12, known to 7, the sign is wrong once in 20
+UNCLEAR = 14.0  # log-likelihood difference within which simulated rivals are ambiguous: twice its assumed uncertainty
+TEMPER = (
+    4.0  # divides log-likelihood differences for the odds: with 12, known to 7, the sign is wrong once in 20
+)
 
 
 class Ranking:
-    """The candidates of all steps so far, each by its last standing; an accepted one keeps that of its own step.
+    """The candidates of all steps so far, each with its last result; an accepted one keeps that of its own step.
 
     Args:
-        distance: on the frames that find.
+        distance: on the discovery frames.
         at_hand: statistics of all frames.
     """
 
@@ -38,7 +40,7 @@ class Ranking:
         return tuple(sorted(self._ranked.values(), key=lambda r: -r.probability))
 
     def standings(self) -> dict[str, Ranked]:
-        """To come back to by `restore`."""
+        """A copy for `restore`."""
         return dict(self._ranked)
 
     def restore(self, standings: dict[str, Ranked]) -> None:
@@ -58,7 +60,7 @@ class Ranking:
             self._ranked[r.effect] = Ranked(r.effect, float(weight), value, own)
 
     def accept(self, after: State, effect: str, error: Error | None) -> None:
-        """Intervals of an accepted effect's numbers, from simulated sets of the camera that has it."""
+        """Adds intervals of an accepted effect's parameters, from simulated sets of the camera with it."""
         forms = {
             path.split(".", 1)[1]: word
             for path, word in after.fitted.camera.choices().items()
@@ -72,16 +74,16 @@ class Ranking:
         )
 
     def rename(self, effect: str, rival: str) -> None:
-        """Gives a rival the standing of the effect whose place it takes."""
+        """Gives a rival the probability of the effect that it replaces."""
         one, other = self._ranked[effect], self._ranked[rival]
         self._ranked[rival] = replace(other, probability=one.probability)
         self._ranked[effect] = replace(one, probability=other.probability)
 
     def note_ambiguous(self, simulated: Sequence[Refined], others: Sequence[Refined], report: Report) -> None:
-        """Those that these frames cannot tell from the first of the simulated, and the measurement that would.
+        """Notes the candidates that these frames do not distinguish from the first, and the measurement that would.
 
-        Each of the simulated is judged by a law from sets of its own, after a refit of its own: of seven names whose rival was 8 to
-        15 behind four were wrong. What was not simulated is judged by the law that the first was found by.
+        Simulated candidates have a likelihood from their own sets after their own refit, and the wider limit `UNCLEAR`. Others are
+        compared with the likelihood by which the first was found.
         """
         best = simulated[0].gain
         close = [r for r in simulated if best - r.gain < UNCLEAR]

@@ -1,4 +1,4 @@
-"""What no effect of the catalogue explains, described as a physicist would: along what it varies and with what it grows."""
+"""Describes the residuals that no effect of the catalogue explains: the axes along which they vary and what they grow with."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ import numpy as np
 
 from visaug.fingerprint import AXES, Statistic
 
-FAR = 4.5  # standard deviations from which a statistic is said to be off
-CHANCE = 3.0  # as far as the furthest of a thousand may be off by chance
+FAR = 4.5  # standard deviations above which a statistic deviates significantly
+CHANCE = 3.0  # the largest deviation to be expected by chance among a thousand statistics
 WANDERS = 0.5  # share of neighbouring levels between which whole frames change sign,
 LEVELS = 5  # of at least so many that are off
 MORE = 2.5  # times further off with light than without
@@ -32,21 +32,21 @@ WORDS = {
     "row": "from row to row",
     "column": "from column to column",
     "pixel": "from pixel to pixel",
-    "smooth": "slowly over the sensor",
+    "smooth": "smoothly over the sensor",
     "level": "with the level",
 }
 
 
 @dataclass(frozen=True)
 class Residue:
-    """A difference that stays.
+    """A remaining difference between the refitted camera and the frames.
 
     Attributes:
-        description: a sentence.
-        axis: along what it varies, out of `visaug.fingerprint.AXES`, the clearest first.
+        description: the difference in words.
+        axis: axes along which it varies, from `visaug.fingerprint.AXES`, the clearest first.
         grows_with: a subset of "signal", "exposure", "temperature".
-        worst: the statistics that are furthest off, with their standard deviations.
-        nearest: an effect of the catalogue that lowers the error and yet does not explain it.
+        worst: the statistics with the largest deviations, in standard deviations.
+        nearest: an effect of the catalogue that reduces the error but does not explain the difference.
     """
 
     description: str
@@ -74,8 +74,9 @@ def describe(
     """Describes standardised residuals (statistics,).
 
     Args:
-        nearest: an effect that lowers the error and does not explain it.
-        excess: (statistics,) the residuals themselves, DN^2 and not its logarithm; left out, z alone tells a pattern's growth.
+        nearest: an effect that reduces the error but does not explain it.
+        excess: (statistics,) residuals in the unit of the statistic, DN^2 and not its logarithm. If None, the growth of a pattern
+            is judged from z alone.
     """
     size = np.abs(z)
     limit = min(FAR, float(size.max()))
@@ -95,16 +96,16 @@ def describe(
         else "does not clearly grow with signal, exposure or temperature"
     )
     description = (
-        f"What is left differs {along}, and {growth}. Furthest off is {first.name} of {first.frames} "
+        f"The remaining difference varies {along}, and {growth}. The largest deviation is {first.name} of {first.frames} "
         f"({first.view.replace('_', ' ')}), by {size[far[0]]:.1f} standard deviations."
     )
     if nearest:
-        description += f" {nearest} lowers the error but does not explain it."
+        description += f" {nearest} reduces the error but does not explain it."
     return Residue(description, axis, grows, worst, nearest)
 
 
 def _wanders(statistics: Sequence[Statistic], z: np.ndarray) -> bool:
-    """Whether whole frames differ under one condition, or are brighter and darker by turns as the level rises: a law of time."""
+    """Whether whole frames differ under one condition, or deviate with alternating sign as the level rises: a temporal effect."""
     if any(s.view == "drift" and s.name.endswith(" frames") and z[i] > FAR for i, s in enumerate(statistics)):
         return True
     off = [i for i, s in enumerate(statistics) if s.view == "level" and abs(z[i]) > FAR]
@@ -114,9 +115,9 @@ def _wanders(statistics: Sequence[Statistic], z: np.ndarray) -> bool:
 
 
 def _spans(statistics: Sequence[Statistic], z: np.ndarray) -> frozenset[str]:
-    """The directions, "row" and "column", in which neighbours share noise beyond the next pixel.
+    """The directions, "row" and "column", in which noise is correlated beyond the next pixel.
 
-    The noise of a stripe is the same for many pixels; it is told from that of charge that spreads, which is the same for two.
+    The noise of a stripe is common to many pixels; noise from charge spreading is common to two.
     """
     shared = {
         (s.frames, s.name): float(x)
@@ -133,10 +134,10 @@ def _spans(statistics: Sequence[Statistic], z: np.ndarray) -> frozenset[str]:
 
 
 def _along(statistic: Statistic, spans: frozenset[str]) -> tuple[str, ...]:
-    """Along what a statistic varies, where noise reaches beyond the next pixel in the directions `spans`.
+    """The axes along which a statistic varies, if noise is correlated beyond the next pixel in the directions `spans`.
 
-    Noise that neighbouring columns share, and rows do not, differs from row to row; what both share varies slowly over the sensor.
-    Means of few frames keep a part of it, as neighbours that share a pattern.
+    Noise that is common to neighbouring columns, but not rows, varies from row to row; noise that is common to both varies
+    smoothly over the sensor. Means of few frames keep a part of it, as a pattern common to neighbours.
     """
     both = len(spans) == 2
     neighbours = statistic.name.endswith(" on") and any(line in statistic.name for line in spans)
@@ -148,7 +149,7 @@ def _along(statistic: Statistic, spans: frozenset[str]) -> tuple[str, ...]:
 
 
 def _around(statistics: Sequence[Statistic], z: np.ndarray) -> dict[int, tuple[str, ...]]:
-    """Axes of what is off beside edges and spots along rows as along columns: from pixel to pixel, or slowly further out."""
+    """Axes of deviations beside edges and spots that are equal along rows and columns: pixel to pixel, or smooth further out."""
     place = {(s.frames, s.name): i for i, s in enumerate(statistics) if s.view == "scene"}
     found = {}
     for shape, axis in BESIDE.items():
@@ -164,7 +165,7 @@ def _around(statistics: Sequence[Statistic], z: np.ndarray) -> dict[int, tuple[s
 def _axes(
     statistics: Sequence[Statistic], size: np.ndarray, far: dict[int, tuple[str, ...]], wanders: bool
 ) -> tuple[str, ...]:
-    """Axes by the furthest statistic of each, the clearest first.
+    """Axes by the statistic of each with the largest deviation, the clearest first.
 
     A difference along one axis shows a little in the statistics of the others too (a glow in the halves of rows and columns), so
     those stay untold. A statistic along several axes belongs to each by its share.
@@ -225,9 +226,9 @@ def _growth(statistics: Sequence[Statistic], size: np.ndarray, pattern: np.ndarr
 
 
 def _is_off_with_light_alone(statistics: Sequence[Statistic], size: np.ndarray) -> bool:
-    """Whether the furthest of all frames with light is far further off than the furthest of all without.
+    """Whether the largest deviation of frames with light is much larger than that of frames without.
 
-    A step of the converter moves few levels, no tenth of all that is measured with light.
+    A step of the converter affects few levels, fewer than a tenth of the statistics with light.
     """
     lit = np.array([s.kind in ("flat", "scene") for s in statistics])
     unlit = np.array([s.kind in ("bias", "dark") for s in statistics])
@@ -237,9 +238,9 @@ def _is_off_with_light_alone(statistics: Sequence[Statistic], size: np.ndarray) 
 
 
 def _grows_with_signal(statistics: Sequence[Statistic], size: np.ndarray) -> bool:
-    """Whether nearly all that is off in flats is far less so where the same is measured without light.
+    """Whether nearly all statistics that deviate in flats deviate much less without light.
 
-    A pattern of few statistics that the light alone shows is no tenth of all that flats tell.
+    A pattern that only light shows may affect fewer than a tenth of the statistics of flats.
     """
     furthest: dict[tuple[str, str], dict[str, float]] = {}
     for s, z in zip(statistics, size, strict=True):
@@ -252,9 +253,9 @@ def _grows_with_signal(statistics: Sequence[Statistic], size: np.ndarray) -> boo
 
 
 def _grows_with_temperature(statistics: Sequence[Statistic], size: np.ndarray) -> bool:
-    """Whether the same statistics of equally long dark frames are nearly all further off in the warmest.
+    """Whether nearly all statistics of dark frames of one exposure deviate more at the highest temperature.
 
-    Counts of pixels do not grow once all are counted, so how many grow tells more than how much the furthest does.
+    Pixel counts saturate, so the number of statistics that grow is more informative than the growth of the largest.
     """
     darks = [i for i, s in enumerate(statistics) if s.kind == "dark"]
     temperatures = sorted({statistics[i].temperature_c for i in darks})
@@ -279,9 +280,9 @@ def _grows_with_temperature(statistics: Sequence[Statistic], size: np.ndarray) -
 def _pattern_grows_with_temperature(
     statistics: Sequence[Statistic], size: np.ndarray, excess: np.ndarray
 ) -> bool:
-    """Whether the excess of pixels' variance is some times as large in the warmest of equally long dark frames, at all exposures.
+    """Whether the excess pixel variance of dark frames of one exposure grows with the temperature, at all exposures.
 
-    Of a few hundred times a variance the standard deviations hardly grow any more: its logarithm is measured.
+    The statistic is the logarithm of the variance, whose standard deviations hardly grow for very large ratios.
     """
     pixels = {
         (s.exposure_s, s.temperature_c): i

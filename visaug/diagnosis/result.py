@@ -1,4 +1,4 @@
-"""What a diagnosis found."""
+"""The result of a diagnosis."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ from visaug.frames import FrameSet
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its 95 % interval; None for both ends where it is not known."""
+    """A parameter value with its 95 % interval; both limits are None if the interval is not known."""
 
     value: float
     low: float | None
@@ -37,12 +37,14 @@ def estimates(
     steps: np.ndarray | None = None,
     untold: np.ndarray | None = None,
 ) -> dict[str, Estimate]:
-    """The fitted numbers of one effect, by name.
+    """The fitted parameters of one effect, by name.
 
     Args:
-        coordinates: free numbers, some of them the effect's.
-        steps: (R, coordinates), how far refitting moved simulated sets; without them no interval is known.
-        untold: (coordinates,) standard deviation of what the frames leave open.
+        effect: name of the effect.
+        camera: the fitted camera.
+        coordinates: free parameters, some of them those of the effect.
+        steps: (R, coordinates) changes by refits to R simulated sets; if None, no interval is known.
+        untold: (coordinates,) prior standard deviation of what the frames do not determine.
     """
     prefix = "full_well_e" if effect == "saturation" else f"{effect}."
     return {
@@ -54,7 +56,7 @@ def estimates(
 
 @dataclass(frozen=True)
 class Ranked:
-    """A candidate effect: how probable it is among those tried, what error it would leave, and its fitted numbers."""
+    """A candidate effect: its probability among those tried, the remaining error with it, and its fitted parameters."""
 
     effect: str
     probability: float
@@ -74,7 +76,7 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Step:
-    """One step of the diagnosis and the error after it, on the frames that confirm."""
+    """One step of the diagnosis and the error after it, on the hold-out frames."""
 
     action: str
     error: Error | None
@@ -91,20 +93,30 @@ class Step:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The answer of `visaug.diagnose`.
+    """The result of `visaug.diagnose`.
 
     Attributes:
         camera: the refitted camera with the accepted effects.
-        accepted: names in the order of adding.
-        error_after: on the frames that confirm; None where the file as given shows no significant excess.
-        p_value_before, p_value_after: of the refitted camera without and with the accepted effects.
-        where: views by their share of the excess of the file as given.
-        form: what an accepted effect's own form leaves over, in words.
-        cannot_show: effects that frames like these could not show even where they are strong.
-        given, frame_set, seed: what was diagnosed: the camera file, the frames, and the seed of the simulations.
-        frames: sequence numbers of the frames that fit, select and confirm.
-        used: the frames and pixels that were looked at.
-        warnings: what was assumed, and what of the set spoils which effects.
+        accepted: names of the accepted effects, in the order in which they were added.
+        error_after: error on the hold-out frames, 1 for the camera file and 0 for another specimen of the model; None if the
+            camera file has no significant excess.
+        p_value_before: of the refitted camera without the accepted effects.
+        p_value_after: of the refitted camera with the accepted effects.
+        adequate_before: whether the refitted camera without them explains the frames, at a false-alarm rate of 2 %.
+        adequate_after: whether it does with them.
+        where: views by their share of the excess of the camera file.
+        ranking: candidate effects, the most probable first.
+        steps: the steps of the search, with the error after each.
+        ambiguous: groups of effects that the frames do not distinguish, each with the frames that would.
+        unexplained: the remaining difference, if it is significant.
+        form: remaining difference in the form of an accepted effect, in words.
+        cannot_show: effects that these frames could not show even if they were strong.
+        given: the camera file.
+        frame_set: the frames.
+        seed: of the simulations.
+        frames: sequence numbers of the frames used to fit, select and confirm.
+        used: the frames and pixels that were used.
+        warnings: assumptions, and properties of the set that make effects undetectable.
     """
 
     camera: Camera
@@ -129,7 +141,7 @@ class Diagnosis:
     warnings: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """As `visaug diagnose --json` writes it."""
+        """The result as written by `visaug diagnose --json`."""
         error = self.error_after
         return {
             "schema": 1,

@@ -1,4 +1,4 @@
-"""Which physical effect is missing: fit, name, add, refit, until nothing is missing or nothing known explains the rest."""
+"""Finds missing effects: fit, select, add, refit, until the camera is adequate or no known effect explains the difference."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -34,8 +34,8 @@ from visaug.fingerprint import Statistic
 from visaug.frames import FrameSet
 
 SETS = 200  # simulated sets of the camera file
-MOST = 4  # effects that are added one after the other
-STANDS_OUT = 30.0  # standard deviations from which what is left is worth another start
+MOST = 4  # largest number of effects that are added
+STANDS_OUT = 30.0  # deviation, in standard deviations, above which a second starting point is tried
 
 
 def diagnose(
@@ -48,27 +48,38 @@ def diagnose(
     sets: int = SETS,
     cluster: str | None = None,
 ) -> Diagnosis:
-    """Which effect the camera lacks, as far as the frames tell.
+    """Finds the physical effects that a camera model lacks.
 
     Args:
-        camera: the model, as its file has it.
+        camera: the camera model to test.
         frames: measured bias, dark, flat or scene frames.
-        effects: files with effects of one's own, to be tried beside the catalogue's.
+        effects: files with your own effects, tried together with those of the catalogue.
         without: effects of the catalogue that are not tried.
-        seed: of all simulations: the same seed gives the same answer. (Other kinds of processors round sums in another way: there
-            what lies on a knife edge may fall to the other side.)
+        seed: of all simulations. The same seed gives the same result on the same type of processor; others round sums
+            differently, which can change a borderline decision.
         progress: called with (description, done, total).
-        sets: simulated sets of the camera; fewer are faster and less sure.
-        cluster: address of a Ray cluster that does the simulations, or `local`; None for the threads of this machine.
+        sets: simulated sets of the camera; fewer are faster and less certain.
+        cluster: address of a Ray cluster that runs the simulations, or `local`; None uses the threads of this machine.
+
+    Returns:
+        The accepted effects with their parameters, the error before and after, and what remains unexplained.
 
     Raises:
-        InputError: frames of which nothing is known, too few frames, unknown effects.
+        InputError: frames of kind image, too few frames, or unknown effects.
+
+    Example:
+        >>> import visaug
+        >>> result = visaug.diagnose(camera, frames)  # doctest: +SKIP
+        >>> result.accepted  # doctest: +SKIP
+        ('row_noise',)
     """
     for file in effects:
         load_file(file)
     for name in without:
         if name not in catalogue():
-            raise InputError(f"{name!r} is not an effect", field="without", expected="a name of `visaug effects`")
+            raise InputError(
+                f"{name!r} is not an effect", field="without", expected="a name of `visaug effects`"
+            )
     left_out, report = frozenset(without), progress or (lambda *_: None)
     if cluster is None:
         lab = Laboratory(frames, camera, seed, report=report)
@@ -89,10 +100,10 @@ class _Search:
                 field="frames",
                 expected="at least 4 under some conditions",
             )
-        self.walk: list[State] = []  # the refitted camera, and after each effect added
-        self.steps: list[Step] = []  # the same, as it is told
-        self.stood: list[Standing] = []  # of every effect added
-        self.refined: dict[str, Refined] = {}  # as the last step that tried it had it
+        self.walk: list[State] = []  # the refitted camera, then one state per added effect
+        self.steps: list[Step] = []  # the same, as reported
+        self.stood: list[Standing] = []  # of every added effect
+        self.refined: dict[str, Refined] = {}  # from the last step that tried the effect
 
     def run(self) -> Diagnosis:
         first = self.first = self._reference()
@@ -155,7 +166,7 @@ class _Search:
 
     @property
     def _of_all(self) -> tuple[Statistic, ...]:
-        """Statistics of all frames together."""
+        """Statistics of all frames."""
         return self.lab.measured[2].statistics
 
     def _reference(self) -> Reference:
@@ -164,7 +175,7 @@ class _Search:
 
     @cached_property
     def _seen(self) -> Signatures:
-        """Of trials that come from a look at the frames: made for the measurement, so no part of chance."""
+        """Signatures of trials whose starting points come from the frames themselves, and so are not part of the null."""
         tried = looked(self.lab, self.first.camera, self.without)
         return signatures(self.lab, self.first, tried, self.report)
 
@@ -175,23 +186,23 @@ class _Search:
         return standardised(self.lab.measured[0].values - first.mean, first.scale)
 
     def _stand(self, state: State) -> None:
-        """Takes a state in the place of those with as many effects or more."""
+        """Replaces the states with as many effects or more by this one."""
         place = len(state.accepted)
         action = f"add {state.accepted[-1]}" if place else "refit"
         self.walk[place:] = [state]
         self.steps[place:] = [Step(action, self.errors.told(state.fitted))]
 
     def _add(self, state: State, by_chance: Chance) -> tuple[State | None, str | None]:
-        """The state with one more effect; None, with the nearest effect's name, where none explains what it moves.
+        """The state with one more effect; None, with the name of the nearest effect, if none explains its signature.
 
-        Where the camera with an effect that was found from one start does not hold, the other start has its say too.
+        If the camera with an effect found from one starting point is not adequate, the other starting point is tried too.
         """
         nearest: str | None = None
         earlier, standings = self.refined, self.ranking.standings()
         accepted: list[Accepted] = []
         for fitted in self._starts(state):
             if accepted and fitted is self._unfitted:
-                break  # it comes last where it is there for want of anything else
+                break  # it is last if it is only a fallback
             tried = self.signs + self._seen
             found = candidates(self.lab, tried, fitted, state, self.without, self.report, earlier)
             if not found:
@@ -201,7 +212,7 @@ class _Search:
                 self.ranking.rank(state, found)
                 nearest = found[0].effect if found[0].gain > 3 else None
             if accepted and found[0].effect == accepted[0].refined.effect:
-                break  # no other start is needed to find it again
+                break  # the same effect again: no further starting point is needed
             one = self.choice.accepted(state, found, by_chance)
             if one is not None:
                 accepted.append(one)
@@ -222,10 +233,10 @@ class _Search:
         return best, None
 
     def _reconsidered(self, plain: State, state: State) -> State:
-        """The state with a rival in the place of the effect before the last, where beside the last it says more, or is simpler.
+        """The state with the effect before the last replaced by a rival, if that fits better with the last, or is simpler.
 
-        While another effect is not there yet a wrong name can fit better: a ghost took what a charge transfer left of a veil. And
-        the last may be that rival itself, which needs no other beside it: a blur took most of what blooms, and all of it blooms.
+        As long as a further effect is missing, a wrong effect can fit better. And if the last effect is that rival, it may
+        explain everything by itself.
         """
         if len(state.accepted) < 2:
             return state
@@ -253,10 +264,11 @@ class _Search:
         return state
 
     def _starts(self, state: State) -> list[Fitted]:
-        """Cameras from which effects are tried: the refitted one; where that lies far off, first the one given.
+        """Starting points of the search: the refitted camera, preceded by the given camera if the refit is far from it.
 
-        A strong effect bends the fit until the effect's own signature is no longer recognised there. Where it stands far out all
-        the same, a full well may be off from where no climb leads: the camera given is tried too if nothing else is accepted.
+        A strong effect biases the fit of the nuisance parameters until its signature is no longer recognised there. If deviations
+        are large without that, the full well may be in a region from which refinement does not converge: the given camera is
+        then tried if nothing else is accepted.
         """
         if state.accepted:
             return [state.fitted]

@@ -1,4 +1,4 @@
-"""Which frames would tell two effects apart."""
+"""Which frames would distinguish two effects."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -18,26 +18,26 @@ from visaug.frames.plan import default_plan
 from visaug.simulation import simulate, with_chart
 
 SETS = 6
-SEEN = 3.0  # standard deviations of one set from which two cameras differ in a statistic; the mean of six is known to half of one
+SEEN = 3.0  # standard deviations of one set above which two cameras differ; the standard error of a mean of six sets is half of one
 WINDOW = (128, 160)
-TAKEN = 0.5  # share of a plan's settings of one kind of frame that must be there,
-BRIGHT = 0.8  # and of its brightest level, for more such frames to say little that is new
+TAKEN = 0.5  # fraction of a plan's settings of one kind of frame that must be available,
+BRIGHT = 0.8  # and of its brightest level, for more such frames to add little information
 WORDS = {
     "bias": "a stack of bias frames",
-    "dark": "a ladder of dark frames over exposure and temperature",
+    "dark": "a series of dark frames over exposure and temperature",
     "flat": "flats over the whole range up to saturation, several at each level",
-    "scene": "a chart of edges with a small spot beyond saturation, several times, each followed by a dark frame",
+    "scene": "a test chart with edges and a small spot above saturation, several times, each followed by a dark frame",
 }
 
 
 def measurement(cameras: Mapping[str, Camera], at_hand: Sequence[Statistic], report: Report) -> str:
-    """The frames in which two cameras differ most, in words, from simulations of a full plan of frames.
+    """Describes the frames in which two cameras differ most, from simulations of a full plan of frames.
 
-    What a refit of the first camera could follow is no difference. Frames that are at hand have been asked already: they are
-    told only where no others would say more.
+    Differences that a refit of the first camera could absorb do not count. Available kinds of frames are named only if no other
+    kind would be more informative.
 
     Args:
-        at_hand: statistics of the frames that could not tell the two apart.
+        at_hand: statistics of the frames that could not distinguish the two.
     """
     pair = _on_one_base(cameras)
     lab = Laboratory(_plan(pair[0]), pair[0], folds=False)
@@ -48,18 +48,18 @@ def measurement(cameras: Mapping[str, Camera], at_hand: Sequence[Statistic], rep
     squares = {kind: float((apart[(kinds == kind) & (apart > SEEN)] ** 2).sum()) for kind in WORDS}
     tell = [kind for kind in WORDS if squares[kind] > 0]
     if not tell:
-        return "many more frames than these of every kind: they differ by little in each"
+        return "many more frames of every kind: the differences are small in each"
     kind = max([k for k in tell if k not in known] or tell, key=lambda k: squares[k])
     best = statistics[int(np.where(kinds == kind, apart, 0.0).argmax())]
-    more = "many more of the frames that are there, above all " if kind in known else ""
+    more = "many more frames of the kinds already taken, above all " if kind in known else ""
     view = best.view.replace("_", " ")
-    return f"{more}{WORDS[kind]}: they differ most in {best.name} of {best.frames} ({view})"
+    return f"{more}{WORDS[kind]}: the largest difference is in {best.name} of {best.frames} ({view})"
 
 
 def _on_one_base(cameras: Mapping[str, Camera]) -> tuple[Camera, Camera]:
-    """The first camera, and it with the second's effect in place of its own.
+    """The first camera, and the first camera with the effect of the second in place of its own.
 
-    What few frames leave open of the camera's own numbers may lie anywhere in the two, and is no difference between the effects.
+    Nuisance parameters that few frames do not determine may differ between the two fits; that is not a difference of the effects.
     """
     (own, first), (rival, second) = list(cameras.items())[:2]
     if any(catalogue()[name].base for name in (own, rival)):
@@ -68,7 +68,7 @@ def _on_one_base(cameras: Mapping[str, Camera]) -> tuple[Camera, Camera]:
 
 
 def taken(at_hand: Sequence[Statistic], plan: Sequence[Statistic]) -> frozenset[str]:
-    """Kinds of frames that are there in about as many settings as in a plan, and as bright."""
+    """Kinds of frames that are available in about as many settings, and as bright, as in a plan."""
 
     def settings(statistics: Sequence[Statistic], kind: str) -> int:
         return len({s.frames for s in statistics if s.kind == kind})
@@ -84,8 +84,8 @@ def taken(at_hand: Sequence[Statistic], plan: Sequence[Statistic]) -> frozenset[
 def _apart(
     lab: Laboratory, pair: Sequence[Camera], statistics: Sequence[Statistic], report: Report
 ) -> np.ndarray:
-    """(statistics,) by how much two cameras differ, in standard deviations of one set, beyond what a refit of the first follows."""
-    label, jobs = "frames that would tell them apart", [(camera, k) for camera in pair for k in range(SETS)]
+    """(statistics,) difference of two cameras in standard deviations of one set, after a refit of the first."""
+    label, jobs = "frames that would distinguish them", [(camera, k) for camera in pair for k in range(SETS)]
     sets = lab.finding(jobs, lambda n: report(label, n, len(jobs))).reshape(2, SETS, -1)
     least = np.maximum([s.least_spread for s in statistics], 1e-9)
     spread = np.maximum(np.sqrt(sets.var(1, ddof=1).mean(0)), least)
@@ -97,7 +97,7 @@ def _apart(
 
 
 def _plan(camera: Camera) -> FrameSet:
-    """A full plan of frames in a window in the middle of the sensor; pixels are not needed."""
+    """A full plan of frames in a central window of the sensor; its pixels are not used."""
     rows, columns = camera.resolution
     height, width = min(rows, WINDOW[0]), min(columns, WINDOW[1])
     r0, c0 = (rows - height) // 2, (columns - width) // 2

@@ -35,7 +35,7 @@ class Session:
     """One camera and one frame set, with effects added and removed by hand or by a search.
 
     Args:
-        camera: the model, as its file has it. Errors are relative to it.
+        camera: the camera model. Errors are relative to it.
         frames: measured bias, dark, flat or scene frames.
         seed: of all simulations.
         sets: simulated sets of the camera file; fewer are faster and less certain.
@@ -43,11 +43,12 @@ class Session:
 
     Attributes:
         given: the camera file.
-        now: what was added and removed, and its fit.
-        comparison, diagnosis: of the camera file; None until `compare` or `search` was called.
+        now: the effects added and removed, and the fit with them.
+        comparison: of the camera file; None until `compare` was called.
+        diagnosis: of the camera file; None until `search` was called.
 
     Raises:
-        InputError: ordinary pictures, or too few frames.
+        InputError: frames of kind image, or too few frames.
 
     Example:
         >>> session = visaug.Session(camera, frames)  # doctest: +SKIP
@@ -76,7 +77,7 @@ class Session:
 
     @property
     def error(self) -> Error | None:
-        """1 is the camera file, 0 is as close as another specimen of the camera; None where there is no excess to lower."""
+        """1 for the camera file, 0 for another specimen of the model; None if the file has no significant excess."""
         if not self.now.fit:
             return Error(1.0, 1.0, 1.0) if self.has_excess else None
         return self.now.fit.error if self.has_excess else None
@@ -88,7 +89,7 @@ class Session:
 
     @property
     def has_excess(self) -> bool:
-        """Whether the camera file differs from the frames by more than chance."""
+        """Whether the camera file deviates significantly from the frames."""
         if self.diagnosis:
             return bool(self.diagnosis.steps)
         return not self.compare().adequate
@@ -108,7 +109,7 @@ class Session:
         return self.now.fit
 
     def try_effect(self, name: str) -> Fit:
-        """The fit with one more effect; the session stays as it is.
+        """The fit with one more effect. The session does not change.
 
         Raises:
             InputError: an effect that the camera has already, or that has no strength to fit.
@@ -117,7 +118,7 @@ class Session:
         return self.fits.fit(self.now.without, (*self.now.added, name), self.progress)
 
     def add(self, name: str) -> "Session":
-        """Adds an effect and refits everything.
+        """Adds an effect and refits all parameters.
 
         Raises:
             InputError: an effect that the camera has already, or that has no strength to fit.
@@ -130,7 +131,7 @@ class Session:
         return self
 
     def remove(self, name: str) -> "Session":
-        """Removes an effect and refits; with nothing added or removed the camera is the file as given again.
+        """Removes an effect and refits. With nothing added or removed, the camera is the unchanged file.
 
         Raises:
             InputError: an effect that the camera does not have.
@@ -147,7 +148,7 @@ class Session:
         """Runs `visaug.diagnose`.
 
         Args:
-            adopt: take the accepted effects over as the session's camera.
+            adopt: use the accepted effects as the camera of the session.
         """
         self.compare()
         self.diagnosis = diagnose(
@@ -158,7 +159,7 @@ class Session:
         return self.diagnosis
 
     def can_add(self) -> list[str]:
-        """Effects that the camera lacks and that have a strength to fit, in the order of the chain."""
+        """Effects that the camera lacks and that have a strength to fit, in chain order."""
         return self.fits.can_add(self.camera)
 
     def forget(self, name: str) -> None:
@@ -189,7 +190,7 @@ class Session:
         self.now = Setup(without, added, fits[-1], steps)
 
     def _as_diagnosed(self, without: Names, added: Names) -> Setup | None:
-        """The diagnosis' own camera, where that is wanted: there is nothing to fit again."""
+        """The camera of the diagnosis, if its effects are those requested: it needs no further fit."""
         found = self.diagnosis
         if not found or without or set(added) != set(found.accepted) or not found.adequate_after:
             return None

@@ -1,4 +1,4 @@
-"""What of a search's end is a finding: which rest is told as unexplained, which as the form of what was named."""
+"""Decides what is reported at the end of a search: unexplained residuals, and residuals in the form of accepted effects."""
 
 from collections.abc import Sequence
 
@@ -15,17 +15,19 @@ from visaug.diagnosis.signatures import Signatures
 from visaug.diagnosis.spread import COVERS, only_covers
 from visaug.fingerprint import Fingerprint, Statistic
 
-TRACE = 0.03  # error beside an accepted effect that is a finding, if it is surely so much
-MUCH = 0.1  # error beside an accepted effect that is a finding, if it may be so much; and if it surely is, though the camera holds
-STAYS = 0.2  # error that surely stays beside a name that explains nothing
-APART = 10.0  # standard deviations of what no accepted effect acts on, from which it is a finding however small the error
-SHOWN = 3.0  # standard deviations that some statistic must move for frames to show an effect
+TRACE = 0.03  # with accepted effects: an error whose lower limit exceeds this is reported
+MUCH = 0.1  # with accepted effects: reported if the upper limit exceeds this, and for adequate cameras if the lower limit does
+STAYS = 0.2  # lower limit of the error above which the last effect may be judged to explain nothing
+APART = 10.0  # deviation, in standard deviations, of statistics that no accepted effect acts on; reported for any error
+SHOWN = (
+    3.0  # standard deviations by which an effect must change some statistic to be detectable in the frames
+)
 
 
 def is_worth_telling(errors: Errors, state: State) -> bool:
-    """Whether what is left is more than a small share of what was: beside an accepted effect a trace is no finding.
+    """Whether the remaining difference is reported: with accepted effects, a small fraction of the original error is not.
 
-    Unless it stands far out where no accepted effect acts: it is a trace of their error, and none of their forms.
+    An exception are large deviations of statistics on which no accepted effect acts: their forms cannot cause these.
     """
     error = errors.found(state.fitted)
     if not state.accepted or error is None or error.low > TRACE or error.high > MUCH:
@@ -43,12 +45,13 @@ def is_no_explanation(
     state: State,
     missing: bool,
 ) -> bool:
-    """Whether the last effect explains nothing: much surely stays, under a spread or, beside a rest, where the effect acts.
+    """Whether the last effect explains nothing: a large error remains, covered by added variance or where the effect acts.
 
     Args:
         told: the error with the effect.
-        before, state: without it and with it.
-        missing: whether something is missing with it.
+        before: the state without it.
+        state: the state with it.
+        missing: whether the camera with the effect is not adequate.
     """
     if told is None or told.low <= STAYS:
         return False
@@ -68,13 +71,13 @@ def residue(
     missing: bool,
     nearest: str | None,
 ) -> Residue | None:
-    """What no effect explains, described; None where nothing of it is a finding.
+    """Describes the difference that no effect explains; None if there is nothing to report.
 
     Args:
         told: the error of the state.
-        measured: in all frames together.
-        missing: whether something is missing.
-        nearest: an effect that lowers the error and does not explain it.
+        measured: statistics of all frames.
+        missing: whether the camera is not adequate.
+        nearest: an effect that reduces the error but does not explain it.
     """
     excess = _excess(measured, state.fitted.whole_residual)
     if missing and is_worth_telling(errors, state):
@@ -83,16 +86,16 @@ def residue(
 
 
 def is_far_off(told: Error | None, state: State) -> bool:
-    """Whether the error surely stays large though the camera holds: a spread that covers anything explains little.
+    """Whether the error is large although the camera is adequate: added variance that covers everything explains little.
 
-    Nor does a form that is far from the catalogue's, which the effect's own allowance would hide. Not where nothing stands out:
-    of faint effects the error is mostly noise.
+    The same holds for a form that is far from the catalogue's and hidden by the model discrepancy of the effect. It requires a
+    significant deviation: the error of faint effects is mostly noise.
     """
     return bool(state.accepted) and told is not None and told.low > MUCH and _stands_out(state)
 
 
 def form(statistics: Sequence[Statistic], state: State) -> str | None:
-    """What the forms of accepted effects leave over in all frames, in words; of what they do not act on nothing is their form's."""
+    """Describes residuals, over all frames, of statistics on which accepted effects act; None if there are none."""
     acts = state.whole_allowance >= state.fitted.reference.whole_null.scale
     plain = np.where(acts, np.abs(_plain_z(state)), 0.0)
     if not state.accepted or plain.max() <= _by_chance(state):
@@ -100,13 +103,13 @@ def form(statistics: Sequence[Statistic], state: State) -> str | None:
     i = int(plain.argmax())
     s = statistics[i]
     return (
-        f"What is left belongs to the form of {' and '.join(state.accepted)}, which is not quite the catalogue's: "
-        f"most of all {s.name} of {s.frames} ({s.view.replace('_', ' ')}), {plain[i]:.1f} standard deviations off."
+        f"The remaining difference is in the form of {' and '.join(state.accepted)}, which deviates slightly from the "
+        f"catalogue: mostly {s.name} of {s.frames} ({s.view.replace('_', ' ')}), by {plain[i]:.1f} standard deviations."
     )
 
 
 def cannot_show(signs: Signatures, first: Reference) -> tuple[str, ...]:
-    """Effects that move no statistic of these frames far enough to be seen, however strong they are tried."""
+    """Effects that these frames cannot show: no trial strength changes any statistic enough to be detected."""
     seen: dict[str, float] = {}
     for trial, signature, variance in zip(signs.trials, signs.values, signs.variances, strict=True):
         moves, spread = (standardised(v, first.null_scale) for v in (signature, np.sqrt(variance)))
@@ -115,22 +118,22 @@ def cannot_show(signs: Signatures, first: Reference) -> tuple[str, ...]:
 
 
 def _excess(measured: Fingerprint, residual: np.ndarray) -> np.ndarray:
-    """(statistics,) measured less modelled, of what is measured as a logarithm the thing itself."""
+    """(statistics,) measured minus modelled, in linear units also for logarithmic statistics."""
     logarithmic = np.array([s.unit.startswith("log ") for s in measured.statistics])
     values = np.where(logarithmic, measured.values, 0.0)
     return np.where(logarithmic, np.exp(values) - np.exp(values - residual), residual)
 
 
 def _plain_z(state: State) -> np.ndarray:
-    """What is left in all frames in standard deviations, nothing allowed for forms."""
+    """Residuals of all frames in standard deviations, without model discrepancy."""
     return standardised(state.fitted.whole_residual, state.fitted.reference.whole_null.scale)
 
 
 def _stands_out(state: State) -> bool:
-    """Whether some statistic is further off than a camera that lacks nothing would leave it, nothing allowed for forms."""
+    """Whether some statistic deviates more than for a complete camera, without model discrepancy."""
     return float(np.abs(_plain_z(state)).max()) > _by_chance(state)
 
 
 def _by_chance(state: State) -> float:
-    """Standard deviations to which the furthest statistic of a camera that lacks nothing comes."""
+    """Largest deviation, in standard deviations, expected by chance for a complete camera."""
     return float(np.quantile(state.fitted.reference.largest, 1 - SIGNIFICANT))

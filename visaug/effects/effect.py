@@ -1,4 +1,4 @@
-"""What an effect is: a name, a place in the chain, parameters with units and bounds, and `apply`."""
+"""The base class of effects: a name, a place in the chain, parameters with units and bounds, and `apply`."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -15,7 +15,7 @@ from visaug.sampling import Stream, derive_key
 
 
 class Stage(IntEnum):
-    """Places in the chain, in the order of physics. The signal's unit at each is the one that `apply` gets and gives."""
+    """Stages of the chain in physical order. Input and output of `apply` are in the unit of the stage."""
 
     OPTICS = 1  # mean photons per pixel, on their way to the sensor
     GENERATION = (
@@ -31,7 +31,7 @@ class Stage(IntEnum):
 
 @dataclass
 class Context:
-    """What an effect may need to know beyond the signal.
+    """Operating conditions and geometry that an effect may use in addition to the signal.
 
     All tensors are (B, 1, 1, 1) and broadcast against the signal (B, C, H, W).
     """
@@ -56,9 +56,9 @@ class Context:
         return 2**self.bit_depth - 1
 
     def measured_map(self, effect: str, like: Tensor) -> Tensor | None:
-        """The window's part of an effect's measured pattern, (1, 1, H, W); None where the camera has none.
+        """The measured pattern of an effect within the window, (1, 1, H, W); None if the camera has none.
 
-        A window that reaches beyond the sensor sees the pattern repeated.
+        Beyond the sensor the pattern is repeated.
         """
         whole = self.maps.get(effect)
         if whole is None:
@@ -78,17 +78,19 @@ class Context:
 
 @dataclass(frozen=True)
 class Look:
-    """What meets the eye in measured frames.
+    """Summaries of measured frames from which `Effect.looks` may derive starting values.
 
     Args:
-        dark_e: (H, W) mean frame of the shortest dark exposure, less its mean, electrons.
-        rows, columns: (H,), (W,), where each of its lines begins, as a share of the sensor.
-        codes: every DN that comes in any frame, rising.
-        row_noise_e: (n, h), means of consecutive rows of short dark frames, less those of all, electrons; n is 0 where it is one.
-        tracks: (n, 2), pixels, and electrons in all of them, of each place that is bright in one dark frame alone.
-        searched_mpx_s: 10^6 pixels times seconds that were searched for these.
-        spilled_e: (n, 3), of each column of a known scene that holds more than the full well: the electrons that it holds more, and
-            those that the pixels above it and below it were filled with.
+        dark_e: (H, W) mean frame at the shortest dark exposure, minus its mean, electrons.
+        rows: (H,) position at which each row begins, as a fraction of the sensor.
+        columns: (W,) position at which each column begins, likewise.
+        codes: all DN that occur in any frame, ascending.
+        row_noise_e: (n, h) means of consecutive rows of n short dark frames, minus their mean over frames, electrons; n is 0 for
+            a single frame.
+        tracks: (n, 2) number of pixels, and sum of their electrons, of each place that is bright in a single dark frame.
+        searched_mpx_s: 10^6 pixels times seconds that were searched for tracks.
+        spilled_e: (n, 3) for each column of a known scene above the full well: electrons above the full well, and electrons
+            found in the pixels above and below it.
     """
 
     dark_e: np.ndarray
@@ -102,11 +104,11 @@ class Look:
 
     @property
     def profiles(self) -> tuple[tuple[str, np.ndarray, np.ndarray], ...]:
-        """Of columns and of rows: which, their means (e-), and where they begin."""
+        """Profiles of columns and of rows: direction, means (e-), positions."""
         return ("columns", self.dark_e.mean(0), self.columns), ("rows", self.dark_e.mean(1), self.rows)
 
 
-# What an effect meets where it is called without a camera.
+# Conditions of an effect that is called without a camera.
 CONDITIONS = {
     "exposure_s": 0.01,
     "temperature_c": 20.0,
@@ -120,25 +122,25 @@ CONDITIONS = {
 
 
 def _as_value(value: float, like: Tensor) -> Tensor:
-    """As the chain hands numbers to an effect."""
+    """A number in the form in which the chain passes it to an effect."""
     return torch.as_tensor(value, dtype=torch.float32, device=like.device).reshape(1, 1, 1, 1)
 
 
 class Effect:
-    """One physical effect. A subclass states `name`, `stage`, `Parameter`s and `apply`; that is all a new effect takes.
+    """A physical effect. A subclass defines `name`, `stage`, its `Parameter`s and `apply`; everything else is optional.
 
     Class attributes:
-        name: the name in a camera file and in reports.
-        stage, order: place in the chain; within a stage, effects act in rising `order`.
-        summary: one sentence; equation: the law, in plain text; source: where it is from.
-        differentiable: whether gradients pass to the image and all continuous parameters; if not, `why_not` says why.
-        base: True for the terms of the base chain, whose values stand at the top level of a camera file.
-        separates: what to measure to tell this effect from its look-alikes, in words (optional).
-        proposed: whether a diagnosis tries the effect of its own accord; never one of stage PICTURE, which frames do not show.
-        map_unit: unit of a measured map that may take the place of the effect's own spatial profile and strength
-            (`map: file` in a camera file, `context.measured_map` in `apply`); empty where it takes none.
-        map_low: least value that such a map may hold.
-        map_is_table: True where the map is a list of numbers and no pattern of the sensor.
+        name: name in a camera file and in reports.
+        stage, order: place in the chain; within a stage, effects act by increasing `order`.
+        summary: one sentence; equation: the law, in plain text; source: its reference.
+        differentiable: whether gradients reach the image and all continuous parameters; if not, `why_not` gives the reason.
+        base: True for the terms of the base chain, whose parameters are at the top level of a camera file.
+        separates: the measurement that distinguishes this effect from similar ones, in words (optional).
+        proposed: whether a diagnosis tries the effect; effects of stage PICTURE are never tried, as frames do not contain them.
+        map_unit: unit of a measured map that may replace the spatial profile and strength of the effect (`map: file` in a
+            camera file, `context.measured_map` in `apply`); empty if it accepts none.
+        map_low: lowest value that such a map may contain.
+        map_is_table: True if the map is a list of numbers and not a pattern of the sensor.
     """
 
     name: ClassVar[str] = ""
@@ -163,10 +165,13 @@ class Effect:
         cls.parameters = {**cls.parameters, **own}
 
     def __init__(self, **given: Any):
-        """An effect with these parameters; those left out have their defaults.
+        """Makes an effect with the given parameters; others have their defaults.
+
+        Args:
+            given: parameter values by name.
 
         Raises:
-            InputError: a parameter that the effect does not have, or a value outside its bounds.
+            InputError: the effect has no such parameter, or a value is outside its bounds.
         """
         for key, value in given.items():
             if key not in self.parameters:
@@ -179,21 +184,21 @@ class Effect:
     def __call__(
         self, signal: Tensor, seed: int = 0, camera_seed: int = 0, sequence: bool = False, **conditions: float
     ) -> Tensor:
-        """Applies this effect alone, with no camera around it.
+        """Applies this effect alone, without a camera.
 
         Args:
             signal: (B, C, H, W), (C, H, W) or (H, W), in the unit of the effect's stage (`Stage`): photons, electrons or DN.
-            seed: of the random numbers of each image; image k of a batch gets its own stream.
-            camera_seed: of the fixed pattern, which all images of the call share.
-            sequence: True: the batch is consecutive frames, which effects with memory need.
-            conditions: what the effect may ask of the camera: exposure_s (0.01), temperature_c (20), gain_e_per_dn (1),
-                black_level_dn (0), full_well_e (infinite), quantum_efficiency (1), dark_current_e (0), bit_depth (16).
+            seed: of the temporal noise; each image of a batch has its own stream.
+            camera_seed: of the fixed pattern, which is common to all images of the call.
+            sequence: True if the batch consists of consecutive frames, for effects with memory.
+            conditions: operating conditions, with defaults exposure_s=0.01, temperature_c=20, gain_e_per_dn=1,
+                black_level_dn=0, full_well_e=inf, quantum_efficiency=1, dark_current_e=0, bit_depth=16.
 
         Returns:
             A tensor of the same shape and dtype.
 
         Raises:
-            InputError: a condition that is not known, or a signal of another shape.
+            InputError: an unknown condition, or a signal of another shape.
 
         Example:
             >>> import torch, visaug
@@ -249,17 +254,17 @@ class Effect:
         )
 
     def values(self) -> dict[str, Any]:
-        """Every parameter with the value in use: as given, or the default."""
+        """The value of every parameter, as given or the default."""
         return {key: self.given.get(key, parameter.default) for key, parameter in self.parameters.items()}
 
     def apply(self, signal: Tensor, p: SimpleNamespace, stream: Stream, context: Context) -> Tensor:
-        """The signal after the effect.
+        """Returns the signal after the effect.
 
         Args:
-            signal: (B, C, H, W) float32 in the stage's unit; must not be changed in place.
-            p: the parameters' values by name: tensors (B, 1, 1, 1), or the word of a choice.
-            stream: this effect's own random numbers; `stream.fixed` are the camera's, the same in every frame.
-            context: exposure, temperature, gain, window and the like.
+            signal: (B, C, H, W) float32 in the unit of the stage; must not be modified in place.
+            p: parameter values by name: tensors (B, 1, 1, 1), or a string for a categorical parameter.
+            stream: random numbers of this effect; `stream.fixed` is the same in every frame of a camera.
+            context: exposure, temperature, gain, window and other conditions.
 
         Returns:
             A tensor of the same shape and unit.
@@ -267,15 +272,15 @@ class Effect:
         raise NotImplementedError
 
     def moments(self, mean: Tensor, p: SimpleNamespace, context: Context) -> tuple[Tensor, Tensor] | None:
-        """Mean and variance of the output over noise and cameras for a constant input `mean`; None where theory has none."""
+        """Theoretical mean and variance of the output, over noise and cameras, for a constant input `mean`; None if not known."""
         return None
 
     @classmethod
     def looks(cls, seen: Look) -> list[dict[str, Any]]:
-        """Further values by parameter at which a diagnosis tries the effect, from a look at what was measured (optional)."""
+        """Additional starting values for a diagnosis, by parameter, derived from the measured frames (optional)."""
         return []
 
     @classmethod
     def strengths(cls) -> tuple[str, ...]:
-        """Names of the parameters that must all be zero for the effect to vanish."""
+        """Names of the parameters that are all zero when the effect vanishes."""
         return tuple(name for name, parameter in cls.parameters.items() if parameter.strength)

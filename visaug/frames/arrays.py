@@ -53,7 +53,7 @@ class ArrayFile:
         except Exception as error:  # NumPy's header reader and zipfile raise many kinds for damaged files
             self.close()
             reason = getattr(error, "strerror", None) or error
-            raise InputError(f"cannot be read ({reason}); truncated or no array", file=path) from None
+            raise InputError(f"cannot be read ({reason}); truncated, or not an array", file=path) from None
 
     @property
     def frame_shape(self) -> tuple[int, ...]:
@@ -126,7 +126,7 @@ class ArrayFile:
         self._data_start = handle.tell()
         if self.dtype.kind not in "uif":
             raise InputError(
-                f"holds {self.dtype}, no real numbers",
+                f"holds {self.dtype}, not real numbers",
                 file=self.path,
                 field=self.key,
                 expected="integers or floats in DN",
@@ -199,7 +199,7 @@ def arrays_in(path: Path) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
             with zipfile.ZipFile(path) as archive:
                 keys = [n.removesuffix(".npy") for n in archive.namelist() if n.endswith(".npy")]
         except (OSError, zipfile.BadZipFile) as error:
-            raise InputError(f"cannot be read ({error}); truncated or no archive", file=path) from None
+            raise InputError(f"cannot be read ({error}); truncated, or not an archive", file=path) from None
     found = []
     for key in keys:
         file = ArrayFile(path, key)

@@ -127,7 +127,7 @@ def _opened(path: Path) -> Iterator[Any]:
     except FileNotFoundError:
         raise InputError("no such file", file=path) from None
     except Exception as error:  # astropy raises many kinds for damaged files
-        raise InputError(f"cannot be read ({error}); truncated or no FITS", file=path) from None
+        raise InputError(f"cannot be read ({error}); truncated, or not a FITS file", file=path) from None
 
 
 def _images(units: Any, path: Path) -> list[Any]:

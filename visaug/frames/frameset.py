@@ -1,4 +1,4 @@
-"""A set of frames: what was taken, in which order, and the pixels when they are asked for."""
+"""A set of frames: acquisition conditions, order, and pixels that are read on demand."""
 
 from __future__ import annotations
 
@@ -15,14 +15,21 @@ from visaug.frames.table import read_table
 
 
 class FrameSet:
-    """Frames in order of acquisition, read when asked for: a set may be larger than memory.
+    """Frames in order of acquisition. Pixels are read on demand, so a set may be larger than memory.
 
-    Make one with `FrameSet.load` (from disk) or `FrameSet.from_arrays` (in memory). Positions `i` count the
-    records of this set from 0; ``records[i].sequence`` is the number in the order of acquisition.
+    Make one with `FrameSet.load` (from disk) or `FrameSet.from_arrays` (in memory). Positions `i` count the records of
+    this set from 0; ``records[i].sequence`` is the number in the order of acquisition.
 
     Attributes:
-        records: one record a frame, by ``sequence``.
-        warnings: what was assumed while reading, one sentence each.
+        records: one record per frame, sorted by ``sequence``.
+        warnings: assumptions made while reading, one sentence each.
+
+    Example:
+        >>> import numpy as np, visaug
+        >>> from visaug.frames import FrameRecord
+        >>> records = [FrameRecord(sequence=k, file=f"{k}", kind="bias") for k in range(2)]
+        >>> visaug.FrameSet.from_arrays(records, np.zeros((2, 8, 8), np.uint16), bit_depth=12)
+        FrameSet(2 bias)
     """
 
     def __init__(
@@ -51,18 +58,18 @@ class FrameSet:
         byte_order: str | None = None,
         bits_at: str | None = None,
     ) -> FrameSet:
-        """Read what lies at `path`; pixels follow when asked for.
+        """Loads the frame set at `path`. Pixels are read on demand.
 
         Args:
             path: a folder with frames.csv, an EMVA 1288 descriptor (or its folder), FITS files or pictures.
-            resolution: rows and columns of the sensor; needed for .raw files.
-            bit_depth: bits of the converter, 1 to 32; by default what the files tell.
-            byte_order: ``little`` or ``big`` for .raw files; by default found from the pixels.
-            bits_at: ``top`` or ``bottom``, where fewer bits than 16 lie in 16; by default found from the
+            resolution: rows and columns of the sensor; required for .raw files.
+            bit_depth: bits of the converter, 1 to 32; None uses the depth stated by the files.
+            byte_order: ``little`` or ``big`` for .raw files; None determines it from the pixels.
+            bits_at: ``top`` or ``bottom``, the position of fewer than 16 bits in 16-bit data; None determines it from the
                 pixels.
 
         Raises:
-            InputError: nothing there to read, or a description that makes no sense.
+            InputError: there are no frames at `path`, or their description is not valid.
         """
         path = Path(path)
         kind, root, files = sources.find(path)
@@ -73,8 +80,8 @@ class FrameSet:
             records, bits, shape = sources.read_descriptor(files[0])
             bit_depth, resolution = bit_depth or bits, resolution or shape
             warnings.append(
-                f"order_assumed: {files[0].name} does not contain the order of acquisition; the order "
-                "in which it lists the frames is taken"
+                f"order_assumed: {files[0].name} does not state the order of acquisition; the order "
+                "of its list is used"
             )
         elif kind == "fits":
             records = sources.read_fits_folder(root, files, warnings)
@@ -97,14 +104,22 @@ class FrameSet:
         cleans: Mapping[str, np.ndarray] | None = None,
         bit_depth: int | None = None,
     ) -> FrameSet:
-        """A set in memory: ``frames[i]``, (H, W) in DN, belongs to ``records[i]``; `cleans` by their
-        names.
+        """Makes a frame set from arrays in memory.
+
+        Args:
+            records: one record per frame.
+            frames: (n, H, W), or n arrays (H, W), in DN; ``frames[i]`` belongs to ``records[i]``.
+            cleans: noiseless targets of scenes in photons per pixel, by the name in ``record.clean``.
+            bit_depth: bits of the converter, 1 to 32.
+
+        Raises:
+            InputError: the numbers of records and frames differ, or a value is not valid.
         """
         if len(records) != len(frames):
             raise InputError(
                 f"{len(records)} records but {len(frames)} frames",
                 field="frames",
-                expected="as many of one as of the other",
+                expected="equal numbers of records and frames",
             )
         bit_depth = bit_depth or _common_depth(records)
         return cls(records, MemoryStore(records, frames, dict(cleans or {}), bit_depth))
@@ -119,25 +134,25 @@ class FrameSet:
 
     @property
     def bit_depth(self) -> int | None:
-        """Bits of the converter: as told, or by the files' type (8 or 16); None for floats."""
+        """Bits of the converter: as stated, or from the data type (8 or 16); None for floats."""
         return self._store.bit_depth
 
     @property
     def told_bits(self) -> int | None:
-        """Bits of the converter where the caller, a table or a descriptor told them; else None."""
+        """Bits of the converter if stated by the caller, a table or a descriptor; else None."""
         return self._store.told_bits
 
     def read(self, i: int) -> np.ndarray:
-        """Frame `i`, (H, W) float32 in DN.
+        """Reads frame `i` as (H, W) float32 in DN.
 
         Raises:
-            InputError: missing or truncated file, NaN, negative or too large DN, or another size than the
-                set's.
+            InputError: the file is missing or truncated, a value is NaN, negative or too large, or the size differs from that
+                of the set.
         """
         return self._store.read(self._positions[i])
 
     def read_many(self, indices: Iterable[int]) -> np.ndarray:
-        """Frames as (n, H, W) float32 in DN; all of one size."""
+        """Reads frames of one size as (n, H, W) float32 in DN."""
         indices = list(indices)
         if not indices:
             raise InputError("no frames to read", field="indices")
@@ -156,9 +171,7 @@ class FrameSet:
         return stack
 
     def clean(self, i: int) -> np.ndarray:
-        """Noiseless target of scene `i`, (H, W) float32 in photons per pixel; read once, do not write
-        to it.
-        """
+        """Noiseless target of scene `i`, (H, W) float32 in photons per pixel, read-only."""
         if self.records[i].clean is None:
             raise InputError("has no noiseless target", file=self.records[i].file, field="clean")
         return self._store.clean(self._positions[i])
@@ -168,13 +181,13 @@ class FrameSet:
         return self._store.shape(self._positions[i])
 
     def groups(self) -> tuple[Group, ...]:
-        """Frames of equal conditions, by first appearance."""
+        """Groups of frames taken under equal conditions, in order of first appearance."""
         if self._groups is None:
             self._groups = group_records(self.records)
         return self._groups
 
     def subset(self, indices: Iterable[int]) -> FrameSet:
-        """The frames at these positions as a set of their own, in order of acquisition; pixels are shared."""
+        """Returns the frames at these positions as a new set, in order of acquisition. Pixels are shared."""
         indices = list(indices)
         return FrameSet(
             [self.records[i] for i in indices],
@@ -184,19 +197,17 @@ class FrameSet:
         )
 
     def with_records(self, records: Sequence[FrameRecord]) -> FrameSet:
-        """The same pixels under other records, one for each of this set's, in the same order."""
+        """Returns the same pixels with other records, one per frame in the same order."""
         return FrameSet(records, self._store, self._positions, self.warnings)
 
     def assuming_bits(self, bit_depth: int) -> FrameSet:
-        """The same frames read as those of a converter of `bit_depth` bits, where 16-bit files leave open how many it has."""
+        """Returns the frames with a converter of `bit_depth` bits, if 16-bit files do not state the bit depth."""
         if self.told_bits is not None or self.bit_depth != 16 or bit_depth >= 16:
             return self
         return FrameSet(self.records, self._store.with_bits(bit_depth), self._positions, self.warnings)
 
     def check(self) -> list[str]:
-        """One pass over all pixels; returns named warnings (``duplicate_frames: ...``), see
-        `visaug.frames.checks`.
-        """
+        """Checks all pixels and returns named warnings (``duplicate_frames: ...``), see `visaug.frames.checks`."""
         from visaug.frames.checks import check
 
         return check(self)
@@ -209,14 +220,17 @@ class FrameSet:
         overwrite: bool = False,
         beside: Callable[[Path], object] | None = None,
     ) -> Path:
-        """Write frames.csv, the frames and the noiseless targets; the folder appears whole or not at all.
+        """Writes frames.csv, the frames and the noiseless targets to a folder, completely or not at all.
 
         Args:
-            folder: where to; must be empty or not yet there unless `overwrite`.
-            keep_names: write every frame under its record's `file` (the suffix chooses the format) instead of
-                one frames.npz.
-            overwrite: replace a frame set that is there, the whole folder.
-            beside: called with the folder while it is filled, to write what belongs to the set into it.
+            folder: the folder to write; it must be empty or not exist unless `overwrite`.
+            keep_names: write each frame to the `file` of its record (the suffix selects the format) instead of one
+                frames.npz.
+            overwrite: replace an existing frame set, the whole folder.
+            beside: called with the folder before it is complete, to add further files.
+
+        Raises:
+            InputError: the folder is not empty, or a frame cannot be written in the format of its suffix.
         """
         from visaug.frames.writers import save
 
@@ -232,7 +246,7 @@ def _common_depth(records: Sequence[FrameRecord]) -> int | None:
             f"{other} and {one} bits are mixed in one set",
             file=record.file,
             field="bit_depth",
-            expected="frames of one bit depth; put the others in a set of their own",
+            expected="frames of one bit depth; put the others in a separate set",
         )
     return next(iter(given), None)
 

@@ -71,7 +71,7 @@ def open_hdf5(path: Path) -> Any:
     except FileNotFoundError:
         raise InputError("no such file", file=path) from None
     except OSError as error:
-        raise InputError(f"cannot be read ({error}); truncated or no HDF5", file=path) from None
+        raise InputError(f"cannot be read ({error}); truncated, or not an HDF5 file", file=path) from None
 
 
 def data_sets(path: Path) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:

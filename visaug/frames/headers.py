@@ -45,7 +45,7 @@ def _tiff(path: Path) -> list[tuple[str, Facts]]:
                 facts.update(_microscope(text))
             shape, axes = series.shape, series.axes
     except Exception as error:  # tifffile and its codecs raise many kinds
-        raise InputError(f"cannot be read ({error}); truncated or no TIFF", file=path) from None
+        raise InputError(f"cannot be read ({error}); truncated, or not a TIFF file", file=path) from None
     # The last two axes but colour are the frame; a stack runs along one axis before them.
     depth = len(shape) - (3 if axes.endswith("S") else 2)
     count = 1

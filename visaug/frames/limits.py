@@ -31,7 +31,7 @@ def max_pixels() -> int:
     if given is None:
         return MAX_PIXELS
     if not given.isascii() or not given.isdigit() or len(given) > 15 or int(given) < 1:
-        raise InputError(f"{given!r} is no limit", field=VARIABLE, expected="a whole number of pixels")
+        raise InputError(f"{given!r} is not a limit", field=VARIABLE, expected="a whole number of pixels")
     return int(given)
 
 

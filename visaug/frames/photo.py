@@ -45,9 +45,9 @@ def _opened(path: Path) -> Iterator[Any]:
             sizes = raw.sizes
             check_shape((sizes.raw_height, sizes.raw_width), path)
             if raw.raw_image_visible.ndim != 2:
-                raise InputError("holds colours for each pixel", file=path, expected="one value a pixel")
+                raise InputError("holds several colours per pixel", file=path, expected="one value per pixel")
             yield raw
     except InputError:
         raise
     except Exception as error:  # LibRaw raises many kinds
-        raise InputError(f"cannot be read ({error}); truncated or no raw photograph", file=path) from None
+        raise InputError(f"cannot be read ({error}); truncated, or not a raw photograph", file=path) from None

@@ -143,7 +143,7 @@ def _read_tiff(path: Path, index: tuple[int, ...]) -> tuple[np.ndarray, tuple[in
     except InputError:
         raise
     except Exception as error:  # tifffile and its codecs raise many kinds
-        raise InputError(f"cannot be read ({error}); truncated or no TIFF", file=path) from None
+        raise InputError(f"cannot be read ({error}); truncated, or not a TIFF file", file=path) from None
 
 
 def _read_picture(path: Path) -> np.ndarray:

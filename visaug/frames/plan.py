@@ -55,17 +55,15 @@ def plan_groups(
             expected="photons per pixel above 0",
         )
     if repeats < 2:
-        raise InputError(
-            f"{repeats} is too few", field="repeats", expected="2 or more frames at every setting"
-        )
+        raise InputError(f"{repeats} is too few", field="repeats", expected="2 or more frames per setting")
     if bias_frames < 2 or not temperatures_c or not gains_db or not dark_exposures_s:
         raise InputError(
-            "the plan has no frames of some group",
+            "a group of the plan has no frames",
             field="plan",
             expected="2 or more bias frames, one or more temperatures, gains and dark exposures",
         )
     if not levels or min(levels) <= 0:
-        raise InputError(f"{list(levels)}", field="levels", expected="shares of saturation above 0")
+        raise InputError(f"{list(levels)}", field="levels", expected="fractions of saturation above 0")
     groups: list[PlannedGroup] = []
     warm, base_gain = temperatures_c[0], float(gains_db[0])
     count = 0

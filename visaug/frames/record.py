@@ -56,7 +56,9 @@ class FrameRecord:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise InputError(f"{self.kind!r} is not a kind of frame", field="kind", expected=" or ".join(KINDS))
+            raise InputError(
+                f"{self.kind!r} is not a kind of frame", field="kind", expected=" or ".join(KINDS)
+            )
         _check("exposure_s", self.exposure_s, 0.0, 1e6, "seconds, 0 or more")
         _check("gain_db", self.gain_db, -100.0, 100.0, "decibels between -100 and 100")
         if self.temperature_c is not None:

@@ -89,7 +89,7 @@ def read_named(folder: Path, files: list[Path], warnings: list[str]) -> list[Fra
     found = survey(folder, files=files)
     records = found.records()
     warnings.append(
-        "read_from_names: kinds and exposures are those of the files' headers and names; `visaug frames` shows them"
+        "read_from_names: kinds and exposures are taken from headers and file names; `visaug frames` shows them"
     )
     warnings += [note for note in found.notes if note.split(":")[0] in _SAID]
     return records
@@ -144,7 +144,7 @@ def find(path: Path) -> tuple[str, Path, list[Path]]:
 def nothing_here(folder: Path, below: int) -> InputError:
     """The error for a folder that tells of no frames; `below` files lie in or under it that may hold some."""
     return InputError(
-        "holds no frames" if not below else f"does not say what its frames are; {below} files may hold some",
+        "holds no frames" if not below else f"does not describe its frames; {below} files may contain some",
         file=folder,
         expected=f"frames.csv (`visaug frames {folder} -o {folder / 'frames.csv'}` writes one), {DESCRIPTOR}, FITS "
         f"files, pictures ({' '.join(SUFFIXES)}), or folders named bias, dark and flat",

@@ -184,7 +184,7 @@ class FileStore:
                 f"is {shape[0]} x {shape[1]}",
                 file=self._root / record.file,
                 field="region",
-                expected=f"{size[0]} x {size[1]} as {whose}, or a region that says which window it is",
+                expected=f"{size[0]} x {size[1]} as {whose}, or a region that states the window",
             )
 
     def _find_layout(self) -> None:
@@ -202,10 +202,10 @@ class FileStore:
             self._reader.layout = self._byte_order
             self.warnings.append(
                 f"byte_order_assumed: .raw files are read as {self._byte_order} endian, in which "
-                "neighbouring pixels are more alike"
+                "neighbouring pixels are more similar"
                 if self._byte_order in BYTE_ORDERS
                 else f"packing_assumed: .raw files are read as {self._byte_order}, by their size and because "
-                "neighbouring pixels are more alike so"
+                "neighbouring pixels are more similar so"
             )
         packed_bits = LAYOUTS[self._reader.layout].bits if raws else 16
         if packed_bits < 16 and self._bit_depth is None:
@@ -285,7 +285,7 @@ def check_window(record: FrameRecord, shape: tuple[int, ...]) -> None:
             f"is {shape[0]} x {shape[1]}",
             file=record.file,
             field="region",
-            expected=f"{r1 - r0} x {c1 - c0} as its region says",
+            expected=f"{r1 - r0} x {c1 - c0} as stated by its region",
         )
 
 

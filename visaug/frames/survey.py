@@ -191,8 +191,8 @@ def _notes(found: Survey) -> list[str]:
     notes = []
     if (found.folder / DESCRIPTOR).is_file():
         notes.append(
-            f"descriptor: {DESCRIPTOR} tells how these frames were taken; give the folder to the commands as it is, "
-            "without a frames.csv, which would win over it"
+            f"descriptor: {DESCRIPTOR} describes these frames; give the folder to the commands unchanged, "
+            "without a frames.csv, which would take precedence"
         )
     if lacking := found.missing("kind"):
         notes.append(
@@ -202,33 +202,33 @@ def _notes(found: Survey) -> list[str]:
     if lacking := found.missing("exposure_s"):
         notes.append(
             f"exposure_s: the exposure of {_names(lacking)} is not known; put it into the names (dark_2s_003), give "
-            "it with --exposure where it is one for all, or fill in the column"
+            "it with --exposure if it is the same for all, or fill in the column"
         )
     rows = found.rows
     cold = [r for r in rows if r["kind"] == "dark" and r["temperature_c"] is None]
     if cold:
         notes.append(
-            f"temperature_c: not known of {_names(cold)}; without it the dark current has no temperature law. Give "
+            f"temperature_c: not known for {_names(cold)}; without it the dark current has no temperature law. Give "
             "--temperature, or fill in the column"
         )
     dim = [r for r in rows if r["kind"] == "flat" and r["photons"] is None]
     if dim:
         notes.append(
-            f"photons: not known of {_names(dim)}; without them quantum efficiency stays open. Where the light was "
+            f"photons: not known for {_names(dim)}; without them the quantum efficiency is not determined. If the light was "
             "measured, fill in the mean number of photons per pixel"
         )
     if any(r["bit_depth"] is None and not r["file"].lower().endswith((".png", ".jpg")) for r in rows):
         notes.append(
-            "bit_depth: not known from the files; a camera of 10, 12 or 14 bits often writes files of 16. Give --bit-depth"
+            "bit_depth: not stated by the files; cameras with 10, 12 or 14 bits often write 16-bit files. Give --bit-depth"
         )
     unlike = [
         r for r in rows if r["_header_kind"] and r["_name_kind"] and r["_header_kind"] != r["_name_kind"]
     ]
     if unlike:
-        notes.append(f"kind: header and name disagree for {_names(unlike)}; the header was believed")
+        notes.append(f"kind: header and name disagree for {_names(unlike)}; the header is used")
     if masters := [r for r in rows if r["combined"] != 1]:
         notes.append(
-            f"combined: {_names(masters)} are combined from several exposures; they are no raw frames and tell no "
+            f"combined: {_names(masters)} are combined from several exposures; they are not raw frames and give no "
             "temporal noise"
         )
     notes += _of_settings(rows)

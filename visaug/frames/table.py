@@ -41,7 +41,7 @@ def read_table(path: str | Path, warnings: list[str] | None = None) -> list[Fram
     made = [(number, _record(_cells(header, row, path, number), decimal, path, number, order))
             for order, (number, row) in enumerate(rows[1:])]  # fmt: skip
     if not made:
-        raise InputError("names no frames", file=path, expected="one row for each frame")
+        raise InputError("lists no frames", file=path, expected="one row for each frame")
     records = [record for _, record in made]
     if "sequence" not in header:
         return _by_time(records)
@@ -49,10 +49,10 @@ def read_table(path: str | Path, warnings: list[str] | None = None) -> list[Fram
     for number, record in made:
         if record.sequence in seen:
             raise InputError(
-                f"{record.sequence} is used in row {seen[record.sequence]} too",
+                f"{record.sequence} is also used in row {seen[record.sequence]}",
                 file=path,
                 field=f"row {number}, sequence",
-                expected="a number of its own for each frame",
+                expected="a unique number for each frame",
             )
         seen[record.sequence] = number
     return sorted(records, key=lambda r: r.sequence)
@@ -122,7 +122,7 @@ def _check_header(header: list[str], path: Path) -> list[str]:
             )
     for name in header:
         if name and header.count(name) > 1:
-            raise InputError(f"the column {name!r} stands there twice", file=path, field="header")
+            raise InputError(f"the column {name!r} is listed twice", file=path, field="header")
     ignored = [name for name in header if name and name not in known]
     for name in ignored:
         missing = [column for column in (*COLUMNS, *FURTHER) if column not in header]

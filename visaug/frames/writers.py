@@ -33,7 +33,7 @@ def save(
     """Write a set to `folder`; see `FrameSet.save`."""
     if folder.is_dir() and overwrite and any(folder.iterdir()) and not (folder / "frames.csv").is_file():
         raise InputError(
-            "holds no frame set that could be replaced", file=folder, expected="a new or empty folder"
+            "holds no frame set that can be replaced", file=folder, expected="a new or empty folder"
         )
     with whole_folder(folder, overwrite) as temporary:
         cleans = _write_cleans(frames, temporary)
@@ -148,9 +148,9 @@ def _places(frames: FrameSet) -> list[tuple[str, str | None, tuple[int, ...]]]:
             raise InputError(f"{record.file!r} names no array", field="file", expected=expected)
         if files.setdefault(file, archive or bool(index)) != (archive or bool(index)):
             raise InputError(
-                f"{record.file!r} is one frame and several",
+                f"{record.file!r} is used for one frame and for several",
                 field="file",
-                expected="an index for each frame, or one file for each",
+                expected="an index for each frame, or one file per frame",
             )
         places.append((file, key, index))
     seen: set[tuple] = set()
@@ -175,7 +175,7 @@ def _write_stack(frames: FrameSet, path: Path, places: dict[int, tuple[str | Non
         shapes = {frames.shape(i) for i in members}
         if len(lengths) > 1 or len(shapes) > 1:
             raise InputError(
-                "frames of several sizes or depths of index share one array", file=path, field=key
+                "frames of different sizes or index depths share one array", file=path, field=key
             )
         outer = tuple(max(n) + 1 for n in zip(*members.values()))
         if prod(outer) > _MOST_GAPS * len(members):
