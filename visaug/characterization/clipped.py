@@ -118,8 +118,8 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
         _coarse(found, fit, bounds, source)
 
 
-def _coarse(found: Findings, fit: Fit, bounds: tuple[float, float], source: str) -> None:
-    """What a converter coarser than the noise leaves open; `bounds` of the read noise in DN."""
+def _coarse(found: Findings, fit: Fit, bounds: tuple[float, float, bool], source: str) -> None:
+    """What a converter coarser than the noise leaves open; `bounds` of the read noise in DN, see `_profile`."""
     finer = "a finer converter or more gain: the noise is below half a DN"
     found.drop("read_noise.shape", finer)
     found.warn(
@@ -127,12 +127,17 @@ def _coarse(found: Findings, fit: Fit, bounds: tuple[float, float], source: str)
         "a likelihood that includes the rounding, for normal noise; the emva figures do not include it",
         spoils=("emva.*", "emva4.*", "temporal.*"),
     )
-    low, high = bounds
+    low, high, flat = bounds
     told = high < _BLIND * low
     unit = "e" if found.gain is not None else "dn"
     if not told:
         most = f"{high / found.gain.dn_per_e:.3g} e-" if found.gain is not None else f"{high:.3g} DN"
         found.drop(f"read_noise.sigma_{unit}", f"{finer}; it is at most {most} (95 %)")
+    elif flat:  # the curvature at its top does not tell how far a flat likelihood reaches
+        sigma = found.parameters[f"read_noise.sigma_{unit}"]
+        scale = sigma.value / fit.sigma
+        sigma = replace(sigma, low=min(sigma.low, low * scale), high=max(sigma.high, high * scale))
+        found.parameters[f"read_noise.sigma_{unit}"] = sigma
     if math.hypot(fit.sigma, fit.spread) < _DITHER_DN or not told:
         for name in [n for n in found.parameters if n.startswith(("dsnu.", "dark_current."))]:
             found.drop(name, finer)
@@ -140,8 +145,9 @@ def _coarse(found: Findings, fit: Fit, bounds: tuple[float, float], source: str)
         found.add("black_level_dn", (value, value - 0.5, value + 0.5), "DN", source + ", known to half a DN")
 
 
-def _profile(sample: Sample) -> tuple[Fit, tuple[float, float]]:
-    """Where to start a fit of normal noise finer than a DN, and the read noise's 95 % bounds in DN.
+def _profile(sample: Sample) -> tuple[Fit, tuple[float, float, bool]]:
+    """Where to start a fit of normal noise finer than a DN, the read noise's 95 % bounds in DN, and whether the
+    likelihood is flat over several steps between them.
 
     The likelihood may be flat down to no noise at all, and may have several tops: it is mapped.
     """
@@ -166,7 +172,8 @@ def _profile(sample: Sample) -> tuple[Fit, tuple[float, float]]:
     inside = np.flatnonzero(values - values[best] < _RISE)
     first, last = max(int(inside[0]) - 1, 0), min(int(inside[-1]) + 1, len(grid) - 1)
     fit = Fit(math.log(grid[best]), tukey.GAUSSIAN_SHAPE, tops[best].x[0], tops[best].x[1], np.zeros((4, 4)))
-    return fit, (0.0 if inside[0] == 0 else float(grid[first]), float(grid[last]))
+    low = 0.0 if inside[0] == 0 else float(grid[first])
+    return fit, (low, float(grid[last]), len(inside) > 1)
 
 
 def _lines(

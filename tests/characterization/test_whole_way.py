@@ -1,0 +1,73 @@
+"""Frames to camera to comparison: the camera that was measured, beside the frames that it was measured from."""
+
+from dataclasses import replace
+
+import numpy as np
+
+import visaug
+from visaug.characterization import characterize
+from visaug.frames import FrameRecord, FrameSet
+from visaug.report.real_camera import FOLDER
+
+
+def numpy_frames(seed: int) -> FrameSet:
+    """A NumPy camera of 0.4 e-/DN, 60 x 72: bias frames, dark frames at three temperatures, flats of six levels."""
+    rng = np.random.default_rng(seed)
+    shape = 60, 72
+    response = 1 + 0.009 * rng.standard_normal(shape)
+    offset = 1.1 * rng.standard_normal(shape) + 0.9 * rng.standard_normal(shape[1])
+    plan = [("bias", 0.0, 20.0, None)] * 12
+    plan += [("dark", t, T, None) for T in (15.0, 22.0, 30.0) for t in (0.5, 2.0) for _ in range(2)]
+    plan += [("flat", 0.01, 20.0, float(p)) for p in (120, 400, 800, 1300, 1900, 2500) for _ in range(2)]
+    frames = []
+    for _, exposure, temperature, photons in plan:
+        dark = exposure * 1.5 * np.exp(0.1 * temperature)
+        electrons = rng.poisson(0.6 * (photons or 0.0) * response + dark)
+        dn = np.rint((electrons + offset + 2.4 * rng.standard_normal(shape)) / 0.4 + 180.3)
+        frames.append(np.clip(dn, 0, 4095).astype(np.uint16))
+    records = [FrameRecord(i, f"{i}", k, t, T, 0.0, p) for i, (k, t, T, p) in enumerate(plan)]
+    return FrameSet.from_arrays(records, frames)
+
+
+def test_where_nothing_is_hidden_the_camera_that_was_measured_holds():
+    """False-alarm rate 2 % for the true camera."""
+    frames = numpy_frames(21)
+    result = characterize(frames)
+    content = result.to_camera_dict()
+    assert content["bit_depth"] == 12
+    assert "effects" not in content
+    compared = visaug.compare(result.camera, frames, seed=2)
+    assert compared.adequate, compared.where()
+
+
+def ccd_window() -> FrameSet:
+    """A 64 x 80 window of the shipped CCD: one stack of dark frames, pairs of dark frames and flats of seven exposures."""
+    whole = FrameSet.load(FOLDER)
+    exposures = (4e-5, 0.00118, 0.0029, 0.0046, 0.00632, 0.0086, 0.0103)
+    chosen = [i for i, r in enumerate(whole.records) if r.exposure_s in exposures]
+    chosen += [i for i, r in enumerate(whole.records) if r.kind == "dark" and r.exposure_s == 0.00516][:8]
+    records = [replace(whole.records[i], window=(144, 208, 192, 272)) for i in sorted(chosen)]
+    return FrameSet.from_arrays(records, [whole.read(i)[:64, :80].astype(np.uint16) for i in sorted(chosen)])
+
+
+def test_what_was_measured_of_a_real_ccd_brings_its_camera_closer():
+    """Row noise and dark current are in the camera; without them it is farther from the frames, in the views of rows most."""
+    frames = ccd_window()
+    result = characterize(frames)
+    content = result.to_camera_dict()
+    assert content["bit_depth"] == 12
+    assert [e["name"] for e in content["effects"] if e["name"] == "row_noise"]
+    camera = result.camera
+    bare = camera.without_effect("row_noise").replace({"dark_current.a_e_per_s": 0.0})
+    with_all, without = (visaug.compare(c, frames, seed=3) for c in (camera, bare))
+
+    def distance(compared: visaug.Comparison, views: tuple[str, ...] = ()) -> float:
+        seen = [
+            (not views or s.view in views) and d > 0 for s, d in zip(compared.statistics, with_all.spread)
+        ]
+        z = (compared.measured - compared.modelled)[seen] / with_all.spread[seen]
+        return float((z**2).mean())
+
+    rows = "temporal_lines", "temporal_spectrum"
+    assert distance(with_all) < distance(without)
+    assert distance(with_all, rows) < 0.2 * distance(without, rows)
