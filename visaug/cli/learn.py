@@ -59,7 +59,10 @@ def train(config_path: Path, seed: int) -> None:
 @config_argument
 @effects_option("Effects of your own that the cameras name.")
 def ablate(config_path: Path, seed: int) -> None:
-    """Train the arms of CONFIG under otherwise equal conditions and compare them."""
+    """Train the arms of CONFIG and compare them.
+
+    The arms are trained under otherwise equal conditions.
+    """
     run("ablate", config_path, seed)
 
 
@@ -109,8 +112,9 @@ def evaluate(
     json_path: Path | None,
     seed: int,
 ) -> None:
-    """Score a trained network on its test sets, or the predictions of any network on a SPEED or SPEED+ folder.
+    """Score a network on its test sets.
 
+    The network is the one trained by CONFIG, or any other whose predictions P on a SPEED or SPEED+ folder are given.
     P is in the COCO results format with `file_name` (or `image_id` and --images), or a CSV of poses in the format
     of the Kelvins competition: file, q1..q4 (scalar first), r1..r3 in metres.
     """

@@ -86,7 +86,9 @@ def characterize(
     quiet: bool,
     seed: int,
 ) -> None:
-    """Measure the parameters of a camera, with 95 % confidence intervals, from its frames.
+    """Measure camera parameters from frames.
+
+    All parameters have 95 % confidence intervals.
 
     With --camera, parameters that the frames do not determine (resolution of raw files, quantum efficiency
     without a calibrated source) are taken from that camera. All others are reported as not determined.
@@ -163,7 +165,10 @@ def compare(
     fail_on_misfit: bool,
     seed: int,
 ) -> None:
-    """Test whether a camera model explains measured frames, and show where it does not."""
+    """Test whether a camera explains its frames.
+
+    The statistics of the frames are compared with those of simulated frames. Deviations are listed by view.
+    """
     import visaug
 
     camera = load_camera(camera_name)
@@ -224,7 +229,10 @@ def diagnose(
     quiet: bool,
     seed: int,
 ) -> None:
-    """Find the physical effects that a camera model lacks, add them, and show the error before and after."""
+    """Find the effects that a camera lacks.
+
+    The camera is refitted with the missing effects. The error is given before and after.
+    """
     import visaug
     from visaug.cli.effect_pages import find
 
@@ -276,7 +284,9 @@ def lab(
     browser: bool,
     seed: int,
 ) -> None:
-    """Compare and diagnose interactively: add and remove effects and see how the error changes.
+    """Compare and diagnose interactively.
+
+    Effects can be added and removed to see how the error changes.
 
     Prints the address of a page that is served on this machine only, until Ctrl-C. Anyone who has the address
     can use the page and load effects, whose Python code is then executed.

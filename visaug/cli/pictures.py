@@ -188,9 +188,9 @@ def preview(
     output: Path,
     seed: int,
 ) -> None:
-    """Write a contact sheet of one picture through several cameras.
+    """Write a contact sheet of one picture.
 
-    It shows, for each camera, a crop at 1:1 and the standard deviation of the noise at five levels, in 8-bit units.
+    For each camera it shows a crop at 1:1 and the standard deviation of the noise at five levels, in 8-bit units.
     """
     from visaug.report.preview import write_preview
 
@@ -212,7 +212,10 @@ def preview(
 @command("cameras", example="visaug cameras\nvisaug cameras sony_imx174 > my_camera.yaml")
 @click.argument("name", metavar="[NAME]", required=False)
 def cameras(name: str | None, seed: int) -> None:
-    """List the cameras in the package, or print the file of one of them."""
+    """List the cameras in the package, or print one.
+
+    With NAME, the camera.yaml of that camera is printed.
+    """
     from visaug.camera import Camera, shipped
 
     if name is not None:

@@ -142,7 +142,9 @@ def frames(
     seed: int,
     **given: float | None,
 ) -> None:
-    """Write the frames.csv of a folder from headers (FITS, TIFF, EXIF), subfolders and file names.
+    """Write the frames.csv of a folder.
+
+    Conditions come from headers (FITS, TIFF, EXIF), subfolders and file names.
 
     Names such as bias_000.tif, darks/dark_2s_20C_003.fits and flat_10ms_500ph.png are understood. Unknown values
     stay blank and are listed with the way to supply them.
@@ -172,9 +174,9 @@ def frames(
     help="File with your own effects to include. May be repeated.",
 )
 def effects(words: tuple[str, ...], output: Path | None, files: tuple[Path, ...], seed: int) -> None:
-    """List the effects, describe one of them, or write a template for your own.
+    """List or describe effects, or write a template.
 
-    The template that `new` writes is a working effect.
+    Without arguments all effects are listed; NAME describes one; `new` writes a file with a working effect to edit.
     """
     from visaug.cli import effect_pages
     from visaug.effects.catalogue import load_file
