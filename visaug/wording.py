@@ -51,7 +51,7 @@ def with_interval(value: float | None, low: float | None, high: float | None, un
         return f"{value:.3g}{tail}"
     place = math.floor(math.log10(high - low)) - 1  # power of ten of the last digit that is printed
     biggest = max(abs(value), abs(low), abs(high))
-    if place < -5 or biggest >= 1e6:
+    if (place < -5 and biggest < 1e-3) or biggest >= 1e6:
         digits = max(math.floor(math.log10(biggest)) - place, 1)
         return f"{value:.{digits}e} [{low:.{digits}e}, {high:.{digits}e}]{tail}"
     decimals = max(-place, 0)

@@ -28,7 +28,8 @@ def variance_combination(terms: Sequence[tuple[float, float, float]]) -> tuple[f
         terms: (coefficient, mean square, degrees of freedom) of each.
 
     Returns:
-        estimate (may be negative), low and high (clipped at 0).
+        estimate (may be negative), low and high (clipped at 0). The upper limit of a negative estimate is that of 0:
+        below 0 the limit itself can fall to 0, an interval of no width, which would claim an exact 0.
     """
     value = sum(c * ms for c, ms, _ in terms)
     below = above = 0.0
@@ -37,7 +38,7 @@ def variance_combination(terms: Sequence[tuple[float, float, float]]) -> tuple[f
         grow = (df / stats.chi2.ppf(_HALF, df) - 1) * c * ms
         below += (shrink if c > 0 else grow) ** 2
         above += (grow if c > 0 else shrink) ** 2
-    return value, max(value - math.sqrt(below), 0.0), max(value + math.sqrt(above), 0.0)
+    return value, max(value - math.sqrt(below), 0.0), max(value, 0.0) + math.sqrt(above)
 
 
 def root(
