@@ -32,8 +32,8 @@ def at(value: float, half: float = 0.01) -> Error:
     ("before", "after", "first", "accepted"),
     [
         ((at(1.0), at(1.0)), (at(0.1), at(0.1)), True, True),
-        ((at(1.0), at(1.0)), (at(0.995), at(0.9)), True, False),  # within chance on the frames that find
-        ((at(1.0), at(1.0)), (at(0.1), at(1.2)), True, False),  # the frames that confirm disagree
+        ((at(1.0), at(1.0)), (at(0.995), at(0.9)), True, False),  # within chance on the discovery frames
+        ((at(1.0), at(1.0)), (at(0.1), at(1.2)), True, False),  # the hold-out frames disagree
         ((at(1.0), at(1.0)), (at(0.1), at(7.0, 2.0)), True, True),  # these are too unclear to disagree
         (
             (at(1.0, 1e-4), at(1.0)),
@@ -80,7 +80,7 @@ def test_an_error_that_cannot_show_an_effect_may_rise_by_a_standard_deviation():
     [
         (True, True, True, True, True),
         (True, False, True, True, False),
-        (True, True, False, True, False),  # the frames that confirm show nothing along its moves
+        (True, True, False, True, False),  # the hold-out frames show nothing along its moves
         (True, True, True, False, False),  # tracks of cosmic rays in the place of hot pixels
     ],
 )

@@ -12,7 +12,7 @@ CLEAR, UNCLEAR, VAGUE = Error(0.04, -0.02, 0.1), Error(1.1, -0.4, 2.5), Error(-4
     ("confirmed", "found", "told"),
     [
         (CLEAR, UNCLEAR, CLEAR),
-        (UNCLEAR, CLEAR, CLEAR),  # beside an effect that scatters the frames that confirm may say nothing
+        (UNCLEAR, CLEAR, CLEAR),  # beside an effect that scatters the hold-out frames may say nothing
         (VAGUE, CLEAR, CLEAR),
         (None, CLEAR, CLEAR),
         (UNCLEAR, UNCLEAR, UNCLEAR),

@@ -107,7 +107,7 @@ def test_a_way_in_which_sets_scatter_widely_does_not_hide_the_other_ways():
 
 
 def test_all_frames_together_tell_whether_anything_is_missing(stated):
-    """Statistics of the frames that find lie where those of the whole set have the same name."""
+    """Statistics of the discovery frames lie where those of the whole set have the same name."""
     lab = Laboratory(frame_set(5), stated)
     find, confirm, whole = lab.measured
     shape = lab.whole_of(np.arange(1.0, len(find.values) + 1))

@@ -65,7 +65,7 @@ class Laboratory:
 
     @cached_property
     def measured(self) -> tuple[Fingerprint, Fingerprint, Fingerprint]:
-        """Fingerprints of the measured frames that find, of those that confirm, and of the whole set."""
+        """Fingerprints of the discovery frames, of the hold-out frames, and of the whole set."""
         find, confirm, whole = (
             _joined([part.measured(use) for part in self.parts]) for use in (FIND, CONFIRM, WHOLE)
         )
@@ -76,20 +76,20 @@ class Laboratory:
         return self.measured[0].statistics
 
     def whole_of(self, finding: np.ndarray) -> np.ndarray:
-        """A shape (..., statistics) of the frames that find, as one of the whole set: 0 where these have a statistic more."""
+        """A shape (..., statistics) of the discovery frames, as one of the whole set: 0 where these have a statistic more."""
         place = self._place_in_finding
         return np.where(place >= 0, finding[..., place], 0.0)
 
     @cached_property
     def _place_in_finding(self) -> np.ndarray:
-        """Of every statistic of the whole set, its place among those of the frames that find; -1 where it has none."""
+        """Of every statistic of the whole set, its place among those of the discovery frames; -1 where it has none."""
         find, _, whole = (f.statistics for f in self.measured)
         places = _places(find)
         return np.array([places.get(key, -1) for key in _places(whole)])
 
     @cached_property
     def confirming(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the statistics that the frames that find and those that confirm both have: places among the one's and the other's."""
+        """Of the statistics that discovery and hold-out frames both have: places among the one's and the other's."""
         find, confirm, _ = (_places(f.statistics) for f in self.measured)
         both = np.array([(find[key], i) for key, i in confirm.items() if key in find], int).reshape(-1, 2)
         return both[:, 0], both[:, 1]
@@ -104,7 +104,7 @@ class Laboratory:
             report: called with the number of sets done.
 
         Returns:
-            (n, statistics) of the frames that find, of those that confirm, and of the whole set.
+            (n, statistics) of the discovery frames, of the hold-out frames, and of the whole set.
         """
         results = self._run(cameras, report, (FIND, CONFIRM, WHOLE))
         find, confirm, whole = (np.array([result[k] for result in results]) for k in range(3))
@@ -113,7 +113,7 @@ class Laboratory:
     def finding(
         self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None
     ) -> np.ndarray:
-        """The same for the frames that find alone, in half the time: (n, statistics)."""
+        """The same for the discovery frames only, in half the time: (n, statistics)."""
         return np.array([a for (a,) in self._run(cameras, report, (FIND,))])
 
     def _run(self, cameras, report, uses) -> list[tuple[np.ndarray, ...]]:

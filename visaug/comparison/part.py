@@ -53,7 +53,7 @@ class Part:
     deepest: int = DEEPEST
 
     def positions(self, use: str) -> tuple[int, ...]:
-        """Of the frames that find, of those that confirm, or of all."""
+        """Of the discovery frames, of the hold-out frames, or of all."""
         return {
             FIND: self.folds.find,
             CONFIRM: self.folds.confirm,

@@ -25,7 +25,7 @@ from visaug.frames import FrameSet, Group
 BUDGET = 3_600_000  # pixels of a set; to simulate and measure it takes about a fifth of a second of one processor core
 SMALLEST = 50_000  # pixels of a frame: more frames rather than larger ones
 FEWEST = 3  # frames of a condition, where it has them
-FULL = 4_000_000  # pixels of the full frames that find, beside those of windows
+FULL = 4_000_000  # pixels of the full discovery frames, beside those of windows
 MOST_FULL = 3  # full frames of a condition that find: noise is known from the windows
 MARGIN = 8  # px around a window that are simulated with it: what neighbours give each other crosses its edge
 

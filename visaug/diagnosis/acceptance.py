@@ -54,8 +54,8 @@ class State:
     Attributes:
         fitted: the fitted camera.
         accepted: the effects that it has gained.
-        allowance, whole_allowance: what their forms may leave over, per statistic of the frames that find and of all frames.
-        moves, confirm_moves: how far the last of them moves each statistic of the frames that find, and of those that confirm; None
+        allowance, whole_allowance: what their forms may leave over, per statistic of the discovery frames and of all frames.
+        moves, confirm_moves: how far the last of them moves each statistic of the discovery and of the hold-out frames; None
             where the refits before and after tell it.
         scatters: of accepted effects whose strength their scatter tells, not their moves; that strength is no free number.
     """
@@ -111,7 +111,7 @@ class State:
 
     @property
     def z(self) -> np.ndarray:
-        """Residuals of the frames that find in standard deviations, the forms of accepted effects allowed for."""
+        """Residuals of the discovery frames in standard deviations, the forms of accepted effects allowed for."""
         return _allowed(self.fitted.residual, self.fitted.reference.null_scale, self.allowance)
 
     @property
@@ -300,7 +300,7 @@ def says_the_same(before: State, one: np.ndarray, other: np.ndarray) -> bool:
 
 
 def is_there_again(before: State, after: State) -> bool:
-    """Whether the frames that confirm are off along the effect's own moves, by about as much as it moves them.
+    """Whether the hold-out frames are off along the effect's own moves, by about as much as it moves them.
 
     A question to these moves alone: all the rest of an error wavers as the refits before and after waver.
     """
@@ -336,12 +336,12 @@ def improves(
     in_order: bool = True,
     falls_where_it_acts: bool = False,
 ) -> bool:
-    """Whether the error falls beyond chance on the frames that find, and falls on those that confirm.
+    """Whether the error falls beyond chance on the discovery frames, and falls on the hold-out frames.
 
     The error is a mean over all that was measured, so the noise of the rest hides what a faint effect takes away in a few
     statistics: then what is taken away must be beyond chance, and the error not rise by more than a standard deviation, or 0.05.
     Where that noise is as large as the whole excess, the error says nothing, and chance alone decides. Beside what is a hundred
-    times as far off it can only fall by little: then it must surely fall, and the effect be there on the frames that confirm.
+    times as far off it can only fall by little: then it must surely fall, and the effect be there on the hold-out frames.
 
     A further effect must take a share of the first excess, or nearly all that is left beside a very strong one, or have a case
     of its own (`has_a_case`): what the form of an effect before it leaves is not mopped up by another name.
@@ -352,7 +352,7 @@ def improves(
     where the effect has a case of its own, is there again and leaves in order what was: then it is that other effect.
 
     Args:
-        before, after: errors on the frames that find and on those that confirm.
+        before, after: errors on the discovery and on the hold-out frames.
         first: whether it is the first effect.
         beyond_chance: whether what the effect takes away is more than any effect takes away by chance.
         has_a_case: whether it gains enough, beyond chance, where the effects before it move next to nothing.

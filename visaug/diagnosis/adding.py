@@ -245,7 +245,7 @@ class Adding:
     def _moves_of(
         self, effect: str, before: State, fitted: Fitted
     ) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-        """How far an effect moves the statistics of a camera that has it, in the frames that find and those that confirm.
+        """How far an effect moves the statistics of a camera that has it, in the discovery and hold-out frames.
 
         None of either for a term of the base chain.
         """

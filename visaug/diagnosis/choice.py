@@ -150,7 +150,7 @@ class Choice:
         asked = ~is_anothers(before, after)
         own = [self.errors.found(x, y, asked) for x, y in both]
         falls = own[0] is not None and own[1] is not None and own[1].high < own[0].value
-        # tracks lie elsewhere in the frames that confirm, along no moves, but scatter there as they do here
+        # tracks lie elsewhere in the hold-out frames, along no moves, but scatter there as they do here
         falls &= again or (in_order and scatters_again(before.fitted, after.fitted))
         return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case, again, in_order, falls)
 
@@ -175,12 +175,12 @@ def _completes(before: State, after: State, again: bool) -> bool:
     """Whether nothing is left with a second effect. (Asked after every effect that would be by chance too often.)
 
     What stood out stands out no more. Where nothing did, and only all along the effect's moves together, the form of the first may
-    have left that: then the frames that confirm must show it too (`again`).
+    have left that: then the hold-out frames must show it too (`again`).
     """
     stood_out = before.p_value <= SIGNIFICANT
     return len(before.accepted) == 1 and after.p_value > SIGNIFICANT and (stood_out or again)
 
 
 def _moves_of(state: State, candidate: Refined) -> np.ndarray:
-    """How far a candidate that was not simulated in full moves each statistic of the frames that find."""
+    """How far a candidate that was not simulated in full moves each statistic of the discovery frames."""
     return state.fitted.residual - candidate.residual

@@ -1,4 +1,4 @@
-"""Errors of fitted cameras on the frames that find and on those that confirm, and which of the two is told."""
+"""Errors of fitted cameras on the discovery and hold-out frames, and which of the two is reported."""
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class Errors:
         self._confirms = self._is_confirming_clearer(fitted)
 
     def told(self, fitted: Fitted) -> Error | None:
-        """On the frames that confirm; where these are too few to show the excess clearly, on those that find."""
+        """On the hold-out frames; if these are too few to show the excess clearly, on the discovery frames."""
         errors = [self.confirmed(fitted) if self._confirms else None, self.found(fitted)]
         known = [error for error in errors if error is not None and error.high - error.low <= VAGUE]
         return next((error for error in known if is_clear(error)), known[0] if known else None)
@@ -34,7 +34,7 @@ class Errors:
     def found(
         self, fitted: Fitted, beside: Fitted | None = None, asked: np.ndarray | None = None
     ) -> Error | None:
-        """On the frames that find.
+        """On the discovery frames.
 
         Args:
             beside: a fitted camera whose error it is held against: both in the same units, or an effect that brings a wide
@@ -45,14 +45,14 @@ class Errors:
         return self.distance.error(fitted.reference.sets, fitted.residual, beside=other, asked=asked)
 
     def confirmed(self, fitted: Fitted, beside: Fitted | None = None) -> Error | None:
-        """On the frames that confirm, in the same way."""
+        """On the hold-out frames, in the same way."""
         if not len(self._confirming.measured):
             return None
         other = None if beside is None else beside.reference.confirm.sets
         return self._confirming.error(fitted.reference.confirm.sets, fitted.confirm_residual, beside=other)
 
     def _is_confirming_clearer(self, fitted: Fitted) -> bool:
-        """Whether errors are told on the frames that confirm: always, unless noise leaves less of them there."""
+        """Whether errors are reported on the hold-out frames: always, unless the excess is less significant there."""
         found, confirmed = self.found(fitted), self.confirmed(fitted)
         if confirmed is None or found is None or is_clear(confirmed):
             return confirmed is not None

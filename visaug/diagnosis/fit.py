@@ -24,7 +24,7 @@ OFF_BLACK = 5.0  # standard deviations of the bias frames' mean from which a fit
 
 @dataclass(frozen=True)
 class Fitted:
-    """A camera refitted to the frames that find.
+    """A camera refitted to the discovery frames.
 
     Attributes:
         reference: the simulated sets that give the spread.
@@ -67,7 +67,7 @@ def refit(
     begin: Camera | None = None,
     iterations: int = 12,
 ) -> Fitted:
-    """Fits the reference's coordinates to the frames that find.
+    """Fits the reference's coordinates to the discovery frames.
 
     The mean follows the camera by simulations that share their random numbers with the reference's first sets. The mean of the bias
     frames is the one statistic that tells the black level: a robust fit that takes it for an outlier never comes back by itself, so

@@ -16,7 +16,7 @@ STRUCK = 8.0  # standard deviations by which a pixel of one frame stands above t
 
 
 def look(lab: Laboratory, camera: Camera) -> Look | None:
-    """At the frames that find; None where there is no bias or dark frame among them."""
+    """At the discovery frames; None where there is no bias or dark frame among them."""
     data = _unlit(lab.parts[0])
     dark = data.bias
     everywhere = _unlit(
@@ -44,7 +44,7 @@ def look(lab: Laboratory, camera: Camera) -> Look | None:
 
 
 def _unlit(part: Part) -> FrameData:
-    """Bias and dark frames that find; a part's own groups would read all flats and scenes."""
+    """Bias and dark frames of the discovery split; a part's own groups would read all flats and scenes."""
     dark = [i for i in part.folds.find if part.frames.records[i].kind in ("bias", "dark")]
     return FrameData(part.frames, dark)
 

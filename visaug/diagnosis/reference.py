@@ -103,7 +103,7 @@ class Reference:
     """A camera with its own simulated sets: their mean, their spread, and how the mean answers each free number.
 
     Effects are found on the frames of `find`, their errors told on those of `confirm`; whether anything is missing is asked of
-    all frames together, `whole`. Without a word it is the frames that find.
+    all frames together, `whole`. Without a word it is the discovery frames.
     """
 
     camera: Camera
@@ -171,12 +171,12 @@ class Reference:
 
     @cached_property
     def null(self) -> Null:
-        """Of the frames that find."""
+        """Of the discovery frames."""
         return self._null_of(self.find)
 
     @cached_property
     def confirm_null(self) -> Null:
-        """Of the frames that confirm."""
+        """Of the hold-out frames."""
         return self._null_of(self.confirm)
 
     @cached_property
@@ -251,7 +251,7 @@ def derivatives(
     their noise is drawn to 0: a statistic that answers by chance would hold the number where it is.
 
     Args:
-        scale: (statistics,) standard deviations of the frames that find.
+        scale: (statistics,) standard deviations of the discovery frames.
     """
     if not coordinates:
         return [np.zeros((len(f.values), 0)) for f in lab.measured]

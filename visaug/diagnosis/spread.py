@@ -26,7 +26,7 @@ ALONE = 0.1  # weight of each such statistic by itself in their covariance, whic
 LEAST_KNOWN = 0.3  # and the least of its deviation that is taken as known
 WITHIN = 5.0  # standard deviations of its spread to which an effect covers what is off
 TIMES_FURTHER = 5.0  # squared distance in that covariance, of the furthest simulated set's, that is too far
-CONFIRMED = 4  # statistics covered in the frames that find and in those that confirm, to ask whether they are off alike
+CONFIRMED = 4  # statistics covered in the discovery and in the hold-out frames, to ask whether they are off alike
 COVERS = 0.8  # share of a residual, and of an error, that stays under a spread that explains nothing
 
 
@@ -92,13 +92,13 @@ def moves_are_there(before: Fitted, after: Fitted, moves: np.ndarray) -> bool:
 
 
 def recurs_so(before: Fitted, after: Fitted, off: np.ndarray, same: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Whether what an effect covers is off alike in the frames that find and in those that confirm no more than in its own sets.
+    """Whether what an effect covers is off alike in the discovery and in the hold-out frames no more than in its own sets.
 
     Tracks of cosmic rays lie elsewhere in every frame: they may cover a bright corner, but not one that is bright in all frames.
 
     Args:
-        off: (statistics,) whether each was off before, in the frames that find.
-        same: places of the same statistics among those of the frames that find, and among those of the frames that confirm.
+        off: (statistics,) whether each was off before, in the discovery frames.
+        same: places of the same statistics among those of the discovery frames, and among those of the hold-out frames.
     """
     reference = after.reference
     stays = np.abs(after.residual) > COVERS * np.abs(before.residual)
@@ -117,7 +117,7 @@ def recurs_so(before: Fitted, after: Fitted, off: np.ndarray, same: tuple[np.nda
 
 
 def scatters_again(before: Fitted, after: Fitted) -> bool:
-    """Whether the frames that confirm are off too where an effect gives them a spread of its own, and lie within it."""
+    """Whether the hold-out frames are off too where an effect gives them a spread of its own, and lie within it."""
     scale, own = before.reference.confirm_null.scale, after.reference.confirm_null.scale
     off = (own > WIDE * scale) & (np.abs(standardised(before.confirm_residual, scale)) > SEEN)
     within = np.abs(after.confirm_residual) < WITHIN * own
