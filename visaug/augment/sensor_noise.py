@@ -316,7 +316,8 @@ class SensorNoise(nn.Module):
         mosaic = None if path is None else path.mosaic
         dn = camera.expose(photons, stream, values, resolution=whole, mosaic=mosaic)
         plane = ((dn - scale.less_dn) * scale.per_dn).clamp(0, 1)
-        return plane if mosaic is None else torch.where(mosaic(light).isnan(), torch.nan, plane)
+        seen = light if mosaic is None else mosaic(light)
+        return torch.where(seen.isnan(), torch.nan, plane)  # of which the chain would make a count of 0
 
     def _stream(self, draws: Mapping[str, Tensor], images: Tensor, planes: int) -> Stream:
         """The random numbers of so many planes of the sensor."""

@@ -19,6 +19,7 @@ from visaug.effects import Context, Effect, Stage, catalogue
 from visaug.errors import InputError
 from visaug.files import write_text
 from visaug.sampling import Stream
+from visaug.sampling.distributions import MOST_MEAN
 
 
 def shipped() -> dict[str, Path]:
@@ -315,7 +316,7 @@ class Camera:
             black_level_dn=full["black_level_dn"],
             full_well_e=full["full_well_e"],
             quantum_efficiency=full["quantum_efficiency"],
-            dark_current_e=full["exposure_s"] * full["dark_current.a_e_per_s"] * heat,
+            dark_current_e=(full["exposure_s"] * full["dark_current.a_e_per_s"] * heat).clamp_max(MOST_MEAN),
             bit_depth=self.bit_depth,
             reading=self.spec.reading,
             resolution=resolution or self.resolution,

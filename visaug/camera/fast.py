@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 Values = Mapping[str, np.ndarray]
 SHIFTS = {"row_noise": "row", "column_noise": "column"}  # further effects that only shift rows or columns
 VISIBLE_COMB = 2e-4
+MOST_E = (
+    1e18  # electrons of which float32 still holds the squares; with more than that the exact chain is taken
+)
 FAINT_SKEWNESS, FAINT_FIFTH = 0.1, 0.025
 
 
@@ -36,6 +39,8 @@ def suits(camera: "Camera", values: Values, kept: bool) -> bool:
     if camera.spec.reading != "physical" or camera.sensor_maps:
         return False
     if not set(camera.sensor_effects) <= set(SHIFTS):
+        return False
+    if (gain_of(camera, values) * 2**camera.bit_depth > MOST_E).any():
         return False
     pixel = values["prnu.pixel"]
     if kept:
@@ -158,6 +163,7 @@ def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: b
     if camera.spec.read_noise.meaning == "scale":
         sigma = sigma * tables.tukey_deviation(shape)
     heat = np.exp(values["dark_current.b_per_c"] * values["temperature_c"])
+    dark_e = values["exposure_s"] * values["dark_current.a_e_per_s"] * heat
     well = values["full_well_e"]
     gain = gain_of(camera, values)
     prnu, dsnu = (0.0, 0.0) if kept else (values["prnu.pixel"], values["dsnu.pixel_e"])
@@ -165,7 +171,7 @@ def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: b
         dsnu, values["read_noise.after_gain_dn"] * gain
     )  # Gaussian offsets, drawn anew, are one
     n[:, k.ELECTRONS], n[:, k.LESS_DN], n[:, k.PER_DN] = scale
-    n[:, k.DARK_E] = values["exposure_s"] * values["dark_current.a_e_per_s"] * heat
+    n[:, k.DARK_E] = np.minimum(dark_e, MOST_E)
     n[:, k.PRNU_PIXEL], n[:, k.GAUSSIAN_E] = prnu, gaussian_e
     n[:, k.READ_SIGMA_E] = sigma
     n[:, k.DN_PER_E] = 1 / gain
@@ -181,8 +187,10 @@ def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: b
     n[:, k.LIMIT_E] = np.where((gaussian == 0) | np.isinf(well), np.inf, np.maximum(below, 0))
     # A faint count that shares the draw adds the skewness m / (m + sigma^2)^(3/2); up to 0.1 the expansion has it, and
     # of the fifth cumulant, which it has not, read noise must hide most.
-    hidden = FAINT_FIFTH * (gaussian**2 + n[:, k.READ_SIGMA_E] ** 2) ** 2.5
-    n[:, k.FAINT_E] = np.where(gaussian > 0, np.minimum(FAINT_SKEWNESS * gaussian**3, hidden), -1)
+    wide = gaussian.astype(np.float64)
+    hidden = FAINT_FIFTH * np.hypot(wide, n[:, k.READ_SIGMA_E]) ** 5
+    faint = np.minimum(np.minimum(FAINT_SKEWNESS * wide**3, hidden), MOST_E)
+    n[:, k.FAINT_E] = np.where(gaussian > 0, faint, -1)
     few = np.flatnonzero((gaussian > 0) & (gaussian < 1))
     if few.size:
         wide_sigma, wide_shape = (np.broadcast_to(x, batch)[few] for x in (sigma, shape))

@@ -60,7 +60,7 @@ class FrameRecord:
                 f"{self.kind!r} is not a kind of frame", field="kind", expected=" or ".join(KINDS)
             )
         _check("exposure_s", self.exposure_s, 0.0, 1e6, "seconds, 0 or more")
-        _check("gain_db", self.gain_db, -100.0, 100.0, "decibels between -100 and 100")
+        _check("gain_db", self.gain_db, -100.0, 120.0, "decibels between -100 and 120")
         if self.temperature_c is not None:
             _check(
                 "temperature_c", self.temperature_c, -273.15, 300.0, "degrees Celsius between -273.15 and 300"

@@ -7,6 +7,10 @@ from torch import Tensor
 
 SMALL_MEAN = 25.0  # below it the Poisson quantile is summed exactly, above it Giles' expansion has both far tails right
 
+MOST_MEAN = (
+    1e20  # of a Poisson count; a larger mean counts as this one. No converter's range is left above it
+)
+
 ZETA_3 = 1.2020569031595943  # Apery's constant
 
 
@@ -58,10 +62,11 @@ def tukey_lambda(bits: Tensor, shape: Tensor) -> Tensor:
 def poisson(mean: Tensor, bits: Tensor) -> Tensor:
     """Poisson count by its quantile function, float32, in the shape of `mean`.
 
+    A mean above MOST_MEAN counts as that.
     Below SMALL_MEAN the distribution function is summed. Above it, the expansion Q_N2 of M. Giles, "Approximation of the
     inverse Poisson cumulative distribution function", ACM TOMS 42 (2016) 7, eq. 2.8, rounded down.
     """
-    rate = mean.double().clamp_min(0)
+    rate = mean.double().clamp(0, MOST_MEAN)
     p, side = tail(bits)
     u = torch.where(side < 0, p, 1 - p)
     small = rate.clamp_max(SMALL_MEAN)

@@ -8,6 +8,8 @@ import math
 import numpy as np
 from numba import njit
 
+from visaug.sampling.distributions import MOST_MEAN
+
 _fast = {"cache": True, "nogil": True, "fastmath": {"contract", "arcp"}}
 
 
@@ -81,7 +83,7 @@ def _many(mean, root, inverse, bits):
     w2 = w * w
     x = mean + root * w + (1.0 / 3.0 + w2 * (1.0 / 6.0)) - w * (1.0 / 36.0 + w2 * (1.0 / 72.0)) * inverse
     x += (-8.0 / 405.0 + w2 * (7.0 / 810.0 + w2 * (1.0 / 270.0))) * inverse * inverse
-    return max(0.0, math.floor(x))
+    return max(0.0, np.floor(x))  # math.floor is a whole number of 64 bits, which a large mean passes
 
 
 @njit(inline="always")
@@ -150,7 +152,7 @@ def fill_poisson(keys, r0, c0, mean, out):
             for r in range(rows):
                 _bits_row(bits, keys[b], channel, r0 + r, c0, width)
                 for i in range(width):
-                    m = np.float64(mean[b, channel, r, i])
+                    m = min(np.float64(mean[b, channel, r, i]), MOST_MEAN)
                     if not m >= 25.0:
                         out[b, channel, r, i] = _few(m, bits[i])
                         continue

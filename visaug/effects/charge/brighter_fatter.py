@@ -55,7 +55,8 @@ class BrighterFatter(Effect):
 
     def apply(self, signal, p, stream, context):
         share = p.share_per_ke / 1000
-        held, over = torch.minimum(signal, context.full_well_e), (signal - context.full_well_e).clamp_min(0)
+        there = signal.clamp_max(1e15)  # whose square float32 holds
+        held, over = torch.minimum(there, context.full_well_e), (there - context.full_well_e).clamp_min(0)
         push = held**2 / 2 + p.beyond * held * over  # integral of what is held over what arrives
         gained = torch.zeros_like(signal)
         for axis, strength in ((-1, share), (-2, p.aspect * share)):
