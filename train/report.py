@@ -125,18 +125,20 @@ def _signed(difference) -> str:
 
 
 def _findings(ablation: Ablation) -> Iterator[str]:
-    """What the keypoint AP says, whichever way it comes out."""
+    """What the keypoint AP says, whichever way it comes out: the clear changes, and where there is none."""
     for arm in ablation.means:
-        said = []
-        for d in ablation.differences:
-            if d.arm == arm and d.measure == "keypoint_ap_paper":
-                verdict = "raised" if d.low > 0 else "lowered" if d.high < 0 else "not clearly changed"
-                said.append(
-                    f"{verdict} on {d.domain} ({d.reference:.3f} to {d.reference + d.difference:.3f}, "
-                    f"{_signed(d)})"
-                )
-        if said:
-            yield f"{arm} against {ablation.config.baseline}: keypoint AP50-95 is {'; '.join(said)}."
+        mine = [d for d in ablation.differences if d.arm == arm and d.measure == "keypoint_ap_coco"]
+        clear = [
+            f"{'raises' if d.low > 0 else 'lowers'} it on {d.domain} from {d.reference:.2f} to "
+            f"{d.reference + d.difference:.2f} ({_signed(d)})"
+            for d in mine
+            if d.low > 0 or d.high < 0
+        ]
+        open_ = [d.domain for d in mine if d.low <= 0 <= d.high]
+        if open_:
+            clear.append(f"changes it on {', '.join(open_)} by less than its interval")
+        if clear:
+            yield f"Keypoint AP50-95 (COCO) against {ablation.config.baseline}: {arm} {'; '.join(clear)}."
 
 
 def _images(ablation: Ablation) -> Iterator[Text | Figure]:
