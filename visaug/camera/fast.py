@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from visaug.camera import tables
+from visaug.camera import coarse, tables
 from visaug.camera.scale import Scale, gain_of
 from visaug.camera.threads import in_threads
 from visaug.sampling import Stream, derive_key
@@ -93,6 +93,8 @@ def take(
             if sigma := float(values[path][0]):
                 maps[i] = _kept_map(int(pattern_keys[0]), path.partition(".")[0], sigma, channels, window)
     numbers = _numbers(camera, batch, scale, values, kept)
+    tukey = _tukey_tables(values["read_noise.shape"])
+    numbers[:, kernel().COARSE] = _coarse(numbers, tukey)
     source = images.detach().contiguous()
     out = torch.empty_like(source)
     arguments = (
@@ -101,8 +103,9 @@ def take(
         numbers,
         *lines,
         *maps,
+        coarse.normal_table(),
         tables.normal_table(),
-        _tukey_tables(values["read_noise.shape"]),
+        tukey,
         tables.poisson_table().reshape(-1),
         origin,
     )
@@ -197,6 +200,16 @@ def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: b
         visible = few[tables.comb(wide_sigma, wide_shape, gaussian[few]) > VISIBLE_COMB]
         n[visible, k.LIMIT_E] = n[visible, k.FAINT_E] = -1
     return n
+
+
+def _coarse(n: np.ndarray, tukey: np.ndarray) -> np.ndarray:
+    """Whether numbers of few bits do for each image's pixels up to the value 1."""
+    k = kernel()
+    most = n[:, k.ELECTRONS]
+    gaussian = n[:, k.GAUSSIAN_E]
+    deviation = np.sqrt(most + n[:, k.DARK_E] + (most * n[:, k.PRNU_PIXEL]) ** 2 + gaussian**2)
+    enough = coarse.suffices(deviation, gaussian, n[:, k.READ_SIGMA_E], tukey)
+    return enough & (n[:, k.LATTICE] == 0)
 
 
 @cache

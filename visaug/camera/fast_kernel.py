@@ -14,6 +14,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
+from visaug.camera.coarse import NORMAL_BITS, RARE_BITS, TUKEY_BITS
 from visaug.camera.tables import FIRST, FRACTION_BITS, LARGE_MEAN, MEANS_PER_ROOT, SIDE
 from visaug.sampling.kernels import mix
 
@@ -38,7 +39,8 @@ FAINT_E = (
     12  # means up to it are so small beside the pixel offsets that they too are drawn together with these
 )
 PER_DN = 13  # image value of one DN
-NUMBERS = 14
+COARSE = 14  # 1: numbers of 14 and 12 bits do for pixels that are drawn together, see coarse.py
+NUMBERS = 15
 
 f32, i32, u32, u64 = np.float32, np.int32, np.uint32, np.uint64
 PER_BIT, HALF_BIT = f32(2.0**-32), f32(2.0**-33)
@@ -47,6 +49,8 @@ ZERO, HALF, ONE, TWO, THREE, FIVE, SEVEN = (f32(n) for n in (0, 0.5, 1, 2, 3, 5,
 SIXTH, PER_24, PER_36, PER_1024 = f32(1 / 6), f32(1 / 24), f32(1 / 36), f32(1 / 1024)
 GILES_0, GILES_2, GILES_4 = f32(-8 / 405), f32(7 / 810), f32(1 / 270)
 STEP, OTHER = u64(0x9E3779B97F4A7C15), u64(0xD1B54A32D192ED03)
+EDGE, TWO_EDGES = u32(1 << (32 - RARE_BITS)), u32(2 << (32 - RARE_BITS))
+PAIRS, TAILS = u64(0xA0761D6478BD642F), u64(0xE7037ED1A0B428DB)  # streams of their own beside that of single pixels
 FRACTION, THRESHOLD = u32((1 << FRACTION_BITS) - 1), i32((1 << (FRACTION_BITS + 1)) - 1)
 
 _options = {
@@ -67,12 +71,103 @@ def _float_bits(_typing, _number):
     return types.uint32(types.float32), generate
 
 
+@intrinsic
+def _as_float(_typing, _number):
+    """The float32 of these bits."""
+
+    def generate(_context, builder, _signature, arguments):
+        return builder.bitcast(arguments[0], ir.FloatType())
+
+    return types.float32(types.int32), generate
+
+
+@intrinsic
+def _zeros(_typing, _number):
+    """How many bits below the lowest one that is set."""
+
+    def generate(_context, builder, _signature, arguments):
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.uint64(types.uint64), generate
+
+
 @njit(**_options)
 def _bits(key, columns, one, other):
     """Two words of 32 random bits for each column of the sensor."""
     for x in range(columns.size):
         bits = mix(key + u64(columns[x]) * STEP)
         one[x], other[x] = u32(bits), u32(bits >> u64(32))
+
+
+@njit(**_options)
+def _pair_bits(key, first, words):
+    """A word of 32 random bits for each of two neighbours, from column 2 `first` on."""
+    for i in range(words.size):
+        words[i] = mix(key + u64(first + i) * STEP)
+
+
+@njit(**_options)
+def _coarse(words, normal, tukey, w, t, rare):
+    """A number of either law for each pixel; `rare` says which of them lie in an outermost cell: 1 and 2."""
+    for x in range(w.size):
+        w[x] = normal[words[x] >> u32(32 - NORMAL_BITS)]
+    for x in range(t.size):
+        t[x] = tukey[words[x] & u32((1 << TUKEY_BITS) - 1)]
+    for x in range(w.size):
+        of_normal = u32(words[x] + EDGE) < TWO_EDGES  # wraps: the first and the last cells
+        of_tukey = u32(u32(words[x] << u32(32 - TUKEY_BITS)) + EDGE) < TWO_EDGES
+        rare[x] = np.uint8(of_normal) | (np.uint8(of_tukey) << np.uint8(1))
+
+
+@njit(**_options)
+def _tail(table, bits):
+    """The quantile of a probability below 2^-RARE_BITS, at full precision."""
+    p = max((f32(bits) + HALF) * f32(2.0 ** -(32 + RARE_BITS)), f32(2.0**-33))
+    place = _float_bits(p)  # pyright: ignore[reportCallIssue]
+    node = (place >> u32(FRACTION_BITS)) - u32(FIRST)
+    return table[node, 0] + table[node, 1] * f32(i32(place & FRACTION))
+
+
+@njit(**_options)
+def _redraw_rare(key, first, rare, words, normal, tukey, w, t):
+    """Numbers from the outermost cells, drawn anew within them: the law is a mixture, and its tails are exact."""
+    eights = rare.view(np.uint64)
+    for i in range(eights.size):
+        left = eights[i]
+        while left != u64(0):
+            bit = _zeros(left)  # pyright: ignore[reportCallIssue]
+            left &= left - u64(1)
+            x = 8 * i + np.int64(bit >> u64(3))
+            bits = mix(key + u64(first + x) * STEP)
+            if bit & u64(1) == 0:
+                value = _tail(normal, u32(bits))
+                w[x] = value if words[x] >> u32(31) == 0 else -value
+            else:
+                value = _tail(tukey, u32(bits >> u64(32)))
+                t[x] = value if (words[x] >> u32(TUKEY_BITS - 1)) & u32(1) == 0 else -value
+
+
+@njit(**_options)
+def _draw_coarse(key, first, pairs, rare, coarse, tukey_coarse, normal, tukey, w, t):
+    """Both numbers of a row's pixels, from column `first` of the sensor on."""
+    odd, width = first & 1, w.size
+    used = pairs[: (width + odd + 1) // 2]
+    _pair_bits(mix(key ^ PAIRS), first >> 1, used)
+    words = used.view(np.uint32)[odd : odd + width]
+    _coarse(words, coarse, tukey_coarse, w, t, rare[:width])
+    _redraw_rare(mix(key ^ TAILS), first, rare[: (width + 7) // 8 * 8], words, normal, tukey, w, t)
+
+
+@njit(**_options)
+def _coarsened(table, out):
+    """Quantiles at the middle of equally likely cells, from a table as in tables.py."""
+    half = out.size // 2
+    for i in range(half):
+        p = (f32(i) + HALF) * f32(0.5) / f32(half)
+        place = _float_bits(p)  # pyright: ignore[reportCallIssue]
+        node = (place >> u32(FRACTION_BITS)) - u32(FIRST)
+        value = table[node, 0] + table[node, 1] * f32(i32(place & FRACTION))
+        out[i], out[out.size - 1 - i] = value, -value
 
 
 @njit(**_options)
@@ -101,11 +196,21 @@ def _look_up(table, nodes, fractions, out):
 
 
 @njit(**_options)
-def _light(source, gain, electrons, dark, faint, limit, light):
-    """Mean photo-electrons of each pixel; how many means are small, and how many of any size need their parts drawn apart."""
-    small, apart = i32(0), i32(0)
+def _light(source, one, gain, electrons, light):
+    """Mean photo-electrons of each pixel; the least and the largest of them."""
+    least, most = i32(0x7FFFFFFF), i32(0)  # bits of floats that are not negative order as the floats do; NaN comes last
     for x in range(source.size):
-        light[x] = max(source[x] * electrons * gain[x], ZERO)
+        light[x] = max(source[x] * (electrons * (one + gain[x])), ZERO)
+        bits = i32(_float_bits(light[x]))  # pyright: ignore[reportCallIssue]
+        least, most = min(least, bits), max(most, bits)
+    return _as_float(least), _as_float(most)  # pyright: ignore[reportCallIssue]
+
+
+@njit(**_options)
+def _count_apart(light, dark, faint, limit):
+    """How many means are small, and how many of any size need their parts drawn apart."""
+    small, apart = i32(0), i32(0)
+    for x in range(light.size):
         m = light[x] + dark
         small += i32((m > faint) & (m < LARGE))
         apart += i32(_is_apart(m, faint, limit))
@@ -115,6 +220,12 @@ def _light(source, gain, electrons, dark, faint, limit, light):
 @njit(inline="always")
 def _is_apart(m, faint, limit):
     return (m > faint) & (m < LARGE) | (m > limit)
+
+
+@njit(inline="always")
+def _all_together(least, most, faint, limit):
+    """Whether no mean between these is drawn apart."""
+    return (least >= LARGE or most <= faint) and most <= limit
 
 
 @njit(inline="always")
@@ -133,7 +244,7 @@ def _count(m, v, added, w, lattice):
 
 
 @njit(**_options)
-def _together(light, w, t, offset, n, out):
+def _together(light, w, t, row_offset, offset, n, out):
     """Values in [0, 1] of pixels whose count and fixed patterns make one draw."""
     dark, prnu, sigma, added = n[DARK_E], n[PRNU_PIXEL], n[READ_SIGMA_E], n[GAUSSIAN_E] * n[GAUSSIAN_E]
     scale, black, top, less, per_dn = (
@@ -148,7 +259,7 @@ def _together(light, w, t, offset, n, out):
         v = light[x] * prnu
         count = _count(light[x] + dark, v * v, added, w[x], lattice)
         count = min(np.floor(count + HALF), well) if lattice > ZERO else count
-        e = count + offset[x] + sigma * t[x]
+        e = count + (row_offset + offset[x]) + sigma * t[x]
         dn = min(max(np.floor(e * scale + black), ZERO), top)
         out[x] = min(max((dn - less) * per_dn, ZERO), ONE)
 
@@ -249,7 +360,7 @@ def _draw_packed(count, seeds, nodes, floats, to, n, normal, poisson, words, mor
 @njit(**_options)
 def expose(
     images, out, first_row, last_row, channels, keys, numbers, row_gain, row_offset, column_gain, column_offset,
-    gain_map, offset_map, normal, tukey, poisson, origin,
+    gain_map, offset_map, coarse, normal, tukey, poisson, origin,
 ):  # fmt: skip
     """Rows [first_row, last_row) of all planes of a batch, one after another.
 
@@ -260,7 +371,7 @@ def expose(
         numbers: (B, NUMBERS) float32.
         row_gain, row_offset: (B C or C, H) float32, fractions and electrons; column_...: the same by columns.
         gain_map, offset_map: (C, H, W) float32, kept for all images; (C, H, 0) where nothing is kept.
-        normal: (2 SIDE, 2); tukey: (B or 1, 2 SIDE, 2); poisson: flat.
+        coarse: the normal's table of coarse.py; normal: (2 SIDE, 2); tukey: (B or 1, 2 SIDE, 2); poisson: flat.
         origin: row and column of the sensor at which the images begin.
     """
     _, height, width = images.shape
@@ -268,9 +379,11 @@ def expose(
     columns = np.arange(origin[1], origin[1] + width).astype(np.int32)
     room = width + 1024
     words, floats = np.empty((10, room), np.uint32), np.empty((18, room), np.float32)
+    pairs, rare = np.empty(room // 2 + 1, np.uint64), np.zeros(room // 8 * 8, np.uint8)
+    tukey_coarse, tukey_image = np.empty(1 << TUKEY_BITS, np.float32), -1
     one, other, a, b = words[0, :width], words[1, :width], words[2, :width], words[3, :width]
     fa, fb, w, t = floats[0, :width], floats[1, :width], floats[2, :width], floats[3, :width]
-    gain, offset, light, result = floats[4, :width], floats[5, :width], floats[6, :width], floats[7, :width]
+    gains, offsets, light, result = floats[4, :width], floats[5, :width], floats[6, :width], floats[7, :width]
     aside, aside_a, packed, aside_image = 0, words[4], floats[8:14], 0
     seeds, to = np.empty(room, np.uint64), np.empty(room, np.int64)
     row_seeds = np.empty(width, np.uint64)
@@ -279,36 +392,45 @@ def expose(
         plane, y = number // height, number % height
         image, channel = plane // channels, plane % channels
         own = plane if len(row_gain) > channels else channel  # patterns drawn for each image, or kept
+        of_image = image if len(tukey) > 1 else 0
         if aside > 0 and (image != aside_image or aside + width > room):
             _draw_packed(
-                aside,
-                seeds,
-                aside_a,
-                packed,
-                to,
-                numbers[aside_image],
-                normal,
-                poisson,
-                words[5:],
-                floats[14:],
-                flat,
-            )
+                aside, seeds, aside_a, packed, to, numbers[aside_image], normal, poisson, words[5:], floats[14:], flat
+            )  # fmt: skip
             aside = 0
         n, source, target = numbers[image], images[plane, y], out[plane, y]
         key = mix(mix(keys[image] + u64(channel) * STEP) + u64(y + origin[0]))
-        _sum(ONE + row_gain[own, y], column_gain[own], gain_map[channel, y], gain)
-        _sum(row_offset[own, y], column_offset[own], offset_map[channel, y], offset)
-        small, apart = _light(source, gain, n[ELECTRONS], n[DARK_E], n[FAINT_E], n[LIMIT_E], light)
+        gain, offset, gain_1, offset_1 = column_gain[own], column_offset[own], row_gain[own, y], row_offset[own, y]
+        if gain_map.size:
+            _sum(gain_1, gain, gain_map[channel, y], gains)
+            gain, gain_1 = gains, ZERO
+        if offset_map.size:
+            _sum(offset_1, offset, offset_map[channel, y], offsets)
+            offset, offset_1 = offsets, ZERO
+        least, most = _light(source, ONE + gain_1, gain, n[ELECTRONS], light)  # pyright: ignore[reportGeneralTypeIssues]
+        small, apart = 0, 0
+        if not _all_together(least + n[DARK_E], most + n[DARK_E], n[FAINT_E], n[LIMIT_E]):
+            small, apart = _count_apart(light, n[DARK_E], n[FAINT_E], n[LIMIT_E])
+        if n[COARSE] > ZERO and apart < width:
+            if of_image != tukey_image:
+                _coarsened(tukey[of_image], tukey_coarse)
+                tukey_image = of_image
+            _draw_coarse(key, origin[1], pairs, rare, coarse, tukey_coarse, normal, tukey[of_image], w, t)
+            _together(light, w, t, offset_1, offset, n, target)
+            if apart == 0:
+                continue
         _bits(key, columns, one, other)
         _places(one, a, fa)
         _places(other, b, fb)
-        _look_up(tukey[image if len(tukey) > 1 else 0], b, fb, t)
+        _look_up(tukey[of_image], b, fb, t)
         if small < width:
             _look_up(normal, a, fa, w)
-        if apart < width:
-            _together(light, w, t, offset, n, target)
+        if n[COARSE] == ZERO and apart < width:
+            _together(light, w, t, offset_1, offset, n, target)
         if apart == 0:
             continue
+        _sum(offset_1, offset, offset[:0], offsets)
+        offset = offsets
         if apart > width // 8:
             for x in range(width):
                 row_seeds[x] = key + u64(columns[x]) * STEP
@@ -322,25 +444,11 @@ def expose(
         aside_image = image
         for x in range(width):  # put aside, so that their further steps run over long arrays too
             if _is_apart(light[x] + n[DARK_E], n[FAINT_E], n[LIMIT_E]):
-                seeds[aside], to[aside], aside_a[aside] = (
-                    key + u64(columns[x]) * STEP,
-                    number * width + x,
-                    a[x],
-                )
+                seeds[aside], to[aside], aside_a[aside] = key + u64(columns[x]) * STEP, number * width + x, a[x]
                 packed[0, aside], packed[1, aside], packed[2, aside] = light[x], w[x], t[x]
                 packed[3, aside], packed[4, aside] = offset[x], fa[x]
                 aside += 1
     if aside > 0:
         _draw_packed(
-            aside,
-            seeds,
-            aside_a,
-            packed,
-            to,
-            numbers[aside_image],
-            normal,
-            poisson,
-            words[5:],
-            floats[14:],
-            flat,
-        )
+            aside, seeds, aside_a, packed, to, numbers[aside_image], normal, poisson, words[5:], floats[14:], flat
+        )  # fmt: skip
