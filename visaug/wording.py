@@ -80,10 +80,23 @@ def statistic_text(name: str) -> str:
         ('rows in bias frames', 'dark rows, frequency band 6 in dark frames (2 s, 30 °C)')
     """
     what, _, frames = name.rpartition(", ")
-    kind, _, conditions = frames.partition(" ")
+    plain = frames_text(frames) if what else frames
+    if plain == frames:
+        what, plain = name, ""
     what = re.sub(r"\bband (\d)", r"frequency band \1", what)
-    if not what or kind not in ("bias", "dark", "flat", "scene"):
-        return re.sub(r"\bband (\d)", r"frequency band \1", name)
-    found = re.findall(r"[-+.\de]+ (?:ph|s|C|dB)\b|\S+ \S+|\S+", conditions)
+    return f"{what} in {plain}" if plain else what
+
+
+def frames_text(label: str) -> str:
+    """Frames of one condition in plain words.
+
+    Example:
+        >>> frames_text("flat 800 ph 22 C")
+        'flat frames (800 photons, 22 °C)'
+    """
+    kind, _, conditions = label.partition(" ")
+    if kind not in ("bias", "dark", "flat", "scene"):
+        return label
+    found = re.findall(r"[-+.\de]+ (?:ph|s|C|dB)\b|\S+", conditions)
     words = [re.sub(r" ph$", " photons", re.sub(r" C$", " °C", part)) for part in found]
-    return f"{what} in {kind} frames" + (f" ({', '.join(words)})" if words else "")
+    return f"{kind} frames" + (f" ({', '.join(words)})" if words else "")

@@ -89,7 +89,9 @@ def _files(start: Path, output: Path) -> Iterator[tuple[str, Path]]:
     """(name below `start`, path) of its visible files."""
     if start.is_file():
         if start.suffix.lower() not in SUFFIXES:
-            raise InputError("is not a picture", file=start, expected="a name ending in " + " ".join(SUFFIXES))
+            raise InputError(
+                "is not a picture", file=start, expected="a name ending in " + " ".join(SUFFIXES)
+            )
         yield start.name, start
     elif start.is_dir():
         for path in _walk(start, output.resolve(), ()):

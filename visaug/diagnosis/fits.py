@@ -1,5 +1,6 @@
 """A camera with chosen effects added or removed, refitted to the discovery frames."""
 
+import math
 from dataclasses import dataclass
 
 from visaug.camera import Camera
@@ -9,11 +10,11 @@ from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.candidates import looked, trials
 from visaug.diagnosis.errors import Errors
-from visaug.diagnosis.fit import refit
+from visaug.diagnosis.fit import Fitted, refit
 from visaug.diagnosis.matches import matches
 from visaug.diagnosis.naming import SIGNIFICANT, from_other_starts
 from visaug.diagnosis.parameters import base_coordinates
-from visaug.diagnosis.reference import Reference, Report
+from visaug.diagnosis.reference import Reference, Report, make_reference
 from visaug.diagnosis.refinement import refine
 from visaug.diagnosis.result import estimates
 from visaug.diagnosis.search import SETS
@@ -23,6 +24,10 @@ from visaug.errors import InputError
 from visaug.frames import FrameSet
 
 Names = tuple[str, ...]
+FEW, FEWEST = (
+    24,
+    8,
+)  # simulated sets of the camera file and of a camera set by hand, for a quick estimate of its error
 
 
 @dataclass(frozen=True)
@@ -69,6 +74,7 @@ class Fits:
             )
         self._references: dict[Names, Reference] = {}
         self._states: dict[tuple[Names, Names], State] = {}
+        self._given: Reference | None = None  # its sets alone, where nothing was fitted yet
 
     def fit(self, without: Names, added: Names, report: Report) -> Fit:
         """The camera file without some of its own effects and with others added, in this order."""
@@ -85,6 +91,31 @@ class Fits:
             places(left, self.lab.statistics, state.z),
             {name: estimates(name, fitted.camera, *state.numbers) for name in added},
         )
+
+    def as_it_is(self, camera: Camera, quick: bool, report: Report) -> Fit:
+        """How far a camera is from the frames with its numbers as they are: nothing is refitted.
+
+        Args:
+            quick: from a few simulated sets. Its p-value is NaN and it tells no places: few sets resolve neither.
+        """
+        first = self._sets_of_given(FEW if quick else self._after, report)
+        reference = make_reference(self.lab, camera, (), FEWEST if quick else self._after, report)
+        fitted = Fitted.unfitted(self.lab, reference)
+        error = Errors(self.lab, first, Fitted.unfitted(self.lab, first)).told(fitted)
+        if quick:
+            return Fit(camera, error, math.nan, Places(), {})
+        state = State.plain(fitted)
+        left = Distance(
+            self.lab.statistics, reference.mean + fitted.residual, reference.sets, reference.find.least
+        )
+        return Fit(camera, error, state.p_value, places(left, self.lab.statistics, state.z), {})
+
+    def _sets_of_given(self, count: int, report: Report) -> Reference:
+        """Simulated sets of the camera file, without derivatives: those at hand, or as many as are asked for."""
+        known = self._references.get(()) or self._given
+        if known is None or len(known.sets) < count:
+            known = self._given = make_reference(self.lab, self.given, (), count, report, begun=self._given)
+        return known
 
     def can_add(self, camera: Camera) -> list[str]:
         """Effects that a camera lacks and that have a strength to fit, in the order of the chain."""

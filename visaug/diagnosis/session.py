@@ -1,9 +1,10 @@
 """A diagnosis step by step: refit, try, add and remove effects, search."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 from visaug.camera import Camera
+from visaug.camera.paths import path_of
 from visaug.comparison import Comparison, Error, Places, compare
 from visaug.diagnosis.fits import Fit, Fits, Names
 from visaug.diagnosis.result import Diagnosis, Step
@@ -23,12 +24,16 @@ class Setup:
         added: effects that were added, in this order.
         fit: None for the file as given.
         steps: the errors on the way here.
+        numbers: set by hand, by path as in camera.yaml; nothing was refitted since.
+        quick: whether `fit` is an estimate from a few simulated sets.
     """
 
     without: Names = ()
     added: Names = ()
     fit: Fit | None = None
     steps: tuple[Step, ...] = field(default=())
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    quick: bool = False
 
 
 class Session:
@@ -143,6 +148,30 @@ class Session:
         elif name not in self.now.without:
             raise InputError(f"the camera has no {name}", field="remove", expected="an effect of the camera")
         return self
+
+    def set_numbers(self, values: Mapping[str, float], quick: bool = False) -> Fit:
+        """Sets numbers of the camera by hand; nothing is refitted, and `add` and `remove` refit them again.
+
+        Args:
+            values: by path as in camera.yaml, e.g. {"read_noise.sigma_e": 2.5}.
+            quick: estimate the error from a few simulated sets; the p-value is then NaN.
+
+        Raises:
+            InputError: a path that the camera does not have, or a value out of its range.
+        """
+        camera = self.camera.replace(values)
+        fit = self.fits.as_it_is(camera, quick, self.progress)
+        before = self.now.fit.parameters if self.now.fit else {}
+        kept = {
+            name: {key: e for key, e in numbers.items() if path_of(name, key) not in values}
+            for name, numbers in before.items()
+        }
+        steps = self.now.steps[:-1] if self.now.numbers else self.now.steps
+        steps = (*steps, Step("numbers set by hand", fit.error))
+        numbers = {**self.now.numbers, **values}
+        fit = replace(fit, parameters=kept)
+        self.now = Setup(self.now.without, self.now.added, fit, steps, numbers, quick)
+        return fit
 
     def search(self, adopt: bool = True) -> Diagnosis:
         """Runs `visaug.diagnose`.

@@ -1,6 +1,6 @@
 """What lies on the bench: frames, the camera file as given, what was found, and the camera as it is now."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -11,6 +11,7 @@ from visaug.diagnosis import SETS, Diagnosis, Session, Setup
 from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
 from visaug.frames import FrameSet
+from visaug.lab.past import Past
 from visaug.progress import Progress
 
 
@@ -28,6 +29,7 @@ class Bench:
         comparison, diagnosis: of the camera file as given; None until they are done.
         now: the camera on the bench.
         loaded: names of effects of one's own.
+        past: what was on the bench before.
 
     Raises:
         InputError: frames of which nothing is known, too few frames.
@@ -45,6 +47,7 @@ class Bench:
         self.output = output
         self.session = Session(camera, frames, seed, sets)
         self.loaded = list(own)
+        self.past = Past()
         self._uploads = TemporaryDirectory(prefix="visaug-lab-")
 
     @property
@@ -90,18 +93,35 @@ class Bench:
     def add(self, name: str, progress: Progress) -> None:
         """One more effect, everything refitted."""
         self._with(progress).add(name)
+        self.past.put(f"add {name}", self.now)
 
     def remove(self, name: str, progress: Progress) -> None:
         """One effect less, everything refitted; with none added or removed it is the file as given again."""
         if name in (*self.now.added, *self.given.effect_names):
             self._with(progress).remove(name)
+            self.past.put(f"remove {name}", self.now)
+
+    def set_numbers(self, values: Mapping[str, float], quick: bool, progress: Progress) -> None:
+        """Numbers of the camera set by hand, nothing refitted; the error is estimated from few sets, or from many."""
+        again = bool(self.now.numbers) and set(values) <= set(self.now.numbers)
+        self._with(progress).set_numbers(values, quick)
+        self.past.put(f"set {', '.join(self.now.numbers)}", self.now, instead=again)
+
+    def settle(self, progress: Progress) -> None:
+        """The full estimate of the error of a camera whose numbers were set by hand."""
+        if self.now.quick:
+            self.set_numbers(self.now.numbers, False, progress)
+
+    def go(self, to: int) -> None:
+        """Back or forward in what was on the bench."""
+        self.session.now = self.past.go(to)
 
     def _with(self, progress: Progress) -> Session:
         self.session.progress = progress
         return self.session
 
-    def load(self, file_name: str, text: str) -> None:
-        """Takes up an effect of one's own from the text of a Python file, which is run."""
+    def load(self, file_name: str, text: str) -> str:
+        """Takes up an effect of one's own from the text of a Python file, which is run; what was loaded, in words."""
         name = Path(file_name).name
         if not name.endswith(".py"):
             raise InputError(
@@ -117,6 +137,8 @@ class Bench:
             self.session.forget(effect)
             if effect not in self.loaded:
                 self.loaded.append(effect)
+            self.past = Past() if self.now.fit is None else self.past
+        return f"loaded {', '.join(names)}: Add puts it into the camera, and the next diagnosis tries it"
 
     def can_add(self) -> list[str]:
         return self.session.can_add()
@@ -152,7 +174,7 @@ class Bench:
             "fits": content["fits"]
             | (
                 {"p_value_after": fit.p_value, "adequate_after": fit.adequate}
-                if fit
+                if fit and not self.now.quick
                 else {"p_value_after": None, "adequate_after": None}
             ),
             "ranking": self._ranking(content["ranking"]),

@@ -1,5 +1,6 @@
 """What the page says, in words and plain values, from what is on the bench."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -7,19 +8,26 @@ from visaug.camera.paths import place_of
 from visaug.comparison import Error, Place
 from visaug.diagnosis import Diagnosis, Estimate
 from visaug.diagnosis.acceptance import SHARE
+from visaug.effects import Parameter
 from visaug.fingerprint import VIEWS
 from visaug.lab.bench import Bench, summary
-from visaug.report.headline import diagnosis_headline
+from visaug.report.headline import diagnosis_headline, view_title
 from visaug.report.pages import described
-from visaug.wording import number, p_text, with_interval
+from visaug.wording import number, p_text, share_text, statistic_text, with_interval
 
 FIRST = 4  # views that are shown before the others
 
 
-def content(bench: Bench) -> dict[str, Any]:
-    """Everything that changes on the page."""
+def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """Everything that changes on the page.
+
+    Args:
+        wanted: numbers set by hand that no estimate has taken up yet.
+    """
     views = _views(bench)
     candidates = _candidates(bench)
+    effects, rows = _effects(bench), _numbers(bench, wanted or {})
+    own = {effect["name"] for effect in effects}
     listed = {entry["name"] for entry in candidates}
     return {
         "camera": bench.given.name,
@@ -33,13 +41,18 @@ def content(bench: Bench) -> dict[str, Any]:
         "compared": bench.comparison is not None,
         "diagnosed": bench.diagnosis is not None,
         "changed": bench.now.fit is not None,
-        "effects": _effects(bench),
+        "effects": [
+            effect | {"fields": [row for row in rows if row["path"].startswith(f"{effect['name']}.")]}
+            for effect in effects
+        ],
         "candidates": candidates,
         "addable": [name for name in bench.can_add() if name not in listed],
         "where": [_place(place) for place in _places(bench)],
         "views": views[:FIRST],
         "other_views": views[FIRST:],
-        "numbers": _numbers(bench),
+        "numbers": [row for row in rows if row["path"].split(".")[0] not in own],
+        "history": [action for action, _ in bench.past.entries],
+        "at": bench.past.at,
     }
 
 
@@ -52,6 +65,10 @@ def _part(bench: Bench) -> str | None:
 def verdict(bench: Bench) -> str:
     """Whether the camera on the bench explains the frames, and what is missing, in a few sentences."""
     fit = bench.now.fit
+    if fit and bench.now.quick:
+        return (
+            f"{_changes(bench)}: its error is estimated from a few simulated sets; the full estimate follows."
+        )
     if fit:
         said = _judged(_changes(bench), fit.adequate, fit.p_value, fit.where)
         return f"{said} Its error is {_with_interval(fit.error)}." if fit.error and bench.has_excess else said
@@ -82,7 +99,7 @@ def _with_interval(error: Error) -> str:
 def _judged(subject: str, holds: bool, p: float, places: tuple[Place, ...]) -> str:
     if holds:
         return f"{subject} explains these frames: nothing differs beyond chance ({p_text(p)})."
-    worst = [_title(place.view).lower() for place in places[:2]]
+    worst = [view_title(place.view).lower() for place in places[:2]]
     said = f"{subject} does not explain these frames ({p_text(p)})."
     return f"{said} It differs most in: {'; '.join(worst)}." if worst else said
 
@@ -94,6 +111,8 @@ def _changes(bench: Bench) -> str:
         parts.append(f"with {' and '.join(bench.now.added)}")
     if bench.now.without:
         parts.append(f"without {' and '.join(bench.now.without)}")
+    if bench.now.numbers:
+        parts.append(f"with {' and '.join(bench.now.numbers)} set by hand")
     return f"The camera {' and '.join(parts)}"
 
 
@@ -114,10 +133,10 @@ def _error(bench: Bench) -> dict[str, Any]:
     if error is None:
         return {"text": "–", "interval": None, "value": None, "note": "its own spread hides any difference"}
     return {
-        "text": f"{error.value:.2f}",
+        "text": f"{error.value:.2f}" if not bench.now.quick else f"≈ {error.value:.1f}",
         "interval": f"[{error.low:.2f}, {error.high:.2f}]",
         "value": min(max(error.value, 0.0), 1.0),
-        "note": _meaning(error),
+        "note": "a quick estimate" if bench.now.quick else _meaning(error),
     }
 
 
@@ -139,7 +158,9 @@ def _notes(bench: Bench) -> list[str]:
         names = " and ".join(f"Add {name}" for name in found.accepted)
         notes.append(f"The camera on the bench is still the file as given: {names} to put it in.")
     for group in found.ambiguous:
-        notes.append(f"{', '.join(group['effects'])} cannot be distinguished with these frames; {group['measure']}.")
+        notes.append(
+            f"{', '.join(group['effects'])} cannot be distinguished with these frames; {group['measure']}."
+        )
     if found.form:
         notes.append(found.form)
     if found.unexplained:
@@ -194,39 +215,63 @@ def _said(key: str, estimate: Estimate) -> str:
 
 def _places(bench: Bench) -> tuple[Place, ...]:
     """Where the camera on the bench fails; nowhere, where it holds."""
-    judged = bench.now.fit or bench.comparison
+    judged = bench.comparison if bench.now.quick else bench.now.fit or bench.comparison
     return judged.where if judged and not judged.adequate else ()
 
 
 def _place(place: Place) -> dict[str, Any]:
-    return {"title": _title(place.view), "share": place.share, "worst": place.worst, "z": f"{place.z:.1f}"}
+    return {
+        "title": view_title(place.view),
+        "share": place.share,
+        "percent": share_text(place.share),
+        "worst": statistic_text(place.worst),
+        "z": f"{place.z:.1f}",
+    }
 
 
 def _views(bench: Bench) -> list[Mapping[str, str]]:
     """Views, those first in which the file as given fails most: adding an effect does not move the pictures about."""
     worst = [place.view for place in bench.comparison.where] if bench.comparison else []
     names = list(dict.fromkeys([*worst, *(view.name for view in VIEWS)]))
-    return [{"name": name, "title": _title(name)} for name in names]
+    return [{"name": name, "title": view_title(name)} for name in names]
 
 
-def _title(view: str) -> str:
-    return next((v.title for v in VIEWS if v.name == view), view.replace("_", " ")).rstrip(".")
-
-
-def _numbers(bench: Bench) -> list[dict[str, str]]:
-    """The camera's numbers in the file and on the bench, those that the fit moved."""
+def _numbers(bench: Bench, wanted: Mapping[str, float]) -> list[dict[str, Any]]:
+    """The camera's numbers, each with what an input field and a slider need."""
     before, after = bench.given.values(), bench.camera.values()
-    return [
-        {
-            "path": path,
-            "unit": _unit(path),
-            "before": f"{before[path]:.4g}" if path in before else "",
-            "after": f"{value:.4g}",
-            "change": f"{value / before[path] - 1:+.1%}" if before.get(path) else "",
-        }
-        for path, value in after.items()
-        if value != before.get(path)
-    ]
+    after |= {path: value for path, value in wanted.items() if path in after}
+    rows = []
+    for path, value in after.items():
+        parameter = place_of(path).parameter
+        if path == "gain_db" or not math.isfinite(value):
+            continue
+        low, high = _reach(parameter, before.get(path, value), value)
+        given = before.get(path)
+        rows.append(
+            {
+                "path": path,
+                "unit": _unit(path),
+                "value": f"{value:.5g}",
+                "least": parameter.low if math.isfinite(parameter.low) else "",
+                "most": parameter.high if math.isfinite(parameter.high) else None,
+                "low": low,
+                "high": high,
+                "step": float(f"{(high - low) / 400:.1g}"),
+                "before": number(given),
+                "change": f"{value / given - 1:+.1%}" if given and value != given else "",
+                "by_hand": path in bench.now.numbers or path in wanted,
+            }
+        )
+    return rows
+
+
+def _reach(parameter: Parameter, given: float, value: float) -> tuple[float, float]:
+    """Ends of a slider: wide about the value, within the parameter's bounds."""
+    scale = max(abs(given), abs(value)) or max((abs(t) for t in parameter.trials), default=1.0)
+    signed = parameter.low < 0 and not parameter.low < -1e3 * scale and given <= 0
+    low = max(parameter.low, -2 * scale if signed else 0.0)
+    high = min(parameter.high, 1.0 if parameter.unit == "fraction" and scale > 0.4 else 2 * scale)
+    return float(f"{low:.4g}"), float(f"{max(high, value):.4g}")
 
 
 def _unit(path: str) -> str:

@@ -12,6 +12,8 @@ from typing import Any
 from visaug.errors import InputError
 from visaug.progress import Progress, phase_of
 
+Work = Callable[[Progress], str | None]
+
 
 class _Stopped(Exception):
     """The work was told to stop."""
@@ -29,9 +31,10 @@ class _Job:
     """One piece of work and how far it is; the last of its phases is going on."""
 
     title: str
-    work: Callable[[Progress], None]
+    work: Work
     began: float = 0.0
     stopped: bool = False
+    replaced: bool = False
     phases: list[_Phase] = field(default_factory=list)
     step: tuple[str, int, int] = ("", 0, 0)  # description, done, total
 
@@ -63,7 +66,8 @@ class Jobs:
 
     Attributes:
         version: goes up whenever there is something new to show.
-        message: one line on what went wrong last, until something else is asked.
+        message: one line on what came of the work, until something else is asked.
+        failed: whether that is a mistake or failure.
     """
 
     def __init__(self) -> None:
@@ -73,20 +77,27 @@ class Jobs:
         self._now: _Job | None = None
         self.version = 0
         self.message: str | None = None
+        self.failed = False
 
-    def ask(self, title: str, work: Callable[[Progress], None]) -> None:
+    def ask(self, title: str, work: Work, instead_of: tuple[str, ...] = ()) -> None:
         """Put work in the queue.
 
         Args:
             title: what is being done, as the page says it.
-            work: called with `progress(description, done, total)`.
+            work: called with `progress(description, done, total)`; may return a line to show.
+            instead_of: titles of work that is dropped, or stopped without a word, because this takes its place.
 
         Raises:
             InputError: the same work waits or runs already.
         """
         job = _Job(title, work)
         with self._lock:
-            if any(title == other.title for other in (self._now, *self._waiting) if other):
+            self._waiting = [other for other in self._waiting if other.title not in instead_of]
+            if self._now and self._now.title in instead_of:
+                self._now.stopped = self._now.replaced = True
+            if any(
+                title == other.title for other in (self._now, *self._waiting) if other and not other.replaced
+            ):
                 raise InputError(f"{title} is under way already")
             self._waiting.append(job)
             self.message = None
@@ -112,6 +123,7 @@ class Jobs:
             return {
                 "version": self.version,
                 "message": self.message,
+                "failed": self.failed,
                 "job": self._now.as_json() if self._now else None,
                 "waiting": [job.title for job in self._waiting],
             }
@@ -122,11 +134,11 @@ class Jobs:
                 return
             self._waiting.remove(job)
             self._now, job.began = job, time.monotonic()
-        message = None
+        message, failed = None, True
         try:
-            job.work(job.tell)
+            message, failed = job.work(job.tell), False
         except _Stopped:
-            message = f"{job.title}: stopped"
+            message, failed = None if job.replaced else f"{job.title}: stopped", False
         except (InputError, OSError) as mistake:
             message = " ".join(str(mistake).split())
         except BaseException as failure:  # a user's effect may raise anything, SystemExit too
@@ -134,5 +146,6 @@ class Jobs:
             message = f"{job.title} failed: {type(failure).__name__}: {' '.join(str(failure).split())}"
         with self._lock:
             self._now = None
-            self.message = message or self.message
+            if message:
+                self.message, self.failed = message, failed
             self.version += 1

@@ -1,4 +1,4 @@
-"""The bench's pictures and reports. They are drawn one at a time, beside whatever else is being computed."""
+"""What the page draws, and its reports. They are made one at a time, beside whatever else is being computed."""
 
 import hashlib
 from collections import OrderedDict
@@ -6,15 +6,19 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import RLock
+from typing import Any
 
 from visaug.camera import Camera
 from visaug.errors import InputError
+from visaug.fingerprint.reduction import labels
 from visaug.frames import FrameSet
 from visaug.lab.bench import Bench
+from visaug.lab.data import map_data, view_data
 from visaug.report.html import Figure, Page, Text, figure, render
 from visaug.report.pages import described, diagnosis_sections, write_comparison, write_diagnosis
 from visaug.report.plots.error import plot_error_steps
 from visaug.report.views import ViewGallery
+from visaug.wording import frames_text
 
 KEPT = 4  # cameras whose pictures are kept
 
@@ -25,10 +29,10 @@ def key_of(camera: Camera) -> str:
 
 
 class Pictures:
-    """Views of the measured frames beside those of a camera, drawn when they are first asked for.
+    """Views of the measured frames beside those of a camera, computed when they are first asked for.
 
     Attributes:
-        closed: True when nobody waits for further pictures.
+        closed: True when nobody waits for further ones.
     """
 
     def __init__(self, frames: FrameSet, seed: int = 0):
@@ -36,7 +40,6 @@ class Pictures:
         self.frames, self.seed = frames, seed
         self._drawing = RLock()  # matplotlib's settings are global
         self._galleries: OrderedDict[str, tuple[Camera, ViewGallery | None]] = OrderedDict()
-        self._drawn: dict[tuple[str, str], Figure | None] = {}
 
     def announce(self, camera: Camera) -> str:
         """The key under which pictures of a camera can be asked for."""
@@ -45,12 +48,41 @@ class Pictures:
             self._galleries.setdefault(key, (camera, None))
             self._galleries.move_to_end(key)
             while len(self._galleries) > KEPT:
-                old, _ = self._galleries.popitem(last=False)
-                self._drawn = {k: v for k, v in self._drawn.items() if k[0] != old}
+                self._galleries.popitem(last=False)
         return key
 
-    def view(self, key: str, name: str) -> Figure | None:
-        """A view's picture; None where the frames do not show it, or the camera is no longer at hand."""
+    def view(self, key: str, name: str) -> dict[str, Any] | None:
+        """A view's curves and maps; None where the frames do not show it, or the camera is no longer at hand."""
+        gallery = self._gallery(key)
+        found = gallery and gallery.pair(name)
+        if not found:
+            return None
+        view, measured, modelled = found
+        return view_data(view.title.rstrip("."), measured, modelled)
+
+    def frame(self, key: str, index: int) -> dict[str, Any] | None:
+        """One measured frame and the same frame as the camera takes it, in DN; None where there is no such frame.
+
+        `choices` holds one frame of each condition: its place among the frames in use, and its condition in words.
+        """
+        gallery = self._gallery(key)
+        if gallery is None or not 0 <= index < len(gallery.sets[0]):
+            return None
+        groups = list(gallery.sets[0].groups())
+        words = labels(groups).values()
+        choices = {g.indices[0]: frames_text(word) for g, word in zip(groups, words, strict=True)}
+        title = choices.get(index, f"frame {index}")
+        shown = map_data(title, *(frames.read(index) for frames in gallery.sets))
+        return {
+            "title": title,
+            "names": ["measured", "modelled"],
+            "y_label": "DN",
+            "curves": [],
+            "maps": [shown],
+            "choices": choices,
+        }
+
+    def _gallery(self, key: str) -> ViewGallery | None:
         with self._drawing:
             if self.closed or key not in self._galleries:
                 return None
@@ -58,9 +90,7 @@ class Pictures:
             if gallery is None:
                 gallery = ViewGallery(self.frames, camera, self.seed)
                 self._galleries[key] = (camera, gallery)
-            if (key, name) not in self._drawn:
-                self._drawn[key, name] = gallery.figure(name)
-            return self._drawn[key, name]
+            return gallery
 
     def steps(self, bench: Bench) -> Figure | None:
         """The error falling on the way to the camera on the bench, or as the diagnosis found it."""

@@ -1,6 +1,7 @@
 """The page's server: on this machine only, and for who knows the address with its token."""
 
-import base64
+import json
+import math
 import secrets
 import socket
 from collections.abc import Callable
@@ -13,6 +14,7 @@ from urllib.parse import parse_qs
 import jinja2
 import uvicorn
 from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
@@ -20,16 +22,23 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from visaug import __version__
 from visaug.effects import catalogue
 from visaug.errors import InputError
 from visaug.lab.bench import Bench
 from visaug.lab.content import content, verdict
+from visaug.lab.data import through_camera
 from visaug.lab.jobs import Jobs
 from visaug.lab.pictures import Pictures
+from visaug.progress import Progress
+from visaug.wording import probability_text
 
 ADDRESS = "127.0.0.1"
 NAMES = [ADDRESS, "localhost"]  # a page elsewhere whose name was made to point here says another Host
 LARGEST = 1_000_000  # bytes of an uploaded effect
+LARGEST_PICTURE = 20_000_000  # bytes of an uploaded picture
+SCRIPTS = ("uplot.min", "plots", "lab")
+QUICK, FULL = "estimating the error", "computing the error"
 # 'unsafe-eval' lets a program that drives a browser wait for what the page shows; the page itself evaluates nothing.
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; img-src 'self' data:; style-src 'self'; script-src 'self' 'unsafe-eval'; "
@@ -81,10 +90,11 @@ def application(bench: Bench, token: str) -> Starlette:
     routes = [
         Route("/", lab.page),
         Route("/lab.css", lab.style),
-        Route("/lab.js", lab.script),
+        Route("/{name}.js", lab.script),
         Route("/bench", lab.bench_html),
         Route("/state", lab.state),
-        Route("/picture/{key}/{view}", lab.picture),
+        Route("/view/{key}/{view}", lab.view),
+        Route("/frame/{key}/{index:int}", lab.frame),
         Route("/camera.yaml", lab.camera),
         Route("/report.html", lab.report),
         Route("/diagnose", lab.diagnose, methods=["POST"]),
@@ -93,6 +103,9 @@ def application(bench: Bench, token: str) -> Starlette:
         Route("/load/{name}", lab.load, methods=["POST"]),
         Route("/save", lab.save, methods=["POST"]),
         Route("/stop", lab.stop, methods=["POST"]),
+        Route("/numbers", lab.numbers, methods=["POST"]),
+        Route("/back/{to:int}", lab.back, methods=["POST"]),
+        Route("/own/{name}", lab.own_picture, methods=["POST"]),
     ]
     app = Starlette(
         routes=routes,
@@ -113,6 +126,7 @@ class _Lab:
     def __init__(self, bench: Bench, token: str):
         self.bench, self.token = bench, token
         self.jobs = Jobs()
+        self._wanted: dict[str, float] = {}  # numbers set by hand that no estimate has taken up yet
         self.pictures = Pictures(bench.frames, bench.seed)
         loader = jinja2.PackageLoader("visaug.lab")
         self.templates = jinja2.Environment(
@@ -130,25 +144,30 @@ class _Lab:
         return HTMLResponse(self._render("bench.html"))
 
     def style(self, _: Request) -> Response:
-        text = _text("visaug.report", "page.css") + _text("visaug.lab", "lab.css")
+        text = "".join(
+            _text(*part)
+            for part in (
+                ("visaug.report", "page.css"),
+                ("visaug.lab", "uplot.min.css"),
+                ("visaug.lab", "lab.css"),
+            )
+        )
         return Response(text, media_type="text/css")
 
-    def script(self, _: Request) -> Response:
-        return Response(_text("visaug.lab", "lab.js"), media_type="text/javascript")
+    def script(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        if name not in SCRIPTS:
+            return PlainTextResponse("no such script\n", 404)
+        return Response(_text("visaug.lab", f"{name}.js"), media_type="text/javascript")
 
     def state(self, _: Request) -> Response:
         return JSONResponse(self.jobs.as_json())
 
-    def picture(self, request: Request) -> Response:
-        drawn = self.pictures.view(request.path_params["key"], request.path_params["view"])
-        if drawn is None:
-            return PlainTextResponse("these frames do not show it\n", 404)
-        head, body = drawn.uri.split(",", 1)
-        kind = head.removeprefix("data:").removesuffix(";base64")
-        # a key names one camera, so what it shows never changes
-        return Response(
-            base64.b64decode(body), media_type=kind, headers={"Cache-Control": "private, max-age=86400"}
-        )
+    def view(self, request: Request) -> Response:
+        return _kept(self.pictures.view(request.path_params["key"], request.path_params["view"]))
+
+    def frame(self, request: Request) -> Response:
+        return _kept(self.pictures.frame(request.path_params["key"], request.path_params["index"]))
 
     def camera(self, _: Request) -> Response:
         return _file(self.bench.camera_yaml(), "camera.yaml", "application/yaml")
@@ -171,16 +190,39 @@ class _Lab:
 
     async def load(self, request: Request) -> Response:
         name = request.path_params["name"]
-        body = bytearray()
-        async for part in request.stream():
-            body += part
-            if len(body) > LARGEST:
-                raise InputError("is too large for an effect", file=name, expected=f"at most {LARGEST} bytes")
+        body = await _body(request, LARGEST, name, "an effect")
         try:
             text = body.decode()
         except UnicodeDecodeError:
-            raise InputError("is not text", file=name, expected="a Python file in UTF-8") from None
+            raise InputError("is no text", file=name, expected="a Python file in UTF-8") from None
         return self._ask(f"loading {name}", lambda _: self.bench.load(name, text))
+
+    async def numbers(self, request: Request) -> Response:
+        """Numbers of the camera as a JSON object by path: a quick estimate of the error, then the full one."""
+        values = _numbers(await _body(request, LARGEST, "numbers", "numbers of a camera"))
+        self.bench.camera.replace(values)  # refuses at once what is out of range
+        self._wanted |= values  # with those of an estimate that this one takes the place of
+        self.jobs.ask(QUICK, self._set_numbers, instead_of=(QUICK, FULL))
+        return self._ask(FULL, self.bench.settle)
+
+    def _set_numbers(self, progress: Progress) -> None:
+        values = dict(self._wanted)
+        self.bench.set_numbers(values, True, progress)
+        self._wanted = {k: v for k, v in self._wanted.items() if values.get(k) != v}
+
+    def back(self, request: Request) -> Response:
+        """Back or forward in what was on the bench."""
+        to = request.path_params["to"]
+        self._wanted = {}
+        return self._ask("going back", lambda _: self.bench.go(to), instead_of=(QUICK, FULL))
+
+    async def own_picture(self, request: Request) -> Response:
+        """A picture of the user's own, clean and through the camera on the bench."""
+        name = request.path_params["name"]
+        body = await _body(request, LARGEST_PICTURE, name, "a picture")
+        return JSONResponse(
+            await run_in_threadpool(through_camera, body, self.bench.camera, self.bench.seed, name)
+        )
 
     def save(self, _: Request) -> Response:
         path = self.bench.save()
@@ -190,14 +232,16 @@ class _Lab:
         self.jobs.stop()
         return JSONResponse(self.jobs.as_json())
 
-    def _ask(self, title: str, work: Callable) -> Response:
-        self.jobs.ask(title, work)
+    def _ask(self, title: str, work: Callable, instead_of: tuple[str, ...] = ()) -> Response:
+        self.jobs.ask(title, work, instead_of)
         return JSONResponse(self.jobs.as_json(), 202)
 
     def _render(self, template: str) -> str:
         state = self.jobs.as_json()  # first: what is drawn may be newer than it says, never older
         return self.templates.get_template(template).render(
-            **content(self.bench),
+            **content(self.bench, self._wanted),
+            probability_text=probability_text,
+            visaug_version=__version__,
             token=self.token,
             version=state["version"],
             key=self.pictures.announce(self.bench.camera),
@@ -251,6 +295,35 @@ def _effect(request: Request) -> str:
     if name not in catalogue():
         raise InputError(f"{name!r} is not an effect of the catalogue")
     return name
+
+
+async def _body(request: Request, largest: int, name: str, what: str) -> bytes:
+    body = bytearray()
+    async for part in request.stream():
+        body += part
+        if len(body) > largest:
+            raise InputError(f"is too large for {what}", file=name, expected=f"at most {largest} bytes")
+    return bytes(body)
+
+
+def _numbers(body: bytes) -> dict[str, float]:
+    try:
+        values = json.loads(body)
+    except ValueError:  # no text, or no JSON
+        values = None
+    if not isinstance(values, dict) or not values:
+        raise InputError("no numbers", expected="an object of numbers by their path in camera.yaml")
+    for path, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise InputError("is no finite number", field=path, expected="a number")
+    return {path: float(value) for path, value in values.items()}
+
+
+def _kept(content: dict | None) -> Response:
+    """What is drawn of one camera: its key names the camera, so it never changes."""
+    if content is None:
+        return JSONResponse(None, 404)
+    return JSONResponse(content, headers={"Cache-Control": "private, max-age=86400"})
 
 
 def _file(text: str, name: str, kind: str) -> Response:

@@ -9,6 +9,7 @@ from visaug.report.plots.view import plot_view
 if TYPE_CHECKING:
     from visaug.camera import Camera
     from visaug.fingerprint import View
+    from visaug.fingerprint.view import Picture
     from visaug.frames import FrameSet
 
 
@@ -27,20 +28,28 @@ class ViewGallery:
 
         # full frames before windows: they show the whole sensor
         parts = sorted(Laboratory(frames, camera, seed).parts, key=lambda part: not part.place)
+        taken = [(p, p.take(camera, seed)) for p in parts]
         self.parts: list[tuple[tuple[View, ...], FrameData, FrameData]] = [
-            (p.views, FrameData(p.frames, place=p.place), FrameData(p.take(camera, seed), place=p.place))
-            for p in parts
+            (p.views, FrameData(p.frames, place=p.place), FrameData(modelled, place=p.place))
+            for p, modelled in taken
         ]
+        self.sets: tuple[FrameSet, FrameSet] = (taken[0][0].frames, taken[0][1])
 
-    def figure(self, name: str, caption: str = "", focus: str = "") -> Figure | None:
-        """The picture of a view by its name; None where these frames do not show it."""
+    def pair(self, name: str) -> "tuple[View, Picture, Picture | None] | None":
+        """What a view shows of the measured and of the modelled frames; None where these frames do not show it."""
         shown = ((v, *data) for views, *data in self.parts for v in views if v.name == name)
         view, *data = next(shown, (None,))
         if view is None:
             return None
         measured, modelled = (view.picture(frames) for frames in data)
-        if measured is None:
+        return None if measured is None else (view, measured, modelled)
+
+    def figure(self, name: str, caption: str = "", focus: str = "") -> Figure | None:
+        """The picture of a view by its name; None where these frames do not show it."""
+        found = self.pair(name)
+        if found is None:
             return None
+        view, measured, modelled = found
         text = f"{view.title}. {caption}".strip()
         drawn = plot_view(measured, modelled, focus=focus)
         wide = bool(measured.maps) or drawn.get_figwidth() > 6

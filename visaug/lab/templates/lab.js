@@ -7,6 +7,25 @@ const at = (id) => document.getElementById(id);
 const bench = at("bench");
 let said = ""; // what went wrong, and
 let notice = ""; // what went well, as the page itself knows it, until something else is asked
+let given = false; // whether the views show the camera as given
+let dragging = false; // a slider is held: the page under it stays
+
+// What the reader chose is kept in the address, after #: a reload or a copied address brings it back.
+const look = (() => {
+  try { return JSON.parse(decodeURIComponent(location.hash.slice(1))) || {}; } catch { return {}; }
+})();
+if (look.plots) Plots.restore(look.plots);
+given = Boolean(look.given);
+let keeping = 0;
+function keep() {
+  clearTimeout(keeping);
+  keeping = setTimeout(() => {
+    const open = [...bench.querySelectorAll("details[open]")].map((each) => each.id);
+    const state = { open, given, frame: look.frame, plots: Plots.state() };
+    history.replaceState(null, "", `${location.pathname}${location.search}#${encodeURIComponent(JSON.stringify(state))}`);
+  }, 300);
+}
+Plots.onChange(keep);
 
 async function ask(path, options) {
   const answer = await fetch(address(path), options);
@@ -14,7 +33,7 @@ async function ask(path, options) {
     const text = await answer.text();
     let line = text;
     try { line = JSON.parse(text).error; } catch { /* not ours: shown as it is */ }
-    throw new Error(line.trim() || `the lab answered ${answer.status}`);
+    throw new Error(line?.trim() || `the lab answered ${answer.status}`);
   }
   return answer;
 }
@@ -32,9 +51,10 @@ async function save(name) {
     const link = Object.assign(document.createElement("a"), { href: file, download: name });
     link.click();
     setTimeout(() => URL.revokeObjectURL(file), 60000);
+    notice = `Saved as ${name} in the browser's downloads.`;
     if (name === "camera.yaml") {
       const { saved } = await (await ask("save", { method: "POST" })).json();
-      if (saved) notice = `Also written to ${saved}.`;
+      if (saved) notice += ` Also written to ${saved}.`;
     }
   } catch (mistake) { said = mistake.message; }
   await refresh();
@@ -43,15 +63,13 @@ async function save(name) {
 function showWork(state) {
   const job = state.job;
   const busy = [...(job ? [job.title] : []), ...state.waiting];
-  const message = said || state.message;
-  at("message").textContent = message || "";
-  at("message").hidden = !message;
-  at("notice").textContent = notice;
-  at("notice").hidden = !notice;
+  const wrong = said || (state.failed ? state.message : "");
+  const right = notice || (state.failed ? "" : state.message);
+  show("message", wrong);
+  show("notice", right);
   at("progress").hidden = !busy.length;
   document.querySelector("[data-post=diagnose]").disabled = busy.includes("diagnosing");
-  at("waiting").textContent = job && state.waiting.length ? `then: ${state.waiting.join(", ")}` : "";
-  at("waiting").hidden = !at("waiting").textContent;
+  show("waiting", job && state.waiting.length ? `then: ${state.waiting.join(", ")}` : "");
   if (!job) { at("title").textContent = busy[0] || ""; return; }
   at("title").textContent = job.title;
   at("step").textContent = job.step;
@@ -61,13 +79,80 @@ function showWork(state) {
     Object.assign(document.createElement("li"), { textContent: `${phase.name} (${phase.seconds.toFixed(0)} s)` })));
 }
 
+function show(id, text) {
+  at(id).textContent = text || "";
+  at(id).hidden = !text;
+}
+
+// Curves and maps are drawn when they come near to what is seen.
+const near = new IntersectionObserver((entries) => entries.forEach((entry) => {
+  if (entry.isIntersecting) { near.unobserve(entry.target); drawView(entry.target); }
+}), { rootMargin: "400px" });
+const known = new Map(); // what was fetched, by address
+
+async function drawView(holder) {
+  const { view } = holder.dataset, key = given && bench.querySelector("[data-given]")?.dataset.given || holder.dataset.key;
+  const path = view === "frame" ? `frame/${key}/${look.frame || 0}` : `view/${key}/${view}`;
+  try {
+    if (!known.has(path)) known.set(path, (await ask(path)).json());
+    if (known.size > 120) known.delete(known.keys().next().value);
+    const data = await known.get(path);
+    if (!holder.isConnected) return;
+    Plots.draw(holder, view, data);
+    if (data.choices) offerFrames(data.choices);
+  } catch { // these frames do not show it
+    known.delete(path);
+    const figure = holder.closest("figure");
+    if (figure) figure.hidden = true;
+  }
+}
+
+function offerFrames(choices) {
+  const select = at("frame");
+  if (!select || select.options.length) return;
+  Object.entries(choices).forEach(([index, label]) => select.add(new Option(label, index)));
+  select.value = String(look.frame || 0);
+}
+
+function drawAll() {
+  bench.querySelectorAll("[data-view]").forEach((holder) => { near.unobserve(holder); near.observe(holder); });
+}
+
+// The focus stays on what had it: the same field or button, or the one that took its place.
+function selectorOf(element) {
+  if (!element || !bench.contains(element)) return null;
+  if (element.id) return `#${CSS.escape(element.id)}`;
+  const { post, path, kind } = element.dataset;
+  if (post) return `[data-post="${CSS.escape(post)}"]`;
+  return path ? `[data-path="${CSS.escape(path)}"][data-kind="${kind}"]` : null;
+}
+
+function focusAgain(selector) {
+  if (!selector) return;
+  const swapped = selector.replace(/(add|remove)(\\?\/)/, (_, word, slash) => (word === "add" ? "remove" : "add") + slash);
+  const target = bench.querySelector(selector) || bench.querySelector(swapped);
+  if (target && !target.disabled) target.focus({ preventScroll: true });
+  else at("verdict")?.focus({ preventScroll: true });
+}
+
 async function takeOver(version) {
-  const open = [...bench.querySelectorAll("details[open]")].map((each) => each.id);
-  const html = await (await ask("bench")).text();
-  bench.innerHTML = html;
-  bench.dataset.version = version;
+  const first = !bench.dataset.taken;
+  const open = first ? look.open || [] : [...bench.querySelectorAll("details[open]")].map((each) => each.id);
+  if (String(version) !== bench.dataset.version) {
+    const focus = selectorOf(document.activeElement);
+    const heights = Object.fromEntries([...bench.querySelectorAll("[data-view]")].map((h) => [h.dataset.view, h.clientHeight]));
+    bench.innerHTML = await (await ask("bench")).text();
+    bench.querySelectorAll("[data-view]").forEach((h) => { if (heights[h.dataset.view]) h.style.minHeight = `${heights[h.dataset.view]}px`; });
+    bench.dataset.version = version;
+    for (const [path, value] of Object.entries(wanted)) // typed, and not sent yet
+      bench.querySelectorAll(`[data-path="${CSS.escape(path)}"]`).forEach((input) => { input.value = value; });
+    focusAgain(focus);
+  }
+  bench.dataset.taken = "yes";
   open.forEach((id) => at(id)?.setAttribute("open", ""));
-  bench.classList.remove("given");
+  const shown = bench.querySelector(`[name=shown][value=${given ? "given" : "now"}]`);
+  if (shown) shown.checked = true; else given = false;
+  drawAll();
 }
 
 let timer = 0;
@@ -77,15 +162,43 @@ async function refresh() {
   try {
     const state = await (await ask("state")).json();
     busy = Boolean(state.job || state.waiting.length);
-    if (String(state.version) !== bench.dataset.version) await takeOver(state.version);
+    if ((String(state.version) !== bench.dataset.version || !bench.dataset.taken) && !dragging) await takeOver(state.version);
     showWork(state);
   } catch (mistake) {
-    at("message").textContent = mistake instanceof TypeError ? "visaug lab no longer answers: it was ended." : mistake.message;
-    at("message").hidden = false;
+    show("message", mistake instanceof TypeError ? "visaug lab no longer answers: it was ended. Start it again from the terminal." : mistake.message);
   }
   clearTimeout(timer);
   timer = setTimeout(refresh, busy ? 500 : 2000);
 }
+
+// Numbers: a field and a slider each, and the error follows when the hand rests.
+let resting = 0;
+const wanted = {};
+function setNumber(input) {
+  const { path, kind } = input.dataset;
+  const other = bench.querySelector(`[data-path="${CSS.escape(path)}"][data-kind="${kind === "range" ? "number" : "range"}"]`);
+  if (input.value === "" || input.validity.badInput) return;
+  other.value = input.value;
+  wanted[path] = Number(input.value);
+  clearTimeout(resting);
+  resting = setTimeout(async () => {
+    const body = JSON.stringify(wanted);
+    Object.keys(wanted).forEach((key) => delete wanted[key]);
+    await act("numbers", body);
+  }, kind === "range" ? 350 : 700);
+}
+
+async function ownPicture(file) {
+  said = notice = "";
+  show("own-state", "The camera takes the picture …");
+  try {
+    const data = await (await ask(`own/${encodeURIComponent(file.name)}`, { method: "POST", body: file })).json();
+    Plots.draw(at("own-view"), "own", data);
+    show("own-state", "");
+    ownFile = file;
+  } catch (mistake) { show("own-state", mistake.message); }
+}
+let ownFile = null;
 
 document.addEventListener("click", ({ target }) => {
   const button = target.closest("button");
@@ -93,27 +206,35 @@ document.addEventListener("click", ({ target }) => {
   if (button.dataset.post) act(button.dataset.post);
   else if (button.dataset.save) save(button.dataset.save);
   else if (button.id === "load") at("file").click();
+  else if (button.id === "own") at("own-file").click();
+  else if (button.id === "own-again" && ownFile) ownPicture(ownFile);
   else if (button.id === "add-other") act(`add/${encodeURIComponent(at("other").value)}`);
 });
+document.addEventListener("pointerdown", ({ target }) => { dragging = target.dataset?.kind === "range"; });
+document.addEventListener("pointerup", () => { dragging = false; });
+document.addEventListener("toggle", keep, true);
+document.addEventListener("input", ({ target }) => { if (target.dataset.path) setNumber(target); });
 document.addEventListener("change", async ({ target }) => {
   if (target.id === "other") {
     at("add-other").textContent = target.value ? `Add ${target.value}` : "Add";
     at("add-other").disabled = !target.value;
   } else if (target.name === "shown") {
-    bench.classList.toggle("given", target.value === "given");
+    given = target.value === "given";
+    keep();
+    drawAll();
+  } else if (target.id === "frame") {
+    look.frame = Number(target.value);
+    keep();
+    drawView(bench.querySelector("[data-view=frame]"));
   } else if (target.id === "file" && target.files.length) {
     const file = target.files[0];
     await act(`load/${encodeURIComponent(file.name)}`, await file.text());
     target.value = ""; // the same file may be loaded again after a change
+  } else if (target.id === "own-file" && target.files.length) {
+    await ownPicture(target.files[0]);
+    at("own-again").hidden = !ownFile;
+    target.value = "";
   }
 });
-// A view that these frames do not show has no picture; maps side by side take the whole width.
-document.addEventListener("error", ({ target }) => {
-  if (target.tagName === "IMG") target.closest("figure").hidden = true;
-}, true);
-document.addEventListener("load", ({ target }) => {
-  target.closest?.("figure")?.classList.toggle("wide", target.naturalWidth > 1.7 * target.naturalHeight);
-  target.classList?.add("drawn");
-}, true);
 
 refresh();
