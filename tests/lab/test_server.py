@@ -1,13 +1,18 @@
 """Who may use the page, what it shows, and that what its buttons ask is done."""
 
+import base64
+import io
 import re
 import socket
 import sys
 import threading
+from importlib import resources
 
+import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
+from PIL import Image
 from starlette.testclient import TestClient
 
 import visaug
@@ -76,9 +81,7 @@ def buttons(page: str) -> list[str]:
     return re.findall(r"<button[^>]*>([^<]*)</button>", page)
 
 
-@pytest.mark.parametrize(
-    "path", ["/", "/bench", "/state", "/camera.yaml", "/lab.js", "/picture/x/level", "/no"]
-)
+@pytest.mark.parametrize("path", ["/", "/bench", "/state", "/camera.yaml", "/lab.js", "/view/x/level", "/no"])
 @pytest.mark.parametrize("params", [{"token": ""}, {"token": TOKEN + "x"}, {"token": "ä"}])
 def test_without_the_token_there_is_nothing(client, path, params):
     answer = client.get(path, params=params)
@@ -86,7 +89,10 @@ def test_without_the_token_there_is_nothing(client, path, params):
     assert TOKEN not in answer.text
 
 
-@pytest.mark.parametrize("path", ["/diagnose", "/stop", "/add/row_noise", "/load/a.py", "/save"])
+@pytest.mark.parametrize(
+    "path",
+    ["/diagnose", "/stop", "/add/row_noise", "/load/a.py", "/save", "/numbers", "/back/0", "/own/a.png"],
+)
 def test_without_the_token_nothing_is_done(client, bench, path):
     assert client.post(path, params={"token": "guess"}).status_code == 403
     client.wait()
@@ -114,7 +120,8 @@ def test_the_page_loads_nothing_from_elsewhere(client):
     answer = client.get("/")
     assert "default-src 'none'" in answer.headers["content-security-policy"]
     assert answer.headers["referrer-policy"] == "no-referrer"
-    everything = answer.text + client.get("/lab.css").text + client.get("/lab.js").text
+    scripts = [client.get(f"/{name}.js").text for name in ("lab", "plots")]
+    everything = "".join([answer.text, client.get("/lab.css").text, *scripts])
     assert not re.findall(r"https?://", everything)
 
 
@@ -126,14 +133,80 @@ def test_the_first_look(client):
     assert "Row and column noise" in page
 
 
-def test_pictures(client):
+def test_views_are_sent_as_numbers(client, bench):
     page = client.get("/").text
-    addresses = [a.replace("&amp;", "&") for a in re.findall(r'src="(picture/[^"]+)"', page)]
-    first = client.get(f"/{addresses[0]}")
-    assert first.headers["content-type"].startswith("image/")
-    assert len(first.content) > 5000
-    scene = next(a for a in addresses if "/scene?" in a)  # there are no scenes among the frames
-    assert client.get(f"/{scene}").status_code == 404
+    key = re.search(r'data-key="(\w+)"', page)[1]
+    content = client.get(f"/view/{key}/temporal_lines").json()
+    curve = content["curves"][0]
+    assert content["names"] == ["measured", "modelled"]
+    assert len(curve["x"]) == len(curve["y"][0]) == len(curve["y"][1]) == bench.camera.resolution[0]
+    assert client.get(f"/view/{key}/scene").status_code == 404  # there are no scenes among the frames
+    assert client.get("/view/another/temporal_lines").status_code == 404
+    shown = client.get(f"/frame/{key}/0").json()["maps"][0]
+    values = np.frombuffer(base64.b64decode(shown["values"][0]), "<f4").reshape(
+        shown["height"], shown["width"]
+    )
+    np.testing.assert_array_equal(values, bench.frames.read(0))
+    assert client.get(f"/frame/{key}/999").status_code == 404
+
+
+def test_numbers_set_by_hand_are_estimated_at_once_then_in_full_and_undone(client, bench):
+    """Without 9 of 10 of its gain the camera's shot noise is far off: the error is well above 1, in both estimates."""
+    gain = bench.camera.values()["gain_e_per_dn"]
+    assert client.post("/numbers", json={"gain_e_per_dn": 3 * gain}).status_code == 202
+    client.wait()
+    assert bench.camera.values()["gain_e_per_dn"] == 3 * gain
+    assert not bench.now.quick
+    assert bench.now.fit.error.value > 1.5
+    assert not bench.now.fit.adequate
+    assert "gain_e_per_dn set by hand" in shown(client.get("/bench").text, "verdict")
+    quick = bench.session.fits.as_it_is(bench.camera, True, lambda *_: None)
+    assert quick.error.value == pytest.approx(bench.now.fit.error.value, rel=0.5)
+    client.post("/back/0")
+    client.wait()
+    assert bench.camera is bench.given
+    client.post("/back/1")
+    client.wait()
+    assert bench.camera.values()["gain_e_per_dn"] == 3 * gain
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"{", "no numbers"),
+        (b"[]", "no numbers"),
+        (b'{"gain_e_per_dn": "x"}', "gain_e_per_dn"),
+        (b'{"gain_e_per_dn": NaN}', "gain_e_per_dn"),
+        (b'{"prnu.pixel": -1}', "prnu.pixel"),
+        (b'{"no.such": 1}', "no"),
+    ],
+)
+def test_numbers_that_cannot_be_are_refused(client, bench, content, said):
+    answer = client.post("/numbers", content=content)
+    assert answer.status_code == 400
+    assert said in answer.json()["error"]
+    assert bench.camera is bench.given
+
+
+def test_a_picture_of_ones_own(client):
+    """Half of white in sRGB stays half of white on average; another exposure of it differs by the noise alone."""
+    file = io.BytesIO()
+    Image.new("L", (40, 30), 128).save(file, "PNG")
+    shown = client.post("/own/gray.png", content=file.getvalue()).json()["maps"][0]
+    clean, taken = (np.frombuffer(base64.b64decode(v), "<f4") for v in shown["values"])
+    assert clean == pytest.approx(128 / 255)
+    assert taken.mean() == pytest.approx(128 / 255, abs=0.02)
+    assert 0 < taken.std() < 0.2
+    answer = client.post("/own/x.png", content=b"GIF89a no picture")
+    assert answer.status_code == 400
+    assert "x.png" in answer.json()["error"]
+
+
+def test_scripts_are_those_of_the_page(client):
+    assert "MIT" in (resources.files("visaug.lab") / "templates" / "uplot.LICENSE").read_text()
+    for name in ("lab", "plots", "uplot.min"):
+        assert client.get(f"/{name}.js").headers["content-type"].startswith("text/javascript")
+    assert client.get("/jinja.js").status_code == 404
 
 
 def test_a_diagnosis_is_shown_and_its_effects_can_be_added(diagnosed, bench):
@@ -240,6 +313,7 @@ def test_work_is_shown_while_it_goes_on_and_can_be_stopped(client, monkeypatch):
     state = client.get("/state").json()
     assert state["job"] is None
     assert "stopped" in state["message"]
+    assert not state["failed"]
 
 
 def test_a_port_in_use_is_a_users_mistake(bench):
