@@ -151,7 +151,7 @@ def test_views_are_sent_as_numbers(client, bench):
 
 
 def test_numbers_set_by_hand_are_estimated_at_once_then_in_full_and_undone(client, bench):
-    """Without 9 of 10 of its gain the camera's shot noise is far off: the error is well above 1, in both estimates."""
+    """With three times the gain every level and noise is far off: the error is well above 1, in both estimates."""
     gain = bench.camera.values()["gain_e_per_dn"]
     assert client.post("/numbers", json={"gain_e_per_dn": 3 * gain}).status_code == 202
     client.wait()

@@ -277,6 +277,7 @@ def serve(
     token = secrets.token_urlsafe(24)
     address = f"http://{ADDRESS}:{listener.getsockname()[1]}/?token={token}"
     say(address)
+    say("Open this address in a browser. Ctrl-C ends the lab.")
     if ready:
         ready(address)
     config = uvicorn.Config(application(bench, token), log_level="warning", access_log=False)
