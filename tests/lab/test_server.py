@@ -1,7 +1,6 @@
 """Who may use the page, what it shows, and that what its buttons ask is done."""
 
 import base64
-import io
 import re
 import socket
 import sys
@@ -12,7 +11,6 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
-from PIL import Image
 from starlette.testclient import TestClient
 
 import visaug
@@ -91,7 +89,7 @@ def test_without_the_token_there_is_nothing(client, path, params):
 
 @pytest.mark.parametrize(
     "path",
-    ["/diagnose", "/stop", "/add/row_noise", "/load/a.py", "/save", "/numbers", "/back/0", "/own/a.png"],
+    ["/diagnose", "/stop", "/add/row_noise", "/load/a.py", "/save", "/numbers", "/back/0"],
 )
 def test_without_the_token_nothing_is_done(client, bench, path):
     assert client.post(path, params={"token": "guess"}).status_code == 403
@@ -186,20 +184,6 @@ def test_numbers_that_cannot_be_are_refused(client, bench, content, said):
     assert answer.status_code == 400
     assert said in answer.json()["error"]
     assert bench.camera is bench.given
-
-
-def test_a_picture_of_ones_own(client):
-    """Half of white in sRGB stays half of white on average; another exposure of it differs by the noise alone."""
-    file = io.BytesIO()
-    Image.new("L", (40, 30), 128).save(file, "PNG")
-    shown = client.post("/own/gray.png", content=file.getvalue()).json()["maps"][0]
-    clean, taken = (np.frombuffer(base64.b64decode(v), "<f4") for v in shown["values"])
-    assert clean == pytest.approx(128 / 255)
-    assert taken.mean() == pytest.approx(128 / 255, abs=0.02)
-    assert 0 < taken.std() < 0.2
-    answer = client.post("/own/x.png", content=b"GIF89a no picture")
-    assert answer.status_code == 400
-    assert "x.png" in answer.json()["error"]
 
 
 def test_scripts_are_those_of_the_page(client):

@@ -1,21 +1,14 @@
 """Curves and maps as the page draws them: measured and modelled values, no pictures."""
 
 import base64
-import io
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import torch
 
-from visaug.augment import VISNoise
-from visaug.camera import Camera
-from visaug.errors import InputError
 from visaug.fingerprint.view import Picture
 
 LARGEST_MAP = 640  # pixels on a side; a larger map is sent as means of squares
-LARGEST_PICTURE = 1024  # pixels on a side; a larger picture is made smaller before the camera takes it
-MOST_PIXELS = 60_000_000  # of an uploaded picture, before it is decoded
 
 
 def view_data(title: str, measured: Picture, modelled: Picture | None) -> dict[str, Any]:
@@ -55,46 +48,6 @@ def map_data(title: str, first: np.ndarray, second: np.ndarray) -> dict[str, Any
         "step": step,
         "values": [base64.b64encode(a.astype("<f4").tobytes()).decode() for a in arrays],
     }
-
-
-def through_camera(content: bytes, camera: Camera, seed: int, name: str = "the picture") -> dict[str, Any]:
-    """A picture file, clean and as the camera takes it, in [0, 1].
-
-    Raises:
-        InputError: no PNG or JPEG picture, or one of too many pixels.
-    """
-    clean = _decoded(content, name)
-    with torch.random.fork_rng(devices=[]), torch.no_grad():
-        torch.manual_seed(seed)
-        images = torch.from_numpy(clean).reshape(*clean.shape[:2], -1).permute(2, 0, 1)[None]
-        taken = VISNoise(camera, transfer="srgb")(images)[0].permute(1, 2, 0).numpy()
-    taken = taken if clean.ndim == 3 else taken[..., 0]
-    shown = map_data(name, clean, taken)
-    return {
-        "title": name,
-        "names": ["clean", "through the camera"],
-        "y_label": "1 is white",
-        "curves": [],
-        "maps": [shown],
-    }
-
-
-def _decoded(content: bytes, name: str) -> np.ndarray:
-    from PIL import Image, UnidentifiedImageError
-
-    expected = "a PNG or JPEG picture"
-    try:
-        with Image.open(io.BytesIO(content), formats=("PNG", "JPEG")) as image:
-            if image.width * image.height > MOST_PIXELS:
-                raise InputError("has too many pixels", file=name, expected=f"at most {MOST_PIXELS}")
-            deep = image.mode.startswith("I")
-            gray = deep or image.mode in ("1", "L", "LA", "F")
-            full = 65535.0 if deep else 255.0
-            image.thumbnail((LARGEST_PICTURE, LARGEST_PICTURE))
-            array = np.asarray(image if deep else image.convert("L" if gray else "RGB"), np.float32)
-    except (UnidentifiedImageError, OSError, ValueError, Image.DecompressionBombError):
-        raise InputError("cannot be read as a picture", file=name, expected=expected) from None
-    return np.clip(array / full, 0, 1)
 
 
 def _aligned(label: str, measured: tuple[Any, Any], modelled: tuple[Any, Any]) -> dict[str, Any]:

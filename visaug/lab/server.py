@@ -14,7 +14,6 @@ from urllib.parse import parse_qs
 import jinja2
 import uvicorn
 from starlette.applications import Starlette
-from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
@@ -27,7 +26,6 @@ from visaug.effects import catalogue
 from visaug.errors import InputError
 from visaug.lab.bench import Bench
 from visaug.lab.content import content, verdict
-from visaug.lab.data import through_camera
 from visaug.lab.jobs import Jobs
 from visaug.lab.pictures import Pictures
 from visaug.progress import Progress
@@ -36,7 +34,6 @@ from visaug.wording import probability_text
 ADDRESS = "127.0.0.1"
 NAMES = [ADDRESS, "localhost"]  # a page elsewhere whose name was made to point here says another Host
 LARGEST = 1_000_000  # bytes of an uploaded effect
-LARGEST_PICTURE = 20_000_000  # bytes of an uploaded picture
 SCRIPTS = ("uplot.min", "plots", "lab")
 QUICK, FULL = "estimating the error", "computing the error"
 # 'unsafe-eval' lets a program that drives a browser wait for what the page shows; the page itself evaluates nothing.
@@ -105,7 +102,6 @@ def application(bench: Bench, token: str) -> Starlette:
         Route("/stop", lab.stop, methods=["POST"]),
         Route("/numbers", lab.numbers, methods=["POST"]),
         Route("/back/{to:int}", lab.back, methods=["POST"]),
-        Route("/own/{name}", lab.own_picture, methods=["POST"]),
     ]
     app = Starlette(
         routes=routes,
@@ -215,14 +211,6 @@ class _Lab:
         to = request.path_params["to"]
         self._wanted = {}
         return self._ask("going back", lambda _: self.bench.go(to), instead_of=(QUICK, FULL))
-
-    async def own_picture(self, request: Request) -> Response:
-        """A picture of the user's own, clean and through the camera on the bench."""
-        name = request.path_params["name"]
-        body = await _body(request, LARGEST_PICTURE, name, "a picture")
-        return JSONResponse(
-            await run_in_threadpool(through_camera, body, self.bench.camera, self.bench.seed, name)
-        )
 
     def save(self, _: Request) -> Response:
         path = self.bench.save()

@@ -188,26 +188,12 @@ function setNumber(input) {
   }, kind === "range" ? 350 : 700);
 }
 
-async function ownPicture(file) {
-  said = notice = "";
-  show("own-state", "The camera takes the picture …");
-  try {
-    const data = await (await ask(`own/${encodeURIComponent(file.name)}`, { method: "POST", body: file })).json();
-    Plots.draw(at("own-view"), "own", data);
-    show("own-state", "");
-    ownFile = file;
-  } catch (mistake) { show("own-state", mistake.message); }
-}
-let ownFile = null;
-
 document.addEventListener("click", ({ target }) => {
   const button = target.closest("button");
   if (!button) return;
   if (button.dataset.post) act(button.dataset.post);
   else if (button.dataset.save) save(button.dataset.save);
   else if (button.id === "load") at("file").click();
-  else if (button.id === "own") at("own-file").click();
-  else if (button.id === "own-again" && ownFile) ownPicture(ownFile);
   else if (button.id === "add-other") act(`add/${encodeURIComponent(at("other").value)}`);
 });
 document.addEventListener("pointerdown", ({ target }) => { dragging = target.dataset?.kind === "range"; });
@@ -230,10 +216,6 @@ document.addEventListener("change", async ({ target }) => {
     const file = target.files[0];
     await act(`load/${encodeURIComponent(file.name)}`, await file.text());
     target.value = ""; // the same file may be loaded again after a change
-  } else if (target.id === "own-file" && target.files.length) {
-    await ownPicture(target.files[0]);
-    at("own-again").hidden = !ownFile;
-    target.value = "";
   }
 });
 
