@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,6 +34,7 @@ class Findings:
     warnings: list[str] = field(default_factory=list)
     curves: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     maps: dict[str, np.ndarray] = field(default_factory=dict)
+    effects: list[dict[str, Any]] = field(default_factory=list)
     spoils: dict[str, tuple[str, ...]] = field(default_factory=dict)
     gain: Gain | None = None
     bit_depth: int | None = None
@@ -43,7 +44,13 @@ class Findings:
     assumed: list[str] = field(default_factory=list)  # paths of a camera.yaml that nothing measured
 
     def add(
-        self, name: str, interval: Sequence[float], unit: str, source: str, most: float = math.inf
+        self,
+        name: str,
+        interval: Iterable[float],
+        unit: str,
+        source: str,
+        most: float = math.inf,
+        assumes: str = "",
     ) -> None:
         """Keep an estimate; one that is not finite is kept as not determined."""
         value, low, high = (float(v) for v in interval)
@@ -51,7 +58,8 @@ class Findings:
             self.miss(name, "more frames: its uncertainty is not determined")
             return
         self.open.pop(name, None)
-        self.parameters[name] = Estimate(value, min(low, value), max(min(high, most), value), unit, source)
+        high = max(min(high, most), value)
+        self.parameters[name] = Estimate(value, min(low, value), high, unit, source, assumes)
 
     def miss(self, name: str, needs: str) -> None:
         if name not in self.parameters:

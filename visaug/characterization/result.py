@@ -43,22 +43,24 @@ CAMERA_KEYS = (
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A figure with its 95 % interval for the camera's own parameter, its unit and how it was found."""
+    """A figure with its 95 % interval for the camera's own parameter, its unit, how it was found, and what was assumed."""
 
     value: float
     low: float
     high: float
     unit: str
     source: str
+    assumes: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        return {
+        content = {
             "value": float(self.value),
             "low": float(self.low),
             "high": float(self.high),
             "unit": self.unit,
             "from": self.source,
         }
+        return {**content, "assumes": self.assumes} if self.assumes else content
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +117,11 @@ class Characterization:
             f"{len(self.warnings)} warnings)"
         )
 
+    @property
+    def is_noiseless(self) -> bool:
+        """Whether these are pictures without sensor noise, so that there is no camera to be found."""
+        return any(w.word == "no_sensor_noise" for w in self.warning_details)
+
     def __getitem__(self, name: str) -> Estimate:
         return self.parameters[name]
 
@@ -144,7 +151,8 @@ class Characterization:
             raise InputError(
                 "the frames do not tell the gain, so there is no camera in electrons",
                 field="gain_e_per_dn",
-                expected="flats at several levels, or a camera that gives the gain",
+                expected=self.not_determined.get("gain_e_per_dn", "flats at several levels")
+                + ("" if self.method == "pictures" else ", or a camera that gives the gain"),
             )
         fresh = {"name": "characterized camera", "resolution": list(self.resolution or (1, 1))}
         content: dict[str, Any] = copy.deepcopy(dict(self.base or fresh))
@@ -169,6 +177,10 @@ class Characterization:
         assumed = self._assumptions(found)
         if assumed:
             content["assumed"] = assumed
+        if self.method == "pictures":
+            content["source"] = {
+                k: e.source for k, e in self.parameters.items() if not k.startswith("image.")
+            }
         return content
 
     def _assumptions(self, found: Mapping[str, float]) -> list[str]:

@@ -70,10 +70,12 @@ def characterize(
             raise InputError(
                 "nothing can be measured", field="kind", expected="bias, dark, flat or image frames"
             )
-        from visaug.characterization.pictures import noise_of_pictures
+        from visaug.characterization.target import camera_of_pictures
 
-        noise_of_pictures(found, frames, seed)
-        return _result(found, frames, camera, None, method)
+        size = camera_of_pictures(found, frames, seed)
+        result = _result(found, frames, None, None, "pictures")
+        bits = frames.bit_depth or 8
+        return replace(result, assumed={"bit_depth": bits}, resolution=size, effects=tuple(found.effects))
     for warning in frames.check():
         if not warning.startswith("few_frames"):  # of groups as they are measured: below
             found.warn(warning)

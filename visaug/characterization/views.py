@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -29,6 +30,9 @@ class _View:
 
     def clean(self, i: int) -> np.ndarray:
         return self._change(self._frames.clean(i))
+
+    def path(self, i: int) -> Path | None:
+        return None  # its pixels are in no file
 
     def shape(self, i: int) -> tuple[int, int]:
         return self._change(np.zeros(self._frames.shape(i), np.float32)).shape[:2]  # type: ignore[return-value]

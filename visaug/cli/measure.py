@@ -91,7 +91,8 @@ def characterize(
     All parameters have 95 % confidence intervals.
 
     With --camera, parameters that the frames do not determine (resolution of raw files, quantum efficiency
-    without a calibrated source) are taken from that camera. All others are reported as not determined.
+    without a calibrated source) are taken from that camera. All others are reported as not determined. A folder of
+    ordinary pictures gives an effective camera: the noise of these pictures, each figure with its assumption.
     """
     import visaug
 
@@ -111,6 +112,9 @@ def characterize(
         progress("characterizing", 1, 1)
     if not is_silent(quiet, json_path):
         summaries.print_characterization(result.to_json())
+    if output and result.is_noiseless:
+        click.echo("no sensor noise found: no camera is written", err=is_silent(quiet, json_path))
+        output = None
     if output:
         result.save_camera(output, maps_path if use_maps else None)
     if maps_path:
@@ -144,7 +148,20 @@ def _write_sheets(
 
 @command("compare", example="visaug compare frames/ --camera camera.yaml --report comparison.html")
 @frames_argument
-@camera_option()
+@camera_option(required=False)
+@click.option(
+    "--target",
+    metavar="PICTURES",
+    type=click.Path(path_type=Path),
+    help="Pictures of the target domain: FRAMES are then pictures too, with the camera's noise where one is given.",
+)
+@click.option(
+    "--transfer",
+    type=click.Choice(["linear", "srgb"]),
+    default="linear",
+    show_default=True,
+    help="With --target and --camera: how the pictures' values follow from light.",
+)
 @effects_option()
 @bit_depth_option
 @json_option
@@ -157,7 +174,9 @@ def _write_sheets(
 )
 def compare(
     frames_path: Path,
-    camera_name: str,
+    camera_name: str | None,
+    target: Path | None,
+    transfer: Literal["linear", "srgb"],
     bit_depth: int | None,
     json_path: Path | None,
     report_path: Path | None,
@@ -168,10 +187,31 @@ def compare(
     """Test whether a camera explains its frames.
 
     The statistics of the frames are compared with those of simulated frames. Deviations are listed by view.
+    With --target, pictures are compared with pictures: what the camera of the target does that FRAMES lack.
     """
     import visaug
 
-    camera = load_camera(camera_name)
+    if target is None and camera_name is None:
+        raise InputError("is missing", field="--camera", expected="a camera, or --target PICTURES")
+    camera = load_camera(camera_name) if camera_name else None
+    if target is not None:
+        from visaug.comparison import compare_pictures
+
+        renders = visaug.FrameSet.load(frames_path, None, bit_depth)
+        wanted = visaug.FrameSet.load(target, None, bit_depth)
+        with progress_bars(quiet=quiet) as progress:
+            found = compare_pictures(renders, wanted, camera, transfer, seed, progress)
+        if not is_silent(quiet, json_path):
+            summaries.print_comparison(found.to_json())
+        write_result(json_path, found.to_json())
+        if report_path:
+            found.report(report_path)
+        if not is_silent(quiet, json_path):
+            written(json_path, report_path)
+        if fail_on_misfit and not found.adequate:
+            raise SystemExit(MISFIT)
+        return
+    assert camera is not None
     frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
     with progress_bars(quiet=quiet) as progress:
         result = visaug.compare(camera, frames, seed=seed, progress=progress)

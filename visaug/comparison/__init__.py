@@ -4,6 +4,7 @@ from visaug.comparison.comparison import Comparison, Place, Places, compare, dat
 from visaug.comparison.distance import Distance, Error, is_clear
 from visaug.comparison.folds import Folds, share_out
 from visaug.comparison.laboratory import Laboratory
+from visaug.comparison.pictures import PictureComparison, compare_pictures
 
 __all__ = [
     "Comparison",
@@ -11,9 +12,11 @@ __all__ = [
     "Error",
     "Folds",
     "Laboratory",
+    "PictureComparison",
     "Place",
     "Places",
     "compare",
+    "compare_pictures",
     "data_frame",
     "is_clear",
     "places",

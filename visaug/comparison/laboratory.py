@@ -51,7 +51,7 @@ class Laboratory:
             raise InputError(
                 "only pictures of which nothing is known",
                 field="kind",
-                expected="bias, dark, flat or scene frames to compare a camera with",
+                expected="bias, dark, flat or scene frames; pictures are compared with pictures (`compare --target`)",
             )
         frames = frames.assuming_bits(camera.bit_depth)
         self.selection = select(frames)

@@ -180,6 +180,10 @@ class FrameSet:
         """Rows and columns of frame `i`."""
         return self._store.shape(self._positions[i])
 
+    def path(self, i: int) -> Path | None:
+        """The file of frame `i`; None where the set is in memory."""
+        return self._store.path(self._positions[i])
+
     def groups(self) -> tuple[Group, ...]:
         """Groups of frames taken under equal conditions, in order of first appearance."""
         if self._groups is None:

@@ -32,6 +32,7 @@ class Store(Protocol):
     def clean(self, i: int) -> np.ndarray: ...
     def shape(self, i: int) -> tuple[int, int]: ...
     def with_bits(self, bit_depth: int) -> Store: ...
+    def path(self, i: int) -> Path | None: ...
 
 
 class MemoryStore:
@@ -76,6 +77,9 @@ class MemoryStore:
 
     def with_bits(self, bit_depth: int) -> MemoryStore:
         return MemoryStore(self._records, self._frames, self._cleans, bit_depth)
+
+    def path(self, i: int) -> Path | None:
+        return None
 
 
 class FileStore:
@@ -161,6 +165,9 @@ class FileStore:
             self._bits_at,
             self.warnings,
         )
+
+    def path(self, i: int) -> Path | None:
+        return self._reader.path(self._records[i].file)
 
     def _stored(self, i: int) -> np.ndarray:
         return self._reader.read(self._records[i].file, self._shape_of_raw(self._records[i]))

@@ -19,6 +19,8 @@ def comparison_headline(content: Content) -> str:
     """Whether the camera file explains the frames and, if not, where they differ most."""
     fits = content["fits"]
     p = p_text(fits["p_value_before"])
+    if "pictures" in content and "target" in content["pictures"]:
+        return _pictures_headline(content, p)
     if fits["adequate_before"]:
         return f"The model holds: nothing differs beyond chance ({p})."
     said = f"The model does not hold: the frames differ from it ({p})."
@@ -30,6 +32,17 @@ def comparison_headline(content: Content) -> str:
         f"{said} The largest difference: {view[0].lower()}{view[1:]} ({statistic_text(worst['worst'])}), "
         f"{abs(worst['z']):.2g} standard deviations {side} the model."
     )
+
+
+def _pictures_headline(content: Content, p: str) -> str:
+    if content["fits"]["adequate_before"]:
+        return f"The two sets agree: no difference of their cameras beyond chance ({p})."
+    said = f"The cameras of the two sets differ ({p})."
+    if not content["where"]:
+        return said
+    worst = content["where"][0]
+    side = "more" if worst["z"] > 0 else "less"
+    return f"{said} The largest difference: {worst['worst']}; the target has {side} ({abs(worst['z']):.2g} standard deviations)."
 
 
 def diagnosis_headline(content: Content) -> str:

@@ -40,6 +40,9 @@ def write_characterization(path: str | Path, result: "Characterization", frames:
         open_rows = [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]
         blocks.append(Table(["not determined", "needs"], open_rows, caption="What these frames cannot tell."))
     blocks += [Text(warning, "note") for warning in content["warnings"]]
+    assumptions = [[name, e["assumes"]] for name, e in content["parameters"].items() if "assumes" in e]
+    if assumptions:
+        blocks.append(Table(["parameter", "assumes"], assumptions, caption="What the figures assume."))
     pictures = [
         figure(drawn, CAPTIONS.get(name, name.replace("_", " ")), wide=drawn.get_figwidth() > 8)
         for name, drawn in result.plots().items()

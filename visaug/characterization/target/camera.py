@@ -1,0 +1,368 @@
+"""From pictures to an effective camera: the noise curve under a tone curve, patterns, and what stays open."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from visaug.characterization.findings import Findings
+from visaug.characterization.intervals import t_quantile
+from visaug.fingerprint.pictures.blocks import NOISE, Blocks, Levels, Rounding, noise_by_level, sample
+from visaug.fingerprint.pictures.curve import TONES, Law, Sky, fit
+from visaug.fingerprint.pictures.files import Pictures, largest_group, quality_of
+from visaug.fingerprint.pictures.pattern import Part, Pattern, recurring
+from visaug.fingerprint.pictures.sets import find_sky, jackknife
+from visaug.frames import FrameSet
+
+SOURCE = "pictures"
+NEEDS = {
+    "quantum_efficiency": "flats with known photons per pixel",
+    "dark_current.a_e_per_s": "dark frames at several exposures and temperatures",
+    "full_well_e": "flats beyond saturation; the highest code of the pictures saturates the camera here",
+}
+_NO_CAMERA = (
+    "gain_e_per_dn",
+    "read_noise.sigma_e",
+    "black_level_dn",
+    "dsnu.pixel_e",
+    "dsnu.row_e",
+    "dsnu.column_e",
+    "prnu.pixel",
+)
+_FEWEST_LEVELS = 4
+_ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
+_CUT = 3.0  # standard deviations of noise above code 0
+_SAME = 5.41  # chi-square of 1 degree of freedom at 2 %
+_UNKNOWN = 3.0  # an interval of the gain wider than this factor either way is no measurement
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """One tone curve that the pictures allow, with the logarithms of gain and read noise of every jackknife set."""
+
+    law: Law
+    chi_square: float
+    gain: tuple[float, float, float]
+    read: tuple[float, float, float]
+    black: tuple[float, float, float]
+
+
+def camera_of_pictures(found: Findings, frames: FrameSet, seed: int) -> tuple[int, int] | None:
+    """Adds what the pictures tell of their camera; returns their size where there is a camera, else None."""
+    for name, needs in NEEDS.items():
+        found.miss(name, needs)
+    pictures = largest_group(frames, found.warn)
+    blocks, left_out = sample(pictures, seed)
+    rounding = Rounding(pictures.steps, pictures.is_jpeg)
+    levels = noise_by_level(blocks, rounding, len(pictures))
+    if not len(levels.level):
+        _no_flat_regions(found, blocks, left_out)
+        return None
+    _noise_in_dn(found, pictures, levels, rounding)
+    if _is_rendered(blocks, levels):
+        _no_camera(found, "pictures with sensor noise")
+        found.warn(
+            "no_sensor_noise: no sensor noise found: flat regions vary by no more than the rounding of their codes, as in "
+            "renders and screenshots; there is no camera"
+        )
+        return None
+    if left_out > 0.5:
+        found.warn(
+            f"clipped_pictures: {left_out:.0%} of the regions are saturated or all black and tell nothing"
+        )
+    if len(pictures) < 3:
+        _no_camera(found, "three or more pictures")
+        found.warn(f"few_pictures: {len(pictures)} of one kind; spreads and patterns need three or more")
+        return None
+    return _camera(found, pictures, blocks, levels, rounding)
+
+
+def _no_flat_regions(found: Findings, blocks: Blocks, left_out: float) -> None:
+    _no_camera(found, "flat regions of 8 x 8 pixels that do not clip")
+    found.miss("image.noise_dn", "flat regions of 8 x 8 pixels that do not clip")
+    if not len(blocks.level):
+        found.warn("clipped_pictures: every region is saturated or all black; nothing can be measured")
+    else:
+        found.warn(
+            f"no_flat_regions: the pictures hold hardly any region without structure ({left_out:.0%} of all regions clip)"
+        )
+
+
+def _no_camera(found: Findings, needs: str) -> None:
+    for name in _NO_CAMERA:
+        found.miss(name, needs)
+
+
+def _is_rendered(blocks: Blocks, levels: Levels) -> bool:
+    """Whether the noise is that of rounding alone, or most blocks are exactly constant in their fine detail."""
+    constant = (np.abs(blocks.coefficients[:, NOISE]) < 1e-3).all(1)
+    weight = levels.blocks.sum(0)
+    quiet = float(weight[levels.variance < _ONLY_ROUNDING_DN2].sum() / weight.sum())
+    return quiet > 0.9 or float(constant.mean()) > 0.5
+
+
+def _noise_in_dn(found: Findings, pictures: Pictures, levels: Levels, rounding: Rounding) -> None:
+    """The noise curve and its straight line in DN, whatever made it."""
+    scale = pictures.scale
+    noise = np.sqrt(levels.variance) * scale
+    found.curves["noise_level"] = {
+        "level_dn": levels.level * scale,
+        "noise_dn": noise,
+        "error_dn": noise * levels.error / 2,
+    }
+
+    def figures(weights: np.ndarray) -> np.ndarray:
+        level, variance = levels.of_pictures(weights, rounding)
+        blocks = np.tensordot(weights, levels.blocks, 1)
+        good = np.isfinite(variance) & (blocks > 0)
+        typical = float(np.sqrt((blocks * np.nan_to_num(variance)).sum() / blocks.sum()))
+        if np.count_nonzero(good) < 2 or np.ptp(level[good]) < 4 * typical:
+            return np.array([typical, np.nan, np.nan])
+        line = np.polyfit(level[good], variance[good], 1, w=1 / (variance * levels.error)[good])
+        return np.array([typical, *line])
+
+    value, spread, degrees = jackknife(figures, len(pictures))
+    units = (
+        ("image.noise_dn", "DN", scale),
+        ("image.noise_slope_dn", "DN", scale),
+        ("image.noise_floor_dn2", "DN^2", scale**2),
+    )
+    for k, (name, unit, factor) in enumerate(units):
+        if np.isfinite(value[k]):
+            half = t_quantile(degrees) * spread[k] if np.isfinite(spread[k]) else math.inf
+            if len(pictures) == 1:
+                half = 1.96 * float(np.median(levels.error)) * abs(value[k])
+            add(
+                found, name, (value[k] * factor, (value[k] - half) * factor, (value[k] + half) * factor), unit
+            )
+        else:
+            found.miss(name, "flat regions at different levels")
+
+
+def add(found: Findings, name: str, interval: Sequence[float], unit: str, assumes: str = "") -> None:
+    found.add(name, interval, unit, SOURCE, assumes=assumes)
+
+
+def _camera(
+    found: Findings, pictures: Pictures, blocks: Blocks, levels: Levels, rounding: Rounding
+) -> tuple[int, int] | None:
+    if len(levels.level) < _FEWEST_LEVELS or np.ptp(levels.level) < 20:
+        _no_camera(found, "flat regions at several levels")
+        found.warn(
+            "one_level: flat regions lie at one level only; without a slope there is no gain, and no camera"
+        )
+        return None
+    sky = find_sky(blocks, levels)
+    if pictures.is_jpeg and sky and sky.level < _CUT * math.sqrt(levels.variance[0]):
+        # A decoder cuts what JPEG has moved below 0, so noise there follows no law of the sensor.
+        levels, sky = levels.above(_CUT), None
+        found.warn(
+            "black_cut_by_jpeg: black lies at code 0 and JPEG cuts its noise again; noise near black is left out"
+        )
+        if len(levels.level) < _FEWEST_LEVELS:
+            _no_camera(found, "flat regions at several levels")
+            return None
+    codes = 255 if pictures.top_dn <= 255 else 1023
+    start = Law(
+        "linear", 0.05, max(0.8 * float(levels.variance[0]), 0.02), sky.level if sky else 0.0, codes=codes
+    )
+    first = min(
+        (fit(t, levels.level, levels.variance, levels.error, sky, start) for t in TONES), key=lambda f: f[1]
+    )[0]
+    pattern = recurring(pictures, levels, rounding, first, sky)
+    prnu = math.sqrt(pattern.prnu.variance) if pattern.prnu and pattern.prnu.found else 0.0
+    readings = _readings(pictures, levels, rounding, sky, replace(start, prnu=prnu), pattern)
+    if not readings:
+        _no_camera(found, "noise that grows with the level as shot noise does")
+        found.warn(
+            "no_shot_noise: the noise does not grow with the level as shot noise does, so there is no gain"
+        )
+        return None
+    best = readings[0]
+    low, high = min(r.gain[1] for r in readings), max(r.gain[2] for r in readings)
+    if not (high < _UNKNOWN**2 * low and math.isfinite(high)):
+        _no_camera(found, "more pictures, or flat regions over a wider range of levels")
+        found.warn(
+            f"gain_unknown: the gain lies between {low:.3g} and {high:.3g} e-/DN; that is no measurement"
+        )
+        return None
+    _add_tone(found, readings)
+    _add_curve(found, pictures, readings, levels, sky)
+    _add_patterns(found, pictures, best, pattern, sky)
+    _add_processing(found, pictures, blocks, levels)
+    found.warn(
+        "pictures_alone: the camera is an effective one: it gives these pictures' noise, whatever made it (sensor, "
+        "compression, denoising); bias, dark and flat frames would tell the parts"
+    )
+    return pictures.frames.shape(pictures.indices[0])
+
+
+def _readings(
+    pictures: Pictures, levels: Levels, rounding: Rounding, sky: Sky | None, start: Law, pattern: Pattern
+) -> list[_Reading]:
+    """The tone curves that the noise curve allows at 2 %, the best first.
+
+    One under which read noise exceeds the shot noise of a saturated pixel is none of a camera: a full well holds more
+    electrons than the square of the read noise.
+    """
+    fits = [fit(t, levels.level, levels.variance, levels.error, sky, start) for t in TONES]
+    fits = [(law, chi) for law, chi in fits if law.read < law.shot * 255]
+    if not fits:
+        return []
+    least = min(chi for _, chi in fits)
+    scale = max(least / max(len(levels.level) - 2, 1), 1.0)
+    allowed = sorted((f for f in fits if (f[1] - least) / scale < _SAME), key=lambda f: f[1])
+    fixed = pattern.pixel.variance if pattern.pixel and pattern.pixel.found else 0.0
+    return [_reading(law, chi, pictures, levels, rounding, sky, fixed) for law, chi in allowed]
+
+
+def _reading(
+    law: Law,
+    chi: float,
+    pictures: Pictures,
+    levels: Levels,
+    rounding: Rounding,
+    sky: Sky | None,
+    fixed: float,
+) -> _Reading:
+    scale = pictures.scale
+
+    def figures(weights: np.ndarray) -> np.ndarray:
+        level, variance = levels.of_pictures(weights, rounding)
+        moved, _ = fit(law.tone, level, variance, levels.error, sky, law)
+        read = max(moved.read - fixed, 1e-4 * moved.read)
+        return np.array([-math.log(moved.shot), 0.5 * math.log(read) - math.log(moved.shot), moved.black])
+
+    value, spread, degrees = jackknife(figures, len(pictures))
+    half = t_quantile(degrees) * spread
+    gain, read = (
+        tuple(math.exp(v) for v in (value[k], value[k] - half[k], value[k] + half[k])) for k in (0, 1)
+    )
+    gain = tuple(v / scale for v in gain)
+    if sky is None:  # a black level of anything up to the darkest region moves the part that is read noise
+        darkest = law.light_at(levels.level[:1])[0]
+        most = math.sqrt(law.read + law.shot * darkest) / law.shot
+        read = (read[0], read[1], max(read[2], most * read[2] / read[0]))
+    black = tuple(v * scale for v in (value[2], value[2] - half[2], value[2] + half[2]))
+    return _Reading(law, chi, gain, read, black)
+
+
+def _add_tone(found: Findings, readings: list[_Reading]) -> None:
+    tones = [r.law.tone for r in readings]
+    if len(tones) > 1:
+        found.warn(
+            f"tone_curve_open: a tone curve and gain cannot be separated here: {' and '.join(tones)} fit the noise curve "
+            f"alike; {tones[0]} fits best and is taken, the intervals cover the others",
+            spoils=("gain_e_per_dn", "read_noise.sigma_e", "black_level_dn"),
+        )
+    if tones[0] != "linear":
+        found.warn(
+            f"tone_curve: the noise curve is that of a {tones[0]} tone curve; gain, read noise and black level are those of the "
+            "linear picture, in 1/255 of full scale; augment with transfer srgb"
+        )
+
+
+def _add_curve(
+    found: Findings, pictures: Pictures, readings: list[_Reading], levels: Levels, sky: Sky | None
+) -> None:
+    tone = readings[0].law.tone
+    shared = f"flat regions hold shot noise and a constant; {tone} tone curve; neither denoised nor sharpened"
+
+    def span(part: str) -> tuple[float, float, float]:
+        every = [getattr(r, part) for r in readings]
+        return every[0][0], min(e[1] for e in every), max(e[2] for e in every)
+
+    add(found, "gain_e_per_dn", span("gain"), "e-/DN", shared)
+    add(found, "read_noise.sigma_e", span("read"), "e-", shared + ("" if sky else "; black level 0 at best"))
+    black = span("black")
+    if sky is None:
+        found.miss("black_level_dn", "pictures with a black sky; 0 is taken")
+        return
+    if black[0] < 3 * math.sqrt(readings[0].law.read) * pictures.scale:
+        found.warn(
+            f"cut_at_0: black lies {black[0]:.2g} DN above code 0 with noise of "
+            f"{math.sqrt(readings[0].law.read) * pictures.scale:.2g} DN, so part of it is cut off; the law of the cut is in the fit"
+        )
+    add(found, "black_level_dn", (max(v, 0.0) for v in black), "DN", "the sky is black")
+
+
+def _add_patterns(
+    found: Findings, pictures: Pictures, best: _Reading, pattern: Pattern, sky: Sky | None
+) -> None:
+    per_unit = 1 / best.law.shot  # electrons per 1/255 of full scale
+    where = "the black sky" if sky else "flat regions"
+
+    def part(name: str, value: Part | None, needs: str, effect: str | None = None) -> None:
+        if value is None:
+            found.miss(name, needs)
+            return
+        interval = _root(value, per_unit)
+        add(
+            found,
+            name,
+            interval,
+            "e-",
+            f"{where}; white from line to line" if name != "dsnu.pixel_e" else where,
+        )
+        if effect and value.found:
+            found.effects.append({"name": effect, "sigma_e": float(f"{interval[0]:.4g}")})
+
+    lines = "four or more pictures with flat rows of blocks"
+    for axis in ("row", "column"):
+        whole, fixed = getattr(pattern, axis), getattr(pattern, f"{axis}_fixed")
+        part(f"dsnu.{axis}_e", fixed, lines)
+        fresh = whole.minus(fixed) if whole else None
+        part(f"{axis}_noise.sigma_e", fresh, lines, f"{axis}_noise")
+        if whole is not None:
+            add(found, f"image.{axis}_noise_dn", _root(whole, pictures.scale), "DN", where)
+        else:
+            found.miss(f"image.{axis}_noise_dn", lines)
+    part("dsnu.pixel_e", pattern.pixel, "four or more pictures with a black sky at the same places")
+    if pattern.prnu is None:
+        found.miss("prnu.pixel", "pictures that are lit at the same places")
+    else:
+        add(
+            found, "prnu.pixel", _root(pattern.prnu, 1.0), "1", "lit flat regions, the dark pattern taken off"
+        )
+
+
+def _root(part: Part, factor: float) -> tuple[float, float, float]:
+    """Standard deviation with its interval; 0 where it is not found."""
+    value, low, high = (
+        math.sqrt(max(part.variance + k * part.error, 0.0)) * factor for k in (0.0, -1.96, 1.96)
+    )
+    return (value, low, high) if part.found else (0.0, 0.0, high)
+
+
+def _add_processing(found: Findings, pictures: Pictures, blocks: Blocks, levels: Levels) -> None:
+    """JPEG quality from the file; spectrum of the noise."""
+    if pictures.is_jpeg:
+        quality = quality_of(pictures.steps)
+        add(found, "jpeg.quality", quality, "1", "the file's own table; compressed once")
+        found.effects.append({"name": "jpeg", "quality": round(quality[0]), "chroma": "full"})
+        return
+    u, v = np.indices((8, 8))
+    flat = np.abs(blocks.level - levels.level[np.argmax(levels.blocks.sum(0))]) < 1
+    coefficients = blocks.coefficients[flat]
+    fine, coarse = (np.median(coefficients[:, NOISE & which] ** 2) for which in (u + v > 9, u + v < 8))
+    if coarse <= 0:
+        return
+    ratio = fine / coarse
+    count = coefficients.shape[0] * 10
+    error = 2.3 * ratio * math.sqrt(2 / count)
+    add(
+        found,
+        "image.noise_fine_to_coarse",
+        (ratio, ratio - 1.96 * error, ratio + 1.96 * error),
+        "1",
+        "1 where noise is white",
+    )
+    if abs(ratio - 1) > max(0.1, 4 * error):
+        found.warn(
+            f"correlated_noise: fine noise has {ratio:.2g} times the power of coarse noise, as after denoising, sharpening or "
+            "demosaicing; gain and read noise are those of the processed noise",
+            spoils=("gain_e_per_dn", "read_noise.sigma_e"),
+        )

@@ -1,0 +1,98 @@
+"""The noise curve of developed pictures: shot and read noise under a tone curve, cut at both ends and rounded.
+
+A. Foi et al., IEEE Trans. Image Processing 17 (2008) 1737: variance a + b x of a raw picture, clipped. Here the value passes
+through a tone curve before it is rounded, and mean and variance of the code are exact sums over the codes, so strong curves
+near black and noise below one step are covered as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import optimize, special
+
+_LEVELS = 255 * np.linspace(0, 1, 140) ** 2
+TONES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "linear": lambda y: y,
+    "srgb": lambda y: np.where(y <= 0.04045, y / 12.92, ((np.maximum(y, 0) + 0.055) / 1.055) ** 2.4),
+    "gamma 2.2": lambda y: np.maximum(y, 0) ** 2.2,
+}
+
+
+@dataclass(frozen=True)
+class Law:
+    """Variance `read` + `shot` x + (`prnu` x)^2 about `black` + x, x the light in 1/255 of the linear full scale."""
+
+    tone: str
+    shot: float
+    read: float
+    black: float = 0.0
+    prnu: float = 0.0
+    codes: int = 255
+
+    def developed(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and variance of the picture's value, in 1/255, at each of `_LEVELS` of light."""
+        step = 255 / self.codes
+        k = np.arange(1, self.codes + 1)
+        threshold = 255 * TONES[self.tone]((k - 0.5) / self.codes)
+        sigma = np.sqrt(self.read + self.shot * _LEVELS + (self.prnu * _LEVELS) ** 2)
+        above = special.ndtr((self.black + _LEVELS[:, None] - threshold) / sigma[:, None])
+        mean = above.sum(1)
+        return mean * step, ((above * (2 * k - 1)).sum(1) - mean**2) * step**2
+
+    def variance_at(self, level: np.ndarray) -> np.ndarray:
+        mean, variance = self.developed()
+        return np.exp(np.interp(level, mean, np.log(np.maximum(variance, 1e-6))))
+
+    def light_at(self, level: np.ndarray) -> np.ndarray:
+        """Light in 1/255 of full scale where the mean value is `level`; 0 at black and below."""
+        return np.interp(level, self.developed()[0], _LEVELS)
+
+    def slope_at(self, level: np.ndarray) -> np.ndarray:
+        """How far the mean value moves with the light; at black, with the offset."""
+        mean, _ = self.developed()
+        moved, _ = replace(self, black=self.black + 0.5).developed()
+        return np.interp(level, mean, (moved - mean) / 0.5)
+
+
+@dataclass(frozen=True)
+class Sky:
+    """Level of the black sky and its standard error."""
+
+    level: float
+    error: float
+
+
+def fit(
+    tone: str, level: np.ndarray, variance: np.ndarray, error: np.ndarray, sky: Sky | None, start: Law
+) -> tuple[Law, float]:
+    """The law under a tone curve that fits the noise curve best, and its chi-square.
+
+    With a sky the black level is fitted, else it is the start's. Levels whose noise lies above the law count less (soft L1):
+    structure that passed for noise is always too much.
+    """
+    good = np.isfinite(variance)
+    level, variance, error = level[good], np.log(variance[good]), error[good]
+
+    def law(x: np.ndarray) -> Law:
+        black = x[2] if sky else start.black
+        return replace(start, tone=tone, shot=math.exp(x[0]), read=math.exp(x[1]), black=black)
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        mean, modelled = law(x).developed()
+        r = (variance - np.interp(level, mean, np.log(np.maximum(modelled, 1e-6)))) / error
+        r = np.sign(r) * np.sqrt(8 * (np.sqrt(1 + r**2 / 4) - 1))
+        return np.append(r, (mean[0] - sky.level) / sky.error) if sky else r
+
+    black = max(start.black, -20)
+    x0 = [math.log(start.shot), math.log(start.read)] + ([black] if sky else [])
+    low, high = [-9.0, -9.0, -60.0], [4.0, 8.0, 200.0]
+    x0 = np.clip(x0, np.array(low[: len(x0)]) + 1e-3, np.array(high[: len(x0)]) - 1e-3)
+    bounds = (low[: len(x0)], high[: len(x0)])
+    found = optimize.least_squares(
+        residual, x0, bounds=bounds, x_scale=[0.3, 0.3, 1.0][: len(x0)], max_nfev=40
+    )
+    return law(found.x), float(2 * found.cost)

@@ -1,0 +1,49 @@
+"""The page of `compare --target`: pictures beside pictures."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from visaug.report.headline import comparison_headline
+from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
+from visaug.wording import number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from visaug.comparison import PictureComparison
+
+
+def write_picture_comparison(path: str | Path, result: "PictureComparison") -> Path:
+    """Whether the cameras of two sets of pictures differ, and in what."""
+    content = result.to_json()
+    rows = [
+        [d["statistic"], number(d["measured"]), number(d["modelled"]), d["unit"], f"{d['z']:.2g}"]
+        for d in content["differences"]
+    ]
+    table = Table(
+        ["statistic", "target", "other set", "unit", "standard deviations"],
+        rows,
+        caption="Every statistic is of flat blocks, so what the pictures show does not enter.",
+    )
+    blocks: list[Text | Table | Figure] = [Text(comparison_headline(content), "finding")]
+    blocks.append(
+        figure(_noise(result), "Noise of flat regions against their level, both sets. Bars are 95 %.")
+    )
+    blocks += [table, *(Text(w, "note") for w in content["warnings"])]
+    lead = f"{result.pictures[0]} pictures beside {result.pictures[1]} of the target."
+    return write_page(path, Page("Pictures and target", lead, [Section("Answer", blocks)]))
+
+
+def _noise(result: "PictureComparison") -> "MatplotlibFigure":
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    drawn = MatplotlibFigure(figsize=(6.5, 3.6), layout="constrained")
+    axes = drawn.subplots()
+    for (name, c), marker in zip(result.curves.items(), "os", strict=True):
+        label = "target" if name == "target" else "other set"
+        axes.errorbar(
+            c["level_dn"], c["noise_dn"], 1.96 * c["error_dn"], fmt=marker, ms=4, capsize=2, label=label
+        )
+    axes.set(xlabel="level (1/255 of full scale)", ylabel="noise (1/255 of full scale)")
+    axes.legend(frameon=False)
+    return drawn
