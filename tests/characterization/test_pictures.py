@@ -53,9 +53,9 @@ def test_camera_loads_and_makes_noise_of_that_strength(with_lines, tmp_path):
     torch.manual_seed(0)
     noisy = noise(torch.full((4, 1, 160, 192), 0.4)).numpy() * 255
     differences = noisy[:2] - noisy[2:]
-    differences = np.diff(differences, axis=3) / 2  # rows cancel, what is left has one pixel's variance
+    differences = np.diff(differences, axis=3) / 2  # rows cancel; the variance is that of one pixel
     electrons = 0.4 * (255 - 9) * 20
-    assert differences.var() == pytest.approx((electrons + 32**2) / 20**2 + 2 * 18**2 / 20**2, rel=0.15)
+    assert differences.var() == pytest.approx((electrons + 32**2 + 18**2) / 20**2, rel=0.15)
 
 
 def test_mean_and_variance_of_codes_are_those_of_sampled_pixels():
@@ -90,7 +90,7 @@ def test_textured_pictures_with_a_tone_curve():
 
 def test_jpeg_quality_and_noise_behind_it(tmp_path):
     camera = independent.PictureCamera("compressed", 15.0, 25.0, black_dn=10.0)
-    taken = independent.take(camera, scenes("spacecraft", 12), 5)
+    taken = independent.take(camera, scenes("spacecraft", 16), 5)
     found = characterize(FrameSet.load(independent.save(taken, tmp_path / "p", 95)))
     assert found["jpeg.quality"].value == 95
     assert found["gain_e_per_dn"].value == pytest.approx(15, rel=0.1)
@@ -99,7 +99,7 @@ def test_jpeg_quality_and_noise_behind_it(tmp_path):
 
 
 def test_pictures_without_a_flat_region_are_named():
-    texture = np.random.default_rng(1).integers(0, 2, (64, 64)).repeat(4, 0).repeat(4, 1) * 200 + 20
+    texture = np.random.default_rng(1).integers(0, 2, (128, 128)).repeat(2, 0).repeat(2, 1) * 200 + 20
     result = characterize(in_memory(texture[None].astype(np.uint8)))
     assert any(w.startswith("no_flat_regions") for w in result.warnings)
     assert "image.noise_dn" in result.not_determined
@@ -116,9 +116,7 @@ def test_black_and_saturated_pictures_are_named(level):
 def test_renders_have_no_sensor_noise(tmp_path, capsys):
     renders = [np.rint(255 * s).astype(np.uint8) for s in scenes("spacecraft", 4)]
     folder = independent.save(renders, tmp_path / "renders")
-    with pytest.raises(SystemExit) as end:
-        main(["characterize", str(folder), "-o", str(tmp_path / "camera.yaml")])
-    assert not end.value.code
+    main(["characterize", str(folder), "-o", str(tmp_path / "camera.yaml")])
     assert "no sensor noise found" in capsys.readouterr().out
     assert not (tmp_path / "camera.yaml").exists()
 

@@ -15,7 +15,7 @@ from visaug.frames import FrameRecord, FrameSet
 CAMERA = independent.PictureCamera("one", 16.0, 28.0, black_dn=10.0)
 
 
-def taken(content, seed, camera=CAMERA, n=10):
+def taken(content, seed, camera=CAMERA, n=16):
     rng = np.random.default_rng(seed)
     scenes = [getattr(independent, content)(rng, (144, 160)) for _ in range(n)]
     return independent.take(camera, scenes, seed)
@@ -57,7 +57,7 @@ def test_what_the_target_has_more_of_is_named(lightbox, change, view):
 
 def test_renders_with_the_right_camera_agree_and_without_do_not(tmp_path, capsys):
     rng = np.random.default_rng(5)
-    renders = [np.rint(255 * independent.spacecraft(rng, (144, 160))).astype(np.uint8) for _ in range(8)]
+    renders = [np.rint(255 * independent.spacecraft(rng, (144, 160))).astype(np.uint8) for _ in range(16)]
     paths = (
         independent.save(renders, tmp_path / "renders"),
         independent.save(taken("spacecraft", 6), tmp_path / "target"),
@@ -76,9 +76,7 @@ def test_renders_with_the_right_camera_agree_and_without_do_not(tmp_path, capsys
             "--json",
             str(tmp_path / "c.json"),
         ]
-        with pytest.raises(SystemExit) as end:
-            main([*words, "--report", str(tmp_path / "r.html")])
-        assert not end.value.code
+        main([*words, "--report", str(tmp_path / "r.html")])
         assert json.loads((tmp_path / "c.json").read_text())["fits"]["adequate"] is agrees
     assert "the two sets agree" in capsys.readouterr().out.lower()
     assert (tmp_path / "r.html").stat().st_size > 10_000

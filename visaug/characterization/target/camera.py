@@ -33,6 +33,7 @@ _NO_CAMERA = (
     "prnu.pixel",
 )
 _FEWEST_LEVELS = 4
+_LIT_DN = 30.0
 _ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
 _CUT = 3.0  # standard deviations of noise above code 0
 _SAME = 5.41  # chi-square of 1 degree of freedom at 2 %
@@ -58,17 +59,18 @@ def camera_of_pictures(found: Findings, frames: FrameSet, seed: int) -> tuple[in
     blocks, left_out = sample(pictures, seed)
     rounding = Rounding(pictures.steps, pictures.is_jpeg)
     levels = noise_by_level(blocks, rounding, len(pictures))
+    if _is_rendered(blocks, levels, rounding):
+        _no_camera(found, "pictures with sensor noise")
+        found.miss("image.noise_dn", "pictures with sensor noise")
+        found.warn(
+            "no_sensor_noise: no sensor noise found: smooth regions vary by no more than the rounding of their codes, as in "
+            "renders and screenshots; there is no camera"
+        )
+        return None
     if not len(levels.level):
         _no_flat_regions(found, blocks, left_out)
         return None
     _noise_in_dn(found, pictures, levels, rounding)
-    if _is_rendered(blocks, levels):
-        _no_camera(found, "pictures with sensor noise")
-        found.warn(
-            "no_sensor_noise: no sensor noise found: flat regions vary by no more than the rounding of their codes, as in "
-            "renders and screenshots; there is no camera"
-        )
-        return None
     if left_out > 0.5:
         found.warn(
             f"clipped_pictures: {left_out:.0%} of the regions are saturated or all black and tell nothing"
@@ -96,12 +98,18 @@ def _no_camera(found: Findings, needs: str) -> None:
         found.miss(name, needs)
 
 
-def _is_rendered(blocks: Blocks, levels: Levels) -> bool:
-    """Whether the noise is that of rounding alone, or most blocks are exactly constant in their fine detail."""
-    constant = (np.abs(blocks.coefficients[:, NOISE]) < 1e-3).all(1)
+def _is_rendered(blocks: Blocks, levels: Levels, rounding: Rounding) -> bool:
+    """Whether there is rounding and no noise: at the flat levels, or in the smoothest tenth of the lit blocks.
+
+    Of a camera even the smoothest blocks hold its noise. JPEG may round it away there, so its files are judged by levels.
+    """
+    lit = blocks.coefficients[blocks.level > _LIT_DN]
+    if len(lit) >= 10 and not rounding.is_jpeg:
+        fine = (lit[:, NOISE] ** 2).mean(1)
+        if np.quantile(fine, 0.1) < _ONLY_ROUNDING_DN2:
+            return True
     weight = levels.blocks.sum(0)
-    quiet = float(weight[levels.variance < _ONLY_ROUNDING_DN2].sum() / weight.sum())
-    return quiet > 0.9 or float(constant.mean()) > 0.5
+    return bool(weight[levels.variance < _ONLY_ROUNDING_DN2].sum() > 0.9 * weight.sum() > 0)
 
 
 def _noise_in_dn(found: Findings, pictures: Pictures, levels: Levels, rounding: Rounding) -> None:

@@ -24,7 +24,7 @@ NOISE = INNER & (_U + _V > 4)  # tells noise
 LINE = np.arange(SIDE) > 3  # of the coefficients of rows or columns, those that shading does not reach
 PIXELS_ROUNDED = 1 / 12
 _SAMPLE = 200_000
-_LEAST = 40  # blocks for one level
+_LEAST = 16  # blocks for one level: their variance is then known to about a tenth
 _DEVIATIONS = np.geomspace(0.1, 120, 900)
 
 
@@ -74,6 +74,7 @@ class Rounding:
         self.kinds = np.unique(steps[NOISE]) if is_jpeg else np.array([0.0])
         self.of = np.searchsorted(self.kinds, steps) if is_jpeg else np.zeros(steps.shape, int)
         self._table = np.array([_mean_square(_DEVIATIONS, step) for step in self.kinds])
+        self.is_jpeg = is_jpeg
         self._calibration: tuple[np.ndarray, np.ndarray] | None = None
         self._low = _mean_square(_DEVIATIONS, float(np.mean(steps[CHOICE]))) if is_jpeg else _DEVIATIONS**2
         if is_jpeg:
