@@ -34,7 +34,6 @@ class Findings:
     warnings: list[str] = field(default_factory=list)
     curves: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     maps: dict[str, np.ndarray] = field(default_factory=dict)
-    effects: list[dict[str, Any]] = field(default_factory=list)
     spoils: dict[str, tuple[str, ...]] = field(default_factory=dict)
     gain: Gain | None = None
     bit_depth: int | None = None
