@@ -138,3 +138,21 @@ def test_two_processes_share_a_store(place):
     ]
     assert [process.wait(120) for process in running] == [0, 0]
     assert not list(store.folder().glob(f"{store.SCRATCH}*"))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="mounts a tmpfs")
+def test_a_full_disk_keeps_nothing_and_stops_nobody(tmp_path, monkeypatch):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", disk]
+    if subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("cannot mount a file system")
+    try:
+        monkeypatch.setenv("VISAUG_CACHE", str(disk))
+        store.keep("large", {"values": np.random.default_rng(1).random(40_000)})
+        assert store.load("large") is None
+        assert not [file for file in disk.rglob("*") if file.is_file()]
+        store.keep("one", VALUES)
+        assert store.load("one") is not None
+    finally:
+        subprocess.run(["umount", disk], check=True)
