@@ -246,15 +246,21 @@ def _reading(
 
     value, spread, degrees = jackknife(figures, len(pictures))
     half = t_quantile(degrees) * spread
-    gain, read = (
-        tuple(math.exp(v) for v in (value[k], value[k] - half[k], value[k] + half[k])) for k in (0, 1)
-    )
-    gain = tuple(v / scale for v in gain)
+
+    def figure(k: int, unit: float) -> tuple[float, float, float]:
+        """Value and interval of a figure that was fitted as its logarithm."""
+        return (
+            math.exp(value[k]) / unit,
+            math.exp(value[k] - half[k]) / unit,
+            math.exp(value[k] + half[k]) / unit,
+        )
+
+    gain, read = figure(0, scale), figure(1, 1.0)
     if sky is None:  # a black level of anything up to the darkest region moves the part that is read noise
         darkest = law.light_at(levels.level[:1])[0]
         most = math.sqrt(law.read + law.shot * darkest) / law.shot
         read = (read[0], read[1], max(read[2], most * read[2] / read[0]))
-    black = tuple(v * scale for v in (value[2], value[2] - half[2], value[2] + half[2]))
+    black = (value[2] * scale, (value[2] - half[2]) * scale, (value[2] + half[2]) * scale)
     return _Reading(law, chi, gain, read, black)
 
 
@@ -294,7 +300,7 @@ def _add_curve(
             f"cut_at_0: black lies {black[0]:.2g} DN above code 0 with noise of "
             f"{math.sqrt(readings[0].law.read) * pictures.scale:.2g} DN, so part of it is cut off; the law of the cut is in the fit"
         )
-    add(found, "black_level_dn", (max(v, 0.0) for v in black), "DN", "the sky is black")
+    add(found, "black_level_dn", [max(v, 0.0) for v in black], "DN", "the sky is black")
 
 
 def _add_patterns(

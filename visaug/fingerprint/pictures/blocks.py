@@ -42,7 +42,7 @@ def blocks_of(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rows, columns = (n // SIDE for n in picture.shape)
     pixels = picture[: rows * SIDE, : columns * SIDE].reshape(rows, SIDE, columns, SIDE).transpose(0, 2, 1, 3)
     usable = (pixels.max((2, 3)) < 255) & (pixels.max((2, 3)) > 0)
-    coefficients = fft.dctn(pixels, axes=(2, 3), norm="ortho")
+    coefficients = np.asarray(fft.dctn(pixels, axes=(2, 3), norm="ortho"))
     return coefficients, coefficients[..., 0, 0] / SIDE, usable
 
 
@@ -168,7 +168,7 @@ class Levels:
     levels: np.ndarray
     blocks: np.ndarray
 
-    def variance_at(self, level: np.ndarray) -> np.ndarray:
+    def variance_at(self, level: np.ndarray | float) -> np.ndarray:
         return np.interp(level, self.level, self.variance)
 
     def above(self, deviations: float) -> Levels:
