@@ -352,3 +352,12 @@ def test_a_cameras_bits_are_taken_where_files_of_16_leave_them_open(tmp_path):
     bottom = FrameSet.from_arrays(records, np.stack([dn, dn]))
     assert bottom.assuming_bits(10).bit_depth == 10
     assert bottom.assuming_bits(16) is bottom
+
+
+def test_a_frame_set_by_path_or_itself(tmp_path):
+    frames = FrameSet.from_arrays([FrameRecord(0, "0.npy", "bias")], [np.zeros((4, 6), np.uint16)])
+    assert FrameSet.of(frames) is frames
+    with pytest.raises(InputError, match="int is not a frame set; expected a FrameSet"):
+        FrameSet.of(3)
+    with pytest.raises(InputError, match="no such file or folder"):
+        FrameSet.of(tmp_path / "nowhere")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -31,12 +32,15 @@ _MOST_BEND = 0.15  # of the effect `nonlinearity`
 
 
 def characterize(
-    frames: FrameSet, camera: Camera | None = None, seed: int = 0, method: Literal["emva", "paper"] = "emva"
+    frames: FrameSet | str | Path,
+    camera: Camera | str | Path | None = None,
+    seed: int = 0,
+    method: Literal["emva", "paper"] = "emva",
 ) -> Characterization:
     """Estimates camera parameters with 95 % confidence intervals from measured frames.
 
     Args:
-        frames: bias, dark and flat frames in any combination, or images of scenes.
+        frames: bias, dark and flat frames in any combination, or images of scenes; or the path of a frame set.
         camera: supplies parameters that the frames do not determine (the quantum efficiency if the photons are not
             calibrated, the gain without flats).
         seed: of the bootstrap and of random subsamples.
@@ -61,6 +65,8 @@ def characterize(
     """
     if method not in ("emva", "paper"):
         raise InputError(f"{method!r} is unknown", field="method", expected="emva or paper")
+    camera = None if camera is None else Camera.load(camera)
+    frames = FrameSet.of(frames, None if camera is None else camera.resolution)
     found = Findings()
     for warning in frames.warnings:
         found.warn(warning)

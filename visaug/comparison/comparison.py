@@ -175,13 +175,16 @@ def places(distance: Distance, statistics: tuple[Statistic, ...], z: np.ndarray)
 
 
 def compare(
-    camera: Camera, frames: FrameSet, seed: int = 0, progress: Callable[[str, int, int], None] | None = None
+    camera: Camera | str | Path,
+    frames: FrameSet | str | Path,
+    seed: int = 0,
+    progress: Callable[[str, int, int], None] | None = None,
 ) -> Comparison:
     """Tests whether a camera explains measured frames, by comparing their statistics with those of simulated frames.
 
     Args:
-        camera: the camera to test. Its parameters are not refitted.
-        frames: bias, dark, flat or scene frames.
+        camera: the camera to test, or its file or name. Its parameters are not refitted.
+        frames: bias, dark, flat or scene frames, or the path of a frame set.
         seed: of the simulations.
         progress: called with (description, done, total).
 
@@ -198,6 +201,8 @@ def compare(
         (False, 'temporal_lines')
     """
     say = progress or (lambda *_: None)
+    camera = Camera.load(camera)
+    frames = FrameSet.of(frames, camera.resolution)
     lab = Laboratory(frames, camera, seed, folds=False, report=say)
     sets = lab.finding(
         [(camera, k) for k in range(SETS)], lambda n: say("simulating sets of the camera", n, SETS)

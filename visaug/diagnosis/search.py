@@ -39,8 +39,8 @@ STANDS_OUT = 30.0  # deviation, in standard deviations, above which a second sta
 
 
 def diagnose(
-    camera: Camera,
-    frames: FrameSet,
+    camera: Camera | str | Path,
+    frames: FrameSet | str | Path,
     effects: Sequence[str | Path] = (),
     without: Sequence[str] = (),
     seed: int = 0,
@@ -51,8 +51,8 @@ def diagnose(
     """Finds the physical effects that a camera model lacks.
 
     Args:
-        camera: the camera model to test.
-        frames: measured bias, dark, flat or scene frames.
+        camera: the camera model to test, or its file or name.
+        frames: measured bias, dark, flat or scene frames, or the path of a frame set.
         effects: files with your own effects, tried together with those of the catalogue.
         without: effects of the catalogue that are not tried.
         seed: of all simulations. The same seed gives the same result on the same type of processor; others round sums
@@ -80,6 +80,8 @@ def diagnose(
             raise InputError(
                 f"{name!r} is not an effect", field="without", expected="a name of `visaug effects`"
             )
+    camera = Camera.load(camera)
+    frames = FrameSet.of(frames, camera.resolution)
     left_out, report = frozenset(without), progress or (lambda *_: None)
     if cluster is None:
         lab = Laboratory(frames, camera, seed, report=report)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from visaug.camera import Camera
 from visaug.camera.paths import path_of
@@ -62,12 +63,14 @@ class Session:
 
     def __init__(
         self,
-        camera: Camera,
-        frames: FrameSet,
+        camera: Camera | str | Path,
+        frames: FrameSet | str | Path,
         seed: int = 0,
         sets: int = SETS,
         progress: Report | None = None,
     ):
+        camera = Camera.load(camera)
+        frames = FrameSet.of(frames, camera.resolution)
         self.given, self.frames, self.seed, self.sets = camera, frames, seed, sets
         self.progress: Report = progress or (lambda *_: None)
         self.fits = Fits(camera, frames, seed, sets)

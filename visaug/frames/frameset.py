@@ -49,6 +49,20 @@ class FrameSet:
         self._groups: tuple[Group, ...] | None = None
 
     @classmethod
+    def of(cls, source: FrameSet | str | Path, resolution: Sequence[int] | None = None) -> FrameSet:
+        """The frame set itself, or the one at a path.
+
+        Raises:
+            InputError: neither a frame set nor a path, or a path that holds no frames.
+        """
+        if isinstance(source, FrameSet):
+            return source
+        if not isinstance(source, str | Path):
+            kind = type(source).__name__
+            raise InputError(f"{kind} is not a frame set", field="frames", expected="a FrameSet, or the path of one")
+        return cls.load(source, resolution)
+
+    @classmethod
     def load(
         cls,
         path: str | Path,

@@ -169,7 +169,7 @@ class Levels:
     blocks: np.ndarray
 
     def variance_at(self, level: np.ndarray | float) -> np.ndarray:
-        return np.interp(level, self.level, self.variance)
+        return np.asarray(np.interp(level, self.level, self.variance))
 
     def above(self, deviations: float) -> Levels:
         """Those levels that lie this many standard deviations above code 0."""
