@@ -197,7 +197,7 @@ def test_palette_transparency_and_compression(camera, tmp_path):
 def bad_inputs():
     yield "holds no pictures", (lambda root: [root])
     yield "no such file", (lambda root: [root / "missing"])
-    yield "no picture", (lambda root: [touch(root / "a.txt")])
+    yield "not a picture", (lambda root: [touch(root / "a.txt")])
     yield "cannot be read", (lambda root: [touch(root / "a.png")])
     yield "cannot be read", (lambda root: [truncated(root / "t.png")])
     yield "int32", (lambda root: [tiff(root / "i.tif", np.zeros((4, 4), np.int32))])

@@ -77,11 +77,11 @@ def test_the_simpler_procedure_drops_the_extreme_means_of_a_batch():
 
 
 def test_rows_are_located_among_the_columns_as_they_are():
-    """Means of max(0, N(m, 1)) in closed form; columns in three bands, most of them cut, follow no normal law."""
+    """Means of max(0, round(N(m, 1))), the sum of P(N > k - 1/2); columns in three bands, most of them cut, follow no normal law."""
     columns = np.repeat([-3.0, -0.5, 4.0], [40, 20, 4])
     rows = np.linspace(-0.3, 0.3, 32)
     level = rows[:, None] + columns
-    means = (level * stats.norm.cdf(level) + stats.norm.pdf(level)).mean(1)
+    means = stats.norm.sf(np.arange(1, 20)[:, None, None] - 0.5 - level).sum(0).mean(1)
     gaussian = Fit(log_sigma=0.0, shape=0.14, shift=0.0, log_spread=-4.0, covariance=np.zeros((4, 4)))
     found = _locations(means, np.full(32, 1e-3), gaussian, 1e-4, columns)
     np.testing.assert_allclose(found.places, rows + columns.mean(), atol=0.01)

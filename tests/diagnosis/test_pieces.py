@@ -10,7 +10,7 @@ from tests.diagnosis.small import frame_set
 from visaug import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis.acceptance import State
-from visaug.diagnosis.candidates import missing_base, trials
+from visaug.diagnosis.candidates import is_proposed, missing_base, trials
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.parameters import base_coordinates, effect_coordinates
 from visaug.diagnosis.reference import Null
@@ -30,7 +30,9 @@ def test_a_statistic_that_never_varies_is_no_evidence():
 
 def test_every_effect_is_tried_within_its_bounds(stated):
     tried = trials(stated)
-    assert {t.effect for t in tried} == {name for name, effect in catalogue().items() if not effect.base}
+    proposed = {name for name, effect in catalogue().items() if not effect.base and is_proposed(effect)}
+    assert {t.effect for t in tried} == proposed
+    assert {"row_noise", "blooming", "point_spread"} <= proposed
     for trial in tried:
         trial.on(stated)  # a value out of bounds would be refused
 

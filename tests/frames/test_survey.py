@@ -127,7 +127,7 @@ def test_nothing_to_find(tmp_path):
     with pytest.raises(InputError, match="is not a folder"):
         survey(tmp_path / "absent")
     put(tmp_path, "deep/er/a.tif")
-    with pytest.raises(InputError, match=r"1 files may hold some.*visaug frames"):
+    with pytest.raises(InputError, match=r"1 files may contain some.*visaug frames"):
         FrameSet.load(tmp_path)
 
 
@@ -193,7 +193,7 @@ def test_hdf5_stacks_with_attributes(tmp_path):
             FrameSet.load(tmp_path).read(0)
     (tmp_path / "frames.csv").write_text("file,kind\nbroken.h5#bias[0],bias\n")
     (tmp_path / "broken.h5").write_bytes(b"no HDF5")
-    with pytest.raises(InputError, match="no HDF5"):
+    with pytest.raises(InputError, match="not an HDF5"):
         FrameSet.load(tmp_path).read(0)
 
 

@@ -268,9 +268,9 @@ def test_mistakes_are_told_in_one_line(client):
     answer = client.post("/add/no_such_effect")
     assert answer.status_code == 400
     assert "no_such_effect" in answer.json()["error"]
-    client.post("/add/saturation")  # the file has a full well already
-    client.wait()
-    assert "saturation cannot be added" in client.get("/state").json()["message"]
+    answer = client.post("/add/saturation")
+    assert answer.status_code == 400
+    assert "term of every camera and cannot be added" in answer.json()["error"]
     assert client.post("/load/big.py", content=b"#" * 1_000_001).status_code == 400
 
 

@@ -43,9 +43,10 @@ def through_trainer() -> Tensor:
 def through_callback() -> Tensor:
     from ultralytics.models.yolo.pose import PoseTrainer
 
-    trainer, callbacks = ultralytics_trainer(PoseTrainer), {}
-    add_callback(SimpleNamespace(add_callback=callbacks.__setitem__), CAMERA)
-    callbacks["on_train_start"](trainer)
+    trainer, callbacks = ultralytics_trainer(PoseTrainer), {"on_train_start": []}
+    add_callback(SimpleNamespace(callbacks=callbacks), CAMERA)
+    for callback in callbacks["on_train_start"]:
+        callback(trainer)
     return trainer.preprocess_batch({"img": IMAGES})["img"]
 
 

@@ -55,7 +55,7 @@ def test_the_story_tells_what_was_missing(asked, tmp_path):
     sections = story.hidden_effect_sections(tmp_path)
     assert all(section.title.startswith("Hidden effect") for section in sections)
     said = " ".join(block.text for section in sections for block in section.blocks if hasattr(block, "text"))
-    assert "lacked amplifier_glow" in said
+    assert "The missing effect is amplifier_glow" in said
     assert any(hasattr(block, "uri") for block in sections[0].blocks)
 
 

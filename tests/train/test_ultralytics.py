@@ -206,7 +206,7 @@ def test_the_task_chooses_the_trainer():
     from ultralytics.models.yolo.obb import OBBTrainer
 
     assert trainer_of("obb") is OBBTrainer
-    with pytest.raises(visaug.InputError, match="no task"):
+    with pytest.raises(visaug.InputError, match="not a task"):
         trainer_of("guess")
     assert issubclass(vis_trainer(visaug.Camera.load(CAMERA), base=DetectionTrainer), DetectionTrainer)
 
