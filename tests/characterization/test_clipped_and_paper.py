@@ -77,7 +77,7 @@ def test_the_simpler_procedure_drops_the_extreme_means_of_a_batch():
 
 
 def test_rows_are_located_among_the_columns_as_they_are():
-    """Means of max(0, round(N(m, 1))), the sum of P(N > k - 1/2); columns in three bands, most of them cut, follow no normal law."""
+    """Means of max(0, round(N(m, 1))): sums of P(N > k - 1/2); columns in three bands, most of them cut, follow no normal law."""
     columns = np.repeat([-3.0, -0.5, 4.0], [40, 20, 4])
     rows = np.linspace(-0.3, 0.3, 32)
     level = rows[:, None] + columns

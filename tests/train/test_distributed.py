@@ -1,5 +1,6 @@
 """Distributed training: two gloo processes on a CPU, each with sensor noise of its own."""
 
+import tempfile
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -33,6 +34,8 @@ def ultralytics_trainer(base: type):
     trainer = object.__new__(base)
     trainer.device = torch.device("cpu")
     trainer.args = SimpleNamespace(multi_scale=0.0, hsv_v=0.0)
+    trainer.train_loader = SimpleNamespace(dataset=())  # as of a classifier: no padding is known
+    trainer.build_dataset, trainer.save_dir = None, tempfile.mkdtemp()
     return trainer
 
 
@@ -44,7 +47,7 @@ def through_callback() -> Tensor:
     from ultralytics.models.yolo.pose import PoseTrainer
 
     trainer, callbacks = ultralytics_trainer(PoseTrainer), {"on_train_start": []}
-    add_callback(SimpleNamespace(callbacks=callbacks), CAMERA)
+    add_callback(SimpleNamespace(callbacks=callbacks), CAMERA, transfer="linear")
     for callback in callbacks["on_train_start"]:
         callback(trainer)
     return trainer.preprocess_batch({"img": IMAGES})["img"]

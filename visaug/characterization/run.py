@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
+from visaug.camera import Camera
 from visaug.characterization import dark, light, still
 from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
@@ -20,9 +21,6 @@ from visaug.characterization.result import CAMERA_KEYS, Characterization, Warned
 from visaug.characterization.views import colour_plane
 from visaug.errors import InputError
 from visaug.frames import FrameSet
-
-if TYPE_CHECKING:
-    from visaug.camera import Camera
 
 _DOUBLING_C = (
     8.0  # of dark current in silicon near room temperature: 0.64 eV (half the band gap, diffusion aside)
