@@ -1,6 +1,6 @@
 """Ten small sets of the benchmark, as every change must pass them: effects written apart from the package, named right.
 
-Strengths stand far out (see docs/results.md for faint ones); seeds are fixed, so each either holds or does not.
+The effects are strong (see docs/results.md for faint ones); seeds are fixed, so each either holds or does not.
 """
 
 from pathlib import Path

@@ -79,17 +79,8 @@ class Comparison:
         return self.p_value > SIGNIFICANT
 
     def to_json(self) -> dict[str, Any]:
-        before = None if self.adequate else 1.0
         return {
-            "schema": 1,
-            "error": {"before": before, "after": before, "floor": 0.0, "interval_after": None},
-            "fits": {
-                "p_value": self.p_value,
-                "p_value_before": self.p_value,
-                "adequate": self.adequate,
-                "adequate_before": self.adequate,
-            },
-            "where": [place.to_json() for place in self.where],
+            **verdict_json(self.p_value, self.adequate, self.where),
             "differences": self.differences(),
             "used": self.used.to_json() if self.used else None,
             "warnings": list(self.warnings),
@@ -141,6 +132,22 @@ class Comparison:
     def __repr__(self) -> str:
         verdict = "holds" if self.adequate else "fails in " + ", ".join(p.view for p in self.where[:3])
         return f"Comparison({self.camera.name!r} {verdict}, {p_text(self.p_value)})"
+
+
+def verdict_json(p_value: float, adequate: bool, where: Places) -> dict[str, Any]:
+    """What every comparison has in its JSON: the error, whether the model fits, and where it does not."""
+    before = None if adequate else 1.0
+    return {
+        "schema": 1,
+        "error": {"before": before, "after": before, "floor": 0.0, "interval_after": None},
+        "fits": {
+            "p_value": p_value,
+            "p_value_before": p_value,
+            "adequate": adequate,
+            "adequate_before": adequate,
+        },
+        "where": [place.to_json() for place in where],
+    }
 
 
 def data_frame(rows: list[dict[str, Any]], columns: list[str]) -> Any:

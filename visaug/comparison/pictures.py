@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from scipy import stats
 
-from visaug.comparison.comparison import SIGNIFICANT, Place, Places, data_frame
+from visaug.comparison.comparison import SIGNIFICANT, Place, Places, data_frame, verdict_json
 from visaug.errors import InputError
 from visaug.fingerprint.pictures.blocks import Levels, Rounding, noise_by_level, sample
 from visaug.fingerprint.pictures.curve import Law
@@ -88,17 +88,8 @@ class PictureComparison:
         return [{name: getattr(d, name) for name in _COLUMNS} for d in ordered]
 
     def to_json(self) -> dict[str, Any]:
-        before = None if self.adequate else 1.0
         return {
-            "schema": 1,
-            "error": {"before": before, "after": before, "floor": 0.0, "interval_after": None},
-            "fits": {
-                "p_value": self.p_value,
-                "p_value_before": self.p_value,
-                "adequate": self.adequate,
-                "adequate_before": self.adequate,
-            },
-            "where": [place.to_json() for place in self.where],
+            **verdict_json(self.p_value, self.adequate, self.where),
             "differences": self.differences(),
             "pictures": {"renders": self.pictures[0], "target": self.pictures[1]},
             "warnings": list(self.warnings),

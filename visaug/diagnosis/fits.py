@@ -111,7 +111,7 @@ class Fits:
         return Fit(camera, error, state.p_value, places(left, self.lab.statistics, state.z), {})
 
     def _sets_of_given(self, count: int, report: Report) -> Reference:
-        """Simulated sets of the camera file, without derivatives: those at hand, or as many as are asked for."""
+        """Simulated sets of the camera file, without derivatives: those that exist already, or as many as requested."""
         known = self._references.get(()) or self._given
         if known is None or len(known.sets) < count:
             known = self._given = make_reference(self.lab, self.given, (), count, report, begun=self._given)

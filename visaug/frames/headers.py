@@ -77,7 +77,7 @@ def _photo(path: Path) -> list[tuple[str, Facts]]:
 
         with tifffile.TiffFile(path) as file:
             facts = _exif(_tags(file.pages[0]))
-    except Exception:  # a format of its own (CR3): EXIF is not to be had, the rest is
+    except Exception:  # a format of its own (CR3): its EXIF cannot be read, the rest can
         facts = {}
     return [("", {**facts, **describe_photo(path)})]
 

@@ -11,11 +11,11 @@ DEPTHS = (1, 2, 4, 8, 16, 32, 64)  # lines of an edge, and sides of a corner, in
 SEAMS = (1, 2, 3)  # quarters of the rows, or columns, behind which another tap may begin
 REACH = 16  # lines on either side of a seam
 BLOCKS = 4  # along rows and along columns, over which noise is compared
-FINE = 32  # the same, for places that stand out from those around them
+FINE = 32  # the same, for places that differ from those around them
 
 
 class Borders(View):
-    """Levels at the rim of the sensor against what lies beside them, places that stand out, and how noise is spread over it.
+    """Levels at the rim of the sensor against what lies beside them, places that differ from their neighbours, and how noise is spread over it.
 
     An edge of `depth` lines stands against as many lines beside it, a corner against the two squares that lie beside it along
     the edges: a slow change over the field, as vignetting is, moves either little.
