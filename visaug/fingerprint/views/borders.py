@@ -15,7 +15,8 @@ FINE = 32  # the same, for places that differ from those around them
 
 
 class Borders(View):
-    """Levels at the rim of the sensor against what lies beside them, places that differ from their neighbours, and how noise is spread over it.
+    """Levels at the rim of the sensor against what lies beside them, places that differ from their neighbours,
+    and how noise is spread over the sensor.
 
     An edge of `depth` lines stands against as many lines beside it, a corner against the two squares that lie beside it along
     the edges: a slow change over the field, as vignetting is, moves either little.
