@@ -5,7 +5,8 @@ from html.parser import HTMLParser
 MARK = "<evil onevil=1>"
 TEXT = f"\"'>{MARK}<script>evil()</script><img src=x onerror=evil()> $\\bad{{ {{{{7*7}}}} {{% x %}} ${{7*7}}"
 LIVE = {"script", "iframe", "object", "embed", "base", "form", "link"}
-OWN_ADDRESSES = ("lab.css?token=", "lab.js?token=", "plots.js?token=", "uplot.min.js?token=")  # what the lab's page itself loads
+# what the lab's page itself loads
+OWN_ADDRESSES = ("lab.css?token=", "lab.js?token=", "plots.js?token=", "uplot.min.js?token=")
 
 
 class Reader(HTMLParser):

@@ -31,7 +31,8 @@ def test_difference_of_mean_squares_covers_the_variance_component(variance, rows
 def test_negative_estimates_give_zero_and_not_nan():
     value, low, high = root(variance_combination([(1.0, 1.0, 50), (-1.0, 2.0, 50)]))
     assert value == low == 0.0
-    assert high > 0.3  # no interval of zero width: sqrt(50 / 32.4 - 1) from the first mean square alone is 0.74
+    # no interval of zero width: sqrt(50 / 32.4 - 1) from the first mean square alone is 0.74
+    assert high > 0.3
 
 
 def test_widening_adds_relative_errors_in_quadrature():

@@ -211,10 +211,14 @@ def test_pixels_of_their_own_noise_are_no_heavy_tails(tmp_path):
     named = visaug.Camera.load(tmp_path / "a" / "camera.yaml")
     np.testing.assert_array_equal(named.maps["read_noise"], found)
     # K is known to 1.2 % a pixel, as large as K itself; 6336 pixels.
-    assert np.corrcoef(named.maps["prnu"].ravel(), camera.response.ravel())[0, 1] == pytest.approx(0.7, abs=0.1)
+    assert np.corrcoef(named.maps["prnu"].ravel(), camera.response.ravel())[0, 1] == pytest.approx(
+        0.7, abs=0.1
+    )
     assert float(named.maps["prnu"].std()) == pytest.approx(0.017, rel=0.15)
     master = np.mean([r[-1] for r in rows], axis=0)
-    np.testing.assert_allclose(named.maps["dsnu"], (master - master.mean()) * result["gain_e_per_dn"].value, atol=1e-3)
+    np.testing.assert_allclose(
+        named.maps["dsnu"], (master - master.mean()) * result["gain_e_per_dn"].value, atol=1e-3
+    )
     alike = measured(Camera(seed=14).set())
     assert "read_noise.shape" in alike.parameters
 
@@ -250,7 +254,9 @@ def test_temporal_variance_of_single_frames():
     np.testing.assert_allclose(found, sigmas**2, atol=1.5)
 
 
-@pytest.mark.parametrize(("sigma", "spread", "within"), [(0.2, 0.05, 0.01), (0.65, 0.4, 0.003), (2.1, 1.3, 1e-3)])
+@pytest.mark.parametrize(
+    ("sigma", "spread", "within"), [(0.2, 0.05, 0.01), (0.65, 0.4, 0.003), (2.1, 1.3, 1e-3)]
+)
 def test_mean_of_rounded_values_is_that_of_the_staircase(sigma, spread, within):
     """Against the sum over codes for a normal law; shape 0.1349 is within 0.002 of it."""
     from scipy import stats

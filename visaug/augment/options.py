@@ -55,7 +55,9 @@ def check_range(
         raise InputError(f"has {len(value)} entries", field=name, expected="a number or a pair (low, high)")
     ends = tuple(check_number(name, one, low, high, above) for one in (value if pair else (value, value)))
     if ends[0] > ends[1]:
-        raise InputError(f"{value!r} is not increasing", field=name, expected="a pair (low, high) with low <= high")
+        raise InputError(
+            f"{value!r} is not increasing", field=name, expected="a pair (low, high) with low <= high"
+        )
     return ends[0], ends[1]
 
 

@@ -128,7 +128,8 @@ class SensorNoise(nn.Module):
         self.transfer = check_choice("transfer", transfer)
         self.black_level = check_choice("black_level", black_level)
         self.resolution = check_choice("resolution", resolution)
-        self.fast, self.seed, self.origin, self.mono = fast, check_seed(seed), origin, check_flag("mono", mono)
+        self.fast, self.seed, self.origin = fast, check_seed(seed), origin
+        self.mono = check_flag("mono", mono)
         if full_scale_photons is not None:
             full_scale_photons = check_number("full_scale_photons", full_scale_photons, 0, 1e12, above=True)
         self.full_scale_photons = full_scale_photons

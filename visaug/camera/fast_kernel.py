@@ -50,7 +50,8 @@ SIXTH, PER_24, PER_36, PER_1024 = f32(1 / 6), f32(1 / 24), f32(1 / 36), f32(1 / 
 GILES_0, GILES_2, GILES_4 = f32(-8 / 405), f32(7 / 810), f32(1 / 270)
 STEP, OTHER = u64(0x9E3779B97F4A7C15), u64(0xD1B54A32D192ED03)
 EDGE, TWO_EDGES = u32(1 << (32 - RARE_BITS)), u32(2 << (32 - RARE_BITS))
-PAIRS, TAILS = u64(0xA0761D6478BD642F), u64(0xE7037ED1A0B428DB)  # streams of their own beside that of single pixels
+# streams of their own beside that of single pixels
+PAIRS, TAILS = u64(0xA0761D6478BD642F), u64(0xE7037ED1A0B428DB)
 FRACTION, THRESHOLD = u32((1 << FRACTION_BITS) - 1), i32((1 << (FRACTION_BITS + 1)) - 1)
 
 _options = {
@@ -198,7 +199,8 @@ def _look_up(table, nodes, fractions, out):
 @njit(**_options)
 def _light(source, one, gain, electrons, light):
     """Mean photo-electrons of each pixel; the least and the largest of them."""
-    least, most = i32(0x7FFFFFFF), i32(0)  # bits of floats that are not negative order as the floats do; NaN comes last
+    # bits of floats that are not negative order as the floats do; NaN comes last
+    least, most = i32(0x7FFFFFFF), i32(0)
     for x in range(source.size):
         light[x] = max(source[x] * (electrons * (one + gain[x])), ZERO)
         bits = i32(_float_bits(light[x]))  # pyright: ignore[reportCallIssue]
@@ -400,7 +402,8 @@ def expose(
             aside = 0
         n, source, target = numbers[image], images[plane, y], out[plane, y]
         key = mix(mix(keys[image] + u64(channel) * STEP) + u64(y + origin[0]))
-        gain, offset, gain_1, offset_1 = column_gain[own], column_offset[own], row_gain[own, y], row_offset[own, y]
+        gain, offset = column_gain[own], column_offset[own]
+        gain_1, offset_1 = row_gain[own, y], row_offset[own, y]
         if gain_map.size:
             _sum(gain_1, gain, gain_map[channel, y], gains)
             gain, gain_1 = gains, ZERO
@@ -444,7 +447,8 @@ def expose(
         aside_image = image
         for x in range(width):  # put aside, so that their further steps run over long arrays too
             if _is_apart(light[x] + n[DARK_E], n[FAINT_E], n[LIMIT_E]):
-                seeds[aside], to[aside], aside_a[aside] = key + u64(columns[x]) * STEP, number * width + x, a[x]
+                seeds[aside] = key + u64(columns[x]) * STEP
+                to[aside], aside_a[aside] = number * width + x, a[x]
                 packed[0, aside], packed[1, aside], packed[2, aside] = light[x], w[x], t[x]
                 packed[3, aside], packed[4, aside] = offset[x], fa[x]
                 aside += 1

@@ -121,7 +121,9 @@ def fit_pattern(master_bias_e: np.ndarray, noise_e: float = 0.0) -> FixedPattern
     """
     frame = np.asarray(master_bias_e, np.float64)
     if frame.ndim != 2 or min(frame.shape) < 32 or not np.isfinite(frame).all():
-        raise InputError("is not a master bias", field="master_bias_e", expected="32 x 32 or more finite values")
+        raise InputError(
+            "is not a master bias", field="master_bias_e", expected="32 x 32 or more finite values"
+        )
     columns = frame.mean(0)
     rows = frame.mean(1) - frame.mean()
     left = frame - columns[None, :] - rows[:, None]

@@ -405,7 +405,8 @@ def _cut_mean(fit: Fit, within: float, electrons: float = 0.0, dn_per_e: float =
         cut = np.interp(x[:, None] - codes - 0.5, x, below, left=0.0, right=1.0).sum(1)
     else:
         cut = (np.cumsum(below) - 0.5 * below) * step * fit.sigma  # the mean of max(0, x + noise), by parts
-        cut -= density / fit.sigma / 24  # of codes, whose cut is at half a DN: Euler and Maclaurin's first term
+        # of codes, whose cut is at half a DN: Euler and Maclaurin's first term
+        cut -= density / fit.sigma / 24
     keep = np.concatenate([[True], np.diff(cut) > 0]) & (np.abs(x) < 60 * fit.sigma)
     return x[keep], np.maximum.accumulate(cut[keep])
 

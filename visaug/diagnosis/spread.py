@@ -26,7 +26,8 @@ ALONE = 0.1  # weight of each such statistic by itself in their covariance, whic
 LEAST_KNOWN = 0.3  # and the least of its deviation that is taken as known
 WITHIN = 5.0  # standard deviations of its spread to which an effect covers what is off
 TIMES_FURTHER = 5.0  # squared distance in that covariance, of the furthest simulated set's, that is too far
-CONFIRMED = 4  # statistics covered in the discovery and in the hold-out frames, to ask whether they are off alike
+# statistics covered in the discovery and in the hold-out frames, to ask whether they are off alike
+CONFIRMED = 4
 COVERS = 0.8  # share of a residual, and of an error, that stays under a spread that explains nothing
 
 
