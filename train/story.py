@@ -34,6 +34,7 @@ def hidden_effect_sections(output: Path, seed: int = 0, progress: Progress | Non
         " frames were simulated by code that shares nothing with the model. Which physical effect is "
         "missing, and how strong is it?"
     )
-    sections = diagnosis_sections(read_json(answer), camera, visaug.Camera.load(better_file), frames, seed)
+    better = visaug.Camera.load(better_file)
+    sections = diagnosis_sections(read_json(answer), camera, better, frames, seed, better_file)
     first = replace(sections[0], blocks=[intro, *sections[0].blocks])
     return [replace(each, title=f"Hidden effect: {each.title.lower()}") for each in (first, *sections[1:])]

@@ -52,4 +52,6 @@ def test_a_message_and_a_name_of_a_file_stay_text(client):
     assert answer.headers["content-type"].startswith("application/json")
     assert MARK in answer.json()["message"]
     script = client.get("/lab.js").text
-    assert script.count("innerHTML") == script.count('bench.innerHTML = await (await ask("bench")).text()') == 1  # tested above
+    assert (
+        script.count("innerHTML") == script.count('bench.innerHTML = await (await ask("bench")).text()') == 1
+    )  # tested above

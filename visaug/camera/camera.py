@@ -44,6 +44,7 @@ class Camera:
 
     Attributes:
         effects: the chain, base terms and further effects, in the order in which they act.
+        loaded_from: the file or name given to `load`; None for a camera that no file holds as it is.
 
     Example:
         >>> import visaug
@@ -55,6 +56,7 @@ class Camera:
     def __init__(self, spec: CameraSpec, folder: Path | None = None, maps: dict[str, Tensor] | None = None):
         self.spec = spec
         self.folder = folder
+        self.loaded_from: str | None = None
         self.maps = load_maps(spec, folder) if maps is None else maps
         # The rest is worked out here, once, so that `torch.compile` meets only numbers and effects in `expose`.
         self.effects = _chain_of(spec)
@@ -80,16 +82,18 @@ class Camera:
             raise InputError(
                 f"{source!r} is not a camera", field="camera", expected="a camera.yaml, a name, or a Camera"
             )
-        path = Path(source)
-        if path.is_file():
-            return cls(read_spec(path), path.parent)
-        known = shipped()
+        path, known = Path(source), shipped()
         name = path.name.removesuffix(".yaml").lower().replace(" ", "_").replace("-", "_")
-        if path.parent == Path() and name in known:
-            return cls(read_spec(known[name]))
-        raise InputError(
-            "no such camera file", file=source, expected=f"a camera.yaml, or one of {', '.join(known)}"
-        )
+        if path.is_file():
+            camera = cls(read_spec(path), path.parent)
+        elif path.parent == Path() and name in known:
+            camera = cls(read_spec(known[name]))
+        else:
+            raise InputError(
+                "no such camera file", file=source, expected=f"a camera.yaml, or one of {', '.join(known)}"
+            )
+        camera.loaded_from = str(source)
+        return camera
 
     @property
     def name(self) -> str:

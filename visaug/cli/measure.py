@@ -25,6 +25,7 @@ from visaug.cli.options import (
 )
 from visaug.errors import InputError
 from visaug.progress import progress_bars
+from visaug.report.next_step import Inputs, after_characterization, after_comparison, after_diagnosis
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -123,11 +124,14 @@ def characterize(
     if report_path:
         from visaug.report import write_characterization
 
-        write_characterization(report_path, result, frames)
+        write_characterization(report_path, result, frames, output)
     if sheets:
         _write_sheets(sheets, frames, camera, seed, quiet)
     if not is_silent(quiet, json_path):
         written(output, maps_path, json_path, report_path, *sheets)
+        pictured = all(record.kind == "image" for record in frames.records)
+        if not result.is_noiseless:
+            summaries.print_next(after_characterization(Inputs.of(None, frames, output), pictured))
 
 
 def _write_sheets(
@@ -226,6 +230,7 @@ def compare(
     write_result(json_path, content)
     if not is_silent(quiet, json_path):
         written(json_path, report_path)
+        summaries.print_next(after_comparison(content, Inputs.of(camera, frames)))
     if fail_on_misfit and not result.adequate:
         raise SystemExit(MISFIT)
 
@@ -299,9 +304,10 @@ def diagnose(
     if report_path:
         from visaug.report import write_diagnosis
 
-        write_diagnosis(report_path, result, camera, frames, seed)
+        write_diagnosis(report_path, result, camera, frames, seed, output)
     if not is_silent(quiet, json_path):
         written(output, json_path, report_path)
+        summaries.print_next(after_diagnosis(result.to_json(), Inputs.of(camera, frames, output)))
 
 
 @command("lab", example="visaug lab frames/ --camera camera.yaml")
@@ -310,6 +316,7 @@ def diagnose(
 @effects_option("File with your own effects; the page can load more.", pass_on=True)
 @bit_depth_option
 @output_option("camera2.yaml", "File that the page's Save camera writes, in addition to the download.")
+@force_option
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=0, show_default="a free one", help="Port on 127.0.0.1."
 )
@@ -320,6 +327,7 @@ def lab(
     effects: tuple[Path, ...],
     bit_depth: int | None,
     output: Path | None,
+    force: bool,
     port: int,
     browser: bool,
     seed: int,
@@ -341,10 +349,11 @@ def lab(
                 f"{error.name} is not installed", expected="the extra `lab`: pip install 'visaug[lab]'"
             ) from None
         raise
+    may_write(output, force)
     own = [name for file in effects for name in load_own(file)]  # first: the camera may name one of them
     camera = load_camera(camera_name)
     frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
-    bench = Bench(camera, frames, own, seed=seed, output=output)
+    bench = Bench(camera, frames, own, seed=seed, output=output, force=force)
     try:
         serve(bench, port, say=click.echo, ready=click.launch if browser else None)
     except KeyboardInterrupt:

@@ -6,6 +6,7 @@ import click
 
 from visaug.cli.tables import print_table
 from visaug.report.headline import comparison_headline, diagnosis_details, diagnosis_headline, view_title
+from visaug.report.next_step import NextStep
 from visaug.wording import share_text, statistic_text, with_interval
 
 if TYPE_CHECKING:
@@ -67,8 +68,11 @@ def print_diagnosis(result: dict[str, Any]) -> None:
     click.echo(diagnosis_headline(result))
     for line in diagnosis_details(result):
         click.echo(line)
-    if result["unexplained"]:
-        click.echo("visaug effects new NAME writes a template in which you can model it")
+
+
+def print_next(step: NextStep) -> None:
+    """The command that follows."""
+    click.echo(f"{step.text}\n    {step.command.replace(chr(10), chr(10) + '    ')}")
 
 
 def print_used(result: dict[str, Any]) -> None:

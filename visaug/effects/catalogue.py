@@ -72,6 +72,12 @@ def load_file(path: str | Path) -> list[type[Effect]]:
     return _files[version]
 
 
+def loaded_files() -> list[Path]:
+    """The files that the loaded effects come from, in the order in which they were loaded."""
+    now = set(_loaded.values())
+    return list(dict.fromkeys(path for (path, _), effects in _files.items() if now & set(effects)))
+
+
 def _effects_in(module: ModuleType) -> dict[str, type[Effect]]:
     own = (
         value

@@ -23,6 +23,7 @@ class FrameSet:
     Attributes:
         records: one record per frame, sorted by ``sequence``.
         warnings: assumptions made while reading, one sentence each.
+        loaded_from: the path given to `load`; None for a set made in memory or a part of a set.
 
     Example:
         >>> import numpy as np, visaug
@@ -47,6 +48,7 @@ class FrameSet:
         self._store = store
         self.warnings: list[str] = store.warnings if warnings is None else warnings
         self._groups: tuple[Group, ...] | None = None
+        self.loaded_from: Path | None = None
 
     @classmethod
     def of(cls, source: FrameSet | str | Path, resolution: Sequence[int] | None = None) -> FrameSet:
@@ -59,7 +61,9 @@ class FrameSet:
             return source
         if not isinstance(source, str | Path):
             kind = type(source).__name__
-            raise InputError(f"{kind} is not a frame set", field="frames", expected="a FrameSet, or the path of one")
+            raise InputError(
+                f"{kind} is not a frame set", field="frames", expected="a FrameSet, or the path of one"
+            )
         return cls.load(source, resolution)
 
     @classmethod
@@ -108,7 +112,9 @@ class FrameSet:
             records = sources.read_pictures(root, files)
         bit_depth = bit_depth or _common_depth(records)
         store = FileStore(records, root, _pair(resolution), bit_depth, byte_order, bits_at, warnings)
-        return cls(records, store)
+        frames = cls(records, store)
+        frames.loaded_from = path
+        return frames
 
     @classmethod
     def from_arrays(

@@ -1,6 +1,7 @@
 """What lies on the bench: frames, the camera file as given, what was found, and the camera as it is now."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -11,8 +12,10 @@ from visaug.diagnosis import SETS, Diagnosis, Session, Setup
 from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
 from visaug.frames import FrameSet
+from visaug.lab.own_picture import OwnPicture
 from visaug.lab.past import Past
 from visaug.progress import Progress
+from visaug.report.next_step import Inputs
 
 
 class Bench:
@@ -24,12 +27,14 @@ class Bench:
         own: names of effects of one's own that are loaded already.
         output: where `save` writes the camera, beside what the page hands out.
         sets: simulated sets of the camera file.
+        force: whether `save` may overwrite a file that it did not write.
 
     Attributes:
         comparison, diagnosis: of the camera file as given; None until they are done.
         now: the camera on the bench.
         loaded: names of effects of one's own.
         past: what was on the bench before.
+        own_picture: a picture of the user's own; None until one is chosen.
 
     Raises:
         InputError: frames of which nothing is known, too few frames.
@@ -43,8 +48,11 @@ class Bench:
         seed: int = 0,
         output: Path | None = None,
         sets: int = SETS,
+        force: bool = False,
     ):
-        self.output = output
+        self.output, self.force = output, force
+        self.own_picture: OwnPicture | None = None
+        self._saved = b""  # what `save` wrote last
         self.session = Session(camera, frames, seed, sets)
         self.loaded = list(own)
         self.past = Past()
@@ -144,10 +152,29 @@ class Bench:
         return self.session.can_add()
 
     def save(self) -> Path | None:
-        """Writes the camera on the bench where `output` says; returns that path."""
-        if self.output:
-            self.camera.save(self.output)
+        """Writes the camera on the bench where `output` says; returns that path.
+
+        Raises:
+            InputError: there is a file that this lab did not write, or that was changed since.
+        """
+        if self.output is None:
+            return None
+        if not self.force and self.output.exists() and self.output.read_bytes() != self._saved:
+            raise InputError(
+                "already exists, and is not as the lab wrote it: the camera is not written there",
+                file=self.output,
+                expected="the download, or a lab that is started with another -o or with --force",
+            )
+        self.camera.save(self.output)
+        self._saved = self.output.read_bytes()
         return self.output
+
+    def inputs(self) -> Inputs:
+        """The files of this bench, as commands name them."""
+        found = Inputs.of(self.given, self.frames, self.output or "camera.yaml")
+        uploads = Path(self._uploads.name).resolve()  # the user knows an uploaded file by its own name
+        effects = (Path(file) for file in found.effects)
+        return replace(found, effects=tuple(p.name if p.is_relative_to(uploads) else str(p) for p in effects))
 
     def camera_yaml(self) -> str:
         """The camera on the bench as a camera.yaml that can lie anywhere: measured maps are named in full."""

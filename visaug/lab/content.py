@@ -12,6 +12,7 @@ from visaug.effects import Parameter
 from visaug.fingerprint import VIEWS
 from visaug.lab.bench import Bench, summary
 from visaug.report.headline import diagnosis_headline, view_title
+from visaug.report.next_step import PICTURES, NextStep, after_comparison, after_diagnosis
 from visaug.report.pages import described
 from visaug.wording import number, p_text, share_text, statistic_text, with_interval
 
@@ -38,6 +39,7 @@ def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str
         "error": _error(bench),
         "verdict": verdict(bench),
         "notes": _notes(bench),
+        "next": next_step(bench),
         "compared": bench.comparison is not None,
         "diagnosed": bench.diagnosis is not None,
         "changed": bench.now.fit is not None,
@@ -53,6 +55,7 @@ def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str
         "numbers": [row for row in rows if row["path"].split(".")[0] not in own],
         "history": [action for action, _ in bench.past.entries],
         "at": bench.past.at,
+        "own": bench.own_picture,
     }
 
 
@@ -80,6 +83,27 @@ def verdict(bench: Bench) -> str:
             "" if c.adequate else " Diagnose finds out which effect is missing."
         )
     return "The same frames are being simulated with this camera, many times over, to compare them with the measured ones."
+
+
+def next_step(bench: Bench) -> NextStep | None:
+    """What to do next with the camera on the bench, on this page or in a terminal."""
+    inputs = bench.inputs()
+    if bench.comparison is None:
+        return None
+    if bench.now.fit:
+        line = inputs.augmenting(inputs.better or "camera.yaml")
+        return NextStep(f"Next: Save camera, then train with it. {PICTURES}", line)
+    if bench.diagnosis and not bench.diagnosis.accepted:
+        return after_diagnosis(bench.diagnosis.to_json(), inputs)
+    if bench.diagnosis:
+        names = " and ".join(f"Add {name}" for name in bench.diagnosis.accepted)
+        return NextStep(
+            f"Next: {names}, then Save camera. The camera on the bench is still the file as given.", ""
+        )
+    step = after_comparison(bench.comparison.to_json(), inputs)
+    return (
+        step if bench.comparison.adequate else step._replace(text="Next: Diagnose. The same in a terminal:")
+    )
 
 
 def _diagnosed(found: Diagnosis) -> str:
@@ -154,9 +178,6 @@ def _notes(bench: Bench) -> list[str]:
         notes.append(f"{bench.now.added[-1]} does not lower the error: without it the camera is as close.")
     if not found:
         return notes
-    if found.accepted and not bench.now.fit:
-        names = " and ".join(f"Add {name}" for name in found.accepted)
-        notes.append(f"The camera on the bench is still the file as given: {names} to put it in.")
     for group in found.ambiguous:
         notes.append(
             f"{', '.join(group['effects'])} cannot be distinguished with these frames; {group['measure']}."

@@ -110,6 +110,11 @@ class Jobs:
             if self._now:
                 self._now.stopped = True
 
+    def changed(self) -> None:
+        """There is something new to show that no work brought."""
+        with self._lock:
+            self.version += 1
+
     def close(self) -> None:
         self.stop()
         self._pool.shutdown(wait=True, cancel_futures=True)

@@ -14,6 +14,7 @@ from visaug.fingerprint.reduction import labels
 from visaug.frames import FrameSet
 from visaug.lab.bench import Bench
 from visaug.lab.data import map_data, view_data
+from visaug.lab.own_picture import OwnPicture
 from visaug.report.html import Figure, Page, Text, figure, render
 from visaug.report.pages import described, diagnosis_sections, write_comparison, write_diagnosis
 from visaug.report.plots.error import plot_error_steps
@@ -81,6 +82,13 @@ class Pictures:
             "maps": [shown],
             "choices": choices,
         }
+
+    def own(self, key: str, picture: OwnPicture | None) -> dict[str, Any] | None:
+        """A picture of the user's own before and after a camera; None where there is none, or no such camera."""
+        with self._drawing:
+            if picture is None or key not in self._galleries:
+                return None
+            return picture.through(self._galleries[key][0], self.seed)
 
     def _gallery(self, key: str) -> ViewGallery | None:
         with self._drawing:

@@ -9,24 +9,25 @@ from contextlib import asynccontextmanager
 from functools import partial
 from importlib import resources
 from types import FrameType
-from urllib.parse import parse_qs
 
 import jinja2
 import uvicorn
 from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from visaug import __version__
 from visaug.effects import catalogue
 from visaug.errors import InputError
 from visaug.lab.bench import Bench
 from visaug.lab.content import content, verdict
+from visaug.lab.guard import Guard
 from visaug.lab.jobs import Jobs
+from visaug.lab.own_picture import LARGEST_FILE, OwnPicture
 from visaug.lab.pictures import Pictures
 from visaug.progress import Progress
 from visaug.wording import probability_text
@@ -36,42 +37,6 @@ NAMES = [ADDRESS, "localhost"]  # a page elsewhere whose name was made to point 
 LARGEST = 1_000_000  # bytes of an uploaded effect
 SCRIPTS = ("uplot.min", "plots", "lab")
 QUICK, FULL = "estimating the error", "computing the error"
-# 'unsafe-eval' lets a program that drives a browser wait for what the page shows; the page itself evaluates nothing.
-HEADERS = {
-    "Content-Security-Policy": "default-src 'none'; img-src 'self' data:; style-src 'self'; script-src 'self' 'unsafe-eval'; "
-    "connect-src 'self'; form-action 'none'; base-uri 'none'; frame-ancestors 'none'",
-    "Referrer-Policy": "no-referrer",
-    "X-Content-Type-Options": "nosniff",
-    "Cache-Control": "no-store",
-}
-
-
-class Guard:
-    """Answers only requests that carry the token, and sends what tells a browser to load nothing from elsewhere."""
-
-    def __init__(self, app: ASGIApp, token: str):
-        self.app, self.token = app, token.encode()
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "lifespan":
-            return await self.app(scope, receive, send)
-        given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
-        headers = dict(scope.get("headers", ()))
-        origin = headers.get(b"origin")
-        if origin is not None and origin != b"http://" + headers.get(b"host", b""):  # a page from elsewhere
-            return await PlainTextResponse("visaug lab: asked from another page\n", 403)(scope, receive, send)
-        if not secrets.compare_digest(given.encode(), self.token):
-            refusal = PlainTextResponse("visaug lab: open the address with the token that it printed\n", 403)
-            return await refusal(scope, receive, send)
-
-        async def send_with_headers(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                sent = {name for name, _ in message["headers"]}
-                extra = [(k.lower().encode(), v.encode()) for k, v in HEADERS.items()]
-                message["headers"] = [*message["headers"], *((k, v) for k, v in extra if k not in sent)]
-            await send(message)
-
-        await self.app(scope, receive, send_with_headers)
 
 
 def application(bench: Bench, token: str) -> Starlette:
@@ -101,6 +66,8 @@ def application(bench: Bench, token: str) -> Starlette:
         Route("/save", lab.save, methods=["POST"]),
         Route("/stop", lab.stop, methods=["POST"]),
         Route("/numbers", lab.numbers, methods=["POST"]),
+        Route("/own/{name}", lab.take_picture, methods=["POST"]),
+        Route("/own/{picture}/{key}", lab.own_picture),
         Route("/back/{to:int}", lab.back, methods=["POST"]),
     ]
     app = Starlette(
@@ -164,6 +131,17 @@ class _Lab:
 
     def frame(self, request: Request) -> Response:
         return _kept(self.pictures.frame(request.path_params["key"], request.path_params["index"]))
+
+    async def take_picture(self, request: Request) -> Response:
+        """A picture of the user's own, shown from now on."""
+        name = request.path_params["name"]
+        body = await _body(request, LARGEST_FILE, name, "a picture")
+        self.bench.own_picture = await run_in_threadpool(OwnPicture.read, name, body)
+        self.jobs.changed()
+        return JSONResponse(self.jobs.as_json())
+
+    def own_picture(self, request: Request) -> Response:
+        return _kept(self.pictures.own(request.path_params["key"], self.bench.own_picture))
 
     def camera(self, _: Request) -> Response:
         return _file(self.bench.camera_yaml(), "camera.yaml", "application/yaml")

@@ -12,6 +12,13 @@ from visaug.report.headline import (
     view_title,
 )
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
+from visaug.report.next_step import (
+    Inputs,
+    NextStep,
+    after_characterization,
+    after_comparison,
+    after_diagnosis,
+)
 from visaug.report.plots.error import plot_error_steps, plot_ranking
 from visaug.report.plots.used import plot_used
 from visaug.report.provenance import footer
@@ -32,10 +39,20 @@ ERROR = (
 )
 
 
-def write_characterization(path: str | Path, result: "Characterization", frames: "FrameSet") -> Path:
-    """Parameters with intervals, what stays open, and a plot of each measurement."""
+def write_characterization(
+    path: str | Path, result: "Characterization", frames: "FrameSet", camera_file: Path | None = None
+) -> Path:
+    """Parameters with intervals, what stays open, and a plot of each measurement.
+
+    Args:
+        camera_file: where the measured camera was written.
+    """
     content = result.to_json()
-    blocks: list[Text | Table | Figure] = [*_parameter_tables(content["parameters"])]
+    pictured = all(record.kind == "image" for record in frames.records)
+    blocks: list[Text | Table | Figure] = [
+        _next(after_characterization(Inputs.of(None, frames, camera_file), pictured)),
+        *_parameter_tables(content["parameters"]),
+    ]
     if content["not_determined"]:
         open_rows = [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]
         blocks.append(Table(["not determined", "needs"], open_rows, caption="What these frames cannot tell."))
@@ -91,11 +108,9 @@ def write_comparison(
         [*worst, *others], _captions(content["where"]), _worst_frames(content["where"])
     )
     blocks: list[Text | Table | Figure] = [Text(comparison_headline(content), "finding")]
+    blocks.append(_next(after_comparison(content, Inputs.of(camera, frames))))
     if content["where"]:
         blocks += [*(pictures[name] for name in worst[:1] if name in pictures), where_table(content["where"])]
-        blocks.append(
-            Text("Next: find the effect that is missing.", command="visaug diagnose FRAMES --camera CAMERA")
-        )
     sections = [
         Section("Where it fails" if content["where"] else "Answer", blocks),
         Section("These views differ", [pictures[name] for name in worst[1:] if name in pictures]),
@@ -138,14 +153,23 @@ def used_section(content: dict[str, Any]) -> Section:
 
 
 def write_diagnosis(
-    path: str | Path, result: "Diagnosis", camera: "Camera", frames: "FrameSet", seed: int = 0
+    path: str | Path,
+    result: "Diagnosis",
+    camera: "Camera",
+    frames: "FrameSet",
+    seed: int = 0,
+    camera_file: Path | None = None,
 ) -> Path:
-    """What was missing, the error falling, the views before and after, and what is left."""
+    """What was missing, the error falling, the views before and after, and what is left.
+
+    Args:
+        camera_file: where the corrected camera was written.
+    """
     content = result.to_json()
     page = Page(
         "Diagnosis",
         f"{described(frames)} against {camera.name}: which physical effect does the model lack?",
-        diagnosis_sections(content, camera, result.camera, frames, seed),
+        diagnosis_sections(content, camera, result.camera, frames, seed, camera_file),
         facts=_diagnosis_facts(content),
         footer=footer(camera, frames, seed),
     )
@@ -153,7 +177,12 @@ def write_diagnosis(
 
 
 def diagnosis_sections(
-    content: dict[str, Any], camera: "Camera", better: "Camera", frames: "FrameSet", seed: int = 0
+    content: dict[str, Any],
+    camera: "Camera",
+    better: "Camera",
+    frames: "FrameSet",
+    seed: int = 0,
+    camera_file: Path | None = None,
 ) -> list[Section]:
     """The sections of a diagnosis, also part of the demo's page."""
     error = content["error"]
@@ -162,7 +191,7 @@ def diagnosis_sections(
     found += [Text(line) for line in effect_texts(content["accepted"])]
     if content["accepted"]:
         found.append(Text(PROBABILITY, "note"))
-    found.append(next_step(content))
+    found.append(_next(after_diagnosis(content, Inputs.of(camera, frames, camera_file))))
     if any(step["error"] is not None for step in content["steps"]):
         steps = plot_error_steps(content["steps"], error["before"], error["floor"])
         found.append(figure(steps, f"The error on hold-out frames after each step. {ERROR}"))
@@ -208,19 +237,8 @@ def diagnosis_sections(
     return [*sections, looked_at] if looked_at.blocks else sections
 
 
-def next_step(content: dict[str, Any]) -> Text:
-    """The command that follows from the answer."""
-    if content["accepted"]:
-        return Text(
-            "Next: train with the corrected camera, which diagnose -o BETTER.yaml wrote.",
-            command="visaug augment IMAGES -o noisy/ --camera BETTER.yaml",
-        )
-    if content["unexplained"]:
-        return Text(
-            "Next: write the effect down in a file that runs as it is, then diagnose with --effects NAME.py.",
-            command="visaug effects new NAME",
-        )
-    return Text("Next: train with this camera.", command="visaug augment IMAGES -o noisy/ --camera CAMERA")
+def _next(step: NextStep) -> Text:
+    return Text(step.text, command=step.command)
 
 
 def _diagnosis_facts(content: dict[str, Any]) -> list[tuple[str, str]]:

@@ -92,7 +92,7 @@ const known = new Map(); // what was fetched, by address
 
 async function drawView(holder) {
   const { view } = holder.dataset, key = given && bench.querySelector("[data-given]")?.dataset.given || holder.dataset.key;
-  const path = view === "frame" ? `frame/${key}/${look.frame || 0}` : `view/${key}/${view}`;
+  const path = { frame: `frame/${key}/${look.frame || 0}`, own: `own/${holder.dataset.own}/${key}` }[view] || `view/${key}/${view}`;
   try {
     if (!known.has(path)) known.set(path, (await ask(path)).json());
     if (known.size > 120) known.delete(known.keys().next().value);
@@ -100,8 +100,10 @@ async function drawView(holder) {
     if (!holder.isConnected) return;
     Plots.draw(holder, view, data);
     if (data.choices) offerFrames(data.choices);
-  } catch { // these frames do not show it
+  } catch (mistake) {
     known.delete(path);
+    if (view === "own") { holder.textContent = mistake.message; return; }
+    // these frames do not show it
     const figure = holder.closest("figure");
     if (figure) figure.hidden = true;
   }
@@ -188,12 +190,43 @@ function setNumber(input) {
   }, kind === "range" ? 350 : 700);
 }
 
+// A file with an effect is code: what it begins with is shown, and it is run when `Load effect` is pressed. Pressed before
+// a file is chosen, the button asks for the file and loads that one.
+async function showEffect() {
+  const file = at("file").files[0];
+  at("chosen").hidden = !file;
+  if (!file) return;
+  const lines = (await file.slice(0, 20000).text()).split("\n"), shown = lines.slice(0, 24);
+  at("chosen-name").textContent = `${file.name}, ${file.size} bytes, has not been run. It begins:`;
+  at("chosen-lines").textContent = shown.join("\n") + (lines.length > shown.length ? "\n…" : "");
+}
+
+async function loadEffect() {
+  const file = at("file").files[0], text = await file.text();
+  at("file").value = ""; // the same file may be loaded again after a change
+  await showEffect();
+  await act(`load/${encodeURIComponent(file.name)}`, text);
+}
+
+function ownPicture() {
+  const input = Object.assign(document.createElement("input"), { type: "file", accept: ".png,.jpg,.jpeg,.tif,.tiff,.webp,.bmp,.npy,.exr" });
+  input.onchange = async () => {
+    at("own").textContent = "Reading the picture …";
+    await act(`own/${encodeURIComponent(input.files[0].name)}`, input.files[0]);
+    at("own").textContent = "Choose a picture";
+  };
+  input.click();
+}
+
+let asked = false; // `Load effect` was pressed before a file was chosen
 document.addEventListener("click", ({ target }) => {
   const button = target.closest("button");
   if (!button) return;
   if (button.dataset.post) act(button.dataset.post);
   else if (button.dataset.save) save(button.dataset.save);
-  else if (button.id === "load") at("file").click();
+  else if (button.id === "load" && at("file").files.length) loadEffect();
+  else if (button.id === "load") { asked = true; at("file").click(); }
+  else if (button.id === "own") ownPicture();
   else if (button.id === "add-other") act(`add/${encodeURIComponent(at("other").value)}`);
 });
 document.addEventListener("pointerdown", ({ target }) => { dragging = target.dataset?.kind === "range"; });
@@ -212,11 +245,13 @@ document.addEventListener("change", async ({ target }) => {
     look.frame = Number(target.value);
     keep();
     drawView(bench.querySelector("[data-view=frame]"));
-  } else if (target.id === "file" && target.files.length) {
-    const file = target.files[0];
-    await act(`load/${encodeURIComponent(file.name)}`, await file.text());
-    target.value = ""; // the same file may be loaded again after a change
+  } else if (target.id === "file") {
+    const load = asked && target.files.length;
+    asked = false;
+    await (load ? loadEffect() : showEffect());
   }
 });
 
+at("file").addEventListener("cancel", () => { asked = false; });
+showEffect(); // a reload may keep the choice
 refresh();

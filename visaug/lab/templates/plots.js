@@ -163,8 +163,9 @@ const Plots = (() => {
     maps.forEach((map) => {
       const [first, second] = map.values.map(decoded);
       const difference = first.map((v, i) => v - second[i]);
-      const picture = name.startsWith("own");
-      const limits = picture ? [0, 1] : percentiles([first, second]);
+      const picture = data.white !== undefined;
+      const limits = picture ? [0, data.white] : percentiles([first, second]);
+      const shade = (v) => 255 * (data.is_light ? (Math.max(v, 0) / data.white) ** (1 / 2.2) : v / data.white); // as a screen shows it
       const half = picture ? Math.max(...percentiles([difference]).map(Math.abs)) : (limits[1] - limits[0]) / 2;
       const canvas = make("canvas", { tabIndex: 0 });
       canvas.setAttribute("role", "img");
@@ -180,10 +181,10 @@ const Plots = (() => {
         for (let y = 0; y < h; y++) for (let x = 0; x < w; x++) {
           const at = 4 * (y * w + x), from = ((y + y0) * map.width + x + x0) * channels;
           if (channels === 3) {
-            for (let c = 0; c < 3; c++) image.data[at + c] = 255 * (state.mode === 2 ? 0.5 + source[from + c] / (2 * half) : source[from + c]);
+            for (let c = 0; c < 3; c++) image.data[at + c] = state.mode === 2 ? 255 * (0.5 + source[from + c] / (2 * half)) : shade(source[from + c]);
             image.data[at + 3] = 255;
           } else if (state.mode === 2) colour(split, 0.5 + source[from] / (2 * half), image.data, at);
-          else if (picture) { image.data.fill(255 * source[from], at, at + 3); image.data[at + 3] = 255; }
+          else if (picture) { image.data.fill(shade(source[from]), at, at + 3); image.data[at + 3] = 255; }
           else colour(cividis, (source[from] - limits[0]) / (limits[1] - limits[0]), image.data, at);
         }
         context.putImageData(image, 0, 0);

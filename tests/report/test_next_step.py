@@ -1,0 +1,77 @@
+"""The next command names the files at hand, quoted so that a shell takes them as they are."""
+
+import shlex
+import sys
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import visaug
+from tests.report.test_pages import CAMERA, DIAGNOSIS, NOTHING
+from visaug.cli.root import program
+from visaug.frames import FrameRecord, FrameSet
+from visaug.report.next_step import Inputs, after_characterization, after_comparison, after_diagnosis
+
+
+@pytest.fixture
+def inputs(tmp_path):
+    """A camera file and a frame set in a folder whose name a shell would take apart."""
+    place = tmp_path / "my $(frames); here"
+    camera = visaug.Camera.load(CAMERA)
+    records = [FrameRecord(i, f"{i}.npy", "bias") for i in range(2)]
+    FrameSet.from_arrays(records, np.full((2, 32, 40), 100, np.uint16), bit_depth=12).save(place)
+    camera.save(place / "camera.yaml")
+    return Inputs.of(visaug.Camera.load(place / "camera.yaml"), FrameSet.load(place, bit_depth=12))
+
+
+def test_a_command_is_one_that_the_program_takes(inputs):
+    """Each line is parsed by the command that it names; only IMAGES is left to the reader."""
+    step = after_comparison(DIAGNOSIS, inputs)
+    words = shlex.split(step.command)
+    assert words[:3] == ["visaug", "diagnose", inputs.frames]
+    assert words[words.index("--camera") + 1] == inputs.camera
+    assert words[words.index("--bit-depth") + 1] == "12"
+    for said in (
+        step,
+        after_comparison(NOTHING, inputs),
+        after_diagnosis(DIAGNOSIS, inputs),
+        after_diagnosis({**DIAGNOSIS, "accepted": []}, inputs),
+        after_characterization(inputs),
+    ):
+        assert "FRAMES" not in said.command
+        assert "CAMERA" not in said.command
+        for line in said.command.splitlines():
+            command, *arguments = shlex.split(line)[1:]
+            context = program.commands[command].make_context(command, arguments, resilient_parsing=True)
+            assert not context.args
+
+
+def test_what_follows_from_an_answer():
+    inputs = Inputs("f", "c.yaml")
+    assert after_comparison(NOTHING, inputs).command == "visaug augment IMAGES -o noisy/ --camera c.yaml"
+    assert after_diagnosis(DIAGNOSIS, inputs).command == "visaug diagnose f --camera c.yaml -o better.yaml"
+    written = Inputs("f", "c.yaml", better="b.yaml")
+    assert after_diagnosis(DIAGNOSIS, written).command == "visaug augment IMAGES -o noisy/ --camera b.yaml"
+    nothing_of_the_catalogue = {**DIAGNOSIS, "accepted": []}
+    first, second = after_diagnosis(nothing_of_the_catalogue, written).command.splitlines()
+    assert first == "visaug effects new my_effect"
+    assert second == "visaug diagnose f --camera c.yaml --effects my_effect.py"
+    assert after_characterization(written).command == "visaug compare f --camera b.yaml"
+    assert "augment" in after_characterization(written, of_pictures=True).command
+
+
+def test_objects_that_no_file_holds_have_no_file():
+    camera = visaug.Camera.load("sony_imx174")
+    assert camera.loaded_from == "sony_imx174"
+    assert camera.replace({"read_noise.sigma_e": 3.0}).loaded_from is None
+    assert visaug.Camera.load(CAMERA).loaded_from is None
+
+
+def test_own_effects_are_passed_on(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys.modules["visaug.effects.catalogue"], "_loaded", {})
+    monkeypatch.chdir(tmp_path)
+    assert CliRunner().invoke(program, ["effects", "new", "my_lines"]).exit_code == 0
+    visaug.effects.load_file("my_lines.py")
+    command = Inputs.of(None, None).augmenting("c.yaml")
+    assert command.endswith("--effects my_lines.py")

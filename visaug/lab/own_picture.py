@@ -1,0 +1,95 @@
+"""A picture of the user's own, as it is and as a camera takes it."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from visaug.augment import SensorNoise
+from visaug.augment.files import add_noise
+from visaug.augment.pictures import Picture, read_picture
+from visaug.augment.preview import middle
+from visaug.camera import Camera
+from visaug.errors import InputError
+from visaug.lab.data import LARGEST_MAP, map_data
+
+LARGEST_FILE = 60_000_000  # bytes
+MOST_PIXELS = 25_000_000  # noise on so many takes a few seconds
+
+
+@dataclass(frozen=True)
+class OwnPicture:
+    """A picture that was uploaded.
+
+    Attributes:
+        name: of its file.
+        picture: its pixels.
+        key: another for every content.
+    """
+
+    name: str
+    picture: Picture
+    key: str
+
+    @classmethod
+    def read(cls, name: str, content: bytes) -> "OwnPicture":
+        """Reads a picture of any format that `visaug augment` takes; the suffix of the name tells which.
+
+        Raises:
+            InputError: another format, a damaged picture, or one of too many pixels.
+        """
+        name = Path(name).name
+        with TemporaryDirectory(prefix="visaug-lab-") as folder:
+            path = Path(folder) / f"picture{Path(name).suffix.lower()}"
+            path.write_bytes(content)
+            try:
+                picture = read_picture(path)
+            except InputError as mistake:
+                raise InputError(mistake.problem, file=name, expected=mistake.expected) from None
+        height, width = picture.pixels.shape[:2]
+        if height * width > MOST_PIXELS:
+            raise InputError(
+                f"has {height} x {width} pixels",
+                file=name,
+                expected=f"at most {MOST_PIXELS // 1_000_000} million; `visaug augment` takes larger pictures",
+            )
+        return cls(name, picture, hashlib.blake2b(content, digest_size=8).hexdigest())
+
+    @property
+    def white(self) -> float:
+        """The pixel value of white."""
+        dtype = self.picture.pixels.dtype
+        return 1.0 if dtype.kind == "f" else float(np.iinfo(dtype).max)
+
+    def through(self, camera: Camera, seed: int) -> dict[str, Any]:
+        """The middle of the picture before and after a camera, pixel by pixel, in the picture's own values.
+
+        The camera takes the whole picture; the same seed gives the same noise.
+        """
+        taken = add_noise(self.picture, SensorNoise(camera), seed)
+        window = middle(self.picture, LARGEST_MAP, LARGEST_MAP)
+        before, after = (_colours(p.pixels[window], p.colours) for p in (self.picture, taken))
+        height, width = self.picture.pixels.shape[:2]
+        whole = before.shape[:2] == (height, width)
+        part = "" if whole else f", the middle of {height} x {width} pixels"
+        return {
+            "title": f"{self.name}{part}; taken for {self._transfer()}",
+            "names": ["before", "after"],
+            "y_label": f"{self.white:g} is white",
+            "white": self.white,
+            "is_light": self.picture.pixels.dtype.kind == "f",
+            "curves": [],
+            "maps": [map_data(self.name, before, after)],
+        }
+
+    def _transfer(self) -> str:
+        kind = "sRGB" if self.picture.transfer == "srgb" else "linear in light"
+        return f"{kind} ({self.picture.reason})"
+
+
+def _colours(pixels: np.ndarray, colours: int) -> np.ndarray:
+    """(H, W) or (H, W, 3), without transparency."""
+    return pixels[..., 0] if colours == 1 else pixels[..., :colours]

@@ -1,0 +1,119 @@
+"""The command that follows from an answer, with the files at hand: the same on pages, terminal and lab."""
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from visaug.camera import Camera
+    from visaug.frames import FrameSet
+
+PICTURES = "IMAGES stands for the pictures you train with."
+
+
+class NextStep(NamedTuple):
+    """A sentence, and the command lines that do what it says."""
+
+    text: str
+    command: str
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a command is given, as it was loaded. Words in capitals stand for what no file is known of.
+
+    Attributes:
+        frames: the folder of the measured frames.
+        camera: the camera file, or the name of a camera in the package.
+        better: the file of the camera that a diagnosis or characterization wrote; None where it wrote none.
+        bit_depth: of the converter, where the caller gave it.
+        effects: files of the user's own effects.
+    """
+
+    frames: str = "FRAMES"
+    camera: str = "CAMERA"
+    better: str | None = None
+    bit_depth: int | None = None
+    effects: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls, camera: "Camera | None", frames: "FrameSet | None", better: str | Path | None = None
+    ) -> "Inputs":
+        """The files that a camera and frames were loaded from."""
+        from visaug.effects.catalogue import loaded_files
+
+        return cls(
+            str(frames.loaded_from) if frames and frames.loaded_from else cls.frames,
+            (camera and camera.loaded_from) or cls.camera,
+            None if better is None else str(better),
+            frames.told_bits if frames else None,
+            tuple(_short(path) for path in loaded_files()),
+        )
+
+    def measuring(self, command: str, camera: str | None = None, *words: str) -> str:
+        """`visaug COMMAND FRAMES --camera CAMERA` with what these frames and effects need."""
+        return _line(
+            command, self.frames, "--camera", camera or self.camera, *self._depth(), *self._own(), *words
+        )
+
+    def characterizing(self) -> str:
+        return _line("characterize", self.frames, *self._depth(), "-o", "camera.yaml")
+
+    def augmenting(self, camera: str) -> str:
+        return _line("augment", "IMAGES", "-o", "noisy/", "--camera", camera, *self._own())
+
+    def _depth(self) -> tuple[str, ...]:
+        return () if self.bit_depth is None else ("--bit-depth", str(self.bit_depth))
+
+    def _own(self) -> tuple[str, ...]:
+        return tuple(word for file in self.effects for word in ("--effects", file))
+
+
+def after_characterization(inputs: Inputs, of_pictures: bool = False) -> NextStep:
+    """After `visaug characterize`; pictures of an unknown camera cannot be compared with it."""
+    if inputs.better is None:
+        return NextStep("Next: write the camera file.", inputs.characterizing())
+    if of_pictures:
+        return NextStep(f"Next: train with this camera. {PICTURES}", inputs.augmenting(inputs.better))
+    return NextStep(
+        "Next: test whether the measured camera explains these frames.",
+        inputs.measuring("compare", inputs.better),
+    )
+
+
+def after_comparison(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
+    """After `visaug compare` of a camera with frames."""
+    if content["fits"]["adequate_before"]:
+        return NextStep(f"Next: train with this camera. {PICTURES}", inputs.augmenting(inputs.camera))
+    line = inputs.measuring("diagnose", None, "-o", "better.yaml", "--report", "diagnosis.html")
+    return NextStep("Next: find the effect that is missing.", line)
+
+
+def after_diagnosis(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
+    """After `visaug diagnose`."""
+    if content["fits"]["adequate_before"]:
+        return NextStep(f"Next: train with this camera. {PICTURES}", inputs.augmenting(inputs.camera))
+    if content["unexplained"] and not content["accepted"]:
+        again = inputs.measuring("diagnose", None, "--effects", "my_effect.py")
+        return NextStep(
+            "Next: model the difference in a file of your own, and diagnose again with it.",
+            f"{_line('effects', 'new', 'my_effect')}\n{again}",
+        )
+    if inputs.better is None:
+        return NextStep(
+            "Next: write the corrected camera to a file. Simulated sets are kept, so this takes less time.",
+            inputs.measuring("diagnose", None, "-o", "better.yaml"),
+        )
+    return NextStep(f"Next: train with the corrected camera. {PICTURES}", inputs.augmenting(inputs.better))
+
+
+def _line(*words: str) -> str:
+    return shlex.join(("visaug", *words))
+
+
+def _short(path: Path) -> str:
+    """The path from the working folder, where it lies below it."""
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
