@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from visaug.documents import read_json
+from visaug.documents import read_json, read_yaml
 from visaug.errors import InputError
 from visaug.files import write_bytes, write_json, write_text, write_yaml
 from visaug_train.geometry import Keypoints, Pinhole, project_targets
@@ -43,11 +43,20 @@ def convert(
     destination = Path(destination)
     described = _describe(parts, keypoints, size, reduce, channels)
     data_yaml = destination / "data.yaml"
+    content = {
+        "path": str(destination.resolve()),  # ultralytics takes a relative one as of its own data folder
+        **{name: f"images/{name}" for name in parts},
+        "names": {0: keypoints.name},
+        "kpt_shape": [len(keypoints), 3],
+        "channels": channels,
+    }
     if data_yaml.is_file():
         if read_json(destination / "conversion.json") != described:
             raise InputError(
                 "was converted with other settings or images", file=destination, expected="a new folder"
             )
+        if read_yaml(data_yaml) != content:  # the study was moved
+            write_yaml(data_yaml, content)
         return data_yaml
     partial_folder = destination.with_name(destination.name + ".partial")
     stamp = partial_folder / "conversion.json"
@@ -68,17 +77,7 @@ def convert(
                 done += 1
                 if progress:
                     progress("converting", done, total)
-    # Written before the rename, so with the final place in it.
-    write_yaml(
-        partial_folder / "data.yaml",
-        {
-            "path": str(destination.resolve()),
-            **{name: f"images/{name}" for name in parts},
-            "names": {0: keypoints.name},
-            "kpt_shape": [len(keypoints), 3],
-            "channels": channels,
-        },
-    )
+    write_yaml(partial_folder / "data.yaml", content)
     if destination.exists():
         raise InputError("exists and is no converted dataset", file=destination, expected="a new folder")
     partial_folder.rename(destination)
@@ -97,6 +96,17 @@ def label_lines(poses: PoseSet, keypoints: Keypoints) -> list[str]:
         " ".join(["0", *(f"{value:.6f}" for value in (*box, *row))]) + "\n" if seen else ""
         for seen, box, row in zip(targets.seen, boxes, rows)
     ]
+
+
+def identity(poses: PoseSet) -> dict:
+    """What tells a set of images with poses from another one, wherever it lies."""
+    return {
+        "images": len(poses),
+        "first": poses.files[0].name,
+        "last": poses.files[-1].name,
+        "bytes": sum(file.stat().st_size for file in poses.files),
+        "poses": float(np.abs(poses.quaternions).sum() + poses.translations.sum()).hex(),
+    }
 
 
 def _copy(file: Path, folder: Path, camera: Pinhole, size: tuple[int, int] | None, reduce: str) -> Path:
@@ -128,14 +138,7 @@ def _describe(
         "size": list(size) if size else None,
         "reduce": reduce,
         "channels": channels,
-        "parts": {
-            name: {
-                "images": len(poses),
-                "folder": str(poses.files[0].parent.resolve()),
-                "first": poses.files[0].name,
-                "last": poses.files[-1].name,
-                "poses": float(np.abs(poses.quaternions).sum() + poses.translations.sum()).hex(),
-            }
-            for name, poses in parts.items()
-        },
+        "parts": {name: identity(poses) for name, poses in parts.items()},
+        # Copies stand for themselves; links lead somewhere.
+        "linked": None if size else {name: str(p.files[0].parent.resolve()) for name, p in parts.items()},
     }

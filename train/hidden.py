@@ -23,6 +23,7 @@ from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.plan import default_plan
 from visaug.simulation import simulate, with_chart
 from visaug_train.config import Arm, Config
+from visaug_train.convert import identity
 from visaug_train.plots import read_gray
 from visaug_train.render.dataset import LINEAR_WHITE_DN
 from visaug_train.speed import PoseSet
@@ -104,7 +105,7 @@ def hide_effects(
     taken, arms, found = {}, dict(config.arms), []
     for domain, camera in cameras.items():
         light = config.hidden.light
-        decides = f"{camera.to_yaml()} {light} {views.files[0].parent.resolve()}"
+        decides = f"{camera.to_yaml()} {light} {identity(views)}"
         digest = hashlib.sha256(decides.encode()).hexdigest()[:8]
         folder = config.output / "cameras" / f"{domain}-{digest}"
         taken[domain] = take_views(camera, views, folder, domain, light, progress)

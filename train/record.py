@@ -32,7 +32,7 @@ def decides(config: Config, arm: Arm, data_yaml: Path) -> dict[str, Any]:
         "training": {**config.training, **arm.training},
         "start": start_decides(config),
         **_noise(arm),
-        "data": read_json(data_yaml.with_name("conversion.json")),
+        "data": {**read_json(data_yaml.with_name("conversion.json")), "linked": None},  # what, not where
     }
 
 

@@ -43,3 +43,13 @@ def described(error: BaseException) -> str:
         return f"{type(error).__name__}: {error}"
     except Exception:
         return type(error).__name__
+
+
+def user_line(error: BaseException) -> str | None:
+    """`file: line n` of a user's effect file that raised the exception; None where no such file took part."""
+    at, trace = None, error.__traceback__
+    while trace:
+        if str(trace.tb_frame.f_globals.get("__name__", "")).startswith(USER_MODULE):
+            at = f"{trace.tb_frame.f_code.co_filename}: line {trace.tb_lineno}"
+        trace = trace.tb_next
+    return at

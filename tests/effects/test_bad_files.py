@@ -45,6 +45,13 @@ ATTRIBUTES = {
     "options": "kind = Parameter('a', options='ab')",
     "apply": "apply = 3",
 }
+APPLIES = {
+    "nothing": ("pass", "returns NoneType"),
+    "another shape": ("return signal[..., :-1]", "returns shape (2, 1, 12, 15)"),
+    "not finite": ("return signal / (p.sigma_e - 1)", "NaN or infinite"),
+    "in place": ("signal += 1; return signal", "in place"),
+    "an exception": ("return signal / p.none", "line 7: AttributeError"),
+}
 
 
 def refused(tmp_path, text):
@@ -55,6 +62,7 @@ def refused(tmp_path, text):
         load_file(file)
     assert "\n" not in str(error.value)
     assert set(catalogue()) == before
+    return str(error.value)
 
 
 @pytest.mark.parametrize("body", BODIES.values(), ids=BODIES)
@@ -69,6 +77,12 @@ def test_attributes_that_are_wrong(tmp_path, line):
         tmp_path,
         GOOD.replace("fine_one", "fine_two") + GOOD[len(HEAD) :].replace("Fine", "Wrong") + f"    {line}\n",
     )
+
+
+@pytest.mark.parametrize(("body", "said"), APPLIES.values(), ids=APPLIES)
+def test_an_apply_that_is_wrong_is_told_when_the_file_is_loaded(tmp_path, body, said):
+    text = GOOD.replace("strength=True", "strength=True, trials=(1.0,)").replace("return signal", body)
+    assert said in refused(tmp_path, text)
 
 
 def test_a_registered_class_is_checked_too():

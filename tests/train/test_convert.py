@@ -6,8 +6,10 @@ import pytest
 import yaml
 
 from visaug.errors import InputError
+from visaug_train.config import check_config
 from visaug_train.convert import convert, label_lines
 from visaug_train.geometry import Keypoints
+from visaug_train.record import decides
 from visaug_train.render.dataset import SPEED_PLUS_CAMERA
 from visaug_train.speed import PoseSet, read_poses
 
@@ -67,3 +69,13 @@ def test_other_settings_do_not_mix(rendered, tmp_path):
     convert(parts(rendered), TANGO, tmp_path / "out", size=(80, 50))
     with pytest.raises(InputError, match="other settings"):
         convert(parts(rendered), TANGO, tmp_path / "out", size=(40, 25))
+
+
+def test_a_moved_dataset_is_found_again_with_the_same_hash(rendered, tmp_path):
+    first = convert(parts(rendered), TANGO, tmp_path / "here" / "out", size=(80, 50))
+    study = check_config({"name": "n", "output": "o", "data": {"rendered": {}}, "arms": {"baseline": {}}})
+    before = decides(study, study.arm("baseline"), first)
+    (tmp_path / "here").rename(tmp_path / "there")
+    moved = convert(parts(rendered), TANGO, tmp_path / "there" / "out", size=(80, 50))
+    assert yaml.safe_load(moved.read_text())["path"] == str(tmp_path / "there" / "out")
+    assert decides(study, study.arm("baseline"), moved) == before

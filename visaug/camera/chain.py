@@ -8,6 +8,7 @@ from torch import Tensor
 
 from visaug.camera.paths import path_of
 from visaug.effects import Context, Effect, Stage
+from visaug.effects.effect import output_of
 from visaug.sampling import Stream
 
 # In the paper's reading shot noise strikes the photons, before quantum efficiency and PRNU (eqs. 8 to 10).
@@ -89,7 +90,7 @@ def _applied(
     strengths = [] if effect.name in context.maps else [getattr(own, name) for name in effect.strengths()]
     if strengths and all(_is_zero(value) for value in strengths):
         return signal
-    return effect.apply(signal, own, stream.fork(effect.name), context)
+    return output_of(effect, signal, own, stream.fork(effect.name), context)
 
 
 def parameters_of(

@@ -11,7 +11,7 @@ import click
 from visaug import __version__
 from visaug.cli import learn, measure, pictures, take
 from visaug.cli.tables import printable
-from visaug.errors import USER_MODULE, InputError, PartlyFailed, described
+from visaug.errors import InputError, PartlyFailed, described, user_line
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -87,10 +87,5 @@ def one_line(mistake: BaseException) -> str:
 
 def users_fault(failure: Exception) -> str | None:
     """One line on an exception that a user's effect raised: file, line, what; None for any other."""
-    at = None
-    trace = failure.__traceback__
-    while trace:
-        if str(trace.tb_frame.f_globals.get("__name__", "")).startswith(USER_MODULE):
-            at = f"{trace.tb_frame.f_code.co_filename}: line {trace.tb_lineno}"
-        trace = trace.tb_next
+    at = user_line(failure)
     return at and printable(" ".join(f"{at}: {described(failure)}".split()))

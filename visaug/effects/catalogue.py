@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
-from visaug.effects.checks import check_effect
+from visaug.effects.checks import check_effect, try_effect
 from visaug.effects.effect import Effect
 from visaug.errors import USER_MODULE, InputError, described
 
@@ -36,12 +36,21 @@ def catalogue() -> dict[str, type[Effect]]:
 
 
 def register(effect: type[Effect]) -> type[Effect]:
-    """Adds an effect class to the catalogue; usable as a decorator. A name of the shipped catalogue cannot be taken."""
+    """Adds an effect class to the catalogue; usable as a decorator.
+
+    Raises:
+        InputError: the class is not an effect, its name is one of the shipped catalogue, or `apply` fails on a small frame.
+    """
+    _check(effect)
+    _loaded[effect.name] = effect
+    return effect
+
+
+def _check(effect: type[Effect]) -> None:
     check_effect(effect)
     if effect.name in _shipped():
         raise InputError(f"effect {effect.__name__}: name: {effect.name!r} is taken by the shipped catalogue")
-    _loaded[effect.name] = effect
-    return effect
+    try_effect(effect)
 
 
 def load_file(path: str | Path) -> list[type[Effect]]:
@@ -53,7 +62,7 @@ def load_file(path: str | Path) -> list[type[Effect]]:
         raise InputError(f"{path}: no such file; expected a Python file (.py) that defines an Effect")
     version = (path.resolve(), hashlib.blake2b(path.read_bytes(), digest_size=16).digest())
     if version in _files:
-        return [register(effect) for effect in _files[version]]
+        return _added(_files[version])
     tag = hashlib.blake2b(str(path.resolve()).encode(), digest_size=4).hexdigest()
     spec = importlib.util.spec_from_file_location(f"{USER_MODULE}{path.stem}_{tag}", path)
     assert spec is not None
@@ -68,8 +77,15 @@ def load_file(path: str | Path) -> list[type[Effect]]:
     effects = _effects_in(module)
     if not effects:
         raise InputError(f"{path}: defines no Effect; see `visaug effects new NAME` for one that runs")
-    _files[version] = [register(effect) for effect in effects.values()]
-    return _files[version]
+    for effect in effects.values():
+        _check(effect)
+    _files[version] = list(effects.values())
+    return _added(_files[version])
+
+
+def _added(effects: list[type[Effect]]) -> list[type[Effect]]:
+    _loaded.update((effect.name, effect) for effect in effects)
+    return effects
 
 
 def loaded_files() -> list[Path]:

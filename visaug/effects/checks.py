@@ -3,9 +3,11 @@
 import math
 from typing import Any
 
+import torch
+
 from visaug.effects.effect import Effect, Stage
 from visaug.effects.parameter import Parameter, check_value
-from visaug.errors import InputError
+from visaug.errors import InputError, described, user_line
 
 TEXTS = ("summary", "equation", "source", "why_not", "separates", "map_unit")
 TAKEN = ("name", "map")  # keys of an effect in a camera file that are no parameters
@@ -47,6 +49,34 @@ def check_effect(effect: type[Effect]) -> None:
         _check_parameter(parameter, f"{where}: {key}")
     if not callable(effect.apply):
         raise InputError(f"{where}: apply: expected a method")
+
+
+def try_effect(effect: type[Effect]) -> None:
+    """Apply an effect once to two small frames, so that a mistake in `apply` is told before any work.
+
+    Parameters have their first trial value, or their default where there is none. An effect whose strength is then 0 is not
+    applied, as in the chain.
+
+    Raises:
+        InputError: `apply` raises, returns anything but a finite tensor of the signal's shape, or changes its input.
+    """
+    level = 0.5 if effect.stage == Stage.PICTURE else 500.0
+    signal = torch.full((2, 1, 12, 16), level)
+    where = f"effect {effect.name}: apply"
+    one = effect(**{name: p.trials[0] for name, p in effect.parameters.items() if p.trials})
+    strengths = [one.values()[name] for name in effect.strengths()]
+    if strengths and not any(strengths):
+        return
+    try:
+        out = one(signal, sequence=True)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{user_line(error) or where}: {described(error)}") from error
+    if not bool((signal == level).all()):
+        raise InputError(f"{where}: changes its input in place; expected a new tensor")
+    if not bool(torch.isfinite(out).all()):
+        raise InputError(f"{where}: returns NaN or infinite values for a signal of {level:g} with {one!r}")
 
 
 def _check_parameter(parameter: Parameter, where: str) -> None:

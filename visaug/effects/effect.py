@@ -246,7 +246,7 @@ class Effect:
         stream = Stream(
             keys, [derive_key(camera_seed, "camera")] * len(batch), batch.shape[1], window, signal.device
         )
-        return self.apply(batch, p, stream, context).reshape(signal.shape).to(signal.dtype)
+        return output_of(self, batch, p, stream, context).reshape(signal.shape).to(signal.dtype)
 
     def __repr__(self) -> str:
         return (
@@ -284,3 +284,22 @@ class Effect:
     def strengths(cls) -> tuple[str, ...]:
         """Names of the parameters that are all zero when the effect vanishes."""
         return tuple(name for name, parameter in cls.parameters.items() if parameter.strength)
+
+
+def output_of(effect: Effect, signal: Tensor, p: SimpleNamespace, stream: Stream, context: Context) -> Tensor:
+    """What `effect.apply` returns.
+
+    Raises:
+        InputError: it is not a tensor of the signal's shape.
+    """
+    out = effect.apply(signal, p, stream, context)
+    if not isinstance(out, Tensor):
+        raise InputError(
+            f"effect {effect.name}: apply: returns {type(out).__name__}; expected the signal after the effect, a tensor"
+        )
+    if out.shape != signal.shape:
+        raise InputError(
+            f"effect {effect.name}: apply: returns shape {tuple(out.shape)}; expected that of the signal,"
+            f" {tuple(signal.shape)}"
+        )
+    return out
