@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from independent import pictures as independent
 
 import visaug
+from benchmark import pictures as independent
 from visaug.characterization import characterize
 from visaug.cli import main
 from visaug.fingerprint.pictures.blocks import blocks_of

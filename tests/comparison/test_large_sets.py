@@ -121,7 +121,7 @@ def test_a_window_has_what_the_full_frames_have_there(selection, name):
 
 def measured(change) -> FrameSet:
     """Frames of the benchmark's NumPy camera, changed by `change(frame in DN, exposure)`."""
-    from independent.camera import Shot, take
+    from benchmark.camera import Shot, take
 
     sensor = replace(SENSOR, rows=ROWS, columns=COLUMNS)
     shots = [Shot(r.kind, r.exposure_s, 20.0, r.photons) for r in plan().records]

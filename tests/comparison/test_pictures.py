@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from independent import pictures as independent
 
+from benchmark import pictures as independent
 from visaug.cli import main
 from visaug.comparison import compare_pictures
 from visaug.errors import InputError

@@ -1,14 +1,8 @@
 """Small frame sets of a camera that shares nothing with the package: the benchmark's NumPy camera."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
-
-from independent.camera import Hidden, Sensor, Shot, take
-
+from benchmark.camera import Hidden, Sensor, Shot, take
 from visaug import Camera, FrameSet
 from visaug.frames import FrameRecord
 

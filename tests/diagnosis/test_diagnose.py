@@ -4,9 +4,9 @@ import json
 from dataclasses import replace
 
 import pytest
-from independent import effects
-from independent.camera import Shot
 
+from benchmark import effects
+from benchmark.camera import Shot
 from tests.diagnosis.small import CHART, PLAN, SENSOR, frame_set, row_noise
 from visaug import Camera, InputError
 from visaug.diagnosis import diagnose

@@ -172,7 +172,7 @@ def wandering(light: np.ndarray, strength: float, moment) -> np.ndarray:
 
 def test_the_strength_of_a_drifting_lamp_is_told(stated):
     """Simulated by the NumPy camera, 0.5 % from frame to frame."""
-    from independent.camera import Hidden
+    from benchmark.camera import Hidden
 
     found = diagnose(stated, frame_set(12, [Hidden("lamp", "light", wandering, 0.005)]), sets=120)
     assert found.accepted == ("light_drift",)

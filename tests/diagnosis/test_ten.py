@@ -6,14 +6,14 @@ The effects are strong (see docs/results.md for faint ones); seeds are fixed, so
 from pathlib import Path
 
 import pytest
-from independent import effects, foreign
 
+from benchmark import effects, foreign
 from tests.diagnosis.small import frame_set
 from visaug.diagnosis import diagnose
 
 SETS = 120
 KNOWN = effects.BY_NAME | {kind.name: kind for kind in foreign.KINDS}
-USER_FILE = Path(__file__).resolve().parents[2] / "scripts" / "foreign_effects.py"
+USER_FILE = Path(__file__).resolve().parents[2] / "benchmark" / "user_effects.py"
 SINGLE = [
     ("column_noise", 1.2),
     ("periodic_banding", 1.0),

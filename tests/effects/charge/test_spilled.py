@@ -68,8 +68,8 @@ def test_a_look_at_frames_goes_by_their_electrons():
 
     PRNU of 0.7 % and shot noise of 0.5 % over 24 pixels leave the share known to 0.2 %: a tenth of the tolerance.
     """
-    from independent.camera import Hidden, Shot, take
-    from independent.charge import blooming
+    from benchmark.camera import Hidden, Shot, take
+    from benchmark.charge import blooming
 
     target = np.full(SENSOR.shape, 40.0, np.float32)
     target[20:24, 30:36] = 80000.0

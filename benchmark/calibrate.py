@@ -6,7 +6,7 @@ spot) before the residual is taken, with slopes from simulations that share thei
 standard deviations are those of the residuals of forty base sets, refitted alike, each of a specimen with
 maps of its own.
 
-    python -m independent.calibrate 0 1 2 [--only NAME,NAME]     (from scripts/; adds to strengths.json)
+    python -m benchmark calibrate 0 1 2 [--only NAME,NAME]     (adds to strengths.json)
 
 strengths.json is for two specimens. Where a seam or a band lies differs between specimens, and with it how far
 an effect stands out, so a set gets the strength that is plain on its own (`for_specimen`).
@@ -14,7 +14,6 @@ an effect stands out, so a set gets the strength that is plain on its own (`for_
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 from collections.abc import Sequence
@@ -195,19 +194,12 @@ def calibrate(number: int, kinds: Sequence[Kind]) -> dict[str, dict[str, float |
     return table
 
 
-def main() -> None:
-    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    words.add_argument("cameras", type=int, nargs="*", default=list(range(cameras.COUNT)))
-    words.add_argument("--only", default="")
-    given = words.parse_args()
-    kinds = [k for k in (*KINDS, *foreign.KINDS) if not given.only or k.name in given.only.split(",")]
-    for number in given.cameras:
+def update(numbers: Sequence[int], only: Sequence[str] = ()) -> None:
+    """Calibrate the effects on these cameras, or `only` some of them, and add the strengths to strengths.json."""
+    kinds = [kind for kind in (*KINDS, *foreign.KINDS) if not only or kind.name in only]
+    for number in numbers:
         table = calibrate(number, kinds)
         kept = json.loads(TABLE.read_text()) if TABLE.exists() else {"how": NOTE, "cameras": {}}
         kept["cameras"].setdefault(str(number), {}).update(table)
         kept["cameras"] = dict(sorted(kept["cameras"].items(), key=lambda item: int(item[0])))
         TABLE.write_text(json.dumps(kept, indent=1) + "\n")
-
-
-if __name__ == "__main__":
-    main()

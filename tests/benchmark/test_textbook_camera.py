@@ -7,17 +7,17 @@ fail it at six seeds in a hundred thousand.
 import json
 from dataclasses import replace
 
-import hidden_effects
 import numpy as np
 import pytest
-from independent import judge
-from independent.camera import Shot
-from independent.textbook import chain, draws, sets
-from independent.textbook.cameras import CAMERAS, plan
-from independent.textbook.effect import Moment
-from independent.textbook.randomness import tukey, tukey_std
-from independent.textbook.targets import targets
 from scipy import stats
+
+from benchmark import commands, judge
+from benchmark.camera import Shot
+from benchmark.textbook import chain, draws, sets
+from benchmark.textbook.cameras import CAMERAS, plan
+from benchmark.textbook.effect import Moment
+from benchmark.textbook.randomness import tukey, tukey_std
+from benchmark.textbook.targets import targets
 
 CAMERA = CAMERAS[4]  # the smallest
 EVEN = replace(CAMERA, prnu=(0.0, 0.0, 0.0), dsnu_e=(0.0, 0.0, 0.0), dark_e_per_s=0.0)
@@ -217,7 +217,7 @@ def test_recipes_ask_for_each_effect_once_and_for_a_pair():
 
 
 def test_sets_are_written_for_one_of_five_cameras_and_judged(tmp_path):
-    assert hidden_effects.PEERS["textbook"] is sets
+    assert commands.PEERS["textbook"] is sets
     wanted = {"own_adc_step"}
     assert sets.write_sets(11, 7, wanted, tmp_path / "sets", tmp_path / "sets_answers") == 1
     frames = np.load(tmp_path / "sets" / "textbook-own_adc_step-11" / "frames.npz")["frames"]

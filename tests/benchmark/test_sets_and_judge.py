@@ -4,12 +4,14 @@ import csv
 import json
 from dataclasses import replace
 
-import hidden_effects
 import numpy as np
 import pytest
-from independent import (
+from scipy.stats import binomtest
+
+from benchmark import (
     calibrate,
     cameras,
+    commands,
     effects,
     getframes_sets,
     judge,
@@ -19,13 +21,12 @@ from independent import (
     recipes,
     strengths,
 )
-from independent.camera import Shot, take
-from independent.sets import plan_of, write_set
-from scipy.stats import binomtest
+from benchmark.camera import Shot, take
+from benchmark.sets import plan_of, write_set
 
 
 def test_seed_lists():
-    assert hidden_effects.seeds_of("3,10-12") == [3, 10, 11, 12]
+    assert commands.seeds_of("3,10-12") == [3, 10, 11, 12]
 
 
 @pytest.mark.parametrize(("hits", "of"), [(0, 5), (3, 7), (100, 100), (95, 100)])
@@ -173,7 +174,7 @@ def test_report_counts(tmp_path):
 
 def test_unknown_kind_is_one_line(capsys):
     with pytest.raises(SystemExit) as stop:
-        hidden_effects.parser().parse_args(["make", "1", "-o", "x", "--kinds", "sngle"])
+        commands.parser().parse_args(["make", "1", "-o", "x", "--kinds", "sngle"])
     assert stop.value.code == 2
     assert "unknown kind sngle" in capsys.readouterr().err
 
@@ -194,6 +195,7 @@ with open(words[1] + ".calls", "a") as handle:
 
 def test_run_calls_the_program_keeps_failures_and_resumes(tmp_path, monkeypatch):
     (tmp_path / "path" / "visaug").mkdir(parents=True)
+    (tmp_path / "path" / "visaug" / "__init__.py").touch()
     (tmp_path / "path" / "visaug" / "__main__.py").write_text(STUB)
     monkeypatch.chdir(tmp_path / "path")  # `python -m` looks there first
     for folder in ("sets", "sets_answers"):

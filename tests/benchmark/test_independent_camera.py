@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from independent import cameras, effects, foreign
-from independent.camera import Moment, Sensor, Shot, take
-from independent.randomness import coloured, stream, tukey_lambda, tukey_lambda_std
 from scipy import stats
+
+from benchmark import cameras, effects, foreign
+from benchmark.camera import Moment, Sensor, Shot, take
+from benchmark.randomness import coloured, stream, tukey_lambda, tukey_lambda_std
 
 EVERY = [(kind, form) for kind in effects.KINDS for form in ("default", kind.other_form)]
 EVERY += [(kind, "default") for kind in foreign.KINDS]

@@ -1,26 +1,32 @@
-#!/usr/bin/env python
 """Hide physical effects in simulated cameras, let visaug look for them, and count how often it is right.
 
-    python scripts/hidden_effects.py make 100-103 -o bench --kinds single,clean --strength plain
-    python scripts/hidden_effects.py run bench
-    python scripts/hidden_effects.py report bench
+    python -m benchmark make 100-103 -o bench --kinds single,clean --strength plain
+    python -m benchmark run bench
+    python -m benchmark report bench
 
-The cameras come from scripts/independent, which shares no code with visaug; the program is called as a user
-would.
+The cameras share no code with visaug, which is called as a user would call it.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
-from independent import calibrate, cameras, effects, foreign, getframes_sets, judge, pyxel_sets, real, recipes
-from independent.sets import write_set
-from independent.strengths import WORDS
-from independent.textbook import sets as textbook_sets
+from . import (
+    calibrate,
+    cameras,
+    effects,
+    foreign,
+    getframes_sets,
+    judge,
+    pictures_table,
+    pyxel_sets,
+    real,
+    recipes,
+)
+from .sets import write_set
+from .strengths import WORDS
+from .textbook import sets as textbook_sets
 
 PEERS = {"getframes": getframes_sets, "pyxel": pyxel_sets, "textbook": textbook_sets}
 ALL_KINDS = (*recipes.KINDS, "real", *PEERS)
@@ -71,7 +77,9 @@ def kinds_of(text: str) -> list[str]:
 
 
 def parser() -> argparse.ArgumentParser:
-    top = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    top = argparse.ArgumentParser(
+        prog="python -m benchmark", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = top.add_subparsers(required=True, metavar="COMMAND")
 
     command = commands.add_parser("make", help="write frame sets and their answers")
@@ -107,9 +115,31 @@ def parser() -> argparse.ArgumentParser:
             print(k.name, k.unit, k.other_form, sep=" | ") for k in (*effects.KINDS, *foreign.KINDS)
         ]
     )
+
+    command = commands.add_parser(
+        "calibrate", help="find the plain strengths of effects and add them to strengths.json"
+    )
+    command.add_argument("cameras", type=int, nargs="*", default=list(range(cameras.COUNT)))
+    command.add_argument("--only", default="", help="names of effects, with commas")
+    command.set_defaults(
+        go=lambda a: calibrate.update(a.cameras, [name for name in a.only.split(",") if name])
+    )
+
+    command = commands.add_parser(
+        "pictures", help="characterize pictures of known cameras and print what was found beside the truth"
+    )
+    command.add_argument("--update", type=Path, help="a page whose table is replaced")
+    command.add_argument("--pictures", type=int, default=40, help="pictures of each camera")
+    command.add_argument(
+        "--cases",
+        type=int,
+        default=len(pictures_table.CASES),
+        help="how many of the pairs of scenes and files",
+    )
+    command.set_defaults(go=lambda a: pictures_table.write(a.pictures, a.cases, a.update))
     return top
 
 
-if __name__ == "__main__":
+def main() -> None:
     chosen = parser().parse_args()
     chosen.go(chosen)

@@ -1,8 +1,8 @@
 """Effects that no catalogue has, as a user would write them down after `visaug effects new NAME`.
 
-    visaug diagnose FRAMES --camera camera.yaml --effects scripts/foreign_effects.py
+    visaug diagnose FRAMES --camera camera.yaml --effects benchmark/user_effects.py
 
-They are the benchmark's `foreign` effects (scripts/independent/foreign.py holds the other side, in NumPy).
+They are the benchmark's `foreign` effects (foreign.py simulates them in NumPy).
 """
 
 import math
