@@ -13,10 +13,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..camera import Shot
+from ..randomness import tukey_lambda
 from . import charge, digital, optics, readout, unknown, wells
 from .cameras import Camera
 from .effect import Effect, Moment, Numbers
-from .randomness import poisson, tukey
+from .randomness import poisson
 
 LIGHT: dict[str, type[Effect]] = {
     "light_drift": optics.LightDrift,
@@ -114,7 +115,7 @@ class Specimen:
             charge_e = effect.well(charge_e, at)
 
         at.charge_e = charge_e
-        voltage = charge_e + self.offset_e + camera.read_e * tukey(self.rng, camera.tail, camera.shape)
+        voltage = charge_e + self.offset_e + tukey_lambda(self.rng, camera.tail, camera.read_e, camera.shape)
         for effect in effects:
             voltage = effect.voltage(voltage, at)
         return self._convert(voltage, at)

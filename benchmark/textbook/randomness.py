@@ -3,22 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import gamma
-
-
-def tukey_std(lam: float) -> float:
-    """Standard deviation of Q(p) = (p^lam - (1 - p)^lam) / lam, for lam above -1/2; logistic at 0 (Joiner & Rosenblatt 1971)."""
-    if abs(lam) < 1e-6:
-        return np.pi / 3**0.5
-    return (2 / lam**2 * (1 / (1 + 2 * lam) - gamma(lam + 1) ** 2 / gamma(2 * lam + 2))) ** 0.5
-
-
-def tukey(rng: np.random.Generator, lam: float, shape: tuple[int, ...]) -> np.ndarray:
-    """Tukey-lambda noise of standard deviation one."""
-    p = np.clip(rng.random(shape), 1e-12, 1 - 1e-12)
-    if abs(lam) < 1e-6:
-        return np.log(p / (1 - p)) / tukey_std(lam)
-    return (p**lam - (1 - p) ** lam) / lam / tukey_std(lam)
 
 
 def poisson(rng: np.random.Generator, mean: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from visaug.camera.scale import Scale, gain_of
 from visaug.camera.threads import in_threads
 from visaug.sampling import Stream, derive_key
 from visaug.sampling.stream import kernels
+from visaug.sampling.tukey_lambda import standard_deviation
 
 if TYPE_CHECKING:
     from visaug.camera.camera import Camera
@@ -164,7 +165,7 @@ def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: b
     n = np.zeros((batch, k.NUMBERS), np.float32)
     sigma, shape = values["read_noise.sigma_e"], values["read_noise.shape"]
     if camera.spec.read_noise.meaning == "scale":
-        sigma = sigma * tables.tukey_deviation(shape)
+        sigma = sigma * standard_deviation(shape)
     heat = np.exp(values["dark_current.b_per_c"] * values["temperature_c"])
     dark_e = values["exposure_s"] * values["dark_current.a_e_per_s"] * heat
     well = values["full_well_e"]

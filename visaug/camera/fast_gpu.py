@@ -14,9 +14,9 @@ import torch
 from torch import Tensor
 
 from visaug.camera.scale import Scale, gain_of
-from visaug.camera.tables import tukey_deviation
 from visaug.sampling import Stream
 from visaug.sampling.philox import MASK, mix
+from visaug.sampling.tukey_lambda import standard_deviation
 
 if TYPE_CHECKING:
     from visaug.camera.camera import Camera
@@ -119,7 +119,7 @@ def take(
 
     v = {path: on_device(value) for path, value in values.items()}
     shape, sigma = values["read_noise.shape"], values["read_noise.sigma_e"]
-    unit = sigma if camera.spec.read_noise.meaning == "scale" else sigma / tukey_deviation(shape)
+    unit = sigma if camera.spec.read_noise.meaning == "scale" else sigma / standard_deviation(shape)
     heat = torch.exp(v["dark_current.b_per_c"] * v["temperature_c"])
     none, gain = torch.zeros_like(v["exposure_s"]), gain_of(camera, v)
     numbers = {

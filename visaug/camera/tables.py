@@ -9,7 +9,9 @@ import math
 from functools import cache
 
 import numpy as np
-from scipy.special import gammaln, ndtri, pdtr, pdtrc
+from scipy.special import ndtri, pdtr, pdtrc
+
+from visaug.sampling.tukey_lambda import standard_deviation
 
 SUB = 5  # 2^5 nodes an octave
 FRACTION_BITS = 23 - SUB
@@ -61,7 +63,7 @@ def tukey_tables(shapes: np.ndarray) -> np.ndarray:
     shapes = shapes.astype(np.float64)[:, None]
     shapes = np.where(np.abs(shapes) < 1e-4, 1e-4, shapes)  # a relative error of 1e-4 in the far tails
     near, far = _logarithms()
-    return both_sides((np.exp(shapes * near) - np.exp(shapes * far)) / (shapes * tukey_deviation(shapes)))
+    return both_sides((np.exp(shapes * near) - np.exp(shapes * far)) / (shapes * standard_deviation(shapes)))
 
 
 @cache
@@ -69,13 +71,6 @@ def _logarithms() -> tuple[np.ndarray, np.ndarray]:
     """Of the probability of the nearer tail, at the nodes up to 1/2, and of its complement."""
     p = nodes()[:SIDE]
     return np.log(p), np.log1p(-p)
-
-
-def tukey_deviation(shapes: np.ndarray) -> np.ndarray:
-    """Standard deviation at scale 1; see `visaug.sampling.distributions.tukey_standard_deviation`."""
-    safe = np.where(np.abs(shapes) < 1e-4, 1e-4, shapes)
-    ratio = np.exp(2 * gammaln(safe + 1) - gammaln(2 * safe + 2))
-    return np.sqrt(2 / safe**2 * (1 / (1 + 2 * safe) - ratio))
 
 
 @cache

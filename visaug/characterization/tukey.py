@@ -2,36 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.special import gammaln
 
 from visaug.effects.readout.read_noise import LEAST_SHAPE
+from visaug.sampling.tukey_lambda import quantile, standard_deviation
 
 GAUSSIAN_SHAPE = 0.14
 SHAPE_BOUNDS = (LEAST_SHAPE, 0.6)
 _STEP = 1 / 64
 _REACH = 128.0
 _FINER = 4  # nodes of the characteristic function: its powers of n show every kink of a coarser spline
-
-
-def standard_deviation(shape: float) -> float:
-    """Of scale 1; finite above -0.5. Source: Joiner and Rosenblatt, J. Am. Stat. Assoc. 66 (1971) 394."""
-    if abs(shape) < 1e-4:
-        return math.pi / math.sqrt(3) * (1 - shape * (1 + 6 * 1.2020569031595943 / math.pi**2))
-    ratio = math.exp(2 * gammaln(shape + 1) - gammaln(2 * shape + 2))
-    return math.sqrt(2 / shape**2 * (1 / (1 + 2 * shape) - ratio))
-
-
-def quantile(u: np.ndarray, v: np.ndarray, shape: float) -> np.ndarray:
-    """Of scale 1 at probability `u`, with `v` = 1 - u given apart so that both tails are exact."""
-    if abs(shape) < 1e-6:
-        return np.log(u) - np.log(v)
-    return (u**shape - v**shape) / shape
 
 
 @dataclass(frozen=True)

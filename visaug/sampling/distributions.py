@@ -1,17 +1,15 @@
 """Quantile functions in torch: a number of the wanted law from 32 random bits, differentiable in the law's parameters."""
 
-import math
-
 import torch
 from torch import Tensor
+
+from visaug.sampling.tukey_lambda import quantile_of_tail
 
 SMALL_MEAN = 25.0  # below it the Poisson quantile is summed exactly, above it Giles' expansion has both far tails right
 
 MOST_MEAN = (
     1e20  # of a Poisson count; a larger mean counts as this one. No converter's range is left above it
 )
-
-ZETA_3 = 1.2020569031595943  # Apery's constant
 
 
 def tail(bits: Tensor) -> tuple[Tensor, Tensor]:
@@ -32,31 +30,9 @@ def normal(bits: Tensor) -> Tensor:
     return (-side * torch.special.ndtri(p)).float()
 
 
-def tukey_standard_deviation(shape: Tensor) -> Tensor:
-    """Standard deviation of Tukey's lambda distribution of scale 1; finite for shape > -0.5.
-
-    var = 2/L^2 [1/(1 + 2L) - Gamma(L + 1)^2 / Gamma(2L + 2)]; near L = 0, where the logistic's is pi^2/3, a straight line.
-    Source: Joiner and Rosenblatt, J. Am. Stat. Assoc. 66 (1971) 394.
-    """
-    shape = shape.double()
-    near = shape.abs() < 1e-4
-    safe = torch.where(near, torch.full_like(shape, 1e-4), shape)
-    ratio = torch.exp(2 * torch.lgamma(safe + 1) - torch.lgamma(2 * safe + 2))
-    variance = 2 / safe**2 * (1 / (1 + 2 * safe) - ratio)
-    line = math.pi**2 / 3 - (2 * math.pi**2 / 3 + 4 * ZETA_3) * shape
-    return torch.sqrt(torch.where(near, line, variance))
-
-
 def tukey_lambda(bits: Tensor, shape: Tensor) -> Tensor:
-    """Tukey-lambda of scale 1 by its quantile function Q(u) = (u^L - (1-u)^L) / L, float32."""
-    p, side = tail(bits)
-    shape = shape.double()
-    near = shape.abs() < 1e-6
-    safe = torch.where(near, torch.full_like(shape, 1e-6), shape)
-    upper, lower = torch.log1p(-p), torch.log(p)
-    quantile = (torch.exp(safe * upper) - torch.exp(safe * lower)) / safe
-    line = upper - lower + shape / 2 * (upper**2 - lower**2)
-    return (side * torch.where(near, line, quantile)).float()
+    """Tukey-lambda of scale 1, float32; see `visaug.sampling.tukey_lambda`."""
+    return quantile_of_tail(*tail(bits), shape)
 
 
 def poisson(mean: Tensor, bits: Tensor) -> Tensor:

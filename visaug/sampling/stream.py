@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from visaug.sampling import distributions
+from visaug.sampling import distributions, tukey_lambda
 from visaug.sampling.philox import mix, sensor_bits
 
 kernels: Any = None  # without numba: same law and, but for rounding, same numbers from torch, slower
@@ -146,11 +146,11 @@ class Stream:
         if self._native() and not shape.requires_grad:
             keys, r0, c0, out = self._native_arguments(vary)
             shapes = shape.reshape(-1).expand(len(keys))
-            scales = 1 / distributions.tukey_standard_deviation(shapes)
+            scales = 1 / tukey_lambda.standard_deviation_tensor(shapes)
             kernels.fill_tukey(keys, r0, c0, shapes.numpy(), scales.numpy(), out)
             return torch.from_numpy(out)
         quantile = distributions.tukey_lambda(self._bits(vary), shape)
-        return quantile / distributions.tukey_standard_deviation(shape).float()
+        return quantile / tukey_lambda.standard_deviation_tensor(shape).float()
 
     def poisson(self, mean: Tensor) -> Tensor:
         """Poisson counts of the given means (B, C, H, W), float32; differentiable in `mean` (see below).

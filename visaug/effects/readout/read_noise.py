@@ -3,7 +3,7 @@
 import torch
 
 from visaug.effects.effect import Effect, Parameter, Stage
-from visaug.sampling.distributions import tukey_standard_deviation
+from visaug.sampling.tukey_lambda import standard_deviation_tensor
 
 # A random number of 32 bits ends at a tail of p = 2^-33. Beyond it lies a share of the variance that grows as the shape falls,
 # 2 p^(2L + 1) / (L^2 (2L + 1) var): 0.3 % here, so that the standard deviation is 0.2 % short at most; 2 % at -0.4.
@@ -71,4 +71,4 @@ def _sigma(like, p, context):
     measured = context.measured_map(ReadNoise.name, like)
     if measured is not None:
         return measured
-    return p.sigma_e * tukey_standard_deviation(p.shape).float() if p.meaning == "scale" else p.sigma_e
+    return p.sigma_e * standard_deviation_tensor(p.shape).float() if p.meaning == "scale" else p.sigma_e
