@@ -1,4 +1,9 @@
-"""When an effect is accepted: it brings back what it moves, and the error falls."""
+"""Acceptance tests: an effect must remove the residuals of the statistics that it shifts, and lower the error.
+
+Terms: a residual is measured minus modelled, per statistic, after the refit. The shift of an effect is the change of the mean
+of each statistic that it causes. The tolerance of an effect's form is the residual that may stay because a real effect does
+not have exactly the form of the catalogue's. Discovery frames select effects, hold-out frames confirm them.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,52 +17,61 @@ from visaug.diagnosis.robust import p_value, standardised
 from visaug.diagnosis.spread import Scatter, moves_are_there, scatters_so
 from visaug.fingerprint import Statistic
 
-COVERED = 0.8  # share of the statistics an effect moves that it must bring back, mean over views
-FEW = 0.1  # share of the statistics that are off which an effect must move: one that fits a single number is a coincidence
-FAINT = 3.0  # standard deviations along an effect's moves that count where no single statistic stands out
-REMAINING = 0.98  # share of the error that an accepted effect may leave; another effect may hold most of it
-SHARE = 0.01  # error that a further effect must take away,
-LITTLE, NEARLY_ALL = 0.002, 0.75  # or, where more than so little is left, this share of it
-WIDE = 3.0  # an interval of the error that says nothing,
-GONE = 0.2  # unless the error itself is no more than so much of what it was
-NOISE = 0.25  # of its interval, a standard deviation: so much may an error rise that cannot show an effect,
-RISE = 0.05  # and no more than this
-BY_CHANCE = 5.0  # standard deviations that one of many hundred statistics may be off
-OFF = 4.0  # standard deviations from which a statistic counts as moved, or as off
-WORSE = 0.15  # statistics that may go off, as a share of those that it explains
-FORM = 0.15  # what a real effect's form may leave over in a statistic, relative to the effect itself,
-REST = 0.2  # and in all together, where the form is not nearly the catalogue's
-OWED, OWED_LEAST = (
-    0.5,
-    10.0,
-)  # share of the furthest statistic of a view, and standard deviations, that no explanation leaves
-FAR_OUT = 30.0  # standard deviations from which a view that is in order afterwards speaks for the effect
-POOREST = 0.75  # the same share in the view that it explains least
-LENIENT = 1.5  # factor to which these are known from few simulated sets
-IN_ORDER = 2.0  # standard deviations within which a statistic was in order,
-DISTURBED = 5.0  # and to which an effect must not move it off,
-UNDONE = 0.05  # if all such are more than so much of all that it is seen in: no form differs by more
-NEARER = 0.6  # share of the same statistics whose mean must not go further off, however wide the effect's own spread,
+# Least share of the statistics that an effect shifts whose residual it must remove, as a mean over views
+COVERED = 0.8
+# Least share of the deviating statistics that an effect must shift: agreement with a single number is a
+# coincidence
+FEW = 0.1
+# Least residual along an effect's shift, in standard deviations, where no single statistic deviates
+FAINT = 3.0
+# Largest share of the error that may stay with an accepted effect; another effect may cause most of it
+REMAINING = 0.98
+SHARE = 0.01  # least reduction of the error by a further effect,
+# Or, where the error is above the first, a reduction by the second as a share of it
+LITTLE, NEARLY_ALL = 0.002, 0.75
+WIDE = 3.0  # width of an interval of the error above which the error is uninformative,
+GONE = 0.2  # unless the error is at most this share of the error before
+# Increase of the error that is tolerated where the error cannot show an effect, as a share of its interval,
+NOISE = 0.25
+RISE = 0.05  # and at most this
+BY_CHANCE = 5.0  # standard deviations: a bound on the largest of several hundred statistics under the null
+OFF = 4.0  # standard deviations from which a statistic counts as shifted, or as deviating
+WORSE = 0.15  # largest number of statistics that may get worse, as a share of those that are explained
+FORM = 0.15  # tolerance of an effect's form in one statistic, relative to what the effect explains there,
+REST = 0.2  # and in all statistics together, where the form differs more
+# Largest residual that may stay in a view: a share of the one before, and at least so many standard deviations.
+OWED, OWED_LEAST = 0.5, 10.0
+FAR_OUT = 30.0  # standard deviations above which a view that becomes consistent is evidence for the effect
+POOREST = 0.75  # as COVERED, in the view where the share is smallest
+LENIENT = 1.5  # factor to which these shares are known from few simulated sets
+IN_ORDER = 2.0  # standard deviations within which a statistic counts as consistent,
+DISTURBED = 5.0  # and beyond which an effect must not shift it,
+# If all such residuals together exceed this share of what the effect explains: forms differ by less
+UNDONE = 0.05
+# Least share of these statistics whose mean residual must not grow, however large the effect's own variance,
+NEARER = 0.6
 FURTHER = 1.2  # by more than this factor
-MEAN = 0.2  # standard deviations of that spread to which the mean of a hundred simulated sets is known
-SEEN_AGAIN = 2.0  # standard deviations along an effect's moves from which it is seen again,
-TIMES = 2.0  # and by what factor these may differ from the moves
-SAME_WAY = 0.3  # cosine between the moves of two effects from which they say the same
-ELSEWHERE = 0.8  # share of an effect's moves, squared, that lies where no form of the effects before it leaves as much as noise,
-MOSTLY = 0.5  # or where the camera holds with it
+MEAN = 0.2  # standard error of the mean of a hundred simulated sets, in standard deviations of that variance
+SEEN_AGAIN = 2.0  # standard deviations along an effect's shift from which the hold-out frames confirm it,
+TIMES = 2.0  # and the largest ratio between residual and shift
+SAME_WAY = 0.3  # cosine between the shifts of two effects above which they compete for the same residuals
+# Least share of an effect's squared shift where earlier effects' forms leave less than the noise,
+ELSEWHERE = 0.8
+MOSTLY = 0.5  # or where the camera with the effect is adequate
 
 
 @dataclass(frozen=True)
 class State:
-    """Where the search stands.
+    """State of the search.
 
     Attributes:
         fitted: the fitted camera.
-        accepted: the effects that it has gained.
-        allowance, whole_allowance: what their forms may leave over, per statistic of the discovery frames and of all frames.
-        moves, confirm_moves: how far the last of them moves each statistic of the discovery and of the hold-out frames; None
-            where the refits before and after tell it.
-        scatters: of accepted effects whose strength their scatter tells, not their moves; that strength is no free number.
+        accepted: names of the effects added so far.
+        allowance, whole_allowance: tolerance of their forms, per statistic of the discovery frames and of all frames.
+        moves, confirm_moves: shift by the last effect of each statistic of the discovery and of the hold-out frames; None
+            where the difference of the fits before and after is used.
+        scatters: accepted effects whose strength is estimated from the variance that they cause and not from a mean shift;
+            that strength is not a fitted parameter.
     """
 
     fitted: Fitted
@@ -70,7 +84,7 @@ class State:
 
     @classmethod
     def plain(cls, fitted: Fitted) -> "State":
-        """Of a camera that has gained nothing."""
+        """The state of a camera without added effects."""
         return cls(fitted, (), np.zeros(len(fitted.residual)), np.zeros(len(fitted.whole_residual)))
 
     def with_effect(
@@ -80,7 +94,7 @@ class State:
         moves: np.ndarray | None = None,
         confirm_moves: np.ndarray | None = None,
     ) -> "State":
-        """With one effect more, of whose moves a share is the form's."""
+        """The state with one more effect, whose form adds its tolerance."""
         before = self.fitted
         return State(
             fitted,
@@ -94,9 +108,10 @@ class State:
 
     @property
     def numbers(self) -> tuple[tuple[Coordinate, ...], np.ndarray, np.ndarray]:
-        """All numbers that were fitted, and their uncertainty.
+        """All fitted parameters and their uncertainty.
 
-        (R, numbers) how far simulated sets of the camera take them; (numbers,) standard deviation of what the frames leave open.
+        Returns the coordinates, their steps in refits of (R,) simulated sets (R, coordinates), and the standard deviation
+        (coordinates,) of what the frames do not determine.
         """
         reference = self.fitted.reference
         scattering = [c for s in self.scatters for c in s.strengths]
@@ -106,29 +121,29 @@ class State:
 
     @property
     def scatters_last(self) -> bool:
-        """Whether the last effect is one that scatters more than it moves."""
+        """Whether the strength of the last effect is estimated from the variance that it causes."""
         return any(s.effect == self.accepted[-1] for s in self.scatters)
 
     @property
     def z(self) -> np.ndarray:
-        """Residuals of the discovery frames in standard deviations, the forms of accepted effects allowed for."""
+        """Standardised residuals of the discovery frames, with the tolerance of the accepted effects' forms in the denominator."""
         return _allowed(self.fitted.residual, self.fitted.reference.null_scale, self.allowance)
 
     @property
     def whole_z(self) -> np.ndarray:
-        """The same of all frames together."""
+        """Standardised residuals of all frames together."""
         return _allowed(
             self.fitted.whole_residual, self.fitted.reference.whole_null.scale, self.whole_allowance
         )
 
     @property
     def p_value(self) -> float:
-        """That a camera lacking nothing leaves as large a residual somewhere in all frames together."""
+        """Probability, for a complete camera, of a largest residual in all frames at least as large as this one."""
         return p_value(float(np.abs(self.whole_z).max()), self.fitted.reference.largest)
 
 
 def _explained(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """How much nearer each residual has come: where an effect overshoots, its form is no excuse."""
+    """Reduction of each absolute residual; 0 where an effect overshoots, which is no matter of its form."""
     return np.maximum(np.abs(before) - np.abs(after), 0.0)
 
 
@@ -137,14 +152,14 @@ def _allowed(residual: np.ndarray, scale: np.ndarray, allowance: np.ndarray) -> 
 
 
 def explains(statistics: Sequence[Statistic], before: State, after: State) -> bool:
-    """Whether the effect brings back what it moves: most of the statistics in which it is seen, by most of their distance.
+    """Whether the effect removes the residuals of the statistics that it shifts: of most of them, and by most of their size.
 
-    Of a very strong effect whose form is not quite the catalogue's many statistics stay off, each by a little: then all
-    of them together must be no more than a form leaves over.
+    A very strong effect whose form is not exactly the catalogue's leaves small residuals in many statistics; then their norm
+    must be within the tolerance of the form.
 
-    An effect of another name may lower the error; but what it moves then stays off, or goes off where it was not. One whose own
-    spread covers anything (two pixels, enormously hot) must not take the means further off, and what it scatters together must be
-    off together (`scatters_so`).
+    A wrong effect may lower the error, but leaves residuals in statistics that it shifts, or creates new ones. An effect with
+    a large variance of its own (two extremely hot pixels) is consistent with any residual; it must not increase the mean
+    residuals, and what varies together in its simulated sets must deviate together (`scatters_so`).
     """
     moves = moves_of(before, after)
     if not scatters_so(before.fitted, after.fitted, moves, after.allowance):
@@ -157,22 +172,22 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
 
 
 def may_explain(statistics: Sequence[Statistic], before: State, after: State) -> bool:
-    """Whether a state that is known from few simulated sets leaves it open that the effect explains what it moves.
+    """Whether it is possible, by few simulated sets, that the effect explains the residuals that it shifts.
 
-    Not to be asked of an effect that scatters more than it moves, which needs more sets; of one that moves nothing that stands out
-    nothing is said.
+    Not defined for effects that are estimated from their variance, which need more sets. True for an effect that shifts no
+    deviating statistic.
     """
     nothing_seen = not _seen(before, moves_of(before, after)).any()
     return nothing_seen or _brings_back(statistics, before, after, LENIENT)
 
 
 def _seen(before: State, moves: np.ndarray) -> np.ndarray:
-    """(statistics,) where an effect is seen: off, and moved."""
+    """(statistics,) whether a statistic deviates and the effect shifts it."""
     return (np.abs(standardised(moves, before.fitted.reference.null_scale)) > OFF) & (np.abs(before.z) > OFF)
 
 
 def _brings_back(statistics: Sequence[Statistic], before: State, after: State, lenient: float) -> bool:
-    """Whether what an effect moves comes back; no limit is missed by more than a factor."""
+    """Whether the residuals of the shifted statistics are removed, every limit relaxed by a factor."""
     scale, moves = before.fitted.reference.null_scale, moves_of(before, after)
     seen, moved = _seen(before, moves), np.abs(standardised(moves, scale)) > OFF
     was, now = np.abs(before.z), np.abs(after.z)
@@ -197,23 +212,23 @@ def _brings_back(statistics: Sequence[Statistic], before: State, after: State, l
 
 
 def moves_of(before: State, after: State) -> np.ndarray:
-    """How far the last effect moves each statistic; where it cannot be taken away, by what the refits leave without and with it."""
+    """(statistics,) shift by the last effect; for an effect that cannot be removed, the difference of the fits before and after."""
     return before.fitted.residual - after.fitted.residual if after.moves is None else after.moves
 
 
 def _by_view(which: np.ndarray, seen: np.ndarray, views: np.ndarray) -> list[np.ndarray]:
-    """Of the statistics that are seen, one array for each view."""
+    """The values of the selected statistics, one array for each view."""
     return [which[seen & (views == view)] for view in dict.fromkeys(views[seen])]
 
 
 def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
-    """Whether what was off along the effect's moves is gone, where no single statistic stands out that it moves far.
+    """Whether the residual along the effect's shift is removed, where no single shifted statistic deviates.
 
-    What is furthest off must be gone too, and not much else be off: beside a strong effect that no one knows, a faint one is a
-    guess. An effect that moves nothing on the average must give that statistic a spread which covers it.
+    The largest residual must be removed too, and few others may exist: beside an unknown strong effect a faint one cannot be
+    identified. An effect without a mean shift must give the largest residual a variance that covers it.
     """
     scale = before.fitted.reference.null_scale
-    # by the effect itself, where the camera's own numbers hide it; by the refit, where they follow it far
+    # The effect's own shift where the refit compensates it; the difference of the fits where the refit follows it far.
     ways = [
         (off, left)
         for way in (moves, before.fitted.residual - after.fitted.residual)
@@ -229,17 +244,18 @@ def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
 
 
 def _along(before: State, after: State, moves: np.ndarray) -> tuple[float, float]:
-    """Standard deviations that each state is off along some moves, as far as the camera's own numbers cannot make them."""
+    """Residual of each state along a shift, in standard deviations, where the camera's parameters cannot reproduce it."""
     along = before.fitted.reference.null.beyond(moves)
     length = max(float(np.linalg.norm(along)), 1e-9)
     return float(before.z @ along) / length, float(after.z @ along) / length
 
 
 def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
-    """Whether a view that an effect moves is nearly as far off as before, nothing allowed for the effect's form.
+    """Whether a view that the effect shifts deviates almost as much as before, without tolerance for the effect's form.
 
-    To be asked where nothing more was found: of two effects that move one view the first leaves the other's share. One that brings
-    a whole view from far out to order keeps its name whatever else is off: real cameras lack more than one effect.
+    Used where no further effect was found: of two effects that shift one view, the first alone leaves the other's part. An
+    effect that makes a whole view consistent which deviated far keeps its name, whatever else deviates: real cameras lack
+    several effects.
     """
     scale = before.fitted.reference.null_scale
     was, now = (
@@ -255,7 +271,7 @@ def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
 
 
 def _is_in_order(before: State, after: State, view: np.ndarray) -> bool:
-    """Whether all statistics of a view that was far out are in order with an effect: brought back, not only covered."""
+    """Whether an effect makes a view consistent that deviated far, by its mean shift and not by its variance alone."""
     own, scale = (state.fitted.reference.null_scale[view] for state in (after, before))
     was, left = (state.fitted.residual[view] for state in (before, after))
     off = np.abs(standardised(was, scale)).max()
@@ -266,14 +282,14 @@ def _is_in_order(before: State, after: State, view: np.ndarray) -> bool:
 def acts_elsewhere(
     statistics: Sequence[Statistic], before: State, after: State, completes: bool = False
 ) -> bool:
-    """Whether a further effect moves what the effects before it leave alone, so that it cannot mop up what their forms leave.
+    """Whether a further effect shifts statistics that the earlier effects leave consistent.
 
-    And moves it by more than noise: one that only brings a spread, wherever that fits, has no case of its own. And by more than
-    their forms leave in the same view: of a veil that stays 20 standard deviations off beside edges, 4 of a mirrored scene are no
-    ghost.
+    Otherwise it may absorb what their forms leave. The shift must exceed the noise, which excludes effects that only add
+    variance, and what the earlier effects' forms leave in the same view: if a veil leaves residuals of 20 standard deviations
+    beside edges, 4 in a mirrored scene are no evidence for a ghost.
 
     Args:
-        completes: whether nothing stands out any more with the effect, beyond what forms may leave.
+        completes: whether no residual beyond the tolerance of forms is left with the effect.
     """
     moves, scale = moves_of(before, after), before.fitted.reference.null_scale
     form = standardised(before.allowance, scale)
@@ -285,7 +301,7 @@ def acts_elsewhere(
 
 
 def left_in_view(statistics: Sequence[Statistic], left: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """(statistics,) root mean square that effects leave of what they move in the view of each; 0 in views that they do not move."""
+    """(statistics,) root mean square residual of the shifted statistics of each view; 0 in views without any."""
     views = np.array([s.view for s in statistics])
     rest = np.zeros(len(left))
     for view in dict.fromkeys(views[moved]):
@@ -294,15 +310,15 @@ def left_in_view(statistics: Sequence[Statistic], left: np.ndarray, moved: np.nd
 
 
 def says_the_same(before: State, one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two effects' moves (statistics,) go the same way: else both may be there, the one no reason against the other."""
+    """Whether the shifts (statistics,) of two effects are parallel; otherwise neither excludes the other."""
     a, b = (standardised(moves, before.fitted.reference.null_scale) for moves in (one, other))
     return bool(a @ b > SAME_WAY * np.linalg.norm(a) * np.linalg.norm(b))
 
 
 def is_there_again(before: State, after: State) -> bool:
-    """Whether the hold-out frames are off along the effect's own moves, by about as much as it moves them.
+    """Whether the residual of the hold-out frames along the effect's shift is about as large as that shift.
 
-    A question to these moves alone: all the rest of an error wavers as the refits before and after waver.
+    This tests the direction of the shift alone, without the noise of the difference of two refits.
     """
     if after.confirm_moves is None:
         return False
@@ -314,7 +330,7 @@ def is_there_again(before: State, after: State) -> bool:
 
 
 def is_anothers(before: State, after: State) -> np.ndarray:
-    """(statistics,) what is far out, stays so and is not moved by the last effect: it says nothing about that effect."""
+    """(statistics,) whether a statistic deviates far, before and after, and the last effect does not shift it."""
     scale = before.fitted.reference.null_scale
     off = (before.fitted.residual, after.fitted.residual, moves_of(before, after))
     was, left, moves = (np.abs(standardised(each, scale)) for each in off)
@@ -322,7 +338,7 @@ def is_anothers(before: State, after: State) -> np.ndarray:
 
 
 def disturbs_nothing(before: State, after: State) -> bool:
-    """Whether all that was in order stays so."""
+    """Whether all statistics that were consistent stay consistent."""
     return not bool(((np.abs(before.z) < IN_ORDER) & (np.abs(after.z) > DISTURBED)).any())
 
 
@@ -336,29 +352,30 @@ def improves(
     in_order: bool = True,
     falls_where_it_acts: bool = False,
 ) -> bool:
-    """Whether the error falls beyond chance on the discovery frames, and falls on the hold-out frames.
+    """Whether the effect lowers the error significantly on the discovery frames, and lowers it on the hold-out frames.
 
-    The error is a mean over all that was measured, so the noise of the rest hides what a faint effect takes away in a few
-    statistics: then what is taken away must be beyond chance, and the error not rise by more than a standard deviation, or 0.05.
-    Where that noise is as large as the whole excess, the error says nothing, and chance alone decides. Beside what is a hundred
-    times as far off it can only fall by little: then it must surely fall, and the effect be there on the hold-out frames.
+    The error is a mean over all statistics, so noise hides the reduction by a faint effect, which acts in few of them. Then
+    the reduction in those must be significant, and the error must not increase by more than its standard deviation or 0.05.
+    Where the noise is as large as the excess, the error is uninformative and significance alone decides. Beside another
+    deviation a hundred times as large the error can fall only slightly: then its decrease must be significant where the
+    effect acts, and the hold-out frames must confirm it.
 
-    A further effect must take a share of the first excess, or nearly all that is left beside a very strong one, or have a case
-    of its own (`has_a_case`): what the form of an effect before it leaves is not mopped up by another name.
-    A first effect whose own spread covers what it explains has no error to lower, and must leave in order what was (tracks of
-    cosmic rays cover whatever hot pixels do, but not that all frames show the same); a second one then has no case. Where the
-    excess was clear and nothing can be said of the error any more, the spread is that of another effect; not so where the error is
-    gone all the same: ten pixels, hot by a law with a long tail, could have been any others, but they are what was measured. Nor
-    where the effect has a case of its own, is there again and leaves in order what was: then it is that other effect.
+    A further effect must remove a share of the first excess, or almost all that is left beside a very strong effect, or gain
+    enough likelihood in statistics that earlier effects do not shift (`has_a_case`); otherwise it may absorb what their forms
+    leave. A first effect whose variance covers what it explains has no error to lower; it must leave all consistent
+    statistics consistent (cosmic rays cover the residuals of hot pixels, but not their repetition in all frames). A second
+    effect of that kind is not accepted. If the excess was clear before and the error is undetermined after, the variance
+    belongs to another effect, with two exceptions: the error itself has nearly vanished (ten hot pixels of a heavy-tailed
+    distribution could have been any others), or the effect has a case of its own, is confirmed, and disturbs nothing.
 
     Args:
         before, after: errors on the discovery and on the hold-out frames.
         first: whether it is the first effect.
-        beyond_chance: whether what the effect takes away is more than any effect takes away by chance.
-        has_a_case: whether it gains enough, beyond chance, where the effects before it move next to nothing.
-        there_again: see `is_there_again`; with a case of its own it is confirmed by that.
+        beyond_chance: whether it removes significantly more than the best effect removes under the null.
+        has_a_case: whether it gains enough likelihood where the earlier effects shift almost nothing.
+        there_again: see `is_there_again`; confirms an effect with a case of its own.
         in_order: see `disturbs_nothing`.
-        falls_where_it_acts: whether the effect is seen again, and the error surely falls without what is another's, see
+        falls_where_it_acts: whether the effect is confirmed and the error falls significantly without the statistics of
             `is_anothers`.
     """
     (found_before, confirmed_before), (found, confirmed) = before, after
@@ -380,11 +397,11 @@ def improves(
     if found.high >= found_before.value and not beyond_chance:
         return False
     if confirmed is None or confirmed_before is None or not is_clear(confirmed):
-        return True  # too few frames, or an effect whose spread covers them, to object
+        return True  # too few frames, or a variance that covers them: no contradiction
     falls = confirmed.value < confirmed_before.value + _noise(confirmed, beyond_chance)
     return falls or (has_a_case and there_again)
 
 
 def _noise(error: Error, beyond_chance: bool) -> float:
-    """By how much an error may rise by chance where what is explained cannot be chance."""
+    """Increase of the error that is possible by chance where the explained part is significant."""
     return min(NOISE * (error.high - error.low), RISE) if beyond_chance else 0.0

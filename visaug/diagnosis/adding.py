@@ -1,4 +1,4 @@
-"""A camera with one effect more: simulated, refitted, as strong as its moves or its scatter tell."""
+"""A camera with one more effect: simulated, refitted, its strength estimated from mean shifts or from variance."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -21,15 +21,15 @@ from visaug.diagnosis.spread import Scatter, scatter, widened
 from visaug.effects import catalogue
 
 SETS_AFTER = 120  # simulated sets of a camera with an effect added,
-SETS_BEFORE = 30  # and the first of them, which tell whether it may explain anything
-SCALED = 2  # times that a strength follows its scatter
-BENT = 5.0  # standard deviations that a fit took the camera from what its file says, to try again from there
-AS_DEEP = 1.1  # times the least misfit, to which a valley counts as deep
+SETS_BEFORE = 30  # and the first of them, from which `may_explain` is decided
+SCALED = 2  # iterations of a strength that is estimated from variance
+BENT = 5.0  # standard deviations between fit and camera file above which a second fit starts from the file
+AS_DEEP = 1.1  # ratio of two misfits up to which two minima count as equally good
 
 
 @dataclass(frozen=True)
 class Adding:
-    """What every candidate goes through in one search.
+    """Adds candidates to a camera, by the same steps for each.
 
     Args:
         lab: of the measured frames.
@@ -46,7 +46,7 @@ class Adding:
     sets: int = SETS_AFTER
 
     def where_promising(self, state: State, candidate: Refined) -> State | None:
-        """What `with_candidate` gives; None where a few simulated sets show that the effect does not explain what it moves."""
+        """As `with_candidate`, or None if a few simulated sets show that the effect does not explain the residuals."""
         sketch = self._sketched(state, candidate)
         if not self._may_explain(state, candidate, sketch):
             return None
@@ -60,7 +60,7 @@ class Adding:
                 if self._may_explain(state, candidate, settled)
                 else None
             )
-        # one rare code in the dark scatters as four times as many would, of which a flat knows nothing
+        # One rare missing code in dark frames has the variance of four times as many; flat frames exclude that.
         if may_explain(self.lab.statistics, state, settled):
             by_moves = self._completed(state, candidate, settled)
             if explains(self.lab.statistics, state, by_moves):
@@ -68,13 +68,13 @@ class Adding:
         return so
 
     def with_candidate(self, state: State, candidate: Refined) -> State:
-        """The state with a candidate added: simulated, refitted; its strengths by what scatters, where no moves tell them."""
+        """The state with a candidate, simulated and refitted; its strength is estimated from variance if it has no mean shift."""
         sketch = self._sketched(state, candidate)
         so = self._as_it_scatters(state, candidate, sketch)
         return so or self._completed(state, candidate, self._settled(state, candidate, sketch))
 
     def _sketched(self, state: State, candidate: Refined) -> State:
-        """By the first of the simulated sets, wherever the fit goes from there."""
+        """The state by the first of the simulated sets, without a new reference where the fit ends."""
         effect, own = candidate.effect, candidate.coordinates
         return self._added(state, effect, candidate.camera, own, self._few, settle=False)
 
@@ -83,7 +83,7 @@ class Adding:
         return scatters is not None or may_explain(self.lab.statistics, state, sketch)
 
     def _settled(self, state: State, candidate: Refined, sketch: State) -> State:
-        """The sketch where its fit lies, if that is far."""
+        """The state with a reference simulated where the fit ended, if that is far from the first."""
         fitted = cache.settled(self.lab, sketch.fitted, self._few, self.report)
         if fitted is sketch.fitted:
             return sketch
@@ -98,9 +98,10 @@ class Adding:
         return min(SETS_BEFORE, self.sets)
 
     def _as_it_scatters(self, state: State, candidate: Refined, sketch: State) -> State | None:
-        """The state with an effect as strong as its scatter tells; None where that tells nothing, or no strength meets it.
+        """The state with a strength estimated from variance; None if the variance does not determine it.
 
-        Where what it acts on stays off, its other numbers are tried too. Few sets tell which of them it is.
+        If residuals stay where the effect acts, its other parameters are tried at the catalogue's values, with few simulated
+        sets each.
         """
         effect, strengths = candidate.effect, strengths_of(candidate.effect, candidate.coordinates)
         told = self._scatter(state, sketch, strengths)
@@ -130,7 +131,7 @@ class Adding:
         sets: int,
         begun: Reference | None = None,
     ) -> State | None:
-        """The state with an effect as strong as the camera has it, or as its scatter then says; None if they do not agree."""
+        """The state with the strength of the camera given, or the one that its variance then yields; None if they differ."""
         held = {c.path for c in strengths}
         for _ in range(SCALED):
             others = [c for c in effect_coordinates(camera, effect) if c.path not in held]
@@ -145,13 +146,13 @@ class Adding:
 
     @staticmethod
     def _holds_where_it_acts(before: State, after: State) -> bool:
-        """Whether what stays off is nothing that the last effect moves or scatters, so that no other numbers of it would help."""
+        """Whether no residual is left that another value of the last effect could remove: it neither shifts nor varies there."""
         moved_far = np.abs(standardised(moves_of(before, after), before.fitted.reference.null_scale)) > OFF
         off = np.abs(after.z) > np.quantile(after.fitted.reference.null.largest, 1 - SIGNIFICANT)
         return not np.any(off & (moved_far | widened(before.fitted, after.fitted)))
 
     def swapped(self, state: State, own: Refined, rival: Refined) -> State:
-        """The state with a rival in the place of an effect, everything refitted."""
+        """The state with an effect replaced by a rival, everything refitted."""
         camera = exchanged(state.fitted.camera, own.effect, rival.camera, rival.effect)
         kept = [c for c in state.fitted.reference.coordinates if not c.path.startswith(f"{own.effect}.")]
         accepted = tuple(rival.effect if name == own.effect else name for name in state.accepted)
@@ -162,7 +163,7 @@ class Adding:
         )
 
     def _otherwise(self, effect: str, camera: Camera, held: set[str]) -> Iterator[Camera]:
-        """A camera, and with the numbers of its effect that are not held as the catalogue tries them."""
+        """A camera, then the same with the free parameters of its effect at each of the catalogue's trial values."""
         yield camera
         free = [c.path for c in effect_coordinates(camera, effect) if c.path not in held]
         tried = [{path: camera.values()[path] for path in free}]
@@ -188,7 +189,7 @@ class Adding:
         begun: Reference | None = None,
         settle: bool = True,
     ) -> State:
-        """The state with an effect whose free numbers are `own`."""
+        """The state with an effect whose free coordinates are `own`."""
         coordinates = [*state.fitted.reference.coordinates, *own]
         fitted = self._fitted(state, camera, coordinates, sets, begun, settle)
         return state.with_effect(effect, fitted, *self._moves_of(effect, state, fitted))
@@ -202,10 +203,10 @@ class Adding:
         begun: Reference | None = None,
         settle: bool = True,
     ) -> Fitted:
-        """A camera simulated and refitted; derivatives that a neighbouring state knows are taken over, and sets that are there.
+        """A camera, simulated and refitted. Derivatives of a neighbouring state and sets that exist are reused.
 
         Args:
-            settle: whether the reference is made anew where the fit lies far from it.
+            settle: whether the reference is simulated anew if the fit ends far from it.
         """
         known = near.fitted.reference
         reference = cache.reference(self.lab, camera, coordinates, sets, self.report, known, begun)
@@ -213,11 +214,10 @@ class Adding:
         return cache.settled(self.lab, fitted, sets, self.report) if settle else fitted
 
     def _refitted(self, reference: Reference, near: Fitted) -> Fitted:
-        """Refitted from where the candidate had taken the camera, from the camera as given, and with the numbers of accepted
-        effects as near has them: the one that fits.
+        """The best of three fits, started from the candidate's camera, the camera as given, and the earlier effects' parameters.
 
-        A robust fit that was bent may stay where it is, one number off held by the others. Where two valleys are about as deep, of
-        a form that meets a spot's shoulders or its edges but not both, these numbers stay in the one that they were in.
+        A robust fit can stop in a local minimum. If two minima are about equally good, the one with the earlier parameters is
+        kept.
         """
         fitted = refit(self.lab, reference, self.report)
         given = {c.path for c in self.first.coordinates}
@@ -234,7 +234,7 @@ class Adding:
     def _where_elsewhere(
         fitted: Camera, camera: Camera, numbers: Sequence[Coordinate], reference: Reference
     ) -> Camera | None:
-        """A fitted camera with some numbers as another has them; None where they are hardly elsewhere."""
+        """The fitted camera with some coordinates of another one; None if these differ by less than `BENT` standard deviations."""
         at = {c.path: c.read(camera) for c in numbers}
         spread = reference.null_steps.std(0)
         own = [(c, known) for c, known in zip(reference.coordinates, spread) if c.path in at]
@@ -245,9 +245,9 @@ class Adding:
     def _moves_of(
         self, effect: str, before: State, fitted: Fitted
     ) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-        """How far an effect moves the statistics of a camera that has it, in the discovery and hold-out frames.
+        """Shift of the statistics of the discovery and hold-out frames by an effect of a fitted camera.
 
-        None of either for a term of the base chain.
+        (None, None) for a term of the base chain, which cannot be removed.
         """
         if catalogue()[effect].base:
             return None, None

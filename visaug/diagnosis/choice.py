@@ -1,4 +1,4 @@
-"""Which of the refined candidates is accepted: the first that explains what it moves and improves the camera."""
+"""Choice between refined candidates: the first that passes the acceptance tests."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,16 +27,16 @@ from visaug.diagnosis.signatures import Signatures
 from visaug.diagnosis.spread import recurs_so, scatters_again
 from visaug.fingerprint import Statistic
 
-DECISIVE = 10.0  # in log likelihood: a rival so far behind is not accepted though the first be refused
-SURE = 10.0  # in log likelihood: what an effect must gain that lowers no error beside others, or is far behind its rivals
-MANY = 2  # effects beside which a further one must leave nothing, or lower the error
+DECISIVE = 10.0  # log likelihood: a candidate so far behind is not accepted even if the best one is refused
+SURE = 10.0  # least log-likelihood gain of an effect that lowers no error, or is far behind the best
+MANY = 2  # with so many effects accepted, a further one must make the camera adequate or lower the error
 
-Standing = list[tuple[Refined, State]]  # candidates with the state that each would give, the accepted first
+Standing = list[tuple[Refined, State]]  # candidates with the state of each, the accepted first
 
 
 @dataclass(frozen=True)
 class Accepted:
-    """An effect that was accepted, the state with it, and what stood beside (simulated too) and behind it."""
+    """An accepted effect with its state; `standing` are the candidates that were simulated, `others` those that were not."""
 
     refined: Refined
     state: State
@@ -46,10 +46,11 @@ class Accepted:
 
 @dataclass(frozen=True)
 class Choice:
-    """What decides between the candidates of one measured set.
+    """Decides between the candidates of one measured set.
 
     Args:
-        signs: of every trial of the catalogue.
+        lab: of the measured frames.
+        signs: signatures of every trial of the catalogue.
         adding: simulates and refits the camera with a candidate.
         errors: of the measured set.
     """
@@ -60,11 +61,12 @@ class Choice:
     errors: Errors
 
     def accepted(self, state: State, found: list[Refined], by_chance: Chance) -> Accepted | None:
-        """The first of the candidates that explains what it moves and improves the camera, its rivals simulated.
+        """The first candidate that passes the acceptance tests, and the simulated states of its rivals; None if there is none.
 
-        Where one that is nearly as likely makes the camera hold and the first does not, it is that one: else a second effect would
-        be looked for in what a wrong name leaves. Of those further behind, which no simulation could bring to the front, each that
-        gains much is asked by itself if all rivals are refused: what these say wrongly is no reason against other moves.
+        If the camera with the first is not adequate, and with another one of almost the same likelihood it is, that one is
+        accepted: otherwise a second effect would be fitted to the residuals of a wrong first one. If all rivals are refused,
+        each candidate further behind that gains much is tested by itself, unless its shift is parallel to that of a refused,
+        more likely one.
         """
         close = rivals(self.lab, found, state, by_chance)
         simulated = [self._simulated(state, r) for r in close]
@@ -97,9 +99,10 @@ class Choice:
         return None
 
     def _simulated(self, state: State, candidate: Refined) -> tuple[Refined, State | None]:
-        """A candidate with its simulated state; in other words if it does not explain what it moves, and these may.
+        """A candidate with its simulated state, with its second-best options where only those may explain the residuals.
 
-        (Codes that are missing evenly move the same bits in every set, and fit better than the random ones that they stand for.)
+        For example, missing codes at regular distances shift the same bits in every set and fit better than the random ones
+        that are measured.
         """
         after = self.adding.where_promising(state, candidate)
         other = candidate.otherwise
@@ -115,7 +118,7 @@ class Choice:
         refused: list[tuple[Refined, np.ndarray]],
         by_chance: Chance,
     ) -> bool:
-        """Whether a simulated candidate is accepted; if not it joins the refused, with what it moves."""
+        """Whether a simulated candidate passes the tests; otherwise it is appended to the refused, with its shift."""
         r, after = candidate
         moves = moves_of(state, after)
         accepted = (
@@ -132,7 +135,7 @@ class Choice:
     def _is_said(
         state: State, candidate: Refined, moves: np.ndarray, refused: Sequence[tuple[Refined, np.ndarray]]
     ) -> bool:
-        """Whether one that was refused says the same as a candidate with these moves, and more."""
+        """Whether a refused candidate of higher likelihood has a parallel shift."""
         return any(
             candidate.gain < other.gain - DECISIVE and says_the_same(state, moves, others)
             for other, others in refused
@@ -141,7 +144,7 @@ class Choice:
     def _improves(self, before: State, after: State, gain: float, by_chance: Chance) -> bool:
         both = ((before.fitted, after.fitted), (after.fitted, before.fitted))
         pairs = [(self.errors.found(x, y), self.errors.confirmed(x, y)) for x, y in both]
-        # by the refit, where the camera's own numbers follow the effect far; by the effect itself, where they hide it
+        # The difference of the fits where the refit follows the effect far; its own shift where the refit compensates it.
         taken = [before.fitted.whole_residual - after.fitted.whole_residual]
         taken += [] if after.moves is None else [self.lab.whole_of(after.moves)]
         beyond = any(by_chance.p_value_of(way) <= SIGNIFICANT for way in taken)
@@ -150,21 +153,21 @@ class Choice:
         asked = ~is_anothers(before, after)
         own = [self.errors.found(x, y, asked) for x, y in both]
         falls = own[0] is not None and own[1] is not None and own[1].high < own[0].value
-        # tracks lie elsewhere in the hold-out frames, along no moves, but scatter there as they do here
+        # Tracks of cosmic rays have other places in the hold-out frames: no common shift, but the same variance.
         falls &= again or (in_order and scatters_again(before.fitted, after.fitted))
         return improves(pairs[0], pairs[1], not before.accepted, beyond, has_a_case, again, in_order, falls)
 
     def holds(self, state: State) -> bool:
-        """Whether a camera leaves no more than chance would."""
+        """Whether the camera is adequate: its largest residual is not significant."""
         return chance(self.lab, self.signs, state).p_value > SIGNIFICANT
 
 
 def _has_a_case(
     statistics: Sequence[Statistic], before: State, after: State, gain: float, again: bool
 ) -> bool:
-    """Whether an effect gains enough where the effects before it move next to nothing, or leaves nothing.
+    """Whether an effect gains enough likelihood where the earlier effects shift almost nothing, or makes the camera adequate.
 
-    Beside two effects both: of what their forms leave here and there a third one's moves are always like a part.
+    After two effects both are required: a third shift is always similar to some combination of what two forms leave.
     """
     completes = _completes(before, after, again)
     sure = gain > SURE and (len(before.accepted) < MANY or after.p_value > SIGNIFICANT)
@@ -172,15 +175,15 @@ def _has_a_case(
 
 
 def _completes(before: State, after: State, again: bool) -> bool:
-    """Whether nothing is left with a second effect. (Asked after every effect that would be by chance too often.)
+    """Whether the camera is adequate with a second effect; asked of every effect, this would raise the false-alarm rate.
 
-    What stood out stands out no more. Where nothing did, and only all along the effect's moves together, the form of the first may
-    have left that: then the hold-out frames must show it too (`again`).
+    If no single statistic deviated before, but only the sum along the effect's shift, the form of the first effect may be the
+    cause: then the hold-out frames must confirm the effect (`again`).
     """
     stood_out = before.p_value <= SIGNIFICANT
     return len(before.accepted) == 1 and after.p_value > SIGNIFICANT and (stood_out or again)
 
 
 def _moves_of(state: State, candidate: Refined) -> np.ndarray:
-    """How far a candidate that was not simulated in full moves each statistic of the discovery frames."""
+    """(statistics,) shift of the discovery frames by a candidate that was not simulated in full."""
     return state.fitted.residual - candidate.residual
