@@ -1,4 +1,4 @@
-"""Whether a camera that lacks nothing would leave as much: somewhere, or along some effect's signature."""
+"""Tests whether a complete camera would leave residuals as large, in one statistic or along some effect's signature."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from visaug.diagnosis.signatures import Signatures
 
 SOMEWHERE = 3.0  # times as unlikely must one large residual be as a match, to count as much: what no effect matches is seldom faint
 
-TAIL = 0.9  # quantile from which the largest of the null count as its tail
+TAIL = 0.9  # quantile of the null's largest values above which its tail is extrapolated
 
 
 @dataclass(frozen=True)
 class Half:
-    """A covariance of the residuals, from half of the simulated sets, and what is judged by it.
+    """Covariance of the residuals from half of the simulated sets, and residuals whitened by it.
 
     Attributes:
-        residual: (statistics used,) what the measurement leaves, white in it.
-        others: (R / 2, statistics used) what the sets of the other half leave, white in it.
+        residual: (statistics used,) of the measurement.
+        others: (R / 2, statistics used) of the sets of the other half.
     """
 
     metric: Metric
@@ -32,19 +32,18 @@ class Half:
 
 @dataclass(frozen=True)
 class Chance:
-    """How well the best signature matches what is left in all frames, and how well the best of them matches by chance.
+    """The largest match of the residuals of all frames with any signature, and the same for simulated sets.
 
-    A match is judged in the metric of the simulated sets' covariance, or faint effects that move many correlated statistics
-    would not be seen. That covariance would fit the very sets that chance is judged by, so each half of them is judged by the
-    covariance of the other half, and the measurement by both.
+    Matches use the covariance of the simulated sets, since faint effects shift many correlated statistics. To avoid testing
+    sets with their own covariance, each half of the sets is whitened by the covariance of the other half, and the measurement
+    by both.
 
-    A covariance of many statistics from few sets is too small along some ways and too large along others, so a match counts in
-    standard deviations of what all sets and the measurement, alike, show along that way. Else the one signature along which sets
-    scatter most would set the bar for all.
+    A covariance of many statistics from few sets is too small in some directions and too large in others. A match is
+    therefore standardised by the root mean square of all sets and the measurement in its direction.
 
     Attributes:
         halves: of the simulated sets.
-        match, matches: of the measurement with its best signature, and (R,) of simulated sets with theirs.
+        match, matches: the largest match of the measurement, and (R,) of simulated sets.
         largest, largests: the largest standardised residual of the measurement, and (R,) of these sets.
     """
 
@@ -56,22 +55,22 @@ class Chance:
 
     @property
     def p_value(self) -> float:
-        """That a camera which lacks nothing leaves as much somewhere, or is matched as well by some signature.
+        """Probability, for a complete camera, of a residual or a match at least as unlikely.
 
-        The less likely of the two counts, held against the less likely of the two of every simulated set.
+        The smaller of both p-values is compared with the smaller of both of every simulated set.
         """
         somewhere = SOMEWHERE * _ranks(self.largest, self.largests)
         least = np.minimum(_ranks(self.match, self.matches), somewhere)
         return float(np.mean(least <= least[-1]))
 
     def p_value_of(self, shape: np.ndarray) -> float:
-        """Of one way (statistics of all frames,) in which the measurement differs, against the best signature by chance."""
+        """p-value of one direction (statistics of all frames,), against the largest match of any signature under the null."""
         match, _ = _matches(self.halves, shape[None])
         return p_value(match, self.matches)
 
 
 def chance(lab: Laboratory, signed: Signatures, state: State) -> Chance:
-    """Of the mean signatures of all effects that are not accepted yet, their form as it is."""
+    """For the mean signatures of all effects that are not accepted yet, without tolerance of their forms."""
     reference = state.fitted.reference
     null = reference.whole_null
     judged = [
@@ -86,10 +85,10 @@ def chance(lab: Laboratory, signed: Signatures, state: State) -> Chance:
 
 
 def _ranks(value: float, null: np.ndarray) -> np.ndarray:
-    """The share that is as large, of each of the null and last of the value, all of them taken together.
+    """Tail probabilities of each value of the null and, last, of the measured one, within all of them together.
 
-    Beyond the largest of the null the value's share falls on as an exponential tail does, whose length is the mean excess over
-    the ninth tenth (Pickands 1975): from a hundred sets no share below a hundredth could be counted.
+    Beyond the largest null value the tail is extrapolated as exponential, with the mean excess over the ninth decile as its
+    scale (Pickands 1975): a hundred sets resolve no probability below 0.01 by counting.
     """
     everything = np.append(null, value)
     order = np.sort(everything)
@@ -103,7 +102,7 @@ def _ranks(value: float, null: np.ndarray) -> np.ndarray:
 
 
 def _matches(halves: Sequence[Half], shapes: np.ndarray) -> tuple[float, np.ndarray]:
-    """The best match of the measurement with a shape, and (R,) of the simulated sets, in standard deviations; at least 0."""
+    """The largest match of the measurement with a signature, and (R,) of the simulated sets, in standard deviations; at least 0."""
     count = sum(len(half.others) for half in halves)
     measured, simulated = np.zeros(len(shapes)), np.zeros((count, len(shapes)))
     for place, half in enumerate(halves):

@@ -1,4 +1,4 @@
-"""From a first match to the numbers that fit best: damped Gauss-Newton on simulated means."""
+"""Maximum likelihood of an effect's parameters from a first match: damped Gauss-Newton on simulated means."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,17 +15,17 @@ from visaug.diagnosis.parameters import Coordinate, moved
 from visaug.diagnosis.signatures import FEW, MORE, cleared
 from visaug.effects import catalogue
 
-NEAR = 3.0  # steps within which the derivatives of a camera's own numbers hold
-FOLLOWED = 3  # times that these are moved along
-HOPELESS = 1000.0  # log likelihood behind the best that no following of the camera's numbers makes up for
+NEAR = 3.0  # steps within which the derivatives of the camera's parameters are valid
+FOLLOWED = 3  # largest number of times that the camera's parameters are moved along
+HOPELESS = 1000.0  # log likelihood behind the best that the camera's parameters cannot make up for
 STRONGER, FARTHEST = 3.0, 5  # times a strength that is tried next at the start; how often
-NOISY = 1.0  # log likelihood that the noise of a few simulations may cost
+NOISY = 1.0  # loss of log likelihood that the noise of a few simulations may cause
 LEAST_SHARE = 0.02  # that a derivative's true size is taken to have of its noisy one
 
 
 @dataclass(frozen=True)
 class Point:
-    """Coordinates, what they gain, and how they move every statistic: on the average, and (twins, statistics)."""
+    """Coordinates with their gain and the shift of every statistic: mean, and (twins, statistics)."""
 
     at: np.ndarray
     gain: float
@@ -34,12 +34,12 @@ class Point:
 
     @property
     def variance(self) -> np.ndarray:
-        """The spread that they bring."""
+        """Variance that the effect adds, per statistic."""
         return self.moves.var(0, ddof=1)
 
 
 class Climb:
-    """The likelihood of what was measured as a function of an effect's numbers, the camera's own following."""
+    """Likelihood of the measurement as a function of an effect's parameters, with the camera's parameters following."""
 
     def __init__(
         self,
@@ -76,7 +76,7 @@ class Climb:
         return best
 
     def upwards(self, best: Point) -> Point:
-        """The start, or where a strength some times as large gains more: near zero a derivative shows no way, or is noise."""
+        """The start, or a larger strength that gains more: near zero derivatives vanish or are noise."""
         logarithmic = np.array([c.logarithmic for c in self.coordinates])
         for _ in range(FARTHEST if self.strengths.any() else 0):
             more = np.where(logarithmic, best.at + np.log(STRONGER), STRONGER * best.at)
@@ -87,7 +87,7 @@ class Climb:
         return best
 
     def settled(self, at: np.ndarray, beside: Point | None = None) -> Point:
-        """The effect's numbers there, the camera's own brought to where they belong with them.
+        """The effect's parameters as given, with the camera's parameters refitted to them.
 
         Args:
             beside: the best point so far.
@@ -107,7 +107,7 @@ class Climb:
         return best
 
     def step(self, point: Point) -> np.ndarray:
-        """Of all coordinates, from a point."""
+        """The step of all coordinates from a point."""
         effect = np.arange(self.theirs, len(point.at))
         step = np.zeros(len(point.at))
         aside = [point.at + self.steps * (np.arange(len(step)) == j) for j in effect]
@@ -120,9 +120,9 @@ class Climb:
         return step + theirs if np.any(np.abs(theirs) > NEAR * self.steps) else step
 
     def _following(self, left: np.ndarray) -> np.ndarray:
-        """How far the camera's own numbers go for what is left, white.
+        """Expected step of the camera's parameters for whitened residuals.
 
-        The law has them open, with their priors, so their expectation is that of a Gaussian.
+        They have Gaussian priors, so this is a Gaussian posterior mean.
         """
         step = np.zeros(len(self.coordinates))
         step[: self.theirs] = self.priors[: self.theirs] ** 2 * (self.answers @ left)
@@ -146,11 +146,11 @@ class Climb:
         return Point(at, gain, move, moves)
 
     def _noise(self, moves: np.ndarray) -> float:
-        """What the noise of the mean of some moves (twins, statistics) takes from the log likelihood."""
+        """Loss of log likelihood by the noise of the mean of some shifts (twins, statistics)."""
         return 0.5 * float((self.law.white(moves - moves.mean(0)) ** 2).sum()) / (len(moves) - 1) / len(moves)
 
     def _moves(self, points: Sequence[np.ndarray], twins: int) -> np.ndarray:
-        """(points, twins, statistics)."""
+        """(points, twins, statistics) shifts."""
         cameras = [moved(self.camera, self.coordinates, list(at)) for at in points]
         values = self.lab.finding([(camera, k) for camera in cameras for k in range(twins)])
         if len(self.base) < twins:
@@ -158,20 +158,20 @@ class Climb:
         return values.reshape(len(points), twins, -1) - self.base[:twins]
 
     def _within(self, at: np.ndarray) -> np.ndarray:
-        """The point itself, or the nearest within the bounds of the camera's numbers."""
+        """The nearest point within the bounds of the camera's parameters."""
         camera = moved(self.camera, self.coordinates, list(at))
         return np.array([c.read(camera) for c in self.coordinates])
 
 
 def newton(design: np.ndarray, left: np.ndarray, priors: np.ndarray) -> np.ndarray:
-    """Gauss and Newton's step (coordinates,): it takes away most of what is left.
+    """Gauss-Newton step (coordinates,).
 
-    Derivatives of what is drawn at random are noisy, and their noise would make every step short. So only products of
-    different twins enter, whose noise is independent.
+    Derivatives of random effects are noisy, and their noise shortens the step (regression dilution). Therefore only products
+    of different twins, whose noise is independent, enter the normal matrix.
 
     Args:
-        design: (coordinates, twins, statistics), derivatives, white.
-        left: (twins, statistics), white.
+        design: (coordinates, twins, statistics), derivatives, whitened.
+        left: (twins, statistics), residuals, whitened.
     """
     twins, wide = len(left), np.diag(1 / priors**2)
     whole, total = design.sum(1), left.sum(0)

@@ -6,15 +6,16 @@ from visaug.comparison import Distance, Error, Laboratory, is_clear
 from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.reference import Reference
 
-VAGUE = 5.0  # an error with so wide an interval is not told: the file as given has no excess to speak of
+# Width of an interval above which an error is not reported: the file as given has no significant excess
+VAGUE = 5.0
 
 
 class Errors:
-    """Of one measured set.
+    """Errors of the cameras of one measured set.
 
     Args:
         first: the reference of the camera file as given, whose error is 1.
-        fitted: the refitted file: by it is decided on which frames errors are told.
+        fitted: the refitted camera file, which decides on which frames errors are reported.
     """
 
     def __init__(self, lab: Laboratory, first: Reference, fitted: Fitted):
@@ -26,7 +27,7 @@ class Errors:
         self._confirms = self._is_confirming_clearer(fitted)
 
     def told(self, fitted: Fitted) -> Error | None:
-        """On the hold-out frames; if these are too few to show the excess clearly, on the discovery frames."""
+        """The reported error: of the hold-out frames or, if these are too few for a significant excess, of the discovery frames."""
         errors = [self.confirmed(fitted) if self._confirms else None, self.found(fitted)]
         known = [error for error in errors if error is not None and error.high - error.low <= VAGUE]
         return next((error for error in known if is_clear(error)), known[0] if known else None)
@@ -34,18 +35,18 @@ class Errors:
     def found(
         self, fitted: Fitted, beside: Fitted | None = None, asked: np.ndarray | None = None
     ) -> Error | None:
-        """On the discovery frames.
+        """Error of the discovery frames.
 
         Args:
-            beside: a fitted camera whose error it is held against: both in the same units, or an effect that brings a wide
-                spread where the camera as given was far off would seem to raise the error of all the rest.
-            asked: (statistics,) whether each counts; all where left out.
+            beside: a fitted camera to compare with, in the same units; otherwise an effect that adds variance where the
+                camera file deviated would seem to raise the error of all other statistics.
+            asked: (statistics,) whether each counts; all if omitted.
         """
         other = None if beside is None else beside.reference.sets
         return self.distance.error(fitted.reference.sets, fitted.residual, beside=other, asked=asked)
 
     def confirmed(self, fitted: Fitted, beside: Fitted | None = None) -> Error | None:
-        """On the hold-out frames, in the same way."""
+        """The same on the hold-out frames."""
         if not len(self._confirming.measured):
             return None
         other = None if beside is None else beside.reference.confirm.sets

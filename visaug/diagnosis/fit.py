@@ -1,4 +1,4 @@
-"""Refitting a camera to measured statistics."""
+"""Refits a camera to measured statistics."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,9 +27,10 @@ class Fitted:
     """A camera refitted to the discovery frames.
 
     Attributes:
-        reference: the simulated sets that give the spread.
+        reference: simulated sets that give the variance.
         camera: the refitted camera.
-        residual, confirm_residual, whole_residual: measured less the refitted camera's mean, per statistic.
+        residual, confirm_residual, whole_residual: measured minus the refitted camera's mean, per statistic of the discovery
+            frames, the hold-out frames and all frames.
     """
 
     reference: Reference
@@ -40,14 +41,14 @@ class Fitted:
 
     @classmethod
     def unfitted(cls, lab: Laboratory, reference: Reference) -> "Fitted":
-        """A camera as it is."""
+        """A camera with its parameters as they are."""
         means = (getattr(reference, use).mean for use in USES)
         left = (f.values - mean for f, mean in zip(lab.measured, means, strict=True))
         return cls(reference, reference.camera, *left)
 
     @cached_property
     def z(self) -> np.ndarray:
-        """Residuals in standard deviations of refitted sets of the camera itself; 0 for a statistic that never varies."""
+        """Residuals in standard deviations of refitted sets of the camera; 0 for a statistic that is constant."""
         return standardised(self.residual, self.reference.null_scale)
 
     @property
@@ -56,7 +57,7 @@ class Fitted:
 
     @property
     def misfit(self) -> float:
-        """What the fit lowers; of cameras with the same reference the lower one fits better."""
+        """The objective function of the fit; comparable between cameras with the same reference."""
         return misfit(self.residual, self.reference.scale)
 
 
@@ -69,12 +70,12 @@ def refit(
 ) -> Fitted:
     """Fits the reference's coordinates to the discovery frames.
 
-    The mean follows the camera by simulations that share their random numbers with the reference's first sets. The mean of the bias
-    frames is the one statistic that tells the black level: a robust fit that takes it for an outlier never comes back by itself, so
-    that where it stands out the fit begins again from there.
+    The mean is followed by simulations that share their random numbers with the reference's first sets. The mean of the bias
+    frames is the only statistic that determines the black level. A robust fit that rejects it as an outlier does not recover,
+    so the fit is repeated from the measured bias level where it deviates.
 
     Args:
-        begin: a camera near the reference's at which to begin; the reference's own where left out.
+        begin: a camera similar to the reference's from which to start; the reference's own if omitted.
     """
     fitted = _descended(lab, reference, report, begin, iterations)
     camera = _at_bias_level(lab, fitted)
@@ -127,7 +128,7 @@ def _descended(
             _, at, camera, mean = best
             if bends.any() and share.min() > 0.05 and np.abs(step[bends] / steps[bends]).max() > 0.1:
                 share[bends] *= (
-                    0.25  # a flat that was below the full well may be cut by it: no derivative tells
+                    0.25  # a flat below the full well may be clipped after the step, which no derivative shows
                 )
             else:
                 damping = max(10 * damping, 0.1)  # more along what the statistics tell well
@@ -155,7 +156,7 @@ def _descended(
 
 
 def _means_at(lab: Laboratory, reference: Reference, camera: Camera) -> list[np.ndarray]:
-    """Mean statistics of each use of the frames at a camera: simulations share their random numbers with the reference's first."""
+    """Mean statistics of each use of the frames at a camera, with the random numbers of the reference's first sets."""
     samples = [getattr(reference, use) for use in USES]
     if camera is reference.camera:
         return [sample.mean for sample in samples]
@@ -168,9 +169,9 @@ def _means_at(lab: Laboratory, reference: Reference, camera: Camera) -> list[np.
 
 
 def _to_bias_level(lab: Laboratory, reference: Reference, left: np.ndarray) -> np.ndarray | None:
-    """The step that brings the black level to the mean of the bias frames, where it is far from there; else None.
+    """The step that brings the black level to the mean of the bias frames, if that is far; else None.
 
-    Bits and codes follow the black level up and down, so that no step of a robust fit leads across many DN.
+    Bits and codes change periodically with the black level, so a robust fit cannot step across many DN.
     """
     told = _black_step(lab, reference, left)
     if told is None or abs(left[told.level]) < FAR_BLACK * reference.coordinates[told.black].step:
@@ -181,7 +182,7 @@ def _to_bias_level(lab: Laboratory, reference: Reference, left: np.ndarray) -> n
 
 
 def _at_bias_level(lab: Laboratory, fitted: Fitted) -> Camera | None:
-    """The camera with the black level that the mean of the bias frames tells, where that stands out; else None."""
+    """The camera with the black level at the mean of the bias frames, if that deviates; else None."""
     told = _black_step(lab, fitted.reference, fitted.residual)
     if told is None or abs(fitted.z[told.level]) < OFF_BLACK:
         return None
@@ -196,7 +197,7 @@ class _BlackStep(NamedTuple):
 
 
 def _black_step(lab: Laboratory, reference: Reference, left: np.ndarray) -> _BlackStep | None:
-    """What the bias frames say of the black level; None without such frames, or where the black level is not free."""
+    """The black level from the bias frames; None without such frames, or if the black level is not free."""
     level = bias_level(lab.statistics)
     black = next((k for k, c in enumerate(reference.coordinates) if c.path == BLACK), None)
     if level is None or black is None:
@@ -205,7 +206,7 @@ def _black_step(lab: Laboratory, reference: Reference, left: np.ndarray) -> _Bla
 
 
 def bias_level(statistics: Sequence[Statistic]) -> int | None:
-    """Which statistic is the mean level of the bias frames; None where there are none."""
+    """Index of the statistic that is the mean level of the bias frames; None if there are none."""
     for i, s in enumerate(statistics):
         if (s.view, s.name, s.kind) == ("level", "mean", "bias"):
             return i

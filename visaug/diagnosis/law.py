@@ -1,4 +1,4 @@
-"""A Gaussian law of what a refitted camera that lacks nothing leaves over, and how wrong it is about new sets."""
+"""A Gaussian distribution of the residuals of a complete camera after its refit, and a correction for its sampling error."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,11 +17,11 @@ ROUGH, FINE = (
 
 @dataclass(frozen=True)
 class Metric:
-    """A Gaussian law of the residual of a camera that lacks nothing, with the camera's own numbers left open.
+    """Gaussian distribution of the residuals of a complete camera, with the camera's parameters marginalised.
 
-    Its covariance is the bootstrap's, plus what the free numbers can do, plus for what stands far out a share of its own
-    size: a real glow or lag never has the catalogue's exact form, and with a strong effect every wrong form would be
-    significant, so a statistic counts as explained when its residual falls to a small share of what it was.
+    The covariance is that of the simulated sets, plus that of the free parameters, plus a model-discrepancy term proportional
+    to each large residual: a real glow or lag does not have exactly the catalogue's form, and without this term every form
+    would be rejected for a strong effect.
     """
 
     used: np.ndarray
@@ -37,7 +37,7 @@ class Metric:
         return cho_solve((self.factor, True), np.eye(len(self.factor)), check_finite=False)
 
     def z(self, vector: np.ndarray) -> np.ndarray:
-        """Standardised: (..., statistics)."""
+        """Standardised residuals: (..., statistics)."""
         return vector[..., self.used] / self.scale
 
     def white(self, vector: np.ndarray) -> np.ndarray:
@@ -46,13 +46,13 @@ class Metric:
         return solve_triangular(self.factor, flat, lower=True, check_finite=False).T.reshape(z.shape)
 
     def widened(self, variance: np.ndarray) -> "Metric":
-        """With the variance that an effect brings of its own, per statistic: drift, tracks, sparse defects."""
+        """With the variance that an effect adds, per statistic (drift, tracks, sparse defects)."""
         return Metric(self.used, self.scale, self.covariance + np.diag(variance[self.used] / self.scale**2))
 
     def widened_log_likelihood(self, residual: np.ndarray, variance: np.ndarray) -> float:
-        """What `widened(variance).log_likelihood(residual)` gives, in a fraction of the time where few variances are above 0.
+        """`widened(variance).log_likelihood(residual)`, faster if few variances are positive.
 
-        Woodbury's identity: a change of k diagonal entries takes a factor of k rows.
+        Woodbury's identity for a change of k diagonal entries.
         """
         extra = variance[self.used] / self.scale**2
         wide = np.flatnonzero(extra)
@@ -66,16 +66,16 @@ class Metric:
         return -0.5 * square - float(np.log(np.diag(self.factor)).sum() + np.log(np.diag(factor)).sum())
 
     def log_likelihood(self, residual: np.ndarray) -> float:
-        """Of a residual, but for a constant."""
+        """Log likelihood of a residual, up to a constant."""
         return float(-0.5 * np.sum(self.white(residual) ** 2) - np.log(np.diag(self.factor)).sum())
 
 
 def metric(fitted: Fitted, form: float, allowance: np.ndarray | float = 0.0) -> Metric:
-    """Of the residual of a fitted camera.
+    """The metric of the residual of a fitted camera.
 
     Args:
-        form: how far the form of what stands out may differ from the catalogue's, relative.
-        allowance: what the forms of accepted effects may leave over, per statistic.
+        form: relative model discrepancy of the effect that causes large residuals.
+        allowance: tolerance of accepted effects' forms, per statistic.
     """
     return law(fitted.reference.null, np.hypot(form * fitted.residual, allowance))
 
@@ -83,12 +83,12 @@ def metric(fitted: Fitted, form: float, allowance: np.ndarray | float = 0.0) -> 
 def law(
     null: Null, left: np.ndarray, used: np.ndarray | None = None, sets: np.ndarray | None = None
 ) -> Metric:
-    """Of the residual of a refitted camera: its simulated sets' covariance, what its free numbers can do, and `left`.
+    """Covariance of the residual of a refitted camera: of its simulated sets, of its free parameters, and of `left`.
 
     Args:
-        left: what forms may leave over, per statistic.
-        used: which statistics; all that vary where left out.
-        sets: residuals of some of the simulated sets; of all where left out.
+        left: tolerance of effects' forms, per statistic.
+        used: statistics to use; all that vary if omitted.
+        sets: residuals of some of the simulated sets; of all if omitted.
     """
     used = null.scale > 0 if used is None else used
     scale = null.scale[used]
@@ -99,16 +99,16 @@ def law(
 
 
 def each_half(null: Null, left: np.ndarray) -> list[tuple[Metric, np.ndarray]]:
-    """The law of each half of the simulated sets, with the residuals of the other half, which it may judge: not its own."""
+    """The covariance of each half of the simulated sets, with the residuals of the other half, to which it may be applied."""
     first, second = null.residuals[::2], null.residuals[1::2]
     return [(law(null, left, sets=first), second), (law(null, left, sets=second), first)]
 
 
 def scatter_along(null: Null, left: np.ndarray, ways: np.ndarray) -> np.ndarray:
-    """(n,) variance along ways (n, statistics) of simulated sets, in units of what `law` says; at least 1.
+    """(n,) variance of simulated sets in directions (n, statistics), relative to that of `law`; at least 1.
 
-    A covariance of many statistics from few sets is too small along some ways, and what matches along them by chance gains as much
-    more: that is taken off.
+    A covariance of many statistics from few sets is too small in some directions, which inflates matches there by chance;
+    this factor corrects for it.
     """
     found = np.zeros(len(ways))
     for m, others in each_half(null, left):
@@ -120,12 +120,12 @@ def scatter_along(null: Null, left: np.ndarray, ways: np.ndarray) -> np.ndarray:
 
 
 def log_density(fitted: Fitted, allowance: np.ndarray, used: np.ndarray) -> float:
-    """Of what a camera leaves over, under that camera's own simulated sets and with its numbers left open.
+    """Log density of the residual of a camera under its own simulated sets, with its parameters marginalised.
 
-    Unlike the first matches it is exact about the spread that an effect brings, so it can decide between effects.
+    It includes the variance that an effect adds, which the first matches only approximate, so it can decide between effects.
 
     Args:
-        allowance: what forms may leave over, per statistic.
+        allowance: tolerance of effects' forms, per statistic.
         used: statistics that vary under every camera that is compared.
     """
     m = law(fitted.reference.null, allowance, used)
@@ -133,9 +133,9 @@ def log_density(fitted: Fitted, allowance: np.ndarray, used: np.ndarray) -> floa
 
 
 def shrunk(samples: np.ndarray) -> np.ndarray:
-    """Correlation of (R, n) samples of mean 0, drawn towards the identity.
+    """Correlation matrix of (R, n) samples of mean 0, shrunk towards the identity.
 
-    The amount is the one that minimises the expected error: J. Schaefer and K. Strimmer, Stat. Appl. Genet. Mol. Biol. 4 (2005) 32.
+    The shrinkage minimises the expected error: J. Schaefer and K. Strimmer, Stat. Appl. Genet. Mol. Biol. 4 (2005) 32.
     """
     count = len(samples)
     spread = np.sqrt((samples**2).mean(0))

@@ -1,4 +1,4 @@
-"""What meets the eye in the measured frames: places, periods and tracks that no list of trials could hold."""
+"""Estimates read directly from the measured frames: places, periods and tracks that no list of trials can contain."""
 
 from collections.abc import Iterable, Iterator
 
@@ -11,12 +11,12 @@ from visaug.comparison.part import Part
 from visaug.effects import Look
 from visaug.fingerprint import FrameData, GroupData
 
-FULL = 0.9  # share of the full well from which a pixel counts as filled
-STRUCK = 8.0  # standard deviations by which a pixel of one frame stands above the others of its kind
+FULL = 0.9  # share of the full well above which a pixel counts as full
+STRUCK = 8.0  # standard deviations by which a pixel of one frame exceeds the others of its kind
 
 
 def look(lab: Laboratory, camera: Camera) -> Look | None:
-    """At the discovery frames; None where there is no bias or dark frame among them."""
+    """Of the discovery frames; None if they contain no bias or dark frame."""
     data = _unlit(lab.parts[0])
     dark = data.bias
     everywhere = _unlit(
@@ -44,13 +44,13 @@ def look(lab: Laboratory, camera: Camera) -> Look | None:
 
 
 def _unlit(part: Part) -> FrameData:
-    """Bias and dark frames of the discovery split; a part's own groups would read all flats and scenes."""
+    """Bias and dark frames of the discovery split, selected without reading the flats and scenes."""
     dark = [i for i in part.folds.find if part.frames.records[i].kind in ("bias", "dark")]
     return FrameData(part.frames, dark)
 
 
 def _spilled(part: Part, camera: Camera) -> Iterator[np.ndarray]:
-    """What runs out of full wells in each scene that finds."""
+    """Charge that overflows full wells in each scene of the discovery frames."""
     frames = part.frames
     for i in part.folds.find:
         record = frames.records[i]
@@ -63,13 +63,13 @@ def _spilled(part: Part, camera: Camera) -> Iterator[np.ndarray]:
 
 
 def spilled(light_e: np.ndarray, seen_e: np.ndarray, well_e: float) -> np.ndarray:
-    """(n, 3): electrons above the full well in each column that holds such, those that fill the pixels above it, those below it.
+    """(n, 3) electrons per column with an overflow: above the full well, in the filled pixels above it, and in those below it.
 
-    Filled are the pixels beside it up to the first that is not full, and that one. Left out are columns whose charge runs off an
-    end, or comes from two places.
+    Filled pixels are those next to it up to and including the first that is not full. Columns are omitted whose charge
+    reaches an edge, or comes from two places.
 
     Args:
-        light_e, seen_e: (H, W) electrons as the light makes them and as they were read.
+        light_e, seen_e: (H, W) electrons expected from the light, and as read.
     """
     found = []
     for light, seen in zip(light_e.T, seen_e.T, strict=True):
@@ -87,7 +87,7 @@ def spilled(light_e: np.ndarray, seen_e: np.ndarray, well_e: float) -> np.ndarra
 
 
 def _filled(light: np.ndarray, seen: np.ndarray, well_e: float) -> float | None:
-    """Electrons beyond the light's in the first pixels of a line, as far as they are full; None where all of them are."""
+    """Excess electrons in the first pixels of a line while these are full; None if all are."""
     is_full = seen > FULL * well_e
     if is_full.all():
         return None
@@ -95,10 +95,10 @@ def _filled(light: np.ndarray, seen: np.ndarray, well_e: float) -> float | None:
 
 
 def tracks(darks: Iterable[GroupData], camera: Camera) -> np.ndarray:
-    """(n, 2): pixels, and electrons in all of them, of each connected place that is bright in one frame alone.
+    """(n, 2): pixels, and electrons in all of them, of each connected region that is bright in a single frame.
 
-    Above what is usual by many times the noise of the frame and the shot noise of that pixel, should it be hot. Usual is the
-    median of all frames, or of two the other one.
+    The excess over the median of all frames (with two frames, over the other) must exceed the noise of the frame and the shot
+    noise of the pixel by a large factor, so that hot pixels are excluded.
     """
     found = [np.zeros((0, 2))]
     for dark in darks:

@@ -1,4 +1,4 @@
-"""Which trial's signature best matches what the refitted camera leaves over."""
+"""Trials of the catalogue whose signatures best match the residuals of the refitted camera."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from visaug.diagnosis.law import ROUGH, Metric, metric, scatter_along
 from visaug.diagnosis.signatures import Signatures
 
 CHANCE = (
-    5.0  # log likelihood that the best of a hundred ways gains by chance, where a law is right about them
+    5.0  # log likelihood that the best of a hundred directions gains by chance, if their covariance is right
 )
 SCALES = (0.03, 0.1, 0.3, 0.6, 1.0, 1.6)
-ALMOST = 0.8  # of the gain of an effect's best trial
+ALMOST = 0.8  # share of the gain of an effect's best trial above which another of its trials counts as equal
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class Match:
     """An effect's best trial.
 
     Attributes:
-        gain: by how much it raises the logarithm of the residual's likelihood, see `scatter_along`.
-        scale: by how much the trial's signature wants to be multiplied.
-        variance: what spread it brings at that scale, per statistic.
+        gain: log-likelihood gain, see `scatter_along`.
+        scale: factor on the signature that maximises it.
+        variance: variance that the effect adds at that scale, per statistic.
     """
 
     trial: Trial
@@ -40,7 +40,7 @@ def matches(
     allowance: np.ndarray | float = 0.0,
     form: float = ROUGH,
 ) -> list[Match]:
-    """Of every trial, best first.
+    """Matches of every trial, the best first.
 
     Args:
         form: see `metric`.
@@ -60,10 +60,10 @@ def matches(
 
 
 def best_of_each(found: Sequence[Match]) -> list[Match]:
-    """The best trial of every effect, and the best that comes from a look, best first.
+    """The best trial of every effect, and the best one derived from the measured frames, the best first.
 
-    Of trials that gain almost as much it is the one that wants to be scaled least: strengths do not act in proportion, and
-    the small one of a wide blur is not a narrow blur.
+    Of trials with almost the same gain the one with a scale nearest to 1 is taken, since shifts are not proportional to
+    strengths.
     """
     best: dict[tuple[str, bool], Match] = {}
     for match in found:

@@ -1,4 +1,4 @@
-"""A camera's own simulated sets: their mean, their spread, how the mean answers each number, and what a refit of them leaves."""
+"""Simulated sets of a camera: mean, variance, derivatives of the mean, and the residuals of their refits."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -16,20 +16,20 @@ PAIRS, MORE_PAIRS = (
     3,
     8,
 )  # simulations with common random numbers for each side of a derivative, and of one that noise is much of:
-NOISY = 0.05  # from this share of it on
-FAR = 6.0  # steps of a coordinate after which the reference is made anew
+NOISY = 0.05  # share of noise in a derivative from which more simulations are used
+FAR = 6.0  # steps of a coordinate beyond which the reference is simulated anew
 
 Report = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
 class Sample:
-    """What simulations say of one use of the frames.
+    """Simulated statistics of one use of the frames (discovery, hold-out, all).
 
     Attributes:
         sets: (R, statistics) fingerprints of simulated sets.
         slopes: (statistics, coordinates), derivatives of their means.
-        least: (statistics,) spread below which none is taken seriously.
+        least: (statistics,) lower limit of the standard deviation.
     """
 
     sets: np.ndarray
@@ -42,25 +42,25 @@ class Sample:
 
     @cached_property
     def scale(self) -> np.ndarray:
-        """Standard deviations; never below what is taken seriously; 0 for a statistic that never varies."""
+        """(statistics,) standard deviations, at least `least`; 0 for a statistic that is constant."""
         return np.maximum(np.sqrt(variance(self.sets)), self.least)
 
     @cached_property
     def deviations(self) -> np.ndarray:
-        """Each set less the mean of the others."""
+        """(R, statistics) each set minus the mean of the others."""
         count = len(self.sets)
         return (self.sets - self.mean) * (count / (count - 1))
 
 
 @dataclass(frozen=True)
 class Null:
-    """What a camera that lacks nothing leaves in one use of the frames, refitted.
+    """Null distribution: residuals of a complete camera after a refit, for one use of the frames.
 
     Attributes:
         residuals: (R, statistics) of the simulated sets.
-        floor: (statistics,) standard deviations below which none is taken; 0 for a statistic that never varies.
-        slopes: (statistics, coordinates).
-        priors: (coordinates,)
+        floor: (statistics,) lower limit of the standard deviation; 0 for a statistic that is constant.
+        slopes: (statistics, coordinates), derivatives of the means.
+        priors: (coordinates,) standard deviations of the priors.
     """
 
     residuals: np.ndarray
@@ -70,24 +70,25 @@ class Null:
 
     @cached_property
     def scale(self) -> np.ndarray:
-        """(statistics,) standard deviations; 0 for a statistic that never varies."""
+        """(statistics,) standard deviations; 0 for a statistic that is constant."""
         return np.where(self.floor > 0, np.maximum(self.residuals.std(0, ddof=1), self.floor), 0.0)
 
     @cached_property
     def largest(self) -> np.ndarray:
-        """(R,) the largest residual of each set in standard deviations of the others: a set does not widen its own measure."""
+        """(R,) largest residual of each set, in standard deviations of the other sets."""
         squares = self.residuals**2
         others = np.sqrt((squares.sum(0) - squares) / max(len(squares) - 2, 1))
         scale = np.where(self.floor > 0, np.maximum(others, self.floor), 0.0)
         return np.abs(standardised(self.residuals, scale)).max(1)
 
     def beyond(self, moves: np.ndarray, scale: np.ndarray | None = None) -> np.ndarray:
-        """What the camera's own numbers cannot do of some moves (statistics,), in standard deviations.
+        """(statistics,) the part of a shift that the camera's parameters cannot reproduce, in standard deviations.
 
-        Least squares, with the numbers' priors.
+        A least-squares projection with the priors of the parameters.
 
         Args:
-            scale: standard deviations to go by; this camera's where left out.
+            moves: (statistics,) a shift.
+            scale: standard deviations to use; this camera's if omitted.
         """
         scale = self.scale if scale is None else scale
         along, design = standardised(moves, scale), standardised(self.slopes.T, scale)
@@ -100,10 +101,10 @@ USES = ("find", "confirm", "whole")
 
 @dataclass(frozen=True)
 class Reference:
-    """A camera with its own simulated sets: their mean, their spread, and how the mean answers each free number.
+    """A camera with its simulated sets: mean, variance and derivatives with respect to each free parameter.
 
-    Effects are found on the frames of `find`, their errors told on those of `confirm`; whether anything is missing is asked of
-    all frames together, `whole`. Without a word it is the discovery frames.
+    Effects are selected on the discovery frames (`find`), their errors are reported on the hold-out frames (`confirm`), and
+    the test whether anything is missing uses all frames (`whole`). Attributes without a prefix refer to the discovery frames.
     """
 
     camera: Camera
@@ -113,7 +114,7 @@ class Reference:
     whole: Sample
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """All that was simulated, by name, and the paths of the coordinates in their order."""
+        """All simulated arrays by name, and the paths of the coordinates in their order."""
         simulated = {
             f"{use}_{part}": getattr(getattr(self, use), part)
             for use in USES
@@ -125,7 +126,7 @@ class Reference:
     def from_arrays(
         cls, camera: Camera, coordinates: Sequence[Coordinate], arrays: dict[str, np.ndarray]
     ) -> "Reference":
-        """From what `arrays` gave."""
+        """The reference of `arrays`."""
         samples = (Sample(*(arrays[f"{use}_{part}"] for part in ("sets", "slopes", "least"))) for use in USES)
         by_path = {c.path: c for c in coordinates}
         return cls(camera, tuple(by_path[path] for path in arrays["paths"]), *samples)
@@ -152,12 +153,12 @@ class Reference:
 
     @cached_property
     def null_steps(self) -> np.ndarray:
-        """(R, coordinates) how far refitting moves each simulated set: the uncertainty of the coordinates."""
+        """(R, coordinates) steps of the coordinates in refits of the simulated sets: their sampling distribution."""
         return adjust(self.find.deviations, self.slopes, self.scale, self.priors)
 
     @cached_property
     def untold(self) -> np.ndarray:
-        """(coordinates,) standard deviation of what the frames leave to the priors: refitted sets of the camera do not show it."""
+        """(coordinates,) standard deviation that comes from the priors because the frames do not determine it."""
         if not self.coordinates:
             return np.zeros(0)
         design = standardised(self.slopes.T, self.scale) * self.priors[:, None]
@@ -186,12 +187,12 @@ class Reference:
 
     @property
     def null_scale(self) -> np.ndarray:
-        """Standard deviations of refitted residuals."""
+        """(statistics,) standard deviations of refitted residuals."""
         return self.null.scale
 
     @property
     def largest(self) -> np.ndarray:
-        """(R,) the largest standardised residual in all frames of each simulated set, refitted."""
+        """(R,) largest standardised residual in all frames of each simulated set, after its refit."""
         return self.whole_null.largest
 
     @cached_property
@@ -211,9 +212,9 @@ def make_reference(
     """Simulates `sets` sets and the derivatives.
 
     Args:
-        known: of a neighbouring camera; the derivatives of its coordinates are taken over, but for the full well's: what a
-            flat beside it answers is another thing once an effect adds noise there.
-        begun: the same with fewer sets: these and its derivatives are taken over.
+        known: reference of a similar camera, whose derivatives are reused except that of the full well, which changes where
+            an effect adds noise.
+        begun: the same reference with fewer sets; these and its derivatives are reused.
     """
     label = f"simulating {sets} sets of the camera"
     done = 0 if begun is None else len(begun.sets)
@@ -245,10 +246,10 @@ def make_reference(
 def derivatives(
     lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], report: Report, scale: np.ndarray
 ) -> list[np.ndarray]:
-    """Central differences of the mean statistics, with common random numbers: (statistics, coordinates) of each use.
+    """Central differences of the mean statistics with common random numbers: (statistics, coordinates) of each use.
 
-    Where few pairs tell little, as of an effect whose random numbers a step draws anew, there are more, and what is no more than
-    their noise is drawn to 0: a statistic that answers by chance would hold the number where it is.
+    Where few pairs leave a large standard error (an effect whose random numbers change with a step), more are simulated, and
+    what is within the noise is shrunk to 0: a spurious derivative would fix the parameter.
 
     Args:
         scale: (statistics,) standard deviations of the discovery frames.
@@ -271,7 +272,7 @@ def derivatives(
 def differences(
     lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], numbers: range, report: Report
 ) -> list[np.ndarray]:
-    """(coordinates, pairs, statistics) difference quotients of each use, one pair of simulations for each random number."""
+    """(coordinates, pairs, statistics) difference quotients of each use of the frames, one pair of simulations per seed."""
     at = [c.read(camera) for c in coordinates]
     jobs = []
     for j, coordinate in enumerate(coordinates):
@@ -289,6 +290,6 @@ def differences(
 
 
 def is_far(reference: Reference, camera: Camera, steps: float = FAR) -> bool:
-    """Whether a refitted camera left the neighbourhood in which the reference's spread and derivatives hold."""
+    """Whether a refitted camera is outside the region in which the variance and derivatives of its reference are valid."""
     moves = [abs(c.read(camera) - c.read(reference.camera)) / c.step for c in reference.coordinates]
     return max(moves, default=0.0) > steps

@@ -1,4 +1,4 @@
-"""A candidate effect with its own numbers fitted, the camera's following."""
+"""Fits the parameters of a candidate effect together with the camera's nuisance parameters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,33 +19,33 @@ from visaug.diagnosis.robust import adjust, standardised
 from visaug.diagnosis.signatures import FEW, cleared, following, is_random, own_variance
 from visaug.effects import catalogue
 
-SCALED_FAR = 3.0  # times that a signature wants to be multiplied: neither a level nor a variance, perhaps
-MOST = 1e3  # times that moves want to be multiplied, or divided; more says nothing
-NOTHING = 1e-6  # standard deviations: a blur of 0.04 px moves nothing that can be multiplied
-BALANCED = 6  # simulated strengths until the one is found whose moves are as large as what is left
-STALLED = 0.5  # gain in log likelihood below which an iteration is said to bring nothing
-HOPE = 2.0  # times what the last two iterations gained is what the next ones may still gain
-NUMBER = 1.0  # log likelihood that a free number gains by fitting noise (Akaike),
-LOOKED = 5.0  # and that places gain which were chosen by a look at the frames: the best of a hundred
+SCALED_FAR = 3.0  # factor on a signature beyond which it may be neither a level nor a variance
+MOST = 1e3  # bound on the factor, and on its inverse
+NOTHING = 1e-6  # standard deviations of a shift below which no factor is defined
+BALANCED = 6  # largest number of strengths that are simulated until the shifts are as large as the residuals
+STALLED = 0.5  # log-likelihood gain below which an iteration has stalled
+HOPE = 2.0  # times the gain of the last two iterations: a bound on what the next ones may gain
+NUMBER = 1.0  # log likelihood that a free parameter gains by fitting noise (Akaike),
+LOOKED = 5.0  # and that a place gains that was chosen as the best of about a hundred in the measured frames
 POWERS = (
     0.7,
     1.0,
     0.5,
-)  # of the scale that a signature wants: a level grows with a strength, a variance with its square
+)  # exponents of the scale of a signature: a level is proportional to a strength, a variance to its square
 
 
 @dataclass(frozen=True)
 class Refined:
-    """A candidate after its own numbers were fitted with the camera's.
+    """A candidate whose parameters were fitted together with the camera's.
 
     Attributes:
         camera: the fitted camera with the effect.
-        coordinates, at: the effect's free numbers and where they are.
-        gain: by how much it raises the logarithm of the residual's likelihood, see `scatter_along`, less the cost.
-        residual: what is left of the residual per statistic, the camera's own numbers following.
-        variance: what spread the effect brings, per statistic.
-        cost: what its free numbers gain by fitting noise.
-        otherwise: the same effect in other words, if it gains nearly as much.
+        coordinates, at: the effect's free parameters and their values.
+        gain: log-likelihood gain, see `scatter_along`, less `cost`.
+        residual: of every statistic, with the camera's parameters refitted.
+        variance: variance that the effect adds, per statistic.
+        cost: log likelihood that its free parameters gain by fitting noise.
+        otherwise: the same effect with other options, if it gains almost as much.
     """
 
     effect: str
@@ -66,14 +66,14 @@ class Refined:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Those under the effect's own name, free or not."""
+        """All parameters of the effect, free or not."""
         return {
             path: value for path, value in self.camera.values().items() if path.startswith(f"{self.effect}.")
         }
 
 
 def coordinates_of(effect: str, camera: Camera, lab: Laboratory) -> list[Coordinate]:
-    """The free numbers of a candidate: those of a further effect, or of a base term that was at zero."""
+    """The free parameters of a candidate: of a further effect, or of a base term that was zero."""
     if not catalogue()[effect].base:
         return effect_coordinates(camera, effect)
     prefix = "full_well_e" if effect == "saturation" else f"{effect}."
@@ -92,18 +92,17 @@ def refine(
     also: Sequence[Camera] = (),
     iterations: int = 8,
 ) -> Refined:
-    """Fits the effect's numbers by damped Gauss-Newton with common random numbers; the camera's own stay open.
+    """Fits the effect's parameters by damped Gauss-Newton with common random numbers, the camera's parameters left open.
 
-    Where those would follow far they are moved along, so that no derivative has to hold over a long way.
-
-    It ends where two iterations in a row gain less than `STALLED`, or do not bring it near what another has.
+    Camera parameters that follow far are moved along, so that no derivative is used over a long distance. The iteration ends
+    after two iterations that gain less than `STALLED`, or when it cannot reach the gain of another effect.
 
     Args:
-        beaten: what the best of the effects tried before gains.
-        least: what the start must gain to be worth iterating.
-        beside: trials of the same kind, among which it is started too where the match wants to be scaled far: what a blur moves
+        beaten: gain of the best effect refined so far.
+        least: gain that the start needs to be iterated.
+        beside: trials of the same kind, used as further starts where the match has a scale far from 1: the shift by a blur
             grows a thousandfold from 0.1 to 0.6 px, by no power of its width.
-        also: cameras with the effect in the match's words, from whose numbers it is started too.
+        also: cameras with the effect in the same options, whose values are further starts.
     """
     cameras = [_scaled(fitted, match, power) for power in POWERS]
     camera = cameras[0]
@@ -156,15 +155,15 @@ def refine(
 
 
 def _among(lab: Laboratory, fitted: Fitted, beside: Sequence[Trial]) -> list[Camera]:
-    """Some trials that differ in strength, and between two of them the one whose moves want to be multiplied by 1.
+    """Some trials of different strength, and a strength between two of them at which the factor on the shifts is 1.
 
-    Every other fit can have a ridge in between: of a blur, some statistics are right, or none is moved, where most are not.
+    Other fits can be separated from the optimum by a ridge of the likelihood.
     """
     scale = fitted.reference.null_scale
     base = lab.finding([(fitted.camera, k) for k in range(FEW)])
 
     def wanted(camera: Camera) -> float:
-        """The logarithm of the factor by which its moves want to be multiplied; the largest where it moves nothing."""
+        """Logarithm of the factor on the shifts that fits the residuals; the largest allowed where there are no shifts."""
         moves = cleared(lab.finding([(camera, k) for k in range(FEW)]) - base, scale)
         z = standardised(moves, scale)
         factor = z @ fitted.z / (z @ z) if np.any(np.abs(z) > NOTHING) else MOST
@@ -183,7 +182,7 @@ def _among(lab: Laboratory, fitted: Fitted, beside: Sequence[Trial]) -> list[Cam
 
 
 def _balanced(a: Camera, b: Camera, weak: float, strong: float, keys: Sequence[str], wanted) -> Camera:
-    """Between two cameras, by false position in the logarithm of their strengths, where nothing more is wanted."""
+    """The camera between two others, by regula falsi in the logarithm of their strengths, where that factor is 1."""
     low, high, camera = 0.0, 1.0, a
     at = {key: (a.values()[key], b.values()[key]) for key in keys if a.values()[key] * b.values()[key] > 0}
     for _ in range(BALANCED):
@@ -197,7 +196,7 @@ def _balanced(a: Camera, b: Camera, weak: float, strong: float, keys: Sequence[s
 
 
 def _scaled(fitted: Fitted, match: Match, power: float) -> Camera:
-    """The trial with its strengths scaled as its signature wants."""
+    """The trial with its strengths multiplied by the scale of its signature."""
     with_effect = match.trial.on(fitted.camera)
     effect = catalogue()[match.trial.effect]
     factor = float(np.clip(match.scale, 2e-3, 50)) ** power

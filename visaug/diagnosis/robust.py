@@ -1,8 +1,8 @@
-"""Residuals in standard deviations, and the robust step that takes them away. Arrays only: no camera, no frames."""
+"""Standardised residuals and the robust Gauss-Newton step; arrays only."""
 
 import numpy as np
 
-OUTLIER = 3.0  # residuals beyond so many standard deviations lose their pull on the fit (Cauchy weights)
+OUTLIER = 3.0  # standard deviations beyond which residuals are weighted down (Cauchy weights)
 
 
 def standardised(residual: np.ndarray, scale: np.ndarray) -> np.ndarray:
@@ -10,7 +10,7 @@ def standardised(residual: np.ndarray, scale: np.ndarray) -> np.ndarray:
 
 
 def drawn_to_zero(mean: np.ndarray, squared_error: np.ndarray) -> np.ndarray:
-    """Means over simulations, less of each as it is no more than its standard error."""
+    """Means over simulations, shrunk to 0 by their standard error."""
     noise = np.divide(squared_error, mean**2, out=np.ones_like(mean), where=mean != 0)
     return mean * np.maximum(1 - noise, 0)
 
@@ -29,31 +29,32 @@ def adjust(
     damping: float = 0.0,
     iterations: int = 12,
 ) -> np.ndarray:
-    """The step of the coordinates that best takes residuals away, robustly.
+    """The robust step of the coordinates that reduces the residuals.
+
+    Statistics that stay beyond `OUTLIER` standard deviations, as a missing effect causes them, are weighted down, so that the
+    camera's parameters do not absorb them.
 
     Args:
-        residuals: (n, statistics), measured less modelled, of n sets at once.
+        residuals: (n, statistics), measured minus modelled, of n sets at once.
         slopes: (statistics, coordinates).
         scale: (statistics,), standard deviations.
         priors: (coordinates,), standard deviations.
-        offset: (coordinates,), how far the coordinates already are from where the priors are centred.
-        damping: Marquardt's: above 0 the step shrinks, most where the statistics say least.
+        offset: (coordinates,), distance of the coordinates from the centres of the priors.
+        damping: of Levenberg and Marquardt; a positive value shortens the step.
 
-    Returns:
-        (n, coordinates). Statistics that stay beyond `OUTLIER` standard deviations, as a missing effect makes them, are
-        weighted down, so that the camera is not bent to explain them.
+    Returns: (n, coordinates).
     """
     if slopes.shape[1] == 0:
         return np.zeros((len(residuals), 0))
     used = scale > 0
-    # in units of the priors: none but equal units can be compared
+    # In units of the priors, which are comparable.
     design = slopes[used] / scale[used, None] * priors
     z = residuals[:, used] / scale[used]
     ridge = np.eye(len(priors))
     steps = np.zeros((len(z), design.shape[1]))
     for _ in range(iterations):
         left = np.abs(z - steps @ design.T)
-        # where most statistics are off it is the camera's numbers that are; where few are, it is something else
+        # If most statistics deviate the parameters are wrong; if few do, something else is missing.
         limit = np.maximum(OUTLIER, OUTLIER * np.median(left, axis=1, keepdims=True))
         weights = 1 / (1 + (left / limit) ** 2)
         normal = np.stack([(design * w[:, None]).T @ design for w in weights]) + ridge
@@ -65,5 +66,5 @@ def adjust(
 
 
 def misfit(residual: np.ndarray, scale: np.ndarray) -> float:
-    """What the robust fit lowers."""
+    """The objective function of the robust fit."""
     return float(np.log1p((standardised(residual, scale) / OUTLIER) ** 2).sum())

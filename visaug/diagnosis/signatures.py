@@ -1,4 +1,4 @@
-"""How each trial of an effect moves every statistic: simulated, never written down."""
+"""Signatures: the shift of every statistic by each trial of an effect, computed by simulation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,12 +16,12 @@ from visaug.diagnosis.robust import drawn_to_zero, standardised
 
 FAR_DN = 0.3  # that the black level has to follow to be moved along
 REDRAWN = 2.0  # variances of the null that a difference of two independent sets has
-FEW, MORE = 2, 6  # simulations of a trial whose effect brings no spread of its own, and of one that does
+FEW, MORE = 2, 6  # simulations of a trial whose effect has no random numbers of its own, and of one that has
 
 
 @dataclass(frozen=True)
 class Signatures:
-    """How each trial moves every statistic of the reference camera, and what spread it adds: (trials, statistics) each."""
+    """Mean shift of every statistic by each trial, and the variance that it adds: (trials, statistics) each."""
 
     trials: tuple[Trial, ...]
     values: np.ndarray
@@ -38,8 +38,8 @@ class Signatures:
 def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:
     """Simulates every trial with the random numbers of the reference's first sets.
 
-    An effect that only moves the means shows it in two simulations; one that draws numbers of its own gets more. Where the camera's
-    own numbers would follow far they are moved along: over a long way no derivative is right, and bits and codes have none.
+    Two simulations suffice for an effect that only shifts means; an effect with random numbers gets more. Camera parameters
+    that would follow far are moved along: derivatives do not hold over a long distance, and bits and codes have none.
     """
     if not tried:
         nothing = np.zeros((0, len(reference.scale)))
@@ -61,25 +61,22 @@ def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], re
 
 
 def is_random(moves: np.ndarray, scale: np.ndarray) -> bool:
-    """Whether moves (simulations, statistics) differ by more than what noise drawn once does: the effect has numbers of its own."""
+    """Whether shifts (simulations, statistics) differ by more than noise drawn once: the effect has random numbers of its own."""
     z = standardised(moves, scale)
     return bool(z.var(0, ddof=1).mean() > max(0.15, 0.02 * (z.mean(0) ** 2).mean()))
 
 
 def own_variance(moves: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Of moves (..., simulations, statistics): the spread that an effect brings of its own.
-
-    Noise that is drawn anew is in the null already; what the effect brings exceeds it.
-    """
+    """Variance that an effect adds to shifts (..., simulations, statistics), beyond the noise of the null."""
     variance = moves.var(-2, ddof=1)
     return np.where(variance > REDRAWN * scale**2, variance, 0.0)
 
 
 def cleared(moves: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Mean over simulations (..., simulations, statistics), drawn to 0 where it is no more than their noise.
+    """Mean over simulations (..., simulations, statistics), shrunk to 0 where it is within their noise.
 
-    An effect with random numbers of its own draws all noise anew. A thousand statistics of which each wavers a little would
-    outweigh the few that a faint effect moves. Of few simulations the noise is that of all statistics together.
+    An effect with random numbers changes all noise. The fluctuations of a thousand statistics would outweigh the few that a
+    faint effect shifts. With few simulations the noise is estimated from all statistics together.
     """
     count = moves.shape[-2]
     mean, variance = moves.mean(-2), moves.var(-2, ddof=1)
@@ -92,9 +89,10 @@ def cleared(moves: np.ndarray, scale: np.ndarray) -> np.ndarray:
 def _followed(
     lab: Laboratory, reference: Reference, tried: Sequence[Trial], moves: np.ndarray
 ) -> list[Trial]:
-    """The trials with the camera's own numbers where these moves (trials, statistics) lead them, if that is far.
+    """The trials with the camera's parameters moved to where a refit would take them, if that is far.
 
-    The black level goes as far as the mean of the bias frames came, so that bits and codes stay where they are; then the others.
+    The black level is moved by the shift of the mean of the bias frames, so that bits and codes keep their place; then the
+    others.
     """
     level = bias_level(lab.statistics)
     black = [k for k, c in enumerate(reference.coordinates) if c.path == BLACK]
@@ -121,7 +119,7 @@ def _followed(
 def _moves(
     lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report, word: str
 ) -> np.ndarray:
-    """(trials, simulations, statistics): how far each trial moves each of the reference's sets."""
+    """(trials, simulations, statistics) shift of each of the reference's sets by each trial."""
     cameras = [following(reference, trial.on(reference.camera), trial, 1.0) for trial in tried]
     jobs = [(camera, k) for camera in cameras for k in numbers]
 
@@ -133,7 +131,7 @@ def _moves(
 
 
 def following(reference: Reference, camera: Camera, trial: Trial, share: float) -> Camera:
-    """The camera with its own numbers where the trial leads them, or a share of the way."""
+    """The camera with its parameters moved to where a refit of the trial takes them, or part of the way."""
     if not trial.following:
         return camera
     ways = dict(trial.following)

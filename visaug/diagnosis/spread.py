@@ -1,4 +1,7 @@
-"""Effects that scatter more than they move: whether what is off scatters as they do, and how strong that makes them."""
+"""Effects with random shifts: their variance between specimens is compared with the residuals, and determines their strength.
+
+The mean of a statistic does not change under such an effect (light drift, cosmic rays, few hot pixels); its variance does.
+"""
 
 from dataclasses import dataclass
 
@@ -10,57 +13,60 @@ from visaug.diagnosis.parameters import Coordinate, moved
 from visaug.diagnosis.reference import Null
 from visaug.diagnosis.robust import standardised
 
-WIDENED = 1.5  # factor from which an effect gives a statistic a spread of its own,
-WIDE = 2.0  # and from which that spread is nearly all
-SCATTERED = 2.0  # times the spread: what moves further tells a strength by its move
-TYPICAL = 0.15  # median square of the variance; 0.45 of a normal law, less where few sets make it
-FEW = 3  # statistics that tell a strength by their scatter,
-SEEN = 4.0  # standard deviations without the effect from which a move counts,
-THERE = 0.3  # share of such moves that must be there
-RARE = 0.5  # if so many for each of them, at most, tell it by their moves
-LEAST = 0.1  # factor below which a set hardly scatters
-TIGHT = 10.0  # times from the 2.5th to the 97.5th percentile of a factor that is told well
-MIDDLE = 0.7  # median of a factor that is no rule where it is less: a few sets make the mean square
-MET = 1.6  # factor to which a strength that was scaled must be right
-ALONE = 0.1  # weight of each such statistic by itself in their covariance, which is known from few sets,
-LEAST_KNOWN = 0.3  # and the least of its deviation that is taken as known
-WITHIN = 5.0  # standard deviations of its spread to which an effect covers what is off
-TIMES_FURTHER = 5.0  # squared distance in that covariance, of the furthest simulated set's, that is too far
-# statistics covered in the discovery and in the hold-out frames, to ask whether they are off alike
+WIDENED = 1.5  # ratio of standard deviations from which an effect adds variance to a statistic,
+WIDE = 2.0  # and from which that variance is nearly all of it
+SCATTERED = 2.0  # standard deviations of the added variance: a larger shift determines a strength by its mean
+# Least median of the squared residual over its variance; 0.45 for a normal distribution, less for rare events
+TYPICAL = 0.15
+FEW = 3  # least number of statistics that determine a strength by their variance,
+SEEN = 4.0  # standard deviations without the effect above which a shift counts,
+THERE = 0.3  # least share of such shifts that the residuals must show
+RARE = 0.5  # largest ratio of statistics with a shift to those with added variance
+LEAST = 0.1  # factor below which a simulated set shows almost no added variance
+TIGHT = 10.0  # ratio of the 97.5th to the 2.5th percentile of the factor up to which it is determined
+MIDDLE = 0.7  # least median of the factor; less means that a few sets make the mean square
+MET = 1.6  # ratio to which an estimated strength must reproduce itself
+ALONE = 0.1  # shrinkage of the covariance of these statistics towards its diagonal,
+LEAST_KNOWN = 0.3  # and the least standard deviation on it
+WITHIN = 5.0  # standard deviations of the added variance within which a residual is covered
+TIMES_FURTHER = 5.0  # largest ratio of the squared Mahalanobis distance to that of the furthest simulated set
+# least number of covered statistics that discovery and hold-out frames must share for `recurs_so`
 CONFIRMED = 4
-COVERS = 0.8  # share of a residual, and of an error, that stays under a spread that explains nothing
+COVERS = 0.8  # share of a residual, and of an error, above which it counts as covered only
 
 
 def widened(before: Fitted, after: Fitted, times: float = WIDENED) -> np.ndarray:
-    """(statistics,) whether an effect gives each a spread of its own, so many times as wide."""
+    """(statistics,) whether an effect multiplies the standard deviation of each by more than `times`."""
     known = before.reference.null_scale
     return (known > 0) & (after.reference.null_scale > times * known)
 
 
 def _covered(before: Fitted, after: Fitted, allowance: np.ndarray | float = 0.0) -> np.ndarray:
-    """(statistics,) whether an effect gives each a spread of its own, within which it is off.
+    """(statistics,) whether an effect adds variance to each and the residual lies within it.
 
-    What lies beyond is another effect's: a lamp's levels, which noise that rows share widens a little.
+    Larger residuals belong to another effect, such as the levels of a drifting lamp, to which row noise adds a little
+    variance.
     """
     reach = WITHIN * np.hypot(after.reference.null_scale, allowance)
     return widened(before, after) & (np.abs(after.residual) < reach)
 
 
 def _is_typical(null: Null) -> np.ndarray:
-    """(statistics,) whether a set's own residual tells how far sets scatter: where hardly any is off it does not."""
+    """(statistics,) whether a single set shows the variance between sets, which it does not for rare events."""
     return np.median(null.residuals**2, axis=0) > TYPICAL * null.residuals.var(0, ddof=1)
 
 
 def scatters_so(before: Fitted, after: Fitted, moves: np.ndarray, allowance: np.ndarray) -> bool:
-    """Whether what an effect scatters more than it moves is off in a way in which its own simulated sets scatter.
+    """Whether the residuals covered by an effect's added variance have the correlations of its simulated sets.
 
-    Each level of a lamp that hardly wanders between frames may lie anywhere, but neighbouring ones lie alike: a curved response
-    that is within every single spread is none of its walks. Squared Mahalanobis distance; the sets that it is compared with have no
-    part in the covariance. It must be some times that of the furthest set: forms differ.
+    For example, each level of a slowly drifting lamp is uncertain, but neighbouring levels are correlated: a curved response
+    within every single standard deviation is not such a drift. The test is the squared Mahalanobis distance, with a
+    covariance from one half of the sets and the other half as reference. It must exceed the largest of those by a factor,
+    since forms differ.
 
     Args:
-        moves: how far the effect moves each statistic.
-        allowance: what forms may leave over, per statistic.
+        moves: mean shift of each statistic by the effect.
+        allowance: tolerance of effects' forms, per statistic.
     """
     reference, scale = after.reference, after.reference.null_scale
     spread = _covered(before, after, allowance) & _is_typical(reference.null)
@@ -81,10 +87,9 @@ def scatters_so(before: Fitted, after: Fitted, moves: np.ndarray, allowance: np.
 
 
 def moves_are_there(before: Fitted, after: Fitted, moves: np.ndarray) -> bool:
-    """Whether what an effect moves further than it scatters was off that way.
+    """Whether the residuals show the effect's mean shifts that exceed its added variance.
 
-    A lamp that wanders changes within a level, too, from frame to frame; a curved response, which lies within its walk from level
-    to level, does not.
+    A drifting lamp also changes within a level, from frame to frame; a curved response does not.
     """
     move = before.reference.null.beyond(moves, after.reference.null_scale)
     far = (np.abs(move) > SCATTERED) & (np.abs(before.reference.null.beyond(moves)) > SEEN)
@@ -93,13 +98,13 @@ def moves_are_there(before: Fitted, after: Fitted, moves: np.ndarray) -> bool:
 
 
 def recurs_so(before: Fitted, after: Fitted, off: np.ndarray, same: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Whether what an effect covers is off alike in the discovery and in the hold-out frames no more than in its own sets.
+    """Whether the covered residuals agree between discovery and hold-out frames no more than in simulated sets of the effect.
 
-    Tracks of cosmic rays lie elsewhere in every frame: they may cover a bright corner, but not one that is bright in all frames.
+    Tracks of cosmic rays have other places in every frame: they may cover a bright corner, but not one that all frames show.
 
     Args:
-        off: (statistics,) whether each was off before, in the discovery frames.
-        same: places of the same statistics among those of the discovery frames, and among those of the hold-out frames.
+        off: (statistics,) whether each deviated before, in the discovery frames.
+        same: indices of the common statistics in the discovery frames, and in the hold-out frames.
     """
     reference = after.reference
     stays = np.abs(after.residual) > COVERS * np.abs(before.residual)
@@ -107,8 +112,8 @@ def recurs_so(before: Fitted, after: Fitted, off: np.ndarray, same: tuple[np.nda
     if np.count_nonzero(own) < CONFIRMED:
         return True
     uses = ((after.residual, reference.null), (after.confirm_residual, reference.confirm_null))
-    # the sign alone: where a few tracks make the spread, one statistic in which they happen to be would outweigh all others;
-    # beside the median, for most sets lie below a mean that a few tracks make
+    # The sign alone: with few tracks, a single statistic would outweigh all others. Relative to the median, since few tracks
+    # make a mean that most sets lie below.
     find, confirm = (
         np.sign(np.vstack([null.residuals, left]) - np.median(null.residuals, axis=0))[:, place[own]]
         for (left, null), place in zip(uses, same, strict=True)
@@ -118,7 +123,7 @@ def recurs_so(before: Fitted, after: Fitted, off: np.ndarray, same: tuple[np.nda
 
 
 def scatters_again(before: Fitted, after: Fitted) -> bool:
-    """Whether the hold-out frames are off too where an effect gives them a spread of its own, and lie within it."""
+    """Whether the hold-out frames deviate where an effect adds variance to them, within that variance."""
     scale, own = before.reference.confirm_null.scale, after.reference.confirm_null.scale
     off = (own > WIDE * scale) & (np.abs(standardised(before.confirm_residual, scale)) > SEEN)
     within = np.abs(after.confirm_residual) < WITHIN * own
@@ -126,10 +131,10 @@ def scatters_again(before: Fitted, after: Fitted) -> bool:
 
 
 def only_covers(before: Fitted, after: Fitted, off: np.ndarray) -> bool:
-    """Whether what was off, and gets a spread of the effect's, stays nearly as far off as it was: covered, not brought back.
+    """Whether deviating statistics to which the effect adds variance keep their residuals: covered and not removed.
 
     Args:
-        off: (statistics,) whether each was off before.
+        off: (statistics,) whether each deviated before.
     """
     scale = before.reference.null_scale
     own = off & _covered(before, after)
@@ -139,11 +144,11 @@ def only_covers(before: Fitted, after: Fitted, off: np.ndarray) -> bool:
 
 @dataclass(frozen=True)
 class Scatter:
-    """How strong an effect is by what it scatters, where its moves do not tell that.
+    """Strength of an effect, estimated from the variance that it adds.
 
     Attributes:
-        factor: by which its strengths want to be multiplied.
-        of_sets: (R,) the same of its own simulated sets: how well the scatter tells it.
+        factor: by which its strengths are to be multiplied.
+        of_sets: (R,) the same estimate from each of its own simulated sets.
         strengths: their coordinates; at least one.
     """
 
@@ -157,22 +162,22 @@ class Scatter:
 
     @property
     def tells(self) -> bool:
-        """Whether it says something: the factor is told well, or is that of hardly any set; not where a few tracks make it."""
+        """Whether the factor is determined, or would be small in almost all sets; False where few rare events make it."""
         low, middle, high = np.quantile(self.of_sets, (0.025, 0.5, 0.975))
         return bool(middle > MIDDLE and (high < TIGHT * low or not low < self.factor < high))
 
     @property
     def is_met(self) -> bool:
-        """Whether the effect has the strength that its scatter tells: what is drawn rarely does not scatter as its rate."""
+        """Whether the factor is consistent with 1. Rare events have a variance that does not grow with their rate."""
         return 1 / MET < self.factor < MET
 
     @property
     def steps(self) -> np.ndarray:
-        """(R, strengths) how far sets' scatter takes the logarithm of the strengths."""
+        """(R, strengths) logarithm of the strengths as estimated from each simulated set."""
         return np.repeat(np.log(np.maximum(self.of_sets, LEAST))[:, None], len(self.strengths), axis=1)
 
     def scaled(self, camera: Camera) -> Camera:
-        """The camera with the strengths that the scatter tells."""
+        """The camera with the estimated strengths."""
         step = float(np.log(self.factor))
         return moved(camera, self.strengths, [c.read(camera) + step for c in self.strengths])
 
@@ -180,14 +185,14 @@ class Scatter:
 def scatter(
     before: Fitted, after: Fitted, moves: np.ndarray, strengths: tuple[Coordinate, ...]
 ) -> Scatter | None:
-    """What the scatter of an effect tells of its strength; None where its moves tell more.
+    """Strength of an effect from the variance that it adds; None where its mean shifts determine it.
 
-    A lamp that wanders moves no level on the average. What it moves by chance in a few simulations is no derivative of anything, so
-    that no fit of means finds how strong it is. The square of what is off does, whatever goes together: its expectation is the
-    variance that the camera has without the effect, and the factor squared times what the effect adds to that.
+    A drifting lamp shifts no level on average, and its shifts in a few simulations are chance, so no fit of means determines
+    its strength. The squared residual does, whatever the correlations: its expectation is the variance without the effect
+    plus the squared factor times the variance that the effect adds.
 
     Args:
-        moves: how far the effect moves each statistic.
+        moves: mean shift of each statistic by the effect.
         strengths: logarithmic coordinates.
     """
     null = after.reference.null
@@ -200,7 +205,8 @@ def scatter(
         return None
     move, plain = move[wide], plain[wide]
     added = 1 + move**2 - plain
-    weights = added / (1 + move**2) ** 2  # least squares: a normal law's square varies as its variance
+    # Least squares: the variance of a squared normal variable is proportional to its squared variance
+    weights = added / (1 + move**2) ** 2
     whole = float(weights @ added)
 
     def factors(left: np.ndarray) -> np.ndarray:

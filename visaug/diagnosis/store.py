@@ -1,7 +1,7 @@
-"""Named sets of arrays on disk: whole and unchanged, or not there.
+"""Named sets of arrays on disk, protected by a checksum.
 
-An entry is a checksum followed by an .npz without pickles. One that does not match its checksum, or cannot be read for any
-other reason, is removed and made anew. The store has a folder and a suffix of its own and touches nothing else.
+An entry is a checksum followed by an .npz without pickles. An entry that does not match its checksum or cannot be read is
+removed and computed again. The store has its own folder and suffix and touches nothing else.
 """
 
 import hashlib
@@ -13,15 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
-MOST = 2**30  # bytes that are kept; what was not used for longest goes first
+MOST = 2**30  # largest size in bytes; the least recently used entries are removed first
 SUFFIX = ".arrays"
-SCRATCH = ".writing-"  # of files that are being written
-STALE_S = 3600.0  # a file that has been written for longer belongs to a process that was killed
+SCRATCH = ".writing-"  # prefix of files that are being written
+STALE_S = 3600.0  # seconds after which such a file belongs to a process that was killed
 CHECK_BYTES = 32
 
 
 def folder() -> Path:
-    """Where entries are kept: in $VISAUG_CACHE, or in the user's cache folder."""
+    """Folder of the entries: $VISAUG_CACHE, or a folder in the user's cache folder."""
     base = os.environ.get("VISAUG_CACHE")
     if not base:
         base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "visaug"
@@ -29,7 +29,7 @@ def folder() -> Path:
 
 
 def load(name: str) -> dict[str, np.ndarray] | None:
-    """The arrays of an entry; None where there is none, or a damaged one."""
+    """The arrays of an entry; None if it does not exist or is damaged."""
     path = folder() / f"{name}{SUFFIX}"
     try:
         content = path.read_bytes()
@@ -47,7 +47,7 @@ def load(name: str) -> dict[str, np.ndarray] | None:
 
 
 def keep(name: str, arrays: dict[str, np.ndarray]) -> None:
-    """Write an entry; one that cannot be written is done without."""
+    """Writes an entry; a failure to write is ignored."""
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
     content = buffer.getvalue()
@@ -78,7 +78,7 @@ def _unpack(name: str, content: bytes) -> dict[str, np.ndarray] | None:
 
 
 def _check(name: str, content: bytes) -> bytes:
-    """A checksum that an entry under another name does not have."""
+    """Checksum of an entry and its name."""
     named = hashlib.blake2b(name.encode(), digest_size=CHECK_BYTES).digest()
     return hashlib.blake2b(content, digest_size=CHECK_BYTES, key=named).digest()
 
