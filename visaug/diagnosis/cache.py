@@ -1,4 +1,4 @@
-"""What a diagnosis keeps for the next one with the same camera and plan: simulated fingerprints, never measured ones."""
+"""Caches simulated fingerprints for the next diagnosis with the same camera and plan; measured data are never cached."""
 
 import hashlib
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ from visaug.simulation import has_clean
 
 
 def key(lab: Laboratory, camera: Camera, *words: object) -> str:
-    """A name for what depends on the camera, the plan, the seed and the program's own code."""
+    """Name of an entry that depends on the camera, the plan, the seed and the program's own code."""
     sources = [source_of(name) for name in camera.effect_names]
     return digest(camera.to_yaml(), _plan(lab), lab.seed, _code(), sources, words)
 
@@ -68,7 +68,7 @@ def _code() -> str:
 
 
 def source_of(name: str) -> str:
-    """Of an effect from a user's file, a word that changes with the file; nothing for the shipped ones."""
+    """Hash of the source of an effect from a user's file; empty for the catalogue's own."""
     for part in vars(catalogue()[name]).values():
         if isinstance(part, FunctionType):
             file = Path(part.__code__.co_filename)
@@ -87,7 +87,7 @@ def reference(
     known: Reference | None = None,
     begun: Reference | None = None,
 ) -> Reference:
-    """What `make_reference` gives for the same arguments, from the cache if it was made before."""
+    """`make_reference`, from the cache if it was computed before."""
     taken = known and (
         [c.path for c in known.coordinates],
         [getattr(known, use).slopes.tobytes() for use in USES],
@@ -104,7 +104,7 @@ def reference(
 def signatures(
     lab: Laboratory, reference: Reference, tried: Sequence[Trial], sets: int, report: Report
 ) -> Signatures:
-    """What `simulated_signatures` gives for the trials; kept by effect, so that one effect more or less costs no other.
+    """`simulated_signatures` of the trials, cached by effect, so that a change of one effect keeps the others.
 
     Args:
         sets: simulated sets of the reference.
@@ -141,7 +141,7 @@ def signatures(
 
 
 def settled(lab: Laboratory, fitted: Fitted, sets: int, report: Report) -> Fitted:
-    """A fit; where it has gone far from its reference, spread and derivatives are taken anew where it lies."""
+    """A fit; if it is far from its reference, the variance and derivatives are simulated anew at its end."""
     if not is_far(fitted.reference, fitted.camera):
         return fitted
     near = reference(lab, fitted.camera, fitted.reference.coordinates, sets, report)

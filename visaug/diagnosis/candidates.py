@@ -1,4 +1,4 @@
-"""Which effects may be missing, and the points at which each is first tried."""
+"""Effects that may be missing, and the trial values of each."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,9 +16,9 @@ class Trial:
 
     Args:
         effect: its name.
-        values: the effect's parameters by path, and its words.
-        looked: whether they come from a look at the measured frames.
-        following: how far the camera's own numbers go with it, as coordinates by path; empty: not at all.
+        values: the effect's parameters by path, and its options.
+        looked: whether they were estimated from the measured frames.
+        following: coordinates of the camera's parameters with it, by path; empty if they do not move.
     """
 
     effect: str
@@ -28,19 +28,19 @@ class Trial:
 
     @property
     def is_fixed(self) -> bool:
-        """Whether its strength is a whole number, which no scale but the tried ones can have."""
+        """Whether its strength is an integer, which only the trial values can have."""
         effect = catalogue()[self.effect]
         return any(effect.parameters[key].integer for key in effect.strengths())
 
     @property
     def form(self) -> tuple[tuple[str, Any], ...]:
-        """All but its strengths."""
+        """All parameters except strengths."""
         strengths = {f"{self.effect}.{key}" for key in catalogue()[self.effect].strengths()}
         return tuple(pair for pair in self.values if pair[0] not in strengths)
 
     @property
     def kind(self) -> tuple:
-        """What trials that differ in how strong they are have in common: effect, form, and which strengths are there at all."""
+        """Common part of trials that differ in strength: effect, form, and which strengths are not zero."""
         absent = tuple(path for path, value in self.values if value == 0)
         return self.effect, self.form, absent
 
@@ -54,7 +54,7 @@ class Trial:
 
 
 def missing_base(camera: Camera) -> list[str]:
-    """Base terms that the camera file leaves at zero, and read noise that it has Gaussian."""
+    """Base terms that the camera file leaves at zero, and read noise that it has as Gaussian."""
     values = camera.values()
     absent = []
     for name in ("prnu", "dsnu", "dark_current", "read_noise"):
@@ -68,14 +68,14 @@ def missing_base(camera: Camera) -> list[str]:
 
 
 def is_proposed(effect: type[Effect]) -> bool:
-    """Whether a diagnosis tries the effect of its own accord: frames end at the converter, before the picture."""
+    """Whether a diagnosis tries the effect by itself: frames end at the converter, before the picture stage."""
     return effect.proposed and effect.stage < Stage.PICTURE
 
 
 def trials(
     camera: Camera, without: frozenset[str] = frozenset(), only: frozenset[str] = frozenset()
 ) -> list[Trial]:
-    """Every effect that the camera lacks and a diagnosis proposes, at several strengths and forms; of `only`, also others."""
+    """Trials of effects that the camera lacks and a diagnosis proposes, at several strengths and forms; of `only`, also others."""
     found = []
     for name in missing_base(camera):
         if name not in without:
@@ -110,7 +110,7 @@ def base_trials(camera: Camera, name: str) -> list[Trial]:
 
 
 def effect_trials(effect: type[Effect]) -> list[Trial]:
-    """Weak and strong, every strength alone and in both signs, then every other form at the strong end, in both signs too."""
+    """Weak and strong trials, each strength alone and in both signs, then each other form at the strong end, in both signs."""
     strengths = {key: p for key, p in effect.parameters.items() if p.strength}
     points: list[dict[str, Any]] = []
     for key, p in strengths.items():
@@ -127,7 +127,7 @@ def effect_trials(effect: type[Effect]) -> list[Trial]:
 
 
 def _forms(effect: type[Effect]) -> list[dict[str, Any]]:
-    """Every other value of what is no strength, one at a time; a number that only other words use, beside each of these."""
+    """Every other value of each parameter that is not a strength, one at a time, and beside each of them those of its options."""
     words = {p.default for p in effect.parameters.values() if p.options}
     forms: list[dict[str, Any]] = []
     for key, p in effect.parameters.items():
@@ -140,7 +140,7 @@ def _forms(effect: type[Effect]) -> list[dict[str, Any]]:
 
 
 def looked(lab: Laboratory, camera: Camera, without: frozenset[str] = frozenset()) -> list[Trial]:
-    """Points at which effects that the camera lacks are tried because of how the measured frames look."""
+    """Trials whose values are estimated from the measured frames."""
     seen = look(lab, camera)
     if seen is None:
         return []
@@ -153,7 +153,7 @@ def looked(lab: Laboratory, camera: Camera, without: frozenset[str] = frozenset(
 
 
 def within_bounds(effect: type[Effect], point: dict[str, Any]) -> dict[str, Any]:
-    """Values that were estimated from frames, each brought into the range of its parameter: frames may show anything."""
+    """Values estimated from frames, clipped to the bounds of their parameters."""
     return {
         key: value
         if effect.parameters[key].options
@@ -167,7 +167,7 @@ def _trial(effect: type[Effect], point: dict[str, Any], looked: bool = False) ->
 
 
 def strengths_to_try(parameter: Parameter) -> tuple:
-    """A fifth of the weakest trial, the trials, and the same with the other sign where it may be negative."""
+    """A fifth of the weakest trial, the trials, and the same with the other sign if it may be negative."""
     values = parameter.trials or (parameter.default,)
     if not parameter.integer:
         values = (0.2 * values[0], *values)
@@ -177,6 +177,6 @@ def strengths_to_try(parameter: Parameter) -> tuple:
 
 
 def exchanged(camera: Camera, own: str, other: Camera, rival: str) -> Camera:
-    """The camera with a rival as another camera has it, in the place of one of its own further effects."""
+    """The camera with one of its further effects replaced by a rival as another camera has it."""
     entry = next(entry for entry in other.to_dict()["effects"] if entry["name"] == rival)
     return camera.without_effect(own).with_effect(**entry)

@@ -1,4 +1,4 @@
-"""Which effects are worth simulating in full, and for which of them the measurement speaks."""
+"""Selects the effects that are worth a full simulation, and ranks them by likelihood."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -19,24 +19,24 @@ from visaug.diagnosis.signatures import Signatures
 from visaug.effects import catalogue
 from visaug.fingerprint import Statistic
 
-SIGNIFICANT = 0.02  # false-alarm rate of the test whether a camera holds
-TRIED = 4  # candidates whose numbers are refined in a step, if they gain
-SHARE = 0.2  # of what the best gains
+SIGNIFICANT = 0.02  # false-alarm rate of the test of adequacy
+TRIED = 4  # largest number of candidates that are refined in a step, if they gain
+SHARE = 0.2  # this share of the best gain
 OTHER_STARTS = 4  # further starts of the best candidate,
-OTHER = 0.05  # of forms whose signatures gain at least so much of what its best form's does,
-NOT_FAR = 0.3  # iterated where they start from at least so much of what it has
-MUCH = 6.0  # standard deviations in some statistic that make them worth while
-FAR_OUT = 30.0  # standard deviations beyond which a form that is a little different is far off too
+OTHER = 0.05  # with forms whose signatures gain at least this share of the best form's,
+NOT_FAR = 0.3  # iterated if their start gains at least this share
+MUCH = 6.0  # standard deviations in some statistic from which further starts are tried
+FAR_OUT = 30.0  # standard deviations beyond which even a slightly different form is rejected
 LEAST_GAIN = (
     2.0  # in log likelihood, less what noise gains: of effects that are tried only where something is missing
 )
 CLOSE = 6.0  # log likelihood within which candidates are rivals,
 CLOSE_SHARE = 0.25  # or this share of the best gain
-RIVALS = 3  # so many of them are simulated in full
-ALIKE = 0.3  # share of the best gain within which the simpler of two that say the same is taken
-UNMOVED = 0.3  # of what the first moves in a statistic, below which the other does not move it
-HARDLY = 0.5  # share of what was off that is left where an effect explains nothing
-EXACT = 0.03  # what a form may leave over where rivals are compared
+RIVALS = 3  # largest number of rivals that are simulated in full
+ALIKE = 0.3  # share of the best gain within which the simpler of two equivalent effects is taken
+UNMOVED = 0.3  # share of the shift by the first effect below which the other does not shift a statistic
+HARDLY = 0.5  # share of the residual that stays where an effect explains nothing
+EXACT = 0.03  # relative model discrepancy when rivals are compared
 
 
 def candidates(
@@ -48,11 +48,11 @@ def candidates(
     report: Report,
     earlier: Mapping[str, Refined],
 ) -> list[Refined]:
-    """The effects that match what a fitted camera leaves best, refined, best first.
+    """The effects whose signatures best match the residuals, refined, the best first.
 
     Args:
         fitted: the camera from which they are tried: the state's, or the camera as given.
-        earlier: effects as they were refined before the state's last one was there; their numbers are starts too.
+        earlier: effects as refined before the state's last one was added; their values are further starts.
     """
     tried, chosen = first_matches(signs, fitted, frozenset(state.accepted) | without, state.allowance)
     best: dict[str, Refined] = {}
@@ -72,17 +72,17 @@ def candidates(
             m for m in tried if m.trial.effect == r.effect and m.trial.form not in forms and m.gain > least
         ]
         if k > 0:
-            # one that may say the same is asked in other words too, or it would be behind for its words
+            # An equivalent effect is tried with other options too, so that it is not ranked lower because of its options.
             others = [m for m in others if _reworded(fitted, r, m) is not None]
         found[k] = from_other_starts(lab, fitted, r, others, report, state.allowance)
     return sorted(found, key=lambda r: -r.gain)
 
 
 def _as_earlier(fitted: Fitted, match: Match, earlier: Refined | None) -> list[Camera]:
-    """The fitted camera with the numbers that an effect had in an earlier step, if it is now tried in the same words.
+    """The fitted camera with the values that an effect had in an earlier step, if it is tried with the same options.
 
-    Beside a flare the bands of columns were fitted; once it is there, the look at the frames that they start from is no better
-    than before, and what lies between takes other edges.
+    For example, column bands that were fitted beside a flare remain a good start after the flare was added, when the estimate
+    read from the frames finds other edges.
     """
     if earlier is None or catalogue()[earlier.effect].base:
         return []
@@ -95,13 +95,14 @@ def _as_earlier(fitted: Fitted, match: Match, earlier: Refined | None) -> list[C
 def first_matches(
     signs: Signatures, fitted: Fitted, without: frozenset[str], allowance: np.ndarray | float
 ) -> tuple[list[Match], list[Match]]:
-    """All trials, best first, and of every effect that is worth refining its best one.
+    """All matches, the best first, and for every effect that is worth refining its best one.
 
-    With a form left open, what moves one statistic alone can gain little, however far that is off: so the trial that gains
-    most by its exact form is among them, but none that brings a spread of its own, which covers anything. Where something stands
-    so far out that every exact form would be wrong, it is the one that gains most by what refining leaves open. What was seen in
-    the frames is the best of a hundred and has no such claim; but if it cannot be scaled it is among them whatever it gains: its
-    signature comes from the camera as given, and need not hold where the refit has gone.
+    With a model-discrepancy term an effect that shifts a single statistic gains little, however large the residual. Therefore
+    the trial with the largest gain for its exact form is included too, unless it adds variance, which covers any residual.
+    Where a residual is so large that every exact form would be rejected, it is the trial with the largest gain for the
+    discrepancy that remains after refinement. Trials read from the frames are the best of about a hundred and get no such
+    preference, except those that cannot be scaled: their signatures come from the camera as given and may not be valid for
+    the refitted one.
     """
     tried = matches(signs, fitted, without, allowance)
     best = best_of_each(tried)
@@ -125,13 +126,13 @@ def from_other_starts(
     report: Report,
     allowance: np.ndarray | float,
 ) -> Refined:
-    """The best fit of an effect from starts of another form, where it leaves much over: a wrong period or place is a trap.
+    """The best fit of an effect from starts of another form, if residuals stay: a wrong period or place is a local optimum.
 
-    Other words are tried first, and with the numbers that were found: no step leads from one word to another.
+    Other options are tried first, with the values found so far, since no continuous step leads from one option to another.
 
     Args:
         refined: the effect from its best match.
-        others: the effect's matches of other forms, best first.
+        others: the effect's matches of other forms, the best first.
     """
     reworded = [(_reworded(fitted, refined, m), m) for m in others]
     words = [worded for worded, _ in reworded if worded is not None]
@@ -147,7 +148,7 @@ def from_other_starts(
 
 
 def better(one: Refined, other: Refined) -> Refined:
-    """That of two fits of an effect which gains more; it keeps the best in other words that gains nearly as much."""
+    """The fit with the larger gain; it refers to the best fit with other options that gains almost as much."""
     best, behind = (one, other) if one.gain >= other.gain else (other, one)
     reworded = [
         r for r in (behind, behind.otherwise, best.otherwise) if r is not None and r.words != best.words
@@ -159,7 +160,7 @@ def better(one: Refined, other: Refined) -> Refined:
 
 
 def _reworded(fitted: Fitted, refined: Refined, other: Match) -> Match | None:
-    """What was refined, with the words of another trial; None where they are the same."""
+    """The refined candidate with the options of another trial; None if they are the same."""
     camera, words = refined.camera, refined.words
     others = {path: word for path, word in other.trial.values if isinstance(word, str)}
     if all(words.get(path, word) == word for path, word in others.items()):
@@ -173,7 +174,7 @@ def _reworded(fitted: Fitted, refined: Refined, other: Match) -> Match | None:
 
 
 def rivals(lab: Laboratory, found: Sequence[Refined], state: State, chance: Chance) -> list[Refined]:
-    """Those among refined candidates that only a full simulation can tell apart."""
+    """The refined candidates that only a full simulation can distinguish."""
     if not found:
         return []
     least = max(0.0, found[0].gain - max(CLOSE, CLOSE_SHARE * found[0].gain))
@@ -181,9 +182,9 @@ def rivals(lab: Laboratory, found: Sequence[Refined], state: State, chance: Chan
 
 
 def is_beyond(lab: Laboratory, chance: Chance, state: State, candidate: Refined) -> bool:
-    """Whether what the candidate takes away is more than some signature takes away by chance.
+    """Whether a candidate removes more than the best signature removes by chance.
 
-    An effect that brings a spread of its own is not seen by its mean signature and passes if it gains enough.
+    An effect that adds variance is not visible in its mean signature and passes if it gains enough.
     """
     if candidate.variance.any() and candidate.gain > LEAST_GAIN:
         return True
@@ -194,12 +195,13 @@ def is_beyond(lab: Laboratory, chance: Chance, state: State, candidate: Refined)
 def decided(
     statistics: Sequence[Statistic], state: State, simulated: Sequence[tuple[Refined, State]]
 ) -> list[tuple[Refined, State]]:
-    """Rivals in the order of how well their own simulated sets account for what was measured.
+    """Rivals ordered by the likelihood of the measurement under their own simulated sets.
 
-    Here a number costs half the logarithm of how many statistics determine it: G. Schwarz, Ann. Stat. 6 (1978) 461. What it gains
-    by fitting noise (Akaike) is enough to say what the next frames will show, not what there is: four numbers imitate one.
+    A parameter costs half the logarithm of the number of statistics that determine it (BIC: G. Schwarz, Ann. Stat. 6 (1978)
+    461). The smaller cost of Akaike is sufficient for prediction but not for the choice of a model: four parameters imitate
+    one.
 
-    The simpler of two that say the same comes first, and counts as no less likely.
+    The simpler of two equivalent effects comes first and counts as equally likely.
     """
     if len(simulated) < 2:
         return list(simulated)
@@ -225,10 +227,10 @@ def decided(
 
 
 def _anothers(state: State, rivals: Sequence[State]) -> np.ndarray:
-    """Statistics that stay far out whichever rival is taken: what is left there of another effect says nothing about them.
+    """Statistics that deviate far under every rival: their residuals belong to another effect and do not distinguish the rivals.
 
-    (What blooms stands 5000 standard deviations out beside a veil and beside a flare; a hundredth of that is chance, and more
-    than all that tells the two apart.)
+    For example, blooming deviates by 5000 standard deviations beside a veil and beside a flare; one percent of that is
+    chance, and more than the difference of the two.
     """
     left = np.abs([after.fitted.z for after in rivals])
     return np.all((left > FAR_OUT) & (left > HARDLY * np.abs(state.fitted.z)), axis=0)
@@ -237,11 +239,11 @@ def _anothers(state: State, rivals: Sequence[State]) -> np.ndarray:
 def _is_alike(
     statistics: Sequence[Statistic], state: State, first: tuple[Refined, State], other: tuple[Refined, State]
 ) -> bool:
-    """Whether two rivals say the same of the frames, to less than forms differ: a flare without its ghost is a veil.
+    """Whether two rivals are equivalent within the tolerance of forms: a flare without its ghost is a veil.
 
-    What the other does not move at all is no matter of form: crosstalk blurs the noise too, which a blur of the light leaves. It
-    counts by what the first leaves in that view where it acts: 3 standard deviations of a mirrored scene tell nothing beside
-    edges that the form of a halo leaves 30 off.
+    A statistic that the other effect does not shift at all distinguishes them: crosstalk smooths the noise, a blur of the
+    light does not. It is weighted by the residual that the first leaves in that view: 3 standard deviations in a mirrored
+    scene are no evidence beside edges where the form of a halo leaves 30.
     """
     if other[0].gain < first[0].gain - max(CLOSE, ALIKE * abs(first[0].gain)):
         return False

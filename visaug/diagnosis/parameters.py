@@ -1,8 +1,8 @@
-"""Numbers of a camera that a fit may move, in coordinates in which they behave.
+"""Free parameters of a camera as coordinates that suit a fit.
 
-What is positive goes by its logarithm. What is counted in electrons goes by its size in DN, as frames show it: then a step of
-the system gain leaves every level, pattern and read noise in DN where it was and moves shot noise alone, and no step has to
-cancel against ten others. The full well goes by the DN at which it cuts, so that the black level leaves that where it was.
+Positive parameters are logarithmic. Parameters in electrons are coordinates in DN, as the frames show them: a step of the
+system gain then changes shot noise alone and leaves levels, patterns and read noise in DN. The full well is the DN at which
+it clips, so that the black level does not change it.
 """
 
 import math
@@ -22,14 +22,15 @@ GAIN, BLACK, WELL = "gain_e_per_dn", "black_level_dn", "full_well_e"
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One free number.
+    """One free parameter.
 
     Args:
         path: as in camera.yaml.
-        logarithmic: the coordinate is the number's logarithm.
+        logarithmic: the coordinate is the parameter's logarithm.
         step: of finite differences, in the coordinate.
-        prior: standard deviation about the camera file's value, in the coordinate: wide, it only holds what frames cannot tell.
-        in_dn: the number is in electrons (or electrons per something), the coordinate in DN.
+        prior: standard deviation about the camera file's value, in the coordinate: weak, for parameters that the frames do
+            not determine.
+        in_dn: the parameter is in electrons (or electrons per something), the coordinate in DN.
     """
 
     path: str
@@ -45,7 +46,7 @@ class Coordinate:
         return math.log(value) if self.logarithmic else value
 
     def number(self, coordinate: float, gain_e_per_dn: float, black_level_dn: float) -> float:
-        """The number itself, within the parameter's bounds."""
+        """The parameter value, within its bounds."""
         parameter = place_of(self.path).parameter
         value = math.exp(min(coordinate, 60.0)) if self.logarithmic else coordinate
         value -= black_level_dn if self.path == WELL else 0.0
@@ -68,11 +69,11 @@ def intervals(
     steps: np.ndarray | None = None,
     untold: np.ndarray | None = None,
 ) -> dict[str, tuple[float, float | None, float | None]]:
-    """Each number of a fitted camera by path, with its 95 % interval: value, low, high.
+    """Each parameter of a fitted camera by path, with its 95 % interval: value, low, high.
 
     Args:
-        steps: (R, coordinates), how far refitting moved simulated sets of the camera; where left out no interval is known.
-        untold: (coordinates,) standard deviation of what the frames leave open; 0 where left out.
+        steps: (R, coordinates), changes by refits of simulated sets of the camera; if omitted, no interval is known.
+        untold: (coordinates,) prior standard deviation of what the frames do not determine; 0 if omitted.
     """
     values = camera.values()
     scale = (values[GAIN], values[BLACK])
@@ -91,7 +92,7 @@ def intervals(
 
 
 def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list[Coordinate]:
-    """What a refit of the camera may move: base terms that are there, and the further effects that the file names.
+    """Nuisance parameters of a refit: base terms that are present, and the further effects that the file names.
 
     A term that the file leaves at zero stays there: if the frames show it, it is a missing effect. The same holds for the
     shape of Gaussian read noise.
@@ -132,7 +133,7 @@ def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list
 
 
 def effect_coordinates(camera: Camera, name: str) -> list[Coordinate]:
-    """The free numbers of a further effect, in the form that it has."""
+    """The free parameters of a further effect, given its options."""
     values = camera.values()
     words = {word for path, word in camera.choices().items() if path.startswith(f"{name}.")}
     free = []
@@ -154,16 +155,16 @@ def effect_coordinates(camera: Camera, name: str) -> list[Coordinate]:
 
 
 def strengths_of(name: str, coordinates: Sequence[Coordinate]) -> tuple[Coordinate, ...]:
-    """Those of some coordinates that are the logarithm of one of an effect's strengths."""
+    """The coordinates that are the logarithm of one of an effect's strengths."""
     strengths = {f"{name}.{key}" for key in catalogue()[name].strengths()}
     return tuple(c for c in coordinates if c.path in strengths and c.logarithmic)
 
 
 def _is_in_electrons(path: str) -> bool:
-    """Quantum efficiency too: electrons per photon, seen as DN per photon."""
+    """Whether a parameter is in electrons; quantum efficiency is too (electrons per photon, measured as DN per photon)."""
     return path == "quantum_efficiency" or place_of(path).parameter.unit in ("e-", "e-/s", "e-/px/s")
 
 
 def place_is_held(parameter: Parameter) -> bool:
-    """A number that is no strength and gives no values to try is the user's to choose, not a fit's."""
+    """Whether a parameter is set by the user and not fitted: no strength, and without trial values."""
     return not parameter.strength and not parameter.trials

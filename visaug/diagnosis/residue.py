@@ -12,21 +12,22 @@ from visaug.fingerprint import AXES, Statistic
 FAR = 4.5  # standard deviations above which a statistic deviates significantly
 CHANCE = 3.0  # the largest deviation to be expected by chance among a thousand statistics
 WANDERS = 0.5  # share of neighbouring levels between which whole frames change sign,
-LEVELS = 5  # of at least so many that are off
-MORE = 2.5  # times further off with light than without
-ALIKE = 1.15  # ratio within which two of them say the same
-WARMS = 2.0  # times a pattern's variance: dark current that doubles in 10 K makes it four times as large
-CODES = 0.25  # how far off the counts of codes count: whatever moves a pixel moves its code
-TOLD = 0.4  # of the clearest axis, from which another is told
-ROUND = 2.0  # ratio within which what spreads along rows and along columns spreads all around
+LEVELS = 5  # least number of deviating levels
+MORE = 2.5  # ratio of the deviations with light to those without
+ALIKE = 1.15  # ratio within which two of them count as equal
+WARMS = 2.0  # least ratio of a pattern's variance: dark current that doubles in 10 K gives a ratio of four
+CODES = 0.25  # weight of the deviations of code counts: any change of a pixel changes its code
+TOLD = 0.4  # share of the clearest axis from which another is reported
+ROUND = 2.0  # ratio within which correlations along rows and columns count as isotropic
 BESIDE = {
     "curvature along {}s": "pixel",
     "1 to 2 px from bright spots along the {}": "pixel",
     "3 to 8 px from bright spots along the {}": "smooth",
     "9 to 30 px from bright spots along the {}": "smooth",
 }
-REACH = 0.6  # of the noise shared with the next pixel, shared with the one after it too: no matter of single pixels. A 1/f noise
-# shares more, a kernel of nearest neighbours little, one with long arms a third
+# Ratio of the covariances with the next pixel but one and with the next pixel above which the noise is common to a line. It is
+# larger for 1/f noise, small for a kernel of nearest neighbours, and a third for one with long arms.
+REACH = 0.6
 WORDS = {
     "time": "from frame to frame",
     "row": "from row to row",
