@@ -1,5 +1,6 @@
 """Fixtures for all tests."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -12,3 +13,17 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"needs {folder}")
     return folder
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """A real Chromium; tests that need it skip without it."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        pytest.skip("no chromium")
+    with playwright.sync_playwright() as running:
+        playwright.expect.set_options(timeout=60_000)  # of a busy machine
+        browser = running.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        yield browser
+        browser.close()

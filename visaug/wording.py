@@ -3,6 +3,21 @@
 import math
 import re
 
+_FRAMES = re.compile(r"(bias|dark|flat|scene \S*[^\s:])( [-+.\de]+ (ph|s|C|dB))*( \(\d+\))?")
+
+
+def printable(text: str) -> str:
+    """The text with an escape for every character that a reader cannot see: control characters, those that turn the direction of
+    what follows, and what is no Unicode. Line feeds stay.
+
+    Example:
+        >>> print(printable("a\\x1b[1mb\\u202ec"))
+        a\\x1b[1mb\\u202ec
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
+
 
 def number(value: float | None) -> str:
     """Four significant digits; a dash where the value is not known."""
@@ -85,6 +100,16 @@ def statistic_text(name: str) -> str:
         what, plain = name, ""
     what = re.sub(r"\bband (\d)", r"frequency band \1", what)
     return f"{what} in {plain}" if plain else what
+
+
+def label_text(label: str) -> str:
+    """The plain name of a curve or a map: its frames in plain words, wherever they stand in it.
+
+    Example:
+        >>> label_text("rows of one frame, flat 800 ph 22 C"), label_text("bias, DN")
+        ('rows of one frame, flat frames (800 photons, 22 °C)', 'bias frames, DN')
+    """
+    return ", ".join(frames_text(part) if _FRAMES.fullmatch(part) else part for part in label.split(", "))
 
 
 def frames_text(label: str) -> str:

@@ -1,6 +1,7 @@
 """Who may use the page, what it shows, and that what its buttons ask is done."""
 
 import base64
+import io
 import re
 import socket
 import sys
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
+from PIL import Image
 from starlette.testclient import TestClient
 
 import visaug
@@ -89,7 +91,7 @@ def test_without_the_token_there_is_nothing(client, path, params):
 
 @pytest.mark.parametrize(
     "path",
-    ["/diagnose", "/stop", "/add/row_noise", "/load/a.py", "/save", "/numbers", "/back/0"],
+    ["/diagnose", "/stop", "/add/row_noise", "/load/a.py", "/save", "/numbers", "/back/0", "/own/a.png"],
 )
 def test_without_the_token_nothing_is_done(client, bench, path):
     assert client.post(path, params={"token": "guess"}).status_code == 403
@@ -186,6 +188,64 @@ def test_numbers_that_cannot_be_are_refused(client, bench, content, said):
     assert bench.camera is bench.given
 
 
+def picture_file(image: Image.Image) -> bytes:
+    file = io.BytesIO()
+    image.save(file, "PNG")
+    return file.getvalue()
+
+
+def shown_picture(client) -> dict:
+    holder = re.search(r'data-view="own" data-own="(\w+)" data-key="(\w+)"', client.get("/bench").text)
+    return client.get(f"/own/{holder[1]}/{holder[2]}").json()
+
+
+def test_a_picture_of_ones_own(client, bench):
+    """The mean of 1200 pixels of about 9 of 255 each: 0.26; four deviations, and one step of rounding."""
+    content = picture_file(Image.new("L", (40, 30), 128))
+    assert client.post("/own/gray.png", content=content).status_code == 200
+    found = shown_picture(client)
+    before, after = (np.frombuffer(base64.b64decode(v), "<f4") for v in found["maps"][0]["values"])
+    assert found["white"] == 255
+    assert (before == 128).all()
+    assert after.mean() == pytest.approx(128, abs=1.5)
+    assert 0 < after.std() < 20
+    assert shown_picture(client) == found
+    client.post("/numbers", json={"read_noise.sigma_e": 300.0})
+    client.wait()
+    louder = np.frombuffer(base64.b64decode(shown_picture(client)["maps"][0]["values"][1]), "<f4")
+    assert louder.std() > 2 * after.std()
+
+
+def test_a_large_picture_is_taken_whole_and_its_middle_shown(client):
+    ramp = np.repeat(np.arange(1000, dtype=np.uint16)[None] * 60, 700, 0)
+    assert client.post("/own/ramp.png", content=picture_file(Image.fromarray(ramp))).status_code == 200
+    found = shown_picture(client)
+    shown = found["maps"][0]
+    assert (shown["height"], shown["width"], shown["step"]) == (640, 640, 1)
+    assert np.frombuffer(base64.b64decode(shown["values"][0]), "<f4")[0] == 60 * 180
+    assert found["white"] == 65535
+    assert "the middle of 700 x 1000 pixels" in found["title"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("x.png", b"GIF89a no picture", "x.png: cannot be read"),
+        ("x.gif", b"GIF89a", "x.gif: is not a picture"),
+        ("x", b"", "x: is not a picture"),
+        ("big.png", b"#" * 60_000_001, "big.png: is too large"),
+        ("wide.png", picture_file(Image.new("1", (6000, 5000))), "wide.png: has 5000 x 6000 pixels"),
+    ],
+)
+def test_what_is_no_picture_is_told_in_one_line(client, bench, name, content, said):
+    answer = client.post(f"/own/{name}", content=content)
+    assert answer.status_code == 400
+    assert said in answer.json()["error"]
+    assert "\n" not in answer.json()["error"]
+    assert "visaug-lab-" not in answer.json()["error"]
+    assert bench.own_picture is None
+
+
 def test_scripts_are_those_of_the_page(client):
     assert "MIT" in (resources.files("visaug.lab") / "templates" / "uplot.LICENSE").read_text()
     for name in ("lab", "plots", "uplot.min"):
@@ -219,6 +279,31 @@ def test_save_camera(diagnosed, bench):
     assert yaml.safe_load(answer.text)["effects"] == [{"name": "row_noise", "sigma_e": 2.0}]
     saved = diagnosed.post("/save").json()["saved"]
     assert Camera.load(saved).effect_names == ["row_noise"]
+
+
+def test_a_file_that_the_lab_did_not_write_is_not_overwritten(client, bench):
+    bench.output.parent.mkdir()
+    bench.output.write_text("mine")
+    answer = client.post("/save")
+    assert answer.status_code == 400
+    assert f"{bench.output}: already exists" in answer.json()["error"]
+    assert "--force" in answer.json()["error"]
+    assert bench.output.read_text() == "mine"
+    bench.output.unlink()
+    for _ in range(2):
+        assert client.post("/save").json()["saved"] == str(bench.output)
+    bench.output.write_text(bench.output.read_text() + "# mine\n")
+    assert client.post("/save").status_code == 400
+    bench.force = True
+    assert client.post("/save").status_code == 200
+
+
+def test_the_command_refuses_a_file_that_exists(tmp_path):
+    (tmp_path / "mine.yaml").write_text("mine")
+    words = [str(tmp_path), "--camera", "sony_imx174", "-o", str(tmp_path / "mine.yaml")]
+    mistake = CliRunner().invoke(lab_command, words).exception
+    assert isinstance(mistake, InputError)
+    assert "--force" in str(mistake)
 
 
 def test_save_report(diagnosed):

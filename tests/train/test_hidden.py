@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import visaug
+from tests.hostile import check_page
+from tests.hostile_pages import NASTY, check_file
 from visaug.errors import InputError
 from visaug_train import ablation as ablation_module
 from visaug_train import training
@@ -38,7 +40,7 @@ def study_config(rendered, tmp_path):
     def make(**changes):
         return check_config(
             {
-                "name": "hidden",
+                "name": NASTY,
                 "output": str(tmp_path / "out"),
                 "data": {
                     "root": str(rendered),
@@ -109,7 +111,7 @@ def stubbed(monkeypatch):
     return calls
 
 
-def test_a_study_shows_cost_recovery_control_and_who_knew(study_config, stubbed):
+def test_a_study_shows_cost_recovery_control_and_who_knew(study_config, stubbed, request):
     ablation = ablate(study_config())
     assert list(ablation.means) == ["vis", "banding_named", "blooming_named", "blooming_known"]
     assert list(ablation.study.tests) == ["synthetic", PLAIN, "banding", "blooming"]
@@ -133,7 +135,9 @@ def test_a_study_shows_cost_recovery_control_and_who_knew(study_config, stubbed)
     written = ablation.write(ablation.config.output)
     assert "| periodic_banding | periodic_banding |" in written.read_text()
     assert "the same run" in (written.parent / "effects.csv").read_text()
-    assert "What a hidden effect costs" in write_report(ablation).read_text()
+    report = write_report(ablation)
+    assert "What a hidden effect costs" in report.read_text()
+    check_page(report.read_text())
     assert len(proof_sections(ablation)) == 3
 
     made = {file: file.stat().st_mtime_ns for file in ablation.config.output.glob("cameras/**/*.*")}
@@ -144,6 +148,7 @@ def test_a_study_shows_cost_recovery_control_and_who_knew(study_config, stubbed)
     assert sorted(set(trained)) == ["banding_named", "blooming_known", "blooming_named", "vis"]
     assert len(trained) == 8  # four networks for each of two seeds: the baseline is shared
     assert made == {file: file.stat().st_mtime_ns for file in made}
+    check_file(request.getfixturevalue("browser"), report)  # last: it skips where there is no Chromium
 
 
 def test_cameras_differ_by_their_effect_alone(study_config, stubbed):

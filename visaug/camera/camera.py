@@ -1,7 +1,7 @@
 """A camera: its parameters, its chain of effects, and simulated exposures."""
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -161,7 +161,10 @@ class Camera:
                         expected=f"one of {', '.join(self.values())}",
                     )
                 entry[key] = value
-        return self._changed(content)
+        try:
+            return self._changed(content)
+        except InputError as mistake:
+            raise _by_name(mistake, content.get("effects", ())) from None
 
     def with_effect(self, name: str, **parameters: Any) -> "Camera":
         """Returns the camera with one more effect. An effect that it has already is replaced."""
@@ -334,6 +337,16 @@ class Camera:
         rows, columns = self.resolution
         further = ", ".join(self.effect_names) or "no further effects"
         return f"Camera({self.name!r}, {rows}x{columns}, {self.bit_depth} bit, {further})"
+
+
+def _by_name(mistake: InputError, effects: Sequence[Mapping[str, Any]]) -> InputError:
+    """The mistake with `effects.0.sigma_e`, the place in a file, as `row_noise.sigma_e`, the path that the caller gave."""
+    first, _, rest = (mistake.field or "").partition(".")
+    number, _, key = rest.partition(".")
+    if first != "effects" or not number.isdigit():
+        return mistake
+    field = f"{effects[int(number)]['name']}.{key}"
+    return InputError(mistake.problem, file=mistake.file, field=field, expected=mistake.expected)
 
 
 def _chain_of(spec: CameraSpec) -> list[Effect]:

@@ -92,7 +92,7 @@ def dark_current(result: Characterization) -> Figure:
         axes.set_xlabel("sensor temperature (°C)")
     else:
         axes.errorbar(np.arange(len(y)), y, 1.96 * e, fmt="o", color=_POINT, capsize=3)
-        axes.set_xlabel("temperature not known")
+        axes.set(xlabel="temperature not known", xticks=[], xlim=(-1, len(y)))
     axes.set_ylabel("dark current (e-/s)" if c["in_electrons"] else "dark current (DN/s)")
     return figure
 

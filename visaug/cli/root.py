@@ -10,8 +10,8 @@ import click
 
 from visaug import __version__
 from visaug.cli import learn, measure, pictures, take
-from visaug.cli.tables import printable
 from visaug.errors import InputError, PartlyFailed, described, user_line
+from visaug.wording import printable
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})

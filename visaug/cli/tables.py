@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 
+from visaug.wording import printable
+
 
 def print_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """Cells wrap to a terminal's width; into a file or pipe a row is one line."""
@@ -14,8 +16,3 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
         table.add_row(*(Text(printable(cell)) for cell in row))  # no markup in a cell
     terminal = Console()
     (terminal if terminal.is_terminal else Console(width=240)).print(table)
-
-
-def printable(text: str) -> str:
-    """The text as a terminal takes it: control characters and what is no Unicode are escaped."""
-    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)

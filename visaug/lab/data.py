@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from visaug.fingerprint.view import Picture
+from visaug.wording import label_text
 
 LARGEST_MAP = 640  # pixels on a side; a larger map is sent as means of squares
 
@@ -26,9 +27,9 @@ def view_data(title: str, measured: Picture, modelled: Picture | None) -> dict[s
     beside = modelled or measured
     for i, curve in enumerate(measured.curves):
         other = beside.curves[i] if i < len(beside.curves) else curve
-        content["curves"].append(_aligned(curve.label, (curve.x, curve.y), (other.x, other.y)))
+        content["curves"].append(_aligned(label_text(curve.label), (curve.x, curve.y), (other.x, other.y)))
     for (name, image), (_, other) in zip(measured.maps, beside.maps, strict=False):
-        content["maps"].append(map_data(name, image, other))
+        content["maps"].append(map_data(label_text(name), image, other))
     return content
 
 
@@ -52,11 +53,16 @@ def map_data(title: str, first: np.ndarray, second: np.ndarray) -> dict[str, Any
 
 def _aligned(label: str, measured: tuple[Any, Any], modelled: tuple[Any, Any]) -> dict[str, Any]:
     """Both curves over the union of their positions; None where one has no finite value."""
-    x = np.union1d(np.asarray(measured[0], float), np.asarray(modelled[0], float))
-    columns = []
+    points = []
     for xs, ys in (measured, modelled):
+        xs, ys = np.asarray(xs, float), np.asarray(ys, float)
+        there = np.isfinite(xs)  # a position that is not known cannot be drawn
+        points.append((xs[there], ys[there]))
+    x = np.union1d(points[0][0], points[1][0])
+    columns = []
+    for xs, ys in points:
         column: list[float | None] = [None] * len(x)
-        for place, y in zip(np.searchsorted(x, np.asarray(xs, float)), np.asarray(ys, float), strict=True):
+        for place, y in zip(np.searchsorted(x, xs), ys, strict=True):
             column[int(place)] = float(f"{y:.7g}") if np.isfinite(y) else None
         columns.append(column)
     return {"label": label, "x": x.tolist(), "y": columns}

@@ -9,15 +9,15 @@ from contextlib import asynccontextmanager
 from functools import partial
 from importlib import resources
 from types import FrameType
+from typing import Any
 
-import jinja2
 import uvicorn
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
+from starlette.responses import HTMLResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
 from visaug import __version__
@@ -30,6 +30,7 @@ from visaug.lab.jobs import Jobs
 from visaug.lab.own_picture import LARGEST_FILE, OwnPicture
 from visaug.lab.pictures import Pictures
 from visaug.progress import Progress
+from visaug.report.html import templates
 from visaug.wording import probability_text
 
 ADDRESS = "127.0.0.1"
@@ -83,6 +84,15 @@ def application(bench: Bench, token: str) -> Starlette:
     return app
 
 
+class _JSON(Response):
+    """JSON in ASCII: names of files may hold what is no Unicode."""
+
+    media_type = "application/json"
+
+    def render(self, content: Any) -> bytes:
+        return json.dumps(content, allow_nan=False).encode()
+
+
 class _Lab:
     """What each address answers. Plain functions run in a thread of their own, so that drawing stops nobody."""
 
@@ -91,14 +101,7 @@ class _Lab:
         self.jobs = Jobs()
         self._wanted: dict[str, float] = {}  # numbers set by hand that no estimate has taken up yet
         self.pictures = Pictures(bench.frames, bench.seed)
-        loader = jinja2.PackageLoader("visaug.lab")
-        self.templates = jinja2.Environment(
-            loader=loader,
-            autoescape=True,
-            trim_blocks=True,
-            lstrip_blocks=True,
-            undefined=jinja2.StrictUndefined,
-        )
+        self.templates = templates("visaug.lab")
 
     def page(self, _: Request) -> Response:
         return HTMLResponse(self._render("page.html"))
@@ -124,7 +127,7 @@ class _Lab:
         return Response(_text("visaug.lab", f"{name}.js"), media_type="text/javascript")
 
     def state(self, _: Request) -> Response:
-        return JSONResponse(self.jobs.as_json())
+        return _JSON(self.jobs.as_json())
 
     def view(self, request: Request) -> Response:
         return _kept(self.pictures.view(request.path_params["key"], request.path_params["view"]))
@@ -138,7 +141,7 @@ class _Lab:
         body = await _body(request, LARGEST_FILE, name, "a picture")
         self.bench.own_picture = await run_in_threadpool(OwnPicture.read, name, body)
         self.jobs.changed()
-        return JSONResponse(self.jobs.as_json())
+        return _JSON(self.jobs.as_json())
 
     def own_picture(self, request: Request) -> Response:
         return _kept(self.pictures.own(request.path_params["key"], self.bench.own_picture))
@@ -192,15 +195,15 @@ class _Lab:
 
     def save(self, _: Request) -> Response:
         path = self.bench.save()
-        return JSONResponse({"saved": str(path) if path else None})
+        return _JSON({"saved": str(path) if path else None})
 
     def stop(self, _: Request) -> Response:
         self.jobs.stop()
-        return JSONResponse(self.jobs.as_json())
+        return _JSON(self.jobs.as_json())
 
     def _ask(self, title: str, work: Callable, instead_of: tuple[str, ...] = ()) -> Response:
         self.jobs.ask(title, work, instead_of)
-        return JSONResponse(self.jobs.as_json(), 202)
+        return _JSON(self.jobs.as_json(), 202)
 
     def _render(self, template: str) -> str:
         state = self.jobs.as_json()  # first: what is drawn may be newer than it says, never older
@@ -289,8 +292,8 @@ def _numbers(body: bytes) -> dict[str, float]:
 def _kept(content: dict | None) -> Response:
     """What is drawn of one camera: its key names the camera, so it never changes."""
     if content is None:
-        return JSONResponse(None, 404)
-    return JSONResponse(content, headers={"Cache-Control": "private, max-age=86400"})
+        return _JSON(None, 404)
+    return _JSON(content, headers={"Cache-Control": "private, max-age=86400"})
 
 
 def _file(text: str, name: str, kind: str) -> Response:
@@ -299,7 +302,7 @@ def _file(text: str, name: str, kind: str) -> Response:
 
 def _refuse(_: Request, mistake: Exception) -> Response:
     """A user's mistake, in one line."""
-    return JSONResponse({"error": " ".join(str(mistake).split())}, 400)
+    return _JSON({"error": " ".join(str(mistake).split())}, 400)
 
 
 def _text(package: str, name: str) -> str:

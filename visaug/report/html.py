@@ -8,6 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from visaug.wording import printable
+
 if TYPE_CHECKING:
     import jinja2
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -127,13 +129,18 @@ def paragraphs(*texts: str) -> Iterable[Text]:
 @cache
 def template(name: str) -> "jinja2.Template":
     """A template of this package, values escaped."""
+    return templates("visaug.report").get_template(name)
+
+
+def templates(package: str) -> "jinja2.Environment":
+    """The templates of a package. Values are text: markup in them is escaped, and so is what cannot be seen."""
     import jinja2
 
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("visaug.report"),
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader(package),
         autoescape=True,
+        finalize=lambda v: printable(v) if type(v) is str else v,  # what a macro gives is no plain str
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    return environment.get_template(name)

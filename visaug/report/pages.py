@@ -87,8 +87,15 @@ def _parameter_tables(parameters: dict[str, dict[str, Any]]) -> list[Table]:
         group = name.split(".")[0] if name.split(".")[0] in groups else ""
         value = with_interval(e["value"], e.get("low"), e.get("high"))
         rows[group].append([name, value, _unit(e["unit"]), e["from"]])
+    return [_without_repeats(rows[group], caption) for group, caption in groups.items() if rows[group]]
+
+
+def _without_repeats(rows: list[list[str]], caption: str) -> Table:
+    """The last column, where a parameter is from, stands only where it says more than the caption."""
     head = ["parameter", "value [95 % interval]", "unit", "from"]
-    return [Table(head, rows[group], caption) for group, caption in groups.items() if rows[group]]
+    if all(row[-1].lower() in caption.replace(",", "").lower() for row in rows):
+        head, rows = head[:-1], [row[:-1] for row in rows]
+    return Table(head, rows, caption)
 
 
 def write_comparison(
@@ -187,8 +194,8 @@ def diagnosis_sections(
     """The sections of a diagnosis, also part of the demo's page."""
     error = content["error"]
     found: list[Text | Table | Figure] = [Text(diagnosis_headline(content), "finding")]
-    found += [Text(line) for line in diagnosis_details(content)]
     found += [Text(line) for line in effect_texts(content["accepted"])]
+    found += [Text(line) for line in diagnosis_details(content)]
     if content["accepted"]:
         found.append(Text(PROBABILITY, "note"))
     found.append(_next(after_diagnosis(content, Inputs.of(camera, frames, camera_file))))
@@ -250,7 +257,10 @@ def _diagnosis_facts(content: dict[str, Any]) -> list[tuple[str, str]]:
         entry = known.get(name, {})
         for key, e in list((entry.get("parameters") or {}).items())[:1]:
             facts.append(
-                (with_interval(e["value"], e.get("low"), e.get("high"), e.get("unit", "")), f"{name}: {key}")
+                (
+                    with_interval(e["value"], e.get("low"), e.get("high"), e.get("unit", "")),
+                    f"{name}: {key}, 95 % interval",
+                )
             )
         if entry.get("probability") is not None:
             facts.append((probability_text(entry["probability"]), f"probability of {name}"))

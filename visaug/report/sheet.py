@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from visaug.report.html import Figure, figure, template
+from visaug.report.pages import described
 from visaug.report.plots.emva import FIGURES
 
 if TYPE_CHECKING:
@@ -15,8 +16,25 @@ if TYPE_CHECKING:
     from visaug.characterization.points import OperatingPoint
     from visaug.frames import FrameSet
 
-# Heading, then name on the sheet, symbol, key, factor for percent.
-QUANTITIES: tuple[tuple[str, tuple[tuple[str, str, str, float], ...]], ...] = (
+Row = tuple[str, str, str, float]  # name on the sheet, symbol, key, factor for percent
+
+
+def _split(release: str, what: str, symbols: bool = True) -> tuple[Row, ...]:
+    """The parts of a nonuniformity."""
+    unit, factor = ("_e", 1) if what == "DSNU" else ("", 100)
+    return tuple(
+        (
+            f"{what} of {part}s",
+            f"{what}.{symbol}" if symbols else "",
+            f"{release}.{what.lower()}_{part}{unit}",
+            factor,
+        )
+        for part, symbol in (("row", "row"), ("column", "col"), ("pixel", "pixel"))
+    )
+
+
+# A heading and its rows.
+QUANTITIES: tuple[tuple[str, tuple[Row, ...]], ...] = (
     (
         "Sensitivity and noise",
         (
@@ -54,27 +72,16 @@ QUANTITIES: tuple[tuple[str, tuple[tuple[str, str, str, float], ...]], ...] = (
         (
             ("DSNU, total", "DSNU 1288", "emva.dsnu_e", 1),
             ("DSNU, total", "", "emva.dsnu_dn", 1),
-            ("DSNU of rows", "DSNU.row", "emva4.dsnu_row_e", 1),
-            ("DSNU of columns", "DSNU.col", "emva4.dsnu_column_e", 1),
-            ("DSNU of pixels", "DSNU.pixel", "emva4.dsnu_pixel_e", 1),
+            *_split("emva4", "DSNU"),
             ("PRNU, total", "PRNU 1288", "emva.prnu_fraction", 100),
-            ("PRNU of rows", "PRNU.row", "emva4.prnu_row", 100),
-            ("PRNU of columns", "PRNU.col", "emva4.prnu_column", 100),
-            ("PRNU of pixels", "PRNU.pixel", "emva4.prnu_pixel", 100),
+            *_split("emva4", "PRNU"),
             ("PRNU, high-pass filtered", "", "emva4.prnu_highpass", 100),
         ),
     ),
 )
 CORRECTED = (
     "Split with the temporal noise that rows and columns have",
-    (
-        ("DSNU of rows", "", "emva4_corrected.dsnu_row_e", 1),
-        ("DSNU of columns", "", "emva4_corrected.dsnu_column_e", 1),
-        ("DSNU of pixels", "", "emva4_corrected.dsnu_pixel_e", 1),
-        ("PRNU of rows", "", "emva4_corrected.prnu_row", 100),
-        ("PRNU of columns", "", "emva4_corrected.prnu_column", 100),
-        ("PRNU of pixels", "", "emva4_corrected.prnu_pixel", 100),
-    ),
+    (*_split("emva4_corrected", "DSNU", symbols=False), *_split("emva4_corrected", "PRNU", symbols=False)),
 )
 
 
@@ -90,7 +97,7 @@ def write_sheet(
 
     content = template("sheet.html").render(
         title=title,
-        frames=_described(frames),
+        frames=described(frames) + (" of {} x {} pixels".format(*frames.shape(0)) if len(frames) else ""),
         date=datetime.now(UTC).strftime("%Y-%m-%d"),
         points=[_point(point) for point in points],
     )
@@ -124,9 +131,7 @@ def _point(point: OperatingPoint) -> dict[str, Any]:
     }
 
 
-def _table(
-    heading: str, rows: Sequence[tuple[str, str, str, float]], result: Characterization
-) -> dict[str, Any]:
+def _table(heading: str, rows: Sequence[Row], result: Characterization) -> dict[str, Any]:
     made = []
     for name, symbol, key, factor in rows:
         e = result.parameters.get(key)
@@ -168,10 +173,3 @@ def _figures(result: Characterization) -> list[Figure]:
 
 def _known(result: Characterization, needs: Sequence[str]) -> bool:
     return all(name in result.parameters for name in needs)
-
-
-def _described(frames: FrameSet) -> str:
-    kinds = [r.kind for r in frames.records]
-    counts = ", ".join(f"{kinds.count(k)} {k}" for k in dict.fromkeys(kinds))
-    size = "{} x {}".format(*frames.shape(0)) if len(frames) else ""
-    return f"{counts} frames of {size} pixels"

@@ -76,8 +76,9 @@ class Memory(View):
             frame = data.frames.read(i)
             edges = np.unique(np.quantile(before, np.linspace(0, 1, 16)))
             place = np.digitize(before, edges[1:-1])
-            x = np.array([before[place == k].mean() for k in range(len(edges) - 1)])
-            y = np.array([frame[place == k].mean() for k in range(len(edges) - 1)])
+            steps = np.unique(place)  # equal levels may leave some of the steps empty
+            x = np.array([before[place == k].mean() for k in steps])
+            y = np.array([frame[place == k].mean() for k in steps])
             curves.append(Curve(x, y, f"dark after {data.records[i - 1].clean}"))
         return Picture(
             self.title,

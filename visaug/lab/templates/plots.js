@@ -12,7 +12,7 @@ const Plots = (() => {
     return made;
   };
   const dark = () => matchMedia("(prefers-color-scheme: dark)").matches;
-  const shown = (value) => value == null || !isFinite(value) ? "–" : Number(value.toPrecision(5)).toString();
+  const shown = (value, digits = 5) => value == null || !isFinite(value) ? "–" : Number(value.toPrecision(digits)).toString();
   let changed = () => {};
 
   function button(label, title, act) {
@@ -162,8 +162,8 @@ const Plots = (() => {
 
     maps.forEach((map) => {
       const [first, second] = map.values.map(decoded);
-      const difference = first.map((v, i) => v - second[i]);
-      const picture = data.white !== undefined;
+      const picture = data.white !== undefined; // before and after: the difference is what was added
+      const difference = first.map((v, i) => picture ? second[i] - v : v - second[i]);
       const limits = picture ? [0, data.white] : percentiles([first, second]);
       const shade = (v) => 255 * (data.is_light ? (Math.max(v, 0) / data.white) ** (1 / 2.2) : v / data.white); // as a screen shows it
       const half = picture ? Math.max(...percentiles([difference]).map(Math.abs)) : (limits[1] - limits[0]) / 2;
@@ -171,7 +171,7 @@ const Plots = (() => {
       canvas.setAttribute("role", "img");
       const said = make("p", { className: "note value", textContent: "point at a pixel for its value; drag to zoom, arrow keys and + − 0 do the same" });
       const scale = make("p", { className: "note scale-text" });
-      grid.append(make("div", { className: "map" }, make("p", { className: "note panel", textContent: maps.length > 1 ? map.title : "" }), canvas, scale, said));
+      grid.append(make("div", { className: "map" }, make("p", { className: "note panel", textContent: maps.length > 1 ? map.title : picture ? data.title : "" }), canvas, scale, said));
       const region = () => state.region ?? [0, 0, map.width, map.height];
       const draw = () => {
         const [x0, y0, x1, y1] = region(), w = x1 - x0, h = y1 - y0;
@@ -189,7 +189,7 @@ const Plots = (() => {
         }
         context.putImageData(image, 0, 0);
         canvas.setAttribute("aria-label", `${map.title}, ${words[state.mode]}`);
-        scale.textContent = `${words[state.mode]}: colours from ${state.mode === 2 ? `${shown(-half)} to ${shown(half)}` : limits.map(shown).join(" to ")} (${data.y_label})`
+        scale.textContent = `${words[state.mode]}: colours from ${(state.mode === 2 ? [-half, half] : limits).map((v) => shown(v, 3)).join(" to ")}${data.y_label ? ` (${data.y_label})` : ""}`
           + (map.step > 1 ? `; each point is the mean of ${map.step} × ${map.step} pixels` : "");
       };
       redraws.push(draw);
@@ -201,7 +201,7 @@ const Plots = (() => {
       let here = [0, 0], began = null;
       const tell = () => {
         const at = (here[1] * map.width + here[0]) * map.channels;
-        const value = (array) => Array.from(array.subarray(at, at + map.channels), shown).join(" ");
+        const value = (array) => Array.from(array.subarray(at, at + map.channels), (v) => shown(v)).join(" ");
         said.textContent = `row ${here[1] * map.step}, column ${here[0] * map.step}: ${data.names[0]} ${value(first)}, ${data.names[1]} ${value(second)}, difference ${value(difference)}`;
       };
       const zoom = (grow) => {

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from visaug.report.plots.style import MEASURED, MODELLED, blank, styled
+from visaug.wording import label_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,7 +72,7 @@ def _draw_panel(
         axes.set_yscale("log")
         _plain_decades(axes)
     if alone:
-        axes.set_title(textwrap.fill(measured.curves[chosen[0]].label, 40), fontsize=9)
+        axes.set_title(textwrap.fill(label_text(measured.curves[chosen[0]].label), 40), fontsize=9)
     axes.set(xlabel=measured.x_label)
 
 
@@ -121,7 +122,7 @@ def _draw_curves(
             markersize=4,
             linewidth=1.2 if name == "measured" else 2.6,
             alpha=0.95 if name == "measured" else 0.55,
-            label=f"{name}, {curve.label}" if curve.label and not alone else name,
+            label=f"{name}, {label_text(curve.label)}" if curve.label and not alone else name,
         )
 
 
@@ -156,7 +157,7 @@ def _plot_maps(measured: "Picture", modelled: "Picture | None", width: float) ->
                     half = (high - low) / 2
                     shown = axes.imshow(image, cmap="cividis", vmin=middle - half, vmax=middle + half)
                     if row == 0:
-                        axes.set_title(textwrap.fill(title, int(cell * 11)), fontsize=8.5)
+                        axes.set_title(textwrap.fill(label_text(title), int(cell * 11)), fontsize=8.5)
                     if row == 2:
                         figure.colorbar(shown, ax=[axes], shrink=0.8, pad=0.03)
                     elif row == min(1, len(rows) - 1):
