@@ -71,8 +71,8 @@ def print_diagnosis(result: dict[str, Any]) -> None:
 
 
 def print_next(step: NextStep) -> None:
-    """The command that follows."""
-    click.echo(f"{step.text}\n    {step.command.replace(chr(10), chr(10) + '    ')}")
+    """The command that follows, to standard error: a script that reads the answer does not meet it."""
+    click.echo("\n    ".join([step.text, *step.command.splitlines()]), err=True)
 
 
 def print_used(result: dict[str, Any]) -> None:
