@@ -41,7 +41,7 @@ def convert(
         to be had).
     """
     destination = Path(destination)
-    described = _describe(parts, keypoints, size, reduce, channels)
+    described = _describe(destination, parts, keypoints, size, reduce, channels)
     data_yaml = destination / "data.yaml"
     content = {
         "path": str(destination.resolve()),  # ultralytics takes a relative one as of its own data folder
@@ -69,7 +69,14 @@ def convert(
             labels = label_lines(poses, keypoints)
             folder = partial_folder / "images" / name
             folder.mkdir(parents=True, exist_ok=True)
-            copy = partial(_copy, folder=folder, camera=poses.camera, size=size, reduce=reduce)
+            copy = partial(
+                _copy,
+                folder=folder,
+                beside=destination.resolve().parent,
+                camera=poses.camera,
+                size=size,
+                reduce=reduce,
+            )
             for file, target, line in zip(poses.files, pool.map(copy, poses.files), labels):
                 write_text(partial_folder / "labels" / name / f"{target.stem}.txt", line)
                 if not target.is_file():
@@ -109,13 +116,15 @@ def identity(poses: PoseSet) -> dict:
     }
 
 
-def _copy(file: Path, folder: Path, camera: Pinhole, size: tuple[int, int] | None, reduce: str) -> Path:
+def _copy(
+    file: Path, folder: Path, beside: Path, camera: Pinhole, size: tuple[int, int] | None, reduce: str
+) -> Path:
     if size is None:
         target = folder / file.name
         if target.is_file():
             return target
         try:
-            target.symlink_to(file.resolve())
+            target.symlink_to(_way(file, folder, beside))
         except OSError:  # a file system or an account without links
             write_bytes(target, file.read_bytes())
         return target
@@ -126,13 +135,21 @@ def _copy(file: Path, folder: Path, camera: Pinhole, size: tuple[int, int] | Non
     return target
 
 
+def _way(to: Path, folder: Path, beside: Path) -> str:
+    """Where a link in a folder leads: relative if both lie in `beside`, as rendered images do, which may be moved together."""
+    to = to.resolve()
+    return os.path.relpath(to, folder.resolve()) if to.is_relative_to(beside) else str(to)
+
+
 def _describe(
+    destination: Path,
     parts: dict[str, PoseSet],
     keypoints: Keypoints,
     size: tuple[int, int] | None,
     reduce: str,
     channels: int,
 ) -> dict:
+    beside = destination.resolve().parent
     return {
         "keypoints": keypoints.points_m.tolist(),
         "size": list(size) if size else None,
@@ -140,5 +157,7 @@ def _describe(
         "channels": channels,
         "parts": {name: identity(poses) for name, poses in parts.items()},
         # Copies stand for themselves; links lead somewhere.
-        "linked": None if size else {name: str(p.files[0].parent.resolve()) for name, p in parts.items()},
+        "linked": None
+        if size
+        else {n: _way(p.files[0].parent, destination, beside) for n, p in parts.items()},
     }

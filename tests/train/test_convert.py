@@ -1,5 +1,7 @@
 """ultralytics' labels: values, visibility, whole or not at all, going on."""
 
+import shutil
+
 import cv2
 import numpy as np
 import pytest
@@ -71,11 +73,14 @@ def test_other_settings_do_not_mix(rendered, tmp_path):
         convert(parts(rendered), TANGO, tmp_path / "out", size=(40, 25))
 
 
-def test_a_moved_dataset_is_found_again_with_the_same_hash(rendered, tmp_path):
-    first = convert(parts(rendered), TANGO, tmp_path / "here" / "out", size=(80, 50))
+@pytest.mark.parametrize("size", [(80, 50), None], ids=["copied", "linked"])
+def test_a_moved_dataset_is_found_again_with_the_same_hash(rendered, tmp_path, size):
+    shutil.copytree(rendered, tmp_path / "here")
+    first = convert(parts(tmp_path / "here"), TANGO, tmp_path / "here" / "out", size=size)
     study = check_config({"name": "n", "output": "o", "data": {"rendered": {}}, "arms": {"baseline": {}}})
     before = decides(study, study.arm("baseline"), first)
     (tmp_path / "here").rename(tmp_path / "there")
-    moved = convert(parts(rendered), TANGO, tmp_path / "there" / "out", size=(80, 50))
+    moved = convert(parts(tmp_path / "there"), TANGO, tmp_path / "there" / "out", size=size)
     assert yaml.safe_load(moved.read_text())["path"] == str(tmp_path / "there" / "out")
     assert decides(study, study.arm("baseline"), moved) == before
+    assert all(image.stat().st_size for image in (tmp_path / "there" / "out" / "images" / "train").iterdir())
