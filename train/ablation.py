@@ -16,7 +16,7 @@ import numpy as np
 
 from visaug.errors import InputError
 from visaug.files import write_json, write_text
-from visaug_train import proof, tables
+from visaug_train import oracle, proof, tables
 from visaug_train.cluster import spread
 from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation, evaluate
@@ -119,6 +119,11 @@ class Ablation:
         others = [arm for arm in self.means if arm != self.config.baseline]
         return [d for arm in others for domain in self.study.tests for d in self._compared(arm, domain)]
 
+    @cached_property
+    def gains(self) -> list[oracle.Gain]:
+        """What the arms gain over the baseline, as a share of what the oracle gains; empty without an oracle."""
+        return oracle.gains(self)
+
     @property
     def interval_covers(self) -> str:
         """What the intervals speak of."""
@@ -150,9 +155,9 @@ class Ablation:
         seeds = [s for s in self.seeds(own[0]) if s in self.seeds(other[0])]
         if not seeds:
             return {}
-        reference = self._scores(other, seeds)
-        differences = self._scores(own, seeds) - reference
-        pairs = self._resampled(own, seeds) - self._resampled(other, seeds)  # (bootstrap, seeds, measures)
+        reference, resampled = self.scores(other, seeds)
+        scores, again = self.scores(own, seeds)
+        differences, pairs = scores - reference, again - resampled
         by_images = (
             pairs.mean(axis=1).var(axis=0, ddof=1)
             if len(pairs) > 1
@@ -163,6 +168,10 @@ class Ablation:
             reference.mean(axis=0).tolist(), differences.mean(axis=0).tolist(), low.tolist(), high.tolist()
         )
         return dict(zip(tables.MEASURES, columns))
+
+    def scores(self, place: tuple[str, str], seeds: list[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Scores of an (arm, domain), (seeds, measures), and on resampled images, (bootstrap, seeds, measures)."""
+        return self._scores(place, seeds), self._resampled(place, seeds)
 
     def _scores(
         self, place: tuple[str, str], seeds: list[int], weights: np.ndarray | None = None
@@ -191,6 +200,8 @@ class Ablation:
         made = {"overview": tables.overview_table(self.means, self.differences, self.config.baseline)}
         if self.study.hidden:
             made["effects"] = proof.effect_table(self)
+        if self.gains and self.config.oracle:
+            made["oracle"] = oracle.gain_table(self.gains, self.config.baseline, self.config.oracle)
         published = TABLES_2_3 if self.config.published else {}
         measured = ["keypoint_ap_paper", "oks_paper", "keypoint_ap_coco", "oks_coco"]
         scores, spreads = self.means | published, self.spreads
@@ -225,6 +236,7 @@ class Ablation:
             "differences": [d.__dict__ for d in self.differences],
             "intervals": self.interval_covers,
             "failures": [f.__dict__ for f in self.failures],
+            "oracle": [gain.to_json() for gain in self.gains],
             "hidden_effects": [outcome.to_json() for outcome in proof.outcomes(self)],
         }
 

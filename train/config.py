@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from visaug.documents import read_yaml
 from visaug.errors import InputError
@@ -103,6 +103,27 @@ class Hidden(Part):
     light: float = Field(1.0, gt=0, le=100)
 
 
+class MadeCamera(Part):
+    """A camera that is made before any training; arms name it like a camera file.
+
+    Either estimated from `pictures`, whose labels are not used, or (`rendered`) the true camera of a rendered domain.
+    """
+
+    pictures: Source | None = None
+    rendered: str | None = None
+
+    @property
+    def domain(self) -> str:
+        """The domain whose camera it is."""
+        return self.pictures.domain if self.pictures else str(self.rendered)
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> "MadeCamera":
+        if (self.pictures is None) == (self.rendered is None):
+            raise ValueError("expected one of pictures and rendered")
+        return self
+
+
 class Cluster(Part):
     """Runs spread by Ray: on this machine, or with an `address` on a cluster whose nodes share the output folder."""
 
@@ -124,6 +145,10 @@ class Config(Part):
     training: dict[str, Any] = Field({}, description="ultralytics' training arguments, the same in all arms")
     arms: dict[Name, Arm] = Field(min_length=1)
     baseline: str = "baseline"
+    oracle: str | None = Field(
+        None, description="the arm that knows the test cameras: the others' gains are given as a share of its gain"
+    )
+    cameras: dict[Name, MadeCamera] = Field({}, description="made before the training, for arms to name")
     seeds: list[Seed] = Field([0])
     bootstrap: int = Field(
         400, ge=0, le=10**6, description="resamples of the test images, for the variance between images"
@@ -182,7 +207,7 @@ def load_config(path: str | Path) -> Config:
     config = check_config(content, path)
     for arm in config.arms.values():
         for part in filter(None, (arm.white, arm.vis)):
-            names = [_beside(path, name) for name in part.cameras]
+            names = [n if n in config.cameras else _beside(path, n) for n in part.cameras]
             part.camera = names[0] if isinstance(part.camera, str) else names
     return config
 
@@ -240,6 +265,10 @@ def check_config(content: Any, path: Path | None = None) -> Config:
         raise InputError(f"{config.start.like} is not an arm", file=path, field="start.like")
     if config.baseline not in config.arms:
         raise InputError(f"{config.baseline} is not an arm", file=path, field="baseline")
+    if config.oracle is not None and (config.oracle not in config.arms or config.oracle == config.baseline):
+        raise InputError(
+            f"{config.oracle} is not an arm beside the baseline", file=path, field="oracle", expected="such an arm"
+        )
     if not config.seeds:
         raise InputError("is empty", file=path, field="seeds", expected="a list of whole numbers")
     if len(set(config.seeds)) < len(config.seeds):

@@ -72,8 +72,12 @@ def read_gray(file: str) -> np.ndarray:
     return image
 
 
-def plot_recovery(points: Mapping[str, Mapping[str, Sequence[float]]]) -> "Figure":
-    """Bars of the mean with a dot for each seed: effect -> training -> scores; trainings in one order."""
+def plot_scores(points: Mapping[str, Mapping[str, Sequence[float]]]) -> "Figure":
+    """Keypoint AP as bars of the mean with a dot for each seed.
+
+    Args:
+        points: group of bars -> bar -> scores of the seeds; bars in one order.
+    """
     trainings = list(dict.fromkeys(name for bars in points.values() for name in bars))
     width = 0.8 / len(trainings)
     with styled():

@@ -11,7 +11,7 @@ from visaug.report.plots.error import plot_error_steps
 from visaug.report.plots.images import plot_images
 from visaug_train import tables
 from visaug_train.hidden import PLAIN, HiddenEffect
-from visaug_train.plots import plot_recovery, read_gray
+from visaug_train.plots import plot_scores, read_gray
 
 if TYPE_CHECKING:
     from visaug_train.ablation import Ablation
@@ -182,7 +182,7 @@ def _outcome(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
         yield Text(outcome.finding(), "finding")
     if made:
         yield figure(
-            plot_recovery(_points(ablation, made)),
+            plot_scores(_points(ablation, made)),
             "Keypoint AP50-95 (COCO's) on the same views, taken by the camera without and with the effect. Bars: mean"
             " over seeds; dots: seeds.",
         )

@@ -16,6 +16,7 @@ from visaug_train.ablation import Ablation
 from visaug_train.plots import plot_dependence, plot_gallery, read_gray
 from visaug_train.proof import proof_sections
 from visaug_train.tables import MEASURES, overview_table
+from visaug_train.target_report import target_sections
 from visaug_train.training import batch_noise
 
 DETECTION, KEYPOINTS = ("box_ap", "iou"), ("keypoint_ap_paper", "oks_paper")
@@ -28,7 +29,12 @@ def write_report(ablation: Ablation) -> Path:
         f"Ablation: {ablation.config.name}",
         f"{len(ablation.means)} arms, seeds {', '.join(map(str, ablation.config.seeds))}, all "
         "hyperparameters equal.",
-        [*proof_sections(ablation), *ablation_sections(ablation), timing_section(ablation)],
+        [
+            *target_sections(ablation),
+            *proof_sections(ablation),
+            *ablation_sections(ablation),
+            timing_section(ablation),
+        ],
         footer=footer(None, None),
     )
     return write_page(ablation.config.output / "report.html", page)

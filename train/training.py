@@ -34,6 +34,7 @@ from visaug_train.quiet import check_tracking, quiet_ultralytics, set_tracking
 from visaug_train.record import decides, surroundings
 from visaug_train.render.dataset import RenderSettings, read_back, render_dataset
 from visaug_train.speed import PoseSet, read_poses
+from visaug_train.target import TargetCamera, check_cameras, make_cameras
 
 Progress = Callable[[str, int, int], None]
 
@@ -49,6 +50,7 @@ class Study:
     training_images: PoseSet
     data_seconds: float = 0.0
     hidden: tuple[HiddenEffect, ...] = ()
+    cameras: tuple[TargetCamera, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -95,8 +97,9 @@ def prepare(config: Config, progress: Progress | None = None) -> Study:
     hidden: list[HiddenEffect] = []
     if config.hidden is not None:
         config, tests, hidden = hide_effects(config, tests, progress)
+    config, cameras = make_cameras(config, read, progress)
     seconds = time.monotonic() - began
-    return Study(config, data_yaml, keypoints, tests, parts["train"], seconds, tuple(hidden))
+    return Study(config, data_yaml, keypoints, tests, parts["train"], seconds, tuple(hidden), cameras)
 
 
 def check_arms(config: Config) -> None:
@@ -105,6 +108,7 @@ def check_arms(config: Config) -> None:
     its camera, its training arguments.
     """
     check_hidden(config)
+    check_cameras(config)
     check_tracking(config.tracking)
     quiet_ultralytics(config.output / "ultralytics-settings")
     from ultralytics.cfg import get_cfg
@@ -121,7 +125,8 @@ def check_arms(config: Config) -> None:
             ) from None
     for name in config.arms:
         arm = config.arm(name)
-        batch_noise(arm)
+        if not set(arm.camera_files) & config.cameras.keys():  # else its noise is checked once they are made
+            batch_noise(arm)
         try:
             get_cfg(overrides={**config.training, **arm.training})
         except (SyntaxError, TypeError, ValueError) as error:  # how ultralytics refuses an argument

@@ -22,7 +22,13 @@ from visaug.errors import InputError
 from visaug.files import write_bytes, write_json
 from visaug_train.geometry import Pinhole
 from visaug_train.render.caster import RayCaster, Views
-from visaug_train.render.independent_camera import LIGHTBOX_CAMERA, SUNLAMP_CAMERA, IndependentCamera
+from visaug_train.render.independent_camera import (
+    LIGHTBOX_CAMERA,
+    LIGHTBOX_LINES_CAMERA,
+    SUNLAMP_CAMERA,
+    SUNLAMP_LINES_CAMERA,
+    IndependentCamera,
+)
 from visaug_train.render.views import LIGHTBOX, SUNLAMP, SYNTHETIC, Lighting, draw_earth, draw_views
 
 Progress = Callable[[str, int, int], None]
@@ -59,6 +65,8 @@ DOMAINS = {
     "lightbox": Domain(LIGHTBOX, (0.10, 0.25), LIGHTBOX_CAMERA),
     "sunlamp": Domain(SUNLAMP, (0.5, 1.1), SUNLAMP_CAMERA),
     "lightbox_base": Domain(LIGHTBOX, (0.10, 0.25), LIGHTBOX_CAMERA.without_effects(), views_of="lightbox"),
+    "lightbox_lines": Domain(LIGHTBOX, (0.10, 0.25), LIGHTBOX_LINES_CAMERA, views_of="lightbox"),
+    "sunlamp_lines": Domain(SUNLAMP, (0.5, 1.1), SUNLAMP_LINES_CAMERA, views_of="sunlamp"),
 }
 
 
@@ -151,10 +159,9 @@ def one_torch_thread() -> Iterator[None]:
 
 
 def read_back(settings: RenderSettings) -> dict:
-    """The settings with the domains as JSON has them."""
-    return json.loads(
-        json.dumps({"settings": asdict(settings), "domains": {k: asdict(v) for k, v in DOMAINS.items()}})
-    )
+    """The settings with the domains that they name, as JSON has them."""
+    named = {name: asdict(DOMAINS[name]) for name in settings.images}
+    return json.loads(json.dumps({"settings": asdict(settings), "domains": named}))
 
 
 def _draw(camera: Pinhole, settings: RenderSettings, domain: str, number: int) -> Views:
@@ -201,7 +208,7 @@ def _expose(
     clean = radiance * exposure
     if kind.camera is None:
         return clean, np.clip(np.rint(clean * 255), 0, 255).astype(np.uint8)
-    photons = clean * kind.camera.full_well_e / kind.camera.quantum_efficiency
+    photons = clean * kind.camera.saturation_e / kind.camera.quantum_efficiency
     return clean, kind.camera.to_8bit(kind.camera.expose(photons, rng))
 
 

@@ -16,12 +16,17 @@ class IndependentCamera:
     """A 12-bit camera: photons in, DN out. A level of 0 turns an effect off; the fixed pattern hangs on
     `serial`.
 
-    Beyond a base chain (quantum efficiency, shot noise, read noise with heavy tails, pixel and column
-    patterns) it has row_banding_e        amplitude of a sine along the rows, whose phase changes from frame
-    to frame tap_gain, tap_offset_e   the right half is read with this much more gain and offset bloom_share
-    of the charge above full well that spills into the neighbours of the column flare_share          of the
-    light of bright spots that comes again as a halo and as ghosts bend                 response e (1 - bend e
-    / full well): the share of signal missing at full well
+    Beyond a base chain (quantum efficiency, shot noise, read noise with heavy tails, pixel and column patterns) it has
+
+    - row_noise_e: an offset of each row, new in every frame;
+    - row_banding_e: the amplitude of a sine along the rows, whose phase changes from frame to frame;
+    - tap_gain, tap_offset_e: the right half is read with this much more gain and offset;
+    - bloom_share: of the charge above full well, that spills into the neighbours of the column;
+    - flare_share: of the light of bright spots, that comes again as a halo and as ghosts;
+    - bend: response e (1 - bend e / full well), the share of signal missing at full well.
+
+    `heavy_tails`: the read noise has them, else it is normal. `keeps_black`: the 8-bit pictures keep the black level, so
+    that noise around black is not cut.
     """
 
     serial: int = 1
@@ -33,6 +38,7 @@ class IndependentCamera:
     pixel_offset_e: float = 1.0
     column_offset_e: float = 1.0
     pixel_gain: float = 0.01
+    row_noise_e: float = 0.0
     row_banding_e: float = 0.0
     row_banding_period: float = 19.0
     tap_gain: float = 0.0
@@ -40,6 +46,8 @@ class IndependentCamera:
     bloom_share: float = 0.0
     flare_share: float = 0.0
     bend: float = 0.0
+    heavy_tails: bool = True
+    keeps_black: bool = False
 
     def expose(self, photons: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Photons per pixel (rows, columns) -> DN of 12 bit, uint16."""
@@ -52,28 +60,42 @@ class IndependentCamera:
         charge = rng.poisson(np.clip(self.quantum_efficiency * light * gains, 0, 1e12)).astype(float)
         charge = _bloom(charge, self.full_well_e, self.bloom_share)
         signal = charge * (1 - self.bend * charge / self.full_well_e) + offsets
-        # Student's t with 4 degrees of freedom has a variance of 2: heavier tails than a normal law.
-        signal = signal + self.read_noise_e / np.sqrt(2) * rng.standard_t(4, light.shape)
+        if self.heavy_tails:  # Student's t with 4 degrees of freedom has a variance of 2
+            signal = signal + self.read_noise_e / np.sqrt(2) * rng.standard_t(4, light.shape)
+        else:
+            signal = signal + self.read_noise_e * rng.standard_normal(light.shape)
         phase = rng.uniform(0, 2 * np.pi)
         sine = np.sin(2 * np.pi * np.arange(rows) / self.row_banding_period + phase)
         signal = signal + self.row_banding_e * sine[:, None]
+        if self.row_noise_e:
+            signal = signal + self.row_noise_e * rng.standard_normal((rows, 1))
         right = np.arange(columns) >= columns // 2
         signal = signal * np.where(right, 1 + self.tap_gain, 1) + np.where(right, self.tap_offset_e, 0)
         return np.clip(np.rint(signal / self.e_per_dn + self.black_level_dn), 0, 4095).astype(np.uint16)
 
     def to_8bit(self, dn: np.ndarray) -> np.ndarray:
-        """The 8-bit gray image that is published:
-
-        black level taken off, full well (or the converter's end) is 255.
+        """The 8-bit gray image that is published: full well (or the converter's end) is 255, black is 0 or, where the
+        camera keeps it, the black level.
         """
+        black = 0.0 if self.keeps_black else self.black_level_dn
+        return np.clip(np.rint((dn.astype(float) - black) / self.white_dn * 255), 0, 255).astype(np.uint8)
+
+    @property
+    def saturation_e(self) -> float:
+        """The charge that is 255 of the 8-bit image: the full well, or the converter's end."""
+        return min(self.full_well_e, (4095 - self.black_level_dn) * self.e_per_dn)
+
+    @property
+    def white_dn(self) -> float:
+        """DN of the 12-bit converter between 0 and 255 of the 8-bit image."""
         top = min(self.full_well_e * (1 - self.bend) / self.e_per_dn, 4095 - self.black_level_dn)
-        level = (dn.astype(float) - self.black_level_dn) / top * 255
-        return np.clip(np.rint(level), 0, 255).astype(np.uint8)
+        return top + (self.black_level_dn if self.keeps_black else 0.0)
 
     def without_effects(self) -> "IndependentCamera":
         """The same camera with its base chain alone."""
         return replace(
             self,
+            row_noise_e=0.0,
             row_banding_e=0.0,
             tap_gain=0.0,
             tap_offset_e=0.0,
@@ -105,6 +127,32 @@ SUNLAMP_CAMERA = IndependentCamera(
     column_offset_e=8.0,
     bloom_share=0.85,
     flare_share=0.12,
+)
+# Cameras that pictures alone can tell of: black is above 0, the converter ends before the well is full, and every row and
+# column has an offset.
+LIGHTBOX_LINES_CAMERA = replace(
+    LIGHTBOX_CAMERA.without_effects(),
+    serial=13,
+    full_well_e=1500.0,
+    e_per_dn=0.22,
+    black_level_dn=320.0,
+    keeps_black=True,
+    heavy_tails=False,
+    read_noise_e=42.0,
+    column_offset_e=14.0,
+    row_noise_e=14.0,
+)
+SUNLAMP_LINES_CAMERA = replace(
+    SUNLAMP_CAMERA.without_effects(),
+    serial=14,
+    full_well_e=2500.0,
+    e_per_dn=0.35,
+    black_level_dn=320.0,
+    keeps_black=True,
+    heavy_tails=False,
+    read_noise_e=66.0,
+    column_offset_e=22.0,
+    row_noise_e=22.0,
 )
 
 
