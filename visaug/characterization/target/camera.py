@@ -35,6 +35,7 @@ _NO_CAMERA = (
 _FEWEST_LEVELS = 4
 _LIT_DN = 30.0
 _ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
+_SKY_SPREADS = 3.0  # blocks of the sky lie within so many standard deviations of its level
 _CUT = 3.0  # standard deviations of noise above code 0
 _SAME = 5.41  # chi-square of 1 degree of freedom at 2 %
 _UNKNOWN = 3.0  # an interval of the gain wider than this factor either way is no measurement
@@ -164,6 +165,9 @@ def _camera(
         )
         return None
     sky = find_sky(blocks, levels)
+    if sky and _SKY_SPREADS * sky.spread > 0.5:
+        reach = _SKY_SPREADS * sky.spread
+        levels = noise_by_level(blocks, rounding, len(pictures), (sky.level - reach, sky.level + reach))
     if pictures.is_jpeg and sky and sky.level < _CUT * math.sqrt(levels.variance[0]):
         # A decoder cuts what JPEG has moved below 0, so noise there follows no law of the sensor.
         levels, sky = levels.above(_CUT), None

@@ -203,12 +203,20 @@ def is_flat(
     ) / count
 
 
-def noise_by_level(blocks: Blocks, rounding: Rounding, pictures: int) -> Levels:
-    """Variance of pixels in flat blocks, level by level. Bins are 1 DN wide at black and grow by 6 % of the level."""
+def noise_by_level(
+    blocks: Blocks, rounding: Rounding, pictures: int, one_level: tuple[float, float] | None = None
+) -> Levels:
+    """Variance of pixels in flat blocks, level by level. Bins are 1 DN wide at black and grow by 6 % of the level.
+
+    Blocks between the two levels of `one_level` are one bin: offsets tell them apart, not light.
+    """
     edges = [-0.5]
     while edges[-1] < 255:
         edges.append(edges[-1] + 1 + 0.06 * max(edges[-1], 0))
     edges = np.array(edges)
+    if one_level is not None:
+        low, high = one_level
+        edges = np.concatenate([edges[edges < low], [low, high], edges[edges > high]])
     which = np.digitize(blocks.level, edges) - 1
     low = (blocks.coefficients[:, CHOICE] ** 2).mean(1)
     sums = rounding.sums(blocks.coefficients)

@@ -60,10 +60,11 @@ class Law:
 
 @dataclass(frozen=True)
 class Sky:
-    """Level of the black sky and its standard error."""
+    """Level of the black sky, its standard error, and the standard deviation of the levels of its blocks."""
 
     level: float
     error: float
+    spread: float = 0.0
 
 
 def fit(

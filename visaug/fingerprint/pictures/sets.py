@@ -13,6 +13,8 @@ from visaug.fingerprint.pictures.curve import Sky
 _GROUPS = 12
 _SKY_SHARE = 0.1
 _SKY_DN = 2.0
+_SKY_STEP_DN = 0.25
+_NORMAL_QUARTILE = 0.6745
 
 
 def jackknife(
@@ -30,12 +32,25 @@ def jackknife(
 
 
 def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
-    """The black sky: the darkest flat level, where a tenth or more of all blocks lie within 2 DN of it."""
-    first = blocks.level[np.abs(blocks.level - levels.level[0]) < _SKY_DN]
-    dark = np.median(first) if len(first) else levels.level[0]
-    near = np.abs(blocks.level - dark) < _SKY_DN
-    if near.mean() < _SKY_SHARE or levels.structure[0] > 0.1:
+    """The black sky: the darkest level around which a tenth or more of all blocks lie, where it is flat.
+
+    Offsets of rows and columns spread the levels of its blocks. Those below its level hold no light and give the spread.
+    """
+    steps = np.arange(0.0, blocks.level.max(initial=0.0) + _SKY_STEP_DN, _SKY_STEP_DN)
+    ordered = np.sort(blocks.level)
+    inside = np.searchsorted(ordered, steps + _SKY_DN) - np.searchsorted(ordered, steps - _SKY_DN)
+    enough = inside >= max(_SKY_SHARE * len(ordered), 1)
+    if not enough.any():
         return None
+    first = int(np.argmax(enough))
+    end = first + int(np.argmin(np.append(enough[first:], False)))
+    dark = steps[first + int(np.argmax(inside[first:end]))]
+    if levels.structure[np.argmin(np.abs(levels.level - dark))] > 0.1:
+        return None
+    near = np.abs(blocks.level - dark) < _SKY_DN
     means = [np.median(blocks.level[near & (blocks.picture == n)]) for n in np.unique(blocks.picture[near])]
     error = np.std(means) / math.sqrt(len(means))
-    return Sky(float(np.median(means)), float(max(error, 0.01)))
+    level = float(np.median(means))
+    below = level - ordered[ordered < level]
+    spread = float(np.median(below)) / _NORMAL_QUARTILE if len(below) else 0.0
+    return Sky(level, float(max(error, 0.01)), spread)
