@@ -146,7 +146,8 @@ class Config(Part):
     arms: dict[Name, Arm] = Field(min_length=1)
     baseline: str = "baseline"
     oracle: str | None = Field(
-        None, description="the arm that knows the test cameras: the others' gains are given as a share of its gain"
+        None,
+        description="the arm that knows the test cameras: the others' gains are given as a share of its gain",
     )
     cameras: dict[Name, MadeCamera] = Field({}, description="made before the training, for arms to name")
     seeds: list[Seed] = Field([0])
@@ -267,7 +268,10 @@ def check_config(content: Any, path: Path | None = None) -> Config:
         raise InputError(f"{config.baseline} is not an arm", file=path, field="baseline")
     if config.oracle is not None and (config.oracle not in config.arms or config.oracle == config.baseline):
         raise InputError(
-            f"{config.oracle} is not an arm beside the baseline", file=path, field="oracle", expected="such an arm"
+            f"{config.oracle} is not an arm beside the baseline",
+            file=path,
+            field="oracle",
+            expected="such an arm",
         )
     if not config.seeds:
         raise InputError("is empty", file=path, field="seeds", expected="a list of whole numbers")

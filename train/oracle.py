@@ -86,7 +86,11 @@ def target_sets(ablation: "Ablation") -> list[str]:
     """The test sets of the domains whose cameras were made; all of them where none was."""
     made = {camera.domain for camera in ablation.study.cameras}
     sources = ablation.config.data.test
-    return [name for name in ablation.study.tests if not made or (name in sources and sources[name].domain in made)]
+    return [
+        name
+        for name in ablation.study.tests
+        if not made or (name in sources and sources[name].domain in made)
+    ]
 
 
 def _gain(ablation: "Ablation", arm: str, domains: tuple[str, ...]) -> Gain | None:
@@ -133,8 +137,18 @@ def gain_table(found: list[Gain], baseline: str, oracle: str) -> tables.Table:
     def cell(each: tuple[float, float, float]) -> str:
         return f"{each[0]:+.3f} [{each[1]:+.3f}, {each[2]:+.3f}]"
 
-    head = ["arm", "test set", baseline, "change by the arm", f"change by {oracle}", f"share of what {oracle} gains"]
-    rows = [
-        [g.arm, " and ".join(g.domains), f"{g.baseline:.3f}", cell(g.gain), cell(g.oracle), str(g)] for g in found
+    head = [
+        "arm",
+        "test set",
+        baseline,
+        "change by the arm",
+        f"change by {oracle}",
+        f"share of what {oracle} gains",
     ]
-    return tables.Table("Keypoint AP50-95 (COCO's): what knowing the camera gains, and the share of it", head, rows)
+    rows = [
+        [g.arm, " and ".join(g.domains), f"{g.baseline:.3f}", cell(g.gain), cell(g.oracle), str(g)]
+        for g in found
+    ]
+    return tables.Table(
+        "Keypoint AP50-95 (COCO's): what knowing the camera gains, and the share of it", head, rows
+    )

@@ -68,7 +68,9 @@ def make_cameras(
     for done, (name, each) in enumerate(config.cameras.items()):
         if progress:
             progress("cameras of the target", done, len(config.cameras))
-        made.append(_estimated(config, name, read(each.pictures)) if each.pictures else _true(config, name, each))
+        made.append(
+            _estimated(config, name, read(each.pictures)) if each.pictures else _true(config, name, each)
+        )
     if progress and made:
         progress("cameras of the target", len(made), len(made))
     files = {camera.name: str(camera.file) for camera in made}

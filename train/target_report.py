@@ -32,7 +32,7 @@ def target_sections(ablation: "Ablation") -> list[Section]:
     """Nothing without an oracle or cameras that were made."""
     sections = []
     if ablation.gains:
-        sections.append(Section("What the target's pictures are worth", list(_gains(ablation))))
+        sections.append(Section("What pictures of the target are worth", list(_gains(ablation))))
     if ablation.study.cameras:
         sections.append(Section("What the pictures tell of their cameras", list(_cameras(ablation))))
     return sections
@@ -79,7 +79,9 @@ def _cameras(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
             " of the 8-bit pictures (DN), which is what a network sees; electrons are that times the gain."
         )
         rows = [row for camera in estimates for row in _rows(camera, true.get(camera.domain))]
-        yield Table(["camera", "pictures", "parameter", "true", "estimated"], rows, "Estimated with 95 % intervals.")
+        yield Table(
+            ["camera", "pictures", "parameter", "true", "estimated"], rows, "Estimated with 95 % intervals."
+        )
     for camera in estimates:
         for line in (camera.answer or {}).get("warnings", []):
             yield Text(f"{camera.name}: {line}.", "note")

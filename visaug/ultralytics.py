@@ -17,6 +17,7 @@ import os
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +31,8 @@ os.environ.setdefault("ULTRALYTICS_SAFE_LOAD", "1")
 import torch
 from torch import nn
 from torch.nn.functional import interpolate
+
+from visaug.errors import InputError
 
 if TYPE_CHECKING:
     from ultralytics import YOLO
@@ -109,13 +112,32 @@ def add_callback(model: "YOLO", camera: "Camera | str | Path | nn.Module", **opt
 
     # First of all, so that the warning of a resumed training without noise finds it there.
     model.callbacks["on_train_start"].insert(0, wrap)
+    model.tune = partial(_tune, model)
+
+
+def _tune(model: "YOLO", use_ray: bool = False, *args: Any, **kwargs: Any) -> Any:
+    """``model.tune`` with the model's callbacks: ultralytics starts each training in a process of its own, or lets Ray
+    do so, without them. Here the trainings run in this process.
+    """
+    from ultralytics.engine import trainer as engine
+
+    if use_ray:
+        raise InputError("loses the noise", field="use_ray", expected="False")
+    sweep = engine.MultiTrainer
+
+    def with_callbacks(_: None, arguments: dict, network: nn.Module) -> Any:
+        return sweep(trainer_of(str(model.task)), arguments, network, model.callbacks)
+
+    engine.MultiTrainer = with_callbacks
+    try:
+        return type(model).tune(model, False, *args, **kwargs)
+    finally:
+        engine.MultiTrainer = sweep
 
 
 def trainer_of(task: str) -> type:
     """ultralytics' trainer for a task."""
     from importlib import import_module
-
-    from visaug.errors import InputError
 
     if task not in TRAINERS:
         raise InputError(
@@ -213,7 +235,6 @@ def with_transfer(noise: nn.Module, dataset: Any) -> tuple[nn.Module, str]:
 def transfer_of_files(files: Sequence[str]) -> tuple[str, str]:
     """What most of a few images, evenly spaced among the files, say of their transfer function."""
     from visaug.augment.pictures import read_picture
-    from visaug.errors import InputError
 
     found: Counter[tuple[str, str]] = Counter()
     for file in files[:: max(1, len(files) // SAMPLED_FILES)][:SAMPLED_FILES]:

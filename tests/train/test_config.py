@@ -95,7 +95,11 @@ def test_missing_file_is_one_line(tmp_path):
 def test_shipped_configs_are_sound(path):
     config = load_config(path)
     for name in config.arms:
-        assert batch_noise(config.arm(name)) is not None
+        arm = config.arm(name)
+        if set(arm.camera_files) & config.cameras.keys():  # made before a training
+            assert set(arm.camera_files) <= config.cameras.keys()
+        else:
+            assert batch_noise(arm) is not None
 
 
 def test_arms_of_the_ablation_differ_where_they_say():

@@ -279,3 +279,26 @@ def test_trainer_and_callback_survive_the_way_to_a_worker(tmp_path):
     by_trainer = noised({"img": images}, trainer.noise)["img"]
     assert torch.equal(by_callback, by_trainer)
     assert not torch.equal(by_callback, images)
+
+
+def test_tuning_trains_with_the_noise_of_the_callback(data_yaml, tmp_path):
+    """ultralytics itself starts a process without callbacks for each training of a tuning."""
+    from ultralytics import YOLO
+    from ultralytics.engine import trainer as engine
+
+    class Counting(nn.Module):
+        seen = 0
+
+        def forward(self, images):
+            Counting.seen += len(images)
+            return images
+
+    sweep = engine.MultiTrainer
+    model = YOLO("yolov8n-pose.yaml", verbose=False)
+    add_callback(model, Counting())
+    how = {"epochs": 1, "imgsz": 64, "batch": 8, "workers": 0, "device": "cpu", "plots": False, "val": False}
+    model.tune(iterations=1, data=str(data_yaml), project=str(tmp_path), space={"lr0": (1e-4, 1e-2)}, **how)
+    assert Counting.seen == 8  # the images of the one epoch
+    assert engine.MultiTrainer is sweep
+    with pytest.raises(visaug.errors.InputError, match="use_ray"):
+        model.tune(use_ray=True)
