@@ -9,6 +9,8 @@ from visaug.diagnosis.look import look
 from visaug.diagnosis.parameters import GAUSSIAN_SHAPE
 from visaug.effects import Effect, Parameter, Stage, catalogue
 
+LADDER = 3  # values of a number that is tried over a wide range
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -137,6 +139,27 @@ def _forms(effect: type[Effect]) -> list[dict[str, Any]]:
             beside = [{k: w} for k, c in effect.parameters.items() for w in p.of if w in c.options]
         forms += [{**word, key: value} for value in others for word in beside]
     return forms
+
+
+def beside_words(trial: Trial) -> list[Trial]:
+    """A trial in words that are not the default ones, with the other values of its numbers that are tried over a wide range.
+
+    `effect_trials` tries these beside the default words alone: a glow of few pixels in one corner, not in each. A number with one
+    or two values is within reach of a fit.
+    """
+    effect = catalogue()[trial.effect]
+    own = {path.split(".", 1)[1]: value for path, value in trial.values}
+    words = {key: own.get(key, p.default) for key, p in effect.parameters.items() if p.options}
+    if effect.base or all(word == effect.parameters[key].default for key, word in words.items()):
+        return []
+    return [
+        _trial(effect, {**own, key: value})
+        for key, p in effect.parameters.items()
+        if not p.strength and not p.options and len(p.trials) >= LADDER
+        if not p.of or set(p.of) & set(words.values())
+        for value in p.trials
+        if value != own.get(key, p.default)
+    ]
 
 
 def looked(lab: Laboratory, camera: Camera, without: frozenset[str] = frozenset()) -> list[Trial]:

@@ -8,6 +8,7 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis.acceptance import OFF, State, left_in_view
+from visaug.diagnosis.candidates import beside_words
 from visaug.diagnosis.chance import Chance
 from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.law import FINE, log_density
@@ -15,7 +16,7 @@ from visaug.diagnosis.matches import Match, best_of_each, matches
 from visaug.diagnosis.reference import Report
 from visaug.diagnosis.refinement import NUMBER, Refined, refine
 from visaug.diagnosis.robust import standardised
-from visaug.diagnosis.signatures import Signatures
+from visaug.diagnosis.signatures import Signatures, signatures
 from visaug.effects import catalogue
 from visaug.fingerprint import Statistic
 
@@ -54,7 +55,9 @@ def candidates(
         fitted: the camera from which they are tried: the state's, or the camera as given.
         earlier: effects as refined before the state's last one was added; their values are further starts.
     """
-    tried, chosen = first_matches(signs, fitted, frozenset(state.accepted) | without, state.allowance)
+    taken = frozenset(state.accepted) | without
+    signs += _beside_words(lab, signs, fitted, taken, state, report)
+    tried, chosen = first_matches(signs, fitted, taken, state.allowance)
     best: dict[str, Refined] = {}
     for m in chosen:
         beaten = max((r.gain for r in best.values()), default=0.0)
@@ -76,6 +79,20 @@ def candidates(
             others = [m for m in others if _reworded(fitted, r, m) is not None]
         found[k] = from_other_starts(lab, fitted, r, others, report, state.allowance)
     return sorted(found, key=lambda r: -r.gain)
+
+
+def _beside_words(
+    lab: Laboratory,
+    signs: Signatures,
+    fitted: Fitted,
+    taken: frozenset[str],
+    state: State,
+    report: Report,
+) -> Signatures:
+    """Signatures of the best trial of each effect that matches at all, with its other numbers beside its words."""
+    matched = best_of_each(matches(signs, fitted, taken, state.allowance))
+    tried = [t for m in matched if m.gain > LEAST_GAIN and not m.trial.looked for t in beside_words(m.trial)]
+    return signatures(lab, fitted.reference, tried, report)
 
 
 def _as_earlier(fitted: Fitted, match: Match, earlier: Refined | None) -> list[Camera]:

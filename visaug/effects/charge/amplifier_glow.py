@@ -50,9 +50,9 @@ class AmplifierGlow(Effect):
     width = Parameter(
         0.25,
         unit="fraction",
-        low=0.01,
+        low=0.002,
         high=5.0,
-        trials=(0.12, 0.3, 0.6),
+        trials=(0.004, 0.012, 0.035, 0.1, 0.3, 0.9),  # from a few pixels to the whole sensor
         source="decay length relative to the longer side",
     )
     shape = Parameter(

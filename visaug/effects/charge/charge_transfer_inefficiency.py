@@ -37,7 +37,7 @@ class ChargeTransferInefficiency(Effect):
         source="new CCDs 1e-6, irradiated 1e-4",
     )
     trail_px = Parameter(
-        0.5, unit="px", low=0.1, high=50.0, trials=(0.5, 3.0), source="release time in transfers"
+        0.5, unit="px", low=0.1, high=50.0, trials=(0.5, 3.0, 15.0), source="release time in transfers"
     )
     register = Parameter(
         "top",

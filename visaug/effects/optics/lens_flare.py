@@ -47,7 +47,9 @@ class LensFlare(Effect):
     )
     ghost_scale = Parameter(1.23, low=0.3, high=5.0, trials=(0.83, 1.57), source="size of the first ghost")
     ghost_blur_px = Parameter(2.0, unit="px", high=50.0, trials=(2.0, 8.0), source="ghosts are defocused")
-    halo_width_px = Parameter(8.0, unit="px", low=3.0, high=1e3, trials=(5.0, 15.0), source="decay length")
+    halo_width_px = Parameter(
+        8.0, unit="px", low=3.0, high=1e3, trials=(5.0, 15.0, 50.0, 150.0), source="decay length"
+    )
     halo_profile = Parameter("exponential", options=PROFILES, source="as for veiling_glare")
     threshold_photons = Parameter(
         0.0, unit="photons", high=1e9, source="only light above it flares; 0: all light"

@@ -27,7 +27,7 @@ class VeilingGlare(Effect):
         unit="px",
         low=5.0,
         high=1e5,
-        trials=(15.0, 50.0, 200.0),
+        trials=(15.0, 50.0, 200.0, 800.0),
         source="from tens of pixels to the whole field",
     )
     profile = Parameter(

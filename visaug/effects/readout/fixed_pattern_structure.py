@@ -49,7 +49,7 @@ class FixedPatternStructure(Effect):
         unit="px",
         low=1.0,
         high=1e5,
-        trials=(8.0, 32.0, 100.0),
+        trials=(8.0, 32.0, 100.0, 300.0),
         source="of a wave; width of a band; assumed",
         of=("bands", "levels", "wave"),
     )
