@@ -51,7 +51,7 @@ def test_windows_of_many_frames_and_a_few_full_ones(selection):
     assert used["sensor"] == 1.0
     assert used["of"] == len(plan())
     assert used["frames"] <= used["of"]
-    assert used["windows"] == [list(selection.window)]
+    assert used["windows"] == [list(selection.window), used["frame"]]
     shared = share_out(plan().subset(selection.frames))
     confirms = {selection.frames[k] for k in shared.confirm}
     finds = {selection.frames[k] for k in shared.find}
@@ -61,6 +61,7 @@ def test_windows_of_many_frames_and_a_few_full_ones(selection):
     assert not set(selection.full.confirm) & finds
     kinds = [plan().records[i].kind for i in selection.full.fit]
     assert set(kinds) == {"bias", "dark", "flat"}
+    assert kinds.count("bias") >= 2
 
 
 def test_a_small_set_is_taken_whole():
@@ -147,6 +148,14 @@ def dark_edge(frame, _):
     return frame
 
 
+def noisy_corner(frame, _):
+    """An amplifier of its own for 30 x 40 pixels; new in every frame, which its own pixels seed."""
+    frame = frame.copy()
+    rng = np.random.default_rng(int(frame.sum()))
+    frame[:30, -40:] += rng.normal(0, 10, (30, 40))
+    return frame
+
+
 @pytest.fixture(scope="module")
 def modelled():
     """16 simulated sets of the camera as stated."""
@@ -168,6 +177,7 @@ def small_budgets():
     [
         (glow, "corner of last rows and first columns, 16 px"),
         (dark_edge, "last 8 columns"),
+        (noisy_corner, "temporal noise of the corner of first rows and last columns, 16 px"),
         (lambda frame, _: frame, None),
     ],
 )

@@ -4,7 +4,8 @@ A set of at most `BUDGET` pixels is taken whole. Of a larger one,
 
 - frames of each condition, spread evenly over the sequence, are taken in full where the sensor is small, or in one window of it:
   what changes from frame to frame is measured on them;
-- where they are a window, a few full frames are taken beside them: what lies anywhere on the sensor is measured on these.
+- where they are a window, a few full frames are taken beside them: what lies anywhere on the sensor is measured on these. Of the
+  shortest darks there are two or more, so that temporal read noise is compared over the whole sensor too.
 
 Both are simulated as frames of the whole sequence: see `visaug.history`.
 """
@@ -27,6 +28,7 @@ SMALLEST = 50_000  # pixels of a frame: more frames rather than larger ones
 FEWEST = 3  # frames of a condition, where it has them
 FULL = 4_000_000  # pixels of the full discovery frames, beside those of windows
 MOST_FULL = 3  # full frames of a condition that find: noise is known from the windows
+PAIR = 2  # of the shortest darks at least: two frames show temporal noise
 MARGIN = 8  # px around a window that are simulated with it: what neighbours give each other crosses its edge
 
 Window = tuple[int, int, int, int]
@@ -44,6 +46,7 @@ class Selection:
         frames: those that all statistics, or those of a window, are taken from.
         window: rows and columns of the frames, r0, r1, c0, c1; None where they are taken in full.
         full: which of the full frames find and which confirm; none where all frames are taken in full.
+        noise_everywhere: whether full frames show temporal noise: two of one condition find.
         left_out: what of the set is not used at all, and what that spoils: one sentence each.
     """
 
@@ -53,6 +56,7 @@ class Selection:
     frames: tuple[int, ...]
     window: Window | None = None
     full: Folds = NONE
+    noise_everywhere: bool = False
     left_out: tuple[str, ...] = ()
 
     @cached_property
@@ -71,12 +75,16 @@ class Selection:
         rows, columns = self.size
         r0, r1, c0, c1 = self.window or (0, rows, 0, columns)
         top, left = self.corner
+        frame = [top, top + rows, left, left + columns]
         return {
             "frames": len({*self.frames, *self.full_frames}),
             "of": self.total,
             "sensor": 1.0 if self.full_frames else (r1 - r0) * (c1 - c0) / (rows * columns),
-            "windows": [[top + r0, top + r1, left + c0, left + c1]],
-            "frame": [top, top + rows, left, left + columns],
+            "windows": [
+                [top + r0, top + r1, left + c0, left + c1],
+                *([frame] if self.noise_everywhere else []),
+            ],
+            "frame": frame,
             "full_frames": len(self.full_frames) if self.window else len(self.frames),
             "description": str(self),
         }
@@ -90,7 +98,8 @@ class Selection:
             return f"{used}, in full"
         r0, r1, c0, c1 = self.window
         said = f"{used}, in a window of {r1 - r0} x {c1 - c0} pixels for what changes from frame to frame"
-        return f"{said}; {len(self.full_frames)} full frames for what lies anywhere on the sensor"
+        noise = ", read noise included" if self.noise_everywhere else ""
+        return f"{said}; {len(self.full_frames)} full frames for what lies anywhere on the sensor{noise}"
 
 
 def select(frames: FrameSet, budget: int = BUDGET, full: int = FULL) -> Selection:
@@ -111,9 +120,10 @@ def select(frames: FrameSet, budget: int = BUDGET, full: int = FULL) -> Selectio
     least = area if area <= 1.5 * SMALLEST else SMALLEST
     chosen = _spread_out(groups, _allotted([len(g.indices) for g in groups], budget // least), frames)
     window = _middle(rows, columns, budget / len(chosen))
-    folds = NONE if window is None else _full_frames(frames, chosen, groups, full)
+    folds, noise = (NONE, False) if window is None else _full_frames(frames, chosen, groups, full)
     corner = _corner(frames, usable[0])
-    return Selection(len(frames), (rows, columns), corner, tuple(chosen), window, folds, tuple(left_out))
+    size = (rows, columns)
+    return Selection(len(frames), size, corner, tuple(chosen), window, folds, noise, tuple(left_out))
 
 
 def _corner(frames: FrameSet, i: int) -> tuple[int, int]:
@@ -194,10 +204,13 @@ def _middle(rows: int, columns: int, pixels: float) -> Window | None:
     return top, top + height, left, left + width
 
 
-def _full_frames(frames: FrameSet, chosen: Sequence[int], groups: Sequence[Group], pixels: int) -> Folds:
+def _full_frames(
+    frames: FrameSet, chosen: Sequence[int], groups: Sequence[Group], pixels: int
+) -> tuple[Folds, bool]:
     """Frames of the shortest and the longest darks, of a middle flat, and scenes; near each other, as they remember alike.
 
-    No frame finds here that confirms in a window, nor the other way about.
+    No frame finds here that confirms in a window, nor the other way about. The second value says whether two or more of the
+    shortest darks find.
     """
     shared = share_out(frames.subset(chosen))
     finds, confirms = ({chosen[k] for k in part} for part in (shared.find, shared.confirm))
@@ -212,13 +225,17 @@ def _full_frames(frames: FrameSet, chosen: Sequence[int], groups: Sequence[Group
     scenes = spread(of["scene"], max(1, pixels // area - each * len(ends)))
     find: list[int] = []
     confirm: list[int] = []
+    noise = False
     for group, count in [(g, each) for g in ends] + [(g, 1) for g in scenes]:
+        is_shortest = bool(ends) and group is ends[0]
+        least = PAIR if is_shortest else 1
         middle = group.indices[len(group.indices) // 2]
-        first = _nearest([i for i in group.indices if i not in confirms], middle, count)
+        first = _nearest([i for i in group.indices if i not in confirms], middle, max(count, least))
         others = [i for i in group.indices if i not in finds and i not in first]
         find += first
-        confirm += _nearest(others, middle, (count + 1) // 2)
-    return Folds(tuple(sorted(find)), (), tuple(sorted(confirm)))
+        confirm += _nearest(others, middle, max((count + 1) // 2, least))
+        noise |= is_shortest and len(first) >= PAIR
+    return Folds(tuple(sorted(find)), (), tuple(sorted(confirm))), noise
 
 
 def _nearest(positions: Sequence[int], middle: int, count: int) -> list[int]:

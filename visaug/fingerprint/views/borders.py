@@ -4,19 +4,24 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from visaug.fingerprint.reduction import block_means, edges
+from visaug.fingerprint.reduction import GroupData, block_means, edges
 from visaug.fingerprint.view import Picture, View
 
 DEPTHS = (1, 2, 4, 8, 16, 32, 64)  # lines of an edge, and sides of a corner, in px
 SEAMS = (1, 2, 3)  # quarters of the rows, or columns, behind which another tap may begin
 REACH = 16  # lines on either side of a seam
+RIM = (
+    4,
+    16,
+    64,
+)  # lines of an edge, and sides of a corner in px, whose temporal noise is compared with that of all pixels
 BLOCKS = 4  # along rows and along columns, over which noise is compared
 FINE = 32  # the same, for places that differ from those around them
 
 
 class Borders(View):
     """Levels at the rim of the sensor against what lies beside them, places that differ from their neighbours,
-    and how noise is spread over the sensor.
+    and how noise is spread over the sensor: fixed and, of two frames or more, temporal.
 
     An edge of `depth` lines stands against as many lines beside it, a corner against the two squares that lie beside it along
     the edges: a slow change over the field, as vignetting is, moves either little.
@@ -34,8 +39,11 @@ class Borders(View):
             highest, lowest = _standing_out(g.calm)
             yield g.statistic(self.name, "highest place", ["smooth"], word), highest * unit
             yield g.statistic(self.name, "lowest place", ["smooth"], word), lowest * unit
-            for name, value in _noise(g.pattern_pixels, g.pattern_variance):
-                yield g.statistic(self.name, name, ["pixel", "smooth"], "log ratio"), value
+            for name, value in _blocks(_squares(g.pattern_pixels, g.pattern_variance)):
+                yield g.statistic(self.name, f"noise of {name}", ["pixel", "smooth"], "log ratio"), value
+            if g.count > 1:
+                for name, axes, value in _temporal(g):
+                    yield g.statistic(self.name, name, ["time", *axes], "log ratio"), value
 
     @staticmethod
     def _levels(image: np.ndarray) -> Iterator[tuple[str, list[str], float]]:
@@ -76,12 +84,44 @@ def _standing_out(image: np.ndarray) -> tuple[float, float]:
     return float(apart.max()), float(apart.min())
 
 
-def _noise(pixels: np.ndarray, variance: float) -> Iterator[tuple[str, float]]:
-    """Mean square of pixels that do not stand alone, in each block over that of all."""
+def _squares(pixels: np.ndarray, variance: float) -> np.ndarray:
+    """Squares in units of the variance; a pixel that stands alone counts as 4 standard deviations."""
     near = np.clip(pixels, -4 * variance**0.5, 4 * variance**0.5)
-    means = block_means(near * near, *(edges(n, BLOCKS) for n in pixels.shape))
-    for (i, j), value in np.ndenumerate(means / variance):
-        yield f"noise of block {i + 1},{j + 1} of {BLOCKS}x{BLOCKS}", float(np.log(value + 1e-4))
+    near *= near
+    return near / np.float32(variance)
+
+
+def _blocks(squares: np.ndarray) -> Iterator[tuple[str, float]]:
+    """Of each block of an image of squares, the logarithm of their mean."""
+    means = block_means(squares, *(edges(n, BLOCKS) for n in squares.shape))
+    for (i, j), value in np.ndenumerate(means):
+        yield f"block {i + 1},{j + 1} of {BLOCKS}x{BLOCKS}", float(np.log(value + 1e-4))
+
+
+def _temporal(g: GroupData) -> Iterator[tuple[str, list[str], float]]:
+    """Temporal noise of blocks, edges and corners, and of the row and column means near the edges, over that of all pixels."""
+    squares = _squares(g.noise_pixels, g.noise_variance).mean(0)
+    for name, value in _blocks(squares):
+        yield f"temporal noise of {name}", ["smooth"], value
+    lines = {"row": (squares.mean(1), g.noise_rows), "column": (squares.mean(0), g.noise_columns)}
+    for axis, (profile, means) in lines.items():
+        common = (means - means.mean(1, keepdims=True)).astype(np.float64) ** 2
+        of_lines = common.mean(0) / max(float(common.mean()), 1e-12)
+        for end, step in (("first", 1), ("last", -1)):
+            for depth in (d for d in RIM if 4 * d <= len(profile)):
+                value = float(np.log(profile[::step][:depth].mean() + 1e-4))
+                yield f"temporal noise of the {end} {depth} {axis}s", [axis], value
+            value = float(np.log(of_lines[::step][:REACH].mean() + 1e-4))
+            yield f"{axis} noise of the {end} {REACH} {axis}s", [axis], value
+    for down, rows in (("first", squares), ("last", squares[::-1])):
+        for across, turned in (("first", rows), ("last", rows[:, ::-1])):
+            for side in (s for s in RIM if 4 * s <= min(squares.shape)):
+                value = float(np.log(turned[:side, :side].mean() + 1e-4))
+                yield (
+                    f"temporal noise of the corner of {down} rows and {across} columns, {side} px",
+                    ["smooth"],
+                    value,
+                )
 
 
 def _corners(image: np.ndarray, side: int = 64) -> np.ndarray:

@@ -21,7 +21,7 @@ def plot_used(used: Mapping[str, Any]) -> "Figure":
         top, bottom, left, right = used["frame"]
         size = {"width": right - left, "height": bottom - top}
         axes.add_patch(_box(left, top, **size, color=MODELLED, label=f"{used['full_frames']} full frames"))
-        for k, (r0, r1, c0, c1) in enumerate(used["windows"]):
+        for k, (r0, r1, c0, c1) in enumerate(w for w in used["windows"] if w != used["frame"]):
             label = "window of all frames used" if k == 0 else None
             axes.add_patch(_box(c0, r0, c1 - c0, r1 - r0, MEASURED, label))
         axes.set_xlim(left, right)
