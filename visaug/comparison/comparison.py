@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.comparison.distance import Distance, variance
+from visaug.comparison.distance import Distance, largest_of_each, least_spread, variance
 from visaug.comparison.laboratory import Laboratory
 from visaug.comparison.selection import Selection
 from visaug.errors import InputError
@@ -219,7 +219,7 @@ def compare(
     spread = np.maximum(np.sqrt(variance(sets)), least)
     mean = sets.mean(0)
     z = z_scores(fingerprint.values - mean, spread)
-    null = np.abs(z_scores((sets - mean) * SETS / (SETS - 1), spread)).max(1)
+    null = largest_of_each((sets - mean) * SETS / (SETS - 1), least_spread(spread, least))
     p = float((1 + np.count_nonzero(null >= np.abs(z).max())) / (SETS + 1))
     distance = Distance(fingerprint.statistics, fingerprint.values, sets, least)
     return Comparison(

@@ -15,6 +15,8 @@ import numpy as np
 
 from visaug.fingerprint import Statistic
 
+LEAST_SHARE = 0.3  # of the standard deviation of all sets: that of the others is not taken to be less
+
 
 @dataclass(frozen=True)
 class Error:
@@ -29,6 +31,27 @@ def variance(sets: np.ndarray) -> np.ndarray:
     """Over simulated sets (R, statistics); exactly 0 for a statistic that differs by rounding alone."""
     spread = sets.var(0, ddof=1)
     return np.where(spread > (1e-9 * sets.mean(0)) ** 2, spread, 0.0)
+
+
+def least_spread(scale: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """(statistics,) standard deviations below which none is taken where few sets tell them; 0 for a statistic that never varies."""
+    return np.where(scale > 0, np.maximum(LEAST_SHARE * scale, least), 0.0)
+
+
+def largest_of_each(deviations: np.ndarray, floor: np.ndarray) -> np.ndarray:
+    """(R,) the largest deviation of each simulated set in standard deviations of the other sets.
+
+    A set that takes part in its own measure widens it: of a hundred sets, 4.5 standard deviations would count as 4.1, and a
+    measured set, which takes no part, would exceed them too often.
+
+    Args:
+        deviations: (R, statistics) of each set from the mean of the others.
+        floor: (statistics,) standard deviations below which none is taken; 0 for a statistic that never varies.
+    """
+    squares = deviations**2
+    others = np.sqrt((squares.sum(0) - squares) / max(len(squares) - 2, 1))
+    scale = np.where(floor > 0, np.maximum(others, floor), np.inf)
+    return np.abs(deviations / scale).max(1)
 
 
 def is_clear(error: Error | None) -> bool:

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.comparison.distance import variance
+from visaug.comparison.distance import largest_of_each, least_spread, variance
 from visaug.comparison.laboratory import Laboratory
 from visaug.diagnosis.parameters import WELL, Coordinate, moved
 from visaug.diagnosis.robust import adjust, drawn_to_zero, standardised
@@ -76,10 +76,7 @@ class Null:
     @cached_property
     def largest(self) -> np.ndarray:
         """(R,) largest residual of each set, in standard deviations of the other sets."""
-        squares = self.residuals**2
-        others = np.sqrt((squares.sum(0) - squares) / max(len(squares) - 2, 1))
-        scale = np.where(self.floor > 0, np.maximum(others, self.floor), 0.0)
-        return np.abs(standardised(self.residuals, scale)).max(1)
+        return largest_of_each(self.residuals, self.floor)
 
     def beyond(self, moves: np.ndarray, scale: np.ndarray | None = None) -> np.ndarray:
         """(statistics,) the part of a shift that the camera's parameters cannot reproduce, in standard deviations.
@@ -167,8 +164,7 @@ class Reference:
 
     def _null_of(self, sample: Sample) -> Null:
         residuals = sample.deviations - self.null_steps @ sample.slopes.T
-        floor = np.where(sample.scale > 0, np.maximum(0.3 * sample.scale, sample.least), 0.0)
-        return Null(residuals, floor, sample.slopes, self.priors)
+        return Null(residuals, least_spread(sample.scale, sample.least), sample.slopes, self.priors)
 
     @cached_property
     def null(self) -> Null:
@@ -197,7 +193,7 @@ class Reference:
 
     @cached_property
     def largest_as_given(self) -> np.ndarray:
-        return np.abs(standardised(self.find.deviations, self.scale)).max(1)
+        return largest_of_each(self.find.deviations, least_spread(self.scale, self.find.least))
 
 
 def make_reference(
