@@ -1,5 +1,6 @@
 """Laws, signatures and rivals: which candidate matches what is left."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,7 @@ from tests.diagnosis import states
 from visaug import Camera
 from visaug.diagnosis import naming, refinement
 from visaug.diagnosis.acceptance import State
-from visaug.diagnosis.candidates import Trial
+from visaug.diagnosis.candidates import Trial, beside_words, effect_trials
 from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.law import Metric, law, scatter_along, shrunk
 from visaug.diagnosis.matches import Match, best_of_each
@@ -17,6 +18,7 @@ from visaug.diagnosis.naming import first_matches
 from visaug.diagnosis.reference import Null
 from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.signatures import Signatures, is_random, own_variance
+from visaug.effects import catalogue
 from visaug.fingerprint import Statistic
 
 
@@ -345,3 +347,16 @@ def test_what_is_rare_is_seen_to_bring_a_spread_of_its_own():
     moves[2, 5] = 90.0
     assert is_random(moves, scale)
     assert np.flatnonzero(own_variance(moves, scale)).tolist() == [5]
+
+
+def test_a_wide_range_of_numbers_is_tried_in_the_words_that_match_best():
+    """A glow of few pixels may lie in every corner: its widths reach from a few pixels of a megapixel sensor to all of it."""
+    glow = catalogue()["amplifier_glow"]
+    default, *others = (t for t in effect_trials(glow) if ("amplifier_glow.shape", 2.0) not in t.values)
+    assert beside_words(default) == []
+    corner = next(t for t in others if ("amplifier_glow.place", "top_left") in t.values)
+    widths = sorted(dict(t.values)["amplifier_glow.width"] for t in beside_words(corner))
+    assert widths[0] * 1280 < 6
+    assert widths[-1] > 0.5
+    assert max(b / a for a, b in pairwise(widths)) < 3.2  # overlap of neighbouring widths over 0.8
+    assert {dict(t.values)["amplifier_glow.place"] for t in beside_words(corner)} == {"top_left"}

@@ -8,7 +8,7 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis.acceptance import OFF, State, left_in_view
-from visaug.diagnosis.candidates import beside_words
+from visaug.diagnosis.candidates import Trial, beside_words
 from visaug.diagnosis.chance import Chance
 from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.law import FINE, log_density
@@ -56,8 +56,11 @@ def candidates(
         earlier: effects as refined before the state's last one was added; their values are further starts.
     """
     taken = frozenset(state.accepted) | without
-    signs += _beside_words(lab, signs, fitted, taken, state, report)
     tried, chosen = first_matches(signs, fitted, taken, state.allowance)
+    further = _beside_words(tried)
+    if further:
+        signs += signatures(lab, fitted.reference, further, report)
+        tried, chosen = first_matches(signs, fitted, taken, state.allowance)
     best: dict[str, Refined] = {}
     for m in chosen:
         beaten = max((r.gain for r in best.values()), default=0.0)
@@ -81,18 +84,10 @@ def candidates(
     return sorted(found, key=lambda r: -r.gain)
 
 
-def _beside_words(
-    lab: Laboratory,
-    signs: Signatures,
-    fitted: Fitted,
-    taken: frozenset[str],
-    state: State,
-    report: Report,
-) -> Signatures:
-    """Signatures of the best trial of each effect that matches at all, with its other numbers beside its words."""
-    matched = best_of_each(matches(signs, fitted, taken, state.allowance))
-    tried = [t for m in matched if m.gain > LEAST_GAIN and not m.trial.looked for t in beside_words(m.trial)]
-    return signatures(lab, fitted.reference, tried, report)
+def _beside_words(tried: Sequence[Match]) -> list[Trial]:
+    """Of the best trial of each effect that matches at all, its other numbers beside its words."""
+    matched = [m.trial for m in best_of_each(tried) if m.gain > LEAST_GAIN and not m.trial.looked]
+    return [further for trial in matched for further in beside_words(trial)]
 
 
 def _as_earlier(fitted: Fitted, match: Match, earlier: Refined | None) -> list[Camera]:
