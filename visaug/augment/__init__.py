@@ -7,17 +7,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from visaug.augment.adapters import AlbumentationsNoise, ImageNoise, TorchvisionNoise
+    from visaug.augment.albumentations_noise import AlbumentationsNoise
     from visaug.augment.draws import draws_from_json, draws_to_json
+    from visaug.augment.image_noise import ImageNoise
     from visaug.augment.light import image_to_photons, irradiance_to_photons, linear_to_srgb, srgb_to_linear
     from visaug.augment.sensor_noise import SensorNoise
+    from visaug.augment.torchvision_noise import TorchvisionNoise
     from visaug.augment.visnoise import VISNoise
 
 _HOME = {
-    "AlbumentationsNoise": "adapters",
-    "ImageNoise": "adapters",
+    "AlbumentationsNoise": "albumentations_noise",
+    "ImageNoise": "image_noise",
     "SensorNoise": "sensor_noise",
-    "TorchvisionNoise": "adapters",
+    "TorchvisionNoise": "torchvision_noise",
     "VISNoise": "visnoise",
     "draws_from_json": "draws",
     "draws_to_json": "draws",

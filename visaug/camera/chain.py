@@ -1,14 +1,13 @@
 """The chain: effects in the order of physics, from mean photons to DN."""
 
 from collections.abc import Callable, Mapping
-from types import SimpleNamespace
 
 import torch
 from torch import Tensor
 
 from visaug.camera.paths import path_of
 from visaug.effects import Context, Effect, Stage
-from visaug.effects.effect import output_of
+from visaug.effects.effect import Values, output_of
 from visaug.sampling import Stream
 
 # In the paper's reading shot noise strikes the photons, before quantum efficiency and PRNU (eqs. 8 to 10).
@@ -93,11 +92,9 @@ def _applied(
     return output_of(effect, signal, own, stream.fork(effect.name), context)
 
 
-def parameters_of(
-    effect: Effect, values: Mapping[str, Tensor], choices: Mapping[str, str]
-) -> SimpleNamespace:
+def parameters_of(effect: Effect, values: Mapping[str, Tensor], choices: Mapping[str, str]) -> Values:
     """The values of an effect's parameters under their own names."""
-    own = SimpleNamespace()
+    own = Values()
     for name, parameter in effect.parameters.items():
         path = path_of(effect.name, name)
         setattr(own, name, choices[path] if parameter.options else values[path])

@@ -49,7 +49,7 @@ def demo(output: Path, seed: int) -> None:
 
 @command("train", example="visaug train configs/demo.yaml")
 @config_argument
-@effects_option("Effects of your own that the cameras name.")
+@effects_option()
 def train(config_path: Path, seed: int) -> None:
     """Train one network as configured in CONFIG."""
     run("train", config_path, seed)
@@ -57,7 +57,7 @@ def train(config_path: Path, seed: int) -> None:
 
 @command("ablate", example="visaug ablate configs/speedplus.yaml")
 @config_argument
-@effects_option("Effects of your own that the cameras name.")
+@effects_option()
 def ablate(config_path: Path, seed: int) -> None:
     """Train the arms of CONFIG and compare them.
 
@@ -87,7 +87,7 @@ def run(what: str, config_path: Path, seed: int) -> None:
 )
 @click.option("--data", metavar="DIR", type=click.Path(path_type=Path), help="A SPEED or SPEED+ folder.")
 @click.option("--domain", metavar="NAME", help="Test set of that folder.")
-@effects_option("Effects of your own that the cameras name.")
+@effects_option()
 @click.option(
     "--images",
     metavar="F.json",

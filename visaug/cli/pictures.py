@@ -36,20 +36,24 @@ class Range(click.ParamType):
         self.fail(f"{value!r} is not a number or a pair of numbers such as 0:24", param, ctx)
 
 
-cameras_option = click.option(
-    "--camera",
-    "camera_names",
-    metavar="CAMERA",
-    required=True,
-    multiple=True,
-    help="A camera.yaml, or the name of a camera in the package (see `visaug cameras`). "
-    "If repeated, one is drawn for each picture.",
-)
+def cameras_option(if_repeated: str) -> Decorator:
+    """The option `--camera` of a command that takes several."""
+    return click.option(
+        "--camera",
+        "camera_names",
+        metavar="CAMERA",
+        required=True,
+        multiple=True,
+        help=f"A camera.yaml, or the name of a camera in the package (see `visaug cameras`). {if_repeated}",
+    )
 
 
 def light_options(function: Decorator) -> Decorator:
-    """How a picture is taken: what its values mean, how much light, how much noise."""
+    """Options of the conditions under which a picture is taken: encoding, light, gain, strength of the noise."""
     for option in (
+        click.option(
+            "--bits", type=click.IntRange(1, 16), help="Bits used in 16-bit data, if fewer: 10, 12 or 14."
+        ),
         click.option(
             "--strength",
             type=click.FloatRange(min=0),
@@ -84,9 +88,8 @@ def light_options(function: Decorator) -> Decorator:
 )
 @click.argument("inputs", metavar="IN...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @output_option("OUT", "Folder for the copies.", required=True)
-@cameras_option
+@cameras_option("If repeated, one is drawn for each picture.")
 @light_options
-@click.option("--bits", type=click.IntRange(1, 16), help="Bits used in 16-bit data, if fewer: 10, 12 or 14.")
 @click.option(
     "--p",
     type=click.FloatRange(0, 1),
@@ -172,9 +175,8 @@ def augment(
     "preview", example="visaug preview photo.jpg --camera sony_imx174 --camera canon_5d4_iso800 -o sheet.png"
 )
 @click.argument("picture", metavar="IMAGE", type=click.Path(path_type=Path))
-@cameras_option
+@cameras_option("If repeated, the sheet shows each.")
 @light_options
-@click.option("--bits", type=click.IntRange(1, 16), help="Bits used in 16-bit data, if fewer: 10, 12 or 14.")
 @output_option("sheet.png", "Write the contact sheet.", required=True)
 @effects_option()
 def preview(

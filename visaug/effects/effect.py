@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import IntEnum
-from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import torch
@@ -12,6 +11,21 @@ from torch import Tensor
 from visaug.effects.parameter import Parameter, check_value
 from visaug.errors import InputError
 from visaug.sampling import Stream, derive_key
+
+
+class Values:
+    """Values of an effect's parameters as attributes: tensors, and words for options.
+
+    A `types.SimpleNamespace` would do, but `torch.compile` cannot trace one.
+    """
+
+    def __init__(self, **values: Tensor | str):
+        for name, value in values.items():
+            setattr(self, name, value)
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
 
 
 class Stage(IntEnum):
@@ -217,7 +231,7 @@ class Effect:
                 f"signal has shape {tuple(signal.shape)}", expected="(B, C, H, W), (C, H, W) or (H, W)"
             )
         batch = signal.float().reshape((1,) * (4 - signal.ndim) + tuple(signal.shape))
-        p = SimpleNamespace(
+        p = Values(
             **{
                 key: value if isinstance(value, str) else _as_value(value, signal)
                 for key, value in self.values().items()
@@ -257,7 +271,7 @@ class Effect:
         """The value of every parameter, as given or the default."""
         return {key: self.given.get(key, parameter.default) for key, parameter in self.parameters.items()}
 
-    def apply(self, signal: Tensor, p: SimpleNamespace, stream: Stream, context: Context) -> Tensor:
+    def apply(self, signal: Tensor, p: Values, stream: Stream, context: Context) -> Tensor:
         """Returns the signal after the effect.
 
         Args:
@@ -271,7 +285,7 @@ class Effect:
         """
         raise NotImplementedError
 
-    def moments(self, mean: Tensor, p: SimpleNamespace, context: Context) -> tuple[Tensor, Tensor] | None:
+    def moments(self, mean: Tensor, p: Values, context: Context) -> tuple[Tensor, Tensor] | None:
         """Theoretical mean and variance of the output, over noise and cameras, for a constant input `mean`; None if not known."""
         return None
 
@@ -286,7 +300,7 @@ class Effect:
         return tuple(name for name, parameter in cls.parameters.items() if parameter.strength)
 
 
-def output_of(effect: Effect, signal: Tensor, p: SimpleNamespace, stream: Stream, context: Context) -> Tensor:
+def output_of(effect: Effect, signal: Tensor, p: Values, stream: Stream, context: Context) -> Tensor:
     """What `effect.apply` returns.
 
     Raises:
