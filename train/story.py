@@ -8,6 +8,7 @@ import visaug
 from visaug.documents import read_json
 from visaug.files import write_json
 from visaug.report.html import Section, Text
+from visaug.report.next_step import Inputs
 from visaug.report.pages import diagnosis_sections
 
 Progress = Callable[[str, int, int], None]
@@ -35,6 +36,7 @@ def hidden_effect_sections(output: Path, seed: int = 0, progress: Progress | Non
         "missing, and how strong is it?"
     )
     better = visaug.Camera.load(better_file)
-    sections = diagnosis_sections(read_json(answer), camera, better, frames, seed, better_file)
+    inputs = Inputs.of(camera, frames, better_file)
+    sections = diagnosis_sections(read_json(answer), camera, better, frames, seed, inputs)
     first = replace(sections[0], blocks=[intro, *sections[0].blocks])
     return [replace(each, title=f"Hidden effect: {each.title.lower()}") for each in (first, *sections[1:])]

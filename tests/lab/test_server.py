@@ -306,13 +306,15 @@ def test_the_command_refuses_a_file_that_exists(tmp_path):
     assert "--force" in str(mistake)
 
 
-def test_save_report(diagnosed):
+def test_save_report(diagnosed, bench):
     compared = diagnosed.get("/report.html")
+    assert "-o better.yaml" in compared.text  # what was found is not on the bench
     assert "attachment" in compared.headers["content-disposition"]
     diagnosed.post("/add/row_noise")
     diagnosed.wait()
     by_hand = diagnosed.get("/report.html").text
     assert "The camera with row_noise" in by_hand
+    assert f"--camera {bench.output}" in by_hand
     assert by_hand.count("data:image/") >= 2
     assert by_hand != compared.text
 

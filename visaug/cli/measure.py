@@ -298,16 +298,17 @@ def diagnose(
         )
     if not is_silent(quiet, json_path):
         summaries.print_diagnosis(result.to_json())
+    inputs = Inputs.of(camera, frames, output)
     if output:
         result.camera.save(output)
     write_result(json_path, result.to_json())
     if report_path:
         from visaug.report import write_diagnosis
 
-        write_diagnosis(report_path, result, camera, frames, seed, output)
+        write_diagnosis(report_path, result, camera, frames, seed, inputs)
     if not is_silent(quiet, json_path):
         written(output, json_path, report_path)
-        summaries.print_next(after_diagnosis(result.to_json(), Inputs.of(camera, frames, output)))
+        summaries.print_next(after_diagnosis(result.to_json(), inputs))
 
 
 @command("lab", example="visaug lab frames/ --camera camera.yaml")

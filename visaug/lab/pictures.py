@@ -18,6 +18,7 @@ from visaug.lab.own_picture import OwnPicture
 from visaug.report.html import Figure, Page, Text, figure, render
 from visaug.report.pages import described, diagnosis_sections, write_comparison, write_diagnosis
 from visaug.report.plots.error import plot_error_steps
+from visaug.report.provenance import footer
 from visaug.report.views import ViewGallery
 from visaug.wording import frames_text
 
@@ -116,7 +117,8 @@ class Pictures:
             raise InputError("nothing is compared yet", field="report", expected="a finished comparison")
         with self._drawing, TemporaryDirectory(prefix="visaug-lab-") as folder:
             path = Path(folder) / "report.html"
-            common = (bench.given, self.frames, self.seed)
+            inputs = replace(bench.inputs(), better=None)  # what was found is not on the bench
+            common = (bench.given, self.frames, self.seed, inputs)
             if bench.now.fit:
                 return render(self._by_hand(bench, verdict))
             if bench.diagnosis:
@@ -126,11 +128,14 @@ class Pictures:
             return path.read_text(encoding="utf-8")
 
     def _by_hand(self, bench: Bench, verdict: str) -> Page:
-        sections = diagnosis_sections(bench.to_json(), bench.given, bench.camera, self.frames, self.seed)
+        sections = diagnosis_sections(
+            bench.to_json(), bench.given, bench.camera, self.frames, self.seed, bench.inputs()
+        )
         blocks = [Text(verdict, "finding"), *list(sections[0].blocks)[1:]]
         sections[0] = replace(sections[0], title="The camera on the bench", blocks=blocks)
         return Page(
             "Diagnosis by hand",
             f"{described(self.frames)} against {bench.given.name}, with effects added and taken away by hand.",
             sections,
+            footer=footer(bench.given, self.frames, self.seed),
         )

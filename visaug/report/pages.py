@@ -99,9 +99,17 @@ def _without_repeats(rows: list[list[str]], caption: str) -> Table:
 
 
 def write_comparison(
-    path: str | Path, result: "Comparison", camera: "Camera", frames: "FrameSet", seed: int = 0
+    path: str | Path,
+    result: "Comparison",
+    camera: "Camera",
+    frames: "FrameSet",
+    seed: int = 0,
+    inputs: Inputs | None = None,
 ) -> dict[str, Path]:
     """Whether the model holds, where it fails, and every view measured beside modelled.
+
+    Args:
+        inputs: the files for the next command; None takes those that camera and frames were loaded from.
 
     Returns:
         The file of each view's picture, in a folder beside the page.
@@ -115,7 +123,7 @@ def write_comparison(
         [*worst, *others], _captions(content["where"]), _worst_frames(content["where"])
     )
     blocks: list[Text | Table | Figure] = [Text(comparison_headline(content), "finding")]
-    blocks.append(_next(after_comparison(content, Inputs.of(camera, frames))))
+    blocks.append(_next(after_comparison(content, inputs or Inputs.of(camera, frames))))
     if content["where"]:
         blocks += [*(pictures[name] for name in worst[:1] if name in pictures), where_table(content["where"])]
     sections = [
@@ -165,18 +173,18 @@ def write_diagnosis(
     camera: "Camera",
     frames: "FrameSet",
     seed: int = 0,
-    camera_file: Path | None = None,
+    inputs: Inputs | None = None,
 ) -> Path:
     """What was missing, the error falling, the views before and after, and what is left.
 
     Args:
-        camera_file: where the corrected camera was written.
+        inputs: the files for the next command; None takes those that camera and frames were loaded from.
     """
     content = result.to_json()
     page = Page(
         "Diagnosis",
         f"{described(frames)} against {camera.name}: which physical effect does the model lack?",
-        diagnosis_sections(content, camera, result.camera, frames, seed, camera_file),
+        diagnosis_sections(content, camera, result.camera, frames, seed, inputs),
         facts=_diagnosis_facts(content),
         footer=footer(camera, frames, seed),
     )
@@ -189,7 +197,7 @@ def diagnosis_sections(
     better: "Camera",
     frames: "FrameSet",
     seed: int = 0,
-    camera_file: Path | None = None,
+    inputs: Inputs | None = None,
 ) -> list[Section]:
     """The sections of a diagnosis, also part of the demo's page."""
     error = content["error"]
@@ -198,7 +206,7 @@ def diagnosis_sections(
     found += [Text(line) for line in diagnosis_details(content)]
     if content["accepted"]:
         found.append(Text(PROBABILITY, "note"))
-    found.append(_next(after_diagnosis(content, Inputs.of(camera, frames, camera_file))))
+    found.append(_next(after_diagnosis(content, inputs or Inputs.of(camera, frames))))
     if any(step["error"] is not None for step in content["steps"]):
         steps = plot_error_steps(content["steps"], error["before"], error["floor"])
         found.append(figure(steps, f"The error on hold-out frames after each step. {ERROR}"))
