@@ -31,7 +31,7 @@ def served(bench):
 def see_everything(page):
     """Open what is folded and scroll through, so that every view is drawn."""
     page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
-    for _ in range(60):
+    for _ in range(400):
         left = page.evaluate("""() => {
             const holders = [...document.querySelectorAll("[data-view]")].filter((h) => !h.closest("[hidden]"));
             const next = holders.find((h) => !h.children.length && !h.textContent);

@@ -3,7 +3,7 @@
 
 const Plots = (() => {
   const views = new Map(); // what the reader chose, by name of the figure: {x: [from, to], mode, region}
-  const INK = { measured: "#d55e00", modelled: "#0072b2" };
+  const ink = (who) => getComputedStyle(document.documentElement).getPropertyValue(`--${who}`).trim();
   const DASHES = [[], [8, 4], [2, 3], [8, 3, 2, 3]];
   const chosen = (name) => { if (!views.has(name)) views.set(name, {}); return views.get(name); };
   const make = (tag, given = {}, ...inside) => {
@@ -59,10 +59,10 @@ const Plots = (() => {
       const values = joined(curves);
       const positive = values[0].every((x) => x > 0);
       const many = curves.length > 1;
-      const ink = dark() ? "#c9d2dd" : "#3c4654", grid = { stroke: dark() ? "#333c48" : "#e6eaef", width: 1 };
+      const line = dark() ? "#c9d2dd" : "#3c4654", grid = { stroke: dark() ? "#333c48" : "#e6eaef", width: 1 };
       const series = [{ label: data.x_label || "x", value: (_, v) => shown(v) }];
       curves.forEach((curve, i) => data.names.forEach((who, k) => series.push({
-        label: many ? `${who}, ${curve.label}` : who, stroke: k ? INK.modelled : INK.measured, width: k ? 2.5 : 1.3,
+        label: many ? `${who}, ${curve.label}` : who, stroke: ink(k ? "modelled" : "measured"), width: k ? 2.5 : 1.3,
         alpha: k ? 0.65 : 1, dash: DASHES[i % DASHES.length], spanGaps: true, value: (_, v) => shown(v),
         points: { show: values[0].length <= 24, size: 6 },
       })));
@@ -79,8 +79,8 @@ const Plots = (() => {
         width: width(), height: 260, series,
         scales: { x: { time: false, distr: data.log_x && positive ? 3 : 1 }, y: { distr: logged ? 3 : 1 } },
         axes: [
-          { label: data.x_label, labelFont: "12px system-ui, sans-serif", stroke: ink, grid, labelSize: 20, size: 38, values: data.log_x ? undefined : number },
-          { stroke: ink, grid, size: 62, values: logged ? undefined : number },
+          { label: data.x_label, labelFont: "12px system-ui, sans-serif", stroke: line, grid, labelSize: 20, size: 38, values: data.log_x ? undefined : number },
+          { stroke: line, grid, size: 62, values: logged ? undefined : number },
         ],
         cursor: { sync: { key: data.x_label || name, scales: ["x", null] }, drag: { x: true, y: false }, focus: { prox: 30 } },
         legend: { live: true },
