@@ -179,6 +179,11 @@ class Arm(Part):
     randconv: RandConv | None = None
     corruptions: Corruptions | None = None
     erase: Erase | None = None
+    clean_epochs: int = Field(
+        0,
+        ge=0,
+        description="the last epochs of a run, trained without all of this, as close_mosaic does for mosaics",
+    )
     training: dict[str, Any] = {}
 
     @property

@@ -39,7 +39,7 @@ class Gain:
     def __str__(self) -> str:
         if self.low is None or self.high is None:
             return "not determined: the oracle's gain is not clear of 0"
-        return f"{self.share:.0%} [{self.low:.0%}, {self.high:.0%}]"
+        return f"{100 * self.share:.0f} % [{100 * self.low:.0f}, {100 * self.high:.0f}]"
 
     def to_json(self) -> dict[str, Any]:
         """Numbers of the comparison."""

@@ -32,6 +32,7 @@ def decides(config: Config, arm: Arm, data_yaml: Path) -> dict[str, Any]:
         "training": {**config.training, **arm.training},
         "start": start_decides(config),
         **_noise(arm),
+        **({"clean_epochs": arm.clean_epochs} if arm.clean_epochs else {}),
         "data": {**read_json(data_yaml.with_name("conversion.json")), "linked": None},  # what, not where
     }
 
@@ -59,7 +60,7 @@ def _noise(arm: Arm) -> dict[str, Any]:
             return [numbered(value) for value in part]
         return f"camera {files.index(part)}" if isinstance(part, str) and part in files else part
 
-    noise = arm.model_dump(mode="json", exclude={"training", "why", "like"})
+    noise = arm.model_dump(mode="json", exclude={"training", "why", "like", "clean_epochs"})
     return {"noise": numbered(noise), "cameras": [camera_values(name) for name in files]}
 
 

@@ -21,14 +21,15 @@ from visaug_train.training import batch_noise
 
 DETECTION, KEYPOINTS = ("box_ap", "iou"), ("keypoint_ap_paper", "oks_paper")
 KEYPOINTS_COCO = ("keypoint_ap_coco", "oks_coco")
+MOST_ABREAST = 2  # arms beside the baseline that fit into the page's width
 
 
 def write_report(ablation: Ablation) -> Path:
     """Write report.html into the config's output; returns its path."""
     page = Page(
         f"Ablation: {ablation.config.name}",
-        f"{len(ablation.means)} arms, seeds {', '.join(map(str, ablation.config.seeds))}, all "
-        "hyperparameters equal.",
+        f"{len(ablation.means)} arms, seeds {', '.join(map(str, ablation.config.seeds))}; the same hyperparameters in all arms "
+        "but for those that an arm sets.",
         [
             *target_sections(ablation),
             *proof_sections(ablation),
@@ -43,9 +44,9 @@ def write_report(ablation: Ablation) -> Path:
 def ablation_sections(ablation: Ablation) -> list[Section]:
     """The sections, also part of the demo's page."""
     return [
-        Section("Trained with and without sensor noise", list(_results(ablation))),
+        Section("Scores of the arms", list(_results(ablation))),
         *_strength(ablation),
-        Section("Clean beside noised", list(_images(ablation))),
+        Section("Images with and without noise", list(_images(ablation))),
         Section("Training", [_curves(ablation)]),
         _predictions(ablation),
         _dependence(ablation),
@@ -53,26 +54,26 @@ def ablation_sections(ablation: Ablation) -> list[Section]:
 
 
 def _strength(ablation: Ablation) -> list[Section]:
-    """How strong the arms' noise is beside what is there."""
+    """Noise that the arms add, beside the noise of the images."""
     if ablation.noise is None:
         return []
     table = ablation.noise.table()
     text = (
-        "Standard deviations in 8-bit steps at the size that the network sees. An arm whose noise lies below what the "
-        "images carry already cannot change what the network learns. Rows, columns and other structure of a test set are "
-        "not in its figures, which are those of white noise alone."
+        "Standard deviations in 8-bit steps at the size of the network's input. An arm whose noise is below that of the "
+        "training images can hardly change what the network learns. Figures of images are those of white noise alone: "
+        'row noise, column patterns and other structure are not included. "none": no area of this level.'
     )
     blocks: list[Text | Table] = [Text(text), Table(table.head, table.rows, f"{table.title}.")]
     blocks += [Text(f"Warning: {line}.", "note") for line in ablation.noise.warnings()]
-    return [Section("How strong the noise is", blocks)]
+    return [Section("Strength of the noise", blocks)]
 
 
 def timing_section(ablation: Ablation, seconds: Mapping[str, float] | None = None) -> Section:
     """How long each part took: data, runs, and what else is given in `seconds`."""
     runs = {f"train {arm}, seed {seed}": run.seconds for (arm, seed), (run, _) in ablation.scored.items()}
     parts = {"render and convert the data": ablation.study.data_seconds, **runs, **(seconds or {})}
-    text = f"Seconds of each part; {sum(parts.values()):.0f} s in all."
-    return Section("Times", [figure(plot_timing(parts), text)])
+    text = f"Seconds of each part, {sum(parts.values()):.0f} s in total."
+    return Section("Computing time", [figure(plot_timing(parts), text)])
 
 
 def finding(ablation: Ablation) -> str:
@@ -82,11 +83,11 @@ def finding(ablation: Ablation) -> str:
 
 def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
     config = ablation.config
-    overview = overview_table(ablation.means, ablation.differences, config.baseline)
+    overview = overview_table(ablation.means, ablation.differences, config.baseline, most=MOST_ABREAST)
     yield Table(overview.head, overview.rows, f"{overview.title}.")
     for name in config.arms:
         if why := config.arms[name].why:
-            yield Text(f"{name}: {why}.")
+            yield Text(f"Arm {name}: {why}.")
     for sentence in _findings(ablation):
         yield Text(sentence, "finding")
     yield _score_table(ablation, DETECTION, "Target detection, in the form of the paper's table 2.")
@@ -118,12 +119,13 @@ def _score_table(ablation: Ablation, measures: tuple[str, ...], caption: str) ->
 
 
 def _difference_table(ablation: Ablation) -> Table:
-    measures = (*DETECTION, *KEYPOINTS)
+    measures = (DETECTION[0], *KEYPOINTS)  # more do not fit; differences.csv has all
     found = {(d.arm, d.domain, d.measure): d for d in ablation.differences}
     pairs = list(dict.fromkeys((d.arm, d.domain) for d in ablation.differences))
     rows = [[arm, domain, *(_signed(found[arm, domain, m]) for m in measures)] for arm, domain in pairs]
-    head = ["arm", "test set", *(MEASURES[m][1] for m in measures)]
-    return Table(head, rows, f"Differences to {ablation.config.baseline}, with 95 % intervals.")
+    head = ["arm", "test set", *(MEASURES[m][1].split(" (")[0].removesuffix(" mean") for m in measures)]
+    caption = f"Differences to {ablation.config.baseline}, with 95 % intervals; keypoints by the paper's definition."
+    return Table(head, rows, caption)
 
 
 def _signed(difference) -> str:
@@ -135,16 +137,16 @@ def _findings(ablation: Ablation) -> Iterator[str]:
     for arm in ablation.means:
         mine = [d for d in ablation.differences if d.arm == arm and d.measure == "keypoint_ap_coco"]
         clear = [
-            f"{'raises' if d.low > 0 else 'lowers'} it on {d.domain} from {d.reference:.2f} to "
-            f"{d.reference + d.difference:.2f} ({_signed(d)})"
+            f"{'higher' if d.low > 0 else 'lower'} on {d.domain}, {d.reference + d.difference:.3f} instead of "
+            f"{d.reference:.3f} ({_signed(d)})"
             for d in mine
             if d.low > 0 or d.high < 0
         ]
         open_ = [d.domain for d in mine if d.low <= 0 <= d.high]
         if open_:
-            clear.append(f"changes it on {', '.join(open_)} by less than its interval")
+            clear.append(f"no clear change on {', '.join(open_)}")
         if clear:
-            yield f"Keypoint AP50-95 (COCO) against {ablation.config.baseline}: {arm} {'; '.join(clear)}."
+            yield f"Arm {arm}, keypoint AP50-95 (COCO) against {ablation.config.baseline}: {'; '.join(clear)}."
 
 
 def _images(ablation: Ablation) -> Iterator[Text | Figure]:
@@ -159,10 +161,10 @@ def _images(ablation: Ablation) -> Iterator[Text | Figure]:
             torch.manual_seed(0)
             batch = torch.from_numpy(clean)[:, None].repeat(1, 3, 1, 1)
             pictures += list(batch_noise(arm)(batch)[:, 0].numpy())
-        titles += [f"as {name} trains on it"] * 4
+        titles += [f"arm {name}"] * 4
     yield figure(
         plot_images(pictures, titles, limits=(0, 1)),
-        "The same clean images as each arm sees them in training; the noise is drawn anew each time.",
+        "The same clean images with the noise of each arm, which is drawn anew whenever an image is used.",
         raster=True,
     )
     others = [(name, each) for name, each in ablation.study.tests.items() if name != domain]
@@ -172,8 +174,7 @@ def _images(ablation: Ablation) -> Iterator[Text | Figure]:
             plot_images(
                 [read_gray(str(file)) / 255 for _, file in shown], [name for name, _ in shown], limits=(0, 1)
             ),
-            "What the other test sets look like: other light, and cameras that lie outside the training "
-            "noise.",
+            "Images of the other test sets.",
             raster=True,
         )
     vis = next((arm.vis for arm in map(config.arm, config.arms) if arm.vis), None)
@@ -182,9 +183,8 @@ def _images(ablation: Ablation) -> Iterator[Text | Figure]:
         parts = components(camera, clean[0])
         yield figure(
             plot_components(list(parts.values()), list(parts), "DN", columns=3),
-            f"Each noise component of {camera.name} alone, on the first of these images: the difference of"
-            " two exposures, with it and without it, with the same random numbers. Colours reach three "
-            "standard deviations.",
+            f"Each noise component of {camera.name} on the first of these images: the difference of two exposures, with "
+            "and without it, from the same random numbers. The colour scale ends at three standard deviations.",
             raster=True,
         )
 
@@ -195,18 +195,22 @@ def _curves(ablation: Ablation) -> Figure:
         "train/box_loss": "training box loss",
         "metrics/mAP50-95(P)": "validation keypoint AP50-95",
     }
-    curves = {f"{arm}, seed {seed}": run.curves for (arm, seed), (run, _) in ablation.scored.items()}
-    text = "Losses and the validation score of ultralytics (COCO's OKS, clean images) by epoch."
+    scored = ablation.scored
+    curves = {arm: [scored[arm, seed][0].curves for seed in ablation.seeds(arm)] for arm in ablation.means}
+    text = "Losses and validation score of ultralytics (COCO's OKS, clean images) by epoch; a line for each seed."
     return figure(plot_training(curves, labels), text)
 
 
 def _predictions(ablation: Ablation) -> Section:
     """Best and worst predictions of the last arm's first seed on each test set."""
     arm = list(ablation.means)[-1]
-    evaluations = ablation.scored[arm, ablation.seeds(arm)[0]][1]
+    seed = ablation.seeds(arm)[0]
+    evaluations = ablation.scored[arm, seed][1]
     blocks = [
         figure(
-            plot_gallery(each, indices), f"{domain}: the {what} of {arm} by OKS (the paper's).", raster=True
+            plot_gallery(each, indices),
+            f"{domain}: {what} predictions of arm {arm} by OKS (the paper's definition), seed {seed}.",
+            raster=True,
         )
         for domain, each in evaluations.items()
         for what, indices in (("best", each.best(4)), ("worst", each.worst(4)))
@@ -215,13 +219,16 @@ def _predictions(ablation: Ablation) -> Section:
 
 
 def _dependence(ablation: Ablation) -> Section:
-    """What the scores hang on."""
+    """Scores against what they depend on."""
     blocks = []
     for domain in ablation.study.tests:
         found = {
             arm: [ablation.scored[arm, s][1][domain] for s in ablation.seeds(arm)] for arm in ablation.means
         }
         blocks.append(
-            figure(plot_dependence(found), f"{domain}: OKS against distance, attitude and brightness.")
+            figure(
+                plot_dependence(found),
+                f"{domain}: OKS (the paper's definition) against distance, attitude and brightness.",
+            )
         )
-    return Section("What the scores hang on", blocks)
+    return Section("Scores against distance, attitude and brightness", blocks)

@@ -103,7 +103,7 @@ class Strengths:
 
         def cells(strength: Strength, both: bool) -> list[str]:
             return [
-                "no such area"
+                "none"
                 if np.isnan(strength.total[level])
                 else f"{strength.total[level]:.2f}"
                 + (f" (white {strength.white[level]:.2f})" if both else "")

@@ -117,20 +117,37 @@ def overview_table(
     differences: Sequence[Any],
     baseline: str,
     measure: str = "keypoint_ap_coco",
+    most: int = 100,
 ) -> Table:
-    """One measure at a glance: test sets as rows, arms as columns, each with its change and whether that is clear."""
+    """One measure at a glance: test sets as rows, arms as columns, each with its change and whether that is clear.
+
+    With more than `most` arms beside the baseline each has a row.
+    """
     others = [arm for arm in means if arm != baseline]
     found = {(d.arm, d.domain): d for d in differences if d.measure == measure}
-    head = ["test set", *([baseline] if baseline in means else []), *others]
+    domains = list(dict.fromkeys(domain for scores in means.values() for domain in scores))
+    label = MEASURES[measure][1]
+    label = label[0].upper() + label[1:]
+
+    def value_of(arm: str, domain: str) -> str:
+        return f"{means[arm][domain][measure]:.3f}"
+
+    def change_of(arm: str, domain: str) -> str:
+        return change(found[arm, domain]) if (arm, domain) in found else ""
+
+    if len(others) > most:
+        rows = [[d, arm, value_of(arm, d), change_of(arm, d)] for d in domains for arm in means]
+        title = f"{label}: mean over seeds, and the change against {baseline} with its 95 % interval"
+        return Table(title, ["test set", "arm", "AP", "change"], rows)
     rows = []
-    for domain in dict.fromkeys(domain for scores in means.values() for domain in scores):
-        row = [domain, *([f"{means[baseline][domain][measure]:.3f}"] if baseline in means else [])]
+    for domain in domains:
+        row = [domain, *([value_of(baseline, domain)] if baseline in means else [])]
         for arm in others:
-            cell, d = f"{means[arm][domain][measure]:.3f}", found.get((arm, domain))
-            row.append(cell if d is None else f"{cell} ({change(d)})")
+            said = change_of(arm, domain)
+            row.append(value_of(arm, domain) + (f" ({said})" if said else ""))
         rows.append(row)
-    title = f"{MEASURES[measure][1]}: mean over seeds; in brackets the change and its 95 % interval"
-    return Table(title, head, rows)
+    title = f"{label}: mean over seeds; in brackets the change and its 95 % interval"
+    return Table(title, ["test set", *([baseline] if baseline in means else []), *others], rows)
 
 
 def change(difference: Any) -> str:

@@ -32,9 +32,9 @@ def target_sections(ablation: "Ablation") -> list[Section]:
     """Nothing without an oracle or cameras that were made."""
     sections = []
     if ablation.gains:
-        sections.append(Section("What pictures of the target are worth", list(_gains(ablation))))
+        sections.append(Section("Gain by cameras estimated from pictures", list(_gains(ablation))))
     if ablation.study.cameras:
-        sections.append(Section("What the pictures tell of their cameras", list(_cameras(ablation))))
+        sections.append(Section("Cameras estimated from pictures", list(_cameras(ablation))))
     return sections
 
 
@@ -44,8 +44,8 @@ def gain_finding(gain: Gain, oracle: str) -> str:
     verdict = "raises" if low > 0 else "lowers" if high < 0 else "does not clearly change"
     known, known_low, known_high = gain.oracle
     return (
-        f"{gain.arm} {verdict} the keypoint AP on {' and '.join(gain.domains)}: {gain.baseline:.3f} to "
-        f"{gain.baseline + change:.3f} ({change:+.3f} [{low:+.3f}, {high:+.3f}]). {oracle} changes it by {known:+.3f} "
+        f"Arm {gain.arm} {verdict} the keypoint AP on {' and '.join(gain.domains)}: {gain.baseline:.3f} to "
+        f"{gain.baseline + change:.3f} ({change:+.3f} [{low:+.3f}, {high:+.3f}]). Arm {oracle} changes it by {known:+.3f} "
         f"[{known_low:+.3f}, {known_high:+.3f}]; share of that gain: {gain}."
     )
 
@@ -141,7 +141,7 @@ def _pictures(ablation: "Ablation") -> Figure:
             torch.manual_seed(0)
             noisy = vis_noise(vis.model_copy(update={"camera": str(camera.file), "p": 1.0}))(clean)
         pictures += list(noisy[:, 0].numpy())
-        titles += [f"as by {camera.name}"] * 2
+        titles += [f"clean, {camera.name}"] * 2
     return figure(
         plot_images(pictures, titles, columns=4, limits=(0, 1)),
         "Pictures of the test sets, and clean training images with the noise of each camera.",

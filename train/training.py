@@ -7,13 +7,13 @@ again, an interrupted one goes on from its last epoch, and a changed config trai
 import csv
 import hashlib
 import json
-import os
 import re
 import shutil
 import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from visaug.errors import InputError
 from visaug.files import write_json, write_text
 from visaug_train import checkpoints
 from visaug_train.arms import Arm
+from visaug_train.callbacks import close_noise, follow
 from visaug_train.config import Config
 from visaug_train.convert import convert
 from visaug_train.geometry import Keypoints
@@ -154,6 +155,7 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
             seed,
             f"training {arm_name} seed {seed}",
             progress,
+            arm.clean_epochs,
         )
         write_json(
             folder / "run.json",
@@ -234,8 +236,9 @@ def _train(
     seed: int,
     title: str,
     progress: Progress | None,
+    clean_epochs: int = 0,
 ) -> float:
-    """Train what is left of a run; the seconds of all of it."""
+    """Train what is left of a run, the last epochs without noise; the seconds of all of it."""
     quiet_ultralytics(config.output / "ultralytics-settings")
     from ultralytics import YOLO
 
@@ -264,36 +267,11 @@ def _train(
     else:
         model = YOLO(str(checkpoints.restore(folder, state)), task="pose")
         how = {"resume": True, "save_dir": str(folder.resolve())}
-    _follow(model, title, progress)
+    follow(model, title, progress)
     kept.attach(model)
+    model.add_callback("on_train_epoch_start", partial(close_noise, clean_epochs))
     model.train(trainer=trainer, data=str(data_yaml), **how)
     return kept.seconds_before + time.monotonic() - kept.began
-
-
-def _follow(model: Any, title: str, progress: Progress | None) -> None:
-    def use_all_cores(trainer: Any) -> None:
-        # ultralytics leaves one core idle on a CPU, which costs a fifth of the speed on two.
-        if trainer.device.type == "cpu" and "OMP_NUM_THREADS" not in os.environ:
-            import torch
-
-            torch.set_num_threads(
-                len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-            )
-
-    model.add_callback("on_train_start", use_all_cores)
-    if progress is None:
-        return
-    count = {"batches": 0}
-
-    def started(trainer: Any) -> None:
-        count["batches"] = trainer.start_epoch * len(trainer.train_loader)
-
-    def advance(trainer: Any) -> None:
-        count["batches"] += 1
-        progress(title, count["batches"], trainer.epochs * len(trainer.train_loader))
-
-    model.add_callback("on_train_start", started)
-    model.add_callback("on_train_batch_end", advance)
 
 
 def _digest(value: Any) -> str:

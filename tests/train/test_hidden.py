@@ -86,7 +86,7 @@ def stubbed(monkeypatch):
             camera = camera.with_effect(name)
         return Answer(camera, accepted)
 
-    def train(config, noise, arguments, data_yaml, folder, seed, title, progress):
+    def train(config, noise, arguments, data_yaml, folder, seed, title, progress, clean_epochs=0):
         calls["train"].append(folder.name.rsplit("-", 2)[0])
         (folder / "weights").mkdir(parents=True)
         (folder / "weights" / "best.pt").write_bytes(b"")

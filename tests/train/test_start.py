@@ -1,10 +1,13 @@
 """The network that all runs start from: trained once, known by its hash, and really loaded."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from visaug_train import training
+from visaug_train.batch_noise import GaussianNoise
+from visaug_train.callbacks import close_noise
 from visaug_train.config import check_config
 from visaug_train.training import prepare, start_network, train_run
 
@@ -28,7 +31,7 @@ def study(rendered, tmp_path):
 def test_arms_and_seeds_share_one_start(study, monkeypatch):
     calls = []
 
-    def train(config, noise, arguments, data_yaml, folder, seed, title, progress):
+    def train(config, noise, arguments, data_yaml, folder, seed, title, progress, clean_epochs=0):
         calls.append((config.model, len(noise), arguments["epochs"], folder.name.rsplit("-", 1)[0]))
         (folder / "weights").mkdir(parents=True)
         (folder / "results.csv").write_text("epoch,train/pose_loss\n1,2.0\n")
@@ -80,3 +83,18 @@ def test_weights_are_loaded_where_there_are_some(study, tmp_path, monkeypatch, m
     )
     assert asked["path"] == model
     assert asked["pretrained"] is loaded
+
+
+def test_the_last_epochs_can_be_clean(study):
+    trainer = SimpleNamespace(epoch=0, epochs=3, noise=GaussianNoise(1.0, (0.1, 0.1)))
+    noisy = []
+    for trainer.epoch in range(3):
+        close_noise(1, trainer)
+        noisy.append(isinstance(trainer.noise, GaussianNoise))
+    assert noisy == [True, True, False]
+    close_noise(0, kept := SimpleNamespace(epoch=2, epochs=3, noise=GaussianNoise(1.0, (0.1, 0.1))))
+    assert isinstance(kept.noise, GaussianNoise)
+    arm = study.config.arms["baseline"].model_copy(update={"clean_epochs": 1})
+    closing = study.config.model_copy(update={"arms": {"baseline": arm}})
+    changed = type(study)(closing, study.data_yaml, study.keypoints, study.tests, study.training_images)
+    assert training.run_folder(changed, "baseline", 0) != training.run_folder(study, "baseline", 0)

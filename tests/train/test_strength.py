@@ -66,4 +66,4 @@ def test_an_arm_below_what_is_there_is_warned_of():
     assert not made({"50 %": 2.0}).warnings()
     table = made({"50 %": 2.0}).table()
     assert table.head == ["", "black", "20 %", "50 %", "white"]
-    assert "no such area" in table.rows[0]
+    assert "none" in table.rows[0]

@@ -94,7 +94,7 @@ CONTENT = {
 def stubbed(monkeypatch):
     """No network: off by pixels that hang on the arm and, a little, on the seed."""
 
-    def train(config, noise, arguments, data_yaml, folder, seed, title, progress):
+    def train(config, noise, arguments, data_yaml, folder, seed, title, progress, clean_epochs=0):
         (folder / "weights").mkdir(parents=True)
         (folder / "weights" / "best.pt").write_bytes(b"")
         (folder / "results.csv").write_text("epoch,train/pose_loss\n1,2.0\n")
@@ -128,7 +128,7 @@ def test_a_study_estimates_trains_and_reports_the_share(stubbed, tmp_path):
     assert gain.share == pytest.approx(gain.gain[0] / gain.oracle[0])
     assert gain.low < gain.share < gain.high
     page = write_report(ablation).read_text()
-    assert "What pictures of the target are worth" in page
+    assert "Gain by cameras estimated from pictures" in page
     assert "share of that gain" in page
     assert "estimated" in (ablation.write(config.output).parent / "oracle.csv").read_text()
     made = estimate.file.stat().st_mtime_ns

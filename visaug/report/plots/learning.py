@@ -14,25 +14,28 @@ ARM_COLOURS = (SOFT, MODELLED, MEASURED, THIRD, "#7c3aed", "#b45309", "#0f766e")
 
 
 def plot_training(
-    curves: Mapping[str, Mapping[str, Sequence[float]]], quantities: Mapping[str, str], width: float = 8.0
+    curves: Mapping[str, Sequence[Mapping[str, Sequence[float]]]],
+    quantities: Mapping[str, str],
+    width: float = 8.0,
 ) -> "Figure":
-    """Quantities against the epoch, one panel each, one line for each arm.
+    """Quantities against the epoch, one panel each, one colour for each arm and one line for each of its seeds.
 
     Args:
-        curves: arm -> quantity -> a value for each epoch, counted from 1.
+        curves: arm -> seeds -> quantity -> a value for each epoch, counted from 1.
         quantities: quantity -> label of its axis.
     """
     with styled():
-        figure = blank(width, 2.9)
+        figure = blank(width, 3.2)
         panels = figure.subplots(1, len(quantities), squeeze=False)[0]
         for axes, (quantity, label) in zip(panels, quantities.items()):
-            for (arm, values), colour in zip(curves.items(), ARM_COLOURS * 4):
-                if quantity in values:
-                    axes.plot(
-                        np.arange(1, len(values[quantity]) + 1), values[quantity], color=colour, label=arm
-                    )
+            for (arm, seeds), colour in zip(curves.items(), ARM_COLOURS * 4):
+                shown = [values[quantity] for values in seeds if quantity in values]
+                for number, values in enumerate(shown):
+                    epochs = np.arange(1, len(values) + 1)
+                    axes.plot(epochs, values, color=colour, linewidth=1, label="_" * bool(number) + arm)
             axes.set(xlabel="epoch", ylabel=label)
-        panels[0].legend()
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, ncols=4, loc="outside upper center")
     return figure
 
 
