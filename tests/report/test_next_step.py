@@ -11,7 +11,13 @@ import visaug
 from tests.report.test_pages import CAMERA, DIAGNOSIS, NOTHING
 from visaug.cli.root import program
 from visaug.frames import FrameRecord, FrameSet
-from visaug.report.next_step import Inputs, after_characterization, after_comparison, after_diagnosis
+from visaug.report.next_step import (
+    Inputs,
+    after_characterization,
+    after_comparison,
+    after_diagnosis,
+    after_pictures,
+)
 
 
 @pytest.fixture
@@ -38,6 +44,8 @@ def test_a_command_is_one_that_the_program_takes(inputs):
         after_diagnosis(DIAGNOSIS, inputs),
         after_diagnosis({**DIAGNOSIS, "accepted": []}, inputs),
         after_characterization(inputs),
+        after_pictures(DIAGNOSIS, inputs),
+        after_pictures(NOTHING, inputs),
     ):
         assert "FRAMES" not in said.command
         assert "CAMERA" not in said.command

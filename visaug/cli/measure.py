@@ -25,7 +25,13 @@ from visaug.cli.options import (
 )
 from visaug.errors import InputError
 from visaug.progress import progress_bars
-from visaug.report.next_step import Inputs, after_characterization, after_comparison, after_diagnosis
+from visaug.report.next_step import (
+    Inputs,
+    after_characterization,
+    after_comparison,
+    after_diagnosis,
+    after_pictures,
+)
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -212,6 +218,7 @@ def compare(
             found.report(report_path)
         if not is_silent(quiet, json_path):
             written(json_path, report_path)
+            summaries.print_next(after_pictures(found.to_json(), Inputs.of(None, wanted)))
         if fail_on_misfit and not found.adequate:
             raise SystemExit(MISFIT)
         return

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -69,6 +69,8 @@ class PictureComparison:
         all_differences: every statistic that both sets tell.
         where: views that differ at the corrected level, the least probable first.
         curves: level, noise and standard error (8-bit DN) of `target` and `renders`.
+        pictures: number of `renders` and of `target`.
+        target: the pictures of the target domain.
     """
 
     p_value: float
@@ -77,6 +79,7 @@ class PictureComparison:
     curves: dict[str, dict[str, np.ndarray]]
     warnings: tuple[str, ...]
     pictures: tuple[int, int]
+    target: FrameSet | None = field(default=None, repr=False, compare=False)
 
     @property
     def adequate(self) -> bool:
@@ -165,7 +168,7 @@ def compare_pictures(
         for name, s in zip(("renders", "target"), sets, strict=True)
     }
     sizes = len(sets[0].pictures), len(sets[1].pictures)
-    return PictureComparison(p, tuple(found), _places(found), curves, tuple(warnings), sizes)
+    return PictureComparison(p, tuple(found), _places(found), curves, tuple(warnings), sizes, target)
 
 
 def _noisy(pictures: Pictures, camera: Camera, transfer: Literal["linear", "srgb"], seed: int) -> FrameSet:

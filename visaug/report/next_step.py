@@ -84,6 +84,16 @@ def after_characterization(inputs: Inputs, of_pictures: bool = False) -> NextSte
     )
 
 
+def after_pictures(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
+    """After `visaug compare --target`; the frames of `inputs` are the target's pictures."""
+    if content["fits"]["adequate_before"]:
+        return NextStep("Next: train with these pictures, which show no difference from the target.", "")
+    return NextStep(
+        "Next: measure an effective camera from the target's pictures, to train with its noise.",
+        inputs.characterizing(),
+    )
+
+
 def after_comparison(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
     """After `visaug compare` of a camera with frames."""
     if content["fits"]["adequate_before"]:

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 from visaug.report.headline import comparison_headline
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
+from visaug.report.next_step import Inputs, after_pictures
+from visaug.report.provenance import footer
 from visaug.wording import number
 
 if TYPE_CHECKING:
@@ -25,13 +27,18 @@ def write_picture_comparison(path: str | Path, result: "PictureComparison") -> P
         rows,
         caption="Every statistic is of flat blocks, so what the pictures show does not enter.",
     )
-    blocks: list[Text | Table | Figure] = [Text(comparison_headline(content), "finding")]
+    step = after_pictures(content, Inputs.of(None, result.target))
+    blocks: list[Text | Table | Figure] = [
+        Text(comparison_headline(content), "finding"),
+        Text(step.text, command=step.command),
+    ]
     blocks.append(
         figure(_noise(result), "Noise of flat regions against their level, both sets. Bars are 95 %.")
     )
     blocks += [table, *(Text(w, "note") for w in content["warnings"])]
     lead = f"{result.pictures[0]} pictures beside {result.pictures[1]} of the target."
-    return write_page(path, Page("Pictures and target", lead, [Section("Answer", blocks)]))
+    page = Page("Pictures and target", lead, [Section("Answer", blocks)], footer=footer(None, result.target))
+    return write_page(path, page)
 
 
 def _noise(result: "PictureComparison") -> "MatplotlibFigure":
