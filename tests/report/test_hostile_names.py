@@ -9,7 +9,7 @@ from tests.hostile_pages import NASTY, check_file
 from tests.report.test_pages import CAMERA, DIAGNOSIS, Answer
 from visaug.characterization.points import operating_points
 from visaug.frames import FrameRecord, FrameSet
-from visaug.report import pages, write_sheet
+from visaug.report import pages, write_characterization, write_sheet
 from visaug.report.preview import write_preview
 
 SAID = {
@@ -47,7 +47,7 @@ def reports(camera, frames, tmp_path_factory):
         pages.write_comparison(folder / "compare.html", Answer(SAID, camera), camera, frames)
     better = camera.with_effect("row_noise", sigma_e=1.2)
     pages.write_diagnosis(folder / "diagnose.html", Answer(SAID, better), camera, frames)
-    pages.write_characterization(folder / "characterize.html", visaug.characterize(frames, camera), frames)
+    write_characterization(folder / "characterize.html", visaug.characterize(frames, camera), frames)
     write_sheet(folder / "sheet.html", operating_points(frames, camera, 0), frames)
     return {
         folder / "compare.html": True,

@@ -1,4 +1,4 @@
-"""The pages of `characterize`, `compare` and `diagnose`."""
+"""The pages of `compare` and `diagnose`."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,6 @@ from visaug.report.html import Figure, Page, Section, Table, Text, figure, write
 from visaug.report.next_step import (
     Inputs,
     NextStep,
-    after_characterization,
     after_comparison,
     after_diagnosis,
 )
@@ -27,75 +26,14 @@ from visaug.wording import p_text, probability_text, share_text, statistic_text,
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
-    from visaug.characterization import Characterization
     from visaug.comparison import Comparison
     from visaug.diagnosis import Diagnosis
     from visaug.frames import FrameSet
 
-INTERVALS = "Every interval is 95 %."
 ERROR = (
     "Error: 1 is the camera file as given, 0 is as close as another set of the accepted camera would come,"
     " maps and drift drawn anew."
 )
-
-
-def write_characterization(
-    path: str | Path, result: "Characterization", frames: "FrameSet", camera_file: Path | None = None
-) -> Path:
-    """Parameters with intervals, what stays open, and a plot of each measurement.
-
-    Args:
-        camera_file: where the measured camera was written.
-    """
-    content = result.to_json()
-    pictured = all(record.kind == "image" for record in frames.records)
-    blocks: list[Text | Table | Figure] = [
-        _next(after_characterization(Inputs.of(None, frames, camera_file), pictured)),
-        *_parameter_tables(content["parameters"]),
-    ]
-    if content["not_determined"]:
-        open_rows = [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]
-        blocks.append(Table(["not determined", "needs"], open_rows, caption="What these frames cannot tell."))
-    blocks += [Text(warning, "note") for warning in content["warnings"]]
-    assumptions = [[name, e["assumes"]] for name, e in content["parameters"].items() if "assumes" in e]
-    if assumptions:
-        blocks.append(Table(["parameter", "assumes"], assumptions, caption="What the figures assume."))
-    pictures = [
-        figure(drawn, CAPTIONS.get(name, name.replace("_", " ")), wide=drawn.get_figwidth() > 8)
-        for name, drawn in result.plots().items()
-    ]
-    page = Page(
-        "Camera characterization",
-        f"What {described(frames)} tell of the camera that took them. {INTERVALS}",
-        [Section("Parameters", blocks), Section("Measurements", pictures)],
-        facts=_headline(content["parameters"]),
-        footer=footer(None, frames),
-    )
-    return write_page(path, page)
-
-
-def _parameter_tables(parameters: dict[str, dict[str, Any]]) -> list[Table]:
-    """One table for the camera file, one for each release of the standard."""
-    groups = {
-        "": "Of the camera file, and what else was measured.",
-        "emva": "EMVA 1288, release 3.",
-        "emva4": "EMVA 1288, release 4.",
-        "emva4_corrected": "EMVA 1288, release 4, corrected for noise that the pixels of a row or column share.",
-    }
-    rows: dict[str, list[list[str]]] = {group: [] for group in groups}
-    for name, e in parameters.items():
-        group = name.split(".")[0] if name.split(".")[0] in groups else ""
-        value = with_interval(e["value"], e.get("low"), e.get("high"))
-        rows[group].append([name, value, _unit(e["unit"]), e["from"]])
-    return [_without_repeats(rows[group], caption) for group, caption in groups.items() if rows[group]]
-
-
-def _without_repeats(rows: list[list[str]], caption: str) -> Table:
-    """The last column, where a parameter is from, stands only where it says more than the caption."""
-    head = ["parameter", "value [95 % interval]", "unit", "from"]
-    if all(row[-1].lower() in caption.replace(",", "").lower() for row in rows):
-        head, rows = head[:-1], [row[:-1] for row in rows]
-    return Table(head, rows, caption)
 
 
 def write_comparison(
@@ -123,7 +61,7 @@ def write_comparison(
         [*worst, *others], _captions(content["where"]), _worst_frames(content["where"])
     )
     blocks: list[Text | Table | Figure] = [Text(comparison_headline(content), "finding")]
-    blocks.append(_next(after_comparison(content, inputs or Inputs.of(camera, frames))))
+    blocks.append(next_text(after_comparison(content, inputs or Inputs.of(camera, frames))))
     if content["where"]:
         blocks += [*(pictures[name] for name in worst[:1] if name in pictures), where_table(content["where"])]
     sections = [
@@ -206,7 +144,7 @@ def diagnosis_sections(
     found += [Text(line) for line in diagnosis_details(content)]
     if content["accepted"]:
         found.append(Text(PROBABILITY, "note"))
-    found.append(_next(after_diagnosis(content, inputs or Inputs.of(camera, frames))))
+    found.append(next_text(after_diagnosis(content, inputs or Inputs.of(camera, frames))))
     if any(step["error"] is not None for step in content["steps"]):
         steps = plot_error_steps(content["steps"], error["before"], error["floor"])
         found.append(figure(steps, f"The error on hold-out frames after each step. {ERROR}"))
@@ -252,7 +190,7 @@ def diagnosis_sections(
     return [*sections, looked_at] if looked_at.blocks else sections
 
 
-def _next(step: NextStep) -> Text:
+def next_text(step: NextStep) -> Text:
     return Text(step.text, command=step.command)
 
 
@@ -279,7 +217,7 @@ def _diagnosis_facts(content: dict[str, Any]) -> list[tuple[str, str]]:
     return facts
 
 
-def _unit(unit: str) -> str:
+def unit_text(unit: str) -> str:
     return "" if unit == "1" else unit
 
 
@@ -302,7 +240,7 @@ def where_table(where: list[dict[str, Any]], most: int = 10) -> Table:
 def _accepted_table(content: dict[str, Any]) -> Table:
     parameters = {entry["effect"]: entry.get("parameters") or {} for entry in content["ranking"]}
     rows = [
-        [effect, key, with_interval(e["value"], e.get("low"), e.get("high")), _unit(e.get("unit", ""))]
+        [effect, key, with_interval(e["value"], e.get("low"), e.get("high")), unit_text(e.get("unit", ""))]
         for effect in content["accepted"]
         for key, e in parameters.get(effect, {}).items()
     ]
@@ -315,28 +253,6 @@ def _captions(where: list[dict[str, Any]]) -> dict[str, str]:
         f"{w['z']:.2g} standard deviations from the model."
         for w in reversed(where)
     }
-
-
-def _headline(parameters: dict[str, dict[str, Any]]) -> list[tuple[str, str]]:
-    wanted = {
-        "gain_e_per_dn": "gain",
-        "read_noise.sigma_e": "read noise",
-        "quantum_efficiency": "quantum efficiency",
-        "emva.saturation_e": "saturation",
-    }
-    found = [(parameters[key], name) for key, name in wanted.items() if key in parameters]
-    return [(with_interval(e["value"], e.get("low"), e.get("high"), e["unit"]), name) for e, name in found]
-
-
-CAPTIONS = {
-    "photon_transfer": "Photon transfer: temporal variance against the mean; its slope is the gain.",
-    "linearity": "Linearity: how far the response departs from a straight line.",
-    "read_noise": "Read noise: distribution of the dark temporal noise, and the Tukey-lambda that fits it.",
-    "dark_current": "Dark current: dark signal against exposure and temperature.",
-    "nonuniformity": "Nonuniformity: fixed patterns in the dark and in light.",
-    "gain_law": "Gain against its setting in dB.",
-    "noise_level": "Noise-level function: noise of flat regions of ordinary pictures against their level.",
-}
 
 
 def described(frames: "FrameSet") -> str:

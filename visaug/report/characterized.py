@@ -1,0 +1,97 @@
+"""The page of `characterize`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
+from visaug.report.next_step import Inputs, after_characterization
+from visaug.report.pages import described, next_text, unit_text
+from visaug.report.provenance import footer
+from visaug.wording import with_interval
+
+if TYPE_CHECKING:
+    from visaug.characterization import Characterization
+    from visaug.frames import FrameSet
+
+INTERVALS = "Every interval is 95 %."
+
+
+def write_characterization(
+    path: str | Path, result: "Characterization", frames: "FrameSet", camera_file: Path | None = None
+) -> Path:
+    """Parameters with intervals, what stays open, and a plot of each measurement.
+
+    Args:
+        camera_file: where the measured camera was written.
+    """
+    content = result.to_json()
+    pictured = all(record.kind == "image" for record in frames.records)
+    blocks: list[Text | Table | Figure] = [
+        next_text(after_characterization(Inputs.of(None, frames, camera_file), pictured)),
+        *_parameter_tables(content["parameters"]),
+    ]
+    if content["not_determined"]:
+        open_rows = [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]
+        blocks.append(Table(["not determined", "needs"], open_rows, caption="What these frames cannot tell."))
+    blocks += [Text(warning, "note") for warning in content["warnings"]]
+    assumptions = [[name, e["assumes"]] for name, e in content["parameters"].items() if "assumes" in e]
+    if assumptions:
+        blocks.append(Table(["parameter", "assumes"], assumptions, caption="What the figures assume."))
+    pictures = [
+        figure(drawn, CAPTIONS.get(name, name.replace("_", " ")), wide=drawn.get_figwidth() > 8)
+        for name, drawn in result.plots().items()
+    ]
+    page = Page(
+        "Camera characterization",
+        f"What {described(frames)} tell of the camera that took them. {INTERVALS}",
+        [Section("Parameters", blocks), Section("Measurements", pictures)],
+        facts=_headline(content["parameters"]),
+        footer=footer(None, frames),
+    )
+    return write_page(path, page)
+
+
+def _parameter_tables(parameters: dict[str, dict[str, Any]]) -> list[Table]:
+    """One table for the camera file, one for each release of the standard."""
+    groups = {
+        "": "Of the camera file, and what else was measured.",
+        "emva": "EMVA 1288, release 3.",
+        "emva4": "EMVA 1288, release 4.",
+        "emva4_corrected": "EMVA 1288, release 4, corrected for noise that the pixels of a row or column share.",
+    }
+    rows: dict[str, list[list[str]]] = {group: [] for group in groups}
+    for name, e in parameters.items():
+        group = name.split(".")[0] if name.split(".")[0] in groups else ""
+        value = with_interval(e["value"], e.get("low"), e.get("high"))
+        rows[group].append([name, value, unit_text(e["unit"]), e["from"]])
+    return [_without_repeats(rows[group], caption) for group, caption in groups.items() if rows[group]]
+
+
+def _without_repeats(rows: list[list[str]], caption: str) -> Table:
+    """The last column, where a parameter is from, stands only where it says more than the caption."""
+    head = ["parameter", "value [95 % interval]", "unit", "from"]
+    if all(row[-1].lower() in caption.replace(",", "").lower() for row in rows):
+        head, rows = head[:-1], [row[:-1] for row in rows]
+    return Table(head, rows, caption)
+
+
+def _headline(parameters: dict[str, dict[str, Any]]) -> list[tuple[str, str]]:
+    wanted = {
+        "gain_e_per_dn": "gain",
+        "read_noise.sigma_e": "read noise",
+        "quantum_efficiency": "quantum efficiency",
+        "emva.saturation_e": "saturation",
+    }
+    found = [(parameters[key], name) for key, name in wanted.items() if key in parameters]
+    return [(with_interval(e["value"], e.get("low"), e.get("high"), e["unit"]), name) for e, name in found]
+
+
+CAPTIONS = {
+    "photon_transfer": "Photon transfer: temporal variance against the mean; its slope is the gain.",
+    "linearity": "Linearity: how far the response departs from a straight line.",
+    "read_noise": "Read noise: distribution of the dark temporal noise, and the Tukey-lambda that fits it.",
+    "dark_current": "Dark current: dark signal against exposure and temperature.",
+    "nonuniformity": "Nonuniformity: fixed patterns in the dark and in light.",
+    "gain_law": "Gain against its setting in dB.",
+    "noise_level": "Noise-level function: noise of flat regions of ordinary pictures against their level.",
+}
