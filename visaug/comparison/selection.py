@@ -26,6 +26,7 @@ from visaug.frames import FrameSet, Group
 BUDGET = 3_600_000  # pixels of a set; to simulate and measure it takes about a fifth of a second of one processor core
 SMALLEST = 50_000  # pixels of a frame: more frames rather than larger ones
 FEWEST = 3  # frames of a condition, where it has them
+IN_WINDOWS = 2 / 3  # of the budget, where full frames are simulated beside
 FULL = 4_000_000  # pixels of the full discovery frames, beside those of windows
 MOST_FULL = 3  # full frames of a condition that find: noise is known from the windows
 PAIR = 2  # of the shortest darks at least: two frames show temporal noise
@@ -120,6 +121,8 @@ def select(frames: FrameSet, budget: int = BUDGET, full: int = FULL) -> Selectio
     least = area if area <= 1.5 * SMALLEST else SMALLEST
     chosen = _spread_out(groups, _allotted([len(g.indices) for g in groups], budget // least), frames)
     window = _middle(rows, columns, budget / len(chosen))
+    if window is not None:  # the full frames take the rest of the time
+        window = _middle(rows, columns, IN_WINDOWS * budget / len(chosen))
     folds, noise = (NONE, False) if window is None else _full_frames(frames, chosen, groups, full)
     corner = _corner(frames, usable[0])
     size = (rows, columns)

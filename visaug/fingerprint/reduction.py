@@ -13,6 +13,7 @@ MAX_GROUPS = {"bias": 2, "dark": 8, "flat": 9, "scene": 6}  # of each kind, spre
 
 
 ALONE = 8.0  # robust standard deviations from its neighbours from which a pixel is one by itself
+TOLD_BY = 100_000  # pixels of a large frame that tell that scale, to half a percent
 
 UNNAMED = Statistic("", "", "", ())
 
@@ -69,14 +70,13 @@ class GroupData:
     @cached_property
     def pattern(self) -> np.ndarray:
         """Fixed pattern, (H, W), mean 0: the mean frame, without the bias' where there is one."""
-        pattern = self.mean - self.reference.mean if self.reference else self.mean
-        return pattern - np.float32(pattern.mean(dtype=np.float64))
+        pattern = self.mean - self.reference.mean if self.reference else self.mean.copy()
+        return _centred(pattern)
 
     @cached_property
     def calm(self) -> np.ndarray:
         """The fixed pattern without pixels that stand alone, (H, W), mean 0: one dead pixel can outweigh its whole row."""
-        calm = without_lone_pixels(self.pattern)
-        return calm - np.float32(calm.mean(dtype=np.float64))
+        return _centred(without_lone_pixels(self.pattern))
 
     @cached_property
     def pattern_rows(self) -> np.ndarray:
@@ -92,13 +92,16 @@ class GroupData:
         """The fixed pattern without its rows, columns and slow parts, (H, W); the pixels that stand alone are in it."""
         lines = self.pattern_rows[:, None] + self.pattern_columns[None, :]
         slow = _blocks_expanded(self.calm - lines)
-        flat = self.pattern - lines - slow
-        return flat - np.float32(flat.mean(dtype=np.float64))
+        flat = self.pattern - lines
+        flat -= slow
+        return _centred(flat)
 
     @cached_property
     def residual(self) -> np.ndarray:
         """Temporal noise, (n, H, W), scaled so that its mean square is the variance of one frame. Needs n > 1."""
-        return (self.frames - self.mean) * np.float32(np.sqrt(self.count / (self.count - 1)))
+        residual = self.frames - self.mean
+        residual *= np.float32(np.sqrt(self.count / (self.count - 1)))
+        return residual
 
     @cached_property
     def frame_means(self) -> np.ndarray:
@@ -117,7 +120,10 @@ class GroupData:
     def noise_pixels(self) -> np.ndarray:
         """The temporal noise without its row and column means, (n, H, W)."""
         whole = self.noise_rows.mean(1)[:, None, None]
-        return self.residual - self.noise_rows[:, :, None] - self.noise_columns[:, None, :] + whole
+        noise = self.residual - self.noise_rows[:, :, None]
+        noise -= self.noise_columns[:, None, :]
+        noise += whole
+        return noise
 
     @cached_property
     def noise_variance(self) -> float:
@@ -279,6 +285,12 @@ def by_condition(group: Group) -> tuple:
     )
 
 
+def _centred(image: np.ndarray) -> np.ndarray:
+    """The same image, its mean taken off in place."""
+    image -= np.float32(image.mean(dtype=np.float64))
+    return image
+
+
 def without_lone_pixels(image: np.ndarray) -> np.ndarray:
     """An image (H, W) in which a pixel far from all its neighbours has the mean of the middle two of the four."""
     around = np.empty((4, *image.shape), image.dtype)
@@ -292,7 +304,7 @@ def without_lone_pixels(image: np.ndarray) -> np.ndarray:
     around[3, :, :-1], around[3, :, -1] = image[:, 1:], across[max(-3, -len(across))]
     middle = (around.sum(0) - around.max(0) - around.min(0)) / 2
     off = np.abs(image - middle)
-    scale = max(1.4826 * float(np.median(off.ravel()[::4])), 0.03)
+    scale = max(1.4826 * float(np.median(off.ravel()[:: max(4, off.size // TOLD_BY)])), 0.03)
     return np.where(off > ALONE * scale, middle, image)
 
 

@@ -2,7 +2,7 @@
 
 import contextlib
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -124,11 +124,27 @@ class Stream:
         """Standard normal, float32."""
         if not self._native():
             return distributions.normal(self._bits(vary))
+        return self._kept(lambda: self._native_normal(vary), vary)
+
+    def pattern(self, column: Tensor, row: Tensor, pixel: Tensor) -> Tensor:
+        """Sum of Gaussian parts of columns, rows and pixels with these standard deviations, (B or 1, 1, 1, 1), float32."""
+
+        def summed() -> Tensor:
+            lines = column * self.fork("column").normal("column") + row * self.fork("row").normal("row")
+            return lines + pixel * self.fork("pixel").normal("pixel")
+
+        parts = (column, row, pixel)
+        if not self._native() or any(part.numel() > 1 or part.requires_grad for part in parts):
+            return summed()
+        return self._kept(summed, *map(float, parts))
+
+    def _kept(self, make: Callable[[], Tensor], *what: object) -> Tensor:
+        """What `make` gives, made once for this window where the camera's own numbers are kept."""
         if self._drawn is None or not self._is_fixed or len(self._keys) > 1:
-            return self._native_normal(vary)
-        place = (int(self._keys[0]), vary, self.channels, self.window)
+            return make()
+        place = (int(self._keys[0]), self.channels, self.window, *what)
         if place not in self._drawn:
-            self._drawn[place] = self._native_normal(vary)
+            self._drawn[place] = make()
         return self._drawn[place]
 
     def _native_normal(self, vary: str) -> Tensor:

@@ -34,11 +34,7 @@ class PRNU(Effect):
     def apply(self, signal, p, stream, context):
         pattern = context.measured_map(self.name, signal)
         if pattern is None:
-            fixed = stream.fixed
-            pattern = p.column * fixed.fork("column").normal("column") + p.row * fixed.fork("row").normal(
-                "row"
-            )
-            pattern = pattern + p.pixel * fixed.fork("pixel").normal("pixel")
+            pattern = stream.fixed.pattern(p.column, p.row, p.pixel)
         return (signal * (1 + pattern)).clamp_min(0)
 
     def moments(self, mean, p, context):

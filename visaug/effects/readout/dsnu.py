@@ -34,11 +34,7 @@ class DSNU(Effect):
     def apply(self, signal, p, stream, context):
         pattern = context.measured_map(self.name, signal)
         if pattern is None:
-            fixed = stream.fixed
-            pattern = p.column_e * fixed.fork("column").normal("column") + p.row_e * fixed.fork("row").normal(
-                "row"
-            )
-            pattern = pattern + p.pixel_e * fixed.fork("pixel").normal("pixel")
+            pattern = stream.fixed.pattern(p.column_e, p.row_e, p.pixel_e)
         return signal + pattern
 
     def moments(self, mean, p, context):

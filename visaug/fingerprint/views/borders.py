@@ -39,7 +39,7 @@ class Borders(View):
             highest, lowest = _standing_out(g.calm)
             yield g.statistic(self.name, "highest place", ["smooth"], word), highest * unit
             yield g.statistic(self.name, "lowest place", ["smooth"], word), lowest * unit
-            for name, value in _blocks(_squares(g.pattern_pixels, g.pattern_variance)):
+            for name, value in _blocks(_squares(g.pattern_pixels, g.pattern_variance), g.pattern_variance):
                 yield g.statistic(self.name, f"noise of {name}", ["pixel", "smooth"], "log ratio"), value
             if g.count > 1:
                 for name, axes, value in _temporal(g):
@@ -85,38 +85,42 @@ def _standing_out(image: np.ndarray) -> tuple[float, float]:
 
 
 def _squares(pixels: np.ndarray, variance: float) -> np.ndarray:
-    """Squares in units of the variance; a pixel that stands alone counts as 4 standard deviations."""
+    """Squares; a pixel that stands alone counts as 4 standard deviations."""
     near = np.clip(pixels, -4 * variance**0.5, 4 * variance**0.5)
     near *= near
-    return near / np.float32(variance)
+    return near
 
 
-def _blocks(squares: np.ndarray) -> Iterator[tuple[str, float]]:
-    """Of each block of an image of squares, the logarithm of their mean."""
+def _ratio(mean_square: float, variance: float) -> float:
+    return float(np.log(mean_square / variance + 1e-4))
+
+
+def _blocks(squares: np.ndarray, variance: float) -> Iterator[tuple[str, float]]:
+    """Of each block of an image of squares, the logarithm of their mean in units of the variance."""
     means = block_means(squares, *(edges(n, BLOCKS) for n in squares.shape))
     for (i, j), value in np.ndenumerate(means):
-        yield f"block {i + 1},{j + 1} of {BLOCKS}x{BLOCKS}", float(np.log(value + 1e-4))
+        yield f"block {i + 1},{j + 1} of {BLOCKS}x{BLOCKS}", _ratio(value, variance)
 
 
 def _temporal(g: GroupData) -> Iterator[tuple[str, list[str], float]]:
     """Temporal noise of blocks, edges and corners, and of the row and column means near the edges, over that of all pixels."""
-    squares = _squares(g.noise_pixels, g.noise_variance).mean(0)
-    for name, value in _blocks(squares):
+    variance = g.noise_variance
+    squares = _squares(g.noise_pixels, variance).mean(0)
+    for name, value in _blocks(squares, variance):
         yield f"temporal noise of {name}", ["smooth"], value
     lines = {"row": (squares.mean(1), g.noise_rows), "column": (squares.mean(0), g.noise_columns)}
     for axis, (profile, means) in lines.items():
-        common = (means - means.mean(1, keepdims=True)).astype(np.float64) ** 2
-        of_lines = common.mean(0) / max(float(common.mean()), 1e-12)
+        common = ((means - means.mean(1, keepdims=True)).astype(np.float64) ** 2).mean(0)
         for end, step in (("first", 1), ("last", -1)):
             for depth in (d for d in RIM if 4 * d <= len(profile)):
-                value = float(np.log(profile[::step][:depth].mean() + 1e-4))
+                value = _ratio(profile[::step][:depth].mean(), variance)
                 yield f"temporal noise of the {end} {depth} {axis}s", [axis], value
-            value = float(np.log(of_lines[::step][:REACH].mean() + 1e-4))
+            value = _ratio(common[::step][:REACH].mean(), max(float(common.mean()), 1e-12))
             yield f"{axis} noise of the {end} {REACH} {axis}s", [axis], value
     for down, rows in (("first", squares), ("last", squares[::-1])):
         for across, turned in (("first", rows), ("last", rows[:, ::-1])):
             for side in (s for s in RIM if 4 * s <= min(squares.shape)):
-                value = float(np.log(turned[:side, :side].mean() + 1e-4))
+                value = _ratio(turned[:side, :side].mean(), variance)
                 yield (
                     f"temporal noise of the corner of {down} rows and {across} columns, {side} px",
                     ["smooth"],

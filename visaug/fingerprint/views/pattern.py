@@ -89,16 +89,17 @@ def _slope(profile: np.ndarray) -> float:
 
 
 def _middle(pattern: np.ndarray) -> float:
-    weight = _bowl(*pattern.shape)
-    return float(np.vdot(weight, pattern) / np.vdot(weight, weight))
+    weight, norm = _bowl(*pattern.shape)
+    return float(np.vdot(weight, pattern) / norm)
 
 
 @lru_cache(maxsize=16)
-def _bowl(height: int, width: int) -> np.ndarray:
-    """Falls with the square of the distance from the middle; mean 0."""
+def _bowl(height: int, width: int) -> tuple[np.ndarray, np.floating]:
+    """Falls with the square of the distance from the middle, with mean 0; and the sum of its squares."""
     y, x = (np.linspace(-1, 1, n) for n in (height, width))
     radius = (y[:, None] ** 2 + x[None, :] ** 2) / 2
-    return (radius.mean() - radius).astype(np.float32)
+    bowl = (radius.mean() - radius).astype(np.float32)
+    return bowl, np.vdot(bowl, bowl)
 
 
 class Seams(View):
