@@ -60,6 +60,26 @@ def test_kept_signatures_are_those_of_their_own_trials(stated, tmp_path, monkeyp
     assert (kept.values == direct.values).all()
 
 
+def test_an_interrupted_diagnosis_goes_on_with_the_effect_it_was_at(stated, tmp_path, monkeypatch):
+    monkeypatch.setenv("VISAUG_CACHE", str(tmp_path))
+    lab = Laboratory(frame_set(5), stated, 0)
+    few = frozenset(search.catalogue()) - {"row_noise", "tap_mismatch"}
+    reference = search._Search(lab, stated, few, lambda *_: None, 20)._reference()
+    tried, real, seen = search.trials(stated, few), cache.simulated_signatures, []
+
+    def signatures(lab, reference, own, report):
+        seen.append(own[0].effect)
+        if len(seen) == 2:
+            raise KeyboardInterrupt
+        return real(lab, reference, own, report)
+
+    monkeypatch.setattr(cache, "simulated_signatures", signatures)
+    with pytest.raises(KeyboardInterrupt):
+        cache.signatures(lab, reference, tried, 20, lambda *_: None)
+    cache.signatures(lab, reference, tried, 20, lambda *_: None)
+    assert seen[2:] == seen[1:2]
+
+
 def test_a_camera_with_an_effect_is_simulated_once(stated, tmp_path, monkeypatch):
     monkeypatch.setenv("VISAUG_CACHE", str(tmp_path))
     lab = Laboratory(frame_set(5), stated, 0)

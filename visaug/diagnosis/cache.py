@@ -117,17 +117,16 @@ def signatures(
     prefix = key(lab, reference.camera, "signatures", sets)
     names = {effect: f"{prefix}-{digest(source_of(effect), own)}" for effect, own in of.items()}
     found = {effect: kept for effect, name in names.items() if (kept := load(name)) is not None}
-    missing = [trial for effect, own in of.items() if effect not in found for trial in own]
-    made = simulated_signatures(lab, reference, missing, report)
     paths = [c.path for c in reference.coordinates]
-    for effect in {trial.effect: None for trial in missing}:
-        own = [i for i, trial in enumerate(missing) if trial.effect == effect]
-        ways = [[dict(made.trials[i].following).get(path, 0.0) for path in paths] for i in own]
-        found[effect] = {
-            "values": made.values[own],
-            "variances": made.variances[own],
-            "following": np.array(ways),
-        }
+    missing = [effect for effect in of if effect not in found]
+    for n, effect in enumerate(missing):  # one by one: an interrupted diagnosis goes on where it was
+
+        def tick(word: str, *_: int, done: int = n) -> None:
+            report(word, done, len(missing))
+
+        made = simulated_signatures(lab, reference, of[effect], tick)
+        ways = [[dict(trial.following).get(path, 0.0) for path in paths] for trial in made.trials]
+        found[effect] = {"values": made.values, "variances": made.variances, "following": np.array(ways)}
         keep(names[effect], found[effect])
     followed = [
         replace(trial, following=tuple(zip(paths, map(float, way), strict=True)) if np.any(way) else ())
