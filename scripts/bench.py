@@ -256,11 +256,11 @@ def scaling(figure: Path) -> list[str]:
         return visaug.characterize(frames, camera)
 
     def diagnosed(frames: visaug.FrameSet, camera: visaug.Camera) -> object:
-        return visaug.diagnose(camera, frames, sets=40)
+        return visaug.diagnose(camera, frames, sets=60)
 
     curves = {
         "characterize": grown(characterized, (256, 384)),
-        "diagnose, 40 simulated sets": grown(diagnosed, (64, 96)),
+        "diagnose, 60 simulated sets": grown(diagnosed, (64, 96)),
     }
     draw_scaling(curves, figure)
     lines = [

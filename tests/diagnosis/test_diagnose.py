@@ -135,3 +135,8 @@ def test_what_frames_cannot_tell_apart_is_ambiguous_until_those_are_there_that_c
 def test_a_wrong_name_is_refused(stated):
     with pytest.raises(InputError, match="no_such_effect"):
         diagnose(stated, frame_set(1), without=["no_such_effect"])
+
+
+def test_too_few_simulated_sets_to_show_a_difference_are_refused(stated):
+    with pytest.raises(InputError, match=r"sets: 40 simulated sets.*at least 50"):
+        diagnose(stated, frame_set(1), sets=40)

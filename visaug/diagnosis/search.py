@@ -34,6 +34,7 @@ from visaug.fingerprint import Statistic
 from visaug.frames import FrameSet
 
 SETS = 200  # simulated sets of the camera file
+FEWEST = 50  # of fewer no p-value is below the rate of false alarms
 MOST = 4  # largest number of effects that are added
 STANDS_OUT = 30.0  # deviation, in standard deviations, above which a second starting point is tried
 
@@ -58,14 +59,14 @@ def diagnose(
         seed: of all simulations. The same seed gives the same result on the same type of processor; others round sums
             differently, which can change a borderline decision.
         progress: called with (description, done, total).
-        sets: simulated sets of the camera; fewer are faster and less certain.
+        sets: simulated sets of the camera, 50 or more; fewer are faster and less certain.
         cluster: address of a Ray cluster that runs the simulations, or `local`; None uses the threads of this machine.
 
     Returns:
         The accepted effects with their parameters, the error before and after, and what remains unexplained.
 
     Raises:
-        InputError: frames of kind image, too few frames, or unknown effects.
+        InputError: frames of kind image, too few frames, unknown effects, or fewer than 50 sets.
 
     Example:
         >>> import visaug
@@ -75,6 +76,12 @@ def diagnose(
     """
     for file in effects:
         load_file(file)
+    if sets < FEWEST:
+        raise InputError(
+            f"{sets} simulated sets",
+            field="sets",
+            expected=f"at least {FEWEST}: p-values are counted among them",
+        )
     for name in without:
         if name not in catalogue():
             raise InputError(
