@@ -160,6 +160,9 @@ def test_a_picture_of_ones_own(page, tmp_path):
     expect(own.locator(".value")).to_contain_text("before 128, after 1")
     own.get_by_role("button", name="difference").click()
     expect(own.locator(".scale-text")).to_contain_text("255 is white")
+    page.get_by_label("Light:").select_option("0.01")
+    expect(own.locator(".scale-text")).to_contain_text("255 is white")
+    page.wait_for_function("decodeURIComponent(location.hash).includes('0.01')")
     broken = tmp_path / "broken.png"
     broken.write_bytes(b"no picture")
     choose(page, "Choose a picture", broken)
@@ -167,6 +170,7 @@ def test_a_picture_of_ones_own(page, tmp_path):
     page.reload()
     own.scroll_into_view_if_needed()
     expect(own.locator(".panel")).to_contain_text("gray.png")
+    expect(page.get_by_label("Light:")).to_have_value("0.01")
 
 
 def choose(page, button, path):

@@ -194,9 +194,9 @@ def picture_file(image: Image.Image) -> bytes:
     return file.getvalue()
 
 
-def shown_picture(client) -> dict:
+def shown_picture(client, exposure: str = "1") -> dict:
     holder = re.search(r'data-view="own" data-own="(\w+)" data-key="(\w+)"', client.get("/bench").text)
-    return client.get(f"/own/{holder[1]}/{holder[2]}").json()
+    return client.get(f"/own/{holder[1]}/{holder[2]}/{exposure}").json()
 
 
 def test_a_picture_of_ones_own(client, bench):
@@ -210,6 +210,9 @@ def test_a_picture_of_ones_own(client, bench):
     assert after.mean() == pytest.approx(128, abs=1.5)
     assert 0 < after.std() < 20
     assert shown_picture(client) == found
+    dim = np.frombuffer(base64.b64decode(shown_picture(client, "0.1")["maps"][0]["values"][1]), "<f4")
+    assert dim.mean() == pytest.approx(128, abs=3)  # as bright, and 10 times the shot noise in light
+    assert dim.std() > 2 * after.std()
     client.post("/numbers", json={"read_noise.sigma_e": 300.0})
     client.wait()
     louder = np.frombuffer(base64.b64decode(shown_picture(client)["maps"][0]["values"][1]), "<f4")

@@ -64,12 +64,15 @@ class OwnPicture:
         dtype = self.picture.pixels.dtype
         return 1.0 if dtype.kind == "f" else float(np.iinfo(dtype).max)
 
-    def through(self, camera: Camera, seed: int) -> dict[str, Any]:
+    def through(self, camera: Camera, seed: int, exposure: float = 1.0) -> dict[str, Any]:
         """The middle of the picture before and after a camera, pixel by pixel, in the picture's own values.
 
         The camera takes the whole picture; the same seed gives the same noise.
+
+        Args:
+            exposure: fraction of the saturation exposure, in (0, 1]; the result is as bright as the picture.
         """
-        taken = add_noise(self.picture, SensorNoise(camera), seed)
+        taken = add_noise(self.picture, SensorNoise(camera, exposure=exposure), seed)
         window = middle(self.picture, LARGEST_MAP, LARGEST_MAP)
         before, after = (_colours(p.pixels[window], p.colours) for p in (self.picture, taken))
         height, width = self.picture.pixels.shape[:2]

@@ -84,12 +84,12 @@ class Pictures:
             "choices": choices,
         }
 
-    def own(self, key: str, picture: OwnPicture | None) -> dict[str, Any] | None:
+    def own(self, key: str, picture: OwnPicture | None, exposure: float) -> dict[str, Any] | None:
         """A picture of the user's own before and after a camera; None where there is none, or no such camera."""
         with self._drawing:
             if picture is None or key not in self._galleries:
                 return None
-            return picture.through(self._galleries[key][0], self.seed)
+            return picture.through(self._galleries[key][0], self.seed, exposure)
 
     def _gallery(self, key: str) -> ViewGallery | None:
         with self._drawing:

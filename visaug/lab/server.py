@@ -68,7 +68,7 @@ def application(bench: Bench, token: str) -> Starlette:
         Route("/stop", lab.stop, methods=["POST"]),
         Route("/numbers", lab.numbers, methods=["POST"]),
         Route("/own/{name}", lab.take_picture, methods=["POST"]),
-        Route("/own/{picture}/{key}", lab.own_picture),
+        Route("/own/{picture}/{key}/{exposure:float}", lab.own_picture),
         Route("/back/{to:int}", lab.back, methods=["POST"]),
     ]
     app = Starlette(
@@ -144,7 +144,8 @@ class _Lab:
         return _JSON(self.jobs.as_json())
 
     def own_picture(self, request: Request) -> Response:
-        return _kept(self.pictures.own(request.path_params["key"], self.bench.own_picture))
+        chosen = request.path_params
+        return _kept(self.pictures.own(chosen["key"], self.bench.own_picture, chosen["exposure"]))
 
     def camera(self, _: Request) -> Response:
         return _file(self.bench.camera_yaml(), "camera.yaml", "application/yaml")

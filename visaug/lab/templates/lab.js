@@ -21,7 +21,7 @@ function keep() {
   clearTimeout(keeping);
   keeping = setTimeout(() => {
     const open = [...bench.querySelectorAll("details[open]")].map((each) => each.id);
-    const state = { open, given, frame: look.frame, plots: Plots.state() };
+    const state = { open, given, frame: look.frame, exposure: look.exposure, plots: Plots.state() };
     history.replaceState(null, "", `${location.pathname}${location.search}#${encodeURIComponent(JSON.stringify(state))}`);
   }, 300);
 }
@@ -92,7 +92,7 @@ const known = new Map(); // what was fetched, by address
 
 async function drawView(holder) {
   const { view } = holder.dataset, key = given && bench.querySelector("[data-given]")?.dataset.given || holder.dataset.key;
-  const path = { frame: `frame/${key}/${look.frame || 0}`, own: `own/${holder.dataset.own}/${key}` }[view] || `view/${key}/${view}`;
+  const path = { frame: `frame/${key}/${look.frame || 0}`, own: `own/${holder.dataset.own}/${key}/${at("exposure")?.value}` }[view] || `view/${key}/${view}`;
   try {
     if (!known.has(path)) known.set(path, (await ask(path)).json());
     if (known.size > 120) known.delete(known.keys().next().value);
@@ -154,6 +154,7 @@ async function takeOver(version) {
   open.forEach((id) => at(id)?.setAttribute("open", ""));
   const shown = bench.querySelector(`[name=shown][value=${given ? "given" : "now"}]`);
   if (shown) shown.checked = true; else given = false;
+  if (at("exposure") && look.exposure) at("exposure").value = look.exposure;
   drawAll();
 }
 
@@ -245,6 +246,10 @@ document.addEventListener("change", async ({ target }) => {
     look.frame = Number(target.value);
     keep();
     drawView(bench.querySelector("[data-view=frame]"));
+  } else if (target.id === "exposure") {
+    look.exposure = target.value;
+    keep();
+    drawView(bench.querySelector("[data-view=own]"));
   } else if (target.id === "file") {
     const load = asked && target.files.length;
     asked = false;
