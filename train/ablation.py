@@ -5,7 +5,6 @@ Everything that is finished is kept: runs by their folders, predictions beside t
 and the others go on; the same command tries it again.
 """
 
-import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,10 +18,10 @@ from visaug.files import write_json, write_text
 from visaug_train import oracle, proof, tables
 from visaug_train.cluster import spread
 from visaug_train.config import Config
-from visaug_train.evaluate import Evaluation, evaluate
+from visaug_train.evaluate import Evaluation
 from visaug_train.poses import save_poses
-from visaug_train.predictions import load_predictions, predict, save_predictions
 from visaug_train.published import TABLES_2_3
+from visaug_train.scoring import run_and_score
 from visaug_train.statistics import paired_interval
 from visaug_train.strength import Strengths, strengths
 from visaug_train.training import (
@@ -32,7 +31,6 @@ from visaug_train.training import (
     note_failure,
     prepare,
     start_network,
-    train_run,
 )
 
 Progress = Callable[[str, int, int], None]
@@ -301,37 +299,3 @@ def ablate(
         first = failures[0].error if failures else "no arm"
         raise InputError(f"no run ended well ({first})", file=config.output / "failures")
     return Ablation(study, scored, tuple(failures), noise)
-
-
-def run_and_score(
-    study: Study, arm: str, seed: int, progress: Progress | None = None
-) -> tuple[Run, dict[str, Evaluation]]:
-    """A run with its scores, from files as far as they are there."""
-    run = train_run(study, arm, seed, progress)
-    return run, evaluate_run(study, run, progress)
-
-
-def evaluate_run(study: Study, run: Run, progress: Progress | None = None) -> dict[str, Evaluation]:
-    """Score a run's network on every test set; its predictions are kept beside the weights."""
-    arguments = {**study.config.training, **study.config.arm(run.arm).training}
-    found = {}
-    for domain, poses in study.tests.items():
-        names = "\n".join([run.weights.name, *map(str, poses.files)])
-        digest = hashlib.sha256(names.encode()).hexdigest()[:8]
-        path = run.folder / "predictions" / f"{domain}-{digest}.json"
-        if not path.is_file():
-            detections = predict(
-                run.weights,
-                poses,
-                arguments.get("imgsz", 640),
-                study.config.output / "ultralytics-settings",
-                arguments.get("device"),
-                f"evaluating {run.arm} seed {run.seed} on {domain}",
-                progress,
-                size=study.config.data.image_size,
-                reduce=study.config.data.reduction,
-            )
-            save_predictions(path, poses, detections)
-        detections = load_predictions(path, poses, len(study.keypoints))
-        found[domain] = evaluate(domain, poses, study.keypoints, detections)
-    return found

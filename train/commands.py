@@ -8,10 +8,10 @@ from typing import Any
 from visaug.errors import InputError, PartlyFailed
 from visaug.files import folder_lock
 from visaug_train.ablation import ablate as run_ablation
-from visaug_train.ablation import evaluate_run
 from visaug_train.config import Config, load_config
 from visaug_train.evaluate import evaluate_predictions
 from visaug_train.poses import save_poses
+from visaug_train.scoring import evaluate_run
 from visaug_train.strength import strengths
 from visaug_train.training import check_arms, prepare, run_folder, train_run
 

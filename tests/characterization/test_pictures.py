@@ -41,6 +41,16 @@ def test_gain_read_noise_and_lines_before_a_black_sky(with_lines):
     assert found["gain_e_per_dn"].assumes
 
 
+def test_offsets_that_spread_the_sky_by_many_codes_are_not_taken_for_light():
+    """Rows and columns of 5 DN each spread the levels of the sky's blocks by 2.5 DN, far beyond what its light does."""
+    camera = independent.PictureCamera("lines", 6.0, 18.0, black_dn=22.0, row_e=30.0, column_fixed_e=30.0)
+    found = characterize(in_memory(independent.take(camera, scenes("spacecraft", 24), 4)))
+    assert found["black_level_dn"].value == pytest.approx(22, abs=1)
+    assert found["gain_e_per_dn"].value == pytest.approx(6, rel=0.2)
+    assert found["read_noise.sigma_e"].value == pytest.approx(18, rel=0.2)
+    assert not any(w.startswith("tone_curve") for w in found.warnings)
+
+
 def test_camera_loads_and_makes_noise_of_that_strength(with_lines, tmp_path):
     """A gray image of level 100 through the camera found: variance of shot and read noise within 15 %."""
     import torch

@@ -11,8 +11,7 @@ import visaug
 from tests.hostile import check_page
 from tests.hostile_pages import NASTY, check_file
 from visaug.errors import InputError
-from visaug_train import ablation as ablation_module
-from visaug_train import training
+from visaug_train import scoring, training
 from visaug_train.ablation import ablate
 from visaug_train.config import check_config
 from visaug_train.geometry import Keypoints, project_targets
@@ -107,7 +106,7 @@ def stubbed(monkeypatch):
 
     monkeypatch.setattr(visaug, "diagnose", diagnose)
     monkeypatch.setattr(training, "_train", train)
-    monkeypatch.setattr(ablation_module, "predict", predict)
+    monkeypatch.setattr(scoring, "predict", predict)
     return calls
 
 

@@ -8,8 +8,7 @@ import torch
 
 import visaug
 from visaug.errors import InputError
-from visaug_train import ablation as ablation_module
-from visaug_train import training
+from visaug_train import scoring, training
 from visaug_train.ablation import ablate
 from visaug_train.config import check_config
 from visaug_train.geometry import Keypoints, project_targets
@@ -110,7 +109,7 @@ def stubbed(monkeypatch):
         ]
 
     monkeypatch.setattr(training, "_train", train)
-    monkeypatch.setattr(ablation_module, "predict", predict)
+    monkeypatch.setattr(scoring, "predict", predict)
 
 
 def test_a_study_estimates_trains_and_reports_the_share(stubbed, tmp_path):

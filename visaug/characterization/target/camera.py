@@ -35,7 +35,6 @@ _NO_CAMERA = (
 _FEWEST_LEVELS = 4
 _LIT_DN = 30.0
 _ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
-_SKY_SPREADS = 3.0  # blocks of the sky lie within so many standard deviations of its level
 _CUT = 3.0  # standard deviations of noise above code 0
 _SAME = 5.41  # chi-square of 1 degree of freedom at 2 %
 _UNKNOWN = 3.0  # an interval of the gain wider than this factor either way is no measurement
@@ -165,9 +164,9 @@ def _camera(
         )
         return None
     sky = find_sky(blocks, levels)
-    if sky and _SKY_SPREADS * sky.spread > 0.5:
-        reach = _SKY_SPREADS * sky.spread
-        levels = noise_by_level(blocks, rounding, len(pictures), (sky.level - reach, sky.level + reach))
+    if sky:
+        whole = (sky.level - sky.reach, sky.level + sky.reach)
+        levels = noise_by_level(blocks, rounding, len(pictures), whole)
     if pictures.is_jpeg and sky and sky.level < _CUT * math.sqrt(levels.variance[0]):
         # A decoder cuts what JPEG has moved below 0, so noise there follows no law of the sensor.
         levels, sky = levels.above(_CUT), None
@@ -250,6 +249,8 @@ def _reading(
 
     value, spread, degrees = jackknife(figures, len(pictures))
     half = t_quantile(degrees) * spread
+    if sky:
+        half[2] = math.hypot(half[2], t_quantile(degrees) * sky.error)
 
     def figure(k: int, unit: float) -> tuple[float, float, float]:
         """Value and interval of a figure that was fitted as its logarithm."""

@@ -66,6 +66,11 @@ class Sky:
     error: float
     spread: float = 0.0
 
+    @property
+    def reach(self) -> float:
+        """How far from its level, in DN, a block may lie and be sky."""
+        return max(2.0, 3 * self.spread)
+
 
 def fit(
     tone: str, level: np.ndarray, variance: np.ndarray, error: np.ndarray, sky: Sky | None, start: Law

@@ -17,7 +17,6 @@ from visaug.fingerprint.pictures.curve import Law, Sky
 from visaug.fingerprint.pictures.files import Pictures
 
 _EDGE = 8.0  # low coefficients of a line above this many medians are an edge of the scene
-_SKY_DN = 2.0
 _LIT = 10.0  # light, in 1/255 of full scale, from which a place tells of its response
 _DARK = 4.0  # squared light below which a response adds nothing to offsets
 
@@ -108,7 +107,7 @@ def recurring(pictures: Pictures, levels: Levels, rounding: Rounding, law: Law, 
         flat = whole & is_flat(coefficients, levels.variance_at(level), rounding) & (slope > 0.1)
         x = law.light_at(level)
         linear = coefficients / np.maximum(slope, 0.1)[..., None, None]
-        dark = flat & (level < sky.level + _SKY_DN) if sky else flat
+        dark = flat & (level < sky.level + sky.reach) if sky else flat
         noise = linear[..., NOISE & usable]
         if noise.shape[-1]:
             plain.add(n % 2, noise, dark.astype(float), x)

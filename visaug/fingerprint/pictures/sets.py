@@ -47,10 +47,14 @@ def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
     dark = steps[first + int(np.argmax(inside[first:end]))]
     if levels.structure[np.argmin(np.abs(levels.level - dark))] > 0.1:
         return None
-    near = np.abs(blocks.level - dark) < _SKY_DN
-    means = [np.median(blocks.level[near & (blocks.picture == n)]) for n in np.unique(blocks.picture[near])]
-    error = np.std(means) / math.sqrt(len(means))
-    level = float(np.median(means))
-    below = level - ordered[ordered < level]
+    below = dark - ordered[ordered < dark]
     spread = float(np.median(below)) / _NORMAL_QUARTILE if len(below) else 0.0
+    near = np.abs(blocks.level - dark) < Sky(dark, 0.0, spread).reach
+    seen = np.unique(blocks.picture[near])
+    means = [np.median(blocks.level[near & (blocks.picture == n)]) for n in seen]
+    # The blocks of a picture stand in about as many columns as the root of their number. Offsets of columns recur, so that
+    # they do not average out over the pictures.
+    columns = math.sqrt(np.count_nonzero(near) / len(seen))
+    error = math.hypot(float(np.std(means)) / math.sqrt(len(means)), spread / math.sqrt(columns))
+    level = float(np.median(means))
     return Sky(level, float(max(error, 0.01)), spread)
