@@ -1,6 +1,6 @@
 """Coverage of `characterize` over cameras of all kinds: bits, gain, read noise, black level, number of frames.
 
-    python scripts/laboratory_grid.py [--repeats 2] [--minutes 15] [--docs docs/characterization.md]
+    python scripts/laboratory_grid.py [--repeats 2] [--minutes 15] [--store grid.jsonl] [--docs docs/characterization.md]
 
 Cameras are plain NumPy and share nothing with the package. A parameter counts where it was determined and no
 warning names it as spoiled; the table says how often it was left open or warned about.
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
+import json
 import re
 import time
 from collections import defaultdict
@@ -27,6 +28,10 @@ NOISE_DN = (0.1, 0.3, 0.6, 2.0, 8.0, 30.0)
 BLACK_IN_SIGMA = (6.0, 2.0, 0.95, 0.0)  # 0, 2, 17 and 50 % of a bias frame at 0
 GAIN = (0.05, 1.0, 10.0, 60.0)
 FRAMES = (3, 8)
+PARAMETERS = (
+    "gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "read_noise.shape", "black_level_dn", "prnu.pixel",
+    "dsnu.pixel_e",
+)  # fmt: skip
 
 
 def frame_set(
@@ -37,7 +42,8 @@ def frame_set(
     black_dn = black * noise_dn + (1.0 + rng.random() if black > 3 else 0.0)
     span_e = (2**bits - 1 - black_dn) * gain
     read, shape = noise_dn * gain, (ROWS, COLUMNS)
-    prnu, dsnu = 0.01 * rng.standard_normal(shape), 0.7 * read * rng.standard_normal(shape)
+    pattern = 0.7 * read if rng.random() < 0.7 else 0.0
+    prnu, dsnu = 0.01 * rng.standard_normal(shape), pattern * rng.standard_normal(shape)
     shift = 16 - bits if top and bits > 8 else 0
 
     def take(mean_e: float) -> np.ndarray:
@@ -52,53 +58,77 @@ def frame_set(
     records = [FrameRecord(i, f"{i}", kind, 0.01, 20.0, 0.0, p) for i, (kind, p, _) in enumerate(rows)]
     truth = {
         "gain_e_per_dn": gain, "quantum_efficiency": EFFICIENCY, "read_noise.sigma_e": read,
-        "read_noise.shape": 0.1349, "black_level_dn": black_dn, "prnu.pixel": 0.01, "dsnu.pixel_e": 0.7 * read,
+        "read_noise.shape": 0.1349, "black_level_dn": black_dn, "prnu.pixel": 0.01, "dsnu.pixel_e": pattern,
     }  # fmt: skip
     return FrameSet.from_arrays(records, [r[2] for r in rows]), truth
 
 
-def run(repeats: int, minutes: float) -> str:
-    cells = [c for c in itertools.product(BITS, NOISE_DN, BLACK_IN_SIGMA, GAIN, FRAMES)
+def cells() -> list[tuple]:
+    """The conditions that a converter of so many bits can have, in an order drawn by chance."""
+    every = [c for c in itertools.product(BITS, NOISE_DN, BLACK_IN_SIGMA, GAIN, FRAMES)
              if c[1] * (c[2] + 12) < 2 ** c[0] / 4 and c[3] * 2 ** c[0] < 4e6]  # fmt: skip
-    np.random.default_rng(0).shuffle(cells)
-    hits: dict[str, dict[str, list[bool]]] = defaultdict(lambda: defaultdict(list))
-    open_, warned, sets, end = defaultdict(int), defaultdict(int), 0, time.time() + 60 * minutes
-    for repeat, cell in itertools.product(range(repeats), cells):
+    return [every[i] for i in np.random.default_rng(0).permutation(len(every))]
+
+
+def measure(repeat: int, cell: tuple) -> dict:
+    """What `characterize` says of one camera: a line of the store."""
+    bits, noise, black, gain, n = cell
+    seed = (repeat, bits, int(10 * noise), int(100 * black), int(100 * gain), n)
+    frames, truth = frame_set(seed, bits, noise, black, gain, n, top=sum(seed) % 2 == 1)
+    start = time.perf_counter()
+    result = characterize(frames)
+    spoiled = {name for w in result.warning_details for name in w.spoils}
+    found = {}
+    for name, true in truth.items():
+        if name in result.parameters:
+            p = result[name]
+            found[name] = {
+                "truth": true,
+                "value": p.value,
+                "low": p.low,
+                "high": p.high,
+                "warned": name in spoiled,
+            }
+    return {"repeat": repeat, "cell": cell, "seconds": round(time.perf_counter() - start, 1), "found": found,
+            "warnings": [w.word for w in result.warning_details]}  # fmt: skip
+
+
+def run(repeats: int, minutes: float, store: Path) -> list[dict]:
+    """Measures what the store lacks until time is up. Returns all lines of the store."""
+    lines = [json.loads(line) for line in store.read_text().splitlines()] if store.exists() else []
+    done, end = {(line["repeat"], *line["cell"]) for line in lines}, time.time() + 60 * minutes
+    for repeat, cell in itertools.product(range(repeats), cells()):
         if time.time() > end:
             break
-        bits, noise, black, gain, n = (c.item() if hasattr(c, "item") else c for c in cell)
-        seed = (repeat, int(bits), int(10 * noise), int(100 * black), int(100 * gain), int(n))
-        frames, truth = frame_set(seed, int(bits), noise, black, gain, int(n), top=sum(seed) % 2 == 1)
-        result, sets = characterize(frames), sets + 1
-        spoiled = {name for w in result.warning_details for name in w.spoils}
-        for name, true in truth.items():
-            if name not in result.parameters:
-                open_[name] += 1
-            elif name in spoiled:
-                warned[name] += 1
-            else:
-                found = result[name]
-                for key in (
-                    f"{int(bits)} bits",
-                    f"{noise:g} DN",
-                    f"{black:g} sigma",
-                    f"{gain:g} e-/DN",
-                    f"{n:g} frames",
-                ):
-                    hits[name][key].append(found.low <= true <= found.high)
-                hits[name]["all"].append(found.low <= true <= found.high)
-    lines = [f"{sets} sets of frames.", "",
-             "| parameter | determined | covered | share, 95 % interval | least cell | left open | warned |",
-             "| --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
-    for name, cells_of in hits.items():
-        whole = cells_of.pop("all")
-        k, total = sum(whole), len(whole)
-        low, high = stats.binomtest(k, total).proportion_ci(method="exact")
-        worst = min(cells_of, key=lambda c: np.mean(cells_of[c]))
-        share = f"{k / total:.3f}, {low:.3f} to {high:.3f}"
-        lines.append(f"| `{name}` | {total} | {k} | {share} | {np.mean(cells_of[worst]):.2f} at {worst} "
-                     f"({len(cells_of[worst])}) | {open_[name]} | {warned[name]} |")  # fmt: skip
-    return "\n".join(lines)
+        if (repeat, *cell) not in done:
+            lines.append(measure(repeat, cell))
+            with store.open("a") as file:
+                file.write(json.dumps(lines[-1]) + "\n")
+    return lines
+
+
+def table(lines: list[dict]) -> str:
+    """Coverage of each parameter over all sets, and in the worst of the conditions."""
+    rows = [f"{len(lines)} sets of frames.", "",
+            "| parameter | determined | covered | share, 95 % interval | least cell | left open | warned |",
+            "| --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    for name in PARAMETERS:
+        found = [(line["cell"], line["found"].get(name)) for line in lines]
+        conditions, whole = defaultdict(list), []
+        for cell, p in found:
+            if p and not p["warned"]:
+                whole.append(p["low"] <= p["truth"] <= p["high"])
+                for value, unit in zip(cell, ("bits", "DN", "sigma", "e-/DN", "frames"), strict=True):
+                    conditions[f"{value:g} {unit}"].append(whole[-1])
+        if not whole:
+            continue
+        low, high = stats.binomtest(sum(whole), len(whole)).proportion_ci(method="exact")
+        worst = min(conditions, key=lambda c: np.mean(conditions[c]))
+        share = f"{np.mean(whole):.3f}, {low:.3f} to {high:.3f}"
+        rows.append(f"| `{name}` | {len(whole)} | {sum(whole)} | {share} | {np.mean(conditions[worst]):.2f} at {worst} "
+                    f"({len(conditions[worst])}) | {sum(p is None for _, p in found)} | "
+                    f"{sum(bool(p and p['warned']) for _, p in found)} |")  # fmt: skip
+    return "\n".join(rows)
 
 
 def main() -> None:
@@ -107,15 +137,21 @@ def main() -> None:
     )
     parser.add_argument("--repeats", type=int, default=2)
     parser.add_argument("--minutes", type=float, default=15)
+    parser.add_argument(
+        "--store",
+        type=Path,
+        default=Path("laboratory_grid.jsonl"),
+        help="sets already measured are not repeated",
+    )
     parser.add_argument("--docs", type=Path)
     options = parser.parse_args()
-    table = run(options.repeats, options.minutes)
-    print(table)
+    text = table(run(options.repeats, options.minutes, options.store))
+    print(text)
     if options.docs:
         start, end = "<!-- grid: made by scripts/laboratory_grid.py -->", "<!-- end of grid -->"
-        text = options.docs.read_text()
+        page = options.docs.read_text()
         pattern = re.escape(start) + ".*?" + re.escape(end)
-        options.docs.write_text(re.sub(pattern, lambda _: f"{start}\n{table}\n{end}", text, flags=re.S))
+        options.docs.write_text(re.sub(pattern, lambda _: f"{start}\n{text}\n{end}", page, flags=re.S))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import pytest
 
 import visaug
 from visaug.characterization import characterize
-from visaug.characterization.clipped import _cut_mean
+from visaug.characterization.cut_means import cut_mean
 from visaug.characterization.facts import temporal_variances
 from visaug.characterization.mosaic import find_mosaic
 from visaug.frames import FrameRecord, FrameSet
@@ -261,10 +261,10 @@ def test_mean_of_rounded_values_is_that_of_the_staircase(sigma, spread, within):
     """Against the sum over codes for a normal law; shape 0.1349 is within 0.002 of it."""
     from scipy import stats
 
-    from visaug.characterization.clipped import Fit
+    from visaug.characterization.rounded import Fit
 
     fit = Fit(np.log(sigma), 0.1349, 0.0, np.log(spread), np.zeros((4, 4)))
-    x, mean = _cut_mean(fit, spread**2)
+    x, mean = cut_mean(fit, spread**2)
     codes = np.arange(1, 40)
     for level in (-0.4 * sigma, 0.0, 0.3, 2.5, 2.62):
         expected = stats.norm.sf((codes - 0.5 - level) / np.hypot(sigma, spread)).sum()

@@ -79,6 +79,10 @@ class Findings:
             self.warnings.append(text)
         self.spoils[text] = (*self.spoils.get(text, ()), *spoils)
 
+    def withdraw(self, word: str) -> None:
+        """Take a warning back, for one that says more of the same."""
+        self.warnings = [w for w in self.warnings if not w.startswith(f"{word}:")]
+
     def spoiled_by(self, text: str) -> tuple[str, ...]:
         """Parameters found that a warning puts in doubt."""
         patterns = self.spoils.get(text, ())

@@ -117,7 +117,7 @@ def _measure(
     found: Findings, measured: Measured, camera: Camera | None, seed: int, mosaic: Mosaic | None
 ) -> None:
     dark_tells = still.dark_frames_tell(measured)
-    if any(still.noisier(v) for v in measured.sweep):
+    if still.flicker(measured):
         found.warn(
             "dark_frames_noisier: dark frames have more noise than brighter flats (image lag, "
             "cosmic rays, unstable pixels); gain_e_per_dn and PRNU are estimated from flats only",

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from visaug.characterization import read_noise, structure
+from visaug.characterization import read_noise, structure, tukey
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Level, Measured
 from visaug.characterization.intervals import (
@@ -20,7 +20,7 @@ from visaug.characterization.intervals import (
 )
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import Parts, parts
-from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly
+from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly, saturated_level
 from visaug.characterization.pixel_noise import PixelNoise, pixel_noise, shrunk
 
 _UNEVEN = 0.05  # spread of log sigma from which on it bends the histogram's shape
@@ -35,7 +35,14 @@ def tells(moments: GroupMoments) -> bool:
 
 def dark_frames_tell(measured: Measured) -> bool:
     """Whether the photon transfer may lean on dark frames: not where they are noisier than a flat."""
-    return all(tells(v.dark) and not noisier(v) for v in measured.sweep)
+    return all(tells(v.dark) for v in measured.sweep) and not flicker(measured)
+
+
+def flicker(measured: Measured) -> bool:
+    """Whether dark frames are noisier than an unsaturated flat; a full pixel has lost the noise of its dark current."""
+    levels = measured.sweep
+    full = saturated_level(levels) if levels else None
+    return any(noisier(v) for v in levels[: None if full is None else full + 1])
 
 
 def noisier(level: Level) -> bool:
@@ -74,7 +81,8 @@ def noise_of_reading(
     source = f"maximum likelihood on residuals of {still.n} {still.group.kind} frames"
     half = t_quantile(fitted.df) * fitted.sigma_error
     interval = (fitted.sigma_dn, max(fitted.sigma_dn - half, 0.0), fitted.sigma_dn + half)
-    found.add("read_noise.shape", symmetric(fitted.shape, fitted.shape_error, fitted.df), "1", source)
+    shape = symmetric(fitted.shape, fitted.shape_error, fitted.df)
+    found.add("read_noise.shape", tukey.hold_both_gaussians(shape), "1", source)
     own = pixel_noise(measured.frames, still)
     if own is not None:
         interval = _own_noise(found, still, own, interval, dark_variance_dn2)

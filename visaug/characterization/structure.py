@@ -8,9 +8,14 @@ kind can be drawn.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from scipy.optimize import root_scalar
+from scipy.special import gammaln, log_ndtr
 
+_FALSE_PEAKS = 0.01
+_FEWEST_FREQUENCIES = 8
 _MOST_BANDS = 4
 _MOST_ORDER = 6
 
@@ -31,11 +36,34 @@ class Profile:
 
     @property
     def peaks(self) -> np.ndarray:
-        """Frequencies (cycles per line) whose power no white pattern of this strength would show (1 % in
-        all).
-        """
-        white = np.median(self.power[1:]) / np.log(2)
-        return self.frequency[1:][self.power[1:] > white * np.log(100 * (len(self.power) - 1))]
+        """Frequencies (cycles per line) whose power no white normal pattern would show (1 % in all)."""
+        power, even = self.power[1:].copy(), len(self.values) % 2 == 0
+        m = len(power) - even
+        if m < _FEWEST_FREQUENCIES:
+            return np.empty(0)
+        rank = (m + 1) // 2
+        median = np.partition(power[:m], rank - 1)[rank - 1]
+        if (
+            even
+        ):  # half the sampling frequency has one degree of freedom, the others two: the same probability
+            white = median / np.log(2)
+            power[-1] = -white * (np.log(2) + log_ndtr(-np.sqrt(power[-1] / white)))
+        return self.frequency[1:][power > _least_peak(m, rank) * median]
+
+
+@lru_cache(maxsize=64)
+def _least_peak(m: int, rank: int) -> float:
+    """Ratio to their `rank`th smallest that one of m exponential values exceeds in 1 % of all draws, or less.
+
+    Above an order statistic M the values are independent M + Exp(1): the m - rank of them exceed c M in at most
+    (m - rank) E[exp(-(c - 1) M)], and E[exp(-s M)] is a ratio of gamma functions (A. Renyi's representation).
+    """
+
+    def excess(s: float) -> float:
+        logs = gammaln(m + 1) + gammaln(m - rank + 1 + s) - gammaln(m - rank + 1) - gammaln(m + 1 + s)
+        return logs + np.log((m - rank + 1) / _FALSE_PEAKS)
+
+    return 1 + root_scalar(excess, bracket=(0.0, 1e4)).root
 
 
 def describe(values: np.ndarray) -> Profile:
