@@ -148,7 +148,9 @@ def fit_locations(sample: Sample, centre: np.ndarray, start: Fit | None, free: t
     scores = _scores(p, sample, centre)[list(free)]
     covariance[np.ix_(free, free)] = _sandwich(scores, sample)
     independent = np.linalg.inv(scores @ scores.T + _RIDGE * np.eye(len(free)))[0, 0]
-    return Fit(*map(float, p), covariance=covariance, dependence=max(float(covariance[0, 0] / independent), 1.0))
+    return Fit(
+        *map(float, p), covariance=covariance, dependence=max(float(covariance[0, 0] / independent), 1.0)
+    )
 
 
 class Profile:
