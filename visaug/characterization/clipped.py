@@ -22,6 +22,8 @@ from visaug.characterization.still import CLIPPED, add_in_electrons, add_profile
 _ROUNDS = 2
 _BLIND = 3.0  # upper over lower bound of the read noise from which on it counts as not determined
 _DITHER_DN = 0.3  # spread of values below which the mean of many pixels keeps the steps of the converter
+_OPEN = 20.0  # half width of a logarithm of which nothing is known
+_UNCUT = "a higher black level: too few pixels of dark frames are above 0"
 _FINER = "a finer converter or more gain: the noise is below half a DN"
 
 
@@ -91,10 +93,11 @@ def _of_coarse(sample: Sample, master: np.ndarray, profile: Profile) -> _Solutio
 
 def _noise_and_pattern(found: Findings, still: GroupMoments, solution: _Solution, source: str) -> None:
     fit, t = solution.fit, t_quantile(BLOCKS - 1)
-    half = t * math.sqrt(fit.covariance[0, 0])
-    sigma = (fit.sigma, fit.sigma * math.exp(-half), fit.sigma * math.exp(half) if half < 50 else math.inf)
-    add_in_electrons(found, "read_noise.sigma", sigma, source)
     if not math.isnan(fit.shape):
+        half = min(t * math.sqrt(fit.covariance[0, 0]), _OPEN)
+        _read_noise(
+            found, (fit.sigma, fit.sigma * math.exp(-half), fit.sigma * math.exp(half)), source, _UNCUT
+        )
         shape = symmetric(fit.shape, math.sqrt(fit.covariance[1, 1]), BLOCKS - 1)
         found.add("read_noise.shape", tukey.hold_both_gaussians(shape), "1", source)
     for name, of, n in zip(("row", "column"), (solution.rows, solution.columns), still.shape, strict=True):
@@ -103,6 +106,17 @@ def _noise_and_pattern(found: Findings, still: GroupMoments, solution: _Solution
     half = t * 2 * fit.spread**2 * math.sqrt(fit.covariance[3, 3])
     variance = solution.pixel_variance
     add_in_electrons(found, "dsnu.pixel", root((variance, variance - half, variance + half)), source)
+
+
+def _read_noise(found: Findings, interval: tuple[float, float, float], source: str, needs: str) -> bool:
+    """Read noise from its value and bounds in DN; False, and an upper bound, where they are far apart."""
+    if interval[2] < _BLIND * interval[1]:
+        add_in_electrons(found, "read_noise.sigma", interval, source)
+        return True
+    unit, scale = ("DN", 1.0) if found.gain is None else ("e-", 1 / found.gain.dn_per_e)
+    most = f"; it is at most {interval[2] * scale:.3g} {unit} (95 %)" if math.isfinite(interval[2]) else ""
+    found.miss(f"read_noise.sigma_{'dn' if found.gain is None else 'e'}", needs + most)
+    return False
 
 
 def _black_level(
@@ -144,15 +158,8 @@ def _coarse(
         "a likelihood that includes the rounding, for normal noise; the emva figures do not include it",
         spoils=("emva.*", "emva4.*", "temporal.*"),
     )
-    low, high = bounds
-    told = high < _BLIND * low
-    source += ", normal noise, interval by likelihood ratio"
-    if told:
-        add_in_electrons(found, "read_noise.sigma", (solution.fit.sigma, low, high), source)
-    else:
-        unit, scale = ("DN", 1.0) if found.gain is None else ("e-", 1 / found.gain.dn_per_e)
-        most = f"; it is at most {high * scale:.3g} {unit} (95 %)" if math.isfinite(high) else ""
-        found.drop(f"read_noise.sigma_{'dn' if found.gain is None else 'e'}", _FINER + most)
+    noise = (solution.fit.sigma, *bounds)
+    told = _read_noise(found, noise, f"{source}, normal noise, interval by likelihood ratio", _FINER)
     if told and math.hypot(solution.fit.sigma, math.sqrt(solution.pixel_variance)) >= _DITHER_DN:
         return
     for name in [n for n in found.parameters if n.startswith(("dsnu.", "dark_current."))]:
