@@ -101,9 +101,17 @@ def test_tables_as_laboratories_write_them(tmp_path):
         FrameRecord(2, "m.npy", "flat", 2.0, 1.5, combined=0),
     ]
     assert [w.split(":")[0] for w in warnings] == ["columns_ignored"]
+
     assert "remark" in warnings[0]
     path.write_text("file\tkind\texposure_s\nd.npy\tdark\t0.25\n")
     assert read_table(path) == [FrameRecord(0, "d.npy", "dark", 0.25)]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "cp1252"])
+def test_tables_as_spreadsheets_write_them(tmp_path, encoding):
+    path = tmp_path / "frames.csv"
+    path.write_bytes("file;kind;exposure_s\r\nWeiß µ.npy;flat;0,5\r\n".encode(encoding))
+    assert read_table(path) == [FrameRecord(0, "Weiß µ.npy", "flat", 0.5)]
 
 
 def test_further_conditions_are_read_and_written(tmp_path):

@@ -131,6 +131,22 @@ def test_nothing_to_find(tmp_path):
         FrameSet.load(tmp_path)
 
 
+def test_a_file_that_cannot_be_read_is_left_out_and_named(tmp_path):
+    """Of a folder that is searched; one that is asked for by name is refused."""
+    put(tmp_path, "bias_0.tif", "bias_1.tif")
+    (tmp_path / "bias_2.tif").write_bytes(b"")
+    found = survey(tmp_path)
+    assert [r["file"] for r in found.rows] == ["bias_0.tif", "bias_1.tif"]
+    (note,) = [n for n in found.notes if n.startswith("unreadable_files: 1 file is left out")]
+    assert "bias_2.tif" in note
+    with pytest.raises(InputError, match=r"bias_2\.tif"):
+        FrameSet.load(tmp_path)
+    for name in ("bias_0.tif", "bias_1.tif"):
+        (tmp_path / name).unlink()
+    with pytest.raises(InputError, match=r"bias_2\.tif"):
+        survey(tmp_path)
+
+
 def test_natural_order_and_sizes():
     assert sorted(["a10", "a9", "a", "10", "9b"], key=natural) == ["9b", "10", "a", "a9", "a10"]
     assert parse_resolution(" 20 x 30") == (20, 30)

@@ -50,4 +50,9 @@ def _opened(path: Path) -> Iterator[Any]:
     except InputError:
         raise
     except Exception as error:  # LibRaw raises many kinds
-        raise InputError(f"cannot be read ({error}); truncated, or not a raw photograph", file=path) from None
+        said = (
+            error.args[0].decode("ascii", "replace")
+            if error.args and isinstance(error.args[0], bytes)
+            else error
+        )
+        raise InputError(f"cannot be read ({said}); truncated, or not a raw photograph", file=path) from None

@@ -20,6 +20,7 @@ class PlannedGroup:
     records: tuple[FrameRecord, ...]
 
 
+_BRIGHTEST = 10.0  # of saturation: beyond, percentages or photons were meant
 LEVELS = (0.005, 0.02, 0.08, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1.1)  # of saturation: two flats lie beyond it
 
 
@@ -62,8 +63,9 @@ def plan_groups(
             field="plan",
             expected="2 or more bias frames, one or more temperatures, gains and dark exposures",
         )
-    if not levels or min(levels) <= 0:
-        raise InputError(f"{list(levels)}", field="levels", expected="fractions of saturation above 0")
+    if not levels or min(levels) <= 0 or max(levels) > _BRIGHTEST:
+        expected = f"shares of saturation above 0, up to {_BRIGHTEST:g}"
+        raise InputError(f"{list(levels)}", field="levels", expected=expected)
     groups: list[PlannedGroup] = []
     warm, base_gain = temperatures_c[0], float(gains_db[0])
     count = 0

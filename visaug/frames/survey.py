@@ -86,7 +86,8 @@ def survey(
 ) -> Survey:
     """Find every frame below `folder` and what is known of it.
 
-    A header is believed before a file's name, a file's name before its folder's, all before `given`.
+    A header is believed before a file's name, a file's name before its folder's, all before `given`. A file that cannot
+    be read is left out with a note, unless `files` names it.
 
     Args:
         folder: searched with its subfolders; hidden ones are left out.
@@ -96,27 +97,42 @@ def survey(
         progress: called with (description, done, total).
 
     Raises:
-        InputError: no frames there, or a file that cannot be read.
+        InputError: no frames there, or none that can be read.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError("is not a folder", file=folder, expected="the folder that holds the frames")
-    files = frame_files(folder) if files is None else files
+    named, files = files is not None, frame_files(folder) if files is None else files
     if not files:
         raise InputError(
             "holds no frames", file=folder, expected="files of the kinds " + " ".join(pixels.SUFFIXES)
         )
     rows: list[Facts] = []
+    unreadable: list[InputError] = []
     for n, file in enumerate(files):
         name = file.relative_to(folder).as_posix()
         by_name = facts_of_name(name)
-        for fragment, facts in frames_of(file):
+        try:
+            frames = frames_of(file)
+        except InputError as error:
+            if named:
+                raise
+            unreadable.append(error)
+            continue
+        for fragment, facts in frames:
             rows.append(_row(f"{name}#{fragment}" if fragment else name, facts, by_name, given or {}))
             if resolution is not None and file.suffix.lower() == ".raw":
                 rows[-1]["window"] = rows[-1]["window"] or (0, resolution[0], 0, resolution[1])
         if progress is not None:
             progress("reading headers", n + 1, len(files))
+    if not rows and unreadable:
+        raise unreadable[0]
     notes = _order(rows)
+    if unreadable:
+        listed = "; ".join(str(error) for error in unreadable[:_NAMED])
+        more = f" and {len(unreadable) - _NAMED} more" if len(unreadable) > _NAMED else ""
+        files_are = "file is" if len(unreadable) == 1 else "files are"
+        notes.append(f"unreadable_files: {len(unreadable)} {files_are} left out: {listed}{more}")
     found = Survey(folder, rows, notes)
     found.notes += _notes(found)
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import difflib
 import io
@@ -94,15 +95,25 @@ def _written(row: Mapping[str, Any], column: str) -> str:
     return repr(float(value)) if value != int(value) else str(int(value))
 
 
+def _decoded(data: bytes) -> str:
+    """UTF-8, UTF-16 with its mark, or what spreadsheets of Western Europe write where it is neither."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252")
+
+
 def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], str]:
     """Numbered rows that hold something, and the sign of decimals, ``.`` or ``,``."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = _decoded(path.read_bytes())
         first = next((line for line in text.splitlines() if line.strip()), "")
         delimiter = max((",", ";", "\t"), key=first.count)
         rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"cannot be read ({error})", file=path, expected="a CSV file in UTF-8") from None
+        raise InputError(f"cannot be read ({error})", file=path, expected="a CSV file") from None
     held = [(n, row) for n, row in enumerate(rows, start=1) if any(cell.strip() for cell in row)]
     if not held:
         raise InputError("is empty", file=path, expected="the columns " + ",".join(COLUMNS))
