@@ -101,7 +101,6 @@ def test_tables_as_laboratories_write_them(tmp_path):
         FrameRecord(2, "m.npy", "flat", 2.0, 1.5, combined=0),
     ]
     assert [w.split(":")[0] for w in warnings] == ["columns_ignored"]
-
     assert "remark" in warnings[0]
     path.write_text("file\tkind\texposure_s\nd.npy\tdark\t0.25\n")
     assert read_table(path) == [FrameRecord(0, "d.npy", "dark", 0.25)]
