@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from visaug.characterization.alike import KINDS, merged_groups
 from visaug.characterization.facts import Facts, look, temporal_variances
 from visaug.characterization.findings import Findings
-from visaug.characterization.groups import KINDS, merged_groups
 from visaug.characterization.views import at_bits, shifted
 from visaug.frames import FrameSet
 

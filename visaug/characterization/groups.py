@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from visaug.characterization.alike import SAME_C, merged_groups
 from visaug.characterization.dark_current import Slope, mean_points, slopes, wanders
 from visaug.characterization.facts import Facts
 from visaug.characterization.moments import GroupMoments, measure
-from visaug.frames import FrameSet, Group
+from visaug.frames import FrameSet
 
-KINDS = ("bias", "dark", "flat")
-SAME_C = 0.6  # a sensor's reading wanders by that much
-_SAME_EXPOSURE = 1e-3  # shutters and headers round
-_SAME_LIGHT = 0.01
-_SAME_LEVEL = 0.1  # a lamp that flickers less stays one level: the share of its change is taken out
-_FALLING = 0.4
 _SAME_GAP = 0.02
 _STACK = 4  # a flat with that many times more frames than the sweep's is a stack for spatial figures
 
@@ -157,127 +152,6 @@ def measure_groups(frames: FrameSet, facts: Sequence[Facts]) -> Measured:
         gain_db=gain_db,
         temperature_c=temperatures[(len(temperatures) - 1) // 2] if temperatures else None,
         calibrated=bool(base) and all(v.photons is not None for v in base),
-    )
-
-
-def merged_groups(frames: FrameSet, facts: Sequence[Facts]) -> list[Group]:
-    """Frames taken alike: settings that differ by less than a log wanders count as one, and flats of one
-    setting whose light was changed are apart.
-
-    Dark frames right after a lit one are apart from the others: the lit one may linger in them.
-    """
-    found: dict[tuple, list[int]] = {}
-    for i, r in enumerate(frames.records):
-        if r.kind in KINDS:
-            light = r.filter if r.kind == "flat" else None
-            found.setdefault((r.kind, r.gain_db, r.window, light), []).append(i)
-    groups = []
-    floor = _floor(frames, facts)
-    for (kind, *_), members in found.items():
-        for same in _clusters(members, lambda i: frames.records[i].exposure_s, _same_exposure):
-            for alike in _by_temperature(frames, same):
-                parts = _by_light(frames, alike, facts, floor) if kind == "flat" else [alike]
-                groups += [_group(frames, part) for part in parts]
-    return sorted(_rested(frames, groups), key=lambda g: g.indices[0])
-
-
-def _same_exposure(a: float, b: float) -> bool:
-    return b - a <= _SAME_EXPOSURE * b
-
-
-def _by_temperature(frames: FrameSet, members: list[int]) -> list[list[int]]:
-    unknown = [i for i in members if frames.records[i].temperature_c is None]
-    known = [i for i in members if frames.records[i].temperature_c is not None]
-    clusters = _clusters(
-        known, lambda i: frames.records[i].temperature_c or 0.0, lambda a, b: b - a <= SAME_C
-    )
-    return [*([unknown] if unknown else []), *clusters]
-
-
-def _by_light(frames: FrameSet, members: list[int], facts: Sequence[Facts], floor: float) -> list[list[int]]:
-    """Flats of one exposure by their photons, and by their own level where the lamp was changed."""
-    by_photons: dict[float | None, list[int]] = {}
-    for i in members:
-        by_photons.setdefault(frames.records[i].photons, []).append(i)
-    lone = [i for p, same in by_photons.items() if len(same) == 1 and p for i in same]
-    groups = [same for same in by_photons.values() if same[0] not in lone]
-    groups += _clusters(
-        lone, lambda i: frames.records[i].photons or 0.0, lambda a, b: b <= (1 + _SAME_LIGHT) * a
-    )
-    noise = float(np.median([facts[i].noise for i in members]))
-
-    def level(i: int) -> float:
-        return facts[i].mean - floor
-
-    found = []
-    for group in groups:
-        steps = _clusters(group, level, lambda a, b: b - a <= _SAME_LEVEL * max(b, 0.0) + 0.1 * noise)
-        single = [i for step in steps if len(step) == 1 for i in step] if len(steps) > 1 else []
-        found += [step for step in steps if step[0] not in single]
-        # Falling light: neighbours still tell the noise, for the change of the light is taken out.
-        found += _clusters(single, level, lambda a, b: b - a <= _FALLING * max(b, 0.0))
-    return found
-
-
-def _floor(frames: FrameSet, facts: Sequence[Facts]) -> float:
-    """Level without light, DN: of the darkest frames there are."""
-    return min((f.mean for r, f in zip(frames.records, facts) if r.kind in ("bias", "dark")), default=0.0)
-
-
-def _clusters(
-    members: list[int], value: Callable[[int], float], alike: Callable[[float, float], bool]
-) -> list[list[int]]:
-    """Members in order of a value, joined while they are alike to the first of their cluster."""
-    clusters: list[list[int]] = []
-    for i in sorted(members, key=value):
-        if clusters and alike(value(clusters[-1][0]), value(i)):
-            clusters[-1].append(i)
-        else:
-            clusters.append([i])
-    return clusters
-
-
-def _rested(frames: FrameSet, groups: list[Group]) -> list[Group]:
-    """Without dark frames that follow a lit one, where enough others are there."""
-    lit = {
-        i
-        for i in range(1, len(frames))
-        if frames.records[i].kind in ("dark", "bias") and frames.records[i - 1].kind in ("flat", "scene")
-    }
-    settings = {
-        (g.gain_db, g.temperature_c) for g in groups if g.kind in ("dark", "bias") and set(g.indices) - lit
-    }
-    kept = []
-    for group in groups:
-        rested = tuple(i for i in group.indices if i not in lit)
-        if len(rested) >= 2:
-            kept.append(replace(group, indices=rested))
-        elif rested or group.kind == "flat" or (group.gain_db, group.temperature_c) not in settings:
-            kept.append(group)
-    return kept
-
-
-def _group(frames: FrameSet, members: list[int]) -> Group:
-    records = [frames.records[i] for i in members]
-
-    def mean(values: list[float | None]) -> float | None:
-        known = [v for v in values if v is not None]
-        if len(known) < len(values):
-            return None
-        return known[0] if len(set(known)) == 1 else float(np.mean(known))
-
-    first = records[0]
-    return Group(
-        kind=first.kind,
-        exposure_s=float(np.median([r.exposure_s for r in records])),
-        temperature_c=mean([r.temperature_c for r in records]),
-        gain_db=first.gain_db,
-        photons=mean([r.photons for r in records]),
-        clean=first.clean,
-        window=first.window,
-        indices=tuple(sorted(members)),
-        setting=first.setting,
-        filter=first.filter,
     )
 
 

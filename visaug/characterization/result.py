@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,34 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from visaug.effects.readout.read_noise import LEAST_SHAPE
+from visaug.characterization.camera_content import camera_content
 from visaug.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from visaug.camera import Camera
-
-CAMERA_KEYS = (
-    "bit_depth",
-    "quantum_efficiency",
-    "gain_e_per_dn",
-    "gain_db",
-    "black_level_dn",
-    "full_well_e",
-    "exposure_s",
-    "temperature_c",
-    "read_noise.sigma_e",
-    "read_noise.shape",
-    "dark_current.a_e_per_s",
-    "dark_current.b_per_c",
-    "prnu.column",
-    "prnu.row",
-    "prnu.pixel",
-    "dsnu.column_e",
-    "dsnu.row_e",
-    "dsnu.pixel_e",
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,50 +124,7 @@ class Characterization:
         Raises:
             InputError: the gain is neither measured nor given, so nothing can be said in electrons.
         """
-        found = {**self.assumed, **{k: e.value for k, e in self.parameters.items() if k in CAMERA_KEYS}}
-        if "gain_e_per_dn" not in found:
-            raise InputError(
-                "the frames do not tell the gain, so there is no camera in electrons",
-                field="gain_e_per_dn",
-                expected=self.not_determined.get("gain_e_per_dn", "flats at several levels")
-                + ("" if self.method == "pictures" else ", or a camera that gives the gain"),
-            )
-        fresh = {"name": "characterized camera", "resolution": list(self.resolution or (1, 1))}
-        content: dict[str, Any] = copy.deepcopy(dict(self.base or fresh))
-        for key in CAMERA_KEYS:
-            if key not in found:
-                continue
-            part, _, name = key.partition(".")
-            value = int(found[key]) if key == "bit_depth" else float(f"{found[key]:.6g}")
-            if name:
-                content.setdefault(part, {})[name] = value
-            else:
-                content[key] = value
-        shape = content.get("read_noise", {}).get("shape")
-        if shape is not None:
-            content["read_noise"]["shape"] = max(shape, LEAST_SHAPE)
-        effects = {e["name"]: e for e in content.get("effects", [])}
-        for effect in self.effects:
-            rounded = {k: v if isinstance(v, str) else float(f"{v:.4g}") for k, v in effect.items()}
-            effects[effect["name"]] = effects.get(effect["name"], {}) | rounded
-        if effects:
-            content["effects"] = list(effects.values())
-        assumed = self._assumptions(found)
-        if assumed:
-            content["assumed"] = assumed
-        if self.method == "pictures":
-            content["source"] = {
-                k: e.source for k, e in self.parameters.items() if not k.startswith("image.")
-            }
-        return content
-
-    def _assumptions(self, found: Mapping[str, float]) -> list[str]:
-        """Paths of the camera file that nothing measured: taken from elsewhere, or left at their default."""
-        paths = [k for k in self.assumed if k not in self.parameters and k not in _SETTINGS]
-        paths += [k for k in _NEEDED if k not in found and self.base is None]
-        paths += list(self.not_measured)
-        paths += [k for w in self.warning_details if w.word == "bit_depth_assumed" for k in w.spoils]
-        return list(dict.fromkeys(paths))
+        return camera_content(self)
 
     @cached_property
     def camera(self) -> Camera:
@@ -303,7 +238,3 @@ class Characterization:
         if needs not in self.curves:
             raise InputError("the frames give no such curve", field=name, expected=plots.NEEDS[name])
         return draw(self)
-
-
-_NEEDED = tuple(k for k in CAMERA_KEYS if k != "full_well_e")
-_SETTINGS = ("bit_depth", "gain_db", "exposure_s", "temperature_c")

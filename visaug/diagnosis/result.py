@@ -96,7 +96,8 @@ class Diagnosis:
     """The result of `visaug.diagnose`.
 
     Attributes:
-        camera: the refitted camera with the accepted effects.
+        camera: the refitted camera with the accepted effects; the file as given where none was found and the refit
+            does not lower the error.
         accepted: names of the accepted effects, in the order in which they were added.
         error_after: error on the hold-out frames, 1 for the camera file and 0 for another specimen of the model; None if the
             camera file has no significant excess.

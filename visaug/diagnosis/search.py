@@ -138,11 +138,12 @@ class _Search:
             state = self._reconsidered(refitted, found)
             by_chance = chance(self.lab, self.signs, state)
             p_after = by_chance.p_value
-        while state.accepted and self._last_explains_nothing(p_after <= SIGNIFICANT):
+        while state.accepted and (self._last_raises() or self._last_explains_nothing(p_after <= SIGNIFICANT)):
             nearest = state.accepted[-1]
             self._stand(self.walk[-2])
             state = self.walk[-1]
             p_after = chance(self.lab, self.signs, state).p_value
+        state = self._no_worse(state)
         missing = bool(p_after <= SIGNIFICANT)
         significant = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
         told = self.steps[-1].error
@@ -168,6 +169,20 @@ class _Search:
             used=self.lab.selection,
             warnings=self.lab.warnings,
         )
+
+    def _no_worse(self, state: State) -> State:
+        """The camera file as given, where no effect was found and the frames are farther from the refitted file."""
+        told = self.steps[-1].error
+        if state.accepted or told is None or told.value <= 1:
+            return state
+        given = State.plain(self._unfitted)
+        self.walk[:], self.steps[:] = [given], [Step("keep the camera file", self.errors.told(given.fitted))]
+        return given
+
+    def _last_raises(self) -> bool:
+        """Whether the camera with the last effect is clearly farther from the frames than the file as given."""
+        told = self.steps[-1].error
+        return told is not None and told.low > 1
 
     def _last_explains_nothing(self, missing: bool) -> bool:
         told, (before, state) = self.steps[-1].error, self.walk[-2:]
