@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from visaug.characterization import characterize, tukey
+from visaug.characterization.result import Characterization, Estimate
 from visaug.characterization.structure import Profile, describe
 from visaug.frames import FrameRecord, FrameSet
 
@@ -50,6 +51,15 @@ def test_dark_frames_that_are_all_0_tell_no_black_level():
     assert "at most 0.5 DN" in result.not_determined["black_level_dn"]
     assert "read_noise.sigma_dn" in result.not_determined
     assert sum(w.startswith("clipped_at_zero") for w in result.warnings) == 1
+
+
+def test_a_camera_file_has_no_black_level_below_0():
+    """Frames of a black level of 0 DN give an estimate on either side of 0."""
+    found = {
+        "gain_e_per_dn": Estimate(2.0, 1.9, 2.1, "e-/DN", ""),
+        "black_level_dn": Estimate(-0.05, -0.1, 0.01, "DN", ""),
+    }
+    assert Characterization(found, {}, resolution=(8, 8)).camera.to_dict().get("black_level_dn", 0.0) == 0.0
 
 
 def test_a_black_level_holds_the_pattern_that_was_drawn():

@@ -70,6 +70,8 @@ def _put(content: dict[str, Any], found: Mapping[str, float]) -> None:
     for key in (k for k in CAMERA_KEYS if k in found):
         part, _, name = key.partition(".")
         value = int(found[key]) if key == "bit_depth" else float(f"{found[key]:.6g}")
+        if key == "black_level_dn":  # of frames cut at 0 it may lie below 0, which a file cannot hold
+            value = max(value, 0.0)
         if name:
             content.setdefault(part, {})[name] = value
         else:

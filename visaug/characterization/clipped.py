@@ -145,7 +145,12 @@ def _black_level(
         ]
     )
     level = origin + float(solution.columns.places.mean())
-    found.add("black_level_dn", symmetric(level, error, df), "DN", source)
+    interval = symmetric(level, error, df)
+    found.add("black_level_dn", interval, "DN", source)
+    if interval[2] < 0:
+        found.warn(
+            "black_level_below_zero: the black level is below 0 DN; a camera file cannot hold it and has 0"
+        )
 
 
 def _coarse(
