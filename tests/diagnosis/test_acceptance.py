@@ -172,6 +172,21 @@ def test_what_the_cameras_own_numbers_undo_does_not_count():
     assert explains(statistics, before, after)  # type: ignore[arg-type]
 
 
+def test_a_strong_effect_need_not_bring_back_what_the_cameras_own_numbers_follow():
+    """Smear raises the level of flats, which the quantum efficiency takes back: what a drifting lamp leaves there is not its."""
+    moves = np.array([8.0, 8.0, 19.0, 12.0, 9.0])
+    left = [8.4, -5.0, 0.0, 0.5, 0.0]
+    before, after = state([8.4, -5.0, 19.0, 12.0, 9.0]), state(left, moves)
+    statistics = [SimpleNamespace(view=view) for view in ("level", "level", "scene", "scene", "scene")]
+    assert not explains(statistics, before, after)  # type: ignore[arg-type]
+    assert owes(statistics[:2], state([8.4, 40.0]), state([8.4, 40.0], moves[:2]))  # type: ignore[arg-type]
+    efficiency = np.array([[50.0], [50.0], [0.0], [0.0], [0.0]])
+    for s in (before, after):
+        reference = s.fitted.reference
+        reference.null = replace(reference.null, slopes=efficiency, priors=np.array([30.0]))
+    assert explains(statistics, before, after)  # type: ignore[arg-type]
+
+
 def test_a_strong_effect_must_bring_back_what_it_moves():
     assert accepted([20, 30, 40], [1, 2, 39], [20, 30, 0])
     assert not accepted([20, 30, 40], [1, 29, 39], [20, 30, 0])  # half of it stays

@@ -182,8 +182,12 @@ def may_explain(statistics: Sequence[Statistic], before: State, after: State) ->
 
 
 def _seen(before: State, moves: np.ndarray) -> np.ndarray:
-    """(statistics,) whether a statistic deviates and the effect shifts it."""
-    return (np.abs(standardised(moves, before.fitted.reference.null_scale)) > OFF) & (np.abs(before.z) > OFF)
+    """(statistics,) whether a statistic deviates and the effect shifts it by more than the nuisance parameters can follow.
+
+    A shift that a refit absorbs (smear raises the level of every flat as quantum efficiency does) is no part of the residual, so
+    a deviation of that statistic is not the effect's to remove.
+    """
+    return (np.abs(before.fitted.reference.null.beyond(moves)) > OFF) & (np.abs(before.z) > OFF)
 
 
 def _brings_back(statistics: Sequence[Statistic], before: State, after: State, lenient: float) -> bool:
@@ -257,11 +261,10 @@ def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
     effect that makes a whole view consistent which deviated far keeps its name, whatever else deviates: real cameras lack
     several effects.
     """
-    scale = before.fitted.reference.null_scale
     was, now = (
         np.abs(standardised(s.fitted.residual, s.fitted.reference.null_scale)) for s in (before, after)
     )
-    seen = (np.abs(standardised(moves_of(before, after), scale)) > OFF) & (was > OFF)
+    seen = (np.abs(before.fitted.reference.null.beyond(moves_of(before, after))) > OFF) & (was > OFF)
     views = np.array([s.view for s in statistics])
     moved_views = [views == view for view in dict.fromkeys(views[seen])]
     if any(_is_in_order(before, after, view) for view in moved_views):
