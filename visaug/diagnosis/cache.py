@@ -22,6 +22,8 @@ from visaug.effects import catalogue
 from visaug.frames import FrameSet
 from visaug.simulation import has_clean
 
+STAGE = 50  # sets that are simulated between two entries of a reference
+
 
 def key(lab: Laboratory, camera: Camera, *words: object) -> str:
     """Name of an entry that depends on the camera, the plan, the seed and the program's own code."""
@@ -87,7 +89,10 @@ def reference(
     known: Reference | None = None,
     begun: Reference | None = None,
 ) -> Reference:
-    """`make_reference`, from the cache if it was computed before."""
+    """`make_reference`, from the cache if it was computed before.
+
+    Many sets are cached in stages, so that an interrupted diagnosis resumes.
+    """
     taken = known and (
         [c.path for c in known.coordinates],
         [getattr(known, use).slopes.tobytes() for use in USES],
@@ -96,6 +101,8 @@ def reference(
     arrays = load(name)
     if arrays is not None:
         return Reference.from_arrays(camera, coordinates, arrays)
+    if begun is None and sets > STAGE:
+        begun = reference(lab, camera, coordinates, sets - STAGE, report, known)
     made = make_reference(lab, camera, coordinates, sets, report, known, begun)
     keep(name, made.arrays())
     return made
