@@ -80,6 +80,28 @@ def test_an_interrupted_diagnosis_goes_on_with_the_effect_it_was_at(stated, tmp_
     assert seen[2:] == seen[1:2]
 
 
+def test_an_interrupted_reference_goes_on_with_the_stage_it_was_at(stated, tmp_path, monkeypatch):
+    monkeypatch.setenv("VISAUG_CACHE", str(tmp_path))
+    monkeypatch.setattr(cache, "STAGE", 4)
+    lab, own = Laboratory(frame_set(5), stated, 0), base_coordinates(stated, frame_set(5), True)[:1]
+    made, real = [], cache.make_reference
+
+    def make(lab, camera, coordinates, sets, *rest):
+        made.append(sets)
+        if len(made) == 3:
+            raise KeyboardInterrupt
+        return real(lab, camera, coordinates, sets, *rest)
+
+    monkeypatch.setattr(cache, "make_reference", make)
+    with pytest.raises(KeyboardInterrupt):
+        cache.reference(lab, stated, own, 10, lambda *_: None)
+    staged = cache.reference(lab, stated, own, 10, lambda *_: None)
+    assert made == [2, 6, 10, 10]
+    at_once = real(lab, stated, own, 10, lambda *_: None)
+    for use in ("find", "confirm", "whole"):
+        assert (getattr(staged, use).sets == getattr(at_once, use).sets).all()
+
+
 def test_a_camera_with_an_effect_is_simulated_once(stated, tmp_path, monkeypatch):
     monkeypatch.setenv("VISAUG_CACHE", str(tmp_path))
     lab = Laboratory(frame_set(5), stated, 0)
