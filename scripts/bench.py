@@ -264,7 +264,7 @@ def scaling(figure: Path) -> list[str]:
     }
     draw_scaling(curves, figure)
     lines = [
-        "Processor time, nothing kept from before. The power with which it grows from the first to the last: 1 is"
+        "Processor time with an empty cache. The exponent is that of the growth from the first to the last row: 1 is"
     ]
     lines += ["linear; below it is what does not grow with the data.", ""]
     for name, (over_frames, over_pixels) in curves.items():
@@ -274,7 +274,7 @@ def scaling(figure: Path) -> list[str]:
             np.log(c[-1][2] / c[0][2]) / np.log(c[-1][k] / c[0][k])
             for k, c in enumerate((over_frames, over_pixels))
         ]
-        lines += ["", f"Power over frames {powers[0]:.2f}, over pixels {powers[1]:.2f}.", ""]
+        lines += ["", f"Exponent over frames {powers[0]:.2f}, over pixels {powers[1]:.2f}.", ""]
     return [*lines, f"![Time over frames and pixels]({figure.parent.name}/{figure.name})"]
 
 
@@ -369,7 +369,7 @@ def training_step() -> list[str]:
 
         def step(model: torch.nn.Module = model) -> None:
             model.zero_grad()
-            sum(t.float().square().mean() for t in _tensors(model(images))).backward()
+            torch.stack([t.float().square().mean() for t in _tensors(model(images))]).sum().backward()
 
         times = measure({"step": step, "noise": lambda: noise(images)}, 8, "cpu")
         low, middle, high = np.percentile(times["noise"] / times["step"], [25, 50, 75])
@@ -403,11 +403,11 @@ def main() -> None:
     torch.set_num_threads(options.threads)
     devices = ["cpu", *(["cuda"] if torch.cuda.is_available() else [])]
     page = [
-        "# What the noise costs",
+        "# Speed",
         "",
         (
             f"Measured by `scripts/bench.py` on {options.machine}, {options.threads} threads, torch {torch.__version__}. "
-            "All rivals ran in turn in one process; only ratios within a table mean something. "
+            "All programs ran alternately in one process, so only ratios within a table are meaningful. "
             "The camera has shot noise, PRNU, DSNU, dark current, Tukey-lambda read noise, a black level and 16 bit, "
             "and is drawn anew for every image (gain, read noise and its shape)."
         ),
@@ -421,7 +421,7 @@ def main() -> None:
                 title = f"{device.upper()}, {batch} {'image' if batch == 1 else 'images'} of {name}"
                 page += ["", f"## {title}", "", *table(times, batch * size[0] * size[1] / 1e6)]
                 times = measure(colour_rivals(batch, size, device, slow), rounds, device)
-                page += ["", "A colour camera on RGB pictures; Mpx are those of the sensor:", ""]
+                page += ["", "A colour camera on RGB images; Mpx counts the pixels of the sensor:", ""]
                 page += table(times, batch * size[0] * size[1] / 1e6)
                 publish(page, options.output)  # what is measured is kept, should the rest be interrupted
     page += ["", "## Start", "", *start_up()]

@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
 import numpy as np
@@ -101,7 +102,7 @@ def run(folder: Path, words: list[str]) -> None:
     main(words)
 
 
-def start(folder: Path, words: list[str]) -> multiprocessing.context.ForkServerProcess:
+def start(folder: Path, words: list[str]) -> ForkServerProcess:
     process = multiprocessing.get_context("forkserver").Process(target=run, args=(folder, words))
     process.start()
     return process
@@ -198,7 +199,7 @@ def kill_often(
     return wrong
 
 
-def _finish(process: multiprocessing.context.ForkServerProcess, folder: Path) -> None:
+def _finish(process: ForkServerProcess, folder: Path) -> None:
     process.join()
     if process.exitcode != 0:
         raise RuntimeError(f"ended with {process.exitcode}: {(folder / 'stderr').read_text()[-2000:]}")

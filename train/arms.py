@@ -180,7 +180,7 @@ class Arm(Part):
     corruptions: Corruptions | None = None
     erase: Erase | None = None
     clean_epochs: int = Field(
-        0,
+        default=0,
         ge=0,
         description="the last epochs of a run, trained without all of this, as close_mosaic does for mosaics",
     )

@@ -197,7 +197,7 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
         )
     table = {column: np.array([row[column] for row in rows]) for column in rows[0]}
     scores = [each.scores for each in detections]
-    unseen = ~targets.inside.any(axis=1)
+    unseen = np.asarray(~targets.inside.any(axis=1))
     precision = {
         name: PrecisionTable(
             scores,

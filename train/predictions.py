@@ -153,7 +153,7 @@ def predict(
             reduced(read_image(file, poses.camera, cv2.IMREAD_COLOR), size, reduce)
             for file in poses.files[first : first + 64]
         ]
-        results = model.predict(
+        results: Any = model.predict(
             images,
             imgsz=image_size,
             conf=LEAST_SCORE,
@@ -164,8 +164,6 @@ def predict(
             device=device,
         )
         for result in results:
-            assert result.boxes is not None
-            assert result.keypoints is not None
             points = result.keypoints.data.cpu().numpy().astype(float)
             detections.append(
                 Detections(

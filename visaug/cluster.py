@@ -20,7 +20,7 @@ def connected(address: str | None) -> Iterator[Any]:
         InputError: Ray is not installed, or nobody answers at the address.
     """
     try:
-        import ray
+        import ray  # pyright: ignore[reportMissingImports]
     except ModuleNotFoundError:
         raise InputError(
             "Ray is not installed",

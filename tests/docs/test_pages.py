@@ -9,6 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import visaug.augment
+import visaug.characterization
+import visaug.diagnosis
+import visaug.effects
+import visaug.frames
 from visaug.cli.root import program
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -67,3 +72,37 @@ def test_commands_and_options_exist(page):
         known = {name for parameter in command.params for name in parameter.opts} | {"--help", "-h"}
         given = {word.split("=")[0] for word in words if re.fullmatch(r"--?[a-z][\w-]*(=.*)?", word)}
         assert given <= known, f"{page.name}: visaug {command.name} has no {', '.join(given - known)}"
+
+
+PUBLIC = [visaug, visaug.augment, visaug.characterization, visaug.diagnosis, visaug.effects, visaug.frames]
+
+
+@pytest.mark.parametrize("module", PUBLIC, ids=lambda module: module.__name__)
+def test_every_public_name_is_in_the_reference(module):
+    shown = {
+        line.split(".")[-1]
+        for page in (ROOT / "docs/reference").glob("*.md")
+        for line in page.read_text().splitlines()
+        if line.startswith("::: ")
+    }
+    public = {name for name in module.__all__ if not name.isupper() and not name.startswith("__")}
+    assert public - shown == set()
+    undocumented = [name for name in sorted(public) if not (getattr(module, name).__doc__ or "").strip()]
+    assert undocumented == []
+
+
+COMMIT = re.compile(r"\b(?=[0-9a-f]*[0-9])(?=[0-9a-f]*[a-f])[0-9a-f]{7,40}\b")
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))], ids=lambda p: p.stem
+)
+def test_names_no_commit(page):
+    assert COMMIT.findall(page.read_text()) == []
+
+
+def test_commits_are_recognised():
+    assert COMMIT.findall("since 4bfd655 and b479d4b1, not 1234567 or 0.2.0 or 1e-07") == [
+        "4bfd655",
+        "b479d4b1",
+    ]

@@ -37,7 +37,8 @@ def image_to_photons(
     Args:
         image: (B, C, H, W), linear in light, in [0, 1] of the converter's range.
         max_dn: 2^bits - 1.
-        gain_e_per_dn, quantum_efficiency: of the camera that takes the image, (B, 1, 1, 1) or scalars.
+        gain_e_per_dn: of the camera, e-/DN, (B, 1, 1, 1) or a scalar.
+        quantum_efficiency: of the camera, (B, 1, 1, 1) or a scalar.
 
     Source: the paper, eq. 7.
     """

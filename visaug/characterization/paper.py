@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import optimize, stats
@@ -91,7 +91,7 @@ def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
         model = np.diff(np.interp(edges / sigma, law.x, law.distribution))
         return float(((shares - model / model.sum()) ** 2).sum())
 
-    best = optimize.minimize_scalar(
+    best: Any = optimize.minimize_scalar(
         mismatch, bounds=tukey.SHAPE_BOUNDS, method="bounded", options={"xatol": 1e-4}
     )
     # The curvature of a sum of squares of shares: each has the variance of a share.
@@ -129,7 +129,7 @@ def _dark(found: Findings, measured: Measured) -> None:
         by_temperature.setdefault(m.group.temperature_c, []).append(
             (m.group.exposure_s, float(kept.mean()) * scale)
         )
-    lines = {
+    lines: dict[float, Any] = {
         t: stats.linregress(*np.array(points).T)
         for t, points in by_temperature.items()
         if len({e for e, _ in points}) > 1

@@ -136,6 +136,9 @@ def evaluate(
         if config_path:
             scores = commands.evaluate(config_path, seed=seed, progress=progress)
         else:
+            assert predictions is not None  # nothing is absent, see above
+            assert data is not None
+            assert domain is not None
             scores = commands.evaluate_predictions(
                 predictions, data, domain, images=images, poses_csv=poses_csv
             )

@@ -257,7 +257,8 @@ def serve(
 class _Server(uvicorn.Server):
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Pictures that are still to be drawn are not waited for."""
-        self.config.app.state.pictures.closed = True
+        application: Any = self.config.app
+        application.state.pictures.closed = True
         super().handle_exit(sig, frame)
 
 

@@ -64,7 +64,7 @@ def write_exr(path: Path, picture: Picture) -> None:
 
 def _openexr(path: Path) -> Any:
     try:
-        import OpenEXR
+        import OpenEXR  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise InputError(
             "needs the package OpenEXR", file=path, expected="`pip install visaug[exr]`"

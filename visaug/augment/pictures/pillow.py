@@ -30,10 +30,9 @@ KEPT = {
 def read_with_pillow(path: Path) -> Picture:
     with pillow_image(path, FORMATS) as image:
         # A JPEG of a phone (MPO) may hold a preview or a gain map beside the picture, which goes.
-        if image.format != "MPO" and getattr(image, "n_frames", 1) > 1:
-            raise InputError(
-                f"holds {image.n_frames} pictures", file=path, expected="a single picture in a file"
-            )
+        count = getattr(image, "n_frames", 1)
+        if image.format != "MPO" and count > 1:
+            raise InputError(f"holds {count} pictures", file=path, expected="a single picture in a file")
         extras = {key: image.info[key] for key in KEPT.get(image.format or "", ()) if key in image.info}
         hints = Hints(icc=image.info.get("icc_profile"), exif_space=exif_space(image.info.get("exif")))
         if image.mode in ("P", "PA"):
