@@ -222,6 +222,15 @@ def test_a_spread_that_covers_anything_is_no_explanation():
     assert explains(views, state(before), after)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("others", "is_accepted"), [(5, True), (20, False)])
+def test_deviations_that_the_effects_own_variance_covers_are_no_others(others, is_accepted):
+    """A cosmic-ray track makes twenty statistics of its frame deviate; the mean of simulated tracks shifts none far."""
+    before, left, rest = [50.0] * 20, [30.0] * 20, [9.0] * others
+    after = spread(state([*left, *rest], np.zeros(20 + others)), np.repeat([30.0, 1.0], [20, others]))
+    views = [SimpleNamespace(view=f"view {i}") for i in range(20 + others)]
+    assert explains(views, state([*before, *rest]), after) is is_accepted  # type: ignore[arg-type]
+
+
 def test_a_strong_effect_of_another_form_leaves_many_statistics_off_each_by_a_little():
     """A gamma distribution of dark current in place of the catalogue's: the skewness stays off, beside a spread that comes back."""
     before = [200.0, 150.0, 26.0, 25.0, 34.0]

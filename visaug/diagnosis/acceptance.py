@@ -14,7 +14,7 @@ from visaug.comparison import Error, is_clear
 from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.parameters import Coordinate
 from visaug.diagnosis.robust import p_value, standardised
-from visaug.diagnosis.spread import Scatter, moves_are_there, scatters_so
+from visaug.diagnosis.spread import Scatter, covered, moves_are_there, scatters_so
 from visaug.fingerprint import Statistic
 
 # Least share of the statistics that an effect shifts whose residual it must remove, as a mean over views
@@ -242,7 +242,8 @@ def _explains_the_faint(before: State, after: State, moves: np.ndarray) -> bool:
     worst = int(np.abs(before.z).argmax())
     if ways:
         gone = abs(after.z[worst]) <= max(BY_CHANCE, 0.3 * abs(before.z[worst]))
-        alone = FEW * np.count_nonzero(np.abs(before.z) > OFF) <= 1
+        others = (np.abs(before.z) > OFF) & ~covered(before.fitted, after.fitted)
+        alone = FEW * np.count_nonzero(others) <= 1
         return bool(alone and gone and any(abs(left) < 0.5 * off for off, left in ways))
     return bool(after.fitted.reference.null_scale[worst] > 1.3 * scale[worst])
 

@@ -41,7 +41,7 @@ def widened(before: Fitted, after: Fitted, times: float = WIDENED) -> np.ndarray
     return (known > 0) & (after.reference.null_scale > times * known)
 
 
-def _covered(before: Fitted, after: Fitted, allowance: np.ndarray | float = 0.0) -> np.ndarray:
+def covered(before: Fitted, after: Fitted, allowance: np.ndarray | float = 0.0) -> np.ndarray:
     """(statistics,) whether an effect adds variance to each and the residual lies within it.
 
     Larger residuals belong to another effect, such as the levels of a drifting lamp, to which row noise adds a little
@@ -69,7 +69,7 @@ def scatters_so(before: Fitted, after: Fitted, moves: np.ndarray, allowance: np.
         allowance: tolerance of effects' forms, per statistic.
     """
     reference, scale = after.reference, after.reference.null_scale
-    spread = _covered(before, after, allowance) & _is_typical(reference.null)
+    spread = covered(before, after, allowance) & _is_typical(reference.null)
     spread &= np.abs(before.reference.null.beyond(moves, scale)) <= SCATTERED
     if np.count_nonzero(spread) < 2:
         return True
@@ -137,7 +137,7 @@ def only_covers(before: Fitted, after: Fitted, off: np.ndarray) -> bool:
         off: (statistics,) whether each deviated before.
     """
     scale = before.reference.null_scale
-    own = off & _covered(before, after)
+    own = off & covered(before, after)
     had, left = (np.linalg.norm(standardised(fitted.residual, scale)[own]) for fitted in (before, after))
     return bool(left > COVERS * had)
 
