@@ -17,7 +17,7 @@ from visaug.errors import InputError
 from visaug.lab.data import LARGEST_MAP, map_data
 
 LARGEST_FILE = 60_000_000  # bytes
-MOST_PIXELS = 25_000_000  # noise on so many takes a few seconds
+MOST_PIXELS = 16_000_000  # noise on so many takes some seconds and 2 GB
 
 
 @dataclass(frozen=True)

@@ -196,6 +196,7 @@ function setNumber(input) {
 async function showEffect() {
   const file = at("file").files[0];
   at("chosen").hidden = !file;
+  at("load").classList.toggle("primary", Boolean(file));
   if (!file) return;
   const lines = (await file.slice(0, 20000).text()).split("\n"), shown = lines.slice(0, 24);
   at("chosen-name").textContent = `${file.name}, ${file.size} bytes, has not been run. It begins:`;
