@@ -43,7 +43,7 @@ def simulate(
     Raises:
         InputError: a flat frame without `photons`, a scene without `clean`, or a frame of kind image.
 
-    Example:
+    Examples:
         >>> import numpy as np, visaug
         >>> from visaug.frames import FrameRecord
         >>> camera = visaug.Camera.load({"resolution": [8, 8], "gain_e_per_dn": 0.5, "black_level_dn": 100})

@@ -10,7 +10,7 @@ def printable(text: str) -> str:
     """The text with an escape for every character that a reader cannot see: control characters, those that turn the direction of
     what follows, and what is no Unicode. Line feeds stay.
 
-    Example:
+    Examples:
         >>> print(printable("a\\x1b[1mb\\u202ec"))
         a\\x1b[1mb\\u202ec
     """
@@ -27,7 +27,7 @@ def number(value: float | None) -> str:
 def p_text(p: float | None) -> str:
     """A p-value: "p = 0.43", or "p < 0.01" where simulated sets cannot resolve it further.
 
-    Example:
+    Examples:
         >>> p_text(0.0099), p_text(0.4273)
         ('p < 0.01', 'p = 0.43')
     """
@@ -39,7 +39,7 @@ def p_text(p: float | None) -> str:
 def probability_text(probability: float) -> str:
     """A posterior probability with two digits, never 0 or 1.
 
-    Example:
+    Examples:
         >>> probability_text(0.9994), probability_text(0.76)
         ('> 0.99', '0.76')
     """
@@ -55,7 +55,7 @@ def with_interval(value: float | None, low: float | None, high: float | None, un
         value, low, high: None where not known.
         unit: "1" and "" are not printed.
 
-    Example:
+    Examples:
         >>> with_interval(1.18734, 1.1032, 1.2971, "e-")
         '1.19 [1.10, 1.30] e-'
     """
@@ -77,7 +77,7 @@ def with_interval(value: float | None, low: float | None, high: float | None, un
 def share_text(share: float) -> str:
     """A share in per cent, never 0.
 
-    Example:
+    Examples:
         >>> share_text(0.617), share_text(0.0004)
         ('62 %', '< 1 %')
     """
@@ -90,7 +90,7 @@ def statistic_text(name: str) -> str:
     Args:
         name: as a comparison's `where` has it, "WHAT, FRAMES".
 
-    Example:
+    Examples:
         >>> statistic_text("rows, bias"), statistic_text("dark rows, band 6, dark 2 s 30 C")
         ('rows in bias frames', 'dark rows, frequency band 6 in dark frames (2 s, 30 °C)')
     """
@@ -105,7 +105,7 @@ def statistic_text(name: str) -> str:
 def label_text(label: str) -> str:
     """The plain name of a curve or a map: its frames in plain words, wherever they stand in it.
 
-    Example:
+    Examples:
         >>> label_text("rows of one frame, flat 800 ph 22 C"), label_text("bias, DN")
         ('rows of one frame, flat frames (800 photons, 22 °C)', 'bias frames, DN')
     """
@@ -115,7 +115,7 @@ def label_text(label: str) -> str:
 def frames_text(label: str) -> str:
     """Frames of one condition in plain words.
 
-    Example:
+    Examples:
         >>> frames_text("flat 800 ph 22 C")
         'flat frames (800 photons, 22 °C)'
     """

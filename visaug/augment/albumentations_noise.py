@@ -32,7 +32,7 @@ class AlbumentationsNoise(albumentations.ImageOnlyTransform):
     Raises:
         InputError: an option or an image that is not valid.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from visaug.augment import AlbumentationsNoise
         >>> AlbumentationsNoise("sony_imx174")(image=np.full((8, 8, 3), 120, np.uint8))["image"].shape

@@ -30,7 +30,7 @@ class ImageNoise:
     Raises:
         InputError: an option or an image that is not valid.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from visaug.augment import ImageNoise
         >>> ImageNoise("sony_imx174", transfer="srgb")(np.full((8, 8, 3), 120, np.uint8)).shape

@@ -96,7 +96,7 @@ class SensorNoise(nn.Module):
     Raises:
         InputError: an option or an image that is not valid.
 
-    Example:
+    Examples:
         >>> import torch
         >>> from visaug.augment import SensorNoise
         >>> SensorNoise("sony_imx174", gain_db=(0, 24), exposure=0.1)(torch.rand(2, 1, 32, 32)).shape

@@ -29,7 +29,7 @@ class TorchvisionNoise(v2.Transform):
     Raises:
         InputError: a sample without a PIL image, tensor or video, for example a NumPy array alone.
 
-    Example:
+    Examples:
         >>> import torch
         >>> from visaug.augment import TorchvisionNoise
         >>> TorchvisionNoise("sony_imx174")(torch.rand(1, 32, 32)).shape

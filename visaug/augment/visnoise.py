@@ -41,7 +41,7 @@ class VISNoise(IntensityAugmentationBase2D):
     Raises:
         InputError: an option or an image that is not valid.
 
-    Example:
+    Examples:
         >>> import torch, visaug
         >>> noise = visaug.VISNoise(visaug.Camera.load({"resolution": [64, 64], "gain_e_per_dn": 0.5}))
         >>> noise(torch.rand(2, 1, 64, 64)).shape

@@ -46,7 +46,7 @@ class Camera:
         effects: the chain, base terms and further effects, in the order in which they act.
         loaded_from: the file or name given to `load`; None for a camera that no file holds as it is.
 
-    Example:
+    Examples:
         >>> import visaug
         >>> camera = visaug.Camera.load("sony_imx174").with_effect("row_noise", sigma_e=1.5)
         >>> camera.effect_names
@@ -134,7 +134,7 @@ class Camera:
         Raises:
             InputError: the camera has no such parameter, or the value is out of bounds.
 
-        Example:
+        Examples:
             >>> import visaug
             >>> camera = visaug.Camera.load({"resolution": [8, 8], "gain_e_per_dn": 0.5})
             >>> camera.replace({"gain_db": 20.0}).values()["gain_e_per_dn"]

@@ -52,7 +52,7 @@ def characterize(
     Raises:
         InputError: frames that cannot be read, or from which nothing can be measured.
 
-    Example:
+    Examples:
         >>> import numpy as np, visaug
         >>> from visaug.frames import FrameRecord
         >>> camera = visaug.Camera.load({"resolution": [64, 64], "gain_e_per_dn": 0.5, "black_level_dn": 100})

@@ -201,7 +201,7 @@ def compare(
     Raises:
         InputError: frames of kind image, a scene without its target, or a frame that cannot be read.
 
-    Example:
+    Examples:
         >>> import visaug
         >>> result = visaug.compare(camera, frames)  # doctest: +SKIP
         >>> result.adequate, result.where[0].view  # doctest: +SKIP

@@ -68,7 +68,7 @@ def diagnose(
     Raises:
         InputError: frames of kind image, too few frames, unknown effects, or fewer than 50 sets.
 
-    Example:
+    Examples:
         >>> import visaug
         >>> result = visaug.diagnose(camera, frames)  # doctest: +SKIP
         >>> result.accepted  # doctest: +SKIP

@@ -56,7 +56,7 @@ class Session:
     Raises:
         InputError: frames of kind image, or too few frames.
 
-    Example:
+    Examples:
         >>> session = visaug.Session(camera, frames)  # doctest: +SKIP
         >>> session.add("row_noise").error  # doctest: +SKIP
     """

@@ -214,7 +214,7 @@ class Effect:
         Raises:
             InputError: an unknown condition, or a signal of another shape.
 
-        Example:
+        Examples:
             >>> import torch, visaug
             >>> electrons = torch.full((64, 64), 500.0)
             >>> noisy = visaug.effects.RowNoise(sigma_e=1.5)(electrons, seed=0)

@@ -25,7 +25,7 @@ class Parameter:
         of: options of the effect's categorical parameters with which this number is used; empty means all. A fit does not vary
             it with other options.
 
-    Example:
+    Examples:
         >>> from visaug.effects import Effect, Parameter, Stage
         >>> class Offset(Effect):
         ...     name, stage = "offset", Stage.READOUT

@@ -25,7 +25,7 @@ class FrameSet:
         warnings: assumptions made while reading, one sentence each.
         loaded_from: the path given to `load`; None for a set made in memory or a part of a set.
 
-    Example:
+    Examples:
         >>> import numpy as np, visaug
         >>> from visaug.frames import FrameRecord
         >>> records = [FrameRecord(sequence=k, file=f"{k}", kind="bias") for k in range(2)]

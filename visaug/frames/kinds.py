@@ -21,7 +21,7 @@ _TYPED = {"superbias": "bias", "superdark": "dark", "superflat": "flat"}
 def kind_of(text: str) -> str | None:
     """The kind that `text` names (``Bias Frame``, ``DOME FLAT``, ``zero``), None where it names none.
 
-    Example:
+    Examples:
         >>> kind_of("Flat Dark"), kind_of("masterbias_2"), kind_of("lamp")
         ('dark', 'bias', None)
     """

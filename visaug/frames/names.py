@@ -27,7 +27,7 @@ def facts_of_name(name: str) -> dict[str, Any]:
     letter or digit stands before it: ``dark_-10C`` is below zero; of ``dark-10C``, where the sign may be a dash,
     no temperature is read.
 
-    Example:
+    Examples:
         >>> facts_of_name("darks/2s_-10C/003.fits")
         {'kind': 'dark', 'exposure_s': 2.0, 'temperature_c': -10.0}
     """
