@@ -147,7 +147,7 @@ def exposures(
             memory = _stepped(camera, plan, seed, memory, range(done, positions[0]))
         done = positions[-1] + 1
         window = _window(camera, plan.records[positions[0]])
-        if shown not in (None, window):  # what the pixels of another window held is not known
+        if shown not in (None, window):  # the charge in the pixels of another window is unknown
             memory = {name: state for name, state in memory.items() if is_of_whole_frame(state)}
         shown = window
         shape = (window[1] - window[0], window[3] - window[2])

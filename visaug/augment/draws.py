@@ -38,7 +38,7 @@ def draw(
     """Draws for `count` images.
 
     Args:
-        spreads_of: what is random about each camera of the population; each image gets one, all equally likely.
+        spreads_of: random parameters of each camera of the population, from which each image gets one with equal probability.
         generator: source of the randomness; None is torch's own, which `torch.manual_seed` sets.
         pattern_key: the key of one camera's fixed patterns; None draws them anew for every image.
         ranges: names and ends of further numbers, drawn uniformly; such a name replaces a camera's value.

@@ -175,7 +175,7 @@ def add_noise(picture: Picture, noise: "SensorNoise", seed: int, bits: int | Non
 
 
 def _white(light: np.ndarray, bits: int | None) -> float:
-    """The value that stands for white.
+    """The value of white.
 
     Raises:
         InputError: values above that of `bits`, or floats that are all whole and exceed 1, as a picture of 0 to 255 has

@@ -41,7 +41,7 @@ def from_unit(image: Tensor, dtype: torch.dtype, bits: int | None) -> Tensor:
 
 
 def _top(dtype: torch.dtype, bits: int | None) -> int:
-    """The number that stands for white; `bits` speaks of 16-bit words alone."""
+    """The value of white; `bits` applies to 16-bit data only."""
     return 2 ** (bits if bits is not None and dtype == torch.uint16 else DEPTHS[dtype]) - 1
 
 

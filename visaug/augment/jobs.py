@@ -28,7 +28,7 @@ def plan_jobs(inputs: Sequence[Path], output: Path, copies: int = 1, labels: boo
 
     Args:
         inputs: pictures and folders; folders are searched whole, linked ones too.
-        output: where the copies go; what lies there is not read again.
+        output: folder of the copies; files in it are not read as inputs.
         copies: of each picture; with more than one, `a.png` becomes `a_1.png`, `a_2.png`, ...
         labels: .txt files are labels, and not counted as skipped.
     """

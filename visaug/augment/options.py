@@ -24,7 +24,7 @@ LEAST, MOST = (
 
 
 def check_choice(name: str, word: Any) -> str:
-    """One of the words that an option takes."""
+    """The value, if it is one of those that an option allows."""
     if word not in CHOICES[name]:
         raise InputError(f"{word!r} is not a choice", field=name, expected=" or ".join(CHOICES[name]))
     return word

@@ -23,7 +23,7 @@ def luminance(light: Tensor) -> Tensor:
 def through_luminance(light: Tensor, take: Callable[[Tensor], Tensor]) -> Tensor:
     """One exposure of the luminance, whose noise is added to every channel: out_c = cut(take(Y) + (c - Y)).
 
-    Channels that are equal stay equal; a tint is kept as a difference of channels and carries no noise of its own.
+    Equal channels stay equal; differences between channels are kept and get no noise.
 
     Args:
         light: (B, C, H, W), linear.

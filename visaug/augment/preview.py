@@ -44,7 +44,7 @@ def sample(
 def noise_by_level(picture: Picture, noise: "SensorNoise", seed: int) -> tuple[float, ...]:
     """Standard deviation of all noise, fixed patterns included, at each of `LEVELS` in steps of 8 bit.
 
-    Root mean square over draws of the camera; a level near black or white loses what is cut there.
+    Root mean square over draws of the camera; near black and white a part of the noise is clipped.
     """
     sigma = []
     with torch.random.fork_rng(devices=[]), torch.no_grad():

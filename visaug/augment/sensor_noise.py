@@ -182,7 +182,7 @@ class SensorNoise(nn.Module):
         if self.seed is None:
             if rank == 0:
                 return None
-            word = int(torch.randint(2**62, ()))  # ranks that are seeded alike still part here
+            word = int(torch.randint(2**62, ()))  # ranks with equal seeds differ from here on
             return torch.Generator().manual_seed(derive_key(word, "rank", rank) >> 1)
         worker = get_worker_info()
         place = (None if worker is None else worker.seed, rank)
@@ -225,7 +225,7 @@ class SensorNoise(nn.Module):
         return noisy
 
     def _picture(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor], encoded: bool) -> Tensor:
-        """The picture as it is shown: encoded, then what the camera makes of it after the converter."""
+        """The encoded picture, after the effects of the picture stage."""
         noisy = self._planes(camera, light, draws)
         noisy = linear_to_srgb(noisy) if encoded else noisy
         if not camera.finishes:
@@ -321,7 +321,7 @@ class SensorNoise(nn.Module):
         return torch.where(seen.isnan(), torch.nan, plane)  # of which the chain would make a count of 0
 
     def _stream(self, draws: Mapping[str, Tensor], images: Tensor, planes: int) -> Stream:
-        """The random numbers of so many planes of the sensor."""
+        """The random numbers of a number of sensor planes."""
         (rows, columns), (r0, c0) = images.shape[2:], self.origin or (0, 0)
         window = (range(r0, r0 + rows), range(c0, c0 + columns))
         patterns = draws["pattern_keys"][:1] if self.fixed_pattern == "camera" else draws["pattern_keys"]
@@ -361,7 +361,7 @@ class SensorNoise(nn.Module):
 
 
 def _rank() -> int:
-    """Of this process in a distributed training, 0 outside; workers know it from what they inherit."""
+    """Rank of this process in a distributed training, 0 outside; workers inherit it."""
     if distributed.is_available() and distributed.is_initialized():
         return distributed.get_rank()
     return max(int(os.environ.get("RANK", 0)), 0)

@@ -181,7 +181,7 @@ def check_size(images: Tensor) -> None:
 
 
 def _loops(tensor: Tensor) -> Any:
-    """The compiled loops where they can stand in for torch: on a CPU, no gradient wanted; else None."""
+    """The compiled loops if they can replace torch: on a CPU, without gradients; else None."""
     if torch.compiler.is_compiling() or tensor.device.type != "cpu" or tensor.dtype != torch.float32:
         return None
     if torch.is_grad_enabled() and tensor.requires_grad:

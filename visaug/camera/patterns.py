@@ -9,7 +9,7 @@ each column or each row, is described by
 Q the quantile function of a Gaussian mixture, n stationary Gaussian noise with a measured power spectrum. The
 mixture gives the levels, the polynomial the trend, the spectrum the spatial frequencies: levels stay levels
 where the trend bends. That is a Gaussian copula. The paper names mixtures and polynomials, and the spatial
-frequencies as what is to be kept (section 4.1.1). What rows and columns leave over is pixel noise.
+frequencies as the part to keep (section 4.1.1). The rest is pixel noise.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from visaug.errors import InputError
 
 DEGREE = 7  # of the trend: enough for a glow at one edge, too little for a band
 COMPONENTS = 4  # at most
-SMOOTHING = 5  # bins of the periodogram that are averaged; a line that stands out is left as it is
+SMOOTHING = 5  # bins of the periodogram that are averaged; single peaks are kept
 LINE = 8.0  # times the mean of its neighbours: a period, no chance
 
 
@@ -162,7 +162,7 @@ def fit_mixture(values: np.ndarray, components: int = COMPONENTS) -> Mixture:
 
 
 def _maximise(values: np.ndarray, count: int, narrowest: float) -> tuple[Mixture, float]:
-    """Started at equal steps of the range, so that a rare level far off has a component of its own."""
+    """Starts at equal steps of the range, so that a rare, distant level gets its own component."""
     weights = np.full(count, 1 / count)
     low, high = np.quantile(values, [0.005, 0.995])
     means = low + (high - low) * (np.arange(count) + 0.5) / count

@@ -1,4 +1,4 @@
-"""What the value 1 of an image stands for, and how DN become image values again.
+"""Conversion between image values and photons, and from DN back to image values.
 
 Functions take NumPy arrays or torch tensors, and gradients pass.
 """
@@ -69,7 +69,7 @@ def scale_of(
 ) -> Scale:
     """The scale of an exposure at these values of the camera.
 
-    The image value 1 stands for the saturation of the exposure, min(full well, (max_dn - black level) G), whatever
+    The image value 1 is the saturation of the exposure, min(full well, (max_dn - black level) G), whatever
     gain and quantum efficiency are, so that these change the noise and not the brightness.
 
     Args:
@@ -77,7 +77,7 @@ def scale_of(
         exposure: share of that light which reaches the sensor; the result is brightened by its inverse.
         subtract_black_level: True maps the black level to 0 and saturation to 1. False maps DN 0 to 0 and the
             converter's last DN to 1; then only the signal above the black level is brightened.
-        full_scale_photons: mean photons that the image value 1 stands for, instead of saturation.
+        full_scale_photons: mean photons per pixel at the image value 1, instead of saturation.
     """
     black, white = values["black_level_dn"], white_dn(camera, values)
     if full_scale_photons is None:

@@ -1,4 +1,4 @@
-"""camera.yaml: what may stand in it; unknown keys and impossible values are refused with the key's path."""
+"""Schema of camera.yaml; unknown keys and impossible values are refused with the key's path."""
 
 import math
 from pathlib import Path
@@ -96,7 +96,7 @@ class Colour(_Part):
 
 
 class CameraSpec(_Part):
-    """The content of a camera.yaml. Units are in the names; docs/cameras.md tells of each field."""
+    """The content of a camera.yaml. Units are in the names; docs/cameras.md describes each field."""
 
     name: str = "camera"
     source: str | dict[str, str] | None = None
@@ -217,7 +217,7 @@ def _check_effect(entry: dict[str, Any], path: str, file: Path | None) -> None:
 
 
 def _number(value: Any) -> Any:
-    """YAML 1.1 reads 1e-3 as a word; here it is the number that was meant."""
+    """The number; YAML 1.1 reads 1e-3 as text."""
     try:
         return float(value) if isinstance(value, str) else value
     except ValueError:

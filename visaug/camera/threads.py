@@ -35,5 +35,5 @@ def in_threads(work: Callable[[int, int], None], rows: int) -> None:
 
 @lru_cache(maxsize=1)
 def _pool(process: int, threads: int) -> ThreadPoolExecutor:
-    """A pool of its own for each process: threads do not survive a fork."""
+    """The pool of this process: threads do not survive a fork."""
     return ThreadPoolExecutor(threads, thread_name_prefix=f"visaug-{process}")

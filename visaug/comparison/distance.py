@@ -34,7 +34,7 @@ def variance(sets: np.ndarray) -> np.ndarray:
 
 
 def least_spread(scale: np.ndarray, least: np.ndarray) -> np.ndarray:
-    """(statistics,) standard deviations below which none is taken where few sets tell them; 0 for a statistic that never varies."""
+    """(statistics,) lower limits of the standard deviations from few sets; 0 for a statistic that is constant."""
     return np.where(scale > 0, np.maximum(LEAST_SHARE * scale, least), 0.0)
 
 
@@ -55,7 +55,7 @@ def largest_of_each(deviations: np.ndarray, floor: np.ndarray) -> np.ndarray:
 
 
 def is_clear(error: Error | None) -> bool:
-    """Whether there is an excess to speak of: one in which noise alone is as large as the whole is none."""
+    """Whether the excess is significant: it must exceed its own noise."""
     return error is not None and error.high - error.low < 1
 
 
@@ -92,7 +92,7 @@ class Distance:
             residual: measured less the model's mean, where the sets are of a neighbouring camera.
             follows: standard deviations of the model's spread, where they are better known than from `sets`.
             beside: simulated sets of another model; s is not less than their spread either, so that both errors share their units.
-            asked: (statistics,) whether each counts; all where left out.
+            asked: (statistics,) whether each counts; all if omitted.
         """
         spread = variance(sets) if follows is None else follows**2
         given = variance(self.given)

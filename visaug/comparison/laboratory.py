@@ -27,7 +27,7 @@ class Laboratory:
 
     Of a large set it takes a share, `selection`: see `visaug.comparison.selection`. `parts` are what is measured and
     simulated: the frames, or a window of them and some full frames beside. `frames` and `folds` are of the first part.
-    `calibrated` says whether the set itself has the photons of all its flats.
+    `calibrated`: whether the set contains the photons of all its flats.
 
     Args:
         frames: the measured set.
@@ -140,7 +140,7 @@ def _joined(found: Sequence[Fingerprint]) -> Fingerprint:
 
 
 def _places(statistics: Sequence[Statistic]) -> dict[tuple[str, str, str], int]:
-    """Where each statistic stands, by its identity, in their order."""
+    """Index of each statistic by its identity."""
     return {(s.view, s.name, s.frames): i for i, s in enumerate(statistics)}
 
 

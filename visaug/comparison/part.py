@@ -40,7 +40,7 @@ class Part:
         plan: the frames of the sequence, without pixels; each with the window that is simulated, a margin wider than the frames.
         keep: positions in the plan of the frames.
         views: through which both are looked at.
-        place: what part of the sensor the frames show, in words; nothing where there is no other.
+        place: part of the sensor that the frames show, as text; empty if there is only one.
         deepest: frames before a used one that are simulated at most.
     """
 

@@ -66,7 +66,7 @@ class PictureComparison:
 
     Attributes:
         p_value: of the largest difference, corrected for the number of statistics (Bonferroni).
-        all_differences: every statistic that both sets tell.
+        all_differences: every statistic that both sets determine.
         where: views that differ at the corrected level, the least probable first.
         curves: level, noise and standard error (8-bit DN) of `target` and `renders`.
         pictures: number of `renders` and of `target`.

@@ -91,7 +91,7 @@ class Selection:
         }
 
     def __str__(self) -> str:
-        """What is used, in words."""
+        """The used frames and pixels, as text."""
         if self.is_all:
             return f"all {self.total} frames in full"
         used = f"{len(self.frames)} of {self.total} frames, spread over the sequence"
@@ -146,7 +146,7 @@ def _sizes(frames: FrameSet) -> list[tuple[int, int]]:
 
 
 def _of_one_window(frames: FrameSet, sizes: Sequence[tuple[int, int]]) -> tuple[list[int], list[str]]:
-    """Positions of the frames that show the window which most show, and what is said of the others."""
+    """Positions of the frames with the commonest window, and the warnings about the others."""
     windows = [r.window for r in frames.records]
     main = Counter(windows).most_common(1)[0][0]
     usable = [i for i, r in enumerate(frames.records) if r.window == main and r.kind in MAX_GROUPS]
@@ -196,7 +196,7 @@ def _spread_out(groups: Sequence[Group], counts: Sequence[int], frames: FrameSet
 
 
 def _middle(rows: int, columns: int, pixels: float) -> Window | None:
-    """A window in the middle of so many pixels, of the sensor's shape; None where that is nearly all of it."""
+    """A central window with this number of pixels and the sensor's aspect ratio; None if that is almost the whole sensor."""
     shrink = (pixels / (rows * columns)) ** 0.5
     if shrink > 0.9:
         return None

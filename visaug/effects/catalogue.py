@@ -1,4 +1,4 @@
-"""The register of effects: what the package brings and what a user's file adds, by the same door."""
+"""The register of effects: those of the package, and those of users' files."""
 
 import hashlib
 import importlib

@@ -52,7 +52,7 @@ def check_effect(effect: type[Effect]) -> None:
 
 
 def try_effect(effect: type[Effect]) -> None:
-    """Apply an effect once to two small frames, so that a mistake in `apply` is told before any work.
+    """Apply an effect once to two small frames, so that an error in `apply` is reported before any work.
 
     Parameters have their first trial value, or their default where there is none. An effect whose strength is then 0 is not
     applied, as in the chain.

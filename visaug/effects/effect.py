@@ -14,7 +14,7 @@ from visaug.sampling import Stream, derive_key
 
 
 class Values:
-    """Values of an effect's parameters as attributes: tensors, and words for options.
+    """Values of an effect's parameters as attributes: tensors, and strings for options.
 
     A `types.SimpleNamespace` would do, but `torch.compile` cannot trace one.
     """

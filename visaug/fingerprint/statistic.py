@@ -14,12 +14,12 @@ class Statistic:
 
     Args:
         view: the view that it belongs to.
-        name: what is measured, e.g. "rows".
+        name: of the measured quantity, e.g. "rows".
         frames: the frames that it is measured on, e.g. "flat 800 ph".
-        axes: along what it varies, out of `AXES`.
+        axes: along which it varies, from `AXES`.
         unit: of the value.
         kind, exposure_s, temperature_c: of those frames.
-        signal: their mean DN above the bias, to tell what grows with the signal. Not part of the identity.
+        signal: their mean DN above the bias, from which growth with the signal is judged. Not part of the identity.
 
     A count is given as its square root, whose spread is 1/2 whatever the count.
     """

@@ -1,4 +1,4 @@
-"""One pass over a set's pixels: what is suspicious about it, by name."""
+"""Checks of a frame set in one pass over its pixels; each problem has a name."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 _SATURATED_SHARE = 0.001
 _CLIPPED_SHARE = 0.01
-_PILED_SHARE = 0.02  # where the converter's top is not known: one value shared by that many as the largest
+_PILED_SHARE = 0.02  # share of pixels at the largest value that indicates saturation, if the converter's range is unknown
 _CONSTANT_KINDS = ("bias", "dark", "flat", "scene")
 
 

@@ -1,4 +1,4 @@
-"""FITS: what the headers of a file say of its frames, and their pixels.
+"""FITS: conditions of the frames from the headers of a file, and their pixels.
 
 Keywords: the FITS standard 4.0 (Pence et al., A&A 524 (2010) A42), the conventions of NOAO/IRAF mosaics (DETSEC,
 TRIMSEC, BIASSEC) and of amateur programs (MaxIm DL, N.I.N.A., INDI: GAIN, OFFSET, READOUTM, BAYERPAT, CCD-TEMP).

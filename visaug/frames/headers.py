@@ -1,4 +1,4 @@
-"""What files of every format say of the frames in them, without reading the pixels."""
+"""Conditions of frames from the headers of files of every format, without reading the pixels."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _exif_of_picture(path: Path) -> Facts:
         with Image.open(path) as picture:
             exif = picture.getexif()
             tags = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
-    except Exception:  # the pixels' reader says what is wrong with the file
+    except Exception:  # the reader of the pixels reports the error
         return {}
     return _exif({ExifTags.TAGS.get(number, ""): value for number, value in tags.items()})
 

@@ -1,4 +1,4 @@
-"""What a word in a header, a table or a file's name says of a frame: its kind, and whether it is a master."""
+"""The kind of a frame, and whether it is a master, from a word in a header, a table or a file name."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MASTER = ("master", "combined", "stacked", "averaged", "superbias", "superdark"
 _TYPED = {"superbias": "bias", "superdark": "dark", "superflat": "flat"}
 
 
-@lru_cache(1000)  # a table repeats few words
+@lru_cache(1000)  # a table contains few different words
 def kind_of(text: str) -> str | None:
     """The kind that `text` names (``Bias Frame``, ``DOME FLAT``, ``zero``), None where it names none.
 

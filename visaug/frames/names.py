@@ -1,4 +1,4 @@
-"""What the names of folders and files say of a frame: ``darks/dark_2s_20C_003.tif``."""
+"""Conditions of a frame from the names of its folders and file: ``darks/dark_2s_20C_003.tif``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _WAVELENGTH = re.compile(r"(?<![\d.,])(\d{3,4})\s?nm" + _END)
 
 
 def facts_of_name(name: str) -> dict[str, Any]:
-    """Facts by the fields of `FrameRecord`, from a relative path; what nothing tells is absent.
+    """Conditions by the fields of `FrameRecord`, from a relative path; unknown ones are absent.
 
     The file's own name wins over its folder's, the nearer folder over the farther. A minus sign counts where no
     letter or digit stands before it: ``dark_-10C`` is below zero; of ``dark-10C``, where the sign may be a dash,
@@ -47,7 +47,7 @@ def _stem(file: str) -> str:
 def _of_part(part: str) -> dict[str, Any]:
     facts: dict[str, Any] = {}
     kind = kind_of(part)
-    if kind not in (None, "image"):  # a folder "images" says nothing of what lies in it
+    if kind not in (None, "image"):  # a folder "images" may contain frames of any kind
         facts["kind"] = kind
     if is_master(part):
         facts["combined"] = 0

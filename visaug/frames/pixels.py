@@ -106,7 +106,7 @@ class PixelReader:
         return pixels
 
     def dtype(self, name: str) -> np.dtype | None:
-        """Type of the stored pixels where the file's header tells it without decoding, else None."""
+        """Type of the stored pixels if the header of the file contains it, else None."""
         file, key, _ = split_name(name)
         path = self.root / file
         suffix = suffix_of(path)

@@ -11,7 +11,7 @@ from visaug.frames.record import FrameRecord
 
 @dataclass(frozen=True, slots=True)
 class PlannedGroup:
-    """Frames of one purpose: how they are taken, what they tell, what is lost without them."""
+    """Frames of one purpose: how they are taken, what they determine, what is lost without them."""
 
     name: str
     how: str
@@ -180,7 +180,7 @@ def default_plan(resolution: Sequence[int] | None = None, **options) -> list[Fra
 
 
 def describe_plan(groups: Sequence[PlannedGroup] | None = None) -> str:
-    """The plan in words: what each group tells, what is lost without it."""
+    """The plan as text: what each group determines, what is lost without it."""
     lines = []
     for group in groups or plan_groups():
         lines += [

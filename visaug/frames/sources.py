@@ -142,7 +142,7 @@ def find(path: Path) -> tuple[str, Path, list[Path]]:
 
 
 def nothing_here(folder: Path, below: int) -> InputError:
-    """The error for a folder that tells of no frames; `below` files lie in or under it that may hold some."""
+    """The error for a folder without frames; `below` is the number of files in or below it that may contain some."""
     return InputError(
         "holds no frames" if not below else f"does not describe its frames; {below} files may contain some",
         file=folder,

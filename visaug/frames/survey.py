@@ -65,7 +65,7 @@ class Survey:
         return [_record(row) for row in self.rows]
 
     def text(self, folder: Path | None = None) -> str:
-        """The content of a frames.csv that lies in `folder`; a cell stays blank where nothing tells it."""
+        """The content of a frames.csv in `folder`; unknown cells are blank."""
         if folder is None or folder.resolve() == self.folder.resolve():
             return rows_text(self.rows)
         way = Path(os.path.relpath(self.folder.resolve(), folder.resolve()))
@@ -91,7 +91,7 @@ def survey(
 
     Args:
         folder: searched with its subfolders; hidden ones are left out.
-        given: values for frames of which nothing tells them, by the columns of frames.csv.
+        given: values for frames without them, by the columns of frames.csv.
         resolution: rows and columns of .raw files, written as their region.
         files: look at these alone.
         progress: called with (description, done, total).
@@ -173,7 +173,9 @@ def _row(file: str, facts: Facts, by_name: Facts, given: Mapping[str, Any]) -> F
     for name in _FIELDS:
         values = (facts.get(name), by_name.get(name), given.get(name))
         row[name] = next((v for v in values if v is not None), None)
-    if facts.get("combined") == 1 and "combined" in by_name:  # a header seldom says that it is no master
+    if (
+        facts.get("combined") == 1 and "combined" in by_name
+    ):  # headers rarely state that a frame is not a master
         row["combined"] = by_name["combined"]
     row["gain_db"] = row["gain_db"] or 0.0
     row["combined"] = 1 if row["combined"] is None else row["combined"]

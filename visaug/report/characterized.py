@@ -68,7 +68,7 @@ def _parameter_tables(parameters: dict[str, dict[str, Any]]) -> list[Table]:
 
 
 def _without_repeats(rows: list[list[str]], caption: str) -> Table:
-    """The last column, where a parameter is from, stands only where it says more than the caption."""
+    """The last column, the source of a parameter, is shown only if it adds to the caption."""
     head = ["parameter", "value [95 % interval]", "unit", "from"]
     if all(row[-1].lower() in caption.replace(",", "").lower() for row in rows):
         head, rows = head[:-1], [row[:-1] for row in rows]

@@ -44,7 +44,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A picture as a data URI, with a caption; `alt` says what is to be seen to who cannot see it."""
+    """A picture as a data URI, with a caption and a description (`alt`) for screen readers."""
 
     uri: str
     caption: str
@@ -63,7 +63,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what stands under it."""
+    """A heading and its content."""
 
     title: str
     blocks: Sequence[Text | Table | Figure] = field(default_factory=list)

@@ -14,7 +14,7 @@ PICTURES = "IMAGES stands for the pictures you train with."
 
 
 class NextStep(NamedTuple):
-    """A sentence, and the command lines that do what it says."""
+    """A sentence, and the command lines for it."""
 
     text: str
     command: str
@@ -22,7 +22,7 @@ class NextStep(NamedTuple):
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a command is given, as it was loaded. Words in capitals stand for what no file is known of.
+    """Inputs of a command as they were loaded. Names in capitals are placeholders for unknown files.
 
     Attributes:
         frames: the folder of the measured frames.

@@ -113,7 +113,7 @@ def write_diagnosis(
     seed: int = 0,
     inputs: Inputs | None = None,
 ) -> Path:
-    """What was missing, the error falling, the views before and after, and what is left.
+    """The missing effects, the error after each step, the views before and after, and the remaining residuals.
 
     Args:
         inputs: the files for the next command; None takes those that camera and frames were loaded from.
@@ -256,6 +256,6 @@ def _captions(where: list[dict[str, Any]]) -> dict[str, str]:
 
 
 def described(frames: "FrameSet") -> str:
-    """How many frames of which kind, in words."""
+    """Numbers of frames of each kind, as text."""
     kinds = [record.kind for record in frames.records]
     return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds)) + " frames"

@@ -49,7 +49,7 @@ class SensorCurves:
 
     @property
     def row_noise(self) -> float:
-        """Power of what a row has in common over the median power; 1 where pixels are independent."""
+        """Power that the pixels of a row share, over the median power; 1 for independent pixels."""
         return float(self.row_power[0] / np.median(self.row_power))
 
     @property

@@ -18,7 +18,7 @@ with contextlib.suppress(ImportError):
 
 
 def derive_key(*words: object) -> int:
-    """A 64-bit key from a seed and names; different words give unrelated streams."""
+    """A 64-bit key from a seed and names; different arguments give independent streams."""
     digest = hashlib.blake2b(repr(words).encode(), digest_size=8).digest()
     return int.from_bytes(digest, "little")
 
@@ -63,7 +63,7 @@ class Stream:
         drawn: keeps the camera's own numbers, those of `fixed`, for the next batch of the same window; its tensors must
             not be changed.
 
-    Every draw takes `vary`, which says what shares one number:
+    Every draw takes `vary`, which determines the pixels that share one number:
     "pixel" (B, C, H, W), "row" (B, C, H, 1), "column" (B, C, 1, W), "frame" (B, 1, 1, 1).
     Draw twice for two independent sets by `fork(name)`: the same stream gives the same numbers again.
     """
@@ -96,7 +96,7 @@ class Stream:
 
     @property
     def fixed(self) -> "Stream":
-        """The stream of the cameras instead of the frames: what it gives is the same in every frame of a camera.
+        """The stream of the cameras instead of the frames: its numbers are the same in every frame of a camera.
 
         Where all images come from one camera its draws have a batch of 1, and broadcast.
         """

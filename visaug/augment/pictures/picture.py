@@ -13,7 +13,7 @@ class Picture:
     Attributes:
         pixels: (H, W, C) uint8, uint16 or float; C is 1 (gray), 2 (gray, alpha), 3 (colour) or 4 (colour, alpha).
         transfer: "linear" or "srgb": how pixel values follow the light.
-        reason: what `transfer` was decided from, in a few words.
+        reason: how `transfer` was determined, for messages.
         keep: (H, W) bool, True where a pixel holds no light (a transparent colour, GDAL's no-data value) and must
             keep its value; None where there is no such pixel.
         key: the pixel value that `keep` stands for; no other pixel may get it.

@@ -66,5 +66,5 @@ def exif_space(block: bytes | None) -> int | None:
         exif = Image.Exif()
         exif.load(block)
         return exif.get_ifd(EXIF_IFD).get(EXIF_COLOUR_SPACE)
-    except Exception:  # a damaged block says nothing
+    except Exception:  # a damaged block contains no information
         return None

@@ -105,7 +105,7 @@ def _packed(name: bytes, data: bytes) -> bytes:
 
 
 def _private(name: bytes) -> bool:
-    """Chunks of others' making whose names say that they may be copied with changed pixels (PNG, 5.4)."""
+    """Private chunks that are safe to copy when the pixels change (PNG, 5.4)."""
     return name[0:1].islower() and name[1:2].islower() and name[3:4].islower()
 
 

@@ -1,4 +1,4 @@
-"""Whether a picture's values are linear in light or encoded, by what its file says.
+"""Whether a picture's values are linear in light or encoded, from its file.
 
 The first of these that is there decides: ICC profile; PNG's cICP, sRGB and gAMA chunks; EXIF's colour space. Without
 any, colour of 8 bit is sRGB, as every camera, browser and renderer writes it; everything else (gray of 8 bit, 16 bit,
@@ -18,14 +18,14 @@ CICP_LINEAR, CICP_SRGB_LIKE = (8,), (1, 4, 5, 6, 13, 14, 15)  # ITU-T H.273, tab
 
 @dataclass(frozen=True)
 class Hints:
-    """What a file says of its encoding; None where it says nothing.
+    """Information in a file on its encoding; None where there is none.
 
     Attributes:
         icc: the ICC profile.
         cicp: transfer characteristics by ITU-T H.273.
-        srgb: there is a chunk that says sRGB.
+        srgb: whether there is an sRGB chunk.
         gamma: of the file, as PNG has it: 1.0 is linear, 0.45455 is that of sRGB.
-        exif_space: EXIF's ColorSpace; 1 is sRGB, 65535 says nothing.
+        exif_space: EXIF's ColorSpace; 1 is sRGB, 65535 is undefined.
     """
 
     icc: bytes | None = None
@@ -36,7 +36,7 @@ class Hints:
 
 
 def transfer_of(hints: Hints, dtype: np.dtype, colours: int) -> tuple[str, str]:
-    """("linear" or "srgb", the reason in a few words)."""
+    """("linear" or "srgb", the reason for messages)."""
     if hints.cicp in CICP_LINEAR + CICP_SRGB_LIKE:
         return (LINEAR if hints.cicp in CICP_LINEAR else SRGB), "cICP chunk"
     gamma = profile_gamma(hints.icc) if hints.icc else None

@@ -5,7 +5,7 @@ import torch.nn.functional as F
 
 from visaug.effects.effect import Effect, Parameter, Stage
 
-DEEPEST_E = 1e9  # stands for a full well without limit
+DEEPEST_E = 1e9  # in place of an unlimited full well
 LEAST = 0.02  # share of the excess that is seen beside it: less may be a blur, a lag or noise
 
 
@@ -41,7 +41,7 @@ class Blooming(Effect):
 
     @classmethod
     def looks(cls, seen):
-        """How much of what is above full well fills the wells beside it, and on which side."""
+        """Share of the charge above full well that fills the neighbouring wells, and on which side."""
         if len(seen.spilled_e) == 0:
             return []
         excess, up, down = map(float, seen.spilled_e.sum(0).clip(0))

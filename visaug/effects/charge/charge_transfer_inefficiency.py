@@ -57,7 +57,7 @@ class ChargeTransferInefficiency(Effect):
 
 
 def _shift(signal, by, axis):
-    """Moved by so many pixels towards higher numbers, zeros coming in."""
+    """Shifted towards higher pixel numbers, filled with zeros."""
     padded = F.pad(signal, (by, 0) if axis == -1 else (0, 0, by, 0))
     return padded.narrow(axis, 0, signal.shape[axis])
 

@@ -28,6 +28,6 @@ class DarkCurrent(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        if context.reading == "paper":  # electrons are counted already: eq. 11 adds a Poisson draw of its own
+        if context.reading == "paper":  # electrons are counted already: eq. 11 adds a separate Poisson draw
             return signal + stream.poisson(context.dark_current_e.expand(signal.shape))
         return signal + context.dark_current_e

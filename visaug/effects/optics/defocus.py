@@ -27,7 +27,7 @@ class Defocus(Effect):
     separates = (
         "image a bright point: defocus gives a uniform disc with a sharp edge, point_spread a Gaussian"
     )
-    proposed = False  # a diagnosis names the blur by point_spread; bright points tell them apart
+    proposed = False  # a diagnosis reports any blur as point_spread; only bright points distinguish them
     radius_px = Parameter(
         2.0,
         unit="px",

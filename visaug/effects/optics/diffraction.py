@@ -33,7 +33,7 @@ class Diffraction(Effect):
         "image a bright point: diffraction gives rings and wings that fall with the third power of the "
         "distance"
     )
-    proposed = False  # a diagnosis names the blur by point_spread; bright points tell them apart
+    proposed = False  # a diagnosis reports any blur as point_spread; only bright points distinguish them
     radius_px = Parameter(
         1.0,
         unit="px",

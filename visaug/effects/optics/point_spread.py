@@ -24,7 +24,7 @@ class PointSpread(Effect):
         unit="px",
         high=50.0,
         strength=True,
-        trials=(0.2, 0.6, 1.2),  # what it moves grows a thousandfold from 0.1 to 0.6 px
+        trials=(0.2, 0.6, 1.2),  # its shifts grow a thousandfold from 0.1 to 0.6 px
         source="an f/2.8 lens on 3 um pixels: 0.3 to 1 px",
     )
     aspect = Parameter(1.0, low=0.2, high=5.0, source="vertical to horizontal width; 1: round")

@@ -7,7 +7,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-TRUNCATE = 4.0  # a Gaussian ends at so many standard deviations
+TRUNCATE = 4.0  # standard deviations at which a Gaussian kernel is truncated
 PROFILES = ("gaussian", "exponential", "power_law")
 
 

@@ -59,7 +59,7 @@ class PeriodicBanding(Effect):
     def looks(cls, seen):
         """The highest line in the spectrum of single frames' rows, as high as it is and, if that is faint, higher.
 
-        What a faint one moves drowns in the noise of a few simulations; what a strong one moves can be scaled down.
+        The shift by a faint one is hidden in the noise of a few simulations; that by a strong one can be scaled down.
         """
         lines = seen.row_noise_e - seen.row_noise_e.mean(1, keepdims=True)
         count, height = lines.shape

@@ -1,4 +1,4 @@
-"""Mean levels: what the signal is, and how it follows light, exposure and temperature."""
+"""Mean levels: the signal and its dependence on light, exposure and temperature."""
 
 import numpy as np
 

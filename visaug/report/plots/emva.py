@@ -78,7 +78,7 @@ def snr(result: Characterization) -> Figure:
     photons = c["photons"]
     ratio = (c["mean_dn"] - c["dark_mean_dn"]) / np.sqrt(np.maximum(c["variance_dn2"], 1e-12))
     seen = (photons > 0) & (ratio > 0)
-    if (top := int(c["saturation"][0])) >= 0:  # beyond, clipped noise tells nothing
+    if (top := int(c["saturation"][0])) >= 0:  # beyond it the noise is clipped
         seen &= photons <= photons[top]
     efficiency = result["emva.quantum_efficiency"].value
     gain = result["emva.system_gain_dn_per_e"].value

@@ -1,4 +1,4 @@
-"""Images side by side, each with its own scale told."""
+"""Images side by side, each with its own labelled scale."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -55,7 +55,7 @@ def plot_images(
 def plot_components(
     images: Sequence[np.ndarray], titles: Sequence[str], unit: str, columns: int = 4
 ) -> "Figure":
-    """Noise components, each on a scale of its own: three standard deviations, told above."""
+    """Noise components, each on its own scale of three standard deviations, which the title states."""
     rows = -(-len(images) // columns)
     height, breadth = images[0].shape[:2]
     with styled():

@@ -47,7 +47,7 @@ def styled() -> Iterator[None]:
 
 
 def plain(text: str) -> str:
-    """A user's text for a figure, where matplotlib would take what is between two $ for a formula."""
+    """A user's text for a figure, escaped where matplotlib would parse a formula between two $."""
     return text.replace("$", r"\$")
 
 
