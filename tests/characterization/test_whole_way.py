@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import visaug
 from visaug.characterization import characterize
@@ -37,6 +38,32 @@ def test_where_nothing_is_hidden_the_camera_that_was_measured_holds():
     assert content["bit_depth"] == 12
     assert "effects" not in content
     compared = visaug.compare(result.camera, frames, seed=2)
+    assert compared.adequate, compared.where()
+
+
+@pytest.mark.parametrize(
+    ("bits", "gain", "read_dn", "black_dn"),
+    [(12, 1.0, 2.0, 1.9), (10, 10.0, 0.6, 5.3), (8, 60.0, 0.3, 0.6)],
+    ids=["a sixth of the bias frames cut", "noise of 0.6 DN", "8 bits"],
+)
+def test_cameras_of_several_kinds_hold(bits, gain, read_dn, black_dn):
+    """Each is rejected by chance once in 50. Uneven offsets, 1 % PRNU, flats up to saturation."""
+    rng, shape = np.random.default_rng([bits, 5]), (40, 48)
+    response, offset = 1 + 0.01 * rng.standard_normal(shape), 0.7 * read_dn * rng.standard_normal(shape)
+    top = 2**bits - 1
+    plan = [("bias", None, 0.0)] * 12
+    plan += [
+        ("flat", s * top * gain / 0.5, s * top * gain)
+        for s in (0.03, 0.1, 0.2, 0.4, 0.6, 0.8, 1.3)
+        for _ in range(3)
+    ]
+    frames = []
+    for _, _, mean in plan:
+        dn = rng.poisson(mean * response) / gain + offset + read_dn * rng.standard_normal(shape) + black_dn
+        frames.append(np.clip(np.rint(dn), 0, top).astype(np.uint8 if bits == 8 else np.uint16))
+    records = [FrameRecord(i, f"{i}", kind, 0.01, 20.0, 0.0, p) for i, (kind, p, _) in enumerate(plan)]
+    frame_set = FrameSet.from_arrays(records, frames)
+    compared = visaug.compare(characterize(frame_set).camera, frame_set, seed=4)
     assert compared.adequate, compared.where()
 
 
