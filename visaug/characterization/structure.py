@@ -43,9 +43,10 @@ class Profile:
             return np.empty(0)
         rank = (m + 1) // 2
         median = np.partition(power[:m], rank - 1)[rank - 1]
-        if (
-            even
-        ):  # half the sampling frequency has one degree of freedom, the others two: the same probability
+        if not median > 0:  # lines without noise
+            return np.empty(0)
+        if even:
+            # Half the sampling frequency has one degree of freedom, the others two: the same probability.
             white = median / np.log(2)
             power[-1] = -white * (np.log(2) + log_ndtr(-np.sqrt(power[-1] / white)))
         return self.frequency[1:][power > _least_peak(m, rank) * median]
