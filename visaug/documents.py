@@ -146,7 +146,7 @@ def _expanded(node: yaml.Node, known: dict[int, int]) -> int:
         return 1
     if id(node) in known:
         if known[id(node)] == 0:
-            raise yaml.YAMLError("an alias stands within what it names")
+            raise yaml.YAMLError("an alias inside the node that it refers to")
         return known[id(node)]
     known[id(node)] = 0
     parts = [part for pair in node.value for part in (pair if isinstance(pair, tuple) else (pair,))]

@@ -241,7 +241,7 @@ def transfer_of_files(files: Sequence[str]) -> tuple[str, str]:
         with suppress(InputError, OSError, KeyError):
             picture = read_picture(Path(file))
             found[picture.transfer, picture.reason] += 1
-    return found.most_common(1)[0][0] if found else ("linear", "no file tells")
+    return found.most_common(1)[0][0] if found else ("linear", "no file states it")
 
 
 def _image_files(dataset: Any) -> list[str]:

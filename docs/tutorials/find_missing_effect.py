@@ -56,7 +56,7 @@ frames
 
 # %%
 comparison = visaug.compare(camera, frames)
-print(f"p-value: {comparison.p_value:.3g}")
+print(comparison)
 for line in comparison.differences(4):
     print(f"{line['view']:20} {line['statistic']:24} z = {line['z']:.1f}")
 
@@ -89,7 +89,7 @@ for ranked in diagnosis.ranking[:1]:
 error = diagnosis.to_json()["error"]
 low, high = error["interval_after"]
 print(f"error: {error['before']} before, {error['after']:.2f} after, 95 % interval {low:.2f} to {high:.2f}")
-print(f"p-value: {diagnosis.p_value_before:.2g} before, {diagnosis.p_value_after:.2g} after")
+print(f"camera explains the frames: {diagnosis.adequate_before} before, {diagnosis.adequate_after} after")
 
 # %% [markdown]
 # ## Use the corrected camera

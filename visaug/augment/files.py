@@ -186,7 +186,7 @@ def _white(light: np.ndarray, bits: int | None) -> float:
         if there.max(initial=0) > 1 and np.array_equal(there, np.round(there)):
             raise InputError(
                 f"holds whole numbers up to {there.max():g} as floating point",
-                expected="values in [0, 1]: divide by what stands for white (255 for data of 8 bit)",
+                expected="values in [0, 1]: divide by the value of white (255 for 8-bit data)",
             )
         return 1.0
     if bits is None or light.dtype != np.uint16:

@@ -198,7 +198,7 @@ def _read(
                 "is {} x {}".format(*frame.shape),
                 file=record.file,
                 field="region",
-                expected="{} x {} as the other frames, or a region that says which window it is".format(
+                expected="{} x {} as the other frames, or a `region` with the window of the sensor".format(
                     *size
                 ),
             )

@@ -58,12 +58,12 @@ def check(frames: FrameSet) -> list[str]:
         found.append(
             f"saturated_flat: more than {_SATURATED_SHARE:.1%} of the pixels of flats "
             f"{name(saturated)} are at "
-            "the converter's top; they tell the saturation, not the gain"
+            "the converter's top; they determine the saturation, not the gain"
         )
     if clipped:
         found.append(
             f"clipped_at_zero: more than {_CLIPPED_SHARE:.0%} of the pixels of frames {name(clipped)} are 0: "
-            "the black level is too low, means and variances of dark frames are cut"
+            "the black level is too low, means and variances of dark frames are clipped"
         )
     lit = _lit_bias(frames, means, spreads)
     if lit:
@@ -74,7 +74,7 @@ def check(frames: FrameSet) -> list[str]:
     for group in frames.groups():
         if group.kind in ("bias", "dark", "flat") and len(group.indices) == 1:
             found.append(
-                f"few_frames: {group.kind} frame {name(group.indices)} stands alone at its settings; "
+                f"few_frames: {group.kind} frame {name(group.indices)} is the only one with its settings; "
                 f"temporal "
                 "noise needs two or more"
             )

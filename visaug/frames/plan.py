@@ -105,16 +105,16 @@ def plan_groups(
         f"lens capped, {len(dark_exposures_s)} exposures at {len(temperatures_c)} temperature"
         f"{'s' if len(temperatures_c) > 1 else ''}",
         "dark current and its temperature law, its non-uniformity, hot pixels, glow, random telegraph noise",
-        "dark current; one temperature alone leaves its temperature coefficient open",
+        "dark current; with a single temperature its temperature coefficient",
         [frame("dark", t, c) for c in temperatures_c for t in dark_exposures_s for _ in range(repeats)],
     )
     add(
         "flats",
-        f"even light at {len(levels)} levels from {min(levels):g} to {max(levels):g} of saturation, photons per "
+        f"uniform light at {len(levels)} levels from {min(levels):g} to {max(levels):g} of saturation, photons per "
         "pixel measured",
         "gain by photon transfer, quantum efficiency, PRNU by row, column and pixel, linearity, full "
         "well, vignetting",
-        "gain: no figure in electrons is possible; photons left blank: quantum efficiency alone is lost",
+        "gain, and with it all figures in electrons; without `photons` only the quantum efficiency",
         [
             frame("flat", exposure_s, photons=round(level * saturation_photons))
             for level in levels
@@ -124,8 +124,8 @@ def plan_groups(
     add(
         "flats at half light, twice the exposure",
         "one level reached by another exposure",
-        "tells a bent response from a lamp that drifts or a shutter that lags",
-        "nonlinearity and lamp drift look alike",
+        "distinguishes a nonlinear response from lamp drift and shutter delay",
+        "nonlinearity and lamp drift cannot be distinguished",
         [frame("flat", 2 * exposure_s, photons=round(0.5 * saturation_photons)) for _ in range(repeats)],
     )
     pairs = [frame(kind, exposure_s) for _ in range(2 * repeats) for kind in ("scene", "dark")]
@@ -136,15 +136,15 @@ def plan_groups(
         "the noiseless target in `clean` where it is known",
         "point spread, crosstalk, glare, flare, blooming, smear, charge transfer, and image lag in "
         "the dark frame after",
-        "everything that light does to its neighbours in space and time",
+        "all effects between neighbouring pixels and consecutive frames",
         pairs,
     )
     if len(gains_db) > 1:
         add(
             "gain ladder",
             "bias frames and one flat level at every gain setting",
-            "whether the gain follows its decibels, and read noise and black level at each gain",
-            "the gain law; other settings than the base are extrapolated",
+            "gain, read noise and black level at each setting",
+            "the dependence on the gain setting; other settings are extrapolated",
             [
                 frame(kind, t, gain_db=g, photons=photons)
                 for g in gains_db[1:]
@@ -185,7 +185,7 @@ def describe_plan(groups: Sequence[PlannedGroup] | None = None) -> str:
     for group in groups or plan_groups():
         lines += [
             f"{group.name} ({len(group.records)} frames): {group.how}",
-            f"  tells: {group.tells}",
+            f"  determines: {group.tells}",
             f"  lost without it: {group.lost}",
         ]
     lines.append(

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from visaug.camera import Camera
     from visaug.frames import FrameSet
 
-PICTURES = "IMAGES stands for the pictures you train with."
+PICTURES = "Replace IMAGES by the pictures that you train with."
 
 
 class NextStep(NamedTuple):

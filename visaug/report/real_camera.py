@@ -130,7 +130,7 @@ def real_camera_section(seed: int = 0) -> Section:
             figure(
                 sensor.plot_row_spectrum(measured, modelled),
                 "Spectrum of the dark noise along the row, fresh in every frame (EMVA 1288's horizontal "
-                "spectrogram); 1 is what independent pixels give, at frequency 0 stands what a whole row "
+                "spectrogram); independent pixels give 1; frequency 0 is the power that a whole row "
                 "has in common.",
                 wide=False,
             ),
@@ -172,7 +172,7 @@ def difference(measured: SensorCurves, modelled: SensorCurves) -> str:
     if drift > 2 * drift_model:
         missing.append(f"the level drifts from frame to frame ({drift:.3f} against {drift_model:.3f} DN)")
     if not missing:
-        return agree + "; nothing else in these pictures tells the two apart."
+        return agree + "; nothing else in these pictures distinguishes the two."
     *most, last = missing
     return f"{agree}; what the plain model lacks: {'; '.join(most)}{'; and ' if most else ''}{last}."
 
