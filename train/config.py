@@ -33,10 +33,7 @@ class Rendered(Part):
 
 
 class Source(Part):
-    """A domain and split of the data's folder, or (with `root`) of another:
-
-    SPEED and SPEED+ are two folders.
-    """
+    """A domain and split of the data's folder or, with `root`, of another one (SPEED and SPEED+ are two folders)."""
 
     domain: str
     split: Literal["train", "validation", "test"] | None = None

@@ -18,9 +18,9 @@ BOXES_PER_IMAGE, KEYPOINT_SETS_PER_IMAGE = 100, 20  # COCO's maxDets
 
 @dataclass(frozen=True, eq=False)
 class Detections:
-    """What a network found in one image:
+    """Detections of a network in one image.
 
-    boxes (D, 4) x0 y0 x1 y1, points (D, K, 2), point scores (D, K), scores (D).
+    Boxes (D, 4) x0 y0 x1 y1, points (D, K, 2), point scores (D, K), scores (D).
     """
 
     boxes: np.ndarray

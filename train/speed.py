@@ -114,9 +114,9 @@ def read_poses(root: str | Path, domain: str, split: str | None = None, seed: in
 
 
 def split_indices(count: int, seed: int) -> dict[str, np.ndarray]:
-    """Which of `count` images train, validate and test:
+    """Indices of the images that train, validate and test.
 
-    a permutation cut as 7680 : 1920 : 2400, each sorted.
+    A permutation of `count` cut as 7680 : 1920 : 2400, each part sorted.
     """
     order = np.random.default_rng([20250711, seed]).permutation(count)
     total = sum(SPEED_SPLIT.values())

@@ -104,10 +104,7 @@ def prepare(config: Config, progress: Progress | None = None) -> Study:
 
 
 def check_arms(config: Config) -> None:
-    """Refuse, before hours of training, what an arm would stumble over:
-
-    its camera, its training arguments.
-    """
+    """Refuses an invalid camera or invalid training arguments of an arm before any training."""
     check_hidden(config)
     check_cameras(config)
     check_tracking(config.tracking)

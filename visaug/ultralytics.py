@@ -97,9 +97,9 @@ def vis_trainer(camera: "Camera | str | Path | nn.Module", base: type | None = N
 
 
 def add_callback(model: "YOLO", camera: "Camera | str | Path | nn.Module", **options: Any) -> None:
-    """The same for a model whose trainer one does not choose:
+    """Adds the noise to the training of a model whose trainer cannot be chosen.
 
-    ``add_callback(model, camera); model.train(...)``.
+    Use: `add_callback(model, camera); model.train(...)`. Arguments as for `vis_trainer`.
     """
     module = noise_of(camera, **options)
 

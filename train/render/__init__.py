@@ -1,0 +1,1 @@
+"""Rendered data: views of a spacecraft, and the cameras of the test domains."""

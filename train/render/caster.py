@@ -69,9 +69,9 @@ class RayCaster:
         return radiance.reshape(shape), covered.reshape(shape)
 
     def _rays_at_targets(self, views: Views) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Rays that may meet the target, in the body frame:
+        """Rays that may meet the target, in the body frame.
 
-        directions, origins by image, image and pixel of each.
+        Directions, origins by image, image and pixel of each.
         """
         camera, s = self.camera, self.samples
         keypoints = Keypoints.load("tango")
@@ -127,9 +127,9 @@ class RayCaster:
 def nearest(
     scene: Scene, origin: torch.Tensor, direction: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """First box that each ray (N, 3) meets:
+    """First box that each ray (N, 3) meets.
 
-    distance (N) (FAR where none), its index (N), its normal (N, 3).
+    Distance (N) (FAR where none), its index (N), its normal (N, 3).
     """
     turns = scene.axes.reshape(-1, 3)  # all boxes in one matrix product, laid out (box, axis, ray)
     shift = (scene.axes @ scene.centres[:, :, None]).reshape(-1, 1)
@@ -157,7 +157,7 @@ def reflect(
     view: torch.Tensor,
     light: torch.Tensor,
 ) -> torch.Tensor:
-    """Radiance under a unit sun:
+    """Radiance under a unit sun.
 
     Lambert and GGX with Smith's shadowing (Walter et al. 2007) and Schlick's Fresnel.
     """

@@ -1,7 +1,4 @@
-"""Draw what is rendered:
-
-attitude, position, sun, fill light and the Earth behind, each by its own stream of numbers.
-"""
+"""Random draws of a rendering: attitude, position, sun, fill light and the Earth, each from its own stream."""
 
 from dataclasses import dataclass
 
@@ -69,9 +66,9 @@ def draw_views(
 
 
 def draw_earth(camera: Pinhole, share: float, rng: np.random.Generator) -> np.ndarray | None:
-    """The Earth behind the target as radiance (height, width), in `share` of the images:
+    """The Earth behind the target as radiance (height, width), in `share` of the images.
 
-    a limb, clouds, a sea.
+    It has a limb, clouds and a sea.
     """
     if rng.uniform() >= share:
         return None

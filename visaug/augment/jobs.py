@@ -66,9 +66,9 @@ def copy_names(name: str, copies: int) -> list[str]:
 
 
 def label_place(picture: Path) -> Path:
-    """Where ultralytics looks for a picture's YOLO labels: the last folder `images` of the path reads `labels`,
+    """Where ultralytics looks for a picture's YOLO labels.
 
-    else beside it.
+    The last folder `images` of the path is replaced by `labels`; without one, the folder is the same.
     """
     parts = list(picture.absolute().parts)
     folders = [number for number, part in enumerate(parts[:-1]) if part == "images"]

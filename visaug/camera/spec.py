@@ -24,6 +24,8 @@ Row = tuple[Element, Element, Element]
 
 
 class ReadNoise(_Part):
+    """Read noise: standard deviation, Tukey-lambda shape, and the part after the gain stage."""
+
     sigma_e: float = Field(0.0, ge=0, le=1e4)
     shape: float = Field(0.14, ge=LEAST_SHAPE, le=1)
     after_gain_dn: float = Field(0.0, ge=0, le=65535)
@@ -59,6 +61,8 @@ class DarkCurrent(_Part):
 
 
 class PRNU(_Part):
+    """Photo-response nonuniformity: relative standard deviations of columns, rows and pixels."""
+
     column: float = Field(0.0, ge=0, le=0.5)
     row: float = Field(0.0, ge=0, le=0.5)
     pixel: float = Field(0.0, ge=0, le=0.5)
@@ -68,6 +72,8 @@ class PRNU(_Part):
 
 
 class DSNU(_Part):
+    """Dark-signal nonuniformity: standard deviations of columns, rows and pixels, in electrons."""
+
     column_e: float = Field(0.0, ge=0, le=1e4)
     row_e: float = Field(0.0, ge=0, le=1e4)
     pixel_e: float = Field(0.0, ge=0, le=1e4)

@@ -118,7 +118,6 @@ def evaluate(
     P is in the COCO results format with `file_name` (or `image_id` and --images), or a CSV of poses in the format
     of the Kelvins competition: file, q1..q4 (scalar first), r1..r3 in metres.
     """
-
     given = {"--predictions": predictions, "--data": data, "--domain": domain}
     absent = [name for name, value in given.items() if value is None]
     if (config_path is None) == (len(absent) == 3) or (config_path is None and absent):

@@ -10,13 +10,16 @@ from visaug.effects.readout.steps import edges
 
 
 class FixedPatternStructure(Effect):
-    """Column amplifiers share supplies and layout, so their offsets are correlated. The shapes:
+    """Column amplifiers share supplies and layout, so their offsets are correlated.
 
-    bands: groups of `period_px` adjacent lines share a level that is uniform in [-1, 1];
-    levels: the same with one of three levels -1, 0, 1 (the paper's columns lie near 11, 6 and 1 e-);
-    wave: a sine of period `period_px` with a phase that is fixed for the camera;
-    slope: a parabola across the sensor, from one edge to the other;
-    steps: the level rises by A at `edge` and by A times `second` at `second_edge`; a negative A inverts it.
+    The shapes are:
+
+    - bands: groups of `period_px` adjacent lines share a level that is uniform in [-1, 1];
+    - levels: the same with one of three levels -1, 0, 1 (the paper's columns lie near 11, 6 and 1 e-);
+    - wave: a sine of period `period_px` with a phase that is fixed for the camera;
+    - slope: a parabola across the sensor, from one edge to the other;
+    - steps: the level rises by A at `edge` and by A times `second` at `second_edge`; a negative A inverts it.
+
     A measured structure (`map`, a file: a whole pattern, or the profile of columns or rows) replaces the shape and its
     amplitude and is added to what `dsnu` draws; `dsnu.map` replaces that too.
     """

@@ -6,6 +6,8 @@ from visaug.fingerprint.view import Curve, Picture, View
 
 
 class Level(View):
+    """Mean level of each group of frames."""
+
     name = "level"
     title = "Mean level"
 

@@ -6,6 +6,8 @@ from visaug.fingerprint.view import Curve, Picture, View
 
 
 class PhotonTransfer(View):
+    """Temporal variance against mean level."""
+
     name = "photon_transfer"
     title = "Photon transfer: temporal variance against mean"
 

@@ -23,6 +23,8 @@ def _cubics(length: int) -> np.ndarray:
 
 
 class FixedPattern(View):
+    """Variances of the fixed pattern along rows, columns and pixels."""
+
     name = "fixed_pattern"
     title = "Fixed pattern: rows, columns and pixels"
 

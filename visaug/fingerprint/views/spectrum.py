@@ -51,6 +51,8 @@ def band_statistics(group, view, name, spectrum, axes):
 
 
 class TemporalSpectrum(View):
+    """Power spectrum of the temporal row means."""
+
     name = "temporal_spectrum"
     title = "Spectrum of row means, noise that is fresh in every frame"
 
@@ -81,6 +83,8 @@ class TemporalSpectrum(View):
 
 
 class FixedSpectrum(View):
+    """Power spectra of the row and column means of the fixed pattern."""
+
     name = "fixed_spectrum"
     title = "Spectrum of the row and column means of the fixed pattern"
 
