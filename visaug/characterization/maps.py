@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import surface
 from visaug.errors import InputError
 
 if TYPE_CHECKING:
+    from visaug.characterization.findings import Findings
     from visaug.characterization.result import Characterization
 
 HOT, DEAD, UNSTEADY = 1, 2, 4
