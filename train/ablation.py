@@ -119,12 +119,12 @@ class Ablation:
 
     @cached_property
     def gains(self) -> list[oracle.Gain]:
-        """What the arms gain over the baseline, as a share of what the oracle gains; empty without an oracle."""
+        """Gains of the arms over the baseline, as shares of the oracle's gain; empty without an oracle."""
         return oracle.gains(self)
 
     @property
     def interval_covers(self) -> str:
-        """What the intervals speak of."""
+        """The variation that the intervals cover."""
         seeds = min((len(self.seeds(arm)) for arm in self.means), default=0)
         shared = ", all of which start from one shared network" if self.config.start else ""
         if seeds > 1:
@@ -262,7 +262,7 @@ class Ablation:
 def ablate(
     config: Config, progress: Progress | None = None, announce: Callable[[str], None] | None = None
 ) -> Ablation:
-    """Run what is not finished of a study and score it.
+    """Runs the unfinished part of a study and scores it.
 
     Args:
         config: the study.

@@ -47,7 +47,7 @@ def prepare_archive(archive: str | Path, destination: str | Path, progress: Prog
 
 
 def unpack(archive: Path, folder: Path, progress: Progress | None = None) -> None:
-    """Write what is missing in `folder`; a member that would lie outside it is refused."""
+    """Writes missing members to `folder`; a member outside it is refused."""
     for done, (name, size, total, read) in enumerate(_members(archive), start=1):
         path = PurePosixPath(name)
         if path.is_absolute() or ".." in path.parts:
@@ -169,7 +169,7 @@ def _whole(archive: Path) -> Iterator[None]:
     except (
         NotImplementedError,
         RuntimeError,
-    ) as error:  # how zipfile says unknown compression, and encrypted
+    ) as error:  # raised by zipfile for unknown compression and encryption
         raise InputError(
             f"cannot be unpacked ({error})", file=archive, expected="zip or tar as published"
         ) from None

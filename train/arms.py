@@ -1,4 +1,4 @@
-"""What an arm of a study does to its training images, as its config says it."""
+"""Changes of the training images by an arm of a study, as configured."""
 
 from typing import Annotated, Any, Literal
 
@@ -24,7 +24,7 @@ Amounts = Annotated[tuple[NotNegative, NotNegative], AfterValidator(_ordered)]
 
 
 class Part(BaseModel):
-    """A part of a config; a key that it does not know is refused."""
+    """A part of a config; unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -163,7 +163,7 @@ class Corruptions(Part):
 class Arm(Part):
     """What a run does to its training images.
 
-    `like` names an arm to take everything from that is not said here.
+    `like` names an arm whose values are used where none are given.
     """
 
     like: str | None = None

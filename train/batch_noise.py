@@ -74,7 +74,7 @@ class WhiteSensorNoise(nn.Module):
 
 
 class WhiteTwin(nn.Module):
-    """White Gaussian noise with the variance, image by image, of what a noise module adds.
+    """White Gaussian noise with the variance that a noise module adds, image by image.
 
     Its mean, its patterns and its dependence on the level are left out, so that it differs from the module in
     structure alone.

@@ -16,7 +16,7 @@ def close_noise(clean_epochs: int, trainer: Any) -> None:
 
 
 def follow(model: Any, title: str, progress: Progress | None) -> None:
-    """A CPU's training takes all cores; progress is told batch by batch."""
+    """A CPU training uses all cores; progress is reported per batch."""
 
     def use_all_cores(trainer: Any) -> None:
         # ultralytics leaves one core idle on a CPU, which costs a fifth of the speed on two.

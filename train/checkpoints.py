@@ -1,4 +1,4 @@
-"""What an interrupted training goes on from: as if it had not been interrupted, and whatever moment it was killed at.
+"""Checkpoints from which an interrupted training resumes with the same result, whenever it was stopped.
 
 ultralytics overwrites last.pt in place, in half precision and with the moving average in place of the network, and
 strips it when training has ended. So a kill can leave it torn, a resumed training differs from an undisturbed one, and
@@ -28,7 +28,7 @@ STATE, BEST = "resume.pt", "resume-best.pt"
 
 
 def load_state(folder: Path) -> dict[str, Any] | None:
-    """The checkpoint that a run's folder goes on from; None where there is none that can be read."""
+    """The checkpoint from which a run resumes; None if there is none that can be read."""
     from ultralytics.nn.tasks import torch_safe_load
 
     path = folder / "weights" / STATE
@@ -83,7 +83,7 @@ class Checkpoints:
 
     Args:
         seed: of the training.
-        state: the checkpoint that it goes on from; None for a new one.
+        state: the checkpoint to resume from; None for a new training.
     """
 
     def __init__(self, seed: int, state: dict[str, Any] | None = None) -> None:

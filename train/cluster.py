@@ -1,6 +1,6 @@
 """Runs of a study spread by Ray over the cores of this machine, or over the nodes of a cluster.
 
-Ray only says where a run takes place. What it leaves behind is in files, as without Ray, so the nodes of a
+Ray only determines where a run takes place. Its results are in files, as without Ray, so the nodes of a
 cluster need the output folder, the data and the cameras under the same paths. A run whose node or process is lost
 is tried again elsewhere and goes on from its last epoch; a run that fails by itself is not.
 """

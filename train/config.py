@@ -71,7 +71,7 @@ class Data(Part):
 
     @property
     def copies(self) -> list[str]:
-        """What tells one set of training copies from another."""
+        """Identity of a set of training copies."""
         size = [f"{self.image_size[0]}x{self.image_size[1]}", self.reduction] if self.image_size else []
         return [*size, *(["gray"] if self.channels == 1 else [])]
 
@@ -89,7 +89,7 @@ class Start(Part):
 
 
 class Hidden(Part):
-    """Effects that a test camera has and its file leaves out, each with a test set and an arm of its own.
+    """Effects that a test camera has and its file does not contain, each with a test set and an arm.
 
     The camera is that of the baseline's `vis`; `views` is the test set whose noiseless images it takes, at
     `light` times the light of the training images.
@@ -161,7 +161,7 @@ class Config(Part):
     tracking: list[Literal["tensorboard", "mlflow", "wandb", "comet", "clearml", "dvc"]] = Field([])
 
     def arm(self, name: str) -> Arm:
-        """An arm with what it takes from others filled in."""
+        """An arm with the values that it takes from others."""
         if name not in self.arms:
             raise InputError(f"{name} is not an arm", field="arms", expected=f"one of {', '.join(self.arms)}")
         seen, merged = [], {}

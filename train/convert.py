@@ -106,7 +106,7 @@ def label_lines(poses: PoseSet, keypoints: Keypoints) -> list[str]:
 
 
 def identity(poses: PoseSet) -> dict:
-    """What tells a set of images with poses from another one, wherever it lies."""
+    """Identity of a set of images with poses, independent of its folder."""
     return {
         "images": len(poses),
         "first": poses.files[0].name,

@@ -1,8 +1,8 @@
-"""Cameras that hide an effect from their file: what they see is a test set, what is diagnosed of them is an arm.
+"""Cameras with an effect that their file does not contain: their images are a test set, their diagnosis is an arm.
 
 For each effect the noiseless views of a test set are taken by the camera with the effect, and a frame set of
 the same specimen is diagnosed, starting from the camera's file, which lacks it. The diagnosed camera is the
-noise of a further arm, so the study shows what the effect costs the network and what naming it gives back. All
+noise of a further arm, so the study shows the loss by the effect and the gain by its diagnosis. All
 of it lies in files and is made once.
 """
 
@@ -135,7 +135,7 @@ def _arm(config: Config, camera: Path, why: str) -> Arm:
 
 
 def _control(each: HiddenEffect, others: list[HiddenEffect]) -> str | None:
-    """The arm of the first other effect that does not know this one too."""
+    """The arm of the first other effect that does not contain this one too."""
     for other in others:
         unknowing = other.named and each.effect["name"] not in other.answer["accepted"]
         return other.named if unknowing else other.known

@@ -1,4 +1,4 @@
-"""The camera of a rendered test domain, taken to the laboratory: frames of it, its data sheet, what the sheet leaves out.
+"""Laboratory frames of the camera of a rendered test domain, its data sheet, and the effects that the sheet omits.
 
 The camera is `visaug_train.render.independent_camera`, which shares no code with the package. Its data sheet states the
 base chain; banding, taps and the like are not in it. Frames of it are diagnosed from the data sheet on, and the camera

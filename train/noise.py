@@ -15,7 +15,7 @@ from visaug_train.batch_noise import GaussianBlur, GaussianNoise, WhiteSensorNoi
 
 
 def batch_noise(arm: Arm) -> nn.Module:
-    """All of an arm in the order of physics: optics, sensor, what is added to the picture, what covers it."""
+    """All steps of an arm in physical order: optics, sensor, additions to the picture, occlusions."""
     parts: list[nn.Module] = []
     if arm.sun_flare is not None:
         parts.append(rivals.SunFlare(**arm.sun_flare.model_dump()))

@@ -1,4 +1,4 @@
-"""What share of an oracle's gain an arm has: the oracle's arm knows the test cameras, the others do not."""
+"""Shares of an oracle's gain: the oracle's arm knows the test cameras, the others do not."""
 
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any

@@ -1,4 +1,4 @@
-"""Pictures of an ablation beyond the package's own: scores against what they hang on, predictions good and bad."""
+"""Figures of an ablation: scores against the conditions of the images, good and bad predictions."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING

@@ -31,7 +31,7 @@ def load_predictions(
         path: COCO's results.
         poses: the images.
         keypoints: how many a record has.
-        images: COCO's annotations file, whose `images` say which file an `image_id` is.
+        images: COCO's annotations file, whose `images` map an `image_id` to a file.
     """
     path = Path(path)
     names = {} if images is None else image_names(images)
@@ -129,7 +129,7 @@ def predict(
     size: tuple[int, int] | None = None,
     reduce: str = "area",
 ) -> list[Detections]:
-    """A trained network's detections; all above a score of 0.001, as AP wants the doubtful ones too.
+    """Detections of a trained network with a score above 0.001; AP needs uncertain ones too.
 
     Args:
         weights: the network's file.

@@ -1,4 +1,4 @@
-"""What a hidden effect costs a network, and what naming it gives back: the outcome of a study with `hidden`."""
+"""Loss of a network by a hidden effect, and the gain by its diagnosis: the outcome of a study with `hidden`."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MEASURE = "keypoint_ap_coco"
 PAGE = ("hidden effect", "named", "cost", "change", "change by a wrong effect", "change by who knew")
-COST = 0.15  # keypoint AP that an effect should cost, so that a few seeds can show what is won back
+COST = 0.15  # loss of keypoint AP that an effect should cause, so that a few seeds can show the gain
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Outcome:
-    """One hidden effect: what it costs the baseline; what each other training changes on its test set.
+    """One hidden effect: the loss of the baseline, and the change by each other training on its test set.
 
     `named`, `wrong` and `known` are against the baseline, `over_wrong` is named against wrong; None where there
     is no such arm, or not yet.
@@ -127,7 +127,7 @@ def outcomes(ablation: "Ablation") -> list[Outcome]:
 
 
 def effect_table(ablation: "Ablation") -> tables.Table:
-    """A row for each hidden effect: what was named, what it costs, what each training gives back."""
+    """A row for each hidden effect: the diagnosis, the loss, and the gain by each training."""
     head = [
         "hidden effect",
         "named",

@@ -36,7 +36,7 @@ def quiet_ultralytics(folder: str | Path) -> None:
 
 
 def check_tracking(names: Sequence[str]) -> None:
-    """Refuse tracking by what is not installed, which ultralytics would pass over in silence."""
+    """Refuses tracking by a tool that is not installed, which ultralytics would ignore silently."""
     for module in map(TRACKERS.__getitem__, names):
         if find_spec(module) is None:
             raise InputError(f"{module} is not installed", field="tracking", expected=f"pip install {module}")

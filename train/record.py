@@ -24,7 +24,7 @@ PACKAGES = (
 
 
 def decides(config: Config, arm: Arm, data_yaml: Path) -> dict[str, Any]:
-    """Network, arguments, noise, cameras by value, data: what a run's hash is made of."""
+    """Network, arguments, noise, cameras by value, data: the content of a run's hash."""
     return {
         "visaug": visaug.__version__,
         "model": Path(config.model).name,

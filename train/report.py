@@ -77,7 +77,7 @@ def timing_section(ablation: Ablation, seconds: Mapping[str, float] | None = Non
 
 
 def finding(ablation: Ablation) -> str:
-    """What the keypoint AP says, whichever way it comes out."""
+    """The conclusion from the keypoint AP."""
     return " ".join(_findings(ablation)) or f"{ablation.config.baseline} alone: nothing to compare it with."
 
 
@@ -109,7 +109,7 @@ def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
 
 def _score_table(ablation: Ablation, measures: tuple[str, ...], caption: str) -> Table:
     domains = list(ablation.study.tests)
-    # The caption says whose definition it is.
+    # The caption names the definition.
     head = ["arm", *(MEASURES[m][1].split(" (")[0] for _ in domains for m in measures)]
     rows = [
         [arm, *(f"{scores[domain][m]:.4f}" for domain in domains for m in measures)]
@@ -133,7 +133,7 @@ def _signed(difference) -> str:
 
 
 def _findings(ablation: Ablation) -> Iterator[str]:
-    """What the keypoint AP says, whichever way it comes out: the clear changes, and where there is none."""
+    """The conclusion from the keypoint AP: significant changes, or that there are none."""
     for arm in ablation.means:
         mine = [d for d in ablation.differences if d.arm == arm and d.measure == "keypoint_ap_coco"]
         clear = [
@@ -219,7 +219,7 @@ def _predictions(ablation: Ablation) -> Section:
 
 
 def _dependence(ablation: Ablation) -> Section:
-    """Scores against what they depend on."""
+    """Scores against the conditions of the images."""
     blocks = []
     for domain in ablation.study.tests:
         found = {

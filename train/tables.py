@@ -151,7 +151,7 @@ def overview_table(
 
 
 def change(difference: Any) -> str:
-    """A difference with its interval and, in a word, what it says."""
+    """A difference with its interval and a one-word conclusion."""
     d = difference
     better = MEASURES[d.measure][2]
     words = {1: "better" if better else "worse", -1: "worse" if better else "better", 0: "not clear"}

@@ -54,7 +54,7 @@ def check_cameras(config: Config) -> None:
 def make_cameras(
     config: Config, read: Callable[[Source], PoseSet], progress: Progress | None = None
 ) -> tuple[Config, tuple[TargetCamera, ...]]:
-    """The config with files in place of the names of its `cameras`, and the cameras; what is made is kept.
+    """The config with files in place of the names of its `cameras`, and the cameras; files that exist are kept.
 
     Args:
         config: of the study.

@@ -1,4 +1,4 @@
-"""The sections of a study with cameras made from pictures: the gain, and what the pictures told of their cameras."""
+"""The sections of a study with cameras made from pictures: the gain, and the parameters estimated from the pictures."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any

@@ -1,7 +1,7 @@
 """Train the arms of a config with ultralytics: one run is one arm with one seed in a folder of its own.
 
 A run's folder carries a hash of all that decides its outcome. A finished run (``run.json``) is never run
-again, an interrupted one goes on from its last epoch, and a changed config trains beside the old runs.
+again, an interrupted one resumes from its last epoch, and a changed config trains new runs.
 """
 
 import csv
@@ -67,7 +67,7 @@ class Run:
 
 
 def prepare(config: Config, progress: Progress | None = None) -> Study:
-    """Render (where the config says so), check and convert the data; take and diagnose what is hidden."""
+    """Renders (if configured), checks and converts the data; simulates and diagnoses hidden effects."""
     began = time.monotonic()
     data = config.data
     root = data.root
@@ -137,7 +137,7 @@ def _plain(error: Exception) -> str:
 
 
 def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None = None) -> Run:
-    """Train one arm with one seed, or what is left of it; a finished run is only read."""
+    """Trains one arm with one seed, or the rest of it; a finished run is only read."""
     config = study.config
     arm = config.arm(arm_name)
     arguments = {**config.training, **arm.training}
@@ -235,7 +235,7 @@ def _train(
     progress: Progress | None,
     clean_epochs: int = 0,
 ) -> float:
-    """Train what is left of a run, the last epochs without noise; the seconds of all of it."""
+    """Trains the rest of a run, the last epochs without noise; returns the total seconds."""
     quiet_ultralytics(config.output / "ultralytics-settings")
     from ultralytics import YOLO
 

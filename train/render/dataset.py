@@ -72,7 +72,7 @@ DOMAINS = {
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """Size of the dataset and what it shows. `images` holds the number of each domain's splits."""
+    """Size and content of the dataset. `images` holds the number of each domain's splits."""
 
     width: int = 240
     height: int = 150

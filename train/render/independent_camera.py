@@ -117,7 +117,7 @@ LIGHTBOX_CAMERA = IndependentCamera(
     tap_gain=0.12,
     tap_offset_e=22.0,
 )
-# Hard light on a sensor with a small well: saturation, and what saturation brings.
+# Hard light on a sensor with a small well: saturation and its consequences.
 SUNLAMP_CAMERA = IndependentCamera(
     serial=12,
     full_well_e=1400.0,
@@ -176,7 +176,7 @@ def _bloom(charge: np.ndarray, full_well_e: float, share: float) -> np.ndarray:
 
 
 def _flare(photons: np.ndarray, share: float, bright: float) -> np.ndarray:
-    """A halo around what is brighter than half the well, and two ghosts of it mirrored at the image's centre."""
+    """A halo around pixels brighter than half the well, and two ghosts mirrored at the image's centre."""
     if share <= 0:
         return photons
     source = np.maximum(photons - 0.5 * bright, 0)

@@ -61,7 +61,7 @@ def spacecraft() -> list[Box]:
         box(tuple(p["body_1"]), (p["body_3"][0], p["body_3"][1], top - 0.02), "foil"),
         box((*p["panel_1"][:2], top - 0.02), (*p["panel_3"][:2], top - 0.006), "panel_back"),
         box((*p["panel_1"][:2], top - 0.006), tuple(p["panel_3"]), "cells"),
-        # What tells the sides apart: a radiator, a dark window, a sensor head and feet under the body.
+        # Parts that distinguish the sides: a radiator, a dark window, a sensor head and feet under the body.
         box((0.3695, -0.16, 0.05), (0.376, 0.06, 0.25), "white"),
         box((-0.376, 0.02, 0.08), (-0.3695, 0.22, 0.22), "black"),
         box((-0.28, -0.272, 0.04), (-0.02, -0.2635, 0.26), "white"),

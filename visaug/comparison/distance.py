@@ -63,7 +63,7 @@ class Distance:
     """Errors of models of one measured set.
 
     Args:
-        statistics: what was measured.
+        statistics: the measured statistics.
         measured: (statistics,) values.
         given: (R, statistics) of simulated sets of the camera file as given.
         least: (statistics,) smallest spread that is taken seriously.

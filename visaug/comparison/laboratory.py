@@ -165,7 +165,7 @@ def workers() -> int:
 
 
 class _single_threads:
-    """One torch thread a set: whole sets are what runs side by side."""
+    """One torch thread per set: whole sets run in parallel."""
 
     def __enter__(self) -> None:
         self.before = torch.get_num_threads()

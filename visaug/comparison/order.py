@@ -1,4 +1,4 @@
-"""Whether the order in which frames were taken is known: what an effect keeps from frame to frame depends on it."""
+"""Whether the order of acquisition is known, on which effects with memory depend."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class Part:
     """Measured frames, and the plan of the sequence to simulate them from.
 
     Attributes:
-        frames: what was measured.
+        frames: the measured frames.
         folds: which of them do what.
         plan: the frames of the sequence, without pixels; each with the window that is simulated, a margin wider than the frames.
         keep: positions in the plan of the frames.

@@ -1,4 +1,4 @@
-"""Pictures beside pictures: what the cameras behind two sets do differently, whatever their scenes hold.
+"""Pictures beside pictures: differences between the cameras of two sets, independent of their scenes.
 
 Every statistic is of flat blocks at a stated level, of lines through them, or of what recurs at a place, so how much sky a
 picture shows or how large its target is does not enter. A level counts only where both sets have flat blocks without

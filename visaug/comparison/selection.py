@@ -48,7 +48,7 @@ class Selection:
         window: rows and columns of the frames, r0, r1, c0, c1; None where they are taken in full.
         full: which of the full frames find and which confirm; none where all frames are taken in full.
         noise_everywhere: whether full frames show temporal noise: two of one condition find.
-        left_out: what of the set is not used at all, and what that spoils: one sentence each.
+        left_out: unused parts of the set and the effects that this hides, one sentence each.
     """
 
     total: int

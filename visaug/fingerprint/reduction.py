@@ -212,7 +212,7 @@ class FrameData:
 
 
 def labels(groups: Iterable[Group]) -> dict[Group, str]:
-    """A word for each condition, by what usually tells them apart; where two would read alike, by all, and by a number at last."""
+    """A label for each condition: by the fields that usually distinguish them, else by all, else by a number."""
     conditions = [_conditions(g) for g in groups]
     words = [_label(g) for g in conditions]
     words = [

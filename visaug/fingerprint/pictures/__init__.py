@@ -1,1 +1,1 @@
-"""Statistics of ordinary pictures, of which nothing is known but the pixels: noise of flat blocks, and what recurs."""
+"""Statistics of ordinary pictures without known conditions: noise of flat blocks, and recurring patterns."""

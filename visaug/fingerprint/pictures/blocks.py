@@ -19,8 +19,8 @@ from visaug.fingerprint.pictures.files import Pictures
 SIDE = 8
 _U, _V = np.indices((SIDE, SIDE))
 INNER = (_U > 0) & (_V > 0)
-CHOICE = INNER & (_U + _V <= 4)  # tells structure
-NOISE = INNER & (_U + _V > 4)  # tells noise
+CHOICE = INNER & (_U + _V <= 4)  # shows structure
+NOISE = INNER & (_U + _V > 4)  # shows noise
 LINE = np.arange(SIDE) > 3  # of the coefficients of rows or columns, those that shading does not reach
 PIXELS_ROUNDED = 1 / 12
 _SAMPLE = 200_000
@@ -133,7 +133,7 @@ class Rounding:
         return float(np.exp(log_variance))
 
     def chosen_mean(self, variance: float) -> float:
-        """Expected mean square of the coefficients that tell structure."""
+        """Expected mean square of the coefficients that show structure."""
         return float(np.interp(np.sqrt(variance), _DEVIATIONS, self._low))
 
 

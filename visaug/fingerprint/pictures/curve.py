@@ -52,7 +52,7 @@ class Law:
         return np.interp(level, self.developed()[0], _LEVELS)
 
     def slope_at(self, level: np.ndarray) -> np.ndarray:
-        """How far the mean value moves with the light; at black, with the offset."""
+        """Derivative of the mean value with respect to the light; at black, to the offset."""
         mean, _ = self.developed()
         moved, _ = replace(self, black=self.black + 0.5).developed()
         return np.interp(level, mean, (moved - mean) / 0.5)

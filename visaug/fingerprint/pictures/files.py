@@ -1,4 +1,4 @@
-"""Which pictures of a set belong together, and what their files say of their processing."""
+"""Groups of similar pictures in a set, and the processing recorded in their files."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Pictures:
 
 
 def largest_group(frames: FrameSet, warn: Callable[[str], object]) -> Pictures:
-    """The pictures of the commonest size and JPEG table; what is left out is said."""
+    """The pictures of the commonest size and JPEG table; the others are reported."""
     every = [i for i, r in enumerate(frames.records) if r.kind == "image"]
     files = {i: _file(frames, i) for i in every}
     groups = Counter(files.values())
@@ -97,7 +97,7 @@ def _file(frames: FrameSet, i: int) -> _File:
             colour = picture.mode not in ("L", "I", "I;16", "F", "1")
             return _File((picture.height, picture.width), tuple(tables[0]) if tables else None, colour)
     except OSError:
-        return _File(frames.shape(i))  # says what is wrong with the file
+        return _File(frames.shape(i))  # raises the error of the file
 
 
 def quality_of(steps: np.ndarray) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""What recurs at the same place of many pictures, and what is common to the pixels of a row or column.
+"""Patterns at the same place of many pictures, and noise common to the pixels of a row or column.
 
 J. Lukas, J. Fridrich and M. Goljan, IEEE Trans. Information Forensics and Security 1 (2006) 205: a sensor's pattern is the
 mean of the noise residuals of its pictures. Here variances are wanted and no pattern: the product of two means over

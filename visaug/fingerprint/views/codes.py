@@ -4,7 +4,7 @@ import numpy as np
 
 from visaug.fingerprint.view import Curve, Picture, View
 
-NEIGHBOURS = np.array([1, 2, 3, 0, 3, 2, 1]) / 12  # of a code: what they say of how often it comes
+NEIGHBOURS = np.array([1, 2, 3, 0, 3, 2, 1]) / 12  # of a code: weights with which they predict its frequency
 SIDE = 3
 
 

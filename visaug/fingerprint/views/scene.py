@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 from visaug.fingerprint.view import Picture, View
 
 DARK_PHOTONS = 20.0  # of which the shot noise is about the read noise
-RESPONSE = 0.007  # about what pixels differ by
+RESPONSE = 0.007  # typical relative difference of pixels
 USABLE = 0.9  # of the highest level: pixels above may be saturated
 
 
@@ -23,7 +23,7 @@ def _shift(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
 
 
 def templates(clean: np.ndarray, weight: np.ndarray) -> dict[str, tuple[tuple[str, ...], np.ndarray]]:
-    """Shapes that a scene's residual is held against: axes and image of each. They are geometry, not effects.
+    """Shapes with which the residual of a scene is correlated: axes and image of each. They are geometric, not effects.
 
     Args:
         weight: of each pixel, 0 for those that are not used.
@@ -148,7 +148,7 @@ def _sides(bright: np.ndarray, step: tuple[int, int], near: int, far: int) -> tu
 
 
 def _reach(mask: np.ndarray, step: tuple[int, int], distance: int) -> np.ndarray:
-    """The mask and what lies up to so many steps from it, on one side."""
+    """The mask, extended by a number of steps to one side."""
     reached = mask.copy()
     rows, columns = step
     for d in range(1, distance + 1):
@@ -157,7 +157,7 @@ def _reach(mask: np.ndarray, step: tuple[int, int], distance: int) -> np.ndarray
 
 
 class Scene(View):
-    """The mean frame of each known scene less a straight line through it, held against simple shapes."""
+    """The mean frame of each known scene minus its linear fit, correlated with simple shapes."""
 
     name = "scene"
     title = "Known scenes: measured less expected"
