@@ -47,9 +47,9 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
     master = mean_map(measured.frames, still.group.indices)
     found.maps["master_bias"] = master.astype("float32")
     add_profiles(found, master)
-    sample = take_sample(measured.frames, still.group.indices, still, seed)
-    master = master - sample.origin
     coarse = not rounds_evenly(still)
+    sample = take_sample(measured.frames, still.group.indices, still, seed, coarse)
+    master = master - sample.origin
     profile = Profile(sample) if coarse else None
     solution = _of_coarse(sample, master, profile) if profile else _of_fine(sample, master)
     cut = " cut at 0" if still.clipped_low > CLIPPED else ""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import optimize
@@ -20,7 +21,7 @@ from visaug.characterization.moments import GroupMoments
 from visaug.frames import FrameSet
 
 BLOCKS = 20  # of rows, for standard errors
-_PIXELS = 3000
+_PIXELS, _PIXELS_OF_COARSE = 3000, 20000
 _BINS_PER_SIGMA = 6
 _ITERATIONS = 12
 _FAINTEST, _STRONGEST = 0.02, 1.2  # DN, of the profile's grid
@@ -41,6 +42,12 @@ class Sample:
     columns: np.ndarray
     frames: int
     origin: int
+
+    @cached_property
+    def alike(self) -> tuple[np.ndarray, np.ndarray]:
+        """Distinct rows of counts, and which of them each pixel has: few where noise is finer than a DN."""
+        patterns, which = np.unique(self.counts, axis=0, return_inverse=True)
+        return patterns, which.ravel()
 
 
 @dataclass(frozen=True)
@@ -68,9 +75,14 @@ class Fit:
         return math.exp(self.log_spread)
 
 
-def take_sample(frames: FrameSet, indices: tuple[int, ...], still: GroupMoments, seed: int) -> Sample:
+def take_sample(
+    frames: FrameSet, indices: tuple[int, ...], still: GroupMoments, seed: int, coarse: bool
+) -> Sample:
+    """Counts of pixels drawn by chance; more of a coarse converter's, whose pixels are alike in many."""
     height, width = still.shape
-    chosen = np.random.default_rng(seed).permutation(height * width)[:_PIXELS]
+    chosen = np.random.default_rng(seed).permutation(height * width)[
+        : _PIXELS_OF_COARSE if coarse else _PIXELS
+    ]
     rows, columns = np.divmod(np.sort(chosen), width)
     values = np.stack([frames.read(i)[rows, columns] for i in indices])
     sigma = 1.4826 * np.median(np.abs(values - values.mean(0)))
@@ -161,7 +173,8 @@ class Profile:
     """
 
     def __init__(self, sample: Sample) -> None:
-        patterns, self._times = np.unique(sample.counts, axis=0, return_counts=True)
+        patterns, which = sample.alike
+        self._times = np.bincount(which)
         self._few, self._centre = replace(sample, counts=patterns), np.zeros(len(patterns))
         mids = np.concatenate([[0.0], 0.5 * (sample.edges[:-1] + sample.edges[1:]), sample.edges[-1:] + 0.5])
         mean = sample.counts @ mids / sample.frames
@@ -231,10 +244,12 @@ def _log_likelihood(p: np.ndarray, sample: Sample, centre: np.ndarray) -> np.nda
     inner = np.interp((sample.edges[:, None] - nodes[None]) / sigma, law.x, law.distribution)
     cumulative = np.concatenate([np.zeros((1, nodes.size)), inner, np.ones((1, nodes.size))])
     logs = np.log(np.maximum(np.diff(cumulative, axis=0), 1e-12))
-    joint = sample.counts @ logs - 0.5 * ((nodes[None] - (centre + shift)[:, None]) / spread) ** 2
+    counts, which = sample.alike if not centre.any() else (sample.counts, slice(None))
+    places = centre[: len(counts)] + shift
+    joint = counts @ logs - 0.5 * ((nodes[None] - places[:, None]) / spread) ** 2
     top = joint.max(1, keepdims=True)
     scale = (nodes[1] - nodes[0]) / (spread * math.sqrt(2 * math.pi))
-    return top[:, 0] + np.log(np.exp(joint - top).sum(1) * scale)
+    return (top[:, 0] + np.log(np.exp(joint - top).sum(1) * scale))[which]
 
 
 def _scores(p: np.ndarray, sample: Sample, centre: np.ndarray) -> np.ndarray:
