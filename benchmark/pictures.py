@@ -22,6 +22,13 @@ class PictureCamera:
     column_fixed_e: float = 0.0
     pixel_fixed_e: float = 0.0
     prnu: float = 0.0
+    banding_e: float = 0.0  # amplitude of a sine over the rows, its phase new in every picture
+    banding_rows: float = 19.0
+    tap_e: float = 0.0  # added to the right half
+    hot_share: float = 0.0  # of the pixels
+    hot_e: float = 0.0  # mean of their exponential excess
+    corner_loss: float = 0.0  # of the light, growing as the fourth power of the cosine falls
+    bloom_share: float = 0.0  # of the charge above saturation that goes on along the column
 
 
 CAMERAS = (
@@ -54,6 +61,17 @@ def spacecraft(rng: np.random.Generator, side: tuple[int, int] = SIDE) -> np.nda
     return ndimage.gaussian_filter(np.clip(scene, 0, 0.97), rng.uniform(0.7, 1.1))
 
 
+def sunlit(rng: np.random.Generator, side: tuple[int, int] = SIDE) -> np.ndarray:
+    """A spacecraft with glints far above saturation on its panels."""
+    scene, rows, columns = spacecraft(rng, side), *np.indices(side)
+    lit = np.argwhere(scene > 0.1)
+    for _ in range(rng.integers(2, 6)):
+        y, x = lit[rng.integers(len(lit))] if len(lit) else np.array(side) // 2
+        radius = rng.uniform(1.0, 3.0)
+        scene = scene + rng.uniform(2, 8) * np.exp(-((rows - y) ** 2 + (columns - x) ** 2) / radius**2)
+    return scene
+
+
 def natural(rng: np.random.Generator, side: tuple[int, int] = SIDE) -> np.ndarray:
     """Occluding surfaces with 1/f texture whose contrast changes from one to the next, seen through a lens."""
     rows, columns = np.indices(side).astype(float)
@@ -82,15 +100,41 @@ def take(
     offset = (
         rng.normal(0, 1, side) * camera.pixel_fixed_e + rng.normal(0, 1, (1, side[1])) * camera.column_fixed_e
     )
-    response = 1 + rng.normal(0, 1, side) * camera.prnu
+    offset = offset + camera.tap_e * (np.arange(side[1]) >= side[1] // 2)
+    response = (1 + rng.normal(0, 1, side) * camera.prnu) * _transmission(camera, side)
+    hot = (rng.random(side) < camera.hot_share) * rng.exponential(max(camera.hot_e, 1e-9), side)
     top_e = (255 - camera.black_dn) * camera.gain_e_per_dn
     pictures = []
     for scene in scenes:
-        charge = rng.poisson(scene * top_e * response) + offset + rng.normal(0, camera.read_e, side)
+        charge = rng.poisson(scene * top_e * response + hot).astype(float)
+        if camera.bloom_share:
+            charge = _bloomed(charge, top_e, camera.bloom_share)
+        charge = charge + offset + rng.normal(0, camera.read_e, side)
         charge = charge + rng.normal(0, 1, (side[0], 1)) * camera.row_e
+        wave = 2 * np.pi * (np.arange(side[0]) / camera.banding_rows + rng.random())
+        charge = charge + camera.banding_e * np.sin(wave)[:, None]
         linear = np.clip((charge / camera.gain_e_per_dn + camera.black_dn) / 255, 0, 1)
         pictures.append(np.rint(255 * encoded(linear, encoding)).astype(np.uint8))
     return pictures
+
+
+def _transmission(camera: PictureCamera, side: tuple[int, int]) -> np.ndarray:
+    y, x = ((np.arange(n) - (n - 1) / 2) / np.hypot(*side) * 2 for n in side)
+    square = y[:, None] ** 2 + x[None, :] ** 2
+    return (1 + ((1 - camera.corner_loss) ** -0.5 - 1) * square) ** -2  # cos^4 of the field angle
+
+
+def _bloomed(charge: np.ndarray, well_e: float, share: float) -> np.ndarray:
+    """Half of the charge above saturation goes up the column and half down; a share survives each step."""
+    kept = np.minimum(charge, well_e)
+    excess = charge - kept
+    for order in (range(len(charge)), range(len(charge) - 1, -1, -1)):
+        carried = np.zeros(charge.shape[1])
+        for row in order:
+            total = kept[row] + carried
+            kept[row] = np.minimum(total, well_e)
+            carried = (total - kept[row] + 0.5 * excess[row]) * share
+    return kept
 
 
 def encoded(linear: np.ndarray, encoding: str) -> np.ndarray:

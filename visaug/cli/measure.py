@@ -262,6 +262,19 @@ def compare(
     metavar="ADDRESS",
     help="Run the simulations on a Ray cluster: its address, `auto`, or `local` for this machine (extra `cluster`).",
 )
+@click.option(
+    "--scenes",
+    metavar="PICTURES",
+    type=click.Path(path_type=Path),
+    help="Where FRAMES are ordinary pictures: others of such scenes, e.g. the training images. Vignetting needs them.",
+)
+@click.option(
+    "--transfer",
+    type=click.Choice(["linear", "srgb"]),
+    default="linear",
+    show_default=True,
+    help="Where FRAMES are ordinary pictures: how their values follow from light.",
+)
 @output_option("camera2.yaml", "Write the refitted camera with the missing effects.")
 @force_option
 @json_option
@@ -274,6 +287,8 @@ def diagnose(
     bit_depth: int | None,
     without: tuple[str, ...],
     cluster: str | None,
+    scenes: Path | None,
+    transfer: Literal["linear", "srgb"],
     output: Path | None,
     force: bool,
     json_path: Path | None,
@@ -283,7 +298,8 @@ def diagnose(
 ) -> None:
     """Find the effects that a camera lacks.
 
-    The camera is refitted with the missing effects. The error is given before and after.
+    The camera is refitted with the missing effects. The error is given before and after. FRAMES may be a folder of ordinary
+    pictures: effects that show in a black sky and in flat regions are then found, and those that pictures cannot show are named.
     """
     import visaug
     from visaug.cli.effect_pages import find
@@ -302,6 +318,8 @@ def diagnose(
             seed=seed,
             progress=progress,
             cluster=cluster,
+            transfer=transfer,
+            scenes=scenes,
         )
     if not is_silent(quiet, json_path):
         summaries.print_diagnosis(result.to_json())

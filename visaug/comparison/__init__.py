@@ -4,6 +4,7 @@ from visaug.comparison.comparison import Comparison, Place, Places, compare, dat
 from visaug.comparison.distance import Distance, Error, is_clear
 from visaug.comparison.folds import Folds, share_out
 from visaug.comparison.laboratory import Laboratory
+from visaug.comparison.picture_part import with_a_well
 from visaug.comparison.pictures import PictureComparison, compare_pictures
 
 __all__ = [
@@ -21,5 +22,6 @@ __all__ = [
     "is_clear",
     "places",
     "share_out",
+    "with_a_well",
     "z_scores",
 ]

@@ -191,7 +191,8 @@ def compare(
 
     Args:
         camera: the camera to test, or its file or name. Its parameters are not refitted.
-        frames: bias, dark, flat or scene frames, or the path of a frame set.
+        frames: bias, dark, flat or scene frames, or the path of a frame set; or six or more ordinary pictures, of which the black
+            sky and flat regions are compared.
         seed: of the simulations.
         progress: called with (description, done, total).
 
@@ -199,7 +200,7 @@ def compare(
         The p-value of the largest deviation, and the views and statistics that differ.
 
     Raises:
-        InputError: frames of kind image, a scene without its target, or a frame that cannot be read.
+        InputError: too few pictures, a scene without its target, or a frame that cannot be read.
 
     Examples:
         >>> import visaug

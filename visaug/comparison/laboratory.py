@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property, partial
+from typing import Literal
 
 import numpy as np
 import torch
@@ -12,8 +13,8 @@ import torch
 from visaug.camera import Camera
 from visaug.comparison.order import history_warnings
 from visaug.comparison.part import CONFIRM, FIND, WHOLE, Part, parts_of
+from visaug.comparison.picture_part import PicturePart, picture_part
 from visaug.comparison.selection import select
-from visaug.errors import InputError
 from visaug.fingerprint import Fingerprint, Statistic
 from visaug.frames import FrameSet
 
@@ -36,6 +37,8 @@ class Laboratory:
         folds: False takes all frames as ones that find, for a comparison in which nothing is fitted.
         spread: does the simulations, in order; the threads of this machine, or a cluster.
         report: called with (description, done, total) while frames are read.
+        transfer: of ordinary pictures, how their values follow from light.
+        scenes: other pictures of such scenes as ordinary pictures show.
     """
 
     def __init__(
@@ -46,22 +49,32 @@ class Laboratory:
         folds: bool = True,
         spread: Spread | None = None,
         report: Callable[[str, int, int], None] | None = None,
+        transfer: Literal["linear", "srgb"] = "linear",
+        scenes: FrameSet | None = None,
     ):
-        if not any(record.kind != "image" for record in frames.records):
-            raise InputError(
-                "only pictures of which nothing is known",
-                field="kind",
-                expected="bias, dark, flat or scene frames; pictures are compared with pictures (`compare --target`)",
-            )
+        self.seed = seed
+        self.spread = spread or by_threads
+        self.sequences: tuple[int, ...]
+        if frames.is_pictures:
+            self._of_pictures(frames, camera, transfer, scenes)
+            return
         frames = frames.assuming_bits(camera.bit_depth)
         self.selection = select(frames)
         self.warnings = (*frames.warnings, *self.selection.left_out, *history_warnings(frames.records))
         self.calibrated = all(r.photons is not None for r in frames.records if r.kind == "flat")
         lit = _with_photons(frames, camera, self.selection.frames)
-        self.parts = parts_of(lit, self.selection, folds, report)
+        self.parts: tuple[Part | PicturePart, ...] = parts_of(lit, self.selection, folds, report)
         self.frames, self.folds = self.parts[0].frames, self.parts[0].folds
-        self.seed = seed
-        self.spread = spread or by_threads
+        self.sequences = tuple(record.sequence for record in self.frames.records)
+
+    def _of_pictures(
+        self, frames: FrameSet, camera: Camera, transfer: Literal["linear", "srgb"], scenes: FrameSet | None
+    ) -> None:
+        warnings = list(frames.warnings)
+        part, self.selection = picture_part(frames, camera, transfer, scenes, warnings.append)
+        self.warnings, self.calibrated, self.parts = tuple(warnings), False, (part,)
+        self.frames, self.folds = part.frames, part.folds
+        self.sequences = tuple(int(record.file) for record in self.frames.records)
 
     @cached_property
     def measured(self) -> tuple[Fingerprint, Fingerprint, Fingerprint]:
@@ -125,7 +138,7 @@ class Laboratory:
         return results
 
     @cached_property
-    def parts_to_simulate(self) -> tuple[Part, ...]:
+    def parts_to_simulate(self) -> tuple[Part | PicturePart, ...]:
         """The parts without the measured pixels: all that a simulation needs."""
         return tuple(part.without_pixels() for part in self.parts)
 
@@ -145,7 +158,7 @@ def _places(statistics: Sequence[Statistic]) -> dict[tuple[str, str, str], int]:
 
 
 def fingerprints(
-    parts: Sequence[Part], seed: int, uses: Sequence[str], job: tuple[Camera, int]
+    parts: Sequence[Part | PicturePart], seed: int, uses: Sequence[str], job: tuple[Camera, int]
 ) -> tuple[np.ndarray, ...]:
     """Of one simulated set: one array of values for each use of its frames."""
     camera, number = job

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -23,7 +24,7 @@ from visaug.fingerprint import (
 from visaug.fingerprint.reduction import used_groups
 from visaug.frames import FrameRecord, FrameSet
 from visaug.history import DEEPEST
-from visaug.simulation import simulate
+from visaug.simulation import has_clean, simulate
 
 Report = Callable[[str, int, int], None]
 FIND, CONFIRM, WHOLE = "find", "confirm", "whole"
@@ -117,6 +118,10 @@ class Part:
             if records[k].kind == "scene" and records[k].clean
         }
 
+    def identity(self) -> tuple:
+        """What a simulation depends on, as something that prints as what it is."""
+        return _identity(self.frames), _identity(self.plan), self.keep, self.deepest, self.folds
+
     def without_pixels(self) -> Part:
         """The same for simulations alone, which may go to another machine."""
         every = range(len(self.frames))
@@ -170,6 +175,20 @@ def parts_of(
         FULL_DEEPEST,
     )
     return first, full
+
+
+def _identity(frames: FrameSet) -> tuple:
+    cleans = {}
+    for i, record in enumerate(frames.records):
+        if record.kind == "scene" and record.clean not in cleans and has_clean(frames, i):
+            pixels = np.ascontiguousarray(frames.clean(i)).tobytes()
+            cleans[record.clean] = hashlib.blake2b(pixels, digest_size=8).hexdigest()
+    shapes = tuple(frames.shape(i) for i in range(len(frames)))
+    records = tuple(
+        (r.sequence, r.kind, r.exposure_s, r.temperature_c, r.gain_db, r.photons, r.clean, r.window)
+        for r in frames.records
+    )
+    return records, shapes, cleans
 
 
 def _known(frames: FrameSet, selection: Selection) -> list[int]:

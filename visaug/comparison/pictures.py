@@ -1,8 +1,9 @@
 """Pictures beside pictures: differences between the cameras of two sets, independent of their scenes.
 
-Every statistic is of flat blocks at a stated level, of lines through them, or of what recurs at a place, so how much sky a
-picture shows or how large its target is does not enter. A level counts only where both sets have flat blocks without
-structure. The spread of each statistic is that from picture to picture (jackknife); pictures are the sample, not pixels.
+Every statistic is of flat blocks at a stated level, of lines through them, of what recurs at a place, or a ratio whose parts grow
+alike with what the scene shows (`visaug.fingerprint.pictures.looks`), so how much sky a picture shows or how large its target is
+does not enter. A level counts only where both sets have flat blocks without structure. The spread of each statistic is that from
+picture to picture (jackknife); pictures are the sample, not pixels.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from scipy import stats
 
 from visaug.comparison.comparison import SIGNIFICANT, Place, Places, data_frame, verdict_json
+from visaug.comparison.picture_difference import Difference, difference, look_differences
 from visaug.errors import InputError
 from visaug.fingerprint.pictures.blocks import Levels, Rounding, noise_by_level, sample
 from visaug.fingerprint.pictures.curve import Law
@@ -32,32 +33,6 @@ if TYPE_CHECKING:
 _FEWEST = 5  # pictures of a set
 _CLEAN = 0.1  # share by which low coefficients may exceed the noise where a level counts
 _COLUMNS = ["view", "statistic", "unit", "measured", "modelled", "standard_deviation", "z"]
-
-
-@dataclass(frozen=True)
-class Difference:
-    """One statistic of both sets: value in the target, in the other set, and the standard error of the difference."""
-
-    view: str
-    statistic: str
-    unit: str
-    measured: float
-    modelled: float
-    standard_deviation: float
-    degrees: float
-
-    @property
-    def p_value(self) -> float:
-        return float(2 * stats.t.sf(abs(self.t), self.degrees))
-
-    @property
-    def t(self) -> float:
-        return (self.measured - self.modelled) / self.standard_deviation
-
-    @property
-    def z(self) -> float:
-        """The standard deviations of a normal variable that are as improbable."""
-        return float(math.copysign(stats.norm.isf(max(self.p_value, 1e-300) / 2), self.t))
 
 
 @dataclass(frozen=True)
@@ -151,7 +126,7 @@ def compare_pictures(
         sets.append(one)
         parts.append(_parts(one, seed))
     say("reading pictures", 2, 2)
-    found = [*_noise(*sets), *_lines(*parts)]
+    found = [*_noise(*sets), *_lines(*parts), *look_differences(*(one.pictures for one in sets))]
     if not found:
         raise InputError(
             "the two sets have no flat regions at a common level",
@@ -232,9 +207,7 @@ def _noise(renders: _Set, target: _Set) -> list[Difference]:
     found = []
     for k in sorted(values[0].keys() & values[1].keys()):
         (a, ea, da, _), (b, eb, db, level) = values[0][k], values[1][k]
-        found.append(
-            _difference("noise_level", f"noise at level {level:.0f}", "DN", (b, eb, db), (a, ea, da))
-        )
+        found.append(difference("noise_level", f"noise at level {level:.0f}", "DN", (b, eb, db), (a, ea, da)))
     return found
 
 
@@ -264,23 +237,8 @@ def _lines(renders: dict[str, Part | None], target: dict[str, Part | None]) -> l
         if a is not None and b is not None:
             degrees = 11.0  # of a spread over a dozen or more pictures or places; a normal would be too sure
             sides = [(p.variance, p.error, degrees) for p in (b, a)]
-            found.append(_difference(view, f"variance of {text}", "DN^2", *sides))
+            found.append(difference(view, f"variance of {text}", "DN^2", *sides))
     return found
-
-
-def _difference(
-    view: str,
-    statistic: str,
-    unit: str,
-    measured: tuple[float, float, float],
-    modelled: tuple[float, float, float],
-) -> Difference:
-    (b, eb, db), (a, ea, da) = measured, modelled
-    variance = ea**2 + eb**2 + 1e-12
-    degrees = variance**2 / (ea**4 / da + eb**4 / db + 1e-24)  # Welch
-    return Difference(
-        view, statistic, unit, float(b), float(a), math.sqrt(variance), float(max(degrees, 2.0))
-    )
 
 
 def _places(found: list[Difference]) -> Places:

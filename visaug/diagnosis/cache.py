@@ -19,8 +19,6 @@ from visaug.diagnosis.signatures import Signatures
 from visaug.diagnosis.signatures import signatures as simulated_signatures
 from visaug.diagnosis.store import keep, load
 from visaug.effects import catalogue
-from visaug.frames import FrameSet
-from visaug.simulation import has_clean
 
 STAGE = 50  # sets that are simulated between two entries of a reference
 
@@ -28,34 +26,14 @@ STAGE = 50  # sets that are simulated between two entries of a reference
 def key(lab: Laboratory, camera: Camera, *words: object) -> str:
     """Name of an entry that depends on the camera, the plan, the seed and the program's own code."""
     sources = [source_of(name) for name in camera.effect_names]
-    return digest(camera.to_yaml(), _plan(lab), lab.seed, _code(), sources, words)
+    return digest(
+        camera.to_yaml(), [part.identity() for part in lab.parts], lab.seed, _code(), sources, words
+    )
 
 
 def digest(*parts: object) -> str:
     """A name for parts that print as what they are."""
     return hashlib.blake2b(repr(parts).encode(), digest_size=12).hexdigest()
-
-
-def _plan(lab: Laboratory) -> tuple:
-    return tuple(
-        (_records(part.frames), _records(part.plan), part.keep, part.deepest, part.folds)
-        for part in lab.parts
-    )
-
-
-def _records(frames: FrameSet) -> tuple:
-    cleans = {}
-    for i, record in enumerate(frames.records):
-        if record.kind == "scene" and record.clean not in cleans and has_clean(frames, i):
-            cleans[record.clean] = hashlib.blake2b(
-                np.ascontiguousarray(frames.clean(i)).tobytes(), digest_size=8
-            ).hexdigest()
-    shapes = tuple(frames.shape(i) for i in range(len(frames)))
-    records = tuple(
-        (r.sequence, r.kind, r.exposure_s, r.temperature_c, r.gain_db, r.photons, r.clean, r.window)
-        for r in frames.records
-    )
-    return records, shapes, cleans
 
 
 def _code() -> str:

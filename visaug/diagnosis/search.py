@@ -1,15 +1,17 @@
 """Finds missing effects: fit, select, add, refit, until the camera is adequate or no known effect explains the difference."""
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from visaug.camera import Camera
 from visaug.cluster import connected
-from visaug.comparison import Laboratory, is_clear, places
+from visaug.comparison import Laboratory, is_clear, places, with_a_well
 from visaug.comparison.spread import by_ray
 from visaug.diagnosis import cache
 from visaug.diagnosis.acceptance import State
@@ -48,12 +50,15 @@ def diagnose(
     progress: Callable[[str, int, int], None] | None = None,
     sets: int = SETS,
     cluster: str | None = None,
+    transfer: Literal["linear", "srgb"] = "linear",
+    scenes: FrameSet | str | Path | None = None,
 ) -> Diagnosis:
     """Finds the physical effects that a camera model lacks.
 
     Args:
         camera: the camera model to test, or its file or name.
-        frames: measured bias, dark, flat or scene frames, or the path of a frame set.
+        frames: measured bias, dark, flat or scene frames, or the path of a frame set; or ordinary pictures, see
+            `visaug.comparison.picture_part`.
         effects: files with your own effects, tried together with those of the catalogue.
         without: effects of the catalogue that are not tried.
         seed: of all simulations. The same seed gives the same result on the same type of processor; others round sums
@@ -61,12 +66,15 @@ def diagnose(
         progress: called with (description, done, total).
         sets: simulated sets of the camera, 50 or more; fewer are faster and less certain.
         cluster: address of a Ray cluster that runs the simulations, or `local`; None uses the threads of this machine.
+        transfer: of ordinary pictures, how their values follow from light.
+        scenes: for ordinary pictures, others with such scenes, e.g. the training images; without them scenes are taken to
+            have no preferred axis and no centre.
 
     Returns:
         The accepted effects with their parameters, the error before and after, and what remains unexplained.
 
     Raises:
-        InputError: frames of kind image, too few frames, unknown effects, or fewer than 50 sets.
+        InputError: too few frames or pictures, unknown effects, or fewer than 50 sets.
 
     Examples:
         >>> import visaug
@@ -89,14 +97,14 @@ def diagnose(
             )
     camera = Camera.load(camera)
     frames = FrameSet.of(frames, camera.resolution)
+    if frames.is_pictures:
+        camera = with_a_well(camera)
     left_out, report = frozenset(without), progress or (lambda *_: None)
-    if cluster is None:
-        lab = Laboratory(frames, camera, seed, report=report)
+    of_pictures = {"transfer": transfer, "scenes": None if scenes is None else FrameSet.of(scenes)}
+    with nullcontext() if cluster is None else connected(cluster) as ray:
+        spread = None if cluster is None else by_ray(ray)
+        lab = Laboratory(frames, camera, seed, spread=spread, report=report, **of_pictures)
         found = _Search(lab, camera, left_out, report, sets).run()
-    else:
-        with connected(cluster) as ray:
-            lab = Laboratory(frames, camera, seed, spread=by_ray(ray), report=report)
-            found = _Search(lab, camera, left_out, report, sets).run()
     return replace(found, given=camera, frame_set=frames, seed=seed)
 
 
@@ -306,7 +314,8 @@ class _Search:
         return Fitted.unfitted(self.lab, self.first)
 
     def _sequence_numbers(self) -> dict[str, list[int]]:
-        records, folds = self.lab.frames.records, self.lab.folds
+        sequences, folds = self.lab.sequences, self.lab.folds
         return {
-            name: [records[i].sequence for i in getattr(folds, name)] for name in ("fit", "select", "confirm")
+            name: list(dict.fromkeys(sequences[i] for i in getattr(folds, name)))
+            for name in ("fit", "select", "confirm")
         }

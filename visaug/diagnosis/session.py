@@ -71,6 +71,12 @@ class Session:
     ):
         camera = Camera.load(camera)
         frames = FrameSet.of(frames, camera.resolution)
+        if frames.is_pictures:
+            raise InputError(
+                "only ordinary pictures",
+                field="frames",
+                expected="bias, dark, flat or scene frames; `visaug diagnose` takes pictures",
+            )
         self.given, self.frames, self.seed, self.sets = camera, frames, seed, sets
         self.progress: Report = progress or (lambda *_: None)
         self.fits = Fits(camera, frames, seed, sets)

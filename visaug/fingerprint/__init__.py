@@ -7,13 +7,14 @@ import numpy as np
 from visaug.fingerprint.reduction import FrameData, GroupData
 from visaug.fingerprint.statistic import AXES, Fingerprint, Statistic, finite
 from visaug.fingerprint.view import Curve, Picture, View
-from visaug.fingerprint.views import IN_A_WINDOW, OF_FULL_FRAMES, VIEWS
+from visaug.fingerprint.views import IN_A_WINDOW, OF_FULL_FRAMES, OF_PICTURES, VIEWS
 from visaug.frames import FrameSet
 
 __all__ = [
     "AXES",
     "IN_A_WINDOW",
     "OF_FULL_FRAMES",
+    "OF_PICTURES",
     "VIEWS",
     "Curve",
     "Fingerprint",

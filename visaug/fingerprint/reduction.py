@@ -161,7 +161,6 @@ class FrameData:
         self.frames = frames
         self.use = frozenset(range(len(frames)) if use is None else use)
         self.records: tuple[FrameRecord, ...] = frames.records
-        self._loaded: dict[Group, GroupData] = {}
 
     @cached_property
     def bias(self) -> GroupData | None:
@@ -184,6 +183,14 @@ class FrameData:
             chosen += choose([g for g in self._used_groups if g.kind == kind], most)
         bias = self.bias
         return [bias if bias and g == bias.group else self._load(g, bias) for g in chosen]
+
+    @cached_property
+    def unlit(self) -> "FrameData":
+        """The bias and dark frames alone, with what was reduced of them."""
+        dark = [i for i in self.use if self.records[i].kind in ("bias", "dark")]
+        data = FrameData(self.frames, dark, self.named, self.place)
+        data.bias, data.groups = self.bias, [g for g in self.groups if g.kind in ("bias", "dark")]
+        return data
 
     @cached_property
     def darks(self) -> list[GroupData]:

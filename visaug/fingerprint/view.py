@@ -48,3 +48,23 @@ class View:
     def picture(self, data: FrameData) -> Picture | None:
         """The picture of this view; None where the frames that it needs are missing."""
         raise NotImplementedError
+
+
+class Unlit(View):
+    """Another view, of dark frames alone: for sets whose flats tell nothing in it.
+
+    Example:
+        >>> from visaug.fingerprint import VIEWS
+        >>> Unlit(VIEWS[0]).name == VIEWS[0].name
+        True
+    """
+
+    def __init__(self, view: View):
+        self.view = view
+        self.name, self.title = view.name, view.title  # type: ignore[misc]
+
+    def measure(self, data: FrameData) -> Iterator[tuple[Statistic, float]]:
+        return self.view.measure(data.unlit)
+
+    def picture(self, data: FrameData) -> Picture | None:
+        return self.view.picture(data.unlit)

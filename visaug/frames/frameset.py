@@ -153,6 +153,11 @@ class FrameSet:
         return f"FrameSet({counts or 'empty'})"
 
     @property
+    def is_pictures(self) -> bool:
+        """Whether there are frames and all are ordinary pictures, of which nothing is known."""
+        return bool(self.records) and all(record.kind == "image" for record in self.records)
+
+    @property
     def bit_depth(self) -> int | None:
         """Bits of the converter: as stated, or from the data type (8 or 16); None for floats."""
         return self._store.bit_depth

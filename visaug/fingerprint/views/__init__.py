@@ -1,6 +1,6 @@
 """One way of looking at a frame set a class."""
 
-from visaug.fingerprint.view import View
+from visaug.fingerprint.view import Unlit, View
 from visaug.fingerprint.views.borders import Borders
 from visaug.fingerprint.views.codes import Codes
 from visaug.fingerprint.views.level import Drift, Level
@@ -44,4 +44,18 @@ OF_FULL_FRAMES: tuple[View, ...] = (
     Defects(),
     Borders(),
     Scene(),
+)
+
+# Of what the regions of ordinary pictures leave. Of lit ones only what is fine is left, so that some views look at the sky alone.
+# Single events and slow changes are left out: they are content there (stars, stray light, exposure).
+OF_PICTURES: tuple[View, ...] = (
+    Unlit(Level()),
+    PhotonTransfer(),
+    TemporalLines(),
+    TemporalSpectrum(),
+    NoiseCovariance(),
+    FixedPattern(),
+    Unlit(FixedSpectrum()),
+    Unlit(Seams()),
+    Defects(),
 )

@@ -1,0 +1,204 @@
+"""Pictures of unknown scenes, measured and simulated as a laboratory does frames.
+
+Each picture's own smoothed version is taken for its scene: the black sky without light, flat lit regions at their own level.
+The camera takes these scenes again, and both sets are looked at in the same regions (`visaug.fingerprint.pictures.regions`), so
+that the content of the pictures is the same on both sides.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import torch
+
+from visaug.augment.light import linear_to_srgb
+from visaug.camera import Camera
+from visaug.comparison.folds import Folds, share_out
+from visaug.comparison.part import CONFIRM, FIND, WHOLE
+from visaug.comparison.picture_scenes import Scenes, scenes_of
+from visaug.comparison.selection import Selection
+from visaug.fingerprint import OF_PICTURES, Fingerprint, View, fingerprint, fingerprint_values
+from visaug.fingerprint.pictures.regions import dark_residuals, lit_residuals
+from visaug.fingerprint.pictures.symmetry import STATISTICS, Sums, symmetry_sums
+from visaug.frames import FrameRecord, FrameSet
+from visaug.frames.stores import MemoryStore
+from visaug.sampling import Stream, derive_key
+
+TOGETHER = 300_000  # pixels that go through the chain at a time
+PLACE = "regions of pictures"
+
+
+class _Residuals(MemoryStore):
+    """Frames of what is left after the scene was taken off: of either sign."""
+
+    def read(self, i: int) -> np.ndarray:
+        return self._frames[i]
+
+
+def with_a_well(camera: Camera) -> Camera:
+    """The camera with the converter's end as its full well where the file has none: pictures tell no other."""
+    spec = camera.spec
+    if spec.full_well_e is not None:
+        return camera
+    return camera.replace(
+        {"full_well_e": (2**camera.bit_depth - 1 - spec.black_level_dn) * spec.gain_e_per_dn}
+    )
+
+
+@dataclass(frozen=True)
+class PicturePart:
+    """Pictures in the place of a `Part` of a frame set.
+
+    Attributes:
+        scenes: what is simulated.
+        pictures: (n, H, W) as measured, in 1/255 of full scale; empty where only simulations are wanted.
+        resolution: rows and columns of the sensor.
+        dn: DN of the camera per 1/255 of full scale.
+    """
+
+    scenes: Scenes
+    pictures: np.ndarray
+    resolution: tuple[int, int]
+    dn: float
+    exposure_s: float
+    place: str = PLACE
+    views: tuple[View, ...] = OF_PICTURES
+
+    @cached_property
+    def frames(self) -> FrameSet:
+        """What the regions of the measured pictures leave: a dark frame of each, and a flat of each class of its lit regions."""
+        return self._frames(self.pictures, np.arange(len(self.scenes.numbers)))
+
+    @cached_property
+    def folds(self) -> Folds:
+        return share_out(self.frames)
+
+    def _chosen(self, use: str) -> np.ndarray:
+        """Numbers of the pictures that find, or confirm, or of all: every third confirms."""
+        every = np.arange(len(self.scenes.numbers))
+        return {FIND: every[every % 3 != 2], CONFIRM: every[every % 3 == 2], WHOLE: every}[use]
+
+    def measured(self, use: str) -> Fingerprint:
+        chosen = self._chosen(use)
+        found = fingerprint(self._frames(self.pictures[chosen], chosen), None, self.views, self.place)
+        symmetry = self._symmetry(self.pictures[chosen], chosen).ratio - self.scenes.expected[0]
+        values = np.concatenate([found.values, np.nan_to_num(symmetry)])
+        return Fingerprint((*found.statistics, *STATISTICS), values)
+
+    def simulated(self, camera: Camera, seed: int, uses: Sequence[str]) -> list[np.ndarray]:
+        """Fingerprint values of one simulated set, for each use of its pictures."""
+        taken_of = self._chosen(uses[0] if len(uses) == 1 else WHOLE)
+        pictures = self.pictures_by(camera, seed, taken_of)
+        place = {int(n): k for k, n in enumerate(taken_of)}
+        found = []
+        for use in uses:
+            chosen = self._chosen(use)
+            own = pictures[[place[int(n)] for n in chosen]]
+            values = fingerprint_values(self._frames(own, chosen), None, self.views)
+            found.append(np.concatenate([values, self._moved(own, chosen, seed)]))
+        return found
+
+    def take(self, camera: Camera, seed: int) -> FrameSet:
+        """What the regions of simulated pictures leave."""
+        chosen = self._chosen(WHOLE)
+        return self._frames(self.pictures_by(camera, seed, chosen), chosen)
+
+    def _moved(self, pictures: np.ndarray, chosen: np.ndarray, seed: int) -> np.ndarray:
+        """What the camera does to the symmetries, with what scenes and their expectation do to them by chance."""
+        scenes, error = self.scenes.symmetry.of(chosen), self.scenes.expected[1]
+        rng = np.random.default_rng(derive_key(seed, "scenes") % 2**63)
+        by_chance = scenes.by_chance(rng) + error * rng.standard_normal(len(error))
+        return np.nan_to_num(self._symmetry(pictures, chosen).ratio - scenes.ratio + by_chance)
+
+    def _symmetry(self, pictures: np.ndarray, chosen: np.ndarray) -> Sums:
+        s = self.scenes
+        corner = (s.window[0], s.window[2])
+        return symmetry_sums(
+            pictures, s.regions.lit[chosen] >= 0, s.black, s.saturated, corner, self.resolution
+        )
+
+    def _frames(self, pictures: np.ndarray, chosen: np.ndarray) -> FrameSet:
+        regions, names = self.scenes.regions.of(chosen), self.scenes.numbers
+        stacks: list[tuple[str, float | None, np.ndarray]] = []
+        if regions.sky is not None:
+            stacks.append(("dark", None, dark_residuals(pictures, regions.dark)))
+        for level, stack in zip(regions.levels, lit_residuals(pictures, regions), strict=True):
+            stacks.append(("flat", float(f"{level - self.scenes.black:.3g}"), stack))
+        records, frames = [], []
+        for kind, light, stack in stacks:
+            for n, frame in zip(chosen, stack, strict=True):
+                records.append(
+                    FrameRecord(
+                        len(records),
+                        f"{names[n]}",
+                        kind,
+                        self.exposure_s,
+                        photons=light,
+                        window=self.scenes.window,
+                    )
+                )
+                frames.append(frame * np.float32(self.dn))
+        return FrameSet(records, _Residuals(records, frames, {}, None))
+
+    def pictures_by(self, camera: Camera, seed: int, chosen: np.ndarray) -> np.ndarray:
+        """The scenes (chosen, H, W) as the camera would have taken them, in 1/255 of full scale."""
+        s = self.scenes
+        if s.quality is not None and "jpeg" not in camera.effect_names:
+            camera = camera.with_effect("jpeg", quality=s.quality, chroma="full")
+        spec, top = camera.spec, 2**camera.bit_depth - 1
+        white = (top - spec.black_level_dn) * spec.gain_e_per_dn / spec.quantum_efficiency
+        r0, r1, c0, c1 = s.window
+        maps: dict = {}
+        taken = []
+        step = max(1, TOGETHER // ((r1 - r0) * (c1 - c0)))
+        for first in range(0, len(chosen), step):
+            numbers = chosen[first : first + step]
+            keys = [derive_key(seed, "frame", int(n)) for n in numbers]
+            own = [derive_key(seed, "camera")] * len(numbers)
+            stream = Stream(keys, own, 1, (range(r0, r1), range(c0, c1)), drawn=maps)
+            photons = torch.from_numpy(s.light[numbers])[:, None] * white
+            with torch.no_grad():
+                picture = camera.expose(photons, stream, resolution=self.resolution) / top
+                picture = linear_to_srgb(picture) if s.transfer == "srgb" else picture
+                picture = camera.finish(picture, stream) if camera.finishes else picture
+            taken.append(torch.round(255 * picture[:, 0].clamp(0, 1)).numpy())
+        return np.concatenate(taken)
+
+    def without_pixels(self) -> PicturePart:
+        """The same for simulations alone."""
+        return replace(self, pictures=np.zeros((0, 0, 0), np.float32))
+
+    def identity(self) -> tuple:
+        """What a simulation depends on, as something that prints as what it is."""
+        s = self.scenes
+        digest = hashlib.blake2b(digest_size=12)
+        for part in (s.light, s.regions.dark, s.regions.lit, s.expected):
+            digest.update(np.ascontiguousarray(part).tobytes())
+        numbers = (s.black, s.saturated, s.regions.levels, self.dn, self.exposure_s)
+        return s.numbers, s.window, self.resolution, s.transfer, s.quality, numbers, digest.hexdigest()
+
+
+def picture_part(
+    frames: FrameSet,
+    camera: Camera,
+    transfer: str,
+    scenes: FrameSet | None,
+    warn: Callable[[str], object],
+) -> tuple[PicturePart, Selection]:
+    """The pictures of a set as a part, and which of them and what window are used.
+
+    Args:
+        camera: supplies the level at which its pictures saturate, and what is not measured.
+        transfer: how picture values follow from light, linear or srgb.
+        scenes: other pictures with such scenes, whose symmetries take the place of zero.
+
+    Raises:
+        InputError: too few pictures, or none with a black sky or flat regions.
+    """
+    own, taken, used = scenes_of(frames, camera, transfer, scenes, warn)
+    dn = (2**camera.bit_depth - 1) / 255
+    return PicturePart(own, taken, used.size, dn, camera.spec.exposure_s), used

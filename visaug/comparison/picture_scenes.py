@@ -1,0 +1,195 @@
+"""The scenes behind ordinary pictures, and the regions in which the pictures are looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy import ndimage
+
+from visaug.augment.light import linear_to_srgb, srgb_to_linear
+from visaug.camera import Camera
+from visaug.comparison.selection import Selection
+from visaug.errors import InputError
+from visaug.fingerprint.pictures.blocks import SIDE, Rounding
+from visaug.fingerprint.pictures.files import Pictures, largest_group, quality_of
+from visaug.fingerprint.pictures.regions import Regions, find_regions
+from visaug.fingerprint.pictures.symmetry import STATISTICS, Sums, symmetry_sums
+from visaug.frames import FrameSet
+
+BUDGET = 1_200_000  # pixels of a set
+MOST = 60  # pictures
+FEWEST = 6
+SATURATED = 0.97  # of the level at which the camera saturates
+BEYOND = 2.0  # light of a saturated pixel over what saturates: it is not known, and what spills shows only as a whole
+_OWN = 3.0  # px: standard deviation of the Gaussian that smooths a flat region
+_REST = 0.7
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """What a simulation needs of the pictures.
+
+    Attributes:
+        light: (n, H, W) share of the light that saturates the converter; 0 in the black sky.
+        regions: where both are looked at.
+        numbers: (n,) of the pictures in the set.
+        window: rows and columns of the sensor that are used.
+        black: level of no light, in 1/255 of full scale.
+        saturated: level from which a pixel is saturated, in 1/255 of full scale.
+        transfer: how picture values follow from light.
+        quality: of the JPEG files; None where they are none.
+        symmetry: sums of the scenes themselves.
+        expected: (2, statistics) what the symmetries' statistics are in pictures of such scenes, and its standard error; NaN
+            where that is not known, and the statistic is not used.
+    """
+
+    light: np.ndarray
+    regions: Regions
+    numbers: tuple[int, ...]
+    window: tuple[int, int, int, int]
+    black: float
+    saturated: float
+    transfer: str
+    quality: int | None
+    symmetry: Sums
+    expected: np.ndarray
+
+
+def scenes_of(
+    frames: FrameSet,
+    camera: Camera,
+    transfer: str,
+    scenes: FrameSet | None,
+    warn: Callable[[str], object],
+) -> tuple[Scenes, np.ndarray, Selection]:
+    """The scenes of a set of pictures, the pictures (n, H, W) in 1/255 of full scale, and which of them and what window are used.
+
+    Args:
+        camera: supplies the level at which its pictures saturate, and what is not measured.
+        transfer: how picture values follow from light, linear or srgb.
+        scenes: other pictures with such scenes, whose symmetries take the place of zero.
+
+    Raises:
+        InputError: too few pictures, or none with a black sky or flat regions.
+    """
+    pictures = largest_group(frames, warn)
+    if len(pictures) < FEWEST:
+        raise InputError(
+            f"{len(pictures)} pictures are too few", field="frames", expected=f"{FEWEST} or more of one size"
+        )
+    chosen, window = chosen_of(pictures)
+    taken = read_windows(pictures, chosen, window)
+    rounding = Rounding(pictures.steps, pictures.is_jpeg)
+    saturated = SATURATED * _saturation(camera, taken, transfer)
+    regions = find_regions(taken, saturated, rounding)
+    if regions.sky is None and not regions.levels:
+        raise InputError(
+            "the pictures hold neither a black sky nor flat regions",
+            field="frames",
+            expected="regions without texture",
+        )
+    _say_what_lacks(regions, warn)
+    rows, columns = frames.shape(pictures.indices[0])
+    black = (
+        regions.sky
+        if regions.sky is not None
+        else 255 * camera.spec.black_level_dn / (2**camera.bit_depth - 1)
+    )
+    smooth = smooth_scenes(taken, regions)
+    place = (regions.lit >= 0, black, saturated, (window[0], window[2]), (rows, columns))
+    if scenes is None:
+        expected = np.stack([np.where([s.view == "falloff" for s in STATISTICS], np.nan, 0.0)] * 2)
+    else:
+        expected = _expected(scenes, place, warn)
+    numbers = tuple(frames.records[pictures.indices[n]].sequence for n in chosen)
+    own = Scenes(
+        _light(smooth, black, saturated, transfer),
+        regions,
+        numbers,
+        window,
+        black,
+        saturated,
+        transfer,
+        round(quality_of(pictures.steps)[0]) if pictures.is_jpeg else None,
+        symmetry_sums(smooth, *place),
+        expected,
+    )
+    is_whole = window == (0, rows, 0, columns)
+    used = tuple(pictures.indices[n] for n in chosen)
+    return own, taken, Selection(len(frames), (rows, columns), (0, 0), used, None if is_whole else window)
+
+
+def _say_what_lacks(regions: Regions, warn: Callable[[str], object]) -> None:
+    if regions.sky is None:
+        warn("no_black_sky: the pictures have no black sky; what shows in the dark alone is not seen")
+    if not regions.levels:
+        warn(
+            "no_flat_regions: the pictures have hardly any lit region without texture; what grows with light is not seen"
+        )
+
+
+def chosen_of(pictures: Pictures, budget: int = BUDGET) -> tuple[np.ndarray, tuple[int, int, int, int]]:
+    """Pictures, evenly spaced, and the window in the middle of them that is looked at, whole blocks of the JPEG grid."""
+    rows, columns = pictures.frames.shape(pictures.indices[0])
+    count = min(len(pictures), MOST)
+    chosen = np.unique(np.linspace(0, len(pictures) - 1, count).astype(int))
+    share = min(1.0, np.sqrt(budget / (count * rows * columns)))
+    height, width = (max(int(share * side) // SIDE, 4) * SIDE for side in (rows, columns))
+    if min(rows, columns) < 4 * SIDE:
+        raise InputError(
+            f"the pictures are {rows} x {columns}", field="frames", expected="32 x 32 pixels or more"
+        )
+    top, left = ((side - part) // 2 // SIDE * SIDE for side, part in ((rows, height), (columns, width)))
+    return chosen, (top, top + height, left, left + width)
+
+
+def read_windows(pictures: Pictures, chosen: np.ndarray, window: tuple[int, int, int, int]) -> np.ndarray:
+    r0, r1, c0, c1 = window
+    return np.stack([pictures.read(int(n))[r0:r1, c0:c1] for n in chosen]).astype(np.float32)
+
+
+def _saturation(camera: Camera, pictures: np.ndarray, transfer: str) -> float:
+    """Level at which the camera's file says that pictures saturate, in 1/255 of full scale; 255 where the pictures go beyond."""
+    top = 2**camera.bit_depth - 1
+    spec = camera.spec
+    well = spec.black_level_dn + (spec.full_well_e or np.inf) / spec.gain_e_per_dn
+    share = torch.tensor(min(well / top, 1.0))
+    level = 255 * float(linear_to_srgb(share) if transfer == "srgb" else share)
+    beyond = np.count_nonzero(pictures > 1.1 * level) > 1e-3 * np.count_nonzero(pictures > 0.9 * level)
+    return 255.0 if beyond else level
+
+
+def smooth_scenes(pictures: np.ndarray, regions: Regions) -> np.ndarray:
+    """The scenes behind pictures: the sky at its level, flat regions smoothed within themselves, the rest nearly as it is."""
+    found = ndimage.gaussian_filter(pictures, (0, _REST, _REST))
+    flat = (regions.lit >= 0).repeat(SIDE, 1).repeat(SIDE, 2)
+    weight = flat.astype(np.float32)
+    parts = [ndimage.gaussian_filter(x, (0, _OWN, _OWN)) for x in (pictures * weight, weight)]
+    found[flat] = (parts[0] / np.maximum(parts[1], 1e-6))[flat]
+    if regions.sky is not None:
+        found[regions.dark.repeat(SIDE, 1).repeat(SIDE, 2)] = regions.sky
+    return found
+
+
+def _light(smooth: np.ndarray, black: float, saturated: float, transfer: str) -> np.ndarray:
+    share = torch.from_numpy(np.append(smooth.ravel(), np.float32(black)) / 255)
+    linear = (srgb_to_linear(share) if transfer == "srgb" else share).numpy()
+    light = (linear[:-1] - linear[-1]).clip(0) / (1 - linear[-1])
+    light = light.reshape(smooth.shape)
+    return np.where(smooth >= saturated, BEYOND * light, light).astype(np.float32)
+
+
+def _expected(scenes: FrameSet, place: tuple, warn: Callable[[str], object]) -> np.ndarray:
+    """(2, statistics): the symmetries' statistics in other pictures, and their standard errors."""
+    pictures = largest_group(scenes, warn)
+    black, saturated = place[1:3]
+    chosen, window = chosen_of(pictures)
+    taken = read_windows(pictures, chosen, window)
+    regions = find_regions(taken, saturated, Rounding(pictures.steps, pictures.is_jpeg))
+    shape = pictures.frames.shape(pictures.indices[0])
+    dark = regions.sky if regions.sky is not None else black
+    sums = symmetry_sums(taken, regions.lit >= 0, dark, saturated, (window[0], window[2]), shape)
+    return np.stack([sums.ratio, np.sqrt((sums.deviations**2).sum(0))])
