@@ -67,7 +67,7 @@ def sunlit(rng: np.random.Generator, side: tuple[int, int] = SIDE) -> np.ndarray
     lit = np.argwhere(scene > 0.1)
     for _ in range(rng.integers(2, 6)):
         y, x = lit[rng.integers(len(lit))] if len(lit) else np.array(side) // 2
-        radius = rng.uniform(1.0, 3.0)
+        radius = rng.uniform(1.6, 3.2)  # no sharper than the lens leaves them
         scene = scene + rng.uniform(2, 8) * np.exp(-((rows - y) ** 2 + (columns - x) ** 2) / radius**2)
     return scene
 

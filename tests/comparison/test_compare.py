@@ -33,9 +33,9 @@ def test_a_hidden_effect_is_seen_where_it_is(stated):
     assert result.differences()[0]["z"] > 10
 
 
-def test_pictures_of_which_nothing_is_known_are_refused(stated):
+def test_too_few_pictures_are_refused(stated):
     frames = FrameSet.from_arrays([FrameRecord(0, "a.png", "image")], [np.zeros((64, 80), np.uint8)])
-    with pytest.raises(InputError, match="kind"):
+    with pytest.raises(InputError, match="6 or more"):
         compare(stated, frames)
 
 

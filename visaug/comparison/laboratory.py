@@ -18,6 +18,8 @@ from visaug.comparison.selection import select
 from visaug.fingerprint import Fingerprint, Statistic
 from visaug.frames import FrameSet
 
+READ_NOISE_E = 1.5  # of a camera for which the strengths that effects name to try are made: 0.1 to 1 times the read noise
+
 Job = tuple[Camera, int]
 Work = Callable[[Job], tuple[np.ndarray, ...]]
 Spread = Callable[[Work, Sequence[Job]], Iterable[tuple[np.ndarray, ...]]]
@@ -55,6 +57,7 @@ class Laboratory:
         self.seed = seed
         self.spread = spread or by_threads
         self.sequences: tuple[int, ...]
+        self.units: dict[str, float] = {}
         if frames.is_pictures:
             self._of_pictures(frames, camera, transfer, scenes)
             return
@@ -75,6 +78,9 @@ class Laboratory:
         self.warnings, self.calibrated, self.parts = tuple(warnings), False, (part,)
         self.frames, self.folds = part.frames, part.folds
         self.sequences = tuple(int(record.file) for record in self.frames.records)
+        noise = max(camera.spec.read_noise.sigma_e / READ_NOISE_E, 1.0)
+        second = 1 / max(camera.spec.exposure_s, 1e-6)
+        self.units = {"e-": noise, "e-/s": second, "e-/px/s": second}
 
     @cached_property
     def measured(self) -> tuple[Fingerprint, Fingerprint, Fingerprint]:

@@ -14,13 +14,17 @@ from functools import cached_property
 
 import numpy as np
 import torch
+from scipy import ndimage
+from torch import Tensor
 
 from visaug.augment.light import linear_to_srgb
 from visaug.camera import Camera
+from visaug.camera.chain import PAPER_ORDER
 from visaug.comparison.folds import Folds, share_out
 from visaug.comparison.part import CONFIRM, FIND, WHOLE
 from visaug.comparison.picture_scenes import Scenes, scenes_of
 from visaug.comparison.selection import Selection
+from visaug.effects import Effect, Stage
 from visaug.fingerprint import OF_PICTURES, Fingerprint, View, fingerprint, fingerprint_values
 from visaug.fingerprint.pictures.regions import dark_residuals, lit_residuals
 from visaug.fingerprint.pictures.symmetry import STATISTICS, Sums, symmetry_sums
@@ -30,6 +34,9 @@ from visaug.sampling import Stream, derive_key
 
 TOGETHER = 300_000  # pixels that go through the chain at a time
 PLACE = "regions of pictures"
+SLOW = 8.0  # px: standard deviation of a Gaussian; shading is slower, blur is faster
+STRONGEST = 4.0  # by which light is raised or lowered to come to a scene's level
+IS_FALLOFF = np.array([statistic.view == "falloff" for statistic in STATISTICS])
 
 
 class _Residuals(MemoryStore):
@@ -47,6 +54,12 @@ def with_a_well(camera: Camera) -> Camera:
     return camera.replace(
         {"full_well_e": (2**camera.bit_depth - 1 - spec.black_level_dn) * spec.gain_e_per_dn}
     )
+
+
+def _white(camera: Camera) -> float:
+    """Photons of a pixel that the converter's range holds."""
+    spec = camera.spec
+    return (2**camera.bit_depth - 1 - spec.black_level_dn) * spec.gain_e_per_dn / spec.quantum_efficiency
 
 
 @dataclass(frozen=True)
@@ -92,27 +105,30 @@ class PicturePart:
     def simulated(self, camera: Camera, seed: int, uses: Sequence[str]) -> list[np.ndarray]:
         """Fingerprint values of one simulated set, for each use of its pictures."""
         taken_of = self._chosen(uses[0] if len(uses) == 1 else WHOLE)
-        pictures = self.pictures_by(camera, seed, taken_of)
+        pictures, shaded = self._taken(camera, seed, taken_of)
         place = {int(n): k for k, n in enumerate(taken_of)}
         found = []
         for use in uses:
             chosen = self._chosen(use)
-            own = pictures[[place[int(n)] for n in chosen]]
-            values = fingerprint_values(self._frames(own, chosen), None, self.views)
-            found.append(np.concatenate([values, self._moved(own, chosen, seed)]))
+            here = [place[int(n)] for n in chosen]
+            values = fingerprint_values(self._frames(pictures[here], chosen), None, self.views)
+            found.append(np.concatenate([values, self._moved(pictures[here], shaded[here], chosen, seed)]))
         return found
 
     def take(self, camera: Camera, seed: int) -> FrameSet:
         """What the regions of simulated pictures leave."""
         chosen = self._chosen(WHOLE)
-        return self._frames(self.pictures_by(camera, seed, chosen), chosen)
+        return self._frames(self._taken(camera, seed, chosen)[0], chosen)
 
-    def _moved(self, pictures: np.ndarray, chosen: np.ndarray, seed: int) -> np.ndarray:
+    def _moved(self, pictures: np.ndarray, shaded: np.ndarray, chosen: np.ndarray, seed: int) -> np.ndarray:
         """What the camera does to the symmetries, with what scenes and their expectation do to them by chance."""
         scenes, error = self.scenes.symmetry.of(chosen), self.scenes.expected[1]
         rng = np.random.default_rng(derive_key(seed, "scenes") % 2**63)
         by_chance = scenes.by_chance(rng) + error * rng.standard_normal(len(error))
-        return np.nan_to_num(self._symmetry(pictures, chosen).ratio - scenes.ratio + by_chance)
+        ratio = self._symmetry(pictures, chosen).ratio
+        if shaded is not pictures:
+            ratio = np.where(IS_FALLOFF, self._symmetry(shaded, chosen).ratio, ratio)
+        return np.nan_to_num(ratio - scenes.ratio + by_chance)
 
     def _symmetry(self, pictures: np.ndarray, chosen: np.ndarray) -> Sums:
         s = self.scenes
@@ -144,29 +160,65 @@ class PicturePart:
                 frames.append(frame * np.float32(self.dn))
         return FrameSet(records, _Residuals(records, frames, {}, None))
 
-    def pictures_by(self, camera: Camera, seed: int, chosen: np.ndarray) -> np.ndarray:
-        """The scenes (chosen, H, W) as the camera would have taken them, in 1/255 of full scale."""
+    def _taken(self, camera: Camera, seed: int, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The scenes (chosen, H, W) as the camera would have taken them, in 1/255 of full scale, and as its optics shades them."""
         s = self.scenes
         if s.quality is not None and "jpeg" not in camera.effect_names:
             camera = camera.with_effect("jpeg", quality=s.quality, chroma="full")
-        spec, top = camera.spec, 2**camera.bit_depth - 1
-        white = (top - spec.black_level_dn) * spec.gain_e_per_dn / spec.quantum_efficiency
         r0, r1, c0, c1 = s.window
         maps: dict = {}
-        taken = []
+        taken, shaded = [], []
         step = max(1, TOGETHER // ((r1 - r0) * (c1 - c0)))
         for first in range(0, len(chosen), step):
             numbers = chosen[first : first + step]
             keys = [derive_key(seed, "frame", int(n)) for n in numbers]
             own = [derive_key(seed, "camera")] * len(numbers)
             stream = Stream(keys, own, 1, (range(r0, r1), range(c0, c1)), drawn=maps)
-            photons = torch.from_numpy(s.light[numbers])[:, None] * white
+            light = torch.from_numpy(s.light[numbers])[:, None]
             with torch.no_grad():
-                picture = camera.expose(photons, stream, resolution=self.resolution) / top
-                picture = linear_to_srgb(picture) if s.transfer == "srgb" else picture
-                picture = camera.finish(picture, stream) if camera.finishes else picture
-            taken.append(torch.round(255 * picture[:, 0].clamp(0, 1)).numpy())
-        return np.concatenate(taken)
+                light, lens = self._before_the_lens(camera, light, stream)
+                picture = self._developed(camera, light, stream)
+            taken.append(torch.round(255 * picture).numpy())
+            shaded.append(taken[-1] if lens is None else lens)
+        return np.concatenate(taken), np.concatenate(shaded)
+
+    def _developed(self, camera: Camera, light: Tensor, stream: Stream) -> Tensor:
+        """(B, H, W) in [0, 1]."""
+        top = 2**camera.bit_depth - 1
+        dn = camera.expose(light * _white(camera), stream, resolution=self.resolution)
+        picture = linear_to_srgb(dn / top) if self.scenes.transfer == "srgb" else dn / top
+        picture = camera.finish(picture, stream) if camera.finishes else picture
+        return picture[:, 0].clamp(0, 1)
+
+    def _before_the_lens(
+        self, camera: Camera, light: Tensor, stream: Stream
+    ) -> tuple[Tensor, np.ndarray | None]:
+        """Light of which the camera's optics makes the scenes' levels, but for what is finer than `SLOW`, and the scenes behind it.
+
+        A picture shows its scene behind the lens; its noise goes by the levels that it has. Without optics: the light, None.
+        """
+        if not any(effect.stage == Stage.OPTICS for effect in camera.effects):
+            return light, None
+        seen: list[Tensor] = []
+        white = _white(camera)
+
+        def watch(effect: Effect, signal: Tensor) -> None:
+            if effect.stage == Stage.OPTICS and effect.name not in PAPER_ORDER:
+                seen.append(signal / white)
+
+        camera.expose(light * white, stream, resolution=self.resolution, watch=watch)
+        if not seen:
+            return light, None
+        passed = seen[-1]
+        slow = [
+            torch.from_numpy(ndimage.gaussian_filter(x.numpy(), (0, 0, SLOW, SLOW))) for x in (light, passed)
+        ]
+        through = (slow[0] / slow[1].clamp_min(1e-6)).clamp(1 / STRONGEST, STRONGEST)
+        s = self.scenes
+        dark = s.black / 255
+        level = dark + (1 - dark) * passed
+        level = linear_to_srgb(level) if s.transfer == "srgb" else level
+        return light * through, (255 * level[:, 0]).numpy()
 
     def without_pixels(self) -> PicturePart:
         """The same for simulations alone."""

@@ -89,7 +89,7 @@ def scenes_of(
         raise InputError(
             "the pictures hold neither a black sky nor flat regions",
             field="frames",
-            expected="regions without texture",
+            expected="regions without texture, with noise that neighbours do not share",
         )
     _say_what_lacks(regions, warn)
     rows, columns = frames.shape(pictures.indices[0])

@@ -126,7 +126,13 @@ def compare_pictures(
         sets.append(one)
         parts.append(_parts(one, seed))
     say("reading pictures", 2, 2)
-    found = [*_noise(*sets), *_lines(*parts), *look_differences(*(one.pictures for one in sets))]
+    noise = _noise(*sets)
+    if not noise:
+        warnings.append(
+            "noise_not_compared: the two sets have no flat regions at a common level; noise that neighbours share, as after "
+            "denoising or demosaicing, cannot be told from texture"
+        )
+    found = [*noise, *_lines(*parts), *look_differences(*(one.pictures for one in sets))]
     if not found:
         raise InputError(
             "the two sets have no flat regions at a common level",

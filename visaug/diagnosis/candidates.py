@@ -1,6 +1,7 @@
 """Effects that may be missing, and the trial values of each."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from visaug.camera import Camera
@@ -45,6 +46,18 @@ class Trial:
         """Common part of trials that differ in strength: effect, form, and which strengths are not zero."""
         absent = tuple(path for path, value in self.values if value == 0)
         return self.effect, self.form, absent
+
+    def in_units(self, scale: Mapping[str, float]) -> "Trial":
+        """The same with values of some units multiplied, each in the range of its parameter."""
+        known = catalogue()[self.effect].parameters
+
+        def scaled(path: str, value: Any) -> Any:
+            parameter = known.get(path.split(".", 1)[-1])
+            if parameter is None or parameter.unit not in scale:
+                return value
+            return min(max(value * scale[parameter.unit], parameter.low), parameter.high)
+
+        return replace(self, values=tuple((path, scaled(path, value)) for path, value in self.values))
 
     def on(self, camera: Camera) -> Camera:
         own = dict(self.values)

@@ -125,7 +125,7 @@ class _Search:
     def run(self) -> Diagnosis:
         first = self.first = self._reference()
         fitted = cache.settled(self.lab, refit(self.lab, first, self.report), SETS_AFTER, self.report)
-        tried = trials(first.camera, self.without)
+        tried = [t.in_units(self.lab.units) for t in trials(first.camera, self.without)]
         self.signs = cache.signatures(self.lab, first, tried, self.sets, self.report)
         self.adding = Adding(self.lab, first, self.signs.trials, self.report)
         self.errors = Errors(self.lab, first, fitted)

@@ -11,15 +11,18 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+from scipy import ndimage, stats
 
-from visaug.fingerprint.pictures.blocks import INNER, SIDE, blocks_of
+from visaug.fingerprint.pictures.blocks import CHOICE, INNER, NOISE, SIDE, blocks_of
 from visaug.fingerprint.pictures.regions import Regions
 from visaug.fingerprint.pictures.symmetry import FEWEST, Sums, area_sums
 
 _U, _V = np.indices((SIDE, SIDE))
 _FINE, _COARSE = INNER & (_U + _V > 9), INNER & (_U + _V > 4) & (_U + _V < 8)
 _ACROSS, _DOWN = INNER & (_U + _V > 4) & (_V > _U), INNER & (_U + _V > 4) & (_U > _V)
+_FALLS = (
+    0.3  # of texture: power at coarse over that at chosen coefficients, where it falls as frequency squared
+)
 _CONTRAST = 40.0  # 1/255 of full scale: an edge stands clear of the noise
 _REACH = 4  # px on either side of an edge
 _ALONG = 0.3  # slope along an edge, as a share of that across it
@@ -32,16 +35,21 @@ _OUTLYING = 5.0  # robust standard deviations at which steps between pixels are 
 
 @dataclass(frozen=True)
 class Look:
-    """A statistic: its view, name and unit, and how pictures (n, H, W) with their regions give its sums."""
+    """A statistic: its view, name and unit, and how pictures (n, H, W) with their regions give its sums.
+
+    `texture` is its error, per share of the noise, by texture that passed for noise.
+    """
 
     view: str
     name: str
     unit: str
     sums: Callable[[np.ndarray, Regions], tuple[np.ndarray, np.ndarray]]
+    texture: float = 0.0
 
 
 def measured(pictures: np.ndarray, regions: Regions) -> Iterator[tuple[Look, float, float, float]]:
     """Each statistic that enough pictures tell: value, standard error, and degrees of freedom of the error."""
+    texture = _texture(pictures, regions)
     for look in LOOKS:
         sums = Sums(*(part[:, None] for part in look.sums(pictures, regions)))
         if np.count_nonzero(sums.below) < FEWEST:
@@ -50,7 +58,25 @@ def measured(pictures: np.ndarray, regions: Regions) -> Iterator[tuple[Look, flo
         error = float(np.sqrt(squares.sum()))
         degrees = float(squares.sum() ** 2 / max((squares**2).sum(), 1e-300))
         if error > 0:
-            yield look, float(sums.ratio[0]), error, max(degrees - 1, 1.0)
+            yield (
+                look,
+                float(sums.ratio[0]),
+                float(np.hypot(error, look.texture * texture)),
+                max(degrees - 1, 1.0),
+            )
+
+
+def _texture(pictures: np.ndarray, regions: Regions) -> float:
+    """By what share low coefficients of flat blocks exceed high ones, beyond what the choice of flat blocks leaves of noise."""
+    power = np.zeros(2)
+    for n, picture in enumerate(pictures):
+        coefficients = blocks_of(picture)[0][regions.lit[n] >= 0]
+        power += [(coefficients[:, which] ** 2).mean(1).sum() for which in (CHOICE, NOISE)]
+    count = np.count_nonzero(CHOICE)
+    kept = (
+        stats.chi2.cdf(stats.chi2.ppf(0.9, count), count + 2) / 0.9
+    )  # of a chi-square below its 90 % quantile
+    return max(float(power[0] / power[1] / kept - 1), 0.0) if power[1] > 0 else 0.0
 
 
 def _black(pictures: np.ndarray, regions: Regions) -> tuple[np.ndarray, np.ndarray]:
@@ -169,7 +195,7 @@ def _area(k: int):
 LOOKS = (
     Look("black_level", "level of the black sky", "DN", _black),
     Look("saturation", "code at which pixels saturate", "DN", _saturation),
-    Look("noise_spectrum", "fine noise over coarse noise", "1", _noise_ratio(_FINE, _COARSE)),
+    Look("noise_spectrum", "fine noise over coarse noise", "1", _noise_ratio(_FINE, _COARSE), _FALLS),
     Look("noise_spectrum", "noise along rows over noise along columns", "1", _noise_ratio(_ACROSS, _DOWN)),
     Look("blocking", "steps at the borders of 8 x 8 blocks over steps within", "1", _blocking),
     Look("edges", "slope of the sharpest edges over their height", "1/px", _sharpness),

@@ -1,0 +1,111 @@
+"""Effects hidden in pictures of unknown scenes, against cameras in plain NumPy. False alarms at 2 %; seeds are fixed."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.diagnosis import small  # noqa: F401  # puts the independent cameras on the path
+
+from independent import pictures as independent  # isort: skip
+
+import visaug
+from visaug.cli import main
+from visaug.effects import catalogue
+from visaug.errors import InputError
+from visaug.frames import FrameRecord, FrameSet
+
+SIDE = (64, 96)
+CAMERA = independent.PictureCamera("small", 3.5, 14.0, black_dn=12.0, pixel_fixed_e=4.0)
+STATED = visaug.Camera.load(
+    {
+        "resolution": list(SIDE),
+        "bit_depth": 8,
+        "gain_e_per_dn": 3.5,
+        "black_level_dn": 12,
+        "read_noise": {"sigma_e": 14.0},
+        "dsnu": {"pixel_e": 4.0},
+    }
+)
+TRIED = (
+    "row_noise",
+    "column_noise",
+    "periodic_banding",
+    "tap_mismatch",
+    "blooming",
+    "vignetting",
+    "image_lag",
+)
+OTHERS = [name for name in catalogue() if name not in TRIED]
+
+
+def taken(change, seed, n=16):
+    rng = np.random.default_rng(seed)
+    scenes = [independent.spacecraft(rng, SIDE) for _ in range(n)]
+    return independent.take(replace(CAMERA, **change), scenes, seed)
+
+
+def in_memory(pictures):
+    return FrameSet.from_arrays([FrameRecord(i, f"{i}.png", "image") for i in range(len(pictures))], pictures)
+
+
+@pytest.fixture(scope="module")
+def row_noise():
+    return visaug.diagnose(STATED, in_memory(taken({"row_e": 12.0}, 1)), without=OTHERS, sets=40)
+
+
+def test_row_noise_is_named_and_what_pictures_cannot_show(row_noise):
+    found = json.loads(json.dumps(row_noise.to_json()))
+    assert found["accepted"] == ["row_noise"]
+    assert found["fits"]["adequate_after"]
+    sigma = found["ranking"][0]["parameters"]["sigma_e"]
+    assert sigma["low"] < 12 < sigma["high"]
+    assert set(found["cannot_show"]) >= {"image_lag"}
+    assert found["used"]["frames"] == 16
+    assert sorted(n for part in found["frames"].values() for n in part) == list(range(16))
+    assert "row_noise" in row_noise.camera.effect_names
+
+
+def test_the_command_reads_a_folder_of_pictures_and_writes_a_page(row_noise, tmp_path, monkeypatch, capsys):
+    folder = independent.save(taken({"row_e": 12.0}, 1), tmp_path / "target")
+    STATED.save(tmp_path / "camera.yaml")
+    asked = {}
+
+    def diagnose(camera, frames, **options):
+        asked.update(options, pictures=frames.is_pictures)
+        return row_noise
+
+    monkeypatch.setattr(visaug, "diagnose", diagnose, raising=False)
+    words = ["diagnose", str(folder), "--camera", str(tmp_path / "camera.yaml"), "--scenes", str(folder)]
+    main([*words, "--transfer", "srgb", "--report", str(tmp_path / "d.html")])
+    assert (asked["pictures"], asked["scenes"], asked["transfer"]) == (True, folder, "srgb")
+    assert "cannot show: image_lag" in capsys.readouterr().out
+    assert (tmp_path / "d.html").stat().st_size > 10_000
+
+
+def test_nothing_is_named_where_nothing_is_hidden():
+    found = visaug.diagnose(STATED, in_memory(taken({}, 2)), without=OTHERS, sets=40)
+    assert found.accepted == ()
+    assert found.adequate_before
+
+
+def test_a_comparison_sees_what_the_camera_lacks_and_where():
+    assert visaug.compare(STATED, in_memory(taken({}, 3))).adequate
+    comparison = visaug.compare(STATED, in_memory(taken({"tap_e": 15.0}, 4)))
+    assert not comparison.adequate
+    assert comparison.where[0].view in ("seams", "fixed_pattern", "fixed_spectrum")
+
+
+def test_too_few_pictures_and_pictures_without_a_region_are_refused():
+    with pytest.raises(InputError, match="6 or more"):
+        visaug.diagnose(STATED, in_memory(taken({}, 5, n=4)))
+    texture = np.random.default_rng(1).integers(0, 2, (8, *SIDE)).astype(np.uint8) * 200 + 20
+    texture = texture.repeat(2, 1).repeat(2, 2)
+    with pytest.raises(InputError, match="neither a black sky nor flat regions"):
+        visaug.diagnose(STATED, in_memory(list(texture)))
+
+
+def test_the_lab_refuses_pictures():
+    with pytest.raises(InputError, match="diagnose"):
+        visaug.Session(STATED, in_memory(taken({}, 6, n=7)))
