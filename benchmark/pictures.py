@@ -43,16 +43,19 @@ CAMERAS = (
 )
 
 
-def spacecraft(rng: np.random.Generator, side: tuple[int, int] = SIDE) -> np.ndarray:
-    """A lit body of shaded panels with edges and some texture before a black sky, in [0, 1], linear in light."""
+def spacecraft(rng: np.random.Generator, side: tuple[int, int] = SIDE, size: float = 1.0) -> np.ndarray:
+    """A lit body of shaded panels with edges and some texture before a black sky, in [0, 1], linear in light.
+
+    `size` scales the body: 1 fills about half of 192 x 256 pixels.
+    """
     rows, columns = np.indices(side).astype(float)
     scene = np.zeros(side)
     centre = np.array(side) * rng.uniform(0.35, 0.65, 2)
     for _ in range(rng.integers(4, 9)):
         angle = rng.uniform(0, np.pi)
-        y, x = rows - centre[0] - rng.normal(0, 18), columns - centre[1] - rng.normal(0, 25)
+        y, x = rows - centre[0] - size * rng.normal(0, 18), columns - centre[1] - size * rng.normal(0, 25)
         along, across = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)
-        half = rng.uniform(15, 55), rng.uniform(8, 35)
+        half = size * rng.uniform(15, 55), size * rng.uniform(8, 35)
         inside = (abs(along) < half[0]) & (abs(across) < half[1])
         shade = rng.uniform(0.08, 0.9) * (1 + rng.uniform(-0.5, 0.5) * along / half[0])
         if rng.random() < 0.3:
@@ -61,9 +64,9 @@ def spacecraft(rng: np.random.Generator, side: tuple[int, int] = SIDE) -> np.nda
     return ndimage.gaussian_filter(np.clip(scene, 0, 0.97), rng.uniform(0.7, 1.1))
 
 
-def sunlit(rng: np.random.Generator, side: tuple[int, int] = SIDE) -> np.ndarray:
+def sunlit(rng: np.random.Generator, side: tuple[int, int] = SIDE, size: float = 1.0) -> np.ndarray:
     """A spacecraft with glints far above saturation on its panels."""
-    scene, rows, columns = spacecraft(rng, side), *np.indices(side)
+    scene, rows, columns = spacecraft(rng, side, size), *np.indices(side)
     lit = np.argwhere(scene > 0.1)
     for _ in range(rng.integers(2, 6)):
         y, x = lit[rng.integers(len(lit))] if len(lit) else np.array(side) // 2

@@ -19,7 +19,7 @@ from independent import pictures
 import visaug
 from visaug.frames import FrameRecord, FrameSet
 
-SIDE, PICTURES, SCENES, SETS = (64, 96), 30, 60, 100
+SIDE, SIZE, PICTURES, SCENES, SETS = (80, 128), 0.5, 24, 60, 100
 READ = 14.0
 BASE = pictures.PictureCamera(
     "small well", 3.5, READ, black_dn=12.0, column_fixed_e=2.0, pixel_fixed_e=4.0, prnu=0.01
@@ -51,7 +51,8 @@ BEGIN, END = "<!-- tables of picture_effects.py -->", "<!-- end of tables -->"
 
 def scenes_of(content: str, seed: int, count: int) -> list[np.ndarray]:
     rng = np.random.default_rng(seed)
-    return [getattr(pictures, content)(rng, SIDE) for _ in range(count)]
+    size = {} if content == "natural" else {"size": SIZE}
+    return [getattr(pictures, content)(rng, SIDE, **size) for _ in range(count)]
 
 
 def as_frames(taken: list[np.ndarray]) -> FrameSet:
@@ -61,8 +62,7 @@ def as_frames(taken: list[np.ndarray]) -> FrameSet:
 def renders(content: str, seed: int) -> FrameSet:
     """Noiseless pictures of other scenes of the same kind, as a training set has them."""
     scenes = scenes_of(content, seed, SCENES)
-    top = (255 - BASE.black_dn) / 255
-    return as_frames([np.rint(255 * (1 - top + top * s).clip(0, 1)).astype(np.uint8) for s in scenes])
+    return as_frames([np.rint(255 * s.clip(0, 1)).astype(np.uint8) for s in scenes])
 
 
 def diagnosed(change: dict[str, float], content: str, seed: int) -> dict:

@@ -138,7 +138,8 @@ class PicturePart:
         )
 
     def _frames(self, pictures: np.ndarray, chosen: np.ndarray) -> FrameSet:
-        regions, names = self.scenes.regions.of(chosen), self.scenes.numbers
+        regions = self.scenes.regions.of(chosen).without_saturated(pictures, self.scenes.saturated)
+        names = self.scenes.numbers
         stacks: list[tuple[str, float | None, np.ndarray]] = []
         if regions.sky is not None:
             stacks.append(("dark", None, dark_residuals(pictures, regions.dark)))

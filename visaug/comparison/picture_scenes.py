@@ -103,7 +103,7 @@ def scenes_of(
     if scenes is None:
         expected = np.stack([np.where([s.view == "falloff" for s in STATISTICS], np.nan, 0.0)] * 2)
     else:
-        expected = _expected(scenes, place, warn)
+        expected = _expected(scenes, camera, transfer, saturated, warn)
     numbers = tuple(frames.records[pictures.indices[n]].sequence for n in chosen)
     own = Scenes(
         _light(smooth, black, saturated, transfer),
@@ -182,14 +182,34 @@ def _light(smooth: np.ndarray, black: float, saturated: float, transfer: str) ->
     return np.where(smooth >= saturated, BEYOND * light, light).astype(np.float32)
 
 
-def _expected(scenes: FrameSet, place: tuple, warn: Callable[[str], object]) -> np.ndarray:
-    """(2, statistics): the symmetries' statistics in other pictures, and their standard errors."""
+def _expected(
+    scenes: FrameSet, camera: Camera, transfer: str, saturated: float, warn: Callable[[str], object]
+) -> np.ndarray:
+    """(2, statistics): the symmetries' statistics of other pictures as the camera would take them, and their standard errors.
+
+    With the camera's noise, so that the same regions pass for flat.
+    """
     pictures = largest_group(scenes, warn)
-    black, saturated = place[1:3]
     chosen, window = chosen_of(pictures)
-    taken = read_windows(pictures, chosen, window)
-    regions = find_regions(taken, saturated, Rounding(pictures.steps, pictures.is_jpeg))
+    clean = read_windows(pictures, chosen, window)
+    dark = find_regions(clean, saturated, Rounding(pictures.steps, pictures.is_jpeg)).sky or 0.0
+    light = _light(clean, dark, 256.0, transfer)
+    taken, black = _taken(light, camera, transfer)
+    regions = find_regions(taken, saturated, Rounding(np.ones((SIDE, SIDE)), False))
     shape = pictures.frames.shape(pictures.indices[0])
-    dark = regions.sky if regions.sky is not None else black
-    sums = symmetry_sums(taken, regions.lit >= 0, dark, saturated, (window[0], window[2]), shape)
+    level = regions.sky if regions.sky is not None else black
+    sums = symmetry_sums(taken, regions.lit >= 0, level, saturated, (window[0], window[2]), shape)
     return np.stack([sums.ratio, np.sqrt((sums.deviations**2).sum(0))])
+
+
+def _taken(light: np.ndarray, camera: Camera, transfer: str) -> tuple[np.ndarray, float]:
+    """Light (n, H, W) with shot and read noise of the camera alone, in 1/255 of full scale, and the level of no light."""
+    spec, top = camera.spec, 2**camera.bit_depth - 1
+    rng = np.random.default_rng(0)
+    electrons = light * (top - spec.black_level_dn) * spec.gain_e_per_dn
+    noisy = rng.poisson(electrons) + rng.normal(0, spec.read_noise.sigma_e, light.shape)
+    share = torch.from_numpy((noisy / spec.gain_e_per_dn + spec.black_level_dn).clip(0, top) / top)
+    black = torch.tensor(spec.black_level_dn / top)
+    pictures = linear_to_srgb(share) if transfer == "srgb" else share
+    level = linear_to_srgb(black) if transfer == "srgb" else black
+    return np.rint(255 * pictures.numpy()).astype(np.float32), 255 * float(level)

@@ -30,6 +30,8 @@ _FAR = 4.0  # robust standard deviations of the sky's blocks
 _LEAST_DN = 0.5
 _MOST_DN = 15.0  # of the sky's spread: more is no sky
 _LEAST_SHARE = 0.05  # of all blocks
+_AGREE = 0.3  # of the pictures that show sky at a place
+_ENOUGH = 10  # pictures for that
 _STRUCTURE = 1.5  # low coefficients of a sky exceed high ones by no more than this
 _EDGE = 8.0  # low coefficients of a line above this many medians are an edge of the scene
 _CLASSES = 3  # of lit blocks, by level
@@ -54,9 +56,16 @@ class Regions:
     levels: tuple[float, ...]
     sky: float | None
 
-    def of(self, pictures: np.ndarray) -> Regions:
+    def of(self, numbers: np.ndarray) -> Regions:
         """Of some of the pictures."""
-        return Regions(self.dark[pictures], self.lit[pictures], self.levels, self.sky)
+        return Regions(self.dark[numbers], self.lit[numbers], self.levels, self.sky)
+
+    def without_saturated(self, pictures: np.ndarray, saturated: float) -> Regions:
+        """Away from saturated pixels: what spills out of them is no noise of a flat region."""
+        near = np.asarray(
+            ndimage.binary_dilation(_highest(pictures) >= saturated, np.ones((1, 3, 3), bool)), bool
+        )
+        return Regions(self.dark & np.logical_not(near), np.where(near, -1, self.lit), self.levels, self.sky)
 
 
 def find_regions(pictures: np.ndarray, saturated: float, rounding: Rounding) -> Regions:
@@ -70,7 +79,7 @@ def find_regions(pictures: np.ndarray, saturated: float, rounding: Rounding) -> 
     usable &= _highest(pictures) < saturated
     sky, spread = _sky(coefficients, level)
     around = np.ones((1, 3, 3), bool)
-    near = level < (sky + _FAR * spread if sky is not None else -np.inf)
+    near = level < (_level_at(level, sky, spread) + _FAR * spread if sky is not None else -np.inf)
     dark = ndimage.binary_erosion(near, around, border_value=1)
     lit = usable & ~near & (level > 3 + (sky or 0))
     number = np.broadcast_to(np.arange(len(pictures))[:, None, None], level.shape)
@@ -107,6 +116,16 @@ def _sky(coefficients: np.ndarray, level: np.ndarray) -> tuple[float | None, flo
     return middle, spread
 
 
+def _level_at(level: np.ndarray, sky: float, spread: float) -> np.ndarray:
+    """(R, C) level of the sky at each place: that at which several pictures agree there, should it lie beside the common one.
+
+    Halves and columns of a sensor may differ by more than the noise; what recurs at a place is no dim part of a scene.
+    """
+    least, common = (np.quantile(level, q, axis=0) for q in (0.05, _AGREE))
+    agree = (common - least < _FAR * spread) & (common < sky + _MOST_DN) & (len(level) >= _ENOUGH)
+    return np.where(agree, common, sky)
+
+
 def _without_structure(
     coefficients: np.ndarray, level: np.ndarray, lit: np.ndarray, levels: Levels, rounding: Rounding
 ) -> np.ndarray:
@@ -132,14 +151,14 @@ def _by_level(dark: np.ndarray, lit: np.ndarray, level: np.ndarray, sky: float |
 
 
 def dark_residuals(pictures: np.ndarray, dark: np.ndarray) -> np.ndarray:
-    """Pictures (n, H, W) less what changes slowly over the sky, at their mean level over the sky; that level elsewhere."""
+    """Pictures (n, H, W) less what changes slowly over the sky, about their mean level over the sky; that level elsewhere."""
     weight = dark.astype(np.float32)
     total = max(float(weight.sum()), 1.0)
     means = _block_means(pictures) * weight
     spread = [ndimage.gaussian_filter(x, (0, SMOOTH, SMOOTH), mode="constant") for x in (means, weight)]
     smooth = np.divide(spread[0], spread[1], out=np.zeros_like(means), where=spread[1] > 1e-6)
     left = (pictures - _as_pixels(smooth)) * _as_pixels(weight)
-    return left + np.float32(means.sum(dtype=np.float64) / total)
+    return _as_if_everywhere(left, dark) + np.float32(means.sum(dtype=np.float64) / total)
 
 
 def lit_residuals(pictures: np.ndarray, regions: Regions) -> list[np.ndarray]:
@@ -151,8 +170,14 @@ def lit_residuals(pictures: np.ndarray, regions: Regions) -> list[np.ndarray]:
         here = regions.lit == k
         fine = np.zeros(blocks.shape, np.float32)
         fine[here] = (blocks[here].reshape(-1, SIDE * SIDE) @ _FINE).reshape(-1, SIDE, SIDE)
-        found.append(fine.transpose(0, 1, 3, 2, 4).reshape(n, height, width) + np.float32(level))
+        fine = fine.transpose(0, 1, 3, 2, 4).reshape(n, height, width)
+        found.append(_as_if_everywhere(fine, here) + np.float32(level))
     return found
+
+
+def _as_if_everywhere(left: np.ndarray, where: np.ndarray) -> np.ndarray:
+    """What is left in regions, with the variance over all pixels that it has there, however many they are."""
+    return left / np.float32(np.sqrt(max(float(where.mean()), 1e-6)))
 
 
 def _fine() -> np.ndarray:
