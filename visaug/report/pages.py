@@ -258,4 +258,6 @@ def _captions(where: list[dict[str, Any]]) -> dict[str, str]:
 def described(frames: "FrameSet") -> str:
     """Numbers of frames of each kind, as text."""
     kinds = [record.kind for record in frames.records]
+    if frames.is_pictures:
+        return f"{len(kinds)} pictures"
     return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds)) + " frames"

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from visaug.report.headline import comparison_headline
+from visaug.report.headline import comparison_headline, view_title
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
 from visaug.report.next_step import Inputs, after_pictures
 from visaug.report.provenance import footer
@@ -19,13 +19,20 @@ def write_picture_comparison(path: str | Path, result: "PictureComparison") -> P
     """Whether the cameras of two sets of pictures differ, and in what."""
     content = result.to_json()
     rows = [
-        [d["statistic"], number(d["measured"]), number(d["modelled"]), d["unit"], f"{d['z']:.2g}"]
+        [
+            view_title(d["view"]),
+            d["statistic"],
+            number(d["measured"]),
+            number(d["modelled"]),
+            d["unit"],
+            f"{d['z']:.2g}",
+        ]
         for d in content["differences"]
     ]
     table = Table(
-        ["statistic", "target", "other set", "unit", "standard deviations"],
+        ["view", "statistic", "target", "other set", "unit", "standard deviations"],
         rows,
-        caption="Every statistic is of flat blocks, so what the pictures show does not enter.",
+        caption="Largest differences first. How bright the scenes are and how much sky they show do not enter.",
     )
     step = after_pictures(content, Inputs.of(None, result.target))
     blocks: list[Text | Table | Figure] = [

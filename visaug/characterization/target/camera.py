@@ -10,7 +10,15 @@ import numpy as np
 
 from visaug.characterization.findings import Findings
 from visaug.characterization.intervals import t_quantile
-from visaug.fingerprint.pictures.blocks import NOISE, Blocks, Levels, Rounding, noise_by_level, sample
+from visaug.fingerprint.pictures.blocks import (
+    NOISE,
+    Blocks,
+    Levels,
+    Rounding,
+    noise_by_level,
+    sample,
+    texture_share,
+)
 from visaug.fingerprint.pictures.curve import TONES, Law, Sky, fit
 from visaug.fingerprint.pictures.files import Pictures, largest_group, quality_of
 from visaug.fingerprint.pictures.pattern import Part, Pattern, recurring
@@ -37,6 +45,7 @@ _LIT_DN = 30.0
 _ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
 _CUT = 3.0  # standard deviations of noise above code 0
 _SAME = 5.41  # chi-square of 1 degree of freedom at 2 %
+_TEXTURE = texture_share()  # of the excess of low coefficients that texture leaves in the noise
 _UNKNOWN = 3.0  # an interval of the gain wider than this factor either way is no measurement
 
 
@@ -241,15 +250,21 @@ def _reading(
 ) -> _Reading:
     scale = pictures.scale
 
+    def moved_by(found: Law) -> np.ndarray:
+        """Logarithms of gain and read noise, and the black level."""
+        read = max(found.read - fixed, 1e-4 * found.read)
+        return np.array([-math.log(found.shot), 0.5 * math.log(read) - math.log(found.shot), found.black])
+
     def figures(weights: np.ndarray) -> np.ndarray:
         level, variance = levels.of_pictures(weights, rounding)
-        moved, _ = fit(law.tone, level, variance, levels.error, sky, law)
-        read = max(moved.read - fixed, 1e-4 * moved.read)
-        return np.array([-math.log(moved.shot), 0.5 * math.log(read) - math.log(moved.shot), moved.black])
+        return moved_by(fit(law.tone, level, variance, levels.error, sky, law)[0])
 
     value, spread, degrees = jackknife(figures, len(pictures))
     half = t_quantile(degrees) * spread
-    if sky:
+    whole, variance = levels.of_pictures(np.ones(len(pictures)), rounding)
+    textured = fit(law.tone, whole, variance * (1 - _TEXTURE * levels.structure), levels.error, sky, law)[0]
+    half = np.hypot(half, np.abs(moved_by(textured) - value))
+    if sky is not None:
         half[2] = math.hypot(half[2], t_quantile(degrees) * sky.error)
 
     def figure(k: int, unit: float) -> tuple[float, float, float]:

@@ -28,6 +28,15 @@ _LEAST = 16  # blocks for one level: their variance is then known to about a ten
 _DEVIATIONS = np.geomspace(0.1, 120, 900)
 
 
+def texture_share(which: np.ndarray = NOISE) -> float:
+    """Power of texture at some coefficients over that at those that tell structure, where it falls as frequency squared.
+
+    That is the mean law of natural scenes: D. J. Field, J. Opt. Soc. Am. A 4 (1987) 2379.
+    """
+    power = 1 / np.maximum(_U**2 + _V**2, 1)
+    return float(power[which].mean() / power[CHOICE].mean())
+
+
 @dataclass(frozen=True)
 class Blocks:
     """Coefficients (n, 8, 8), mean level (n,), number of the picture (n,)."""

@@ -13,16 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage, stats
 
-from visaug.fingerprint.pictures.blocks import CHOICE, INNER, NOISE, SIDE, blocks_of
+from visaug.fingerprint.pictures.blocks import CHOICE, INNER, NOISE, SIDE, blocks_of, texture_share
 from visaug.fingerprint.pictures.regions import Regions
 from visaug.fingerprint.pictures.symmetry import FEWEST, Sums, area_sums
 
 _U, _V = np.indices((SIDE, SIDE))
 _FINE, _COARSE = INNER & (_U + _V > 9), INNER & (_U + _V > 4) & (_U + _V < 8)
 _ACROSS, _DOWN = INNER & (_U + _V > 4) & (_V > _U), INNER & (_U + _V > 4) & (_U > _V)
-_FALLS = (
-    0.3  # of texture: power at coarse over that at chosen coefficients, where it falls as frequency squared
-)
 _CONTRAST = 40.0  # 1/255 of full scale: an edge stands clear of the noise
 _REACH = 4  # px on either side of an edge
 _ALONG = 0.3  # slope along an edge, as a share of that across it
@@ -195,7 +192,13 @@ def _area(k: int):
 LOOKS = (
     Look("black_level", "level of the black sky", "DN", _black),
     Look("saturation", "code at which pixels saturate", "DN", _saturation),
-    Look("noise_spectrum", "fine noise over coarse noise", "1", _noise_ratio(_FINE, _COARSE), _FALLS),
+    Look(
+        "noise_spectrum",
+        "fine noise over coarse noise",
+        "1",
+        _noise_ratio(_FINE, _COARSE),
+        texture_share(_COARSE),
+    ),
     Look("noise_spectrum", "noise along rows over noise along columns", "1", _noise_ratio(_ACROSS, _DOWN)),
     Look("blocking", "steps at the borders of 8 x 8 blocks over steps within", "1", _blocking),
     Look("edges", "slope of the sharpest edges over their height", "1/px", _sharpness),
