@@ -104,6 +104,9 @@ def test_too_few_pictures_and_pictures_without_a_region_are_refused():
     texture = texture.repeat(2, 1).repeat(2, 2)
     with pytest.raises(InputError, match="neither a black sky nor flat regions"):
         visaug.diagnose(STATED, in_memory(list(texture)))
+    for level in (0, 255):
+        with pytest.raises(InputError, match="with noise"):
+            visaug.diagnose(STATED, in_memory([np.full(SIDE, level, np.uint8)] * 8))
 
 
 def test_the_lab_refuses_pictures():

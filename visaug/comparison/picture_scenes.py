@@ -87,7 +87,7 @@ def scenes_of(
     regions = find_regions(taken, saturated, rounding)
     if regions.sky is None and not regions.levels:
         raise InputError(
-            "the pictures hold neither a black sky nor flat regions",
+            "the pictures hold neither a black sky nor flat regions with noise",
             field="frames",
             expected="regions without texture, with noise that neighbours do not share",
         )

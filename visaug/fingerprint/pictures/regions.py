@@ -111,7 +111,7 @@ def _sky(coefficients: np.ndarray, level: np.ndarray) -> tuple[float | None, flo
     if dark.mean() < _LEAST_SHARE or spread > _MOST_DN:
         return None, 0.0
     low, high = (float(np.median((coefficients[dark][:, which] ** 2).mean(1))) for which in (CHOICE, NOISE))
-    if low > _STRUCTURE * high + 0.1:
+    if high == 0 or low > _STRUCTURE * high + 0.1:  # all of one code, or with structure
         return None, 0.0
     return middle, spread
 
