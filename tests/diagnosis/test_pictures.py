@@ -52,7 +52,7 @@ def in_memory(pictures):
 
 @pytest.fixture(scope="module")
 def row_noise():
-    return visaug.diagnose(STATED, in_memory(taken({"row_e": 12.0}, 1)), without=OTHERS, sets=40)
+    return visaug.diagnose(STATED, in_memory(taken({"row_e": 12.0}, 1)), without=OTHERS, sets=60)
 
 
 def test_row_noise_is_named_and_what_pictures_cannot_show(row_noise):
@@ -85,16 +85,16 @@ def test_the_command_reads_a_folder_of_pictures_and_writes_a_page(row_noise, tmp
 
 
 def test_nothing_is_named_where_nothing_is_hidden():
-    found = visaug.diagnose(STATED, in_memory(taken({}, 2)), without=OTHERS, sets=40)
+    found = visaug.diagnose(STATED, in_memory(taken({}, 2)), without=OTHERS, sets=60)
     assert found.accepted == ()
     assert found.adequate_before
 
 
 def test_a_comparison_sees_what_the_camera_lacks_and_where():
     assert visaug.compare(STATED, in_memory(taken({}, 3))).adequate
-    comparison = visaug.compare(STATED, in_memory(taken({"tap_e": 15.0}, 4)))
+    comparison = visaug.compare(STATED, in_memory(taken({"column_fixed_e": 9.0}, 4)))
     assert not comparison.adequate
-    assert comparison.where[0].view in ("seams", "fixed_pattern", "fixed_spectrum")
+    assert {"seams", "fixed_pattern"} <= {place.view for place in comparison.where}
 
 
 def test_too_few_pictures_and_pictures_without_a_region_are_refused():
