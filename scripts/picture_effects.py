@@ -14,9 +14,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from independent import pictures
 
 import visaug
+from benchmark import pictures
 from visaug.frames import FrameRecord, FrameSet
 
 SIDE, SIZE, PICTURES, SCENES, SETS = (80, 128), 0.5, 24, 60, 100

@@ -6,11 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.diagnosis import small  # noqa: F401  # puts the independent cameras on the path
-
-from independent import pictures as independent  # isort: skip
-
 import visaug
+from benchmark import pictures as independent
 from visaug.cli import main
 from visaug.effects import catalogue
 from visaug.errors import InputError

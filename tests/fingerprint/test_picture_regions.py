@@ -1,14 +1,9 @@
 """Regions of pictures, and what is left of noise and patterns in them. Margins are four standard errors or more."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-from independent import pictures as independent
-
+from benchmark import pictures as independent
 from visaug.fingerprint.pictures.blocks import Rounding
 from visaug.fingerprint.pictures.regions import KEPT, dark_residuals, find_regions, lit_residuals
 from visaug.fingerprint.pictures.symmetry import symmetry_sums
