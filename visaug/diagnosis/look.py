@@ -8,6 +8,7 @@ from scipy.ndimage import label
 from visaug.camera import Camera
 from visaug.comparison import Laboratory
 from visaug.comparison.part import Part
+from visaug.comparison.picture_part import PicturePart
 from visaug.effects import Look
 from visaug.fingerprint import FrameData, GroupData
 
@@ -43,13 +44,13 @@ def look(lab: Laboratory, camera: Camera) -> Look | None:
     )
 
 
-def _unlit(part: Part) -> FrameData:
+def _unlit(part: Part | PicturePart) -> FrameData:
     """Bias and dark frames of the discovery split, selected without reading the flats and scenes."""
     dark = [i for i in part.folds.find if part.frames.records[i].kind in ("bias", "dark")]
     return FrameData(part.frames, dark)
 
 
-def _spilled(part: Part, camera: Camera) -> Iterator[np.ndarray]:
+def _spilled(part: Part | PicturePart, camera: Camera) -> Iterator[np.ndarray]:
     """Charge that overflows full wells in each scene of the discovery frames."""
     frames = part.frames
     for i in part.folds.find:

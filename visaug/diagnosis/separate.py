@@ -7,6 +7,7 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.comparison import Laboratory
+from visaug.comparison.part import Part
 from visaug.diagnosis.candidates import exchanged
 from visaug.diagnosis.parameters import base_coordinates
 from visaug.diagnosis.reference import Report, differences
@@ -41,7 +42,9 @@ def measurement(cameras: Mapping[str, Camera], at_hand: Sequence[Statistic], rep
     """
     pair = _on_one_base(cameras)
     lab = Laboratory(_plan(pair[0]), pair[0], folds=False)
-    statistics = fingerprint(simulate(pair[0], lab.parts[0].plan)).statistics
+    part = lab.parts[0]
+    assert isinstance(part, Part)  # the plan has no pictures of unknown scenes
+    statistics = fingerprint(simulate(pair[0], part.plan)).statistics
     apart = np.abs(_apart(lab, pair, statistics, report))
     kinds = np.array([s.kind for s in statistics])
     known = taken(at_hand, statistics)

@@ -184,7 +184,8 @@ def _fine() -> np.ndarray:
     """(64, 64) projection of a block on the coefficients that are kept."""
     from scipy.fft import idctn
 
-    basis = np.stack([idctn(one.reshape(SIDE, SIDE), norm="ortho").ravel() for one in np.eye(SIDE * SIDE)])
+    units = np.eye(SIDE * SIDE).reshape(-1, SIDE, SIDE)
+    basis = np.asarray(idctn(units, axes=(1, 2), norm="ortho")).reshape(SIDE * SIDE, -1)
     kept = basis[KEPT.ravel()]
     return (kept.T @ kept).astype(np.float32)
 
