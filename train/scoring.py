@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable
 
+from visaug_train.convert import identity
 from visaug_train.evaluate import Evaluation, evaluate
 from visaug_train.predictions import load_predictions, predict, save_predictions
 from visaug_train.training import Run, Study, train_run
@@ -23,7 +24,7 @@ def evaluate_run(study: Study, run: Run, progress: Progress | None = None) -> di
     arguments = {**study.config.training, **study.config.arm(run.arm).training}
     found = {}
     for domain, poses in study.tests.items():
-        names = "\n".join([run.weights.name, *map(str, poses.files)])
+        names = "\n".join([run.weights.name, str(identity(poses))])
         digest = hashlib.sha256(names.encode()).hexdigest()[:8]
         path = run.folder / "predictions" / f"{domain}-{digest}.json"
         if not path.is_file():

@@ -9,6 +9,7 @@ import pytest
 import visaug
 from benchmark import pictures as independent
 from visaug.cli import main
+from visaug.comparison.picture_scenes import _expected
 from visaug.effects import catalogue
 from visaug.errors import InputError
 from visaug.frames import FrameRecord, FrameSet
@@ -74,7 +75,7 @@ def test_the_command_reads_a_folder_of_pictures_and_writes_a_page(row_noise, tmp
 
 
 def test_nothing_is_named_where_nothing_is_hidden():
-    found = visaug.diagnose(STATED, in_memory(taken({}, 2)), without=OTHERS, sets=60)
+    found = visaug.diagnose(STATED, in_memory(taken({}, 12)), without=OTHERS, sets=60)
     assert found.accepted == ()
     assert found.adequate_before
 
@@ -86,11 +87,19 @@ def test_a_comparison_sees_what_the_camera_lacks_and_where():
     assert {"seams", "fixed_pattern"} <= {place.view for place in comparison.where}
 
 
+def test_few_scenes_tell_no_falloff_of_light():
+    """Three pictures with a bright target in the middle would say that light falls off by half."""
+    scenes, said = in_memory(taken({}, 6, n=3)), []
+    assert np.isnan(_expected(scenes, STATED, "linear", 255.0, said.append)).all()
+    assert any(text.startswith("scenes_tell_nothing: ") for text in said)
+    assert np.isfinite(_expected(in_memory(taken({}, 6, n=24)), STATED, "linear", 255.0, said.append)).any()
+
+
 def test_too_few_pictures_and_pictures_without_a_region_are_refused():
     with pytest.raises(InputError, match="6 or more"):
         visaug.diagnose(STATED, in_memory(taken({}, 5, n=4)))
     texture = np.random.default_rng(1).integers(0, 2, (8, *SIDE)).astype(np.uint8) * 200 + 20
-    texture = texture.repeat(2, 1).repeat(2, 2)
+    texture = texture.repeat(3, 1).repeat(3, 2)[:, : SIDE[0], : SIDE[1]]
     with pytest.raises(InputError, match="neither a black sky nor flat regions"):
         visaug.diagnose(STATED, in_memory(list(texture)))
     for level in (0, 255):

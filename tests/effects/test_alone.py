@@ -57,3 +57,12 @@ def test_mistakes():
         RowNoise()(torch.zeros(4, 4), exposure=1.0)
     with pytest.raises(InputError, match=r"signal has shape \(4,\)"):
         RowNoise()(torch.zeros(4))
+
+
+def test_whole_numbers_become_real_ones_and_arrays_are_refused():
+    electrons = torch.full((64, 64), 254, dtype=torch.uint8)
+    noisy = visaug.effects.RowNoise(sigma_e=5.0)(electrons, seed=1)
+    assert noisy.dtype == torch.float32
+    assert noisy.max() > 256  # not wrapped; of 64 rows none is beyond with probability 3e-12
+    with pytest.raises(InputError, match="ndarray"):
+        visaug.effects.RowNoise(sigma_e=5.0)(electrons.numpy())  # pyright: ignore[reportArgumentType]

@@ -47,7 +47,7 @@ ATTRIBUTES = {
 }
 APPLIES = {
     "nothing": ("pass", "returns NoneType"),
-    "another shape": ("return signal[..., :-1]", "returns shape (2, 1, 12, 15)"),
+    "another shape": ("return signal[..., :-1]", "returns shape (2, 3, 96, 127)"),
     "not finite": ("return signal / (p.sigma_e - 1)", "NaN or infinite"),
     "in place": ("signal += 1; return signal", "in place"),
     "an exception": ("return signal / p.none", "line 7: AttributeError"),
@@ -83,6 +83,16 @@ def test_attributes_that_are_wrong(tmp_path, line):
 def test_an_apply_that_is_wrong_is_told_when_the_file_is_loaded(tmp_path, body, said):
     text = GOOD.replace("strength=True", "strength=True, trials=(1.0,)").replace("return signal", body)
     assert said in refused(tmp_path, text)
+
+
+def test_an_effect_of_a_place_that_small_frames_lack_is_loaded(tmp_path):
+    text = GOOD.replace("fine_one", "fine_five").replace("strength=True", "strength=True, trials=(1.0,)")
+    body = "signal = signal.clone(); signal[..., 900] = 0; return signal"
+    (tmp_path / "mine.py").write_text(text.replace("return signal", body))
+    try:
+        assert [effect.name for effect in load_file(tmp_path / "mine.py")] == ["fine_five"]
+    finally:
+        catalogue.__globals__["_loaded"].pop("fine_five", None)
 
 
 def test_a_registered_class_is_checked_too():

@@ -236,6 +236,7 @@ def test_a_large_picture_is_taken_whole_and_its_middle_shown(client):
         ("x.png", b"GIF89a no picture", "x.png: cannot be read"),
         ("x.gif", b"GIF89a", "x.gif: is not a picture"),
         ("x", b"", "x: is not a picture"),
+        ("x.p%00ng", b"", "null byte"),
         ("big.png", b"#" * 60_000_001, "big.png: is too large"),
         ("wide.png", picture_file(Image.new("1", (6000, 5000))), "wide.png: has 5000 x 6000 pixels"),
     ],

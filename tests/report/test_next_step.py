@@ -69,6 +69,13 @@ def test_what_follows_from_an_answer():
     assert "augment" in after_characterization(written, of_pictures=True).command
 
 
+def test_the_options_of_pictures_are_those_of_the_next_command_too():
+    inputs = Inputs("f", "c.yaml", transfer="srgb", options=("--scenes", "s"))
+    assert after_comparison(NOTHING, inputs).command.endswith("--camera c.yaml --transfer srgb")
+    again = after_diagnosis(DIAGNOSIS, inputs).command
+    assert again == "visaug diagnose f --camera c.yaml --transfer srgb --scenes s -o better.yaml"
+
+
 def test_objects_that_no_file_holds_have_no_file():
     camera = visaug.Camera.load("sony_imx174")
     assert camera.loaded_from == "sony_imx174"

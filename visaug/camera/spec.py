@@ -195,7 +195,7 @@ def _refuse_switches(content: Any, path: str, file: Path | None) -> None:
 def _check_effect(entry: dict[str, Any], path: str, file: Path | None) -> None:
     name = entry.get("name")
     known = {key: effect for key, effect in catalogue().items() if not effect.base}
-    if name not in known:
+    if not isinstance(name, str) or name not in known:
         expected = (
             f"one of {', '.join(known)}; an effect of your own is loaded first: --effects FILE.py, or "
             "visaug.effects.load_file in Python"

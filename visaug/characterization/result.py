@@ -100,6 +100,11 @@ class Characterization:
         """Whether these are pictures without sensor noise, so that there is no camera to be found."""
         return any(w.word == "no_sensor_noise" for w in self.warning_details)
 
+    @property
+    def transfer(self) -> str | None:
+        """`srgb` where the pictures' values follow from light by a tone curve like it; None for linear values."""
+        return "srgb" if any(w.word == "tone_curve" for w in self.warning_details) else None
+
     def __getitem__(self, name: str) -> Estimate:
         return self.parameters[name]
 

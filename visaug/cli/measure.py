@@ -1,5 +1,6 @@
 """Commands that measure: characterize, compare, diagnose, lab."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -137,7 +138,8 @@ def characterize(
         written(output, maps_path, json_path, report_path, *sheets)
         pictured = all(record.kind == "image" for record in frames.records)
         if not result.is_noiseless:
-            summaries.print_next(after_characterization(Inputs.of(None, frames, output), pictured))
+            inputs = replace(Inputs.of(None, frames, output), transfer=result.transfer)
+            summaries.print_next(after_characterization(inputs, pictured))
 
 
 def _write_sheets(
@@ -170,7 +172,7 @@ def _write_sheets(
     type=click.Choice(["linear", "srgb"]),
     default="linear",
     show_default=True,
-    help="With --target and --camera: how the pictures' values follow from light.",
+    help="Of pictures with --camera: how their values follow from light.",
 )
 @effects_option()
 @bit_depth_option
@@ -225,21 +227,27 @@ def compare(
     assert camera is not None
     frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
     with progress_bars(quiet=quiet) as progress:
-        result = visaug.compare(camera, frames, seed=seed, progress=progress)
+        result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
+    inputs = replace(Inputs.of(camera, frames), transfer=_told(transfer))
     content = result.to_json()
     if not is_silent(quiet, json_path):
         summaries.print_comparison(content)
     if report_path:
         from visaug.report import write_comparison
 
-        pictures = write_comparison(report_path, result, camera, frames, seed)
+        pictures = write_comparison(report_path, result, camera, frames, seed, inputs)
         content["pictures"] = {name: str(path) for name, path in pictures.items()}
     write_result(json_path, content)
     if not is_silent(quiet, json_path):
         written(json_path, report_path)
-        summaries.print_next(after_comparison(content, Inputs.of(camera, frames)))
+        summaries.print_next(after_comparison(content, inputs))
     if fail_on_misfit and not result.adequate:
         raise SystemExit(MISFIT)
+
+
+def _told(transfer: str) -> str | None:
+    """The transfer function as an option of the next command, where it is not the default."""
+    return None if transfer == "linear" else transfer
 
 
 @command(
@@ -323,7 +331,12 @@ def diagnose(
         )
     if not is_silent(quiet, json_path):
         summaries.print_diagnosis(result.to_json())
-    inputs = Inputs.of(camera, frames, output)
+    chosen = [
+        *(word for name in without for word in ("--without", name)),
+        *(("--seed", str(seed)) if seed else ()),
+    ]
+    chosen += ["--scenes", str(scenes)] if scenes else []
+    inputs = replace(Inputs.of(camera, frames, output), transfer=_told(transfer), options=tuple(chosen))
     if output:
         result.camera.save(output)
     write_result(json_path, result.to_json())

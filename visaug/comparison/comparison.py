@@ -4,13 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from visaug.camera import Camera
 from visaug.comparison.distance import Distance, largest_of_each, least_spread, variance
 from visaug.comparison.laboratory import Laboratory
+from visaug.comparison.picture_part import with_a_well
 from visaug.comparison.selection import Selection
 from visaug.errors import InputError
 from visaug.fingerprint import Statistic
@@ -186,6 +187,7 @@ def compare(
     frames: FrameSet | str | Path,
     seed: int = 0,
     progress: Callable[[str, int, int], None] | None = None,
+    transfer: Literal["linear", "srgb"] = "linear",
 ) -> Comparison:
     """Tests whether a camera explains measured frames, by comparing their statistics with those of simulated frames.
 
@@ -195,6 +197,7 @@ def compare(
             sky and flat regions are compared.
         seed: of the simulations.
         progress: called with (description, done, total).
+        transfer: of ordinary pictures, how their values follow from light; frames are linear.
 
     Returns:
         The p-value of the largest deviation, and the views and statistics that differ.
@@ -211,7 +214,9 @@ def compare(
     say = progress or (lambda *_: None)
     camera = Camera.load(camera)
     frames = FrameSet.of(frames, camera.resolution)
-    lab = Laboratory(frames, camera, seed, folds=False, report=say)
+    if frames.is_pictures:
+        camera = with_a_well(camera)
+    lab = Laboratory(frames, camera, seed, folds=False, report=say, transfer=transfer)
     sets = lab.finding(
         [(camera, k) for k in range(SETS)], lambda n: say("simulating sets of the camera", n, SETS)
     )

@@ -187,6 +187,8 @@ def _expected(
 ) -> np.ndarray:
     """(2, statistics): the symmetries' statistics of other pictures as the camera would take them, and their standard errors.
 
+    NaN where too few of these pictures tell a statistic.
+
     With the camera's noise, so that the same regions pass for flat.
     """
     pictures = largest_group(scenes, warn)
@@ -199,7 +201,12 @@ def _expected(
     shape = pictures.frames.shape(pictures.indices[0])
     level = regions.sky if regions.sky is not None else black
     sums = symmetry_sums(taken, regions.lit >= 0, level, saturated, (window[0], window[2]), shape)
-    return np.stack([sums.ratio, np.sqrt((sums.deviations**2).sum(0))])
+    if not sums.told.any():
+        warn(
+            "scenes_tell_nothing: too few scenes have flat or smooth regions; falloff of light is not compared"
+        )
+    known = np.stack([sums.ratio, np.sqrt((sums.deviations**2).sum(0))])
+    return np.where(sums.told, known, np.nan)
 
 
 def _taken(light: np.ndarray, camera: Camera, transfer: str) -> tuple[np.ndarray, float]:

@@ -166,7 +166,7 @@ def explains(statistics: Sequence[Statistic], before: State, after: State) -> bo
         return False
     if after.scatters_last and not moves_are_there(before.fitted, after.fitted, moves):
         return False
-    if not _seen(before, moves).any():
+    if not _seen(before, after, moves).any():
         return _explains_the_faint(before, after, moves)
     return _brings_back(statistics, before, after, 1.0)
 
@@ -177,23 +177,30 @@ def may_explain(statistics: Sequence[Statistic], before: State, after: State) ->
     Not defined for effects that are estimated from their variance, which need more sets. True for an effect that shifts no
     deviating statistic.
     """
-    nothing_seen = not _seen(before, moves_of(before, after)).any()
+    nothing_seen = not _seen(before, after, moves_of(before, after)).any()
     return nothing_seen or _brings_back(statistics, before, after, LENIENT)
 
 
-def _seen(before: State, moves: np.ndarray) -> np.ndarray:
-    """(statistics,) whether a statistic deviates and the effect shifts it by more than the nuisance parameters can follow.
+def _seen(before: State, after: State, moves: np.ndarray) -> np.ndarray:
+    """(statistics,) whether a statistic deviates and the effect shifts it."""
+    return _shifted(before, after, moves) & (np.abs(before.z) > OFF)
 
-    A shift that a refit absorbs (smear raises the level of every flat as quantum efficiency does) is no part of the residual, so
-    a deviation of that statistic is not the effect's to remove.
+
+def _shifted(before: State, after: State, moves: np.ndarray) -> np.ndarray:
+    """(statistics,) whether the effect shifts a statistic beyond its noise.
+
+    A shift that the nuisance parameters can follow, and that the refit with the effect has absorbed, does not count: smear raises
+    the level of every flat as quantum efficiency does, so a deviation of that level is not the effect's to remove.
     """
-    return (np.abs(before.fitted.reference.null.beyond(moves)) > OFF) & (np.abs(before.z) > OFF)
+    null, scale = before.fitted.reference.null, before.fitted.reference.null_scale
+    changed = np.abs(standardised(before.fitted.residual - after.fitted.residual, scale)) > OFF
+    return (np.abs(standardised(moves, scale)) > OFF) & ((np.abs(null.beyond(moves)) > OFF) | changed)
 
 
 def _brings_back(statistics: Sequence[Statistic], before: State, after: State, lenient: float) -> bool:
     """Whether the residuals of the shifted statistics are removed, every limit relaxed by a factor."""
     scale, moves = before.fitted.reference.null_scale, moves_of(before, after)
-    seen, moved = _seen(before, moves), np.abs(standardised(moves, scale)) > OFF
+    seen, moved = _seen(before, after, moves), np.abs(standardised(moves, scale)) > OFF
     was, now = np.abs(before.z), np.abs(after.z)
     if seen.sum() < FEW * np.count_nonzero(was > OFF) / lenient:
         return False
@@ -265,7 +272,7 @@ def owes(statistics: Sequence[Statistic], before: State, after: State) -> bool:
     was, now = (
         np.abs(standardised(s.fitted.residual, s.fitted.reference.null_scale)) for s in (before, after)
     )
-    seen = (np.abs(before.fitted.reference.null.beyond(moves_of(before, after))) > OFF) & (was > OFF)
+    seen = _shifted(before, after, moves_of(before, after)) & (was > OFF)
     views = np.array([s.view for s in statistics])
     moved_views = [views == view for view in dict.fromkeys(views[seen])]
     if any(_is_in_order(before, after, view) for view in moved_views):

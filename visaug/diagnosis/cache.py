@@ -80,7 +80,8 @@ def reference(
     if arrays is not None:
         return Reference.from_arrays(camera, coordinates, arrays)
     if begun is None and sets > STAGE:
-        begun = reference(lab, camera, coordinates, sets - STAGE, report, known)
+        earlier = STAGE * ((sets - 1) // STAGE)  # whole stages: the derivatives need the spread of the first
+        begun = reference(lab, camera, coordinates, earlier, report, known)
     made = make_reference(lab, camera, coordinates, sets, report, known, begun)
     keep(name, made.arrays())
     return made

@@ -151,7 +151,9 @@ class _Search:
             self._stand(self.walk[-2])
             state = self.walk[-1]
             p_after = chance(self.lab, self.signs, state).p_value
-        state = self._no_worse(state)
+        kept = self._no_worse(state)
+        if kept is not state:  # the file as given is not refitted, and is judged as it is
+            state, p_after = kept, p_given
         missing = bool(p_after <= SIGNIFICANT)
         significant = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
         told = self.steps[-1].error

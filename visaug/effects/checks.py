@@ -10,6 +10,7 @@ from visaug.effects.parameter import Parameter, check_value
 from visaug.errors import InputError, described, user_line
 
 TEXTS = ("summary", "equation", "source", "why_not", "separates", "map_unit")
+TRIAL = (2, 3, 96, 128)  # shape of the frames to which an effect is applied when it is registered
 TAKEN = ("name", "map")  # keys of an effect in a camera file that are no parameters
 
 
@@ -52,7 +53,7 @@ def check_effect(effect: type[Effect]) -> None:
 
 
 def try_effect(effect: type[Effect]) -> None:
-    """Apply an effect once to two small frames, so that an error in `apply` is reported before any work.
+    """Apply an effect once to two frames of 96 x 128 pixels with three channels, so that an error in `apply` is reported early.
 
     Parameters have their first trial value, or their default where there is none. An effect whose strength is then 0 is not
     applied, as in the chain.
@@ -61,7 +62,7 @@ def try_effect(effect: type[Effect]) -> None:
         InputError: `apply` raises, returns anything but a finite tensor of the signal's shape, or changes its input.
     """
     level = 0.5 if effect.stage == Stage.PICTURE else 500.0
-    signal = torch.full((2, 1, 12, 16), level)
+    signal = torch.full(TRIAL, level)
     where = f"effect {effect.name}: apply"
     one = effect(**{name: p.trials[0] for name, p in effect.parameters.items() if p.trials})
     strengths = [one.values()[name] for name in effect.strengths()]
@@ -71,6 +72,8 @@ def try_effect(effect: type[Effect]) -> None:
         out = one(signal, sequence=True)
     except InputError:
         raise
+    except (IndexError, RuntimeError):
+        return  # of a place or a neighbourhood that only larger frames have, perhaps: told when the effect is used
     except Exception as error:
         raise InputError(f"{user_line(error) or where}: {described(error)}") from error
     if not bool((signal == level).all()):

@@ -209,10 +209,10 @@ class Effect:
                 black_level_dn=0, full_well_e=inf, quantum_efficiency=1, dark_current_e=0, bit_depth=16.
 
         Returns:
-            A tensor of the same shape and dtype.
+            A tensor of the same shape and dtype; float32 for a signal of whole numbers, which noise is not.
 
         Raises:
-            InputError: an unknown condition, or a signal of another shape.
+            InputError: an unknown condition, a signal of another shape, or one that is no tensor.
 
         Examples:
             >>> import torch, visaug
@@ -226,10 +226,13 @@ class Effect:
             raise InputError(
                 "is not a condition", field=min(unknown), expected=f"one of {', '.join(CONDITIONS)}"
             )
+        if not isinstance(signal, Tensor):
+            raise InputError(f"signal is a {type(signal).__name__}", expected="a torch.Tensor")
         if not 2 <= signal.ndim <= 4:
             raise InputError(
                 f"signal has shape {tuple(signal.shape)}", expected="(B, C, H, W), (C, H, W) or (H, W)"
             )
+        dtype = signal.dtype if signal.is_floating_point() else torch.float32
         batch = signal.float().reshape((1,) * (4 - signal.ndim) + tuple(signal.shape))
         p = Values(
             **{
@@ -260,7 +263,7 @@ class Effect:
         stream = Stream(
             keys, [derive_key(camera_seed, "camera")] * len(batch), batch.shape[1], window, signal.device
         )
-        return output_of(self, batch, p, stream, context).reshape(signal.shape).to(signal.dtype)
+        return output_of(self, batch, p, stream, context).reshape(signal.shape).to(dtype)
 
     def __repr__(self) -> str:
         return (

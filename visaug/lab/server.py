@@ -78,7 +78,7 @@ def application(bench: Bench, token: str) -> Starlette:
             Middleware(TrustedHostMiddleware, allowed_hosts=NAMES, www_redirect=False),
             Middleware(Guard, token=token),
         ],
-        exception_handlers={InputError: _refuse, OSError: _refuse},
+        exception_handlers={ValueError: _refuse, OSError: _refuse},  # InputError is a ValueError
     )
     app.state.jobs, app.state.pictures = lab.jobs, lab.pictures
     return app

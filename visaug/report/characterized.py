@@ -1,5 +1,6 @@
 """The page of `characterize`."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,8 +27,9 @@ def write_characterization(
     """
     content = result.to_json()
     pictured = all(record.kind == "image" for record in frames.records)
+    inputs = replace(Inputs.of(None, frames, camera_file), transfer=result.transfer)
     blocks: list[Text | Table | Figure] = [
-        next_text(after_characterization(Inputs.of(None, frames, camera_file), pictured)),
+        next_text(after_characterization(inputs, pictured)),
         *_parameter_tables(content["parameters"]),
     ]
     if content["not_determined"]:

@@ -30,6 +30,8 @@ class Inputs:
         better: the file of the camera that a diagnosis or characterization wrote; None where it wrote none.
         bit_depth: of the converter, where the caller gave it.
         effects: files of the user's own effects.
+        transfer: `srgb` where the values of pictures follow from light by it; None for linear values.
+        options: further options of the diagnosis, as on the command line.
     """
 
     frames: str = "FRAMES"
@@ -37,6 +39,8 @@ class Inputs:
     better: str | None = None
     bit_depth: int | None = None
     effects: tuple[str, ...] = ()
+    transfer: str | None = None
+    options: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -56,17 +60,28 @@ class Inputs:
     def measuring(self, command: str, camera: str | None = None, *words: str) -> str:
         """`visaug COMMAND FRAMES --camera CAMERA` with what these frames and effects need."""
         return _line(
-            command, self.frames, "--camera", camera or self.camera, *self._depth(), *self._own(), *words
+            command,
+            self.frames,
+            "--camera",
+            camera or self.camera,
+            *self._depth(),
+            *self._own(),
+            *self._transfer(),
+            *(self.options if command == "diagnose" else ()),
+            *words,
         )
 
     def characterizing(self) -> str:
         return _line("characterize", self.frames, *self._depth(), "-o", "camera.yaml")
 
     def augmenting(self, camera: str) -> str:
-        return _line("augment", "IMAGES", "-o", "noisy/", "--camera", camera, *self._own())
+        return _line("augment", "IMAGES", "-o", "noisy/", "--camera", camera, *self._own(), *self._transfer())
 
     def _depth(self) -> tuple[str, ...]:
         return () if self.bit_depth is None else ("--bit-depth", str(self.bit_depth))
+
+    def _transfer(self) -> tuple[str, ...]:
+        return () if self.transfer is None else ("--transfer", self.transfer)
 
     def _own(self) -> tuple[str, ...]:
         return tuple(word for file in self.effects for word in ("--effects", file))

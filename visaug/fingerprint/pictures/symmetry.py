@@ -48,10 +48,14 @@ class Sums:
         return Sums(self.above[pictures], self.below[pictures])
 
     @property
+    def told(self) -> np.ndarray:
+        """(statistics,) whether enough pictures tell it."""
+        return np.count_nonzero(self.below > 0, axis=0) >= FEWEST
+
+    @property
     def ratio(self) -> np.ndarray:
         """(statistics,) over all pictures; 0 where hardly any tells."""
-        told = np.count_nonzero(self.below > 0, axis=0) >= FEWEST
-        return np.where(told, self.above.sum(0) / np.maximum(self.below.sum(0), 1e-9), 0.0)
+        return np.where(self.told, self.above.sum(0) / np.maximum(self.below.sum(0), 1e-9), 0.0)
 
     def by_chance(self, rng: np.random.Generator) -> np.ndarray:
         """(statistics,) a draw of what scenes do to the ratio: the deviation of each picture with a sign of its own."""
