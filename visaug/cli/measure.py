@@ -158,6 +158,15 @@ def _write_sheets(
             write_sheet(path, points, frames)
 
 
+transfer_option = click.option(
+    "--transfer",
+    type=click.Choice(["linear", "srgb"]),
+    default="linear",
+    show_default=True,
+    help="Of ordinary pictures with a camera: how their values follow from light.",
+)
+
+
 @command("compare", example="visaug compare frames/ --camera camera.yaml --report comparison.html")
 @frames_argument
 @camera_option(required=False)
@@ -167,13 +176,7 @@ def _write_sheets(
     type=click.Path(path_type=Path),
     help="Pictures of the target domain: FRAMES are then pictures too, with the camera's noise where one is given.",
 )
-@click.option(
-    "--transfer",
-    type=click.Choice(["linear", "srgb"]),
-    default="linear",
-    show_default=True,
-    help="Of pictures with --camera: how their values follow from light.",
-)
+@transfer_option
 @effects_option()
 @bit_depth_option
 @json_option
@@ -276,13 +279,7 @@ def _told(transfer: str) -> str | None:
     type=click.Path(path_type=Path),
     help="Where FRAMES are ordinary pictures: others of such scenes, e.g. the training images. Vignetting needs them.",
 )
-@click.option(
-    "--transfer",
-    type=click.Choice(["linear", "srgb"]),
-    default="linear",
-    show_default=True,
-    help="Where FRAMES are ordinary pictures: how their values follow from light.",
-)
+@transfer_option
 @output_option("camera2.yaml", "Write the refitted camera with the missing effects.")
 @force_option
 @json_option
