@@ -30,9 +30,10 @@ def served(bench):
 
 def see_everything(page):
     """Open what is folded and scroll through, so that every view is drawn."""
-    page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
     for _ in range(400):
+        # The page may take a newer state at any moment; what is folded in it is folded again.
         left = page.evaluate("""() => {
+            document.querySelectorAll("details").forEach((each) => { each.open = true; });
             const holders = [...document.querySelectorAll("[data-view]")].filter((h) => !h.closest("[hidden]"));
             const next = holders.find((h) => !h.children.length && !h.textContent);
             next?.scrollIntoView();

@@ -138,12 +138,14 @@ function focusAgain(selector) {
 }
 
 async function takeOver(version) {
-  const first = !bench.dataset.taken;
+  const first = !bench.dataset.taken, stale = String(version) !== bench.dataset.version;
+  const newer = stale ? await (await ask("bench")).text() : "";
+  // What is open is noted after the answer has come: a reader may open something while it is awaited.
   const open = first ? look.open || [] : [...bench.querySelectorAll("details[open]")].map((each) => each.id);
-  if (String(version) !== bench.dataset.version) {
+  if (stale) {
     const focus = selectorOf(document.activeElement);
     const heights = Object.fromEntries([...bench.querySelectorAll("[data-view]")].map((h) => [h.dataset.view, h.clientHeight]));
-    bench.innerHTML = await (await ask("bench")).text();
+    bench.innerHTML = newer;
     bench.querySelectorAll("[data-view]").forEach((h) => { if (heights[h.dataset.view]) h.style.minHeight = `${heights[h.dataset.view]}px`; });
     bench.dataset.version = version;
     for (const [path, value] of Object.entries(wanted)) // typed, and not sent yet
