@@ -146,11 +146,8 @@ class _Search:
             state = self._reconsidered(refitted, found)
             by_chance = chance(self.lab, self.signs, state)
             p_after = by_chance.p_value
-        while state.accepted and (self._last_raises() or self._last_explains_nothing(p_after <= SIGNIFICANT)):
-            nearest = state.accepted[-1]
-            self._stand(self.walk[-2])
-            state = self.walk[-1]
-            p_after = chance(self.lab, self.signs, state).p_value
+        state, p_after, dropped = self._without_idle_effects(state, p_after)
+        nearest = dropped or nearest
         kept = self._no_worse(state)
         if kept is not state:  # the file as given is not refitted, and is judged as it is
             state, p_after = kept, p_given
@@ -188,6 +185,16 @@ class _Search:
         given = State.plain(self._unfitted)
         self.walk[:], self.steps[:] = [given], [Step("keep the camera file", self.errors.told(given.fitted))]
         return given
+
+    def _without_idle_effects(self, state: State, p_value: float) -> tuple[State, float, str | None]:
+        """The state without last effects that raise the error or explain nothing, its p-value, and the one dropped last."""
+        dropped: str | None = None
+        while state.accepted and (self._last_raises() or self._last_explains_nothing(p_value <= SIGNIFICANT)):
+            dropped = state.accepted[-1]
+            self._stand(self.walk[-2])
+            state = self.walk[-1]
+            p_value = chance(self.lab, self.signs, state).p_value
+        return state, p_value, dropped
 
     def _last_raises(self) -> bool:
         """Whether the camera with the last effect is clearly farther from the frames than the file as given."""
