@@ -1,11 +1,13 @@
 """The hold-out frames decide whether a refit without a new effect is kept."""
 
 from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
 from visaug.comparison import Error
 from visaug.diagnosis import search
+from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.result import Step
 
 
@@ -23,9 +25,11 @@ def test_a_refit_that_raises_the_error_is_not_kept(monkeypatch, error, accepted,
     vars(one)["errors"] = SimpleNamespace(
         told=lambda fitted: Error(1.0, 0.9, 1.1) if fitted == "given" else None
     )
-    state = one._no_worse(found)
+    state = one._no_worse(cast(State, found))
     assert state.fitted == ("given" if keeps_file else "refitted")
-    assert one.steps[-1].error.value == (1.0 if keeps_file else error)
+    told = one.steps[-1].error
+    assert told is not None
+    assert told.value == (1.0 if keeps_file else error)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +52,7 @@ def test_last_effects_that_raise_the_error_are_dropped(monkeypatch, lows, kept, 
     one.steps = [Step(f"state {n}", one.errors.told(low)) for n, low in enumerate(lows)]
     monkeypatch.setattr(one, "_last_explains_nothing", lambda missing: False)
     monkeypatch.setattr(search, "chance", lambda lab, signs, state: SimpleNamespace(p_value=0.01))
-    state, p_value, last = one._without_idle_effects(walk[-1], 0.3)
+    state, p_value, last = one._without_idle_effects(cast(State, walk[-1]), 0.3)
     assert (state.accepted, last) == (kept, dropped)
     assert one.walk == walk[: len(kept) + 1]
     assert len(one.steps) == len(kept) + 1
