@@ -1,5 +1,6 @@
 """Measured frames beside a model's: how far they differ, and where."""
 
+from visaug.comparison.chance import tail_factor
 from visaug.comparison.comparison import Comparison, Place, Places, compare, data_frame, places, z_scores
 from visaug.comparison.distance import Distance, Error, is_clear
 from visaug.comparison.folds import Folds, share_out
@@ -22,6 +23,7 @@ __all__ = [
     "is_clear",
     "places",
     "share_out",
+    "tail_factor",
     "with_a_well",
     "z_scores",
 ]

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from visaug.comparison.comparison import SIGNIFICANT, Place, Places, data_frame, verdict_json
+from visaug.comparison.chance import SIGNIFICANT
+from visaug.comparison.comparison import Place, Places, data_frame, verdict_json
 from visaug.comparison.picture_difference import Difference, difference, look_differences
 from visaug.errors import InputError
 from visaug.fingerprint.pictures.blocks import Levels, Rounding, noise_by_level, sample

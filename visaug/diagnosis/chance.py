@@ -5,15 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visaug.comparison import Laboratory
+from visaug.comparison import Laboratory, tail_factor
 from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.law import Metric, each_half
 from visaug.diagnosis.robust import p_value, standardised
 from visaug.diagnosis.signatures import Signatures
 
 SOMEWHERE = 3.0  # times as unlikely must one large residual be as a match, to count as much: what no effect matches is seldom faint
-
-TAIL = 0.9  # quantile of the null's largest values above which its tail is extrapolated
 
 
 @dataclass(frozen=True)
@@ -87,17 +85,12 @@ def chance(lab: Laboratory, signed: Signatures, state: State) -> Chance:
 def _ranks(value: float, null: np.ndarray) -> np.ndarray:
     """Tail probabilities of each value of the null and, last, of the measured one, within all of them together.
 
-    Beyond the largest null value the tail is extrapolated as exponential, with the mean excess over the ninth decile as its
-    scale (Pickands 1975): a hundred sets resolve no probability below 0.01 by counting.
+    Beyond the largest null value the tail is extrapolated: a hundred sets resolve no probability below 0.01 by counting.
     """
     everything = np.append(null, value)
     order = np.sort(everything)
     ranks = (len(order) - np.searchsorted(order, everything)) / len(order)
-    beyond = value - float(null.max())
-    if beyond > 0:
-        start = float(np.quantile(null, TAIL))
-        excess = null[null > start] - start
-        ranks[-1] *= np.exp(-beyond / max(float(excess.mean()) if len(excess) else 0.0, 1e-9))
+    ranks[-1] *= tail_factor(value, null)
     return ranks
 
 
