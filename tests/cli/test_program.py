@@ -72,6 +72,16 @@ def test_python_m_is_the_program():
     assert run.stdout.startswith("visaug, version")
 
 
+def test_a_library_that_logs_adds_no_line(tmp_path):
+    """tifffile logs beside the error that it raises. In a process of its own, where no test has set up logging."""
+    (tmp_path / "cut.tif").write_bytes(b"II*\0\xff\xff\xff\x7f")
+    words = [sys.executable, "-m", "visaug", "frames", str(tmp_path)]
+    result = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert result.returncode == 2
+    assert len(result.stderr.splitlines()) == 1, result.stderr
+    assert "cut.tif" in result.stderr
+
+
 MISTAKES = [
     (["augment", "nowhere.png", "-o", "out", "--camera", "camera.yaml"], "nowhere.png"),
     (["augment", "camera.yaml", "-o", "out", "--camera", "camera.yaml"], "camera.yaml"),
@@ -96,6 +106,9 @@ MISTAKES = [
     (["train", "nowhere.yaml"], "nowhere.yaml"),
     (["ablate", "nowhere.yaml"], "nowhere.yaml"),
     (["frobnicate"], "frobnicate"),
+    (["plan", "--exposure", "1e-300"], "exposure_s"),
+    (["frames", ".", "--exposure", "1e-300"], "exposure_s"),
+    (["frames", ".", "--temperature", "nan"], "temperature_c"),
 ]
 
 

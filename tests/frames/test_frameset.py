@@ -313,7 +313,18 @@ def test_plan_covers_what_a_characterization_needs(tmp_path):
         assert group.lost in text
 
 
-@pytest.mark.parametrize("options", [{"repeats": 1}, {"saturation_photons": -3.0}, {"temperatures_c": ()}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"repeats": 1},
+        {"repeats": 10**9},
+        {"saturation_photons": -3.0},
+        {"saturation_photons": 1e-300},
+        {"temperatures_c": ()},
+        {"levels": (0.5, 1e-300)},
+        {"levels": (float("nan"),)},
+    ],
+)
 def test_plan_refuses_what_tells_nothing(options):
     with pytest.raises(InputError):
         plan_groups(**options)

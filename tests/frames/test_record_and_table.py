@@ -167,10 +167,13 @@ def test_bad_window_text_is_refused(text):
         parse_window(text)
 
 
-@pytest.mark.parametrize("change", [{"bayer": "RGBG"}, {"combined": -1}, {"bit_depth": 40}])
+@pytest.mark.parametrize(
+    "change",
+    [{"bayer": "RGBG"}, {"combined": -1}, {"bit_depth": 40}, {"exposure_s": 1e-300}, {"exposure_s": -1.0}],
+)
 def test_impossible_condition_is_refused(change):
     with pytest.raises(InputError, match=next(iter(change))):
-        FrameRecord(0, "a.npy", "dark", 1.0, **change)
+        FrameRecord(0, "a.npy", "dark", **change)
 
 
 @pytest.mark.parametrize("window", [(5, 5, 0, 4), (-1, 5, 0, 4), (0, 5, 4, 3)])

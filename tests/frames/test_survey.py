@@ -147,6 +147,22 @@ def test_a_file_that_cannot_be_read_is_left_out_and_named(tmp_path):
         survey(tmp_path)
 
 
+def test_a_damaged_png_is_left_out_and_named(tmp_path):
+    """Cut, one byte changed, and no picture at all."""
+    for name in ("bias_0.png", "bias_1.png", "bias_2.png"):
+        Image.fromarray(pixels((20, 30))).save(tmp_path / name)
+    whole = (tmp_path / "bias_1.png").read_bytes()
+    (tmp_path / "bias_1.png").write_bytes(whole[: len(whole) // 2])
+    changed = bytearray(whole)
+    changed[len(whole) // 2] ^= 0xFF
+    (tmp_path / "bias_2.png").write_bytes(changed)
+    (tmp_path / "bias_3.png").write_bytes(b"no picture")
+    found = survey(tmp_path)
+    assert [r["file"] for r in found.rows] == ["bias_0.png"]
+    (note,) = [n for n in found.notes if n.startswith("unreadable_files: 3 files are left out")]
+    assert all(f"bias_{n}.png" in note for n in (1, 2, 3))
+
+
 def test_natural_order_and_sizes():
     assert sorted(["a10", "a9", "a", "10", "9b"], key=natural) == ["9b", "10", "a", "a9", "a10"]
     assert parse_resolution(" 20 x 30") == (20, 30)

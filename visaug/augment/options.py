@@ -23,6 +23,12 @@ LEAST, MOST = (
 )  # of image values: beyond, the image is of another scale; between, it is cut by the sensor
 
 
+LEAST_EXPOSURE = (
+    1e-6  # of the saturation exposure: a pixel of the largest full wells (1e6 e-) then holds one electron
+)
+LEAST_STRENGTH = 1e-3  # at its inverse square, 1e6 times the electrons: noise below the last of 16 bits
+
+
 def check_choice(name: str, word: Any) -> str:
     """The value, if it is one of those that an option allows."""
     if word not in CHOICES[name]:
@@ -41,6 +47,18 @@ def check_number(name: str, value: Any, low: float, high: float, above: bool = F
         end = f" up to {high:g}" if math.isfinite(high) else ""
         expected = f"a number {'above' if above else 'from'} {low:g}{end}"
         raise InputError(f"{given!r} is not valid", field=name, expected=expected)
+    return value
+
+
+def check_strength(value: Any) -> float:
+    """A factor on the noise: 0, or a number from `LEAST_STRENGTH` to 100."""
+    value = check_number("strength", value, 0, 100)
+    if 0 < value < LEAST_STRENGTH:
+        raise InputError(
+            f"{value!r} is not valid",
+            field="strength",
+            expected=f"0, or a number from {LEAST_STRENGTH:g} to 100",
+        )
     return value
 
 

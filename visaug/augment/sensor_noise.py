@@ -13,6 +13,7 @@ from torch.utils.data import get_worker_info
 from visaug.augment import draws as drawing
 from visaug.augment.light import linear_to_srgb, srgb_to_linear
 from visaug.augment.options import (
+    LEAST_EXPOSURE,
     Range,
     check_choice,
     check_flag,
@@ -20,6 +21,7 @@ from visaug.augment.options import (
     check_number,
     check_range,
     check_seed,
+    check_strength,
     check_values,
 )
 from visaug.augment.planes import luminance, through_luminance
@@ -80,7 +82,7 @@ class SensorNoise(nn.Module):
             channel, so equal channels stay equal. False: every channel is a separate sensor with independent noise.
         gain_db: gain in dB on the camera's scale (that of `gain_db` in its file), or a pair (low, high) from which it is
             drawn uniformly for each image. It replaces the camera's gain and its `randomize` entry.
-        exposure: fraction of the saturation exposure, in (0, 1], or a pair (low, high) from which it is drawn uniformly.
+        exposure: fraction of the saturation exposure, from 1e-6 to 1, or a pair (low, high) from which it is drawn uniformly.
             With 0.05 the image is exposed with a twentieth of the light and multiplied by 20 after the converter. Exposure
             time and dark current do not change.
         strength: factor on the standard deviation of all noise, temporal and fixed, at the same brightness, 0 to 100. 0
@@ -134,8 +136,8 @@ class SensorNoise(nn.Module):
             full_scale_photons = check_number("full_scale_photons", full_scale_photons, 0, 1e12, above=True)
         self.full_scale_photons = full_scale_photons
         self.gain_db = check_range("gain_db", gain_db, -60, 120)
-        self.exposure = check_range("exposure", exposure, 0, 1, above=True)
-        self.strength = check_number("strength", strength, 0, 100)
+        self.exposure = check_range("exposure", exposure, LEAST_EXPOSURE, 1)
+        self.strength = check_strength(strength)
         if self.strength not in (0, 1):
             self.cameras = tuple(with_maps_at_strength(camera, self.strength) for camera in self.cameras)
         if gain_db is not None and "gain_db" in (values or {}):

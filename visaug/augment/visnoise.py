@@ -31,7 +31,7 @@ class VISNoise(IntensityAugmentationBase2D):
         seed: of the kept fixed pattern and of the random numbers; None follows `torch.manual_seed`.
         mono: None, True or False, see `SensorNoise`.
         gain_db: gain in dB, or a pair (low, high) from which it is drawn uniformly for each image.
-        exposure: fraction of the saturation exposure, in (0, 1], or a pair (low, high).
+        exposure: fraction of the saturation exposure, from 1e-6 to 1, or a pair (low, high).
         strength: factor on the standard deviation of all noise, 0 to 100.
         further: other keywords of `SensorNoise`: full_scale_photons, values, origin.
 

@@ -64,7 +64,7 @@ def light_options(function: Decorator) -> Decorator:
         click.option(
             "--exposure",
             type=Range(),
-            help="Fraction of the saturation exposure, in (0, 1]; the brightness is restored. With A:B, drawn for each picture.",
+            help="Fraction of the saturation exposure, 1e-6 to 1; the brightness is restored. With A:B, drawn for each picture.",
         ),
         click.option(
             "--gain-db",

@@ -1,5 +1,6 @@
 """The command group, and the one place where a user's mistake becomes exit status 2."""
 
+import logging
 import os
 import signal
 import sys
@@ -42,6 +43,9 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the program; ends the process with status 0, 1 where part of the work failed, 2 on bad input or an error of the
     operating system, 130 when interrupted, 143 when terminated.
     """
+    logging.getLogger("tifffile").addHandler(
+        logging.NullHandler()
+    )  # the error of a damaged file is one line, without the library's own
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminate)
     try:

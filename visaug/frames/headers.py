@@ -10,6 +10,7 @@ from typing import Any
 
 from visaug.errors import InputError
 from visaug.frames import fits, pixels
+from visaug.frames.limits import pillow_image
 
 Facts = dict[str, Any]
 
@@ -83,14 +84,18 @@ def _photo(path: Path) -> list[tuple[str, Facts]]:
 
 
 def _exif_of_picture(path: Path) -> Facts:
-    from PIL import ExifTags, Image
+    from PIL import ExifTags
 
     try:
-        with Image.open(path) as picture:
+        with pillow_image(path) as picture:
+            if picture.format == "PNG":
+                picture.load()  # its EXIF may follow the pixels
             exif = picture.getexif()
             tags = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
-    except Exception:  # the reader of the pixels reports the error
-        return {}
+    except InputError:
+        raise
+    except Exception as error:  # Pillow raises many kinds for damaged files
+        raise InputError(f"cannot be read ({error}); truncated or no picture", file=path) from None
     return _exif({ExifTags.TAGS.get(number, ""): value for number, value in tags.items()})
 
 

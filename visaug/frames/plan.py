@@ -20,6 +20,8 @@ class PlannedGroup:
     records: tuple[FrameRecord, ...]
 
 
+_DIMMEST = 10.0  # photons at saturation
+_MOST_FRAMES = 100_000  # of one setting
 _BRIGHTEST = 10.0  # of saturation: beyond, percentages or photons were meant
 LEVELS = (0.005, 0.02, 0.08, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1.1)  # of saturation: two flats lie beyond it
 
@@ -49,22 +51,27 @@ def plan_groups(
         levels: light of the flats in shares of saturation; the standard asks for nine or more, one beyond it.
         suffix: format of the files.
     """
-    if saturation_photons <= 0:
+    if not _DIMMEST <= saturation_photons <= 1e12:
         raise InputError(
             f"{saturation_photons:g} is out of range",
             field="saturation_photons",
-            expected="photons per pixel above 0",
+            expected=f"photons per pixel from {_DIMMEST:g} to 1e12",
         )
-    if repeats < 2:
-        raise InputError(f"{repeats} is too few", field="repeats", expected="2 or more frames per setting")
-    if bias_frames < 2 or not temperatures_c or not gains_db or not dark_exposures_s:
+    for name, count in (("repeats", repeats), ("bias_frames", bias_frames)):
+        if not 2 <= count <= _MOST_FRAMES:
+            raise InputError(
+                f"{count} is out of range", field=name, expected=f"2 to {_MOST_FRAMES} frames per setting"
+            )
+    if not temperatures_c or not gains_db or not dark_exposures_s:
         raise InputError(
             "a group of the plan has no frames",
             field="plan",
-            expected="2 or more bias frames, one or more temperatures, gains and dark exposures",
+            expected="one or more temperatures, gains and dark exposures",
         )
-    if not levels or min(levels) <= 0 or max(levels) > _BRIGHTEST:
-        expected = f"shares of saturation above 0, up to {_BRIGHTEST:g}"
+    if not levels or not all(
+        0.5 < level * saturation_photons <= _BRIGHTEST * saturation_photons for level in levels
+    ):
+        expected = f"shares of saturation, of one photon or more, up to {_BRIGHTEST:g}"
         raise InputError(f"{list(levels)}", field="levels", expected=expected)
     groups: list[PlannedGroup] = []
     warm, base_gain = temperatures_c[0], float(gains_db[0])

@@ -21,7 +21,7 @@ class FrameRecord:
         file: path relative to the set's folder; ``#key[index]`` picks a frame inside an archive or stack.
         kind: ``bias``, ``dark``, ``flat``, ``scene``, or ``image`` (an ordinary picture of which nothing
             is known).
-        exposure_s: exposure time in seconds, 0 or more (0 where unknown for ``bias`` and ``image``).
+        exposure_s: exposure time in seconds, 1e-12 or more (0 where unknown for ``bias`` and ``image``).
         temperature_c: sensor temperature in degrees Celsius, None where unknown.
         gain_db: the camera's gain setting in dB.
         photons: mean photons per pixel of a flat, None where the source is not calibrated.
@@ -59,7 +59,8 @@ class FrameRecord:
             raise InputError(
                 f"{self.kind!r} is not a kind of frame", field="kind", expected=" or ".join(KINDS)
             )
-        _check("exposure_s", self.exposure_s, 0.0, 1e6, "seconds, 0 or more")
+        if self.exposure_s != 0:
+            _check("exposure_s", self.exposure_s, 1e-12, 1e6, "seconds: 0, or 1e-12 to 1e6")
         _check("gain_db", self.gain_db, -100.0, 120.0, "decibels between -100 and 120")
         if self.temperature_c is not None:
             _check(

@@ -97,9 +97,10 @@ def survey(
         progress: called with (description, done, total).
 
     Raises:
-        InputError: no frames there, or none that can be read.
+        InputError: no frames there, or none that can be read; a given value out of range.
     """
     folder = Path(folder)
+    FrameRecord(0, "", "dark", **{name: value for name, value in (given or {}).items() if value is not None})
     if not folder.is_dir():
         raise InputError("is not a folder", file=folder, expected="the folder that holds the frames")
     named, files = files is not None, frame_files(folder) if files is None else files

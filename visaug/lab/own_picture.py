@@ -70,7 +70,7 @@ class OwnPicture:
         The camera takes the whole picture; the same seed gives the same noise.
 
         Args:
-            exposure: fraction of the saturation exposure, in (0, 1]; the result is as bright as the picture.
+            exposure: fraction of the saturation exposure, from 1e-6 to 1; the result is as bright as the picture.
         """
         taken = add_noise(self.picture, SensorNoise(camera, exposure=exposure), seed)
         window = middle(self.picture, LARGEST_MAP, LARGEST_MAP)
