@@ -67,7 +67,9 @@ def test_a_message_and_a_name_of_a_file_stay_text(client):
     assert answer.headers["content-type"].startswith("application/json")
     assert MARK in answer.json()["message"]
     script = client.get("/lab.js").text
-    assert script.count("innerHTML") == script.count("bench.innerHTML = newer") == 1  # the answer tested above
+    assert (
+        script.count("innerHTML") == script.count("bench.innerHTML = newer") == 1
+    )  # the answer tested above
     assert 'newer = stale ? await (await ask("bench")).text()' in script
 
 
