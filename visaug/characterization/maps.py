@@ -12,7 +12,7 @@ import numpy as np
 
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, mean_map
-from visaug.characterization.nonuniformity import surface
+from visaug.characterization.nonuniformity import surface, two_way
 from visaug.errors import InputError
 
 if TYPE_CHECKING:
@@ -105,8 +105,9 @@ def camera_maps(result: Characterization) -> dict[str, np.ndarray]:
 
     `prnu` is K, the smooth course of light and lens taken out; `dsnu` e- about their mean; `read_noise` e-, where every
     pixel has its own; `dark_current_nonuniformity` a factor, where the dark current of single pixels is measured to
-    half of it or better. Temporal noise that the mean of n frames keeps is in them. Frames cut at 0, or coarser than
-    their noise, give no `dsnu`.
+    half of it or better. Temporal noise that the mean of n frames keeps would make every pattern stronger than it is: the
+    pixel parts of `prnu` and `dsnu` are scaled to the deviation without it. Frames cut at 0, or coarser than their
+    noise, give no `dsnu`.
 
     Raises:
         InputError: no gain, or a map of another shape than the sensor.
@@ -117,10 +118,11 @@ def camera_maps(result: Characterization) -> dict[str, np.ndarray]:
     found: dict[str, np.ndarray] = {}
     if "response" in maps:
         fraction = maps["response"] / maps["response"].mean(dtype=np.float64) - 1
-        found["prnu"] = fraction - surface(fraction)
+        found["prnu"] = with_pixel_spread(fraction - surface(fraction), content["prnu"]["pixel"])
     if "master_bias" in maps and not words & {"clipped_at_zero", "coarse_converter"}:
         master = maps["master_bias"].astype(np.float64)
-        found["dsnu"] = (master - master.mean()) * content["gain_e_per_dn"]
+        offsets_e = (master - master.mean()) * content["gain_e_per_dn"]
+        found["dsnu"] = with_pixel_spread(offsets_e, content["dsnu"]["pixel_e"])
     if "read_noise" in maps and "read_noise_nonuniform" in words:
         found["read_noise"] = maps["read_noise"]
     rate = maps.get("dark_current")
@@ -134,6 +136,14 @@ def camera_maps(result: Characterization) -> dict[str, np.ndarray]:
                 expected="frames of the whole sensor, {} x {}".format(*content["resolution"]),
             )
     return {name: values.astype(np.float32) for name, values in found.items()}
+
+
+def with_pixel_spread(values: np.ndarray, deviation: float) -> np.ndarray:
+    """The map with its pixel part, defects left out, drawn to `deviation` where it is wider; (H, W)."""
+    _, _, residual, defects = two_way(values)
+    free = max((values.shape[0] - 1) * (values.shape[1] - 1) - defects, 1)
+    width = float(np.sqrt((residual**2).sum() / free))
+    return values - (1 - deviation / width) * residual if width > deviation else values
 
 
 def with_maps(content: Mapping[str, Any], files: Mapping[str, Path]) -> dict[str, Any]:

@@ -55,12 +55,12 @@ def pixel_noise(frames: FrameSet, still: GroupMoments) -> PixelNoise | None:
 
 
 def shrunk(noise: PixelNoise, rms_dn: float) -> np.ndarray:
-    """The map without the chance of few frames: each log sigma drawn to the mean by its own uncertainty, scaled
-    to the camera's read noise (rms), (H, W) DN.
+    """The map without the chance of few frames: the logarithms drawn to their mean until they spread as the pixels' own do,
+    scaled to the camera's read noise (rms), (H, W) DN.
     """
     logs = np.log(np.maximum(noise.deviation_dn, 0.1 * rms_dn))
-    total = float(logs.var())
-    kept = min(noise.spread**2 / total, 1.0) if total > 0 else 0.0
+    total = float(logs.std())
+    kept = min(noise.spread / total, 1.0) if total > 0 else 0.0
     deviations = np.exp(logs.mean() + kept * (logs - logs.mean()))
     return deviations * rms_dn / math.sqrt(float((deviations**2).mean()))
 

@@ -245,9 +245,8 @@ def _tested(
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Simulated sets (R, statistics) of the camera, the standardised residuals, and the p-value of the largest.
 
-    A hundred sets hold a false-alarm rate of 2 % only on average: for one sample of them it has a standard deviation of 1.4 %,
-    for 400 of 0.7 %. More than a hundred are simulated only where the p-value is close to 2 %, for about one set in 17 of a
-    complete camera.
+    A hundred sets hold a false-alarm rate of 2 % only on average: single samples of a hundred gave 0.1 to 12 % (docs/results.md).
+    More are simulated where the p-value is close to 2 %, which it is for one set in 17 of a complete camera.
     """
     sets, z, p_value = np.empty((0, len(measured))), np.zeros_like(measured), 1.0
     for stage in STAGES:
