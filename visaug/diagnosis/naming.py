@@ -117,6 +117,8 @@ def first_matches(
     the refitted one.
     """
     tried = matches(signs, fitted, without, allowance)
+    if not tried:  # every effect is left out or there already
+        return [], []
     best = best_of_each(tried)
     most = {(m.trial.effect, m.trial.looked): m.gain for m in reversed(tried)}
     least = max(LEAST_GAIN, SHARE * best[0].gain)
