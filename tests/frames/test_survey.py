@@ -163,6 +163,17 @@ def test_a_damaged_png_is_left_out_and_named(tmp_path):
     assert all(f"bias_{n}.png" in note for n in (1, 2, 3))
 
 
+def test_a_tiff_without_its_last_pixels_is_left_out(tmp_path):
+    """One frame, one stack; the header is whole."""
+    for name, content in (("bias_0.tif", pixels()), ("bias_1.tif", np.stack([pixels()] * 3))):
+        tifffile.imwrite(tmp_path / name, content, photometric="minisblack")
+        whole = (tmp_path / name).read_bytes()
+        (tmp_path / f"bias_cut_{name[-5]}.tif").write_bytes(whole[:-10])
+    found = survey(tmp_path)
+    assert [r["file"] for r in found.rows] == ["bias_0.tif", *(f"bias_1.tif#[{n}]" for n in range(3))]
+    assert any("unreadable_files: 2 files" in n and "bias_cut_0.tif" in n for n in found.notes)
+
+
 def test_natural_order_and_sizes():
     assert sorted(["a10", "a9", "a", "10", "9b"], key=natural) == ["9b", "10", "a", "a9", "a10"]
     assert parse_resolution(" 20 x 30") == (20, 30)

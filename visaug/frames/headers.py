@@ -41,6 +41,8 @@ def _tiff(path: Path) -> list[tuple[str, Facts]]:
     try:
         with tifffile.TiffFile(path) as file:
             series = file.series[0]
+            if _end_of_pixels(series) > file.filehandle.size:
+                raise ValueError("pixels beyond its end")
             facts = _exif(_tags(file.pages[0]))
             for text in (file.ome_metadata, file.micromanager_metadata):
                 facts.update(_microscope(text))
@@ -57,6 +59,13 @@ def _tiff(path: Path) -> list[tuple[str, Facts]]:
     if depth > 1:
         raise InputError(f"has shape {shape}", file=path, expected="one frame, or one stack of frames")
     return [(f"[{i}]", dict(facts)) for i in range(count)]
+
+
+def _end_of_pixels(series: Any) -> int:
+    """Where the pixels of the first and the last page end, in bytes."""
+    pages = [page for page in (series.pages[0], series.pages[-1]) if page is not None]
+    parts = [part for page in pages for part in zip(page.dataoffsets, page.databytecounts, strict=False)]
+    return max((offset + count for offset, count in parts), default=0)
 
 
 def _tags(page: Any) -> dict[str, Any]:
