@@ -62,7 +62,9 @@ def _tiff(path: Path) -> list[tuple[str, Facts]]:
 
 
 def _end_of_pixels(series: Any) -> int:
-    """Where the pixels of the first and the last page end, in bytes."""
+    """Where the pixels end in the file, in bytes; where they do not lie in one piece, those of the first and the last page."""
+    if series.dataoffset is not None:
+        return series.dataoffset + series.nbytes
     pages = [page for page in (series.pages[0], series.pages[-1]) if page is not None]
     parts = [part for page in pages for part in zip(page.dataoffsets, page.databytecounts, strict=False)]
     return max((offset + count for offset, count in parts), default=0)
