@@ -1,6 +1,6 @@
 """Effects hidden in pictures of unknown scenes, and cameras that hide nothing, as tables for docs/target.md.
 
-python scripts/picture_effects.py RESULTS.jsonl [--clean 40] [--update docs/target.md]
+python scripts/picture_effects.py RESULTS.jsonl [--clean 40] [--only clean] [--update docs/target.md]
 
 Each case is diagnosed once and appended to RESULTS.jsonl, so that an interrupted run goes on where it stopped. Strengths relative
 to the read noise are those of the proof's cameras (train/render/independent_camera.py: banding 1.3, step between the halves
@@ -121,12 +121,13 @@ def main() -> None:
     parser.add_argument("results", type=Path)
     parser.add_argument("--clean", type=int, default=40)
     parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--only", default="", help="cases whose name begins so")
     parser.add_argument("--update", type=Path)
     options = parser.parse_args()
     lines = options.results.read_text().splitlines() if options.results.exists() else []
     results = {key: value for line in lines for key, value in json.loads(line).items()}
     for name, case in cases(options.clean, options.seeds).items():
-        if name in results:
+        if name in results or not name.startswith(options.only):
             continue
         results[name] = diagnosed(*case)
         with options.results.open("a") as file:

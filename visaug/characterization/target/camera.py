@@ -4,25 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from visaug.characterization.findings import Findings
 from visaug.characterization.intervals import t_quantile
-from visaug.fingerprint.pictures.blocks import (
-    NOISE,
-    Blocks,
-    Levels,
-    Rounding,
-    noise_by_level,
-    sample,
-    texture_share,
-)
+from visaug.characterization.target.readings import NoiseCurve, Reading, readings_of
+from visaug.fingerprint.pictures.blocks import NOISE, Blocks, Levels, Rounding, noise_by_level, sample
 from visaug.fingerprint.pictures.curve import TONES, Law, Sky, fit
 from visaug.fingerprint.pictures.files import Pictures, largest_group, quality_of
 from visaug.fingerprint.pictures.pattern import Part, Pattern, recurring
 from visaug.fingerprint.pictures.sets import find_sky, jackknife
+from visaug.fingerprint.pictures.texture import texture_in
 from visaug.frames import FrameSet
 
 SOURCE = "pictures"
@@ -44,20 +37,7 @@ _FEWEST_LEVELS = 4
 _LIT_DN = 30.0
 _ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
 _CUT = 3.0  # standard deviations of noise above code 0
-_SAME = 5.41  # chi-square of 1 degree of freedom at 2 %
-_TEXTURE = texture_share()  # of the excess of low coefficients that texture leaves in the noise
 _UNKNOWN = 3.0  # an interval of the gain wider than this factor either way is no measurement
-
-
-@dataclass(frozen=True)
-class _Reading:
-    """One tone curve that the pictures allow, with the logarithms of gain and read noise of every jackknife set."""
-
-    law: Law
-    chi_square: float
-    gain: tuple[float, float, float]
-    read: tuple[float, float, float]
-    black: tuple[float, float, float]
 
 
 def camera_of_pictures(found: Findings, frames: FrameSet, seed: int) -> tuple[int, int] | None:
@@ -193,8 +173,8 @@ def _camera(
         (fit(t, levels.level, levels.variance, levels.error, sky, start) for t in TONES), key=lambda f: f[1]
     )[0]
     pattern = recurring(pictures, levels, rounding, first, sky)
-    prnu = math.sqrt(pattern.prnu.variance) if pattern.prnu and pattern.prnu.found else 0.0
-    readings = _readings(pictures, levels, rounding, sky, replace(start, prnu=prnu), pattern)
+    texture = texture_in(blocks, levels, rounding, sky.level + sky.reach if sky else -math.inf)
+    readings = readings_of(NoiseCurve(pictures, levels, rounding, sky, texture, pattern), start)
     if not readings:
         _no_camera(found, "noise that grows with the level as shot noise does")
         found.warn(
@@ -209,10 +189,11 @@ def _camera(
             f"gain_unknown: the gain lies between {low:.3g} and {high:.3g} e-/DN; that is no measurement"
         )
         return None
-    if sky is None:
+    if texture.is_white:
         found.warn(
-            "texture_as_noise: there is no black sky; fine texture of the scenes passes for noise, and gain and read noise come "
-            "out low: by 4 to 22 % on textured JPEG pictures of known cameras, beyond their intervals",
+            f"texture_as_noise: structure in flat regions is as fine as noise ({texture.share:.2g} of its power is in fine "
+            "frequencies, white noise has 1): texture of about 2 px, or noise with heavy tails; intervals cover gain and read "
+            "noise with and without it",
             spoils=("gain_e_per_dn", "read_noise.sigma_e"),
         )
     _add_tone(found, readings)
@@ -226,80 +207,7 @@ def _camera(
     return pictures.frames.shape(pictures.indices[0])
 
 
-def _readings(
-    pictures: Pictures, levels: Levels, rounding: Rounding, sky: Sky | None, start: Law, pattern: Pattern
-) -> list[_Reading]:
-    """The tone curves that the noise curve allows at 2 %, the best first.
-
-    One under which read noise exceeds the shot noise of a saturated pixel is none of a camera: a full well holds more
-    electrons than the square of the read noise.
-    """
-    fits = [fit(t, levels.level, levels.variance, levels.error, sky, start) for t in TONES]
-    fits = [(law, chi) for law, chi in fits if law.read < law.shot * 255]
-    if not fits:
-        return []
-    least = min(chi for _, chi in fits)
-    scale = max(least / max(len(levels.level) - 2, 1), 1.0)
-    allowed = sorted((f for f in fits if (f[1] - least) / scale < _SAME), key=lambda f: f[1])
-    fixed = pattern.pixel.variance if pattern.pixel and pattern.pixel.found else 0.0
-    return [_reading(law, chi, pictures, levels, rounding, sky, fixed) for law, chi in allowed]
-
-
-def _reading(
-    law: Law,
-    chi: float,
-    pictures: Pictures,
-    levels: Levels,
-    rounding: Rounding,
-    sky: Sky | None,
-    fixed: float,
-) -> _Reading:
-    scale = pictures.scale
-
-    def moved_by(found: Law) -> np.ndarray:
-        """Logarithms of gain and read noise, and the black level."""
-        read = max(found.read - fixed, 1e-4 * found.read)
-        return np.array([-math.log(found.shot), 0.5 * math.log(read) - math.log(found.shot), found.black])
-
-    def figures(weights: np.ndarray) -> np.ndarray:
-        level, variance = levels.of_pictures(weights, rounding)
-        return moved_by(fit(law.tone, level, variance, levels.error, sky, law)[0])
-
-    value, spread, degrees = jackknife(figures, len(pictures))
-    half = t_quantile(degrees) * spread
-    whole, variance = levels.of_pictures(np.ones(len(pictures)), rounding)
-    textured = fit(law.tone, whole, variance * (1 - _TEXTURE * levels.structure), levels.error, sky, law)[0]
-    half = np.hypot(half, np.abs(moved_by(textured) - value))
-    if sky is not None:
-        half[2] = math.hypot(half[2], t_quantile(degrees) * sky.error)
-
-    def figure(k: int, unit: float) -> tuple[float, float, float]:
-        """Value and interval of a figure that was fitted as its logarithm."""
-        return (
-            math.exp(value[k]) / unit,
-            math.exp(value[k] - half[k]) / unit,
-            math.exp(value[k] + half[k]) / unit,
-        )
-
-    gain, read = figure(0, scale), figure(1, 1.0)
-    if (
-        sky is None
-    ):  # any black level up to the darkest region: of read noise it moves a part, under a tone curve all
-        darkest = 255 * float(TONES[law.tone](levels.level[:1] / 255)[0])
-        raised = moved_by(fit(law.tone, whole, variance, levels.error, None, replace(law, black=darkest))[0])
-        gain = _with(gain, math.exp(raised[0]) / scale)
-        most = math.sqrt(law.read + law.shot * law.light_at(levels.level[:1])[0]) / law.shot
-        read = _with(_with(read, math.exp(raised[1])), most * read[2] / read[0])
-    black = (value[2] * scale, (value[2] - half[2]) * scale, (value[2] + half[2]) * scale)
-    return _Reading(law, chi, gain, read, black)
-
-
-def _with(interval: tuple[float, float, float], value: float) -> tuple[float, float, float]:
-    """An interval that holds one more value."""
-    return interval[0], min(interval[1], value), max(interval[2], value)
-
-
-def _add_tone(found: Findings, readings: list[_Reading]) -> None:
+def _add_tone(found: Findings, readings: list[Reading]) -> None:
     tones = [r.law.tone for r in readings]
     if len(tones) > 1:
         found.warn(
@@ -315,7 +223,7 @@ def _add_tone(found: Findings, readings: list[_Reading]) -> None:
 
 
 def _add_curve(
-    found: Findings, pictures: Pictures, readings: list[_Reading], levels: Levels, sky: Sky | None
+    found: Findings, pictures: Pictures, readings: list[Reading], levels: Levels, sky: Sky | None
 ) -> None:
     tone = readings[0].law.tone
     shared = f"flat regions hold shot noise and a constant; {tone} tone curve; neither denoised nor sharpened"
@@ -339,7 +247,7 @@ def _add_curve(
 
 
 def _add_patterns(
-    found: Findings, pictures: Pictures, best: _Reading, pattern: Pattern, sky: Sky | None
+    found: Findings, pictures: Pictures, best: Reading, pattern: Pattern, sky: Sky | None
 ) -> None:
     per_unit = 1 / best.law.shot  # electrons per 1/255 of full scale
     where = "the black sky" if sky else "flat regions"

@@ -26,6 +26,7 @@ PIXELS_ROUNDED = 1 / 12
 _SAMPLE = 200_000
 _LEAST = 16  # blocks for one level: their variance is then known to about a tenth
 _DEVIATIONS = np.geomspace(0.1, 120, 900)
+_COARSEST = 2.5  # rounding step of JPEG over the standard deviation of noise
 
 
 def texture_share(which: np.ndarray = NOISE) -> float:
@@ -80,6 +81,7 @@ class Rounding:
     """Mean squares of coefficients of Gaussian noise that JPEG has rounded, and the noise behind given ones."""
 
     def __init__(self, steps: np.ndarray, is_jpeg: bool) -> None:
+        self.steps = steps
         self.kinds = np.unique(steps[NOISE]) if is_jpeg else np.array([0.0])
         self.of = np.searchsorted(self.kinds, steps) if is_jpeg else np.zeros(steps.shape, int)
         self._table = np.array([_mean_square(_DEVIATIONS, step) for step in self.kinds])
@@ -122,12 +124,12 @@ class Rounding:
     def variance(self, sums: np.ndarray, counts: np.ndarray) -> float:
         """Variance of the noise before rounding, from sums of squares and their numbers: gamma quasi-likelihood.
 
-        Steps of more than 2.5 standard deviations round nearly all away and are left out.
+        Steps of more than `_COARSEST` standard deviations round nearly all away and are left out.
         """
         mean = sums / np.maximum(counts, 1)
         score = np.log(self._table) + mean[:, None] / self._table
         deviation = _DEVIATIONS[np.argmin(score[0] if counts[0] else score.sum(0))]
-        usable = (self.kinds <= 2.5 * deviation) & (counts > 0)
+        usable = (self.kinds <= _COARSEST * deviation) & (counts > 0)
         if not usable.any():
             usable = counts > 0
         total = (score[usable] * counts[usable, None]).sum(0)
@@ -141,9 +143,16 @@ class Rounding:
             log_variance = np.interp(log_variance, *self._calibration)
         return float(np.exp(log_variance))
 
-    def chosen_mean(self, variance: float) -> float:
+    def degrees(self, variance: float) -> float:
+        """Coefficients of a block that tell of noise: of those that JPEG rounds, half the ones that `variance` uses."""
+        if not self.is_jpeg:
+            return float(self.counts().sum())
+        told = self.counts() * (self.kinds <= _COARSEST * np.sqrt(variance))
+        return 0.5 * float(told.sum() or self.counts()[0])
+
+    def chosen_mean(self, variance: np.ndarray | float) -> np.ndarray:
         """Expected mean square of the coefficients that show structure."""
-        return float(np.interp(np.sqrt(variance), _DEVIATIONS, self._low))
+        return np.interp(np.sqrt(variance), _DEVIATIONS, self._low)
 
 
 def _mean_square(deviation: np.ndarray, step: float) -> np.ndarray:
@@ -201,15 +210,15 @@ class Levels:
         return level, np.array(variance)
 
 
-def is_flat(
-    coefficients: np.ndarray, variance: np.ndarray, rounding: Rounding, level_of_test: float = 0.9
-) -> np.ndarray:
-    """Which blocks' low coefficients are no larger than the noise explains."""
+def flat_limit(variance: np.ndarray | float, rounding: Rounding) -> np.ndarray:
+    """Mean square of low coefficients that a tenth of blocks of noise alone exceed."""
     count = np.count_nonzero(CHOICE)
-    expected = np.interp(np.sqrt(variance), _DEVIATIONS, rounding._low)
-    return (coefficients[..., CHOICE] ** 2).mean(-1) <= expected * stats.chi2.ppf(
-        level_of_test, count
-    ) / count
+    return rounding.chosen_mean(variance) * stats.chi2.ppf(0.9, count) / count
+
+
+def is_flat(coefficients: np.ndarray, variance: np.ndarray, rounding: Rounding) -> np.ndarray:
+    """Which blocks' low coefficients are no larger than the noise explains."""
+    return (coefficients[..., CHOICE] ** 2).mean(-1) <= flat_limit(variance, rounding)
 
 
 def noise_by_level(
@@ -229,7 +238,6 @@ def noise_by_level(
     which = np.digitize(blocks.level, edges) - 1
     low = (blocks.coefficients[:, CHOICE] ** 2).mean(1)
     sums = rounding.sums(blocks.coefficients)
-    per_block = rounding.counts()
     rows = []
     for k in range(len(edges) - 1):
         here = np.flatnonzero(which == k)
@@ -246,13 +254,14 @@ def noise_by_level(
         np.add.at(counts[:, j], blocks.picture[chosen], 1)
     total = counts.sum(0)
     structure = np.array([r[3] for r in rows])
-    error = np.hypot(np.sqrt(2 / np.maximum(total * per_block.sum() * 0.5, 1)), 0.5 * structure)
+    variance = np.array([r[2] for r in rows])
+    degrees = np.array([rounding.degrees(v) for v in variance])
     return Levels(
         edges,
         np.array([r[0] for r in rows], int),
         levels.sum(0) / np.maximum(total, 1),
-        np.array([r[2] for r in rows]),
-        error,
+        variance,
+        np.sqrt(2 / np.maximum(total * degrees, 1)),
         structure,
         all_sums,
         levels,
@@ -264,12 +273,11 @@ def _flat_ones(low: np.ndarray, sums: np.ndarray, rounding: Rounding) -> tuple[n
     """Flat blocks of one level, their variance, and by what share their low coefficients exceed it."""
     count = np.count_nonzero(CHOICE)
     per_block = rounding.counts()
-    limit = stats.chi2.ppf(0.9, count) / count
     outlying = stats.chi2.ppf(1 - 1e-4, per_block[0]) / per_block[0]
     kept = np.argsort(low)[: max(len(low) // 10, _LEAST)]
     variance = rounding.variance(sums[kept].sum(0), per_block * len(kept))
     for _ in range(6):
-        flat = low <= limit * rounding.chosen_mean(variance)
+        flat = low <= flat_limit(variance, rounding)
         flat &= (
             sums[:, 0] / per_block[0]
             <= outlying * rounding._table[0][np.argmin(abs(_DEVIATIONS**2 - variance))]
@@ -279,7 +287,7 @@ def _flat_ones(low: np.ndarray, sums: np.ndarray, rounding: Rounding) -> tuple[n
             return kept, variance, np.inf
         variance = rounding.variance(sums[kept].sum(0), per_block * len(kept))
     cut = (
-        stats.chi2.cdf(limit * count, count + 2) / 0.9
+        stats.chi2.cdf(stats.chi2.ppf(0.9, count), count + 2) / 0.9
     )  # mean of a chi-square below its 90 % quantile, per degree
     structure = low[kept].mean() / rounding.chosen_mean(variance) / cut - 1
     return kept, variance, max(float(structure), 0.0)

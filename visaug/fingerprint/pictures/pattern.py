@@ -163,10 +163,12 @@ def _dark_and_response(plain: _Places, lit: _Places) -> tuple[Part | None, Part 
 
 
 def _usable(pictures: Pictures, levels: Levels, sky: Sky | None) -> np.ndarray:
-    """Coefficients that JPEG does not round coarser than two standard deviations of the noise."""
+    """Coefficients that JPEG does not round coarser than two standard deviations of the noise, at the sky and in lit regions."""
     if not pictures.is_jpeg:
         return np.ones((8, 8), bool)
-    variance = levels.variance_at(sky.level) if sky else np.median(levels.variance)
+    variance = float(np.median(levels.variance))
+    if sky:
+        variance = min(variance, float(levels.variance_at(sky.level)))
     return pictures.steps <= 2 * np.sqrt(variance)
 
 

@@ -44,7 +44,8 @@ def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
         return None
     first = int(np.argmax(enough))
     end = first + int(np.argmin(np.append(enough[first:], False)))
-    dark = steps[first + int(np.argmax(inside[first:end]))]
+    most = steps[first + int(np.argmax(inside[first:end]))]
+    dark = float(np.median(ordered[np.abs(ordered - most) <= _SKY_DN]))
     if levels.structure[np.argmin(np.abs(levels.level - dark))] > 0.1:
         return None
     below = dark - ordered[ordered < dark]

@@ -1,0 +1,149 @@
+"""Gain, read noise and black level from the noise curve of pictures, under each tone curve that it allows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from visaug.characterization.intervals import t_quantile
+from visaug.fingerprint.pictures.blocks import Levels, Rounding
+from visaug.fingerprint.pictures.curve import TONES, Law, Sky, fit
+from visaug.fingerprint.pictures.files import Pictures
+from visaug.fingerprint.pictures.pattern import Part, Pattern
+from visaug.fingerprint.pictures.sets import jackknife
+from visaug.fingerprint.pictures.texture import Texture
+
+_SAME = 5.41  # chi-square of 1 degree of freedom at 2 %
+_SURE = 1.96  # standard errors of a 95 % interval
+
+Interval = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class NoiseCurve:
+    """Noise of flat blocks by level, and what else bears on its law."""
+
+    pictures: Pictures
+    levels: Levels
+    rounding: Rounding
+    sky: Sky | None
+    texture: Texture
+    pattern: Pattern
+
+    def noise(self, weights: np.ndarray | None = None, share: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Level and variance without texture where the pictures have these weights.
+
+        Args:
+            share: standard errors by which the share of texture is moved.
+        """
+        weights = np.ones(len(self.pictures)) if weights is None else weights
+        level, variance = self.levels.of_pictures(weights, self.rounding)
+        return level, variance / (1 + self.texture.excess(share))
+
+    def fitted(self, law: Law, level: np.ndarray, variance: np.ndarray) -> Law:
+        """The law under the same tone curve, with the same response of the pixels."""
+        return fit(law.tone, level, variance, self.levels.error, self.sky, law)[0]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One tone curve that the pictures allow: its law, and gain, read noise and black level with their ends."""
+
+    law: Law
+    gain: Interval
+    read: Interval
+    black: Interval
+
+
+def readings_of(curve: NoiseCurve, start: Law) -> list[Reading]:
+    """The tone curves that the noise curve allows at 2 %, the best first.
+
+    One under which read noise exceeds the shot noise of a saturated pixel is none of a camera: a full well holds more
+    electrons than the square of the read noise.
+    """
+    start = replace(start, prnu=_deviation(curve.pattern.prnu))
+    level, variance = curve.noise()
+    fits = [fit(tone, level, variance, curve.levels.error, curve.sky, start) for tone in TONES]
+    fits = [(law, chi) for law, chi in fits if law.read < law.shot * 255]
+    if not fits:
+        return []
+    least = min(chi for _, chi in fits)
+    scale = max(least / max(len(level) - 2, 1), 1.0)
+    allowed = sorted((f for f in fits if (f[1] - least) / scale < _SAME), key=lambda f: f[1])
+    return [_reading(law, curve) for law, _ in allowed]
+
+
+def _deviation(part: Part | None, errors: float = 0.0) -> float:
+    """Standard deviation of a pattern, moved by standard errors of its variance; 0 at best where it is not found."""
+    if part is None or (errors == 0 and not part.found):
+        return 0.0
+    return math.sqrt(max(part.variance + errors * part.error, 0.0))
+
+
+def _figures(law: Law, fixed: float) -> np.ndarray:
+    """Logarithms of gain and read noise, and the black level; `fixed` is the variance of the pixels' pattern."""
+    read = max(law.read - fixed, 1e-4 * law.read)
+    return np.array([-math.log(law.shot), 0.5 * math.log(read) - math.log(law.shot), law.black])
+
+
+def _reading(law: Law, curve: NoiseCurve) -> Reading:
+    scale, sky = curve.pictures.scale, curve.sky
+    fixed = _deviation(curve.pattern.pixel) ** 2
+
+    def figures(weights: np.ndarray) -> np.ndarray:
+        return _figures(curve.fitted(law, *curve.noise(weights)), fixed)
+
+    value, spread, degrees = jackknife(figures, len(curve.pictures))
+    parts = [t_quantile(degrees) * spread]
+    parts += [np.abs(others - value).max(0) for others in _open(law, curve, fixed)]
+    half = np.sqrt(np.square(parts).sum(0))
+    if sky is not None:
+        half[2] = math.hypot(half[2], t_quantile(degrees) * sky.error)
+
+    def figure(k: int, unit: float) -> Interval:
+        """Value and interval of a figure that was fitted as its logarithm."""
+        value_k, low, high = (math.exp(value[k] + sign * half[k]) / unit for sign in (0, -1, 1))
+        return value_k, low, high
+
+    gain, read = figure(0, scale), figure(1, 1.0)
+    if sky is None:
+        gain, read = _with_any_black(law, curve, fixed, gain, read)
+    black = (value[2] * scale, (value[2] - half[2]) * scale, (value[2] + half[2]) * scale)
+    return Reading(law, gain, read, black)
+
+
+def _open(law: Law, curve: NoiseCurve, fixed: float) -> Iterator[np.ndarray]:
+    """Figures (ways, 3) at the ends of what is not known exactly: the share of texture, response and offsets of pixels.
+
+    Noise that JPEG has rounded together with texture does not add up as variances do, and texture as fine as noise cannot be told
+    from it: there the noise with all of the texture is one of the ends.
+    """
+    ends = [curve.noise(share=s) for s in (-_SURE, _SURE)]
+    if curve.rounding.is_jpeg or curve.texture.is_white:
+        ends.append((ends[0][0], curve.levels.variance))
+    yield np.array([_figures(curve.fitted(law, *end), fixed) for end in ends])
+    level, variance = curve.noise()
+    prnu = [replace(law, prnu=_deviation(curve.pattern.prnu, s)) for s in (-_SURE, _SURE)]
+    yield np.array([_figures(curve.fitted(p, level, variance), fixed) for p in prnu])
+    pixel = [_deviation(curve.pattern.pixel, s) ** 2 for s in (-_SURE, _SURE)]
+    yield np.array([_figures(law, p) for p in pixel])
+
+
+def _with_any_black(
+    law: Law, curve: NoiseCurve, fixed: float, gain: Interval, read: Interval
+) -> tuple[Interval, Interval]:
+    """The same with any black level up to the darkest region: of read noise it moves a part, under a tone curve all."""
+    level, variance = curve.noise()
+    darkest = 255 * float(TONES[law.tone](level[:1] / 255)[0])
+    raised = _figures(curve.fitted(replace(law, black=darkest), level, variance), fixed)
+    gain = _with(gain, math.exp(raised[0]) / curve.pictures.scale)
+    most = math.sqrt(law.read + law.shot * law.light_at(level[:1])[0]) / law.shot
+    return gain, _with(_with(read, math.exp(raised[1])), most * read[2] / read[0])
+
+
+def _with(interval: Interval, value: float) -> Interval:
+    """An interval that holds one more value."""
+    return interval[0], min(interval[1], value), max(interval[2], value)
