@@ -10,12 +10,20 @@ import numpy as np
 from visaug.characterization.findings import Findings
 from visaug.characterization.intervals import t_quantile
 from visaug.characterization.target.readings import NoiseCurve, Reading, readings_of
-from visaug.fingerprint.pictures.blocks import NOISE, Blocks, Levels, Rounding, noise_by_level, sample
+from visaug.fingerprint.pictures.blocks import (
+    NOISE,
+    Blocks,
+    Levels,
+    Rounding,
+    is_flat,
+    noise_by_level,
+    sample,
+)
 from visaug.fingerprint.pictures.curve import TONES, Law, Sky, fit
 from visaug.fingerprint.pictures.files import Pictures, largest_group, quality_of
 from visaug.fingerprint.pictures.pattern import Part, Pattern, recurring
 from visaug.fingerprint.pictures.sets import find_sky, jackknife
-from visaug.fingerprint.pictures.texture import texture_in
+from visaug.fingerprint.pictures.texture import Texture, texture_in
 from visaug.frames import FrameSet
 
 SOURCE = "pictures"
@@ -199,7 +207,7 @@ def _camera(
     _add_tone(found, readings)
     _add_curve(found, pictures, readings, levels, sky)
     _add_patterns(found, pictures, best, pattern, sky)
-    _add_processing(found, pictures, blocks, levels)
+    _add_processing(found, pictures, blocks, levels, rounding, texture)
     found.warn(
         "pictures_alone: the camera is an effective one: it gives these pictures' noise, whatever made it (sensor, "
         "compression, denoising); bias, dark and flat frames would tell the parts"
@@ -233,8 +241,14 @@ def _add_curve(
         return every[0][0], min(e[1] for e in every), max(e[2] for e in every)
 
     add(found, "gain_e_per_dn", span("gain"), "e-/DN", shared)
-    add(found, "read_noise.sigma_e", span("read"), "e-", shared + ("" if sky else "; black level 0 at best"))
     black = span("black")
+    lowest = (
+        "" if sky else f"; black level {black[0]:.3g} DN at best, the lowest with which it is not negative"
+    )
+    add(found, "read_noise.sigma_e", span("read"), "e-", shared + lowest)
+    if sky is None and black[0] > 0:
+        add(found, "black_level_dn", black, "DN", "no black sky: from noise that would be negative below")
+        return
     if sky is None:
         found.miss("black_level_dn", "pictures with a black sky; 0 is taken")
         return
@@ -294,7 +308,9 @@ def _root(part: Part, factor: float) -> tuple[float, float, float]:
     return (value, low, high) if part.found else (0.0, 0.0, high)
 
 
-def _add_processing(found: Findings, pictures: Pictures, blocks: Blocks, levels: Levels) -> None:
+def _add_processing(
+    found: Findings, pictures: Pictures, blocks: Blocks, levels: Levels, rounding: Rounding, texture: Texture
+) -> None:
     """JPEG quality from the file; spectrum of the noise."""
     if pictures.is_jpeg:
         quality = quality_of(pictures.steps)
@@ -302,8 +318,10 @@ def _add_processing(found: Findings, pictures: Pictures, blocks: Blocks, levels:
         found.effects.append({"name": "jpeg", "quality": round(quality[0]), "chroma": "full"})
         return
     u, v = np.indices((8, 8))
-    flat = np.abs(blocks.level - levels.level[np.argmax(levels.blocks.sum(0))]) < 1
-    coefficients = blocks.coefficients[flat]
+    commonest = int(np.argmax(levels.blocks.sum(0)))
+    here = np.abs(blocks.level - levels.level[commonest]) < 1
+    coefficients = blocks.coefficients[here]
+    coefficients = coefficients[is_flat(coefficients, levels.variance[commonest], rounding)]
     fine, coarse = (np.median(coefficients[:, NOISE & which] ** 2) for which in (u + v > 9, u + v < 8))
     if coarse <= 0:
         return
@@ -317,9 +335,10 @@ def _add_processing(found: Findings, pictures: Pictures, blocks: Blocks, levels:
         "1",
         "1 where noise is white",
     )
-    if abs(ratio - 1) > max(0.1, 4 * error):
+    allowed = 0.1 + texture.excess(2)[commonest]  # texture that is left makes coarse noise stronger
+    if abs(ratio - 1) > max(allowed, 4 * error):
         found.warn(
             f"correlated_noise: fine noise has {ratio:.2g} times the power of coarse noise, as after denoising, sharpening or "
-            "demosaicing; gain and read noise are those of the processed noise",
+            "demosaicing, or of texture that covers all regions; gain and read noise are those of the noise as it is",
             spoils=("gain_e_per_dn", "read_noise.sigma_e"),
         )

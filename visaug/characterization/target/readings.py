@@ -43,6 +43,10 @@ class NoiseCurve:
         level, variance = self.levels.of_pictures(weights, self.rounding)
         return level, variance / (1 + self.texture.excess(share))
 
+    def quiet(self, variance: np.ndarray) -> np.ndarray:
+        """The variance with that of blocks chosen for being quiet in the sky too."""
+        return variance * self.levels.chosen / self.levels.variance
+
     def fitted(self, law: Law, level: np.ndarray, variance: np.ndarray) -> Law:
         """The law under the same tone curve, with the same response of the pixels."""
         return fit(law.tone, level, variance, self.levels.error, self.sky, law)[0]
@@ -65,15 +69,33 @@ def readings_of(curve: NoiseCurve, start: Law) -> list[Reading]:
     electrons than the square of the read noise.
     """
     start = replace(start, prnu=_deviation(curve.pattern.prnu))
-    level, variance = curve.noise()
-    fits = [fit(tone, level, variance, curve.levels.error, curve.sky, start) for tone in TONES]
+    fits = [_fit(tone, curve, start) for tone in TONES]
     fits = [(law, chi) for law, chi in fits if law.read < law.shot * 255]
     if not fits:
         return []
     least = min(chi for _, chi in fits)
-    scale = max(least / max(len(level) - 2, 1), 1.0)
+    scale = max(least / max(len(curve.levels.level) - 2, 1), 1.0)
     allowed = sorted((f for f in fits if (f[1] - least) / scale < _SAME), key=lambda f: f[1])
     return [_reading(law, curve) for law, _ in allowed]
+
+
+def _fit(tone: str, curve: NoiseCurve, start: Law) -> tuple[Law, float]:
+    """The best law under a tone curve and its chi-square.
+
+    Without a sky the black level is the lowest, from 0 on, with which read noise is not negative: only both together show.
+    """
+    level, variance = curve.noise()
+    error = curve.levels.error
+    if curve.sky is None:
+        darkest = _darkest(tone, level)
+        law, _ = fit(tone, level, variance, error, None, replace(start, black=darkest))
+        start = replace(start, black=max(darkest - law.read / law.shot, 0.0))
+    return fit(tone, level, variance, error, curve.sky, start)
+
+
+def _darkest(tone: str, level: np.ndarray) -> float:
+    """Linear level of the darkest flat region: black does not lie above."""
+    return 255 * float(TONES[tone](level[:1] / 255)[0])
 
 
 def _deviation(part: Part | None, errors: float = 0.0) -> float:
@@ -90,8 +112,22 @@ def _figures(law: Law, fixed: float) -> np.ndarray:
 
 
 def _reading(law: Law, curve: NoiseCurve) -> Reading:
-    scale, sky = curve.pictures.scale, curve.sky
-    fixed = _deviation(curve.pattern.pixel) ** 2
+    scale, fixed = curve.pictures.scale, _deviation(curve.pattern.pixel) ** 2
+    gain, read, black = _with_ends(law, curve, fixed)
+    if curve.sky is not None:
+        return Reading(law, _scaled(gain, 1 / scale), read, _scaled(black, scale))
+    # Any black level up to the darkest region is possible: read noise is least at the lowest and most at the highest.
+    darkest = _darkest(law.tone, curve.levels.level)
+    raised = curve.fitted(replace(law, black=darkest), *curve.noise())
+    other_gain, most, _ = _with_ends(raised, curve, fixed)
+    gain = gain[0], min(gain[1], other_gain[1]), max(gain[2], other_gain[2])
+    read = min(read[0], most[2]), (0.0 if law.black > 0 else min(read[1], most[1])), most[2]
+    lowest = max(min(law.black, darkest - raised.shot * most[2] ** 2), 0.0)
+    return Reading(law, _scaled(gain, 1 / scale), read, _scaled((law.black, lowest, darkest), scale))
+
+
+def _with_ends(law: Law, curve: NoiseCurve, fixed: float) -> tuple[Interval, Interval, Interval]:
+    """Gain, read noise and black level of a law in 1/255 of full scale: value and 95 % interval."""
 
     def figures(weights: np.ndarray) -> np.ndarray:
         return _figures(curve.fitted(law, *curve.noise(weights)), fixed)
@@ -100,50 +136,32 @@ def _reading(law: Law, curve: NoiseCurve) -> Reading:
     parts = [t_quantile(degrees) * spread]
     parts += [np.abs(others - value).max(0) for others in _open(law, curve, fixed)]
     half = np.sqrt(np.square(parts).sum(0))
-    if sky is not None:
-        half[2] = math.hypot(half[2], t_quantile(degrees) * sky.error)
+    if curve.sky is not None:
+        half[2] = math.hypot(half[2], t_quantile(degrees) * curve.sky.error)
+    gain, read = (tuple(math.exp(value[k] + sign * half[k]) for sign in (0, -1, 1)) for k in (0, 1))
+    return gain, read, (value[2], value[2] - half[2], value[2] + half[2])  # type: ignore[return-value]
 
-    def figure(k: int, unit: float) -> Interval:
-        """Value and interval of a figure that was fitted as its logarithm."""
-        value_k, low, high = (math.exp(value[k] + sign * half[k]) / unit for sign in (0, -1, 1))
-        return value_k, low, high
 
-    gain, read = figure(0, scale), figure(1, 1.0)
-    if sky is None:
-        gain, read = _with_any_black(law, curve, fixed, gain, read)
-    black = (value[2] * scale, (value[2] - half[2]) * scale, (value[2] + half[2]) * scale)
-    return Reading(law, gain, read, black)
+def _scaled(interval: Interval, factor: float) -> Interval:
+    value, low, high = interval
+    return value * factor, low * factor, high * factor
 
 
 def _open(law: Law, curve: NoiseCurve, fixed: float) -> Iterator[np.ndarray]:
     """Figures (ways, 3) at the ends of what is not known exactly: the share of texture, response and offsets of pixels.
 
     Noise that JPEG has rounded together with texture does not add up as variances do, and texture as fine as noise cannot be told
-    from it: there the noise with all of the texture is one of the ends.
+    from it: there the noise with all of the texture is one of the ends. Where the sky's noise has heavy tails, or faint stars,
+    the noise of its quiet blocks is one: lit levels have lost as much by the choice of theirs.
     """
     ends = [curve.noise(share=s) for s in (-_SURE, _SURE)]
     if curve.rounding.is_jpeg or curve.texture.is_white:
         ends.append((ends[0][0], curve.levels.variance))
     yield np.array([_figures(curve.fitted(law, *end), fixed) for end in ends])
     level, variance = curve.noise()
+    if curve.sky is not None:
+        yield _figures(curve.fitted(law, level, curve.quiet(variance)), fixed)[None]
     prnu = [replace(law, prnu=_deviation(curve.pattern.prnu, s)) for s in (-_SURE, _SURE)]
     yield np.array([_figures(curve.fitted(p, level, variance), fixed) for p in prnu])
     pixel = [_deviation(curve.pattern.pixel, s) ** 2 for s in (-_SURE, _SURE)]
     yield np.array([_figures(law, p) for p in pixel])
-
-
-def _with_any_black(
-    law: Law, curve: NoiseCurve, fixed: float, gain: Interval, read: Interval
-) -> tuple[Interval, Interval]:
-    """The same with any black level up to the darkest region: of read noise it moves a part, under a tone curve all."""
-    level, variance = curve.noise()
-    darkest = 255 * float(TONES[law.tone](level[:1] / 255)[0])
-    raised = _figures(curve.fitted(replace(law, black=darkest), level, variance), fixed)
-    gain = _with(gain, math.exp(raised[0]) / curve.pictures.scale)
-    most = math.sqrt(law.read + law.shot * law.light_at(level[:1])[0]) / law.shot
-    return gain, _with(_with(read, math.exp(raised[1])), most * read[2] / read[0])
-
-
-def _with(interval: Interval, value: float) -> Interval:
-    """An interval that holds one more value."""
-    return interval[0], min(interval[1], value), max(interval[2], value)

@@ -12,7 +12,7 @@ import io
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import fft, stats
+from scipy import fft, ndimage, stats
 
 from visaug.fingerprint.pictures.files import Pictures
 
@@ -40,11 +40,12 @@ def texture_share(which: np.ndarray = NOISE) -> float:
 
 @dataclass(frozen=True)
 class Blocks:
-    """Coefficients (n, 8, 8), mean level (n,), number of the picture (n,)."""
+    """Coefficients (n, 8, 8), mean level (n,), number of the picture (n,), highest level of the block and its neighbours (n,)."""
 
     coefficients: np.ndarray
     level: np.ndarray
     picture: np.ndarray
+    around: np.ndarray
 
 
 def blocks_of(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -72,6 +73,7 @@ def sample(pictures: Pictures, seed: int) -> tuple[Blocks, float]:
                 coefficients.reshape(-1, SIDE, SIDE)[chosen].astype(np.float32),
                 level.ravel()[chosen],
                 np.full(len(chosen), n),
+                ndimage.maximum_filter(level, 3).ravel()[chosen],
             )
         )
     return Blocks(*(np.concatenate(p) for p in zip(*parts, strict=True))), float(np.mean(left_out))
@@ -171,6 +173,7 @@ class Levels:
     Attributes:
         edges: of the bins.
         level, variance: of the bins that hold enough flat blocks, in DN and DN^2 of 8 bit.
+        chosen: the variance where blocks of the sky are chosen as at other levels.
         error: standard error of the logarithm of the variance.
         number: of the bin, among the edges.
         sums, counts, levels, blocks: by picture and bin, for other draws of the pictures.
@@ -180,6 +183,7 @@ class Levels:
     number: np.ndarray
     level: np.ndarray
     variance: np.ndarray
+    chosen: np.ndarray
     error: np.ndarray
     structure: np.ndarray
     sums: np.ndarray
@@ -194,7 +198,10 @@ class Levels:
         kept = self.level > deviations * np.sqrt(self.variance)
         return replace(
             self,
-            **{n: getattr(self, n)[kept] for n in ("number", "level", "variance", "error", "structure")},
+            **{
+                n: getattr(self, n)[kept]
+                for n in ("number", "level", "variance", "chosen", "error", "structure")
+            },
             **{n: getattr(self, n)[:, kept] for n in ("sums", "levels", "blocks")},
         )
 
@@ -226,7 +233,9 @@ def noise_by_level(
 ) -> Levels:
     """Variance of pixels in flat blocks, level by level. Bins are 1 DN wide at black and grow by 6 % of the level.
 
-    Blocks between the two levels of `one_level` are one bin: offsets tell them apart, not light.
+    Blocks between the two levels of `one_level` are one bin: offsets tell them apart, not light. Where no neighbour is brighter
+    there is no scene whose structure could pass for noise, so all blocks are used: a choice of quiet ones would lose the tails
+    of noise that has heavy ones.
     """
     edges = [-0.5]
     while edges[-1] < 255:
@@ -244,11 +253,20 @@ def noise_by_level(
         if len(here) < _LEAST:
             continue
         kept, variance, structure = _flat_ones(low[here], sums[here], rounding)
-        if len(kept) >= _LEAST:
-            rows.append((k, here[kept], variance, structure))
+        if len(kept) < _LEAST:
+            continue
+        used, chosen = here[kept], variance
+        if one_level is not None and edges[k] == one_level[0]:
+            inside = here[blocks.around[here] < one_level[1]]
+            if len(inside) >= _LEAST:
+                used, variance = (
+                    inside,
+                    rounding.variance(sums[inside].sum(0), rounding.counts() * len(inside)),
+                )
+        rows.append((k, used, variance, structure, chosen))
     shape = (pictures, len(rows))
     all_sums, levels, counts = np.zeros((*shape, len(rounding.kinds))), np.zeros(shape), np.zeros(shape)
-    for j, (_, chosen, _, _) in enumerate(rows):
+    for j, (_, chosen, *_) in enumerate(rows):
         np.add.at(all_sums[:, j], blocks.picture[chosen], sums[chosen])
         np.add.at(levels[:, j], blocks.picture[chosen], blocks.level[chosen])
         np.add.at(counts[:, j], blocks.picture[chosen], 1)
@@ -261,6 +279,7 @@ def noise_by_level(
         np.array([r[0] for r in rows], int),
         levels.sum(0) / np.maximum(total, 1),
         variance,
+        np.array([r[4] for r in rows]),
         np.sqrt(2 / np.maximum(total * degrees, 1)),
         structure,
         all_sums,

@@ -83,7 +83,9 @@ def find_regions(pictures: np.ndarray, saturated: float, rounding: Rounding) -> 
     dark = ndimage.binary_erosion(near, around, border_value=1)
     lit = usable & ~near & (level > 3 + (sky or 0))
     number = np.broadcast_to(np.arange(len(pictures))[:, None, None], level.shape)
-    levels = noise_by_level(Blocks(coefficients[lit], level[lit], number[lit]), rounding, len(pictures))
+    levels = noise_by_level(
+        Blocks(coefficients[lit], level[lit], number[lit], level[lit]), rounding, len(pictures)
+    )
     lit &= _without_structure(coefficients, level, lit, levels, rounding)
     return _by_level(dark, lit, level, sky)
 

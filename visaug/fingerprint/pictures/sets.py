@@ -14,6 +14,7 @@ _GROUPS = 12
 _SKY_SHARE = 0.1
 _SKY_DN = 2.0
 _SKY_STEP_DN = 0.25
+_TAIL = 0.25  # blocks just above the sky's reach over those within: a surface of changing brightness has about as many
 _NORMAL_QUARTILE = 0.6745
 
 
@@ -32,8 +33,9 @@ def jackknife(
 
 
 def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
-    """The black sky: the darkest level around which a tenth or more of all blocks lie, where it is flat.
+    """The black sky: the darkest level around which a tenth or more of all blocks lie, where it is flat and stands alone.
 
+    None where levels go on above it as those of dark surfaces do, or where nothing is brighter: then it may be any level.
     Offsets of rows and columns spread the levels of its blocks. Those below its level hold no light and give the spread.
     """
     steps = np.arange(0.0, blocks.level.max(initial=0.0) + _SKY_STEP_DN, _SKY_STEP_DN)
@@ -50,7 +52,13 @@ def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
         return None
     below = dark - ordered[ordered < dark]
     spread = float(np.median(below)) / _NORMAL_QUARTILE if len(below) else 0.0
-    near = np.abs(blocks.level - dark) < Sky(dark, 0.0, spread).reach
+    reach = Sky(dark, 0.0, spread).reach
+    within, beyond = (
+        np.count_nonzero((ordered > dark + k * reach) & (ordered <= dark + (k + 1) * reach)) for k in (0, 1)
+    )
+    if beyond > _TAIL * within or not np.any(ordered > dark + reach):
+        return None
+    near = np.abs(blocks.level - dark) < reach
     seen = np.unique(blocks.picture[near])
     means = [np.median(blocks.level[near & (blocks.picture == n)]) for n in seen]
     # The blocks of a picture stand in about as many columns as the root of their number. Offsets of columns recur, so that

@@ -1,8 +1,8 @@
 """How much texture of the scene passes for noise in flat blocks, measured on the blocks themselves.
 
 A block of noise of variance v and texture has low coefficients of mean square v (1 + t) and high ones of v (1 + share t). The
-distribution of t over the blocks of a level is found from their low coefficients (nonparametric maximum likelihood: J. Kiefer and
-J. Wolfowitz, Ann. Math. Statist. 27 (1956) 887; N. Laird, JASA 73 (1978) 805). What t is to be expected of a block follows from it, and the share from how high
+distribution of t over the blocks of a level is found from their low coefficients (nonparametric maximum likelihood: N. Laird,
+J. Amer. Statist. Assoc. 73 (1978) 805). What t is to be expected of a block follows from it, and the share from how high
 coefficients grow with that expectation, over all levels. Where t is 0 there is noise alone.
 """
 
@@ -52,7 +52,7 @@ class Texture:
 
     @property
     def is_white(self) -> bool:
-        """Whether it is finer than texture that a lens has passed: the noise has heavy tails, or the texture is as fine as noise."""
+        """Whether it is finer than texture behind a lens: the noise has heavy tails, or the texture is as fine as noise."""
         return self.share - 2 * self.error > texture_share()
 
 
