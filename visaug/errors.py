@@ -33,6 +33,10 @@ class InputError(ValueError):
         super().__init__(" ".join(message.split()))
 
 
+class NoSensorNoise(InputError):
+    """Pictures without noise, as renders are: no fault of the user's, and nothing is measured. Commands end with status 0."""
+
+
 class PartlyFailed(Exception):
     """Work that was done but for a part. The message is what there is to tell; commands print it and end with status 1."""
 

@@ -9,6 +9,7 @@ import pytest
 import visaug
 from benchmark import pictures as independent
 from visaug.cli import main
+from visaug.comparison import Laboratory, with_a_well
 from visaug.comparison.picture_scenes import _expected
 from visaug.effects import catalogue
 from visaug.errors import InputError
@@ -110,3 +111,33 @@ def test_too_few_pictures_and_pictures_without_a_region_are_refused():
 def test_the_lab_refuses_pictures():
     with pytest.raises(InputError, match="diagnose"):
         visaug.Session(STATED, in_memory(taken({}, 6, n=7)))
+
+
+def renders(n=8):
+    rng = np.random.default_rng(2)
+    return [np.rint(255 * independent.spacecraft(rng, (160, 192))).astype(np.uint8) for _ in range(n)]
+
+
+@pytest.mark.parametrize("command", ["diagnose", "compare"])
+def test_renders_have_no_sensor_noise_to_diagnose(tmp_path, capsys, command):
+    folder, camera = independent.save(renders(), tmp_path / "renders"), tmp_path / "camera.yaml"
+    STATED.replace({"resolution": [160, 192]}).save(camera)
+    with pytest.raises(SystemExit) as ended:
+        main([command, str(folder), "--camera", str(camera)])
+    assert ended.value.code == 0
+    assert "no sensor noise found" in capsys.readouterr().out
+
+
+def test_pictures_of_one_bright_level_are_no_sky():
+    rng = np.random.default_rng(1)
+    bright = in_memory([np.rint(rng.normal(150, 5, SIDE)).astype(np.uint8) for _ in range(8)])
+    dark = in_memory([np.rint(rng.normal(12, 4, SIDE)).clip(0).astype(np.uint8) for _ in range(8)])
+    for frames, kind in ((bright, "flat"), (dark, "dark")):
+        found = Laboratory(frames, with_a_well(STATED))
+        assert {record.kind for record in found.frames.records} == {kind}
+
+
+def test_a_full_well_that_pictures_do_not_tell_is_marked_as_assumed():
+    assert with_a_well(STATED).spec.assumed == ["full_well_e"]
+    known = STATED.replace({"full_well_e": 900.0})
+    assert with_a_well(known) is known

@@ -219,6 +219,20 @@ def test_a_picture_of_ones_own(client, bench):
     assert louder.std() > 2 * after.std()
 
 
+def test_a_picture_that_was_replaced_is_not_shown_under_its_old_address(client):
+    client.post("/own/gray.png", content=picture_file(Image.new("L", (40, 30), 128)))
+    holder = re.search(r'data-view="own" data-own="(\w+)" data-key="(\w+)"', client.get("/bench").text)
+    client.post("/own/dark.png", content=picture_file(Image.new("L", (40, 30), 20)))
+    assert client.get(f"/own/{holder[1]}/{holder[2]}/1").status_code == 404
+
+
+def test_a_picture_of_too_many_pixels_is_refused_by_its_head(client, monkeypatch):
+    """Its pixels are missing: whoever decoded them would say that it is damaged."""
+    head = picture_file(Image.new("L", (6000, 5000)))[:60]
+    answer = client.post("/own/wide.png", content=head)
+    assert "wide.png: has 5000 x 6000 pixels" in answer.json()["error"]
+
+
 def test_a_large_picture_is_taken_whole_and_its_middle_shown(client):
     ramp = np.repeat(np.arange(1000, dtype=np.uint16)[None] * 60, 700, 0)
     assert client.post("/own/ramp.png", content=picture_file(Image.fromarray(ramp))).status_code == 200

@@ -2,20 +2,22 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 import torch
 
 import visaug
 from visaug.errors import InputError
-from visaug_train import scoring, training
+from visaug_train import scoring, target, training
 from visaug_train.ablation import ablate
 from visaug_train.config import check_config
-from visaug_train.geometry import Keypoints, project_targets
+from visaug_train.geometry import Keypoints, Pinhole, project_targets
 from visaug_train.metrics import Detections
 from visaug_train.render.dataset import DOMAINS
 from visaug_train.render.independent_camera import LIGHTBOX_LINES_CAMERA, SUNLAMP_LINES_CAMERA
 from visaug_train.report import write_report
+from visaug_train.speed import PoseSet
 from visaug_train.target import is_plain, true_camera
 
 
@@ -132,6 +134,29 @@ def test_a_study_estimates_trains_and_reports_the_share(stubbed, tmp_path):
     assert "estimated" in (ablation.write(config.output).parent / "oracle.csv").read_text()
     made = estimate.file.stat().st_mtime_ns
     assert training.prepare(config).cameras[0].file.stat().st_mtime_ns == made
+
+
+def test_pictures_are_reduced_as_the_training_copies_are(tmp_path):
+    """White noise of 8 DN, averaged over 2 x 2 pixels: 4 DN and the rounding of codes; 5 % is five standard errors."""
+    rng = np.random.default_rng(0)
+    for n in range(2):
+        noisy = np.rint(rng.normal(100, 8, (64, 96))).astype(np.uint8)
+        cv2.imwrite(str(tmp_path / f"{n}.png"), noisy)
+    pinhole = Pinhole(96, 64, np.eye(3), np.zeros(5))
+    files = tuple(sorted(tmp_path.glob("*.png")))
+    poses = PoseSet("target", pinhole, files, np.zeros((2, 4)), np.zeros((2, 3)))
+    content = CONTENT | {"output": str(tmp_path / "out")}
+    config = check_config(content | {"data": CONTENT["data"] | {"image_size": [48, 32]}})
+    small = target._pictures(poses.files, poses, target._seen_size(config, "found", poses), "area")
+    assert small.shape(0) == (32, 48)
+    assert np.std([small.read(n) for n in range(2)]) == pytest.approx(np.hypot(4, 12**-0.5), rel=0.05)
+    on_sensor = {"vis": {"camera": "found", "resolution": "sensor", "black_level": "keep"}}
+    arms = CONTENT["arms"] | {"estimated": on_sensor}
+    config = check_config(content | {"data": CONTENT["data"] | {"image_size": [48, 32]}, "arms": arms})
+    assert target._seen_size(config, "found", poses) is None
+    config = check_config(content | {"arms": arms | {"other": CONTENT["arms"]["estimated"]}})
+    with pytest.raises(InputError, match="both resolutions"):
+        target._seen_size(config, "found", poses)
 
 
 @pytest.mark.parametrize(

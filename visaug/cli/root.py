@@ -11,7 +11,7 @@ import click
 
 from visaug import __version__
 from visaug.cli import learn, measure, pictures, take
-from visaug.errors import InputError, PartlyFailed, described, user_line
+from visaug.errors import InputError, NoSensorNoise, PartlyFailed, described, user_line
 from visaug.wording import printable
 
 
@@ -62,6 +62,9 @@ def main(arguments: list[str] | None = None) -> None:
     except PartlyFailed as partly:
         click.echo(printable(str(partly)))
         sys.exit(1)
+    except NoSensorNoise as none:
+        click.echo(str(none), err="-" in (arguments or sys.argv))  # --json - leaves standard output to JSON
+        sys.exit(0)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)

@@ -47,13 +47,14 @@ class _Residuals(MemoryStore):
 
 
 def with_a_well(camera: Camera) -> Camera:
-    """The camera with the converter's end as its full well where the file has none: pictures tell no other."""
+    """The camera with the converter's end as its full well, marked as assumed, where the file has none: pictures tell no other."""
     spec = camera.spec
     if spec.full_well_e is not None:
         return camera
-    return camera.replace(
-        {"full_well_e": (2**camera.bit_depth - 1 - spec.black_level_dn) * spec.gain_e_per_dn}
-    )
+    content = camera.to_dict()
+    content["full_well_e"] = (2**camera.bit_depth - 1 - spec.black_level_dn) * spec.gain_e_per_dn
+    content["assumed"] = [*spec.assumed, "full_well_e"]
+    return Camera.load(content)
 
 
 def _white(camera: Camera) -> float:

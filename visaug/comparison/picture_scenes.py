@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -12,10 +12,11 @@ from scipy import ndimage
 from visaug.augment.light import linear_to_srgb, srgb_to_linear
 from visaug.camera import Camera
 from visaug.comparison.selection import Selection
-from visaug.errors import InputError
-from visaug.fingerprint.pictures.blocks import SIDE, Rounding
+from visaug.errors import InputError, NoSensorNoise
+from visaug.fingerprint.pictures.blocks import SIDE, Rounding, noise_by_level, sample
 from visaug.fingerprint.pictures.files import Pictures, largest_group, quality_of
 from visaug.fingerprint.pictures.regions import Regions, find_regions
+from visaug.fingerprint.pictures.sets import is_rendered
 from visaug.fingerprint.pictures.symmetry import STATISTICS, Sums, symmetry_sums
 from visaug.frames import FrameSet
 
@@ -24,6 +25,7 @@ MOST = 60  # pictures
 FEWEST = 6
 SATURATED = 0.97  # of the level at which the camera saturates
 BEYOND = 2.0  # light of a saturated pixel over what saturates: it is not known, and what spills shows only as a whole
+_RENDERS = 12  # pictures that tell whether there is any noise
 _OWN = 3.0  # px: standard deviation of the Gaussian that smooths a flat region
 _REST = 0.7
 
@@ -74,6 +76,7 @@ def scenes_of(
 
     Raises:
         InputError: too few pictures, or none with a black sky or flat regions.
+        NoSensorNoise: the pictures are renders or screenshots.
     """
     pictures = largest_group(frames, warn)
     if len(pictures) < FEWEST:
@@ -83,8 +86,10 @@ def scenes_of(
     chosen, window = chosen_of(pictures)
     taken = read_windows(pictures, chosen, window)
     rounding = Rounding(pictures.steps, pictures.is_jpeg)
+    _refuse_renders(pictures, chosen, rounding)
     saturated = SATURATED * _saturation(camera, taken, transfer)
-    regions = find_regions(taken, saturated, rounding)
+    stated = _stated_black(camera, transfer)
+    regions = find_regions(taken, saturated, rounding, stated)
     if regions.sky is None and not regions.levels:
         raise InputError(
             "the pictures hold neither a black sky nor flat regions with noise",
@@ -93,11 +98,7 @@ def scenes_of(
         )
     _say_what_lacks(regions, warn)
     rows, columns = frames.shape(pictures.indices[0])
-    black = (
-        regions.sky
-        if regions.sky is not None
-        else 255 * camera.spec.black_level_dn / (2**camera.bit_depth - 1)
-    )
+    black = regions.sky if regions.sky is not None else stated
     smooth = smooth_scenes(taken, regions)
     place = (regions.lit >= 0, black, saturated, (window[0], window[2]), (rows, columns))
     if scenes is None:
@@ -120,6 +121,24 @@ def scenes_of(
     is_whole = window == (0, rows, 0, columns)
     used = tuple(pictures.indices[n] for n in chosen)
     return own, taken, Selection(len(frames), (rows, columns), (0, 0), used, None if is_whole else window)
+
+
+def _refuse_renders(pictures: Pictures, chosen: np.ndarray, rounding: Rounding) -> None:
+    few = replace(
+        pictures, indices=tuple(pictures.indices[n] for n in chosen[:: -(-len(chosen) // _RENDERS)])
+    )
+    blocks, _ = sample(few, 0)
+    if is_rendered(blocks, noise_by_level(blocks, rounding, len(few)), rounding):
+        raise NoSensorNoise(
+            "no sensor noise found: smooth regions vary by no more than the rounding of their codes, as in renders and "
+            "screenshots; there is no camera to compare with"
+        )
+
+
+def _stated_black(camera: Camera, transfer: str) -> float:
+    """Level of no light that the camera's file states, in 1/255 of full scale."""
+    share = torch.tensor(camera.spec.black_level_dn / (2**camera.bit_depth - 1))
+    return 255 * float(linear_to_srgb(share) if transfer == "srgb" else share)
 
 
 def _say_what_lacks(regions: Regions, warn: Callable[[str], object]) -> None:
@@ -216,7 +235,5 @@ def _taken(light: np.ndarray, camera: Camera, transfer: str) -> tuple[np.ndarray
     electrons = light * (top - spec.black_level_dn) * spec.gain_e_per_dn
     noisy = rng.poisson(electrons) + rng.normal(0, spec.read_noise.sigma_e, light.shape)
     share = torch.from_numpy((noisy / spec.gain_e_per_dn + spec.black_level_dn).clip(0, top) / top)
-    black = torch.tensor(spec.black_level_dn / top)
     pictures = linear_to_srgb(share) if transfer == "srgb" else share
-    level = linear_to_srgb(black) if transfer == "srgb" else black
-    return np.rint(255 * pictures.numpy()).astype(np.float32), 255 * float(level)
+    return np.rint(255 * pictures.numpy()).astype(np.float32), _stated_black(camera, transfer)

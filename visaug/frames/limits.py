@@ -10,6 +10,7 @@ import os
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +20,7 @@ from visaug.errors import InputError
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+_lower: ContextVar[tuple[int, str] | None] = ContextVar("lower", default=None)
 MAX_PIXELS = 500_000_000  # above the largest sensors that are sold, of 411 million
 VARIABLE = "VISAUG_MAX_PIXELS"
 PILLOW_FORMATS = ("PNG", "JPEG", "BMP", "PPM")
@@ -42,14 +44,27 @@ def check_axes(shape: Sequence[int], file: Path | str) -> None:
 
 
 def check_shape(shape: Sequence[int], file: Path | str) -> None:
-    """Refuse a shape that is none, or has more values than `max_pixels`."""
+    """Refuse a shape that is none, or has more values than `max_pixels`, or pixels than `lower_limit` allows."""
     check_axes(shape, file)
+    lower = _lower.get()
+    if lower is not None and prod(sorted(shape)[-2:]) > lower[0]:
+        raise InputError(f"has {shape[0]} x {shape[1]} pixels", file=file, expected=lower[1])
     if prod(shape) > max_pixels():
         raise InputError(
             f"claims {' x '.join(map(str, shape))} values",
             file=file,
             expected=f"at most {max_pixels()}; set {VARIABLE} to read larger pictures",
         )
+
+
+@contextmanager
+def lower_limit(pixels: int, expected: str) -> Iterator[None]:
+    """Pictures of more pixels are refused inside by what their heads say; `expected` is what the message says was expected."""
+    token = _lower.set((pixels, expected))
+    try:
+        yield
+    finally:
+        _lower.reset(token)
 
 
 @contextmanager

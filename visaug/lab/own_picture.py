@@ -14,10 +14,12 @@ from visaug.augment.pictures import Picture, read_picture
 from visaug.augment.preview import middle
 from visaug.camera import Camera
 from visaug.errors import InputError
+from visaug.frames.limits import lower_limit
 from visaug.lab.data import LARGEST_MAP, map_data
 
 LARGEST_FILE = 60_000_000  # bytes
 MOST_PIXELS = 16_000_000  # noise on so many takes some seconds and 2 GB
+_MOST = f"at most {MOST_PIXELS // 1_000_000} million; `visaug augment` takes larger pictures"
 
 
 @dataclass(frozen=True)
@@ -46,16 +48,10 @@ class OwnPicture:
             path = Path(folder) / f"picture{Path(name).suffix.lower()}"
             path.write_bytes(content)
             try:
-                picture = read_picture(path)
+                with lower_limit(MOST_PIXELS, _MOST):
+                    picture = read_picture(path)
             except InputError as mistake:
                 raise InputError(mistake.problem, file=name, expected=mistake.expected) from None
-        height, width = picture.pixels.shape[:2]
-        if height * width > MOST_PIXELS:
-            raise InputError(
-                f"has {height} x {width} pixels",
-                file=name,
-                expected=f"at most {MOST_PIXELS // 1_000_000} million; `visaug augment` takes larger pictures",
-            )
         return cls(name, picture, hashlib.blake2b(content, digest_size=8).hexdigest())
 
     @property

@@ -144,8 +144,10 @@ class _Lab:
         return _JSON(self.jobs.as_json())
 
     def own_picture(self, request: Request) -> Response:
-        chosen = request.path_params
-        return _kept(self.pictures.own(chosen["key"], self.bench.own_picture, chosen["exposure"]))
+        chosen, picture = request.path_params, self.bench.own_picture
+        if picture is not None and picture.key != chosen["picture"]:  # another has been uploaded since
+            picture = None
+        return _kept(self.pictures.own(chosen["key"], picture, chosen["exposure"]))
 
     def camera(self, _: Request) -> Response:
         return _file(self.bench.camera_yaml(), "camera.yaml", "application/yaml")

@@ -22,7 +22,7 @@ from visaug.fingerprint.pictures.blocks import (
 from visaug.fingerprint.pictures.curve import TONES, Law, Sky, fit
 from visaug.fingerprint.pictures.files import Pictures, largest_group, quality_of
 from visaug.fingerprint.pictures.pattern import Part, Pattern, recurring
-from visaug.fingerprint.pictures.sets import find_sky, jackknife
+from visaug.fingerprint.pictures.sets import find_sky, is_rendered, jackknife
 from visaug.fingerprint.pictures.texture import Texture, texture_in
 from visaug.frames import FrameSet
 
@@ -42,8 +42,6 @@ _NO_CAMERA = (
     "prnu.pixel",
 )
 _FEWEST_LEVELS = 4
-_LIT_DN = 30.0
-_ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
 _CUT = 3.0  # standard deviations of noise above code 0
 _UNKNOWN = 3.0  # an interval of the gain wider than this factor either way is no measurement
 
@@ -56,7 +54,7 @@ def camera_of_pictures(found: Findings, frames: FrameSet, seed: int) -> tuple[in
     blocks, left_out = sample(pictures, seed)
     rounding = Rounding(pictures.steps, pictures.is_jpeg)
     levels = noise_by_level(blocks, rounding, len(pictures))
-    if _is_rendered(blocks, levels, rounding):
+    if is_rendered(blocks, levels, rounding):
         _no_camera(found, "pictures with sensor noise")
         found.miss("image.noise_dn", "pictures with sensor noise")
         found.warn(
@@ -93,20 +91,6 @@ def _no_flat_regions(found: Findings, blocks: Blocks, left_out: float) -> None:
 def _no_camera(found: Findings, needs: str) -> None:
     for name in _NO_CAMERA:
         found.miss(name, needs)
-
-
-def _is_rendered(blocks: Blocks, levels: Levels, rounding: Rounding) -> bool:
-    """Whether there is rounding and no noise: at the flat levels, or in the smoothest tenth of the lit blocks.
-
-    Of a camera even the smoothest blocks hold its noise. JPEG may round it away there, so its files are judged by levels.
-    """
-    lit = blocks.coefficients[blocks.level > _LIT_DN]
-    if len(lit) >= 10 and not rounding.is_jpeg:
-        fine = (lit[:, NOISE] ** 2).mean(1)
-        if np.quantile(fine, 0.1) < _ONLY_ROUNDING_DN2:
-            return True
-    weight = levels.blocks.sum(0)
-    return bool(weight[levels.variance < _ONLY_ROUNDING_DN2].sum() > 0.9 * weight.sum() > 0)
 
 
 def _noise_in_dn(found: Findings, pictures: Pictures, levels: Levels, rounding: Rounding) -> None:

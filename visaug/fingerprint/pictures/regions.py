@@ -30,6 +30,7 @@ _FAR = 4.0  # robust standard deviations of the sky's blocks
 _LEAST_DN = 0.5
 _MOST_DN = 15.0  # of the sky's spread: more is no sky
 _LEAST_SHARE = 0.05  # of all blocks
+_LIT_SHARE = 0.01  # of all blocks: where fewer are brighter than the rest, all pictures are of one level
 _AGREE = 0.3  # of the pictures that show sky at a place
 _ENOUGH = 10  # pictures for that
 _STRUCTURE = 1.5  # low coefficients of a sky exceed high ones by no more than this
@@ -68,16 +69,22 @@ class Regions:
         return Regions(self.dark & np.logical_not(near), np.where(near, -1, self.lit), self.levels, self.sky)
 
 
-def find_regions(pictures: np.ndarray, saturated: float, rounding: Rounding) -> Regions:
+def find_regions(
+    pictures: np.ndarray, saturated: float, rounding: Rounding, black: float | None = None
+) -> Regions:
     """The regions of pictures (n, H, W) in 1/255 of full scale; H and W are multiples of 8.
 
     Args:
         saturated: level from which a pixel is saturated.
+        black: level of no light as the camera's file states it; None where it is not known. Pictures of one level are of the
+            sky only if it lies there.
     """
     parts = [blocks_of(p) for p in pictures]
     coefficients, level, usable = (np.stack(part) for part in zip(*parts, strict=True))
     usable &= _highest(pictures) < saturated
     sky, spread = _sky(coefficients, level)
+    if sky is not None and (black is None or sky > black + _MOST_DN) and not _is_told(level, sky, spread):
+        sky = None
     around = np.ones((1, 3, 3), bool)
     near = level < (_level_at(level, sky, spread) + _FAR * spread if sky is not None else -np.inf)
     dark = ndimage.binary_erosion(near, around, border_value=1)
@@ -116,6 +123,11 @@ def _sky(coefficients: np.ndarray, level: np.ndarray) -> tuple[float | None, flo
     if high == 0 or low > _STRUCTURE * high + 0.1:  # all of one code, or with structure
         return None, 0.0
     return middle, spread
+
+
+def _is_told(level: np.ndarray, sky: float, spread: float) -> bool:
+    """Whether something is brighter than the sky; pictures of one level may be of any."""
+    return bool(np.mean(level > sky + _FAR * spread) >= _LIT_SHARE)
 
 
 def _level_at(level: np.ndarray, sky: float, spread: float) -> np.ndarray:

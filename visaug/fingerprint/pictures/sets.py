@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from visaug.fingerprint.pictures.blocks import Blocks, Levels
+from visaug.fingerprint.pictures.blocks import NOISE, Blocks, Levels, Rounding
 from visaug.fingerprint.pictures.curve import Sky
 
 _GROUPS = 12
@@ -16,6 +16,8 @@ _SKY_DN = 2.0
 _SKY_STEP_DN = 0.25
 _TAIL = 0.25  # blocks just above the sky's reach over those within: a surface of changing brightness has about as many
 _NORMAL_QUARTILE = 0.6745
+_LIT_DN = 30.0
+_ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
 
 
 def jackknife(
@@ -67,3 +69,17 @@ def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
     error = math.hypot(float(np.std(means)) / math.sqrt(len(means)), spread / math.sqrt(columns))
     level = float(np.median(means))
     return Sky(level, float(max(error, 0.01)), spread)
+
+
+def is_rendered(blocks: Blocks, levels: Levels, rounding: Rounding) -> bool:
+    """Whether there is rounding and no noise: at the flat levels, or in the smoothest tenth of the lit blocks.
+
+    Of a camera even the smoothest blocks hold its noise. JPEG may round it away there, so its files are judged by levels.
+    """
+    lit = blocks.coefficients[blocks.level > _LIT_DN]
+    if len(lit) >= 10 and not rounding.is_jpeg:
+        fine = (lit[:, NOISE] ** 2).mean(1)
+        if np.quantile(fine, 0.1) < _ONLY_ROUNDING_DN2:
+            return True
+    weight = levels.blocks.sum(0)
+    return bool(weight[levels.variance < _ONLY_ROUNDING_DN2].sum() > 0.9 * weight.sum() > 0)
