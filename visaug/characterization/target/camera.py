@@ -181,13 +181,7 @@ def _camera(
             f"gain_unknown: the gain lies between {low:.3g} and {high:.3g} e-/DN; that is no measurement"
         )
         return None
-    if texture.is_white:
-        found.warn(
-            f"texture_as_noise: structure in flat regions is as fine as noise ({texture.share:.2g} of its power is in fine "
-            "frequencies, white noise has 1): texture of about 2 px, or noise with heavy tails; intervals cover gain and read "
-            "noise with and without it",
-            spoils=("gain_e_per_dn", "read_noise.sigma_e"),
-        )
+    _warn_of_fine_texture(found, texture, best)
     _add_tone(found, readings)
     _add_curve(found, pictures, readings, levels, sky)
     _add_patterns(found, pictures, best, pattern, sky)
@@ -197,6 +191,24 @@ def _camera(
         "compression, denoising); bias, dark and flat frames would tell the parts"
     )
     return pictures.frames.shape(pictures.indices[0])
+
+
+def _warn_of_fine_texture(found: Findings, texture: Texture, best: Reading) -> None:
+    signs = []
+    if texture.is_white:
+        signs.append(
+            f"structure in flat regions has {texture.share:.2g} of its power in fine frequencies (white noise has 1)"
+        )
+    if best.contrast:
+        signs.append(
+            f"noise grows with the light itself, as texture of a contrast of {best.contrast:.1%} does"
+        )
+    if signs:
+        found.warn(
+            f"texture_as_noise: {' and '.join(signs)}: texture of about 2 px, or noise with heavy tails; intervals cover gain and "
+            "read noise with and without it",
+            spoils=("gain_e_per_dn", "read_noise.sigma_e"),
+        )
 
 
 def _add_tone(found: Findings, readings: list[Reading]) -> None:

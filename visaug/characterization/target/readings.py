@@ -54,12 +54,16 @@ class NoiseCurve:
 
 @dataclass(frozen=True)
 class Reading:
-    """One tone curve that the pictures allow: its law, and gain, read noise and black level with their ends."""
+    """One tone curve that the pictures allow: its law, and gain, read noise and black level with their ends.
+
+    `contrast`: of texture that all surfaces seem to have, as fine as noise; 0 where noise grows no faster than the law says.
+    """
 
     law: Law
     gain: Interval
     read: Interval
     black: Interval
+    contrast: float = 0.0
 
 
 def readings_of(curve: NoiseCurve, start: Law) -> list[Reading]:
@@ -76,7 +80,19 @@ def readings_of(curve: NoiseCurve, start: Law) -> list[Reading]:
     least = min(chi for _, chi in fits)
     scale = max(least / max(len(curve.levels.level) - 2, 1), 1.0)
     allowed = sorted((f for f in fits if (f[1] - least) / scale < _SAME), key=lambda f: f[1])
-    return [_reading(law, curve) for law, _ in allowed]
+    return [_reading(law, curve, _with_contrast(law, chi, curve)) for law, chi in allowed]
+
+
+def _with_contrast(law: Law, chi: float, curve: NoiseCurve) -> Law | None:
+    """The law with a part that grows with the square of light, as texture of one contrast does, beyond the pixels' response.
+
+    None where the noise curve does not ask for it at 2 %.
+    """
+    level, variance = curve.noise()
+    free, least = fit(law.tone, level, variance, curve.levels.error, curve.sky, law, free_response=True)
+    scale = max(least / max(len(level) - 3, 1), 1.0)
+    beyond = free.prnu > _deviation(curve.pattern.prnu, _SURE)
+    return free if beyond and (chi - least) / scale > _SAME else None
 
 
 def _fit(tone: str, curve: NoiseCurve, start: Law) -> tuple[Law, float]:
@@ -111,23 +127,28 @@ def _figures(law: Law, fixed: float) -> np.ndarray:
     return np.array([-math.log(law.shot), 0.5 * math.log(read) - math.log(law.shot), law.black])
 
 
-def _reading(law: Law, curve: NoiseCurve) -> Reading:
+def _reading(law: Law, curve: NoiseCurve, textured: Law | None) -> Reading:
     scale, fixed = curve.pictures.scale, _deviation(curve.pattern.pixel) ** 2
-    gain, read, black = _with_ends(law, curve, fixed)
+    contrast = textured.prnu if textured else 0.0
+    gain, read, black = _with_ends(law, curve, fixed, textured)
     if curve.sky is not None:
-        return Reading(law, _scaled(gain, 1 / scale), read, _scaled(black, scale))
+        return Reading(law, _scaled(gain, 1 / scale), read, _scaled(black, scale), contrast)
     # Any black level up to the darkest region is possible: read noise is least at the lowest and most at the highest.
     darkest = _darkest(law.tone, curve.levels.level)
     raised = curve.fitted(replace(law, black=darkest), *curve.noise())
-    other_gain, most, _ = _with_ends(raised, curve, fixed)
+    other_gain, most, _ = _with_ends(raised, curve, fixed, None)
     gain = gain[0], min(gain[1], other_gain[1]), max(gain[2], other_gain[2])
     read = min(read[0], most[2]), (0.0 if law.black > 0 else min(read[1], most[1])), most[2]
     lowest = max(min(law.black, darkest - raised.shot * most[2] ** 2), 0.0)
-    return Reading(law, _scaled(gain, 1 / scale), read, _scaled((law.black, lowest, darkest), scale))
+    return Reading(
+        law, _scaled(gain, 1 / scale), read, _scaled((law.black, lowest, darkest), scale), contrast
+    )
 
 
-def _with_ends(law: Law, curve: NoiseCurve, fixed: float) -> tuple[Interval, Interval, Interval]:
-    """Gain, read noise and black level of a law in 1/255 of full scale: value and 95 % interval."""
+def _with_ends(
+    law: Law, curve: NoiseCurve, fixed: float, textured: Law | None
+) -> tuple[Interval, Interval, Interval]:
+    """Gain, read noise and black level of a law in 1/255 of full scale: value and 95 % interval, which hold `textured` too."""
 
     def figures(weights: np.ndarray) -> np.ndarray:
         return _figures(curve.fitted(law, *curve.noise(weights)), fixed)
@@ -135,6 +156,7 @@ def _with_ends(law: Law, curve: NoiseCurve, fixed: float) -> tuple[Interval, Int
     value, spread, degrees = jackknife(figures, len(curve.pictures))
     parts = [t_quantile(degrees) * spread]
     parts += [np.abs(others - value).max(0) for others in _open(law, curve, fixed)]
+    parts += [np.abs(_figures(textured, fixed) - value)] if textured else []
     half = np.sqrt(np.square(parts).sum(0))
     if curve.sky is not None:
         half[2] = math.hypot(half[2], t_quantile(degrees) * curve.sky.error)

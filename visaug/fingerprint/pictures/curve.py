@@ -73,19 +73,26 @@ class Sky:
 
 
 def fit(
-    tone: str, level: np.ndarray, variance: np.ndarray, error: np.ndarray, sky: Sky | None, start: Law
+    tone: str,
+    level: np.ndarray,
+    variance: np.ndarray,
+    error: np.ndarray,
+    sky: Sky | None,
+    start: Law,
+    free_response: bool = False,
 ) -> tuple[Law, float]:
     """The law under a tone curve that fits the noise curve best, and its chi-square.
 
-    With a sky the black level is fitted, else it is the start's. Levels whose noise lies above the law count less (soft L1):
-    structure that passed for noise is always too much.
+    With a sky the black level is fitted, else it is the start's; the response of pixels only if it is free. Levels whose noise
+    lies above the law count less (soft L1): structure that passed for noise is always too much.
     """
     good = np.isfinite(variance)
     level, variance, error = level[good], np.log(variance[good]), error[good]
 
     def law(x: np.ndarray) -> Law:
         black = x[2] if sky else start.black
-        return replace(start, tone=tone, shot=math.exp(x[0]), read=math.exp(x[1]), black=black)
+        prnu = math.exp(x[-1]) if free_response else start.prnu
+        return replace(start, tone=tone, shot=math.exp(x[0]), read=math.exp(x[1]), black=black, prnu=prnu)
 
     def residual(x: np.ndarray) -> np.ndarray:
         mean, modelled = law(x).developed()
@@ -94,11 +101,10 @@ def fit(
         return np.append(r, (mean[0] - sky.level) / sky.error) if sky else r
 
     black = max(start.black, -20)
-    x0 = [math.log(start.shot), math.log(start.read)] + ([black] if sky else [])
-    low, high = [-9.0, -9.0, -60.0], [4.0, 8.0, 200.0]
-    x0 = np.clip(x0, np.array(low[: len(x0)]) + 1e-3, np.array(high[: len(x0)]) - 1e-3)
-    bounds = (low[: len(x0)], high[: len(x0)])
-    found = optimize.least_squares(
-        residual, x0, bounds=bounds, x_scale=[0.3, 0.3, 1.0][: len(x0)], max_nfev=40
-    )
+    parts = [(math.log(start.shot), -9.0, 4.0, 0.3), (math.log(start.read), -9.0, 8.0, 0.3)]
+    parts += [(black, -60.0, 200.0, 1.0)] if sky else []
+    parts += [(math.log(max(start.prnu, 0.01)), math.log(1e-4), 0.0, 0.3)] if free_response else []
+    x0, low, high, scale = np.array(parts).T
+    x0 = np.clip(x0, low + 1e-3, high - 1e-3)
+    found = optimize.least_squares(residual, x0, bounds=(low, high), x_scale=scale, max_nfev=40)
     return law(found.x), float(2 * found.cost)
