@@ -3,30 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from visaug.characterization.findings import Findings
 from visaug.characterization.intervals import t_quantile
+from visaug.characterization.target.patterns import add, add_patterns, add_processing
 from visaug.characterization.target.readings import NoiseCurve, Reading, readings_of
-from visaug.fingerprint.pictures.blocks import (
-    NOISE,
-    Blocks,
-    Levels,
-    Rounding,
-    is_flat,
-    noise_by_level,
-    sample,
-)
+from visaug.fingerprint.pictures.blocks import Blocks, Levels, Rounding, noise_by_level, sample
 from visaug.fingerprint.pictures.curve import TONES, Law, Sky, fit
-from visaug.fingerprint.pictures.files import Pictures, largest_group, quality_of
-from visaug.fingerprint.pictures.pattern import Part, Pattern, recurring
+from visaug.fingerprint.pictures.files import Pictures, largest_group
+from visaug.fingerprint.pictures.pattern import recurring
 from visaug.fingerprint.pictures.sets import find_sky, is_rendered, jackknife
 from visaug.fingerprint.pictures.texture import Texture, texture_in
 from visaug.frames import FrameSet
 
-SOURCE = "pictures"
 NEEDS = {
     "quantum_efficiency": "flats with known photons per pixel",
     "dark_current.a_e_per_s": "dark frames at several exposures and temperatures",
@@ -131,10 +122,6 @@ def _noise_in_dn(found: Findings, pictures: Pictures, levels: Levels, rounding: 
             found.miss(name, "flat regions at different levels")
 
 
-def add(found: Findings, name: str, interval: Sequence[float], unit: str, assumes: str = "") -> None:
-    found.add(name, interval, unit, SOURCE, assumes=assumes)
-
-
 def _camera(
     found: Findings, pictures: Pictures, blocks: Blocks, levels: Levels, rounding: Rounding
 ) -> tuple[int, int] | None:
@@ -184,8 +171,8 @@ def _camera(
     _warn_of_fine_texture(found, texture, best)
     _add_tone(found, readings)
     _add_curve(found, pictures, readings, levels, sky)
-    _add_patterns(found, pictures, best, pattern, sky)
-    _add_processing(found, pictures, blocks, levels, rounding, texture)
+    add_patterns(found, pictures, best, pattern, sky)
+    add_processing(found, pictures, blocks, levels, rounding, texture)
     found.warn(
         "pictures_alone: the camera is an effective one: it gives these pictures' noise, whatever made it (sensor, "
         "compression, denoising); bias, dark and flat frames would tell the parts"
@@ -254,87 +241,3 @@ def _add_curve(
             f"{math.sqrt(readings[0].law.read) * pictures.scale:.2g} DN, so part of it is cut off; the law of the cut is in the fit"
         )
     add(found, "black_level_dn", [max(v, 0.0) for v in black], "DN", "the sky is black")
-
-
-def _add_patterns(
-    found: Findings, pictures: Pictures, best: Reading, pattern: Pattern, sky: Sky | None
-) -> None:
-    per_unit = 1 / best.law.shot  # electrons per 1/255 of full scale
-    where = "the black sky" if sky else "flat regions"
-
-    def part(name: str, value: Part | None, needs: str, effect: str | None = None) -> None:
-        if value is None:
-            found.miss(name, needs)
-            return
-        interval = _root(value, per_unit)
-        add(
-            found,
-            name,
-            interval,
-            "e-",
-            f"{where}; white from line to line" if name != "dsnu.pixel_e" else where,
-        )
-        if effect and value.found:
-            found.effects.append({"name": effect, "sigma_e": float(f"{interval[0]:.4g}")})
-
-    lines = "four or more pictures with flat rows of blocks"
-    for axis in ("row", "column"):
-        whole, fixed = getattr(pattern, axis), getattr(pattern, f"{axis}_fixed")
-        part(f"dsnu.{axis}_e", fixed, lines)
-        fresh = whole.minus(fixed) if whole else None
-        part(f"{axis}_noise.sigma_e", fresh, lines, f"{axis}_noise")
-        if whole is not None:
-            add(found, f"image.{axis}_noise_dn", _root(whole, pictures.scale), "DN", where)
-        else:
-            found.miss(f"image.{axis}_noise_dn", lines)
-    part("dsnu.pixel_e", pattern.pixel, "four or more pictures with a black sky at the same places")
-    if pattern.prnu is None:
-        found.miss("prnu.pixel", "pictures that are lit at the same places")
-    else:
-        add(
-            found, "prnu.pixel", _root(pattern.prnu, 1.0), "1", "lit flat regions, the dark pattern taken off"
-        )
-
-
-def _root(part: Part, factor: float) -> tuple[float, float, float]:
-    """Standard deviation with its interval; 0 where it is not found."""
-    value, low, high = (
-        math.sqrt(max(part.variance + k * part.error, 0.0)) * factor for k in (0.0, -1.96, 1.96)
-    )
-    return (value, low, high) if part.found else (0.0, 0.0, high)
-
-
-def _add_processing(
-    found: Findings, pictures: Pictures, blocks: Blocks, levels: Levels, rounding: Rounding, texture: Texture
-) -> None:
-    """JPEG quality from the file; spectrum of the noise."""
-    if pictures.is_jpeg:
-        quality = quality_of(pictures.steps)
-        add(found, "jpeg.quality", quality, "1", "the file's own table; compressed once")
-        found.effects.append({"name": "jpeg", "quality": round(quality[0]), "chroma": "full"})
-        return
-    u, v = np.indices((8, 8))
-    commonest = int(np.argmax(levels.blocks.sum(0)))
-    here = np.abs(blocks.level - levels.level[commonest]) < 1
-    coefficients = blocks.coefficients[here]
-    coefficients = coefficients[is_flat(coefficients, levels.variance[commonest], rounding)]
-    fine, coarse = (np.median(coefficients[:, NOISE & which] ** 2) for which in (u + v > 9, u + v < 8))
-    if coarse <= 0:
-        return
-    ratio = fine / coarse
-    count = coefficients.shape[0] * 10
-    error = 2.3 * ratio * math.sqrt(2 / count)
-    add(
-        found,
-        "image.noise_fine_to_coarse",
-        (ratio, ratio - 1.96 * error, ratio + 1.96 * error),
-        "1",
-        "1 where noise is white",
-    )
-    allowed = 0.1 + texture.excess(2)[commonest]  # texture that is left makes coarse noise stronger
-    if abs(ratio - 1) > max(allowed, 4 * error):
-        found.warn(
-            f"correlated_noise: fine noise has {ratio:.2g} times the power of coarse noise, as after denoising, sharpening or "
-            "demosaicing, or of texture that covers all regions; gain and read noise are those of the noise as it is",
-            spoils=("gain_e_per_dn", "read_noise.sigma_e"),
-        )

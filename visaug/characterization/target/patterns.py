@@ -1,0 +1,106 @@
+"""What a camera's pictures tell beside the noise curve: patterns, row and column noise, JPEG and the spectrum of the noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from visaug.characterization.findings import Findings
+from visaug.characterization.target.readings import Reading
+from visaug.fingerprint.pictures.blocks import NOISE, Blocks, Levels, Rounding, is_flat
+from visaug.fingerprint.pictures.curve import Sky
+from visaug.fingerprint.pictures.files import Pictures, quality_of
+from visaug.fingerprint.pictures.pattern import Part, Pattern
+from visaug.fingerprint.pictures.texture import Texture
+
+SOURCE = "pictures"
+
+
+def add(found: Findings, name: str, interval: Sequence[float], unit: str, assumes: str = "") -> None:
+    found.add(name, interval, unit, SOURCE, assumes=assumes)
+
+
+def add_patterns(
+    found: Findings, pictures: Pictures, best: Reading, pattern: Pattern, sky: Sky | None
+) -> None:
+    per_unit = 1 / best.law.shot  # electrons per 1/255 of full scale
+    where = "the black sky" if sky else "flat regions"
+
+    def part(name: str, value: Part | None, needs: str, effect: str | None = None) -> None:
+        if value is None:
+            found.miss(name, needs)
+            return
+        interval = _root(value, per_unit)
+        add(
+            found,
+            name,
+            interval,
+            "e-",
+            f"{where}; white from line to line" if name != "dsnu.pixel_e" else where,
+        )
+        if effect and value.found:
+            found.effects.append({"name": effect, "sigma_e": float(f"{interval[0]:.4g}")})
+
+    lines = "four or more pictures with flat rows of blocks"
+    for axis in ("row", "column"):
+        whole, fixed = getattr(pattern, axis), getattr(pattern, f"{axis}_fixed")
+        part(f"dsnu.{axis}_e", fixed, lines)
+        fresh = whole.minus(fixed) if whole else None
+        part(f"{axis}_noise.sigma_e", fresh, lines, f"{axis}_noise")
+        if whole is not None:
+            add(found, f"image.{axis}_noise_dn", _root(whole, pictures.scale), "DN", where)
+        else:
+            found.miss(f"image.{axis}_noise_dn", lines)
+    part("dsnu.pixel_e", pattern.pixel, "four or more pictures with a black sky at the same places")
+    if pattern.prnu is None:
+        found.miss("prnu.pixel", "pictures that are lit at the same places")
+    else:
+        add(
+            found, "prnu.pixel", _root(pattern.prnu, 1.0), "1", "lit flat regions, the dark pattern taken off"
+        )
+
+
+def _root(part: Part, factor: float) -> tuple[float, float, float]:
+    """Standard deviation with its interval; 0 where it is not found."""
+    value, low, high = (
+        math.sqrt(max(part.variance + k * part.error, 0.0)) * factor for k in (0.0, -1.96, 1.96)
+    )
+    return (value, low, high) if part.found else (0.0, 0.0, high)
+
+
+def add_processing(
+    found: Findings, pictures: Pictures, blocks: Blocks, levels: Levels, rounding: Rounding, texture: Texture
+) -> None:
+    """JPEG quality from the file; spectrum of the noise."""
+    if pictures.is_jpeg:
+        quality = quality_of(pictures.steps)
+        add(found, "jpeg.quality", quality, "1", "the file's own table; compressed once")
+        found.effects.append({"name": "jpeg", "quality": round(quality[0]), "chroma": "full"})
+        return
+    u, v = np.indices((8, 8))
+    commonest = int(np.argmax(levels.blocks.sum(0)))
+    here = np.abs(blocks.level - levels.level[commonest]) < 1
+    coefficients = blocks.coefficients[here]
+    coefficients = coefficients[is_flat(coefficients, levels.variance[commonest], rounding)]
+    fine, coarse = (np.median(coefficients[:, NOISE & which] ** 2) for which in (u + v > 9, u + v < 8))
+    if coarse <= 0:
+        return
+    ratio = fine / coarse
+    count = coefficients.shape[0] * 10
+    error = 2.3 * ratio * math.sqrt(2 / count)
+    add(
+        found,
+        "image.noise_fine_to_coarse",
+        (ratio, ratio - 1.96 * error, ratio + 1.96 * error),
+        "1",
+        "1 where noise is white",
+    )
+    allowed = 0.1 + texture.excess(2)[commonest]  # texture that is left makes coarse noise stronger
+    if abs(ratio - 1) > max(allowed, 4 * error):
+        found.warn(
+            f"correlated_noise: fine noise has {ratio:.2g} times the power of coarse noise, as after denoising, sharpening or "
+            "demosaicing, or of texture that covers all regions; gain and read noise are those of the noise as it is",
+            spoils=("gain_e_per_dn", "read_noise.sigma_e"),
+        )
