@@ -12,7 +12,9 @@ def view_title(name: str) -> str:
     """The plain name of a view."""
     from visaug.fingerprint import VIEWS
 
-    return next((view.title for view in VIEWS if view.name == name), name.replace("_", " ")).rstrip(".")
+    return next(
+        (view.title for view in VIEWS if view.name == name), name.replace("_", " ").capitalize()
+    ).rstrip(".")
 
 
 def comparison_headline(content: Content) -> str:

@@ -63,10 +63,10 @@ def add_patterns(
 
 
 def _root(part: Part, factor: float) -> tuple[float, float, float]:
-    """Standard deviation with its interval; 0 where it is not found."""
-    value, low, high = (
-        math.sqrt(max(part.variance + k * part.error, 0.0)) * factor for k in (0.0, -1.96, 1.96)
-    )
+    """Standard deviation with its interval; 0 where it is not found, and then up to what a variance of 0 or more allows."""
+    value = math.sqrt(max(part.variance, 0.0)) * factor
+    low = math.sqrt(max(part.variance - 1.96 * part.error, 0.0)) * factor
+    high = math.sqrt(max(part.variance, 0.0) + 1.96 * part.error) * factor
     return (value, low, high) if part.found else (0.0, 0.0, high)
 
 

@@ -17,6 +17,10 @@ _LINES = ("-", "--", ":", "-.")
 _MARKERS = ("o", "s", "^", "D")
 _FEW = 16  # curves of so few points get markers
 APART = 4.0  # ratio of ranges from which curves get axes of their own
+CHARACTER, ENTRY = (
+    0.062,
+    0.5,
+)  # inches of a character of 8 points, and of the line and gaps of an entry of the legend
 
 
 def plot_view(
@@ -96,7 +100,11 @@ def _legend(figure: "Figure", axes: Any, curves: int) -> None:
     if curves > 5:
         firsts = [next(i for i, label in enumerate(labels) if label.startswith(who)) for who in _who(labels)]
         handles, labels = [handles[i] for i in firsts], _who(labels)
-    figure.legend(handles, labels, loc="outside upper left", ncols=2, fontsize=8)
+    width = figure.get_figwidth()  # a legend wider than the figure would squeeze the axes
+    labels = [textwrap.fill(label, int((width - ENTRY) / CHARACTER)) for label in labels]
+    longest = max((len(line) for label in labels for line in label.split("\n")), default=0)
+    columns = 2 if 2 * (ENTRY + longest * CHARACTER) < width else 1
+    figure.legend(handles, labels, loc="outside upper left", ncols=columns, fontsize=8)
 
 
 def _who(labels: list[str]) -> list[str]:
