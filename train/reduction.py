@@ -5,7 +5,9 @@
 whole odd factor it reads the centre pixel alone, so noise stays as it is and detail is aliased.
 """
 
+import copy
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -21,6 +23,42 @@ def reduced(image: np.ndarray, size: tuple[int, int], how: str) -> np.ndarray:
     if image.shape[1::-1] == tuple(size):
         return image
     return cv2.resize(image, size, interpolation=METHODS[how])
+
+
+def variance_left(whole: int, size: int, how: str) -> float:
+    """The share of the variance of white noise along one axis that reducing `whole` pixels to `size` leaves, mean over pixels."""
+    weights = cv2.resize(np.eye(whole, dtype=np.float32), (whole, size), interpolation=METHODS[how])
+    return float((weights**2).sum(axis=1).mean())
+
+
+def reduced_camera(
+    camera: dict[str, Any], whole: tuple[int, int], size: tuple[int, int], how: str
+) -> dict[str, Any]:
+    """The content of a camera.yaml whose noise is that of the camera's images once these are reduced.
+
+    Noise of pixels, rows and columns is taken as white. Electrons per DN rise as the variance of shot noise falls. JPEG comes
+    before the reduction and is left out.
+
+    Args:
+        whole, size: width and height of the camera's images and of the reduced ones.
+    """
+    columns, rows = (variance_left(a, b, how) for a, b in zip(whole, size, strict=True))
+    pixels = rows * columns
+    in_dn = {"pixel": pixels**0.5, "row": rows**0.5, "column": columns**0.5}
+    content = copy.deepcopy(camera)
+    content["resolution"] = [size[1], size[0]]
+    content["gain_e_per_dn"] = camera["gain_e_per_dn"] / pixels
+    content["read_noise"]["sigma_e"] *= in_dn["pixel"] / pixels
+    for kind, factor in in_dn.items():
+        if kind in content.get("prnu", {}):
+            content["prnu"][kind] *= factor
+        if f"{kind}_e" in content.get("dsnu", {}):
+            content["dsnu"][f"{kind}_e"] *= factor / pixels
+    effects = [effect for effect in content.get("effects", []) if effect["name"] != "jpeg"]
+    for effect in effects:
+        if effect["name"] in ("row_noise", "column_noise"):
+            effect["sigma_e"] *= in_dn[effect["name"].split("_")[0]] / pixels
+    return content | {"effects": effects}
 
 
 def fitting(camera: Pinhole, image_size: int) -> tuple[int, int]:

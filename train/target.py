@@ -12,9 +12,8 @@ import visaug
 from visaug.documents import read_json
 from visaug.errors import InputError
 from visaug.files import write_json
-from visaug.frames import FrameRecord
 from visaug_train.config import Config, MadeCamera, Source
-from visaug_train.reduction import fitting, read_image, reduced
+from visaug_train.reduction import fitting, reduced_camera
 from visaug_train.render.dataset import DOMAINS
 from visaug_train.render.independent_camera import IndependentCamera
 from visaug_train.speed import PoseSet
@@ -99,22 +98,29 @@ def _estimated(config: Config, name: str, poses: PoseSet) -> TargetCamera:
     stem = config.output / "cameras" / f"{name}-{digest.hexdigest()[:8]}"
     camera, answer = stem.with_suffix(".yaml"), stem.with_suffix(".json")
     if not answer.is_file():
-        result = visaug.characterize(_pictures(files, poses, size, how))
+        folder = visaug.FrameSet.load(files[0].parent)
+        names = {file.name for file in files}
+        frames = folder.subset([i for i, record in enumerate(folder.records) if record.file in names])
+        result = visaug.characterize(frames)
         if "gain_e_per_dn" not in result.parameters:
             raise InputError(
                 f"the {len(files)} pictures of {poses.domain} give no camera: {result.warnings[0]}",
                 field=f"cameras.{name}",
                 expected=result.not_determined["gain_e_per_dn"],
             )
-        result.save_camera(camera)
+        content = result.to_camera_dict()
+        if size is not None:
+            content = reduced_camera(content, (poses.camera.width, poses.camera.height), size, how)
+        visaug.Camera.load(content).save(camera)
         write_json(answer, result.to_json())  # last: where it stands, the camera does
     return TargetCamera(name, poses.domain, camera, len(files), read_json(answer))
 
 
 def _seen_size(config: Config, name: str, poses: PoseSet) -> tuple[int, int] | None:
-    """Width and height of the pictures where an arm puts this camera's noise on: as the network gets them, reduced.
+    """Width and height of the images that arms give this camera's noise: as the network gets them.
 
-    None, the sensor's, where its arms put the noise on the sensor's pixels.
+    None where these are the pictures', or the noise comes on the sensor's pixels. The camera is estimated from whole pictures:
+    small ones hold hardly any region that is flat.
 
     Raises:
         InputError: some arms do the one, some the other.
@@ -132,20 +138,6 @@ def _seen_size(config: Config, name: str, poses: PoseSet) -> tuple[int, int] | N
     whole = (poses.camera.width, poses.camera.height)
     size = config.data.image_size or fitting(poses.camera, config.training.get("imgsz", 640))
     return None if places == {"sensor"} or tuple(size) == whole else (size[0], size[1])
-
-
-def _pictures(
-    files: tuple[Path, ...], poses: PoseSet, size: tuple[int, int] | None, how: str
-) -> visaug.FrameSet:
-    """The pictures as they are, or reduced as the training copies are."""
-    if size is None:
-        folder = visaug.FrameSet.load(files[0].parent)
-        names = {file.name for file in files}
-        return folder.subset([i for i, record in enumerate(folder.records) if record.file in names])
-    images = [reduced(read_image(file, poses.camera), size, how) for file in files]
-    gray = [image if image.ndim == 2 else image[..., 1] for image in images]  # green, as of files in colour
-    records = [FrameRecord(n, file.name, "image") for n, file in enumerate(files)]
-    return visaug.FrameSet.from_arrays(records, gray)
 
 
 def _true(config: Config, name: str, made: MadeCamera) -> TargetCamera:

@@ -2,14 +2,13 @@
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 import torch
 
 import visaug
 from visaug.errors import InputError
-from visaug_train import scoring, target, training
+from visaug_train import reduction, scoring, target, training
 from visaug_train.ablation import ablate
 from visaug_train.config import check_config
 from visaug_train.geometry import Keypoints, Pinhole, project_targets
@@ -136,27 +135,62 @@ def test_a_study_estimates_trains_and_reports_the_share(stubbed, tmp_path):
     assert training.prepare(config).cameras[0].file.stat().st_mtime_ns == made
 
 
-def test_pictures_are_reduced_as_the_training_copies_are(tmp_path):
-    """White noise of 8 DN, averaged over 2 x 2 pixels: 4 DN and the rounding of codes; 5 % is five standard errors."""
-    rng = np.random.default_rng(0)
-    for n in range(2):
-        noisy = np.rint(rng.normal(100, 8, (64, 96))).astype(np.uint8)
-        cv2.imwrite(str(tmp_path / f"{n}.png"), noisy)
-    pinhole = Pinhole(96, 64, np.eye(3), np.zeros(5))
-    files = tuple(sorted(tmp_path.glob("*.png")))
-    poses = PoseSet("target", pinhole, files, np.zeros((2, 4)), np.zeros((2, 3)))
-    content = CONTENT | {"output": str(tmp_path / "out")}
-    config = check_config(content | {"data": CONTENT["data"] | {"image_size": [48, 32]}})
-    small = target._pictures(poses.files, poses, target._seen_size(config, "found", poses), "area")
-    assert small.shape(0) == (32, 48)
-    assert np.std([small.read(n) for n in range(2)]) == pytest.approx(np.hypot(4, 12**-0.5), rel=0.05)
+REDUCED = {
+    "resolution": [120, 192],
+    "bit_depth": 12,
+    "gain_e_per_dn": 0.3,
+    "black_level_dn": 400.0,
+    "read_noise": {"sigma_e": 12.0},
+    "dsnu": {"pixel_e": 9.0, "row_e": 8.0, "column_e": 8.0},
+    "prnu": {"pixel": 0.02},
+    "effects": [{"name": "row_noise", "sigma_e": 10.0}, {"name": "jpeg", "quality": 95}],
+}
+
+
+@pytest.mark.parametrize(
+    ("how", "size"), [("area", (64, 40)), ("area", (80, 50)), ("linear", (80, 50)), ("linear", (64, 40))]
+)
+@pytest.mark.parametrize("level", [0.0, 0.5])
+def test_a_reduced_camera_has_the_noise_of_reduced_images(how, size, level):
+    """24 images: rows and columns by some 1000 numbers and pixels by 50,000: within 10 % and 4 %."""
+    content = REDUCED | {"effects": REDUCED["effects"][:1]}
+    torch.manual_seed(2)
+    flat = torch.full((24, 1, 120, 192), level)
+    whole = visaug.VISNoise(visaug.Camera.load(content), black_level="keep")(flat)[:, 0].numpy()
+    truth = np.stack([reduction.reduced(image, size, how) for image in whole])
+    small = visaug.Camera.load(reduction.reduced_camera(REDUCED, (192, 120), size, how))
+    assert list(small.effect_names) == ["row_noise"]
+    assert tuple(small.resolution) == (size[1], size[0])
+    found = visaug.VISNoise(small, black_level="keep")(torch.full((24, 1, size[1], size[0]), level))[
+        :, 0
+    ].numpy()
+    for part, tolerance in ((rows_of, 0.1), (columns_of, 0.1), (pixels_of, 0.04)):
+        assert part(found) == pytest.approx(part(truth), rel=tolerance)
+
+
+def rows_of(images):
+    return images.mean(2).std(1).mean()
+
+
+def columns_of(images):
+    return images.mean(1).std(1).mean()
+
+
+def pixels_of(images):
+    """Differences of neighbours would see the correlation that interpolation makes: all of what rows and columns leave."""
+    return (images - images.mean(2, keepdims=True) - images.mean(1, keepdims=True)).std(axis=(1, 2)).mean()
+
+
+def test_the_size_at_which_arms_put_a_cameras_noise_on(tmp_path):
+    poses = PoseSet("target", Pinhole(96, 64, np.eye(3), np.zeros(5)), (), np.zeros((0, 4)), np.zeros((0, 3)))
+    small = CONTENT | {"output": str(tmp_path / "out"), "data": CONTENT["data"] | {"image_size": [48, 32]}}
+    assert target._seen_size(check_config(small), "found", poses) == (48, 32)
     on_sensor = {"vis": {"camera": "found", "resolution": "sensor", "black_level": "keep"}}
     arms = CONTENT["arms"] | {"estimated": on_sensor}
-    config = check_config(content | {"data": CONTENT["data"] | {"image_size": [48, 32]}, "arms": arms})
-    assert target._seen_size(config, "found", poses) is None
-    config = check_config(content | {"arms": arms | {"other": CONTENT["arms"]["estimated"]}})
+    assert target._seen_size(check_config(small | {"arms": arms}), "found", poses) is None
+    both = check_config(small | {"arms": arms | {"other": CONTENT["arms"]["estimated"]}})
     with pytest.raises(InputError, match="both resolutions"):
-        target._seen_size(config, "found", poses)
+        target._seen_size(both, "found", poses)
 
 
 @pytest.mark.parametrize(

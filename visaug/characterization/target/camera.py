@@ -33,6 +33,7 @@ _NO_CAMERA = (
     "prnu.pixel",
 )
 _FEWEST_LEVELS = 4
+_MISFIT = 2.0  # times the errors of the levels
 _CUT = 3.0  # standard deviations of noise above code 0
 _UNKNOWN = 3.0  # an interval of the gain wider than this factor either way is no measurement
 
@@ -169,6 +170,12 @@ def _camera(
         )
         return None
     _warn_of_fine_texture(found, texture, best)
+    if best.misfit > _MISFIT:
+        found.warn(
+            f"noise_curve_misfit: noise of flat regions lies {best.misfit:.1f} standard errors from shot noise and a constant, "
+            "root mean square; texture in all regions, or processing; errors are enlarged by as much and may still be too small",
+            spoils=("gain_e_per_dn", "read_noise.sigma_e"),
+        )
     _add_tone(found, readings)
     _add_curve(found, pictures, readings, levels, sky)
     add_patterns(found, pictures, best, pattern, sky)

@@ -32,7 +32,7 @@ def add_patterns(
         if value is None:
             found.miss(name, needs)
             return
-        interval = _root(value, per_unit)
+        interval = _with_gain(_root(value, per_unit), best.gain)
         add(
             found,
             name,
@@ -60,6 +60,18 @@ def add_patterns(
         add(
             found, "prnu.pixel", _root(pattern.prnu, 1.0), "1", "lit flat regions, the dark pattern taken off"
         )
+
+
+def _with_gain(
+    interval: tuple[float, float, float], gain: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """The interval of a figure in electrons, with the error of the gain that made them of DN."""
+    value, low, high = interval
+    if value == 0:
+        return value, low, high * gain[2] / gain[0]
+    down = math.hypot(math.log(value / low), math.log(gain[0] / gain[1])) if low > 0 else math.inf
+    up = math.hypot(math.log(high / value), math.log(gain[2] / gain[0]))
+    return value, value * math.exp(-down), value * math.exp(up)
 
 
 def _root(part: Part, factor: float) -> tuple[float, float, float]:

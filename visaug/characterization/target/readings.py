@@ -57,13 +57,15 @@ class Reading:
     """One tone curve that the pictures allow: its law, and gain, read noise and black level with their ends.
 
     `contrast`: of texture that all surfaces seem to have, as fine as noise; 0 where noise grows no faster than the law says.
+    `misfit`: root of chi-square by its degrees of freedom, 1 or more, by which errors are enlarged.
     """
 
     law: Law
     gain: Interval
     read: Interval
     black: Interval
-    contrast: float = 0.0
+    contrast: float
+    misfit: float
 
 
 def readings_of(curve: NoiseCurve, start: Law) -> list[Reading]:
@@ -80,7 +82,12 @@ def readings_of(curve: NoiseCurve, start: Law) -> list[Reading]:
     least = min(chi for _, chi in fits)
     scale = max(least / max(len(curve.levels.level) - 2, 1), 1.0)
     allowed = sorted((f for f in fits if (f[1] - least) / scale < _SAME), key=lambda f: f[1])
-    return [_reading(law, curve, _with_contrast(law, chi, curve)) for law, chi in allowed]
+    return [_reading(law, chi, curve) for law, chi in allowed]
+
+
+def _misfit(chi: float, curve: NoiseCurve) -> float:
+    parameters = 3 if curve.sky else 2
+    return math.sqrt(max(chi / max(len(curve.levels.level) - parameters, 1), 1.0))
 
 
 def _with_contrast(law: Law, chi: float, curve: NoiseCurve) -> Law | None:
@@ -127,26 +134,26 @@ def _figures(law: Law, fixed: float) -> np.ndarray:
     return np.array([-math.log(law.shot), 0.5 * math.log(read) - math.log(law.shot), law.black])
 
 
-def _reading(law: Law, curve: NoiseCurve, textured: Law | None) -> Reading:
+def _reading(law: Law, chi: float, curve: NoiseCurve) -> Reading:
     scale, fixed = curve.pictures.scale, _deviation(curve.pattern.pixel) ** 2
+    textured, misfit = _with_contrast(law, chi, curve), _misfit(chi, curve)
     contrast = textured.prnu if textured else 0.0
-    gain, read, black = _with_ends(law, curve, fixed, textured)
+    gain, read, black = _with_ends(law, curve, fixed, misfit, textured)
     if curve.sky is not None:
-        return Reading(law, _scaled(gain, 1 / scale), read, _scaled(black, scale), contrast)
+        return Reading(law, _scaled(gain, 1 / scale), read, _scaled(black, scale), contrast, misfit)
     # Any black level up to the darkest region is possible: read noise is least at the lowest and most at the highest.
     darkest = _darkest(law.tone, curve.levels.level)
     raised = curve.fitted(replace(law, black=darkest), *curve.noise())
-    other_gain, most, _ = _with_ends(raised, curve, fixed, None)
+    other_gain, most, _ = _with_ends(raised, curve, fixed, misfit)
     gain = gain[0], min(gain[1], other_gain[1]), max(gain[2], other_gain[2])
     read = min(read[0], most[2]), (0.0 if law.black > 0 else min(read[1], most[1])), most[2]
     lowest = max(min(law.black, darkest - raised.shot * most[2] ** 2), 0.0)
-    return Reading(
-        law, _scaled(gain, 1 / scale), read, _scaled((law.black, lowest, darkest), scale), contrast
-    )
+    black = _scaled((law.black, lowest, darkest), scale)
+    return Reading(law, _scaled(gain, 1 / scale), read, black, contrast, misfit)
 
 
 def _with_ends(
-    law: Law, curve: NoiseCurve, fixed: float, textured: Law | None
+    law: Law, curve: NoiseCurve, fixed: float, misfit: float, textured: Law | None = None
 ) -> tuple[Interval, Interval, Interval]:
     """Gain, read noise and black level of a law in 1/255 of full scale: value and 95 % interval, which hold `textured` too."""
 
@@ -154,7 +161,7 @@ def _with_ends(
         return _figures(curve.fitted(law, *curve.noise(weights)), fixed)
 
     value, spread, degrees = jackknife(figures, len(curve.pictures))
-    parts = [t_quantile(degrees) * spread]
+    parts = [misfit * t_quantile(degrees) * spread]
     parts += [np.abs(others - value).max(0) for others in _open(law, curve, fixed)]
     parts += [np.abs(_figures(textured, fixed) - value)] if textured else []
     half = np.sqrt(np.square(parts).sum(0))
