@@ -86,9 +86,8 @@ class VISNoise(IntensityAugmentationBase2D):
     def forward(self, input: Any, *args: Any, **kwargs: Any) -> Any:
         if not isinstance(input, Tensor) or not input.dtype.is_floating_point:
             check_images(input)
-        elif (
-            input.dtype == torch.bfloat16
-        ):  # which kornia refuses up to version 0.8.2; float32 holds the same values
+        # kornia refuses bfloat16 up to version 0.8.2; float32 holds the same values.
+        elif input.dtype == torch.bfloat16:
             return super().forward(input.float(), *args, **kwargs).to(input.dtype)
         return super().forward(input, *args, **kwargs)
 
