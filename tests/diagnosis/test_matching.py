@@ -251,6 +251,22 @@ def test_the_numbers_of_an_earlier_step_are_a_start_if_they_are_of_the_same_word
     assert naming._as_earlier(fitted, match(corner_loss=0.3), None) == []
 
 
+def test_a_number_that_was_zero_is_no_start_where_it_is_refined_as_a_logarithm(stated):
+    """Banding found with a pure sine, tried again with a second harmonic: every coordinate can be read at the start."""
+    trial = stated.with_effect("periodic_banding", amplitude_e=1.0, period_rows=20.0, second_harmonic=0.5)
+    values = tuple((path, v) for path, v in trial.values().items() if path.startswith("periodic_banding."))
+    pure = trial.replace({"periodic_banding.second_harmonic": 0.0, "periodic_banding.amplitude_e": 7.0})
+    fitted = Fitted(None, stated, *np.zeros((3, 4)))
+    found = Refined("periodic_banding", pure, (), np.zeros(0), 1.0, np.zeros(4), np.zeros(4))
+    (start,) = naming._as_earlier(
+        fitted, Match(Trial("periodic_banding", values), 1.0, 1.0, np.zeros(4)), found
+    )
+    read = {c.path: c.read(start) for c in refinement.effect_coordinates(trial, "periodic_banding")}
+    assert np.isfinite(list(read.values())).all()
+    assert start.values()["periodic_banding.amplitude_e"] == 7.0
+    assert start.values()["periodic_banding.second_harmonic"] == 0.5
+
+
 def test_candidates_are_refined_from_the_numbers_of_an_earlier_step_too(stated, monkeypatch):
     fitted = states.leaving([100, 80, 60, 0], stated)
     found = refined("vignetting", stated.with_effect("vignetting", corner_loss=0.17), 50.0, 2.0)

@@ -235,12 +235,16 @@ class Adding:
         fitted: Camera, camera: Camera, numbers: Sequence[Coordinate], reference: Reference
     ) -> Camera | None:
         """The fitted camera with some coordinates of another one; None if these differ by less than `BENT` standard deviations."""
-        at = {c.path: c.read(camera) for c in numbers}
+        at = {(c.path, c.logarithmic): c.read(camera) for c in numbers}  # on the same scale alone
         spread = reference.null_steps.std(0)
-        own = [(c, known) for c, known in zip(reference.coordinates, spread) if c.path in at]
-        if all(abs(c.read(fitted) - at[c.path]) <= BENT * known for c, known in own):
+        own = [
+            (c, at[c.path, c.logarithmic], known)
+            for c, known in zip(reference.coordinates, spread)
+            if (c.path, c.logarithmic) in at
+        ]
+        if all(abs(c.read(fitted) - there) <= BENT * known for c, there, known in own):
             return None
-        return moved(fitted, [c for c, _ in own], [at[c.path] for c, _ in own])
+        return moved(fitted, [c for c, _, _ in own], [there for _, there, _ in own])
 
     def _moves_of(
         self, effect: str, before: State, fitted: Fitted

@@ -94,14 +94,15 @@ def _as_earlier(fitted: Fitted, match: Match, earlier: Refined | None) -> list[C
     """The fitted camera with the values that an effect had in an earlier step, if it is tried with the same options.
 
     For example, column bands that were fitted beside a flare remain a good start after the flare was added, when the estimate
-    read from the frames finds other edges.
+    read from the frames finds other edges. A number that was 0 and is not in the trial has the trial's value: where it is
+    refined on a logarithmic scale, 0 is no start.
     """
     if earlier is None or catalogue()[earlier.effect].base:
         return []
     camera = match.trial.on(fitted.camera)
     if any(camera.choices()[path] != word for path, word in earlier.words.items()):
         return []
-    return [camera.replace(earlier.numbers)]
+    return [camera.replace({path: value for path, value in earlier.numbers.items() if value != 0})]
 
 
 def first_matches(
