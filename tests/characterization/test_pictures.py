@@ -1,7 +1,10 @@
 """A camera from pictures, against cameras in plain NumPy. Seeds are fixed; intervals are 95 %."""
 
+import json
+
 import numpy as np
 import pytest
+from PIL import Image
 
 import visaug
 from benchmark import pictures as independent
@@ -188,3 +191,90 @@ def test_texture_as_fine_as_noise_is_warned_of():
         for k in w.spoils
     }
     assert {"gain_e_per_dn", "read_noise.sigma_e"} <= spoiled
+
+
+def test_the_commonest_level_is_no_sky_where_other_surfaces_are_darker():
+    """Black is 8 DN; a wall at 80 DN fills half of each picture, with darker and brighter patches before it."""
+    rng, taken = np.random.default_rng(6), []
+    for _ in range(14):
+        light = np.full((160, 192), 0.3)
+        for _ in range(10):
+            row, column = rng.integers(0, 120), rng.integers(0, 150)
+            light[row : row + 50, column : column + 50] = rng.uniform(0.1, 0.9)
+        electrons = rng.poisson(light * 240 * 20) + rng.normal(0, 25, light.shape)
+        taken.append(np.rint(electrons / 20 + 8).clip(0, 255).astype(np.uint8))
+    found = characterize(in_memory(taken))
+    gain, read, black = (
+        found.parameters.get(n) for n in ("gain_e_per_dn", "read_noise.sigma_e", "black_level_dn")
+    )
+    assert gain is not None
+    assert gain.low < 20 < gain.high
+    assert read is not None
+    assert read.low < 25 < read.high
+    assert black is None or black.low < 8 < black.high
+
+
+@pytest.mark.parametrize("quality", [95, 50])
+def test_renders_in_jpeg_have_no_sensor_noise(tmp_path, quality):
+    rng = np.random.default_rng(8)
+    plain = [np.kron(rng.integers(20, 230, (5, 6)), np.ones((32, 32))).astype(np.uint8) for _ in range(4)]
+    found = characterize(FrameSet.load(independent.save(plain, tmp_path / "p", quality)))
+    assert found.is_noiseless
+    assert not found.parameters
+
+
+def test_noise_of_colour_jpeg_is_in_doubt_and_of_equal_channels_is_not(tmp_path):
+    """JPEG rounds chroma more than the luminance whose table is known."""
+    camera = independent.PictureCamera("colour", 15.0, 25.0, black_dn=10.0)
+    gray = independent.take(camera, scenes("spacecraft", 4), 5)
+    for name, channels in (("equal", [gray, gray, gray]), ("colour", [gray, gray[::-1], gray])):
+        (tmp_path / name).mkdir()
+        for n, picture in enumerate(np.stack(channels, -1)):
+            Image.fromarray(picture).save(tmp_path / name / f"{n}.jpg", quality=95, subsampling=0)
+    spoiled = {
+        name: [
+            w.spoils
+            for w in characterize(FrameSet.load(tmp_path / name)).warning_details
+            if w.word == "colour_jpeg"
+        ]
+        for name in ("equal", "colour")
+    }
+    assert spoiled["equal"] == []
+    assert "image.noise_dn" in spoiled["colour"][0]
+
+
+def test_files_of_more_bits_than_the_converter_are_told_of_the_option():
+    rng = np.random.default_rng(3)
+    taken = [np.rint(rng.normal(2000, 6, (64, 96))).astype(np.uint16) for _ in range(3)]
+    (text,) = (w for w in characterize(in_memory(taken)).warnings if w.startswith("no_sensor_noise"))
+    assert "--bit-depth" in text
+
+
+def test_a_quiet_camera_before_a_black_sky_is_no_render():
+    """12 bits, 5 e-/DN, a read noise of 0.25 codes of 8 bits: the sky fills nine tenths of the blocks."""
+    rng, taken = np.random.default_rng(4), []
+    for _ in range(14):
+        light = np.zeros((160, 192))
+        for _ in range(4):
+            row, column = rng.integers(40, 90), rng.integers(40, 120)
+            light[row : row + 26, column : column + 26] = rng.uniform(0.15, 0.9)
+        electrons = rng.poisson(light * 20000) + rng.normal(0, 20, light.shape)
+        taken.append(np.rint(electrons / 5 + 100).clip(0, 4095).astype(np.uint16))
+    records = [FrameRecord(i, f"{i}.png", "image") for i in range(len(taken))]
+    found = characterize(FrameSet.from_arrays(records, taken, bit_depth=12))
+    gain, read = found["gain_e_per_dn"], found["read_noise.sigma_e"]
+    assert gain.low < 5 < gain.high
+    assert read.low < 20 < read.high
+
+
+def test_json_is_written_where_pictures_give_no_camera(tmp_path, capsys):
+    camera = independent.PictureCamera("one", 15.0, 25.0, black_dn=10.0)
+    folder = independent.save(independent.take(camera, scenes("spacecraft", 1), 5), tmp_path / "p", None)
+    told = tmp_path / "found.json"
+    with pytest.raises(SystemExit) as end:
+        main(["characterize", str(folder), "-o", str(tmp_path / "c.yaml"), "--json", str(told)])
+    assert end.value.code == 2
+    assert "image.noise_dn" in json.loads(told.read_text())["parameters"]
+    capsys.readouterr()
+    main(["characterize", str(folder)])
+    assert "-o camera.yaml" not in capsys.readouterr().out  # a next step that would end in the same error

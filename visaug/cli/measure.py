@@ -120,6 +120,9 @@ def characterize(
         progress("characterizing", 1, 1)
     if not is_silent(quiet, json_path):
         summaries.print_characterization(result.to_json())
+    write_result(
+        json_path, result.to_json()
+    )  # first: what was measured is told where there is no camera to write
     if output and result.is_noiseless:
         click.echo("no sensor noise found: no camera is written", err=is_silent(quiet, json_path))
         output = None
@@ -127,7 +130,6 @@ def characterize(
         result.save_camera(output, maps_path if use_maps else None)
     if maps_path:
         result.save_maps(maps_path)
-    write_result(json_path, result.to_json())
     if report_path:
         from visaug.report import write_characterization
 
@@ -137,7 +139,7 @@ def characterize(
     if not is_silent(quiet, json_path):
         written(output, maps_path, json_path, report_path, *sheets)
         pictured = all(record.kind == "image" for record in frames.records)
-        if not result.is_noiseless:
+        if not pictured or "gain_e_per_dn" in result.parameters:
             inputs = replace(Inputs.of(None, frames, output), transfer=result.transfer)
             summaries.print_next(after_characterization(inputs, pictured))
 

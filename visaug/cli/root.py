@@ -63,7 +63,8 @@ def main(arguments: list[str] | None = None) -> None:
         click.echo(printable(str(partly)))
         sys.exit(1)
     except NoSensorNoise as none:
-        click.echo(str(none), err="-" in (arguments or sys.argv))  # --json - leaves standard output to JSON
+        json_out = {"-", "--json=-"} & set(sys.argv if arguments is None else arguments)
+        click.echo(str(none), err=bool(json_out))  # standard output is left to JSON
         sys.exit(0)
     except BrokenPipeError:
         sys.stderr.close()

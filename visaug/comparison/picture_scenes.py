@@ -16,7 +16,7 @@ from visaug.errors import InputError, NoSensorNoise
 from visaug.fingerprint.pictures.blocks import SIDE, Rounding, noise_by_level, sample
 from visaug.fingerprint.pictures.files import Pictures, largest_group, quality_of
 from visaug.fingerprint.pictures.regions import Regions, find_regions
-from visaug.fingerprint.pictures.sets import is_rendered
+from visaug.fingerprint.pictures.sets import is_rendered, no_noise
 from visaug.fingerprint.pictures.symmetry import STATISTICS, Sums, symmetry_sums
 from visaug.frames import FrameSet
 
@@ -129,10 +129,7 @@ def _refuse_renders(pictures: Pictures, chosen: np.ndarray, rounding: Rounding) 
     )
     blocks, _ = sample(few, 0)
     if is_rendered(blocks, noise_by_level(blocks, rounding, len(few)), rounding):
-        raise NoSensorNoise(
-            "no sensor noise found: smooth regions vary by no more than the rounding of their codes, as in renders and "
-            "screenshots; there is no camera to compare with"
-        )
+        raise NoSensorNoise(f"{no_noise(pictures)}; there is no camera to compare with")
 
 
 def _stated_black(camera: Camera, transfer: str) -> float:

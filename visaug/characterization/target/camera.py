@@ -14,7 +14,7 @@ from visaug.fingerprint.pictures.blocks import Blocks, Levels, Rounding, noise_b
 from visaug.fingerprint.pictures.curve import TONES, Law, Sky, fit
 from visaug.fingerprint.pictures.files import Pictures, largest_group
 from visaug.fingerprint.pictures.pattern import recurring
-from visaug.fingerprint.pictures.sets import find_sky, is_rendered, jackknife
+from visaug.fingerprint.pictures.sets import find_sky, is_rendered, jackknife, no_noise
 from visaug.fingerprint.pictures.texture import Texture, texture_in
 from visaug.frames import FrameSet
 
@@ -42,17 +42,19 @@ def camera_of_pictures(found: Findings, frames: FrameSet, seed: int) -> tuple[in
     """Adds what the pictures tell of their camera; returns their size where there is a camera, else None."""
     for name, needs in NEEDS.items():
         found.miss(name, needs)
-    pictures = largest_group(frames, found.warn)
+
+    def warn(text: str) -> None:
+        in_doubt = ("gain_e_per_dn", "*noise*", "dsnu.*", "prnu.*") if text.startswith("colour_jpeg:") else ()
+        found.warn(text, in_doubt)
+
+    pictures = largest_group(frames, warn)
     blocks, left_out = sample(pictures, seed)
     rounding = Rounding(pictures.steps, pictures.is_jpeg)
     levels = noise_by_level(blocks, rounding, len(pictures))
     if is_rendered(blocks, levels, rounding):
         _no_camera(found, "pictures with sensor noise")
         found.miss("image.noise_dn", "pictures with sensor noise")
-        found.warn(
-            "no_sensor_noise: no sensor noise found: smooth regions vary by no more than the rounding of their codes, as in "
-            "renders and screenshots; there is no camera"
-        )
+        found.warn(f"no_sensor_noise: {no_noise(pictures)}; there is no camera")
         return None
     if not len(levels.level):
         _no_flat_regions(found, blocks, left_out)
@@ -145,9 +147,12 @@ def _camera(
         if len(levels.level) < _FEWEST_LEVELS:
             _no_camera(found, "flat regions at several levels")
             return None
-    codes = 255 if pictures.top_dn <= 255 else 1023
     start = Law(
-        "linear", 0.05, max(0.8 * float(levels.variance[0]), 0.02), sky.level if sky else 0.0, codes=codes
+        "linear",
+        0.05,
+        max(0.8 * float(levels.variance[0]), 0.02),
+        sky.level if sky else 0.0,
+        codes=max(round(pictures.top_dn), 255),
     )
     first = min(
         (fit(t, levels.level, levels.variance, levels.error, sky, start) for t in TONES), key=lambda f: f[1]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import fft, ndimage, stats
@@ -144,6 +145,12 @@ class Rounding:
         if self._calibration is not None:
             log_variance = np.interp(log_variance, *self._calibration)
         return float(np.exp(log_variance))
+
+    @cached_property
+    def least(self) -> float:
+        """What `variance` finds where there is no noise: that of rounding to codes, or all the noise that JPEG rounds away."""
+        counts = self.counts()
+        return self.variance(PIXELS_ROUNDED * counts, counts)
 
     def degrees(self, variance: float) -> float:
         """Coefficients of a block that tell of noise: of those that JPEG rounds, half the ones that `variance` uses."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import optimize, special
 
+_MOST_CODES = 1023  # that are summed; finer ones differ by the variance of rounding alone
 _LEVELS = 255 * np.linspace(0, 1, 140) ** 2
 TONES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "linear": lambda y: y,
@@ -35,13 +36,18 @@ class Law:
 
     def developed(self) -> tuple[np.ndarray, np.ndarray]:
         """Mean and variance of the picture's value, in 1/255, at each of `_LEVELS` of light."""
-        step = 255 / self.codes
-        k = np.arange(1, self.codes + 1)
-        threshold = 255 * TONES[self.tone]((k - 0.5) / self.codes)
+        codes = min(self.codes, _MOST_CODES)
+        step = 255 / codes
+        k = np.arange(1, codes + 1)
+        threshold = 255 * TONES[self.tone]((k - 0.5) / codes)
         sigma = np.sqrt(self.read + self.shot * _LEVELS + (self.prnu * _LEVELS) ** 2)
         above = special.ndtr((self.black + _LEVELS[:, None] - threshold) / sigma[:, None])
         mean = above.sum(1)
-        return mean * step, ((above * (2 * k - 1)).sum(1) - mean**2) * step**2
+        variance = ((above * (2 * k - 1)).sum(1) - mean**2) * step**2
+        if self.codes > codes:  # rounding adds a twelfth of a step squared to noise of half a step or more
+            true_step = 255 / self.codes
+            variance = np.maximum(variance - (step**2 - true_step**2) / 12, true_step**2 / 12)
+        return mean * step, variance
 
     def variance_at(self, level: np.ndarray) -> np.ndarray:
         mean, variance = self.developed()

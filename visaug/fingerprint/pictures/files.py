@@ -64,10 +64,14 @@ def largest_group(frames: FrameSet, warn: Callable[[str], object]) -> Pictures:
             f"several_cameras: the pictures have {what}; the largest group is used, {count} of {len(every)} pictures of "
             f"{shape[0]} x {shape[1]}"
         )
-    if chosen.colour and table is not None:
+    if (
+        chosen.colour
+        and table is not None
+        and _channels_differ(frames, next(i for i in every if files[i] == chosen))
+    ):
         warn(
             "colour_jpeg: green is used where the channels differ, and JPEG is taken to have rounded it as it rounds "
-            "luminance; of pictures in three equal channels this holds"
+            "luminance; it rounds colour more, so noise comes out too low and gain too high"
         )
     indices = [i for i in every if files[i] == chosen]
     if len(indices) > MOST:
@@ -98,6 +102,13 @@ def _file(frames: FrameSet, i: int) -> _File:
             return _File((picture.height, picture.width), tuple(tables[0]) if tables else None, colour)
     except OSError:
         return _File(frames.shape(i))  # raises the error of the file
+
+
+def _channels_differ(frames: FrameSet, i: int) -> bool:
+    path = frames.path(i)
+    assert path is not None  # its head has been read
+    with pillow_image(path) as picture:
+        return bool(np.ptp(np.asarray(picture.convert("RGB")), axis=2).any())
 
 
 def quality_of(steps: np.ndarray) -> tuple[float, float, float]:

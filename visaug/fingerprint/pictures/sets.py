@@ -9,6 +9,7 @@ import numpy as np
 
 from visaug.fingerprint.pictures.blocks import NOISE, Blocks, Levels, Rounding
 from visaug.fingerprint.pictures.curve import Sky
+from visaug.fingerprint.pictures.files import Pictures
 
 _GROUPS = 12
 _SKY_SHARE = 0.1
@@ -18,6 +19,10 @@ _TAIL = 0.25  # blocks just above the sky's reach over those within: a surface o
 _NORMAL_QUARTILE = 0.6745
 _LIT_DN = 30.0
 _ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
+_ONLY_ROUNDING = (
+    1.01  # times what JPEG rounds away: the least variance that can be found, which all smaller ones give
+)
+_DARKER = 0.05  # blocks below the sky's reach over those within: dead lines are few, and nothing is darker than no light
 
 
 def jackknife(
@@ -37,7 +42,8 @@ def jackknife(
 def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
     """The black sky: the darkest level around which a tenth or more of all blocks lie, where it is flat and stands alone.
 
-    None where levels go on above it as those of dark surfaces do, or where nothing is brighter: then it may be any level.
+    None where levels go on above it as those of dark surfaces do, where others are darker, or where nothing is brighter: then it
+    may be any level.
     Offsets of rows and columns spread the levels of its blocks. Those below its level hold no light and give the spread.
     """
     steps = np.arange(0.0, blocks.level.max(initial=0.0) + _SKY_STEP_DN, _SKY_STEP_DN)
@@ -58,7 +64,8 @@ def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
     within, beyond = (
         np.count_nonzero((ordered > dark + k * reach) & (ordered <= dark + (k + 1) * reach)) for k in (0, 1)
     )
-    if beyond > _TAIL * within or not np.any(ordered > dark + reach):
+    darker = np.count_nonzero(ordered < dark - reach)
+    if beyond > _TAIL * within or darker > _DARKER * within or not np.any(ordered > dark + reach):
         return None
     near = np.abs(blocks.level - dark) < reach
     seen = np.unique(blocks.picture[near])
@@ -74,7 +81,8 @@ def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
 def is_rendered(blocks: Blocks, levels: Levels, rounding: Rounding) -> bool:
     """Whether there is rounding and no noise: at the flat levels, or in the smoothest tenth of the lit blocks.
 
-    Of a camera even the smoothest blocks hold its noise. JPEG may round it away there, so its files are judged by levels.
+    Of a camera even the smoothest lit blocks hold its noise. JPEG may round it away there, so its files are judged by levels: lit
+    ones where there are any, for rounding hides the noise of a quiet camera's black sky.
     """
     lit = blocks.coefficients[blocks.level > _LIT_DN]
     if len(lit) >= 10 and not rounding.is_jpeg:
@@ -82,4 +90,20 @@ def is_rendered(blocks: Blocks, levels: Levels, rounding: Rounding) -> bool:
         if np.quantile(fine, 0.1) < _ONLY_ROUNDING_DN2:
             return True
     weight = levels.blocks.sum(0)
-    return bool(weight[levels.variance < _ONLY_ROUNDING_DN2].sum() > 0.9 * weight.sum() > 0)
+    if weight[levels.level > _LIT_DN].any():
+        weight = np.where(levels.level > _LIT_DN, weight, 0)
+    most = rounding.least * _ONLY_ROUNDING if rounding.is_jpeg else _ONLY_ROUNDING_DN2
+    return bool(weight[levels.variance < most].sum() > 0.9 * weight.sum() > 0)
+
+
+def no_noise(pictures: Pictures) -> str:
+    """What is said of pictures that `is_rendered`."""
+    if pictures.top_dn > 255:
+        return (
+            "no sensor noise found: smooth regions vary by less than 0.35/255 of full scale, as in renders; if the converter has "
+            "fewer bits than the files, give --bit-depth"
+        )
+    return (
+        "no sensor noise found: smooth regions vary by no more than the rounding of their codes, as in renders and screenshots"
+        + (", or where JPEG has rounded noise away" if pictures.is_jpeg else "")
+    )
