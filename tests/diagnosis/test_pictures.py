@@ -118,14 +118,22 @@ def renders(n=8):
     return [np.rint(255 * independent.spacecraft(rng, (160, 192))).astype(np.uint8) for _ in range(n)]
 
 
-@pytest.mark.parametrize("command", ["diagnose", "compare"])
-def test_renders_have_no_sensor_noise_to_diagnose(tmp_path, capsys, command):
+@pytest.mark.parametrize(
+    ("command", "words", "status", "stream"),
+    [
+        ("diagnose", [], 0, "out"),
+        ("diagnose", ["--json=-"], 0, "err"),
+        ("compare", [], 0, "out"),
+        ("compare", ["--fail-on-misfit"], 3, "err"),
+    ],
+)
+def test_renders_have_no_sensor_noise_to_diagnose(tmp_path, capsys, command, words, status, stream):
     folder, camera = independent.save(renders(), tmp_path / "renders"), tmp_path / "camera.yaml"
     STATED.replace({"resolution": [160, 192]}).save(camera)
     with pytest.raises(SystemExit) as ended:
-        main([command, str(folder), "--camera", str(camera)])
-    assert ended.value.code == 0
-    assert "no sensor noise found" in capsys.readouterr().out
+        main([command, str(folder), "--camera", str(camera), *words])
+    assert ended.value.code == status
+    assert "no sensor noise found" in getattr(capsys.readouterr(), stream)
 
 
 def test_pictures_of_one_bright_level_are_no_sky():

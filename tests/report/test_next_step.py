@@ -10,6 +10,8 @@ from click.testing import CliRunner
 import visaug
 from tests.report.test_pages import CAMERA, DIAGNOSIS, NOTHING
 from visaug.cli.root import program
+from visaug.comparison import Places
+from visaug.comparison.pictures import PictureComparison
 from visaug.frames import FrameRecord, FrameSet
 from visaug.report.next_step import (
     Inputs,
@@ -17,6 +19,7 @@ from visaug.report.next_step import (
     after_comparison,
     after_diagnosis,
     after_pictures,
+    picture_inputs,
 )
 
 
@@ -67,6 +70,28 @@ def test_what_follows_from_an_answer():
     assert second == "visaug diagnose f --camera c.yaml --effects my_effect.py"
     assert after_characterization(written).command == "visaug compare f --camera b.yaml"
     assert "augment" in after_characterization(written, of_pictures=True).command
+    assert after_pictures(NOTHING, Inputs("f")).command == ""
+
+
+def test_images_that_are_to_look_like_pictures_keep_their_black_level():
+    """As `compare --camera --target` does, which found no difference; the linear law is not left to each file's kind."""
+    inputs = Inputs("f", "c.yaml", better="b.yaml", pictured=True)
+    for step in (
+        after_characterization(inputs, of_pictures=True),
+        after_comparison(NOTHING, inputs),
+        after_diagnosis(DIAGNOSIS, inputs),
+        after_pictures(NOTHING, inputs),
+    ):
+        assert step.command.endswith(".yaml --transfer linear --black-level keep")
+    records = [FrameRecord(0, "0.png", "image")]
+    taken = FrameSet.from_arrays(records, [np.zeros((8, 8), np.uint8)])
+    assert Inputs.of(None, taken).pictured
+    found = PictureComparison(
+        1.0, (), Places(()), {}, (), (5, 5), taken, visaug.Camera.load("sony_imx174"), "srgb"
+    )
+    assert after_pictures(NOTHING, picture_inputs(found)).command == (
+        "visaug augment IMAGES -o noisy/ --camera sony_imx174 --transfer srgb --black-level keep"
+    )
 
 
 def test_the_options_of_pictures_are_those_of_the_next_command_too():

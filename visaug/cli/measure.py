@@ -24,7 +24,7 @@ from visaug.cli.options import (
     write_result,
     written,
 )
-from visaug.errors import InputError
+from visaug.errors import InputError, NoSensorNoise
 from visaug.progress import progress_bars
 from visaug.report.next_step import (
     Inputs,
@@ -32,6 +32,7 @@ from visaug.report.next_step import (
     after_comparison,
     after_diagnosis,
     after_pictures,
+    picture_inputs,
 )
 
 if TYPE_CHECKING:
@@ -225,14 +226,20 @@ def compare(
             found.report(report_path)
         if not is_silent(quiet, json_path):
             written(json_path, report_path)
-            summaries.print_next(after_pictures(found.to_json(), Inputs.of(None, wanted)))
+            summaries.print_next(after_pictures(found.to_json(), picture_inputs(found)))
         if fail_on_misfit and not found.adequate:
             raise SystemExit(MISFIT)
         return
     assert camera is not None
     frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
     with progress_bars(quiet=quiet) as progress:
-        result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
+        try:
+            result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
+        except NoSensorNoise as none:
+            if not fail_on_misfit:
+                raise
+            click.echo(str(none), err=True)  # no camera with noise explains these pictures
+            raise SystemExit(MISFIT) from None
     inputs = replace(Inputs.of(camera, frames), transfer=_told(transfer))
     content = result.to_json()
     if not is_silent(quiet, json_path):

@@ -47,6 +47,7 @@ class PictureComparison:
         curves: level, noise and standard error (8-bit DN) of `target` and `renders`.
         pictures: number of `renders` and of `target`.
         target: the pictures of the target domain.
+        camera, transfer: what gave the other pictures their noise, None where nothing did.
     """
 
     p_value: float
@@ -56,6 +57,8 @@ class PictureComparison:
     warnings: tuple[str, ...]
     pictures: tuple[int, int]
     target: FrameSet | None = field(default=None, repr=False, compare=False)
+    camera: Camera | None = field(default=None, repr=False, compare=False)
+    transfer: Literal["linear", "srgb"] = "linear"
 
     @property
     def adequate(self) -> bool:
@@ -150,7 +153,9 @@ def compare_pictures(
         for name, s in zip(("renders", "target"), sets, strict=True)
     }
     sizes = len(sets[0].pictures), len(sets[1].pictures)
-    return PictureComparison(p, tuple(found), _places(found), curves, tuple(warnings), sizes, target)
+    return PictureComparison(
+        p, tuple(found), _places(found), curves, tuple(warnings), sizes, target, camera, transfer
+    )
 
 
 def _noisy(pictures: Pictures, camera: Camera, transfer: Literal["linear", "srgb"], seed: int) -> FrameSet:

@@ -2,12 +2,13 @@
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
+    from visaug.comparison.pictures import PictureComparison
     from visaug.frames import FrameSet
 
 PICTURES = "Replace IMAGES by the pictures that you train with."
@@ -32,6 +33,7 @@ class Inputs:
         effects: files of the user's own effects.
         transfer: `srgb` where the values of pictures follow from light by it; None for linear values.
         options: further options of the diagnosis, as on the command line.
+        pictured: whether the frames are ordinary pictures, whose black level an image that is to look like them keeps.
     """
 
     frames: str = "FRAMES"
@@ -41,6 +43,7 @@ class Inputs:
     effects: tuple[str, ...] = ()
     transfer: str | None = None
     options: tuple[str, ...] = ()
+    pictured: bool = False
 
     @classmethod
     def of(
@@ -55,6 +58,7 @@ class Inputs:
             None if better is None else str(better),
             frames.told_bits if frames else None,
             tuple(_short(path) for path in loaded_files()),
+            pictured=bool(frames and frames.is_pictures),
         )
 
     def measuring(self, command: str, camera: str | None = None, *words: str) -> str:
@@ -75,7 +79,9 @@ class Inputs:
         return _line("characterize", self.frames, *self._depth(), "-o", "camera.yaml")
 
     def augmenting(self, camera: str) -> str:
-        return _line("augment", "IMAGES", "-o", "noisy/", "--camera", camera, *self._own(), *self._transfer())
+        look = ("--transfer", self.transfer or "linear", "--black-level", "keep")
+        look = look if self.pictured else self._transfer()
+        return _line("augment", "IMAGES", "-o", "noisy/", "--camera", camera, *self._own(), *look)
 
     def _depth(self) -> tuple[str, ...]:
         return () if self.bit_depth is None else ("--bit-depth", str(self.bit_depth))
@@ -99,9 +105,17 @@ def after_characterization(inputs: Inputs, of_pictures: bool = False) -> NextSte
     )
 
 
+def picture_inputs(result: "PictureComparison") -> Inputs:
+    """The target's pictures, and the camera that gave the others its noise."""
+    transfer = None if result.transfer == "linear" else result.transfer
+    return replace(Inputs.of(result.camera, result.target), transfer=transfer, pictured=True)
+
+
 def after_pictures(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
     """After `visaug compare --target`; the frames of `inputs` are the target's pictures."""
     if content["fits"]["adequate_before"]:
+        if inputs.camera != Inputs.camera:
+            return NextStep(f"Next: train with this camera. {PICTURES}", inputs.augmenting(inputs.camera))
         return NextStep("Next: train with these pictures, which show no difference from the target.", "")
     return NextStep(
         "Next: measure an effective camera from the target's pictures, to train with its noise.",

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from visaug.report.headline import comparison_headline, view_title
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
-from visaug.report.next_step import Inputs, after_pictures
+from visaug.report.next_step import after_pictures, picture_inputs
 from visaug.report.provenance import footer
 from visaug.wording import number
 
@@ -34,7 +34,7 @@ def write_picture_comparison(path: str | Path, result: "PictureComparison") -> P
         rows,
         caption="Largest differences first. How bright the scenes are and how much sky they show do not enter.",
     )
-    step = after_pictures(content, Inputs.of(None, result.target))
+    step = after_pictures(content, picture_inputs(result))
     blocks: list[Text | Table | Figure] = [
         Text(comparison_headline(content), "finding"),
         Text(step.text, command=step.command),
