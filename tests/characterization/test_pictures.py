@@ -278,3 +278,16 @@ def test_json_is_written_where_pictures_give_no_camera(tmp_path, capsys):
     capsys.readouterr()
     main(["characterize", str(folder)])
     assert "-o camera.yaml" not in capsys.readouterr().out  # a next step that would end in the same error
+
+
+def test_levels_whose_noise_jpeg_has_rounded_away_are_no_measurement(tmp_path):
+    """Quality 60 rounds noise of less than 2.4 DN away; read noise is 1.3 DN."""
+    camera = independent.PictureCamera("coarse", 20.0, 25.0, black_dn=8.0)
+    taken = independent.take(camera, scenes("spacecraft", 12), 5)
+    found = characterize(FrameSet.load(independent.save(taken, tmp_path / "p", 60)))
+    (detail,) = (w for w in found.warning_details if w.word == "noise_rounded_away")
+    assert "image.noise_dn" in detail.spoils
+    for name, truth in (("gain_e_per_dn", 20), ("read_noise.sigma_e", 25)):
+        if name in found.parameters:
+            assert name in detail.spoils
+            assert found[name].low < truth < found[name].high

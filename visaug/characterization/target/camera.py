@@ -14,7 +14,7 @@ from visaug.fingerprint.pictures.blocks import Blocks, Levels, Rounding, noise_b
 from visaug.fingerprint.pictures.curve import TONES, Law, Sky, fit
 from visaug.fingerprint.pictures.files import Pictures, largest_group
 from visaug.fingerprint.pictures.pattern import recurring
-from visaug.fingerprint.pictures.sets import find_sky, is_rendered, jackknife, no_noise
+from visaug.fingerprint.pictures.sets import find_sky, is_rendered, jackknife, no_noise, rounded_away
 from visaug.fingerprint.pictures.texture import Texture, texture_in
 from visaug.frames import FrameSet
 
@@ -147,6 +147,10 @@ def _camera(
         if len(levels.level) < _FEWEST_LEVELS:
             _no_camera(found, "flat regions at several levels")
             return None
+    levels, sky = _without_rounded(found, levels, rounding, sky)
+    if len(levels.level) < _FEWEST_LEVELS:
+        _no_camera(found, "flat regions at several levels whose noise JPEG has not rounded away")
+        return None
     start = Law(
         "linear",
         0.05,
@@ -190,6 +194,23 @@ def _camera(
         "compression, denoising); bias, dark and flat frames would tell the parts"
     )
     return pictures.frames.shape(pictures.indices[0])
+
+
+def _without_rounded(
+    found: Findings, levels: Levels, rounding: Rounding, sky: Sky | None
+) -> tuple[Levels, Sky | None]:
+    """The levels whose noise JPEG has not rounded away, and the sky where it is one of them."""
+    rounded = rounded_away(levels, rounding)
+    if not rounded.any():
+        return levels, sky
+    found.warn(
+        f"noise_rounded_away: JPEG has rounded away the noise of {np.count_nonzero(rounded)} of {len(rounded)} levels; they are "
+        "left out, and noise close to its steps is inexact",
+        spoils=("gain_e_per_dn", "*noise*"),
+    )
+    if sky and rounded[np.argmin(np.abs(levels.level - sky.level))]:
+        sky = None
+    return levels.where(~rounded), sky
 
 
 def _warn_of_fine_texture(found: Findings, texture: Texture, best: Reading) -> None:

@@ -202,7 +202,10 @@ class Levels:
 
     def above(self, deviations: float) -> Levels:
         """Those levels that lie this many standard deviations above code 0."""
-        kept = self.level > deviations * np.sqrt(self.variance)
+        return self.where(self.level > deviations * np.sqrt(self.variance))
+
+    def where(self, kept: np.ndarray) -> Levels:
+        """The levels of a mask (levels,)."""
         return replace(
             self,
             **{

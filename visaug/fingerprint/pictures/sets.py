@@ -92,8 +92,17 @@ def is_rendered(blocks: Blocks, levels: Levels, rounding: Rounding) -> bool:
     weight = levels.blocks.sum(0)
     if weight[levels.level > _LIT_DN].any():
         weight = np.where(levels.level > _LIT_DN, weight, 0)
-    most = rounding.least * _ONLY_ROUNDING if rounding.is_jpeg else _ONLY_ROUNDING_DN2
-    return bool(weight[levels.variance < most].sum() > 0.9 * weight.sum() > 0)
+    rounded = rounded_away(levels, rounding) if rounding.is_jpeg else levels.variance < _ONLY_ROUNDING_DN2
+    return bool(weight[rounded].sum() > 0.9 * weight.sum() > 0)
+
+
+def rounded_away(levels: Levels, rounding: Rounding) -> np.ndarray:
+    """(levels,) whether JPEG has rounded the noise away, so that its variance is known from above alone; False without JPEG."""
+    return (
+        levels.variance < _ONLY_ROUNDING * rounding.least
+        if rounding.is_jpeg
+        else np.zeros(len(levels.level), bool)
+    )
 
 
 def no_noise(pictures: Pictures) -> str:
