@@ -140,3 +140,13 @@ def test_a_wrong_name_is_refused(stated):
 def test_too_few_simulated_sets_to_show_a_difference_are_refused(stated):
     with pytest.raises(InputError, match=r"sets: 40 simulated sets.*at least 50"):
         diagnose(stated, frame_set(1), sets=40)
+
+
+def test_columns_that_the_maker_does_not_mention_beside_pixels_are_found(stated):
+    """The file has the DSNU of pixels alone; columns of 1 e- and rows of 0.4 e- are within the intervals."""
+    partly = Camera.load({**stated.to_dict(), "dsnu": {"pixel_e": 1.2}})
+    found = diagnose(partly, frame_set(5), sets=SETS)
+    assert found.accepted == ("dsnu",)
+    told = found.ranking[0].parameters
+    for part, true in {"column_e": 1.0, "row_e": 0.4, "pixel_e": 1.2}.items():
+        assert told[part].low < true < told[part].high

@@ -10,10 +10,11 @@ from tests.diagnosis.small import frame_set
 from visaug import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis.acceptance import State
-from visaug.diagnosis.candidates import is_proposed, missing_base, trials
+from visaug.diagnosis.candidates import base_trials, is_proposed, missing_base, trials
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.parameters import base_coordinates, effect_coordinates
 from visaug.diagnosis.reference import Null
+from visaug.diagnosis.refinement import coordinates_of
 from visaug.diagnosis.residue import describe
 from visaug.diagnosis.robust import p_value, standardised
 from visaug.effects import catalogue
@@ -47,6 +48,18 @@ def test_base_terms_at_zero_are_candidates_and_not_free(stated):
     assert not any(path.startswith("prnu.") for path in free)
     assert "read_noise.shape" not in free
     assert {"gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "dark_current.b_per_c"} <= free
+
+
+def test_a_part_of_a_base_term_at_zero_is_a_candidate_by_itself(stated):
+    """A maker's file with the PRNU of pixels alone: columns and rows are tried, and the pixels' stays a nuisance parameter."""
+    partly = Camera.load({**stated.to_dict(), "prnu": {"pixel": 0.006}})
+    assert missing_base(partly) == ["prnu"]
+    tried = base_trials(partly, "prnu")
+    assert {path for trial in tried for path, _ in trial.values} == {"prnu.column", "prnu.row"}
+    fitted = base_coordinates(partly, frame_set(0), True)
+    lab = SimpleNamespace(frames=frame_set(0))
+    own = coordinates_of("prnu", tried[0].on(partly), lab, fitted)
+    assert [c.path for c in own] == ["prnu.column", "prnu.row"]
 
 
 def test_what_is_left_is_described_along_its_axis_and_growth():

@@ -69,17 +69,27 @@ class Trial:
 
 
 def missing_base(camera: Camera) -> list[str]:
-    """Base terms that the camera file leaves at zero, and read noise that it has as Gaussian."""
+    """Base terms that the camera file leaves at zero, in whole or in part, and read noise that it has as Gaussian."""
     values = camera.values()
-    absent = []
-    for name in ("prnu", "dsnu", "dark_current", "read_noise"):
-        if all(values[f"{name}.{key}"] == 0 for key in catalogue()[name].strengths()):
-            absent.append(name)
+    names = ("prnu", "dsnu", "dark_current", "read_noise")
+    absent = [name for name in names if missing_parts(camera, name)]
     if "read_noise" not in absent and abs(values["read_noise.shape"] - GAUSSIAN_SHAPE) < 1e-9:
         absent.append("read_noise")
     if values["full_well_e"] == float("inf"):
         absent.append("saturation")
     return absent
+
+
+def missing_parts(camera: Camera, name: str) -> list[str]:
+    """Strengths of a base term that the camera file leaves at zero: makers often give the PRNU of pixels and not that of columns.
+
+    None of a term whose maps the camera has, which hold all parts. A strength without trial values is not fitted: frames of one
+    gain cannot separate what is added after it from what is added before.
+    """
+    if name in camera.maps:
+        return []
+    values, term = camera.values(), catalogue()[name]
+    return [key for key in term.strengths() if values[f"{name}.{key}"] == 0 and term.parameters[key].trials]
 
 
 def is_proposed(effect: type[Effect]) -> bool:
@@ -109,10 +119,7 @@ def base_trials(camera: Camera, name: str) -> list[Trial]:
         return [Trial(name, (("full_well_e", share * full_scale),)) for share in (0.3, 0.6, 0.85)]
     if name == "read_noise" and camera.spec.read_noise.sigma_e > 0:
         return [Trial(name, (("read_noise.shape", shape),)) for shape in (0.0, -0.15)]
-    known = {key: catalogue()[name].parameters[key] for key in catalogue()[name].strengths()}
-    strengths = {
-        key: p for key, p in known.items() if p.trials
-    }  # one gain cannot part what is after it from before
+    strengths = {key: catalogue()[name].parameters[key] for key in missing_parts(camera, name)}
     together = [tuple((f"{name}.{key}", p.trials[i]) for key, p in strengths.items()) for i in (0, -1)]
     alone = [
         tuple(

@@ -72,12 +72,19 @@ class Refined:
         }
 
 
-def coordinates_of(effect: str, camera: Camera, lab: Laboratory) -> list[Coordinate]:
-    """The free parameters of a candidate: of a further effect, or of a base term that was zero."""
+def coordinates_of(
+    effect: str, camera: Camera, lab: Laboratory, free: Sequence[Coordinate]
+) -> list[Coordinate]:
+    """The free parameters of a candidate: of a further effect, or of what was zero in a base term.
+
+    Args:
+        free: the camera's own free parameters, to which those of the candidate are added.
+    """
     if not catalogue()[effect].base:
         return effect_coordinates(camera, effect)
-    prefix = "full_well_e" if effect == "saturation" else f"{effect}."
-    return [c for c in base_coordinates(camera, lab.frames, True) if c.path.startswith(prefix)]
+    prefix, known = "full_well_e" if effect == "saturation" else f"{effect}.", {c.path for c in free}
+    own = base_coordinates(camera, lab.frames, True)
+    return [c for c in own if c.path.startswith(prefix) and c.path not in known]
 
 
 def refine(
@@ -112,7 +119,7 @@ def refine(
     if beside and extrapolation(match) > np.log(SCALED_FAR):
         cameras += _among(lab, fitted, beside)
     cameras += also
-    own = coordinates_of(match.trial.effect, camera, lab)
+    own = coordinates_of(match.trial.effect, camera, lab, fitted.reference.coordinates)
     judged = metric(fitted, FINE, allowance)
     climb = Climb(lab, fitted, judged, match, camera, own)
     report(f"refining {match.trial.effect}", 0, iterations)
