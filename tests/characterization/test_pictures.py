@@ -276,7 +276,9 @@ def test_json_is_written_where_pictures_give_no_camera(tmp_path, capsys):
     assert end.value.code == 2
     assert "image.noise_dn" in json.loads(told.read_text())["parameters"]
     capsys.readouterr()
-    main(["characterize", str(folder)])
+    page = tmp_path / "page.html"
+    main(["characterize", str(folder), "--report", str(page)])
+    assert "-o camera.yaml" not in page.read_text()
     assert "-o camera.yaml" not in capsys.readouterr().out  # a next step that would end in the same error
 
 

@@ -28,10 +28,9 @@ def write_characterization(
     content = result.to_json()
     pictured = all(record.kind == "image" for record in frames.records)
     inputs = replace(Inputs.of(None, frames, camera_file), transfer=result.transfer)
-    blocks: list[Text | Table | Figure] = [
-        next_text(after_characterization(inputs, pictured)),
-        *_parameter_tables(content["parameters"]),
-    ]
+    blocks: list[Text | Table | Figure] = [*_parameter_tables(content["parameters"])]
+    if not pictured or "gain_e_per_dn" in content["parameters"]:  # else there is no camera to write
+        blocks.insert(0, next_text(after_characterization(inputs, pictured)))
     if content["not_determined"]:
         open_rows = [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]
         blocks.append(Table(["not determined", "needs"], open_rows, caption="What these frames cannot tell."))
