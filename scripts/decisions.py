@@ -1,7 +1,7 @@
 """Records what `diagnose` decides on small problems, with every simulated candidate, and compares decision rules on the records.
 
-    python scripts/decisions.py record RECORDS 100-399        (resumes; about half a minute of a core each)
-    python scripts/decisions.py compare RECORDS [--form 0.1] [--share 0.8] [--odds 7]
+    python -m scripts.decisions record RECORDS 100-399        (resumes; about half a minute of a core each)
+    python -m scripts.decisions compare RECORDS [--form 0.1] [--share 0.8] [--odds 7]
 
 A problem is a set of 47 frames of 64 x 80 pixels by the benchmark's camera: one effect, two, none, one that is removed from
 the catalogue, or one that no catalogue has, at 0.8 to 4 times the faint strength. A record holds one entry per step of the
