@@ -1,5 +1,6 @@
 """The next command names the files at hand, quoted so that a shell takes them as they are."""
 
+import dataclasses
 import shlex
 import sys
 
@@ -89,7 +90,8 @@ def test_images_that_are_to_look_like_pictures_keep_their_black_level():
     found = PictureComparison(
         1.0, (), Places(()), {}, (), (5, 5), taken, visaug.Camera.load("sony_imx174"), "srgb"
     )
-    assert after_pictures(NOTHING, picture_inputs(found)).command == (
+    command = after_pictures(NOTHING, dataclasses.replace(picture_inputs(found), effects=())).command
+    assert command == (
         "visaug augment IMAGES -o noisy/ --camera sony_imx174 --transfer srgb --black-level keep"
     )
 
