@@ -125,6 +125,7 @@ def renders(n=8):
         ("diagnose", ["--json=-"], 0, "err"),
         ("compare", [], 0, "out"),
         ("compare", ["--fail-on-misfit"], 3, "err"),
+        ("compare", ["--fail-on-misfit", "--json=-"], 3, "err"),
     ],
 )
 def test_renders_have_no_sensor_noise_to_diagnose(tmp_path, capsys, command, words, status, stream):
@@ -133,7 +134,11 @@ def test_renders_have_no_sensor_noise_to_diagnose(tmp_path, capsys, command, wor
     with pytest.raises(SystemExit) as ended:
         main([command, str(folder), "--camera", str(camera), *words])
     assert ended.value.code == status
-    assert "no sensor noise found" in getattr(capsys.readouterr(), stream)
+    said = capsys.readouterr()
+    assert "no sensor noise found" in getattr(said, stream)
+    if "--json=-" in words:
+        (warning,) = json.loads(said.out)["warnings"]
+        assert warning.startswith("no_sensor_noise: ")
 
 
 def test_pictures_of_one_bright_level_are_no_sky():

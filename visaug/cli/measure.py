@@ -1,5 +1,7 @@
 """Commands that measure: characterize, compare, diagnose, lab."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -232,13 +234,14 @@ def compare(
         return
     assert camera is not None
     frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
-    with progress_bars(quiet=quiet) as progress:
+    with progress_bars(quiet=quiet) as progress, _warning_of_renders(json_path):
         try:
             result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
         except NoSensorNoise as none:
             if not fail_on_misfit:
                 raise
             click.echo(str(none), err=True)  # no camera with noise explains these pictures
+            _write_warning(json_path, none)
             raise SystemExit(MISFIT) from None
     inputs = replace(Inputs.of(camera, frames), transfer=_told(transfer))
     content = result.to_json()
@@ -255,6 +258,20 @@ def compare(
         summaries.print_next(after_comparison(content, inputs))
     if fail_on_misfit and not result.adequate:
         raise SystemExit(MISFIT)
+
+
+@contextmanager
+def _warning_of_renders(json_path: Path | None) -> Iterator[None]:
+    """Writes the warning alone as JSON where pictures have no sensor noise: a command that ends with status 0 leaves a trace."""
+    try:
+        yield
+    except NoSensorNoise as none:
+        _write_warning(json_path, none)
+        raise
+
+
+def _write_warning(json_path: Path | None, none: NoSensorNoise) -> None:
+    write_result(json_path, {"warnings": [f"no_sensor_noise: {none}"]})
 
 
 def _told(transfer: str) -> str | None:
@@ -323,7 +340,7 @@ def diagnose(
         find(name)
     camera = load_camera(camera_name)
     frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
-    with progress_bars(single=True, quiet=quiet) as progress:
+    with progress_bars(single=True, quiet=quiet) as progress, _warning_of_renders(json_path):
         result = visaug.diagnose(
             camera,
             frames,

@@ -181,7 +181,7 @@ def _prepared(name: str, frames: FrameSet, seed: int, warnings: list[str]) -> _S
     pictures = largest_group(frames, lambda text: warnings.append(f"{text} ({name})"))
     if len(pictures) < _FEWEST:
         raise InputError(
-            f"holds {len(pictures)} pictures of one kind",
+            f"too few pictures of one kind: {len(pictures)}",
             field=name,
             expected=f"{_FEWEST} or more of one size",
         )
