@@ -33,10 +33,11 @@ from unittest.mock import patch
 import numpy as np
 
 from benchmark import effects, foreign
-from benchmark.camera import Sensor, Shot, take
+from benchmark.camera import Sensor, take
 from benchmark.commands import seeds_of
 from benchmark.randomness import stream
 from benchmark.sets import camera_yaml
+from benchmark.small import CHART, PLAN, SENSOR, chart
 from benchmark.strengths import scaled
 from visaug import Camera, FrameSet
 from visaug.diagnosis import search
@@ -47,25 +48,12 @@ from visaug.diagnosis.choice import Accepted, Choice
 from visaug.diagnosis.refinement import Refined
 from visaug.frames import FrameRecord
 
-SENSOR = Sensor(
-    name="small", rows=64, columns=80, bits=14, efficiency=0.55, e_per_dn=0.7, pedestal_dn=120.0, well_e=9000.0,
-    integration_s=0.01, celsius=20.0, read_e=3.0, tail=-0.1, dark_e_per_s=0.2, dark_per_c=0.1,
-    prnu=(0.002, 0.0015, 0.006), dsnu_e=(1.0, 0.4, 1.2),
-)  # fmt: skip
-PLAN = (
-    [Shot("bias", 1e-5, 20.0)] * 12
-    + [Shot("dark", t, c) for c in (20.0, 30.0) for t in (0.2, 2.0) for _ in range(3)]
-    + [Shot("flat", 0.01, 20.0, float(p)) for p in (100, 1000, 4000, 9000, 14000) for _ in range(3)]
-    + [Shot("scene", 0.01, 20.0, target="chart"), Shot("dark", 0.01, 20.0)] * 4
-)  # fmt: skip
 KINDS = {"single": 0.45, "pair": 0.2, "clean": 0.1, "leave_out": 0.15, "foreign": 0.1}
 CALIBRATED = 2  # the benchmark's camera whose faint strengths are taken
 SETS = 120
-OUTLIERS, RANGE, LEAST = (
-    0.01,
-    1e4,
-    3.0,
-)  # share, ratio of the largest to the least, the least in standard deviations
+OUTLIERS = 0.01  # share of statistics that another effect shifts
+RANGE = 1e4  # ratio of the largest outlier to the smallest
+LEAST = 3.0  # the smallest outlier, in standard deviations
 SHIFTED = 3.0  # standard deviations of a change from which an effect shifts a statistic
 
 
@@ -105,23 +93,14 @@ def problem(seed: int) -> Problem | None:
     return Problem(seed, kind, sensor, tuple(hidden))
 
 
-def chart(sensor: Sensor) -> np.ndarray:
-    """Photons (64, 80): squares at 0.1 to 0.8 of the full well on a dim ground, and a spot at twelve times it."""
-    target, full = np.full(sensor.shape, 300.0), sensor.well_e / sensor.efficiency
-    for k in range(4):
-        target[8:24, 8 + 18 * k : 20 + 18 * k] = full * (0.1 + 0.7 * k / 3)
-    target[44:47, 30:33] = 12 * full
-    return target
-
-
 def frames_of(one: Problem) -> FrameSet:
     kinds = effects.BY_NAME | {k.name: k for k in foreign.KINDS}
     hidden = effects.in_order([kinds[name].at(strength) for name, strength in one.hidden])
-    targets = {"chart": chart(one.sensor)}
-    taken = take(one.sensor, PLAN, targets, one.seed, hidden)
+    plan, targets = (*PLAN, *CHART), {"chart.npy": chart(one.sensor)}
+    taken = take(one.sensor, plan, targets, one.seed, hidden)
     records = [
         FrameRecord(i, f"{i}.npy", s.kind, s.seconds, s.celsius, 0.0, s.photons, clean=s.target)
-        for i, s in enumerate(PLAN)
+        for i, s in enumerate(plan)
     ]
     return FrameSet.from_arrays(records, list(taken), targets, bit_depth=one.sensor.bits)
 

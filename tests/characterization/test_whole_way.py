@@ -107,7 +107,7 @@ def test_what_was_measured_of_a_real_ccd_brings_its_camera_closer():
 
 
 def test_a_diagnosis_of_the_camera_that_was_measured_raises_no_error():
-    """Of the real CCD, without the search for effects: what is left of its frames is told, and the refit is no step back."""
+    """The real CCD without the search for effects: the remaining difference is reported, and the refit does not raise the error."""
     frames = ccd_window(40, 48, exposures=(0.00118, 0.0046, 0.0086))
     camera = characterize(frames).camera
     found = visaug.diagnose(camera, frames, without=list(catalogue()), sets=50, seed=3)

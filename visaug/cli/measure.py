@@ -123,9 +123,8 @@ def characterize(
         progress("characterizing", 1, 1)
     if not is_silent(quiet, json_path):
         summaries.print_characterization(result.to_json())
-    write_result(
-        json_path, result.to_json()
-    )  # first: what was measured is told where there is no camera to write
+    # The measurements are written before the camera, because writing a camera fails where none was determined.
+    write_result(json_path, result.to_json())
     if output and result.is_noiseless:
         click.echo("no sensor noise found: no camera is written", err=is_silent(quiet, json_path))
         output = None
@@ -234,15 +233,8 @@ def compare(
         return
     assert camera is not None
     frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
-    with progress_bars(quiet=quiet) as progress, _warning_of_renders(json_path):
-        try:
-            result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
-        except NoSensorNoise as none:
-            if not fail_on_misfit:
-                raise
-            click.echo(str(none), err=True)  # no camera with noise explains these pictures
-            _write_warning(json_path, none)
-            raise SystemExit(MISFIT) from None
+    with progress_bars(quiet=quiet) as progress, _warning_of_renders(json_path, fail_on_misfit):
+        result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
     inputs = replace(Inputs.of(camera, frames), transfer=_told(transfer))
     content = result.to_json()
     if not is_silent(quiet, json_path):
@@ -261,17 +253,16 @@ def compare(
 
 
 @contextmanager
-def _warning_of_renders(json_path: Path | None) -> Iterator[None]:
-    """Writes the warning alone as JSON where pictures have no sensor noise: a command that ends with status 0 leaves a trace."""
+def _warning_of_renders(json_path: Path | None, fail_on_misfit: bool = False) -> Iterator[None]:
+    """Where pictures have no sensor noise, writes the warning alone as JSON; no camera with noise explains such pictures."""
     try:
         yield
     except NoSensorNoise as none:
-        _write_warning(json_path, none)
-        raise
-
-
-def _write_warning(json_path: Path | None, none: NoSensorNoise) -> None:
-    write_result(json_path, {"warnings": [f"no_sensor_noise: {none}"]})
+        write_result(json_path, {"warnings": [f"no_sensor_noise: {none}"]})
+        if not fail_on_misfit:
+            raise
+        click.echo(str(none), err=True)
+        raise SystemExit(MISFIT) from None
 
 
 def _told(transfer: str) -> str | None:
