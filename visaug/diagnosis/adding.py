@@ -3,25 +3,21 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from visaug.camera import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis import cache
-from visaug.diagnosis.acceptance import OFF, State, explains, may_explain, moves_of
 from visaug.diagnosis.candidates import Trial, exchanged
-from visaug.diagnosis.fit import TWINS, Fitted, refit
-from visaug.diagnosis.naming import SIGNIFICANT, decided
+from visaug.diagnosis.criterion import SHARE, Evidence, evidence
+from visaug.diagnosis.fit import Fitted, refit
 from visaug.diagnosis.parameters import Coordinate, effect_coordinates, moved, strengths_of
 from visaug.diagnosis.reference import Reference, Report
 from visaug.diagnosis.refinement import Refined
-from visaug.diagnosis.robust import standardised
-from visaug.diagnosis.signatures import cleared
-from visaug.diagnosis.spread import Scatter, scatter, widened
-from visaug.effects import catalogue
+from visaug.diagnosis.scatter import Scatter, scatter
+from visaug.diagnosis.state import State
 
 SETS_AFTER = 120  # simulated sets of a camera with an effect added,
-SETS_BEFORE = 30  # and the first of them, from which `may_explain` is decided
+SETS_BEFORE = 30  # and the first of them, from which a strength is estimated and candidates are ordered
+FIRST = 0.5  # share of the least evidence from which few simulated sets do not exclude a candidate
 SCALED = 2  # iterations of a strength that is estimated from variance
 BENT = 5.0  # standard deviations between fit and camera file above which a second fit starts from the file
 AS_DEEP = 1.1  # ratio of two misfits up to which two minima count as equally good
@@ -45,87 +41,61 @@ class Adding:
     report: Report
     sets: int = SETS_AFTER
 
-    def where_promising(self, state: State, candidate: Refined) -> State | None:
-        """As `with_candidate`, or None if a few simulated sets show that the effect does not explain the residuals."""
-        sketch = self._sketched(state, candidate)
-        if not self._may_explain(state, candidate, sketch):
-            return None
-        so = self._as_it_scatters(state, candidate, sketch)
-        if so is not None and explains(self.lab.statistics, state, so):
-            return so
-        settled = self._settled(state, candidate, sketch)
-        if so is None:
-            return (
-                self._completed(state, candidate, settled)
-                if self._may_explain(state, candidate, settled)
-                else None
-            )
-        # One rare missing code in dark frames has the variance of four times as many; flat frames exclude that.
-        if may_explain(self.lab.statistics, state, settled):
-            by_moves = self._completed(state, candidate, settled)
-            if explains(self.lab.statistics, state, by_moves):
-                return by_moves
-        return so
-
     def with_candidate(self, state: State, candidate: Refined) -> State:
-        """The state with a candidate, simulated and refitted; its strength is estimated from variance if it has no mean shift."""
-        sketch = self._sketched(state, candidate)
-        so = self._as_it_scatters(state, candidate, sketch)
-        return so or self._completed(state, candidate, self._settled(state, candidate, sketch))
+        """The state with a candidate, simulated and refitted."""
+        return self.completed(state, candidate, self.sketched(state, candidate))
 
-    def _sketched(self, state: State, candidate: Refined) -> State:
-        """The state by the first of the simulated sets, without a new reference where the fit ends."""
-        effect, own = candidate.effect, candidate.coordinates
-        return self._added(state, effect, candidate.camera, own, self._few, settle=False)
+    def completed(self, state: State, candidate: Refined, sketch: State) -> State:
+        """The state of a sketch by all simulated sets.
 
-    def _may_explain(self, state: State, candidate: Refined, sketch: State) -> bool:
-        scatters = self._scatter(state, sketch, strengths_of(candidate.effect, candidate.coordinates))
-        return scatters is not None or may_explain(self.lab.statistics, state, sketch)
-
-    def _settled(self, state: State, candidate: Refined, sketch: State) -> State:
-        """The state with a reference simulated where the fit ended, if that is far from the first."""
-        fitted = cache.settled(self.lab, sketch.fitted, self._few, self.report)
-        if fitted is sketch.fitted:
-            return sketch
-        return state.with_effect(candidate.effect, fitted, *self._moves_of(candidate.effect, state, fitted))
-
-    def _completed(self, state: State, candidate: Refined, sketch: State) -> State:
+        The strength is estimated from the variance that the effect adds where its mean shift is not enough.
+        """
+        told = self._told(state, sketch, candidate)
+        if told is not None and not told.is_in_means:
+            so = self._as_it_scatters(state, candidate, sketch, told)
+            if so is not None:
+                return so
         effect, own, begun = candidate.effect, candidate.coordinates, sketch.fitted.reference
         return self._added(state, effect, begun.camera, own, self.sets, begun, settle=False)
+
+    def sketched(self, state: State, candidate: Refined) -> State:
+        """The state by the first of the simulated sets. Where the fit ended far from them, they are simulated anew."""
+        return self._added(state, candidate.effect, candidate.camera, candidate.coordinates, self._few)
+
+    def is_hopeless(self, state: State, candidate: Refined, sketch: State) -> bool:
+        """Whether few simulated sets show that the criterion will refuse a candidate: its strength is right, but explains little."""
+        told = self._told(state, sketch, candidate)
+        is_fitted = told is None or told.is_in_means
+        return is_fitted and evidence(state, sketch, len(candidate.coordinates)).share < FIRST * SHARE
 
     @property
     def _few(self) -> int:
         return min(SETS_BEFORE, self.sets)
 
-    def _as_it_scatters(self, state: State, candidate: Refined, sketch: State) -> State | None:
-        """The state with a strength estimated from variance; None if the variance does not determine it.
+    def _as_it_scatters(self, state: State, candidate: Refined, sketch: State, told: Scatter) -> State | None:
+        """The state with a strength estimated from variance; None if that does not reproduce itself.
 
-        If residuals stay where the effect acts, its other parameters are tried at the catalogue's values, with few simulated
-        sets each.
+        The effect's other parameters are tried at the catalogue's values too, with few simulated sets each, since their
+        estimates come from mean shifts.
         """
-        effect, strengths = candidate.effect, strengths_of(candidate.effect, candidate.coordinates)
-        told = self._scatter(state, sketch, strengths)
-        if told is None or not told.tells:
-            return None
-        sketches = []
+        strengths, effect = told.strengths, candidate.effect
+        sketches: list[tuple[Evidence, State]] = []
         for camera in self._otherwise(effect, told.scaled(sketch.fitted.camera), {c.path for c in strengths}):
-            again = self._scattering(state, effect, camera, strengths, self._few)
+            again = self._scattering(state, candidate, camera, strengths, self._few)
             if again is None:
                 break
-            sketches.append(again)
-            if self._holds_where_it_acts(state, again):
+            sketches.append((evidence(state, again, len(candidate.coordinates)), again))
+            if sketches[-1][0].is_reached:
                 break
         if not sketches:
             return None
-        best = decided(self.lab.statistics, state, [(candidate, each) for each in sketches])[0][
-            1
-        ].fitted.reference
-        return self._scattering(state, effect, best.camera, strengths, self.sets, best)
+        best = max(sketches, key=lambda pair: pair[0].odds)[1].fitted.reference
+        return self._scattering(state, candidate, best.camera, strengths, self.sets, best)
 
     def _scattering(
         self,
         state: State,
-        effect: str,
+        candidate: Refined,
         camera: Camera,
         strengths: tuple[Coordinate, ...],
         sets: int,
@@ -134,22 +104,16 @@ class Adding:
         """The state with the strength of the camera given, or the one that its variance then yields; None if they differ."""
         held = {c.path for c in strengths}
         for _ in range(SCALED):
-            others = [c for c in effect_coordinates(camera, effect) if c.path not in held]
-            after = self._added(state, effect, camera, others, sets, begun, settle=sets == self.sets)
-            told = self._scatter(state, after, strengths)
-            if told is None:
-                return None
+            others = [c for c in effect_coordinates(camera, candidate.effect) if c.path not in held]
+            after = self._added(
+                state, candidate.effect, camera, others, sets, begun, settle=sets == self.sets
+            )
+            told = self._told(state, after, candidate)
+            assert told is not None
             if told.is_met:
                 return replace(after, scatters=(*after.scatters, told))
             camera, begun = told.scaled(after.fitted.camera), None
         return None
-
-    @staticmethod
-    def _holds_where_it_acts(before: State, after: State) -> bool:
-        """Whether no residual is left that another value of the last effect could remove: it neither shifts nor varies there."""
-        moved_far = np.abs(standardised(moves_of(before, after), before.fitted.reference.null_scale)) > OFF
-        off = np.abs(after.z) > np.quantile(after.fitted.reference.null.largest, 1 - SIGNIFICANT)
-        return not np.any(off & (moved_far | widened(before.fitted, after.fitted)))
 
     def swapped(self, state: State, own: Refined, rival: Refined) -> State:
         """The state with an effect replaced by a rival, everything refitted."""
@@ -158,9 +122,7 @@ class Adding:
         accepted = tuple(rival.effect if name == own.effect else name for name in state.accepted)
         fitted = self._fitted(state, camera, [*kept, *rival.coordinates], self.sets)
         scatters = tuple(s for s in state.scatters if s.effect != own.effect)
-        return replace(
-            state, fitted=fitted, accepted=accepted, moves=None, confirm_moves=None, scatters=scatters
-        )
+        return replace(state, fitted=fitted, accepted=accepted, scatters=scatters)
 
     def _otherwise(self, effect: str, camera: Camera, held: set[str]) -> Iterator[Camera]:
         """A camera, then the same with the free parameters of its effect at each of the catalogue's trial values."""
@@ -176,8 +138,8 @@ class Adding:
                     yield camera.replace(numbers)
 
     @staticmethod
-    def _scatter(before: State, after: State, strengths: tuple[Coordinate, ...]) -> Scatter | None:
-        return None if after.moves is None else scatter(before.fitted, after.fitted, after.moves, strengths)
+    def _told(before: State, after: State, candidate: Refined) -> Scatter | None:
+        return scatter(before.fitted, after.fitted, strengths_of(candidate.effect, candidate.coordinates))
 
     def _added(
         self,
@@ -192,7 +154,7 @@ class Adding:
         """The state with an effect whose free coordinates are `own`."""
         coordinates = [*state.fitted.reference.coordinates, *own]
         fitted = self._fitted(state, camera, coordinates, sets, begun, settle)
-        return state.with_effect(effect, fitted, *self._moves_of(effect, state, fitted))
+        return state.with_effect(effect, fitted)
 
     def _fitted(
         self,
@@ -245,19 +207,3 @@ class Adding:
         if all(abs(c.read(fitted) - there) <= BENT * known for c, there, known in own):
             return None
         return moved(fitted, [c for c, _, _ in own], [there for _, there, _ in own])
-
-    def _moves_of(
-        self, effect: str, before: State, fitted: Fitted
-    ) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-        """Shift of the statistics of the discovery and hold-out frames by an effect of a fitted camera.
-
-        (None, None) for a term of the base chain, which cannot be removed.
-        """
-        if catalogue()[effect].base:
-            return None, None
-        pair, reference = (fitted.camera, fitted.camera.without_effect(effect)), before.fitted.reference
-        find, confirm, _ = self.lab.simulated([(c, k) for c in pair for k in range(TWINS)])
-        moves = [values.reshape(2, TWINS, -1) for values in (find, confirm)]
-        scales = (reference.null_scale, reference.confirm_null.scale)
-        found, confirmed = (cleared(m[0] - m[1], scale) for m, scale in zip(moves, scales, strict=True))
-        return found, confirmed

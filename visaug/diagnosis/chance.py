@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.comparison import Laboratory, tail_factor
-from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.law import Metric, each_half
-from visaug.diagnosis.robust import p_value, standardised
+from visaug.diagnosis.robust import standardised
 from visaug.diagnosis.signatures import Signatures
+from visaug.diagnosis.state import State
 
 SOMEWHERE = 3.0  # times as unlikely must one large residual be as a match, to count as much: what no effect matches is seldom faint
 
@@ -61,11 +61,6 @@ class Chance:
         least = np.minimum(_ranks(self.match, self.matches), somewhere)
         return float(np.mean(least <= least[-1]))
 
-    def p_value_of(self, shape: np.ndarray) -> float:
-        """p-value of one direction (statistics of all frames,), against the largest match of any signature under the null."""
-        match, _ = _matches(self.halves, shape[None])
-        return p_value(match, self.matches)
-
 
 def chance(lab: Laboratory, signed: Signatures, state: State) -> Chance:
     """For the mean signatures of all effects that are not accepted yet, without tolerance of their forms."""
@@ -73,12 +68,12 @@ def chance(lab: Laboratory, signed: Signatures, state: State) -> Chance:
     null = reference.whole_null
     judged = [
         Half(m, m.white(state.fitted.whole_residual), m.white(others))
-        for m, others in each_half(null, state.whole_allowance)
+        for m, others in each_half(null, state.whole.allowance)
     ]
     chosen = [i for i, trial in enumerate(signed.trials) if trial.effect not in state.accepted]
     shapes = lab.whole_of(signed.values[chosen])
     seen = np.sqrt((standardised(shapes, null.scale) ** 2).sum(1)) > 0.5
-    largest = float(np.abs(state.whole_z).max())
+    largest = float(np.abs(state.whole.z).max())
     return Chance(judged, *_matches(judged, shapes[seen]), largest, reference.largest)
 
 

@@ -52,6 +52,11 @@ class Fitted:
         return standardised(self.residual, self.reference.null_scale)
 
     @property
+    def residuals(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the discovery, the hold-out and all frames."""
+        return self.residual, self.confirm_residual, self.whole_residual
+
+    @property
     def slopes(self) -> np.ndarray:
         return self.reference.slopes
 

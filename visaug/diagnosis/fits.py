@@ -5,20 +5,21 @@ from dataclasses import dataclass
 
 from visaug.camera import Camera
 from visaug.comparison import Distance, Error, Laboratory, Places, places
+from visaug.comparison.chance import SIGNIFICANT
 from visaug.diagnosis import Estimate, cache
-from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.candidates import looked, trials
 from visaug.diagnosis.errors import Errors
 from visaug.diagnosis.fit import Fitted, refit
 from visaug.diagnosis.matches import matches
-from visaug.diagnosis.naming import SIGNIFICANT, from_other_starts
 from visaug.diagnosis.parameters import base_coordinates
 from visaug.diagnosis.reference import Reference, Report, make_reference
 from visaug.diagnosis.refinement import refine
 from visaug.diagnosis.result import estimates
 from visaug.diagnosis.search import SETS
+from visaug.diagnosis.selection import from_other_starts
 from visaug.diagnosis.signatures import signatures
+from visaug.diagnosis.state import State
 from visaug.effects import catalogue
 from visaug.errors import InputError
 from visaug.frames import FrameSet
@@ -88,7 +89,7 @@ class Fits:
             fitted.camera,
             Errors(self.lab, self._reference((), report), plain.fitted).told(fitted),
             state.p_value,
-            places(left, self.lab.statistics, state.z),
+            places(left, self.lab.statistics, state.find.z),
             {name: estimates(name, fitted.camera, *state.numbers) for name in added},
         )
 
@@ -108,7 +109,7 @@ class Fits:
         left = Distance(
             self.lab.statistics, reference.mean + fitted.residual, reference.sets, reference.find.least
         )
-        return Fit(camera, error, state.p_value, places(left, self.lab.statistics, state.z), {})
+        return Fit(camera, error, state.p_value, places(left, self.lab.statistics, state.find.z), {})
 
     def _sets_of_given(self, count: int, report: Report) -> Reference:
         """Simulated sets of the camera file, without derivatives: those that exist already, or as many as requested."""
@@ -152,10 +153,10 @@ class Fits:
             trials(known.camera, others, only=frozenset({name})) + looked(self.lab, known.camera, others),
             report,
         )
-        tried = matches(signs, before.fitted, others, before.allowance)
-        best = refine(self.lab, before.fitted, tried[0], report, before.allowance)
+        tried = matches(signs, before.fitted, others, before.find.allowance)
+        best = refine(self.lab, before.fitted, tried[0], report, before.find.allowance)
         starts = [m for m in tried if m.trial.form != tried[0].trial.form]
-        best = from_other_starts(self.lab, before.fitted, best, starts, report, before.allowance)
+        best = from_other_starts(self.lab, before.fitted, best, starts, report, before.find.allowance)
         adding = Adding(self.lab, self._reference((), report), signs.trials, report, self._after)
         return adding.with_candidate(before, best)
 

@@ -9,10 +9,12 @@ from scipy.linalg import cho_solve, solve_triangular
 from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.reference import Null
 
-ROUGH, FINE = (
-    0.3,
-    0.1,
-)  # how far a form may differ from the catalogue's, relative, in first signatures and after refining
+FORM = 0.1  # model discrepancy of an effect's form, relative to what the effect explains,
+ROUGH = 0.3  # and of its first signatures, whose parameters are not fitted yet
+
+OUTLIERS = 0.01  # share of the statistics that effects outside the model shift
+LEAST = 3.0  # the smallest outlier, in standard deviations,
+RANGE = 1e4  # and the ratio of the largest to the smallest
 
 
 @dataclass(frozen=True)
@@ -119,17 +121,15 @@ def scatter_along(null: Null, left: np.ndarray, ways: np.ndarray) -> np.ndarray:
     return np.maximum(found, 1.0)
 
 
-def log_density(fitted: Fitted, allowance: np.ndarray, used: np.ndarray) -> float:
-    """Log density of the residual of a camera under its own simulated sets, with its parameters marginalised.
+def log_density(residual: np.ndarray, scale: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    """Log density of residuals (..., statistics): normal with standard deviation `scale`, or log-uniform beyond `LEAST` times `unit`.
 
-    It includes the variance that an effect adds, which the first matches only approximate, so it can decide between effects.
-
-    Args:
-        allowance: tolerance of effects' forms, per statistic.
-        used: statistics that vary under every camera that is compared.
+    The second is for what effects outside the model cause.
     """
-    m = law(fitted.reference.null, allowance, used)
-    return m.log_likelihood(fitted.residual) - float(np.log(m.scale).sum())
+    size = np.abs(residual)
+    normal = np.exp(-0.5 * (size / scale) ** 2) / (scale * np.sqrt(2 * np.pi))
+    outlier = 1 / (2 * np.log(RANGE) * np.maximum(size, LEAST * unit))
+    return np.log((1 - OUTLIERS) * normal + OUTLIERS * outlier)
 
 
 def shrunk(samples: np.ndarray) -> np.ndarray:

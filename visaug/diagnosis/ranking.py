@@ -7,18 +7,17 @@ from typing import Any
 import numpy as np
 
 from visaug.comparison import Distance, Error
-from visaug.diagnosis.acceptance import State
-from visaug.diagnosis.naming import CLOSE
+from visaug.diagnosis.choice import Accepted, Judged
 from visaug.diagnosis.reference import Report
 from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.result import Ranked, estimates
 from visaug.diagnosis.separate import measurement
+from visaug.diagnosis.state import State
 from visaug.fingerprint import Statistic
 
-UNCLEAR = 14.0  # log-likelihood difference within which simulated rivals are ambiguous: twice its assumed uncertainty
-TEMPER = (
-    4.0  # divides log-likelihood differences for the odds: with 12, known to 7, the sign is wrong once in 20
-)
+# Divides differences of log odds: the statistics are correlated, and their variances come from few simulated sets
+TEMPER = 4.0
+UNCLEAR = 3.0 * TEMPER  # log odds within which accepted rivals are ambiguous: one in twenty
 
 
 class Ranking:
@@ -39,17 +38,9 @@ class Ranking:
         """The most probable first."""
         return tuple(sorted(self._ranked.values(), key=lambda r: -r.probability))
 
-    def standings(self) -> dict[str, Ranked]:
-        """A copy for `restore`."""
-        return dict(self._ranked)
-
-    def restore(self, standings: dict[str, Ranked]) -> None:
-        self._ranked = dict(standings)
-
-    def rank(self, state: State, refined: Sequence[Refined]) -> None:
-        """Candidates for the next effect of a state, the best first."""
-        top = refined[0].gain
-        weights = np.exp([max((r.gain - top) / TEMPER, -700.0) for r in refined])
+    def rank(self, state: State, refined: Sequence[Refined], odds: Sequence[float]) -> None:
+        """Candidates for the next effect of a state, with their log posterior odds up to a constant."""
+        weights = np.exp(np.maximum((np.array(odds) - max(odds)) / TEMPER, -700.0))
         for r, weight in zip(refined, weights / weights.sum(), strict=True):
             if r.effect in self._ranked and r.effect in state.accepted:
                 continue
@@ -58,6 +49,24 @@ class Ranking:
             own = estimates(r.effect, r.camera, r.coordinates)
             value = None if error is None else error.value
             self._ranked[r.effect] = Ranked(r.effect, float(weight), value, own)
+
+    def choose(self, before: State, chosen: Accepted, error: Error | None, report: Report) -> None:
+        """Ranks the candidates of a step in which one was accepted, and notes its rivals.
+
+        A refused candidate is less probable than the accepted one, and by as much as its gain is less.
+        """
+        best, top = chosen.best, max(r.gain for r in (chosen.best.refined, *chosen.others))
+        standing = [j.refined for j in chosen.standing]
+        odds = [j.odds for j in chosen.standing]
+        behind = [best.odds - UNCLEAR + min(r.gain - top, 0.0) for r in chosen.others]
+        self.rank(before, [*standing, *chosen.others], [*odds, *behind])
+        self.accept(best.state, best.refined.effect, error)
+        close = [j.refined for j in chosen.standing if best.odds - j.odds < UNCLEAR]
+        if len(close) > 1:
+            cameras = {r.effect: r.camera for r in close}
+            self.ambiguous.append(
+                {"effects": list(cameras), "measure": measurement(cameras, self._at_hand, report)}
+            )
 
     def accept(self, after: State, effect: str, error: Error | None) -> None:
         """Adds intervals of an accepted effect's parameters, from simulated sets of the camera with it."""
@@ -73,23 +82,8 @@ class Ranking:
             error_after=None if error is None else error.value,
         )
 
-    def rename(self, effect: str, rival: str) -> None:
+    def swap(self, own: Judged, rival: Judged) -> None:
         """Gives a rival the probability of the effect that it replaces."""
-        one, other = self._ranked[effect], self._ranked[rival]
-        self._ranked[rival] = replace(other, probability=one.probability)
-        self._ranked[effect] = replace(one, probability=other.probability)
-
-    def note_ambiguous(self, simulated: Sequence[Refined], others: Sequence[Refined], report: Report) -> None:
-        """Notes the candidates that these frames do not distinguish from the first, and the measurement that would.
-
-        Simulated candidates have a likelihood from their own sets after their own refit, and the wider limit `UNCLEAR`. Others are
-        compared with the likelihood by which the first was found.
-        """
-        best = simulated[0].gain
-        close = [r for r in simulated if best - r.gain < UNCLEAR]
-        close += [r for r in others if best - r.gain < CLOSE]
-        if len(close) > 1:
-            cameras = {r.effect: r.camera for r in close}
-            self.ambiguous.append(
-                {"effects": list(cameras), "measure": measurement(cameras, self._at_hand, report)}
-            )
+        one, other = self._ranked[own.refined.effect], self._ranked[rival.refined.effect]
+        self._ranked[rival.refined.effect] = replace(other, probability=one.probability)
+        self._ranked[own.refined.effect] = replace(one, probability=other.probability)

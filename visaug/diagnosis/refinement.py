@@ -11,7 +11,7 @@ from visaug.comparison.laboratory import Laboratory
 from visaug.diagnosis.candidates import Trial
 from visaug.diagnosis.climb import Climb
 from visaug.diagnosis.fit import Fitted
-from visaug.diagnosis.law import FINE, metric, scatter_along
+from visaug.diagnosis.law import FORM, metric, scatter_along
 from visaug.diagnosis.matches import CHANCE, Match, extrapolation
 from visaug.diagnosis.parameters import Coordinate, base_coordinates, effect_coordinates, moved
 from visaug.diagnosis.reference import Report
@@ -120,7 +120,7 @@ def refine(
         cameras += _among(lab, fitted, beside)
     cameras += also
     own = coordinates_of(match.trial.effect, camera, lab, fitted.reference.coordinates)
-    judged = metric(fitted, FINE, allowance)
+    judged = metric(fitted, FORM, allowance)
     climb = Climb(lab, fitted, judged, match, camera, own)
     report(f"refining {match.trial.effect}", 0, iterations)
     begun = climb.start(cameras)
@@ -144,7 +144,7 @@ def refine(
             lately = gains[-1] - gains[-3]
             if lately < 2 * STALLED or gains[-1] + HOPE * lately < beaten - 0.2 * abs(beaten):
                 break
-    left = np.sqrt((FINE * fitted.residual) ** 2 + np.square(allowance) + match.variance)
+    left = np.sqrt((FORM * fitted.residual) ** 2 + np.square(allowance) + match.variance)
     (wide,) = scatter_along(fitted.reference.null, left, best.move[None])
     cost = NUMBER * len(own) + (LOOKED if match.trial.looked else 0.0)
     residual = fitted.residual - best.move

@@ -12,24 +12,26 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.cluster import connected
 from visaug.comparison import Laboratory, is_clear, places, with_a_well
+from visaug.comparison.chance import SIGNIFICANT
 from visaug.comparison.spread import by_ray
 from visaug.diagnosis import cache
-from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.candidates import looked, trials
-from visaug.diagnosis.chance import Chance, chance
-from visaug.diagnosis.choice import Accepted, Choice, Standing
+from visaug.diagnosis.chance import chance
+from visaug.diagnosis.choice import Accepted, Judged, accepted
+from visaug.diagnosis.criterion import ODDS, evidence
 from visaug.diagnosis.errors import Errors
 from visaug.diagnosis.fit import Fitted, refit
-from visaug.diagnosis.naming import CLOSE_SHARE, SIGNIFICANT, candidates, decided
 from visaug.diagnosis.parameters import base_coordinates
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.reference import FAR, Reference, Report, is_far
 from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.result import Diagnosis, Step
 from visaug.diagnosis.robust import p_value, standardised
+from visaug.diagnosis.selection import candidates
 from visaug.diagnosis.signatures import Signatures, signatures
-from visaug.diagnosis.telling import cannot_show, form, is_no_explanation, residue
+from visaug.diagnosis.state import State
+from visaug.diagnosis.telling import cannot_show, form, residue
 from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
 from visaug.fingerprint import Statistic
@@ -119,7 +121,7 @@ class _Search:
             )
         self.walk: list[State] = []  # the refitted camera, then one state per added effect
         self.steps: list[Step] = []  # the same, as reported
-        self.stood: list[Standing] = []  # of every added effect
+        self.stood: list[list[Judged]] = []  # of every added effect, the accepted first
         self.refined: dict[str, Refined] = {}  # from the last step that tried the effect
 
     def run(self) -> Diagnosis:
@@ -129,23 +131,20 @@ class _Search:
         self.signs = cache.signatures(self.lab, first, tried, self.sets, self.report)
         self.adding = Adding(self.lab, first, self.signs.trials, self.report)
         self.errors = Errors(self.lab, first, fitted)
-        self.choice = Choice(self.lab, self.signs, self.adding, self.errors)
         self.ranking = Ranking(self.errors.distance, self._of_all)
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
         state = refitted = State.plain(fitted)
-        by_chance = chance(self.lab, self.signs, state)
-        p_before = by_chance.p_value
+        p_before = chance(self.lab, self.signs, state).p_value
         self._stand(state)
         nearest: str | None = None
         p_after = p_before
         while p_after <= SIGNIFICANT and len(state.accepted) < MOST:
-            found, nearest = self._add(state, by_chance)
+            found, nearest = self._add(state)
             if found is None:
                 break
             self._stand(found)
             state = self._reconsidered(refitted, found)
-            by_chance = chance(self.lab, self.signs, state)
-            p_after = by_chance.p_value
+            p_after = chance(self.lab, self.signs, state).p_value
         state, p_after, dropped = self._without_idle_effects(state, p_after)
         nearest = dropped or nearest
         kept = self._no_worse(state)
@@ -170,7 +169,7 @@ class _Search:
             ambiguous=tuple(
                 pair for pair in self.ranking.ambiguous if set(pair["effects"]) & set(state.accepted)
             ),
-            unexplained=residue(told, self.errors, self.lab.measured[2], state, missing, nearest),
+            unexplained=residue(told, self.lab.measured[2], state, missing, nearest),
             form=form(self._of_all, state),
             cannot_show=cannot_show(self.signs, first),
             used=self.lab.selection,
@@ -187,23 +186,14 @@ class _Search:
         return given
 
     def _without_idle_effects(self, state: State, p_value: float) -> tuple[State, float, str | None]:
-        """The state without last effects that raise the error or explain nothing, its p-value, and the one dropped last."""
+        """The state without last effects with which the camera is clearly farther from the frames than the file as given."""
         dropped: str | None = None
-        while state.accepted and (self._last_raises() or self._last_explains_nothing(p_value <= SIGNIFICANT)):
+        while state.accepted and (told := self.steps[-1].error) is not None and told.low > 1:
             dropped = state.accepted[-1]
             self._stand(self.walk[-2])
             state = self.walk[-1]
             p_value = chance(self.lab, self.signs, state).p_value
         return state, p_value, dropped
-
-    def _last_raises(self) -> bool:
-        """Whether the camera with the last effect is clearly farther from the frames than the file as given."""
-        told = self.steps[-1].error
-        return told is not None and told.low > 1
-
-    def _last_explains_nothing(self, missing: bool) -> bool:
-        told, (before, state) = self.steps[-1].error, self.walk[-2:]
-        return is_no_explanation(told, self.errors, self.lab.statistics, before, state, missing)
 
     @property
     def _of_all(self) -> tuple[Statistic, ...]:
@@ -233,16 +223,16 @@ class _Search:
         self.walk[place:] = [state]
         self.steps[place:] = [Step(action, self.errors.told(state.fitted))]
 
-    def _add(self, state: State, by_chance: Chance) -> tuple[State | None, str | None]:
-        """The state with one more effect; None, with the name of the nearest effect, if none explains its signature.
+    def _add(self, state: State) -> tuple[State | None, str | None]:
+        """The state with one more effect; None, with the name of the nearest effect, if none is accepted.
 
         If the camera with an effect found from one starting point is not adequate, the other starting point is tried too.
         """
         nearest: str | None = None
-        earlier, standings = self.refined, self.ranking.standings()
-        accepted: list[Accepted] = []
+        earlier = self.refined
+        chosen: list[Accepted] = []
         for fitted in self._starts(state):
-            if accepted and fitted is self._unfitted:
+            if chosen and fitted is self._unfitted:
                 break  # it is last if it is only a fallback
             tried = self.signs + self._seen
             found = candidates(self.lab, tried, fitted, state, self.without, self.report, earlier)
@@ -250,57 +240,57 @@ class _Search:
                 continue
             if fitted is state.fitted:
                 self.refined = {**earlier, **{r.effect: r for r in found}}
-                self.ranking.rank(state, found)
-                nearest = found[0].effect if found[0].gain > 3 else None
-            if accepted and found[0].effect == accepted[0].refined.effect:
+                self.ranking.rank(state, found, [r.gain for r in found])
+                nearest = found[0].effect if found[0].gain > ODDS else None
+            if chosen and found[0].effect == chosen[0].best.refined.effect:
                 break  # the same effect again: no further starting point is needed
-            one = self.choice.accepted(state, found, by_chance)
+            one = accepted(state, found, self.adding)
             if one is not None:
-                accepted.append(one)
-                if one.state.p_value > SIGNIFICANT:
+                chosen.append(one)
+                if one.best.state.is_adequate:
                     break
-        if not accepted:
+        if not chosen:
             return None, nearest
-        best = decided(self.lab.statistics, state, [(one.refined, one.state) for one in accepted])[0][1]
-        chosen = next(one for one in accepted if one.state is best)
-        standing = [r for r, _ in chosen.standing]
-        self.ranking.restore(standings)
-        self.ranking.rank(state, standing + chosen.others)
-        self.ranking.accept(
-            best, chosen.refined.effect, self.steps[-1].error and self.errors.told(best.fitted)
+        first = max(chosen, key=lambda one: one.best.odds)
+        after = first.best.state
+        self.ranking.choose(
+            state, first, self.steps[-1].error and self.errors.told(after.fitted), self.report
         )
-        self.ranking.note_ambiguous(standing, chosen.others, self.report)
-        self.stood.append(chosen.standing)
-        return best, None
+        self.stood.append(first.standing)
+        return after, None
 
     def _reconsidered(self, plain: State, state: State) -> State:
-        """The state with the effect before the last replaced by a rival, if that fits better with the last, or is simpler.
+        """The state with the effect before the last replaced by a rival, if that is more probable with the last, or explains all alone.
 
         As long as a further effect is missing, a wrong effect can fit better. And if the last effect is that rival, it may
         explain everything by itself.
         """
         if len(state.accepted) < 2:
             return state
-        (own, with_own), *others = self.stood[-2]
-        for rival, alone in others:
-            far_behind = rival.gain < (1 - CLOSE_SHARE) * own.gain
-            if rival.effect == state.accepted[-1] and not far_behind and self.choice.holds(alone):
-                self._stand(alone)
-                self.ranking.rename(own.effect, rival.effect)
-                self.ranking.accept(alone, rival.effect, self.steps[-1].error)
-                self.stood[-2:] = [[(rival, alone), (own, with_own)]]
-                return alone
-            is_base = any(catalogue()[r.effect].base for r in (own, rival))
-            if rival.effect in state.accepted or far_behind or is_base:
+        own, *others = self.stood[-2]
+        for rival in others:
+            effect = rival.refined.effect
+            if effect == state.accepted[-1] and rival.state.is_adequate:
+                self._stand(rival.state)
+                self.ranking.swap(own, rival)
+                self.ranking.accept(rival.state, effect, self.steps[-1].error)
+                self.stood[-2:] = [[rival, own]]
+                return rival.state
+            is_base = any(catalogue()[j.refined.effect].base for j in (own, rival))
+            if effect in state.accepted or is_base:
                 continue
-            swapped = self.adding.swapped(state, own, rival)
-            (best, _), _ = decided(self.lab.statistics, plain, [(own, state), (rival, swapped)])
-            if best.effect == rival.effect:
-                self._stand(alone)
+            swapped = self.adding.swapped(state, own.refined, rival.refined)
+            numbers = (len(j.refined.coordinates) for j in (own, rival))
+            now, then = (
+                evidence(plain, after, number).odds
+                for after, number in zip((state, swapped), numbers, strict=True)
+            )
+            if then > now:
+                self._stand(rival.state)
                 self._stand(swapped)
-                self.ranking.rename(own.effect, rival.effect)
-                for effect in swapped.accepted[-2:]:
-                    self.ranking.accept(swapped, effect, self.steps[-1].error)
+                self.ranking.swap(own, rival)
+                for name in swapped.accepted[-2:]:
+                    self.ranking.accept(swapped, name, self.steps[-1].error)
                 return swapped
         return state
 
@@ -315,7 +305,7 @@ class _Search:
             return [state.fitted]
         if is_far(self.first, state.fitted.camera, 0.5 * FAR):
             return [self._unfitted, state.fitted]
-        stands_out = float(np.abs(state.z).max()) > STANDS_OUT
+        stands_out = float(np.abs(state.find.z).max()) > STANDS_OUT
         return [state.fitted, self._unfitted] if stands_out else [state.fitted]
 
     @cached_property

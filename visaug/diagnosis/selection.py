@@ -1,4 +1,4 @@
-"""Selects the effects that are worth a full simulation, and ranks them by likelihood."""
+"""Selects the effects whose signatures match the residuals and refines their parameters, the most likely first."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -7,37 +7,28 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.comparison import Laboratory
-from visaug.diagnosis.acceptance import OFF, State, left_in_view
 from visaug.diagnosis.candidates import Trial, beside_words
-from visaug.diagnosis.chance import Chance
 from visaug.diagnosis.fit import Fitted
-from visaug.diagnosis.law import FINE, log_density
+from visaug.diagnosis.law import FORM
 from visaug.diagnosis.matches import Match, best_of_each, matches
 from visaug.diagnosis.reference import Report
-from visaug.diagnosis.refinement import NUMBER, Refined, refine
+from visaug.diagnosis.refinement import Refined, refine
 from visaug.diagnosis.robust import standardised
 from visaug.diagnosis.signatures import Signatures, signatures
+from visaug.diagnosis.state import State
 from visaug.effects import catalogue
-from visaug.fingerprint import Statistic
 
-SIGNIFICANT = 0.02  # false-alarm rate of the test of adequacy
 TRIED = 4  # largest number of candidates that are refined in a step, if they gain
 SHARE = 0.2  # this share of the best gain
+ALIKE = 0.3  # share of the best gain within which two candidates, or two options of one, are equivalent
 OTHER_STARTS = 4  # further starts of the best candidate,
 OTHER = 0.05  # with forms whose signatures gain at least this share of the best form's,
 NOT_FAR = 0.3  # iterated if their start gains at least this share
 MUCH = 6.0  # standard deviations in some statistic from which further starts are tried
 FAR_OUT = 30.0  # standard deviations beyond which even a slightly different form is rejected
 LEAST_GAIN = (
-    2.0  # in log likelihood, less what noise gains: of effects that are tried only where something is missing
+    2.0  # log likelihood, less what noise gains, of effects that are tried only where something is missing
 )
-CLOSE = 6.0  # log likelihood within which candidates are rivals,
-CLOSE_SHARE = 0.25  # or this share of the best gain
-RIVALS = 3  # largest number of rivals that are simulated in full
-ALIKE = 0.3  # share of the best gain within which the simpler of two equivalent effects is taken
-UNMOVED = 0.3  # share of the shift by the first effect below which the other does not shift a statistic
-HARDLY = 0.5  # share of the residual that stays where an effect explains nothing
-EXACT = 0.03  # relative model discrepancy when rivals are compared
 
 
 def candidates(
@@ -56,17 +47,17 @@ def candidates(
         earlier: effects as refined before the state's last one was added; their values are further starts.
     """
     taken = frozenset(state.accepted) | without
-    tried, chosen = first_matches(signs, fitted, taken, state.allowance)
+    tried, chosen = first_matches(signs, fitted, taken, state.find.allowance)
     further = _beside_words(tried)
     if further:
         signs += signatures(lab, fitted.reference, further, report)
-        tried, chosen = first_matches(signs, fitted, taken, state.allowance)
+        tried, chosen = first_matches(signs, fitted, taken, state.find.allowance)
     best: dict[str, Refined] = {}
     for m in chosen:
         beaten = max((r.gain for r in best.values()), default=0.0)
         beside = [t.trial for t in tried if t.trial.kind == m.trial.kind]
         also = _as_earlier(fitted, m, earlier.get(m.trial.effect))
-        refined = refine(lab, fitted, m, report, state.allowance, beaten, beside=beside, also=also)
+        refined = refine(lab, fitted, m, report, state.find.allowance, beaten, beside=beside, also=also)
         best[refined.effect] = better(refined, best.get(refined.effect, refined))
     found = sorted(best.values(), key=lambda r: -r.gain)
     for k, r in enumerate(found):
@@ -80,7 +71,7 @@ def candidates(
         if k > 0:
             # An equivalent effect is tried with other options too, so that it is not ranked lower because of its options.
             others = [m for m in others if _reworded(fitted, r, m) is not None]
-        found[k] = from_other_starts(lab, fitted, r, others, report, state.allowance)
+        found[k] = from_other_starts(lab, fitted, r, others, report, state.find.allowance)
     return sorted(found, key=lambda r: -r.gain)
 
 
@@ -125,7 +116,7 @@ def first_matches(
     least = max(LEAST_GAIN, SHARE * best[0].gain)
     chosen = [m for m in best if most[m.trial.effect, m.trial.looked] > least][:TRIED]
     far_out = np.abs(fitted.z).max() > FAR_OUT
-    exact = matches(signs, fitted, without, allowance, form=FINE if far_out else 0.0)
+    exact = matches(signs, fitted, without, allowance, form=FORM if far_out else 0.0)
     claim = [m for m in exact if far_out or not (m.variance.any() or m.trial.looked)][:1]
     names = [m.trial.effect for m in chosen]
     chosen += [m for m in claim if m.gain > LEAST_GAIN and m.trial.effect not in names]
@@ -186,88 +177,3 @@ def _reworded(fitted: Fitted, refined: Refined, other: Match) -> Match | None:
         other.trial, values=tuple({**refined.numbers, **words, **others}.items()), following=following
     )
     return Match(trial, other.gain, 1.0, refined.variance)
-
-
-def rivals(lab: Laboratory, found: Sequence[Refined], state: State, chance: Chance) -> list[Refined]:
-    """The refined candidates that only a full simulation can distinguish."""
-    if not found:
-        return []
-    least = max(0.0, found[0].gain - max(CLOSE, CLOSE_SHARE * found[0].gain))
-    return [r for r in found if r.gain > least and is_beyond(lab, chance, state, r)][:RIVALS]
-
-
-def is_beyond(lab: Laboratory, chance: Chance, state: State, candidate: Refined) -> bool:
-    """Whether a candidate removes more than the best signature removes by chance.
-
-    An effect that adds variance is not visible in its mean signature and passes if it gains enough.
-    """
-    if candidate.variance.any() and candidate.gain > LEAST_GAIN:
-        return True
-    taken = lab.whole_of(state.fitted.residual - candidate.residual)
-    return chance.p_value_of(taken) <= SIGNIFICANT
-
-
-def decided(
-    statistics: Sequence[Statistic], state: State, simulated: Sequence[tuple[Refined, State]]
-) -> list[tuple[Refined, State]]:
-    """Rivals ordered by the likelihood of the measurement under their own simulated sets.
-
-    A parameter costs half the logarithm of the number of statistics that determine it (BIC: G. Schwarz, Ann. Stat. 6 (1978)
-    461). The smaller cost of Akaike is sufficient for prediction but not for the choice of a model: four parameters imitate
-    one.
-
-    The simpler of two equivalent effects comes first and counts as equally likely.
-    """
-    if len(simulated) < 2:
-        return list(simulated)
-    used = np.all([after.fitted.reference.null_scale > 0 for _, after in simulated], axis=0)
-    used &= ~_anothers(state, [after for _, after in simulated])
-    number = max(0.5 * np.log(max(used.sum(), 1)), NUMBER)
-    evidence = []
-    for r, after in simulated:
-        form = EXACT * (state.fitted.residual - after.fitted.residual)
-        explained = log_density(after.fitted, np.hypot(state.allowance, form), used)
-        evidence.append(explained - r.cost - (number - NUMBER) * len(r.coordinates))
-    top = simulated[0][0].gain
-    judged = [
-        (replace(r, gain=top + e - max(evidence)), after)
-        for (r, after), e in zip(simulated, evidence, strict=True)
-    ]
-    ordered = sorted(judged, key=lambda pair: -pair[0].gain)
-    first = ordered[0]
-    simpler = [p for p in ordered if p[0].cost < first[0].cost and _is_alike(statistics, state, first, p)]
-    simplest = min(simpler, key=lambda pair: pair[0].cost, default=first)
-    as_likely = replace(simplest[0], gain=first[0].gain)
-    return [(as_likely, simplest[1]), *(pair for pair in ordered if pair is not simplest)]
-
-
-def _anothers(state: State, rivals: Sequence[State]) -> np.ndarray:
-    """Statistics that deviate far under every rival: their residuals belong to another effect and do not distinguish the rivals.
-
-    For example, blooming deviates by 5000 standard deviations beside a veil and beside a flare; one percent of that is
-    chance, and more than the difference of the two.
-    """
-    left = np.abs([after.fitted.z for after in rivals])
-    return np.all((left > FAR_OUT) & (left > HARDLY * np.abs(state.fitted.z)), axis=0)
-
-
-def _is_alike(
-    statistics: Sequence[Statistic], state: State, first: tuple[Refined, State], other: tuple[Refined, State]
-) -> bool:
-    """Whether two rivals are equivalent within the tolerance of forms: a flare without its ghost is a veil.
-
-    A statistic that the other effect does not shift at all distinguishes them: crosstalk smooths the noise, a blur of the
-    light does not. It is weighted by the residual that the first leaves in that view: 3 standard deviations in a mirrored
-    scene are no evidence beside edges where the form of a halo leaves 30.
-    """
-    if other[0].gain < first[0].gain - max(CLOSE, ALIKE * abs(first[0].gain)):
-        return False
-    scale = state.fitted.reference.null_scale
-    before = standardised(state.fitted.residual, scale)
-    left = [standardised(after.fitted.residual, scale) for _, after in (first, other)]
-    moved = [np.abs(before - z) for z in left]
-    alone = moved[1] < UNMOVED * moved[0]
-    form = np.maximum(left_in_view(statistics, left[0], moved[0] > OFF), 1)
-    told = 0.5 * float(((left[1][alone] ** 2 - left[0][alone] ** 2) / form[alone] ** 2).sum())
-    alike = float(np.linalg.norm(left[1] - left[0])) < FINE * float(np.linalg.norm(moved[0]))
-    return alike and told < CLOSE

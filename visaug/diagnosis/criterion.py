@@ -1,0 +1,110 @@
+"""The criterion by which an effect is accepted: its posterior odds, and the evidence that it would have if it were the cause.
+
+Each statistic of the discovery and of the hold-out frames has, under a model M with residual r, the density
+
+    p(r | M) = (1 - e) N(r; 0, s_M^2 + t^2) + e / (2 |r| log R),   the second for |r| > 3 s
+
+a normal distribution with the standard deviation s_M of the model's own refitted simulated sets and the model discrepancy t of
+the accepted effects' forms, and a log-uniform distribution for what effects outside the model cause. The evidence of an effect is
+
+    E(r) = sum of log p(r_1 | M_1) - log p(r_0 | M_0)
+
+with r_0 and r_1 the residuals without and with it. It is accepted if the posterior odds exceed those of a wrong effect, and if E
+reaches the evidence of sets that are simulated with the effect (Cox 1961: tests of separate families of hypotheses).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from visaug.diagnosis.law import FORM, log_density
+from visaug.diagnosis.state import State, Use
+
+ODDS = 3.0  # least log posterior odds of an accepted effect: one in twenty is wrong
+SHARE = 0.7  # least evidence of an accepted effect, relative to the median of its own simulated sets,
+CERTAIN = 3.0  # standard errors by which two standard deviations must differ to count as two
+RARE = 0.025  # unless more than this share of these sets has less
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Evidence of one effect.
+
+    Attributes:
+        found, confirmed: log likelihood ratio on the discovery and on the hold-out frames.
+        cost: log likelihood that the effect's free parameters gain by fitting noise.
+        of_sets: (R,) log likelihood ratio, on all statistics, of sets simulated with the effect.
+    """
+
+    found: float
+    confirmed: float
+    cost: float
+    of_sets: np.ndarray
+
+    @property
+    def odds(self) -> float:
+        """Log posterior odds of the effect against the camera without it."""
+        return self.found + self.confirmed - self.cost
+
+    @property
+    def share(self) -> float:
+        """Log likelihood ratio relative to the median of simulated sets with the effect; 1 is expected of the true effect."""
+        expected = float(np.median(self.of_sets))
+        return (self.found + self.confirmed) / expected if expected > 0 else 0.0
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether the effect explains as much as it would if it were the cause."""
+        reached = float(np.mean(self.of_sets <= self.found + self.confirmed))
+        return self.share >= SHARE or reached > RARE
+
+    @property
+    def accepts(self) -> bool:
+        return self.odds > ODDS and self.is_reached
+
+
+def evidence(before: State, after: State, parameters: int) -> Evidence:
+    """The evidence of the last effect of a state.
+
+    Args:
+        before, after: the states without and with it.
+        parameters: number of its free parameters. Each costs half the logarithm of the number of statistics that determine it
+            (G. Schwarz, Ann. Stat. 6 (1978) 461).
+    """
+    pairs = ((before.find, after.find), (before.confirm, after.confirm))
+    found, confirmed = (_ratio(*pair) for pair in pairs)
+    told = max(sum(_shifted(*pair) for pair in pairs), 1)
+    cost = parameters * max(0.5 * np.log(told), 1.0)
+    return Evidence(found[0], confirmed[0], float(cost), found[1] + confirmed[1])
+
+
+def _ratio(before: Use, after: Use) -> tuple[float, np.ndarray]:
+    """Log likelihood ratio of the measurement, and (R,) of the simulated sets with the effect."""
+    used = (before.null.scale > 0) & (after.null.scale > 0)
+    moves = (before.residual - after.residual)[used]
+    unit, own = _scales(before, after, used)
+    plain = np.hypot(unit, before.allowance[used])
+    own = np.sqrt(own**2 + before.allowance[used] ** 2 + (FORM * moves) ** 2)
+
+    def ratio(left: np.ndarray) -> np.ndarray:
+        return (log_density(left, own, unit) - log_density(left + moves, plain, unit)).sum(-1)
+
+    return float(ratio(after.residual[used])), ratio(after.null.residuals[:, used])
+
+
+def _scales(before: Use, after: Use, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(used,) standard deviations without and with the effect; one for both where they differ by less than their noise.
+
+    R sets know a standard deviation to 1 / sqrt(2 R), and a thousand such errors would add up to a likelihood of their own.
+    """
+    counts = np.array([len(use.null.residuals) for use in (before, after)])
+    pair = np.array([use.null.scale[used] for use in (before, after)])
+    both = np.sqrt(counts @ pair**2 / counts.sum())
+    alike = np.abs(np.log(pair[1] / pair[0])) < CERTAIN * np.sqrt((0.5 / counts).sum())
+    without, with_it = np.where(alike, both, pair)
+    return without, with_it
+
+
+def _shifted(before: Use, after: Use) -> int:
+    """Number of statistics that the effect shifts beyond their noise."""
+    return int(np.count_nonzero(np.abs(before.residual - after.residual) > before.null.scale))

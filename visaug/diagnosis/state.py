@@ -1,0 +1,105 @@
+"""States of the search: a fitted camera, the effects added to it, and the tolerance of their forms."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from visaug.comparison.chance import SIGNIFICANT
+from visaug.diagnosis.fit import Fitted
+from visaug.diagnosis.law import FORM
+from visaug.diagnosis.parameters import Coordinate
+from visaug.diagnosis.reference import Null
+from visaug.diagnosis.robust import p_value, standardised
+from visaug.diagnosis.scatter import Scatter
+
+
+@dataclass(frozen=True)
+class Use:
+    """The statistics of one use of the frames: residuals, their null distribution, and the tolerance of accepted effects' forms."""
+
+    residual: np.ndarray
+    null: Null
+    allowance: np.ndarray
+
+    @property
+    def scale(self) -> np.ndarray:
+        """(statistics,) standard deviations with the tolerance; 0 for a statistic that is constant."""
+        return np.where(self.null.scale > 0, np.hypot(self.null.scale, self.allowance), 0.0)
+
+    @property
+    def z(self) -> np.ndarray:
+        return standardised(self.residual, self.scale)
+
+
+@dataclass(frozen=True)
+class State:
+    """State of the search.
+
+    Attributes:
+        fitted: the fitted camera.
+        accepted: names of the effects added so far.
+        tolerances: residual that may stay because accepted effects do not have exactly the catalogue's forms: per statistic of
+            the discovery, the hold-out and all frames.
+        scatters: accepted effects whose strength is estimated from the variance that they cause and not from a mean shift;
+            that strength is not a fitted parameter.
+    """
+
+    fitted: Fitted
+    accepted: tuple[str, ...]
+    tolerances: tuple[np.ndarray, np.ndarray, np.ndarray]
+    scatters: tuple[Scatter, ...] = ()
+
+    @classmethod
+    def plain(cls, fitted: Fitted) -> "State":
+        """The state of a camera without added effects."""
+        find, confirm, whole = (np.zeros(len(left)) for left in fitted.residuals)
+        return cls(fitted, (), (find, confirm, whole))
+
+    def with_effect(self, effect: str, fitted: Fitted) -> "State":
+        """The state with one more effect, whose form adds its tolerance: a share of what the effect explains."""
+        explained = (
+            np.maximum(np.abs(before) - np.abs(after), 0.0)
+            for before, after in zip(self.fitted.residuals, fitted.residuals, strict=True)
+        )
+        find, confirm, whole = (
+            np.hypot(old, FORM * part) for old, part in zip(self.tolerances, explained, strict=True)
+        )
+        return State(fitted, (*self.accepted, effect), (find, confirm, whole), self.scatters)
+
+    @cached_property
+    def find(self) -> Use:
+        """The discovery frames."""
+        return Use(self.fitted.residual, self.fitted.reference.null, self.tolerances[0])
+
+    @cached_property
+    def confirm(self) -> Use:
+        """The hold-out frames."""
+        return Use(self.fitted.confirm_residual, self.fitted.reference.confirm_null, self.tolerances[1])
+
+    @cached_property
+    def whole(self) -> Use:
+        """All frames together."""
+        return Use(self.fitted.whole_residual, self.fitted.reference.whole_null, self.tolerances[2])
+
+    @property
+    def numbers(self) -> tuple[tuple[Coordinate, ...], np.ndarray, np.ndarray]:
+        """All fitted parameters and their uncertainty.
+
+        Returns the coordinates, their steps in refits of (R,) simulated sets (R, coordinates), and the standard deviation
+        (coordinates,) of what the frames do not determine.
+        """
+        reference = self.fitted.reference
+        scattering = [c for s in self.scatters for c in s.strengths]
+        steps = np.hstack([reference.null_steps, *(s.steps for s in self.scatters)])
+        untold = np.concatenate([reference.untold, np.zeros(len(scattering))])
+        return (*reference.coordinates, *scattering), steps, untold
+
+    @property
+    def p_value(self) -> float:
+        """Probability, for a complete camera, of a largest residual in all frames at least as large as this one."""
+        return p_value(float(np.abs(self.whole.z).max()), self.fitted.reference.largest)
+
+    @property
+    def is_adequate(self) -> bool:
+        return self.p_value > SIGNIFICANT
