@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from scipy import ndimage
+from scipy import ndimage, stats
 from torch import Tensor
 
 from visaug.augment.light import linear_to_srgb
@@ -100,7 +100,7 @@ class PicturePart:
         chosen = self._chosen(use)
         found = fingerprint(self._frames(self.pictures[chosen], chosen), None, self.views, self.place)
         symmetry = self._symmetry(self.pictures[chosen], chosen).ratio - self.scenes.expected[0]
-        values = np.concatenate([found.values, np.nan_to_num(symmetry)])
+        values = np.concatenate([found.values, self._as_normal(symmetry, chosen)])
         return Fingerprint((*found.statistics, *STATISTICS), values)
 
     def simulated(self, camera: Camera, seed: int, uses: Sequence[str]) -> list[np.ndarray]:
@@ -123,13 +123,31 @@ class PicturePart:
 
     def _moved(self, pictures: np.ndarray, shaded: np.ndarray, chosen: np.ndarray, seed: int) -> np.ndarray:
         """What the camera does to the symmetries, with what scenes and their expectation do to them by chance."""
-        scenes, error = self.scenes.symmetry.of(chosen), self.scenes.expected[1]
+        scenes, variance = self.scenes.symmetry.of(chosen), self.scenes.expected[1]
         rng = np.random.default_rng(derive_key(seed, "scenes") % 2**63)
-        by_chance = scenes.by_chance(rng) + error * rng.standard_normal(len(error))
+        by_chance = scenes.by_chance(rng) + np.sqrt(variance) * rng.standard_normal(len(variance))
+        freedom = self._error(chosen)[1]
+        by_chance /= np.sqrt(rng.chisquare(freedom) / freedom)  # as wide as an error that few pictures tell
         ratio = self._symmetry(pictures, chosen).ratio
         if shaded is not pictures:
             ratio = np.where(IS_FALLOFF, self._symmetry(shaded, chosen).ratio, ratio)
-        return np.nan_to_num(ratio - scenes.ratio + by_chance)
+        return self._as_normal(ratio - scenes.ratio + by_chance, chosen)
+
+    def _error(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(statistics,) standard error of the symmetries less their expectation, and its degrees of freedom (Welch 1947)."""
+        scenes, (_, variance, freedom) = self.scenes.symmetry.of(chosen), self.scenes.expected
+        parts = np.stack([scenes.variance, np.nan_to_num(variance)])
+        degrees = np.stack([scenes.freedom, np.nan_to_num(freedom, nan=1.0)])
+        whole, fourth = parts.sum(0), (parts**2 / degrees).sum(0)
+        return np.sqrt(whole), np.divide(whole**2, fourth, out=np.ones_like(whole), where=fourth > 0)
+
+    def _as_normal(self, deviation: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        """A deviation of the symmetries with the tails of a normal distribution instead of Student's t; 0 where too few pictures tell."""
+        error, freedom = self._error(chosen)
+        size = np.divide(np.abs(deviation), error, out=np.zeros_like(error), where=error > 0)
+        normal = stats.norm.isf(np.maximum(stats.t.sf(size, freedom), np.finfo(float).tiny))
+        told = self.scenes.symmetry.of(chosen).told & np.isfinite(deviation)
+        return np.where(told, np.sign(deviation) * error * normal, 0.0)
 
     def _symmetry(self, pictures: np.ndarray, chosen: np.ndarray) -> Sums:
         s = self.scenes

@@ -44,8 +44,8 @@ class Scenes:
         transfer: how picture values follow from light.
         quality: of the JPEG files; None where they are none.
         symmetry: sums of the scenes themselves.
-        expected: (2, statistics) what the symmetries' statistics are in pictures of such scenes, and its standard error; NaN
-            where that is not known, and the statistic is not used.
+        expected: (3, statistics) what the symmetries' statistics are in pictures of such scenes, its squared standard error and
+            the degrees of freedom of that; NaN where it is not known, and the statistic is not used.
     """
 
     light: np.ndarray
@@ -102,7 +102,8 @@ def scenes_of(
     smooth = smooth_scenes(taken, regions)
     place = (regions.lit >= 0, black, saturated, (window[0], window[2]), (rows, columns))
     if scenes is None:
-        expected = np.stack([np.where([s.view == "falloff" for s in STATISTICS], np.nan, 0.0)] * 2)
+        level = np.where([s.view == "falloff" for s in STATISTICS], np.nan, 0.0)
+        expected = np.stack([level, np.zeros_like(level), np.ones_like(level)])
     else:
         expected = _expected(scenes, camera, transfer, saturated, warn)
     numbers = tuple(frames.records[pictures.indices[n]].sequence for n in chosen)
@@ -201,7 +202,7 @@ def _light(smooth: np.ndarray, black: float, saturated: float, transfer: str) ->
 def _expected(
     scenes: FrameSet, camera: Camera, transfer: str, saturated: float, warn: Callable[[str], object]
 ) -> np.ndarray:
-    """(2, statistics): the symmetries' statistics of other pictures as the camera would take them, and their standard errors.
+    """(3, statistics): the symmetries' statistics of other pictures as the camera would take them, see `Scenes.expected`.
 
     NaN where too few of these pictures tell a statistic.
 
@@ -221,7 +222,7 @@ def _expected(
         warn(
             "scenes_tell_nothing: too few scenes have flat or smooth regions; falloff of light is not compared"
         )
-    known = np.stack([sums.ratio, np.sqrt((sums.deviations**2).sum(0))])
+    known = np.stack([sums.ratio, sums.variance, sums.freedom])
     return np.where(sums.told, known, np.nan)
 
 

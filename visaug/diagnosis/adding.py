@@ -139,7 +139,7 @@ class Adding:
 
     @staticmethod
     def _told(before: State, after: State, candidate: Refined) -> Scatter | None:
-        return scatter(before.fitted, after.fitted, strengths_of(candidate.effect, candidate.coordinates))
+        return scatter(before.find, after.find, strengths_of(candidate.effect, candidate.coordinates))
 
     def _added(
         self,

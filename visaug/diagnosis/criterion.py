@@ -18,12 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.diagnosis.law import FORM, log_density
-from visaug.diagnosis.state import State, Use
+from visaug.diagnosis.state import State
+from visaug.diagnosis.uses import Use, scales, shifts
 
 ODDS = 3.0  # least log posterior odds of an accepted effect: one in twenty is wrong
-SHARE = 0.7  # least evidence of an accepted effect, relative to the median of its own simulated sets,
-CERTAIN = 3.0  # standard errors by which two standard deviations must differ to count as two
-RARE = 0.025  # unless more than this share of these sets has less
+SHARE = 0.6  # least evidence of an accepted effect, relative to the median of its own simulated sets,
+RARE = 0.1  # unless more than this share of these sets has less
 
 
 @dataclass(frozen=True)
@@ -81,30 +81,18 @@ def evidence(before: State, after: State, parameters: int) -> Evidence:
 def _ratio(before: Use, after: Use) -> tuple[float, np.ndarray]:
     """Log likelihood ratio of the measurement, and (R,) of the simulated sets with the effect."""
     used = (before.null.scale > 0) & (after.null.scale > 0)
-    moves = (before.residual - after.residual)[used]
-    unit, own = _scales(before, after, used)
+    moves = shifts(before, after)[used]
+    unit, own = (scale[used] for scale in scales(before, after))
     plain = np.hypot(unit, before.allowance[used])
     own = np.sqrt(own**2 + before.allowance[used] ** 2 + (FORM * moves) ** 2)
 
     def ratio(left: np.ndarray) -> np.ndarray:
-        return (log_density(left, own, unit) - log_density(left + moves, plain, unit)).sum(-1)
+        """Of residuals (..., used) without the effect."""
+        return (log_density(left - moves, own, unit) - log_density(left, plain, unit)).sum(-1)
 
-    return float(ratio(after.residual[used])), ratio(after.null.residuals[:, used])
-
-
-def _scales(before: Use, after: Use, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(used,) standard deviations without and with the effect; one for both where they differ by less than their noise.
-
-    R sets know a standard deviation to 1 / sqrt(2 R), and a thousand such errors would add up to a likelihood of their own.
-    """
-    counts = np.array([len(use.null.residuals) for use in (before, after)])
-    pair = np.array([use.null.scale[used] for use in (before, after)])
-    both = np.sqrt(counts @ pair**2 / counts.sum())
-    alike = np.abs(np.log(pair[1] / pair[0])) < CERTAIN * np.sqrt((0.5 / counts).sum())
-    without, with_it = np.where(alike, both, pair)
-    return without, with_it
+    return float(ratio(before.residual[used])), ratio(after.null.residuals[:, used] + moves)
 
 
 def _shifted(before: Use, after: Use) -> int:
     """Number of statistics that the effect shifts beyond their noise."""
-    return int(np.count_nonzero(np.abs(before.residual - after.residual) > before.null.scale))
+    return int(np.count_nonzero(np.abs(shifts(before, after)) > before.null.scale))

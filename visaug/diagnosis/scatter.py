@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.law import log_density
 from visaug.diagnosis.parameters import Coordinate, moved
 from visaug.diagnosis.reference import Null
+from visaug.diagnosis.uses import Use, scales, shifts
 
-WIDENED = 1.5  # ratio of standard deviations from which an effect adds variance: few sets know them to 15 %
 # Least median of the squared residual over its variance; 0.45 for a normal distribution, less for rare events
 TYPICAL = 0.15
 FACTORS = np.geomspace(0.1, 10, 61)
@@ -64,22 +63,22 @@ class Scatter:
         return moved(camera, self.strengths, [c.read(camera) + step for c in self.strengths])
 
 
-def scatter(before: Fitted, after: Fitted, strengths: tuple[Coordinate, ...]) -> Scatter | None:
+def scatter(before: Use, after: Use, strengths: tuple[Coordinate, ...]) -> Scatter | None:
     """Strength of an effect from the mean shifts and the variance that it causes; None for an effect without a strength to fit.
 
     The Fisher information of log c is the sum of (m / s)^2 in the mean and of 2 (v / s^2)^2 in the variance.
 
     Args:
+        before, after: the discovery frames without and with the effect.
         strengths: logarithmic coordinates.
     """
-    plain, null = before.reference.null, after.reference.null
-    used = (plain.scale > 0) & (null.scale > 0)
-    known = plain.scale[used] ** 2
-    wide = (null.scale > WIDENED * plain.scale) & _is_typical(null)
-    added = np.where(wide, null.scale**2 - plain.scale**2, 0.0)[used]
-    moves = (before.residual - after.residual)[used]
     if not strengths:
         return None
+    null, (plain, own) = after.null, scales(before, after)
+    used = (plain > 0) & (own > 0)
+    known = plain[used] ** 2
+    added = np.where(_is_typical(null), np.maximum(own**2 - plain**2, 0.0), 0.0)[used]
+    moves = shifts(before, after)[used]
 
     def factors(left: np.ndarray) -> np.ndarray:
         """(sets,) maximum of the likelihood for residuals (sets, statistics) without the effect."""

@@ -9,27 +9,10 @@ from visaug.comparison.chance import SIGNIFICANT
 from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.law import FORM
 from visaug.diagnosis.parameters import Coordinate
-from visaug.diagnosis.reference import Null
-from visaug.diagnosis.robust import p_value, standardised
+from visaug.diagnosis.reference import Null, Sample
+from visaug.diagnosis.robust import p_value
 from visaug.diagnosis.scatter import Scatter
-
-
-@dataclass(frozen=True)
-class Use:
-    """The statistics of one use of the frames: residuals, their null distribution, and the tolerance of accepted effects' forms."""
-
-    residual: np.ndarray
-    null: Null
-    allowance: np.ndarray
-
-    @property
-    def scale(self) -> np.ndarray:
-        """(statistics,) standard deviations with the tolerance; 0 for a statistic that is constant."""
-        return np.where(self.null.scale > 0, np.hypot(self.null.scale, self.allowance), 0.0)
-
-    @property
-    def z(self) -> np.ndarray:
-        return standardised(self.residual, self.scale)
+from visaug.diagnosis.uses import Use
 
 
 @dataclass(frozen=True)
@@ -70,17 +53,23 @@ class State:
     @cached_property
     def find(self) -> Use:
         """The discovery frames."""
-        return Use(self.fitted.residual, self.fitted.reference.null, self.tolerances[0])
+        reference = self.fitted.reference
+        return self._use(self.fitted.residual, reference.find, reference.null, 0)
 
     @cached_property
     def confirm(self) -> Use:
         """The hold-out frames."""
-        return Use(self.fitted.confirm_residual, self.fitted.reference.confirm_null, self.tolerances[1])
+        reference = self.fitted.reference
+        return self._use(self.fitted.confirm_residual, reference.confirm, reference.confirm_null, 1)
 
     @cached_property
     def whole(self) -> Use:
         """All frames together."""
-        return Use(self.fitted.whole_residual, self.fitted.reference.whole_null, self.tolerances[2])
+        reference = self.fitted.reference
+        return self._use(self.fitted.whole_residual, reference.whole, reference.whole_null, 2)
+
+    def _use(self, residual: np.ndarray, sample: Sample, null: Null, number: int) -> Use:
+        return Use(residual, sample.sets, null, self.tolerances[number])
 
     @property
     def numbers(self) -> tuple[tuple[Coordinate, ...], np.ndarray, np.ndarray]:

@@ -62,6 +62,22 @@ class Sums:
         return (rng.choice([-1.0, 1.0], (len(self.above), 1)) * self.deviations).sum(0)
 
     @property
+    def variance(self) -> np.ndarray:
+        """(statistics,) squared standard error of the ratio."""
+        return (self.deviations**2).sum(0)
+
+    @property
+    def freedom(self) -> np.ndarray:
+        """(statistics,) degrees of freedom of `variance`, at least 1 (Satterthwaite 1946).
+
+        A sum of squares d^2 has at most the variance of the sum of d^4: few pictures with large weights tell an error badly.
+        """
+        fourth = (self.deviations**4).sum(0)
+        return np.maximum(
+            np.divide(2 * self.variance**2, fourth, out=np.ones_like(fourth), where=fourth > 0), 1.0
+        )
+
+    @property
     def deviations(self) -> np.ndarray:
         """(n, statistics) how far the ratio moves by each picture (jackknife); the root of their sum of squares is its error."""
         total = np.maximum(self.below.sum(0), 1e-9)
