@@ -1,7 +1,7 @@
 """Records what `diagnose` decides on small problems, with the evidence of every candidate, and counts decisions by the criterion.
 
     python -m scripts.decisions record RECORDS 100-399        (resumes; about a minute of a core each)
-    python -m scripts.decisions count RECORDS [--odds 3] [--share 0.7] [--seeds 100-249]
+    python -m scripts.decisions count RECORDS [--odds 3] [--share 0.6]
 
 A problem is a set of 47 frames of 64 x 80 pixels by the benchmark's camera: one effect, two, none, one that is removed from
 the catalogue, or one that no catalogue has, at 0.8 to 4 times the faint strength. `count` applies the criterion with other
@@ -10,9 +10,11 @@ constants to the recorded evidence (`visaug/diagnosis/criterion.py`).
 
 import argparse
 import pickle
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -28,7 +30,8 @@ from benchmark.sets import camera_yaml
 from benchmark.small import CHART, PLAN, SENSOR, chart
 from benchmark.strengths import scaled
 from visaug import Camera, FrameSet
-from visaug.diagnosis import choice, search
+from visaug.diagnosis import choice, criterion, search
+from visaug.diagnosis.ranking import TEMPER
 from visaug.diagnosis.state import State
 from visaug.frames import FrameRecord
 
@@ -142,6 +145,42 @@ def record(folder: Path, seeds: list[int]) -> None:
         print(seed, one.kind, *one.names, "->", *found.accepted, flush=True)
 
 
+def decisions(folder: Path, odds: float, share: float, rare: float) -> Iterator[tuple[str, str, str, float]]:
+    """(kind, expected, decision, probability) for each step of each record, by the criterion with these constants.
+
+    Expected is `effect` where a hidden effect is missing and was tried, `untried` where it was not tried, else `none`. A decision
+    is `right`, `wrong` or `none`. The probability is that of the accepted effect among all that were tried.
+    """
+    for file in sorted(folder.rglob("*.pkl")):
+        kept = pickle.loads(file.read_bytes())
+        one: Problem = kept["problem"]
+        for step in kept["steps"]:
+            missing = one.expected - set(step["had"])
+            told = {c["effect"]: c["evidence"] for c in step["candidates"]}
+            passing = {
+                name: e.odds for name, e in told.items()
+                if e.odds > odds and (e.share >= share or np.mean(e.of_sets <= e.found + e.confirmed) > rare)
+            }  # fmt: skip
+            best = max(passing, key=lambda name: passing[name], default=None)
+            expected = "effect" if missing & set(told) else "untried" if missing else "none"
+            decision = "none" if best is None else "right" if best in missing else "wrong"
+            weights = np.exp((np.array(list(passing.values())) - passing.get(best or "", 0.0)) / TEMPER)
+            yield one.kind, expected, decision, 1 / weights.sum() if best else 0.0
+
+
+def count(folder: Path, odds: float, share: float, rare: float) -> None:
+    told = list(decisions(folder, odds, share, rare))
+    print("| kind | expected | decision | steps |\n| --- | --- | --- | --- |")
+    for key, number in sorted(Counter(one[:3] for one in told).items()):
+        print("|", " | ".join(key), "|", number, "|")
+    print("\n| probability of the accepted effect | mean | right | steps |\n| --- | --- | --- | --- |")
+    for low, high in pairwise((0.0, 0.5, 0.8, 0.95, 1.0)):
+        here = [(p, d == "right") for _, _, d, p in told if d != "none" and low < p <= high]
+        if here:
+            mean, right = np.mean(here, axis=0)
+            print(f"| {low:.2f} to {high:.2f} | {mean:.2f} | {right:.2f} | {len(here)} |")
+
+
 def main() -> None:
     top = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = top.add_subparsers(required=True, metavar="COMMAND")
@@ -149,6 +188,12 @@ def main() -> None:
     command.add_argument("folder", type=Path)
     command.add_argument("seeds", type=seeds_of)
     command.set_defaults(go=lambda a: record(a.folder, a.seeds))
+    command = commands.add_parser("count", help="decisions by kind, and probabilities beside frequencies")
+    command.add_argument("folder", type=Path)
+    command.add_argument("--odds", type=float, default=criterion.ODDS, help="least log posterior odds")
+    command.add_argument("--share", type=float, default=criterion.SHARE, help="least evidence, see there")
+    command.add_argument("--rare", type=float, default=criterion.RARE, help="share of sets with less")
+    command.set_defaults(go=lambda a: count(a.folder, a.odds, a.share, a.rare))
     arguments = top.parse_args()
     arguments.go(arguments)
 

@@ -142,7 +142,7 @@ class PicturePart:
         return np.sqrt(whole), np.divide(whole**2, fourth, out=np.ones_like(whole), where=fourth > 0)
 
     def _as_normal(self, deviation: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-        """A deviation of the symmetries with the tails of a normal distribution instead of Student's t; 0 where too few pictures tell."""
+        """A deviation of the symmetries, from Student's t to a normal distribution; 0 where too few pictures tell."""
         error, freedom = self._error(chosen)
         size = np.divide(np.abs(deviation), error, out=np.zeros_like(error), where=error > 0)
         normal = stats.norm.isf(np.maximum(stats.t.sf(size, freedom), np.finfo(float).tiny))

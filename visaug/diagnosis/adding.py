@@ -63,7 +63,7 @@ class Adding:
         return self._added(state, candidate.effect, candidate.camera, candidate.coordinates, self._few)
 
     def is_hopeless(self, state: State, candidate: Refined, sketch: State) -> bool:
-        """Whether few simulated sets show that the criterion will refuse a candidate: its strength is right, but explains little."""
+        """Whether few simulated sets exclude a candidate: its strength is fitted, and it explains little."""
         told = self._told(state, sketch, candidate)
         is_fitted = told is None or told.is_in_means
         return is_fitted and evidence(state, sketch, len(candidate.coordinates)).share < FIRST * SHARE

@@ -122,9 +122,11 @@ def scatter_along(null: Null, left: np.ndarray, ways: np.ndarray) -> np.ndarray:
 
 
 def log_density(residual: np.ndarray, scale: np.ndarray, unit: np.ndarray) -> np.ndarray:
-    """Log density of residuals (..., statistics): normal with standard deviation `scale`, or log-uniform beyond `LEAST` times `unit`.
+    """Log density of residuals (..., statistics): normal, with log-uniform outliers for what effects outside the model cause.
 
-    The second is for what effects outside the model cause.
+    Args:
+        scale: standard deviations.
+        unit: outliers lie beyond `LEAST` times this.
     """
     size = np.abs(residual)
     normal = np.exp(-0.5 * (size / scale) ** 2) / (scale * np.sqrt(2 * np.pi))

@@ -169,7 +169,7 @@ class _Search:
             ambiguous=tuple(
                 pair for pair in self.ranking.ambiguous if set(pair["effects"]) & set(state.accepted)
             ),
-            unexplained=residue(told, self.lab.measured[2], state, missing, nearest),
+            unexplained=residue(self.lab.measured[2], state, missing, nearest),
             form=form(self._of_all, state),
             cannot_show=cannot_show(self.signs, first),
             used=self.lab.selection,
@@ -260,7 +260,7 @@ class _Search:
         return after, None
 
     def _reconsidered(self, plain: State, state: State) -> State:
-        """The state with the effect before the last replaced by a rival, if that is more probable with the last, or explains all alone.
+        """The state with the effect before the last replaced by a rival that is more probable with the last, or explains all alone.
 
         As long as a further effect is missing, a wrong effect can fit better. And if the last effect is that rival, it may
         explain everything by itself.

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from visaug.comparison import Error
 from visaug.comparison.chance import SIGNIFICANT
 from visaug.diagnosis.reference import Reference
 from visaug.diagnosis.residue import Residue, describe
@@ -13,30 +12,23 @@ from visaug.diagnosis.signatures import Signatures
 from visaug.diagnosis.state import State
 from visaug.fingerprint import Fingerprint, Statistic
 
-TRACE = 0.03  # beside accepted effects an error is reported whose interval lies above this
 SHOWN = (
     3.0  # standard deviations by which an effect must change some statistic to be detectable in the frames
 )
 
 
-def residue(
-    told: Error | None, measured: Fingerprint, state: State, missing: bool, nearest: str | None
-) -> Residue | None:
-    """Describes the difference that no effect explains; None if there is nothing to report.
-
-    Beside accepted effects a small part of the first error is not reported: their real forms are not exactly the catalogue's.
+def residue(measured: Fingerprint, state: State, missing: bool, nearest: str | None) -> Residue | None:
+    """Describes the difference that no effect explains; None for an adequate camera.
 
     Args:
-        told: the error of the state.
         measured: statistics of all frames.
         missing: whether the camera is not adequate.
         nearest: an effect that reduces the error but does not explain it.
     """
     if not missing:
         return None
-    return describe(
-        measured.statistics, state.whole.z, nearest, _excess(measured, state.fitted.whole_residual)
-    )
+    excess = _excess(measured, state.fitted.whole_residual)
+    return describe(measured.statistics, state.whole.z, nearest, excess)
 
 
 def form(statistics: Sequence[Statistic], state: State) -> str | None:

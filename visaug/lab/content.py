@@ -7,7 +7,6 @@ from typing import Any
 from visaug.camera.paths import place_of
 from visaug.comparison import Error, Place
 from visaug.diagnosis import Diagnosis, Estimate
-from visaug.diagnosis.acceptance import SHARE
 from visaug.effects import Parameter
 from visaug.fingerprint import VIEWS
 from visaug.lab.bench import Bench, summary
@@ -15,6 +14,8 @@ from visaug.report.headline import diagnosis_headline, view_title
 from visaug.report.next_step import PICTURES, NextStep, after_comparison, after_diagnosis
 from visaug.report.pages import described
 from visaug.wording import number, p_text, share_text, statistic_text, with_interval
+
+NOTICEABLE = 0.01  # least reduction of the error that is worth an effect
 
 FIRST = 4  # views that are shown before the others
 
@@ -174,7 +175,7 @@ def _notes(bench: Bench) -> list[str]:
     """What there is to add to the verdict."""
     found, notes = bench.diagnosis, []
     errors = [step.error for step in bench.now.steps[-2:] if step.error]
-    if bench.now.added and len(errors) == 2 and errors[1].value > errors[0].value - SHARE:
+    if bench.now.added and len(errors) == 2 and errors[1].value > errors[0].value - NOTICEABLE:
         notes.append(f"{bench.now.added[-1]} does not lower the error: without it the camera is as close.")
     if not found:
         return notes
