@@ -1,27 +1,42 @@
-"""States and candidates made by hand, for what decides between them."""
+"""States and candidates made by hand."""
 
 from types import SimpleNamespace
 
 import numpy as np
 
 from visaug import Camera
-from visaug.diagnosis.acceptance import State
+from visaug.diagnosis.choice import Judged
+from visaug.diagnosis.criterion import Evidence
 from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.parameters import effect_coordinates
 from visaug.diagnosis.refinement import Refined
+from visaug.diagnosis.state import State
 
 
 def leaving(residual, camera: Camera, *accepted: str) -> State:
+    """A state with these residuals, in standard deviations, of discovery, hold-out and all frames."""
     left = np.array(residual, float)
     coordinates = [c for name in accepted for c in effect_coordinates(camera, name)]
     steps = np.zeros((2, len(coordinates)))
+    null, sample = SimpleNamespace(scale=np.ones(len(left))), SimpleNamespace(sets=None)
     reference = SimpleNamespace(
-        null_scale=np.ones(len(left)), coordinates=coordinates, null_steps=steps, untold=steps[0]
-    )
+        null_scale=null.scale, coordinates=coordinates, null_steps=steps, untold=steps[0], sets=None,
+        find=sample, null=null, confirm=sample, confirm_null=null, whole=sample, whole_null=null,
+        largest=np.linspace(2.5, 5.0, 120),
+    )  # fmt: skip
     fitted = Fitted(reference, camera, left, left, left)  # pyright: ignore[reportArgumentType]
-    return State(fitted, accepted, np.zeros(len(left)), np.zeros(len(left)))
+    return State(fitted, accepted, (np.zeros(len(left)), np.zeros(len(left)), np.zeros(len(left))))
 
 
-def refined(effect: str, camera: Camera, gain: float, cost: float) -> Refined:
+def refined(effect: str, camera: Camera, gain: float, cost: float = 1.0) -> Refined:
     own = tuple(effect_coordinates(camera, effect))
     return Refined(effect, camera, own, np.zeros(len(own)), gain, np.zeros(4), np.zeros(4), cost)
+
+
+def with_odds(odds: float, share: float = 1.0) -> Evidence:
+    """Evidence with these log odds, of which simulated sets with the effect have 1 / `share` times as much."""
+    return Evidence(odds, 0.0, 0.0, np.full(9, odds / share))
+
+
+def judged(candidate: Refined, state: State, odds: float = 100.0) -> Judged:
+    return Judged(candidate, state, with_odds(odds))

@@ -1,4 +1,4 @@
-"""A camera with one effect more: from where it is refitted."""
+"""A camera with one more effect: where its refit starts, how many sets are simulated, and how its strength is estimated."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.diagnosis.residuals import state
-from tests.diagnosis.states import leaving, refined
+from tests.diagnosis.states import leaving, refined, with_odds
 from visaug.diagnosis import adding
 from visaug.diagnosis.adding import Adding
-from visaug.diagnosis.parameters import Coordinate, strengths_of
-from visaug.diagnosis.spread import Scatter
+from visaug.diagnosis.criterion import SHARE
+from visaug.diagnosis.parameters import Coordinate
+from visaug.diagnosis.scatter import Scatter
 
 BEYOND = Coordinate("brighter_fatter.beyond", False, 0.05, 0.5)
 GAIN = Coordinate("gain_e_per_dn", True, 0.02, 0.3)
@@ -65,128 +65,149 @@ def test_a_number_that_was_bent_is_tried_as_the_file_says(stated, monkeypatch):
     assert fitted.camera.values()["gain_e_per_dn"] == pytest.approx(stated.values()["gain_e_per_dn"])
 
 
+SIGMA = Coordinate("light_drift.sigma", True, 0.1, 1.5)
+FITTED = Scatter(1.0, np.ones(9), (SIGMA,), in_variance=False)
+RANDOM = Scatter(1.0, np.ones(9), (SIGMA,), in_variance=True)
+STRONGER = Scatter(2.0, np.ones(9), (SIGMA,), in_variance=True)
+
+
 @pytest.fixture
 def drift(stated):
-    """A candidate whose scatter tells its strength."""
-    camera = stated.with_effect("light_drift")
-    own = (
-        Coordinate("light_drift.sigma", True, 0.1, 1.5),
-        Coordinate("light_drift.correlation", False, 0.1, 0.5),
-    )
-    return replace(refined("light_drift", camera, 9.0, 1.0), coordinates=own)
+    """A candidate with a strength and another free parameter."""
+    own = (SIGMA, Coordinate("light_drift.correlation", False, 0.1, 0.5))
+    return replace(refined("light_drift", stated.with_effect("light_drift", sigma=0.01), 9.0), coordinates=own)
 
 
-@pytest.mark.parametrize(
-    ("may", "scatters", "far", "sets"),
-    [
-        (True, False, False, [30, 120]),
-        (False, False, False, [30]),
-        (
-            False,
-            True,
-            False,
-            [30, 120],
-        ),  # how strong it is, and so what it explains, is not told by a few sets
-        (True, False, True, [30, 30, 120]),
-    ],
-)
-def test_a_few_simulated_sets_end_what_does_not_explain_what_it_moves(
-    monkeypatch, stated, may, scatters, far, sets
+@pytest.fixture
+def begun() -> Adding:
+    return Adding(None, None, (), lambda *_: None)  # pyright: ignore[reportArgumentType]
+
+
+def scattering(monkeypatch, *told: Scatter | None) -> None:
+    """Gives the estimates of a strength, the last one for all further states."""
+    left = list(told)
+    monkeypatch.setattr(adding, "scatter", lambda *_: left.pop(0) if len(left) > 1 else left[0])
+
+
+@pytest.mark.parametrize(("far", "few", "many"), [(False, [30], [120]), (True, [30, 30], [120])])
+def test_few_sets_are_simulated_first_and_anew_where_the_fit_ends_far_from_them(
+    monkeypatch, stated, drift, begun, far, few, many
 ):
-    found = refined("row_noise", stated.with_effect("row_noise"), 9.0, 1.0)
-    before, made = leaving([9.0], stated), []
+    made = []
 
-    def reference(lab, camera, coordinates, count, *_):
-        made.append(count)
+    def reference(lab, camera, coordinates, count, report, known, first=None):
+        made.append((count, first))
         return SimpleNamespace(camera=camera, coordinates=tuple(coordinates))
 
     def refitted(lab, reference, *_):
-        return SimpleNamespace(
-            camera=reference.camera, reference=reference, residual=np.zeros(1), whole_residual=np.zeros(1)
-        )
+        return SimpleNamespace(camera=reference.camera, reference=reference, residuals=(np.zeros(1),) * 3)
 
-    told = SimpleNamespace(tells=False) if scatters else None
-    monkeypatch.setattr(adding.cache, "reference", reference)
+    monkeypatch.setattr(adding.cache, "reference", lambda *given: reference(*given))
+    monkeypatch.setattr(adding.cache, "make_reference", lambda *given, **_: reference(*given), raising=False)
     monkeypatch.setattr(adding.cache, "refit", refitted)
-    monkeypatch.setattr(adding.cache, "is_far", lambda *_: far and made == [30])
+    monkeypatch.setattr(adding.cache, "is_far", lambda *_: far and len(made) == 1)
     monkeypatch.setattr(Adding, "_refitted", lambda self, reference, near: refitted(None, reference))
-    monkeypatch.setattr(Adding, "_moves_of", lambda *_: (None, None))
-    monkeypatch.setattr(Adding, "_scatter", lambda *_: told)
-    monkeypatch.setattr(adding, "may_explain", lambda *_: may)
-    added = Adding(SimpleNamespace(statistics=()), None, (), None).where_promising(before, found)  # pyright: ignore[reportArgumentType]
-    assert (added is not None) == (may or scatters)
-    assert made == sets
+    scattering(monkeypatch, FITTED)
+    before = leaving([9.0], stated)
+    sketch = begun.sketched(before, drift)
+    assert [count for count, _ in made] == few
+    after = begun.completed(before, drift, sketch)
+    assert [count for count, _ in made] == few + many
+    assert made[-1][1] is sketch.fitted.reference  # its sets are reused
+    assert after.accepted == ("light_drift",)
 
 
 @pytest.mark.parametrize(
-    ("holds", "strengths", "taken"),
+    ("told", "share", "hopeless"),
     [
-        ((True, True), (0.02, 0.02), (0.0, 1)),  # where the first holds no other numbers are tried
-        ((False, False), (0.02, 0.02), (0.9, 2)),  # the better of the two is simulated in full
-        ((False, False), (0.02, None), (0.0, 1)),  # of the other no strength meets its scatter
-        ((False, False), (None, 0.02), (None, 0)),
+        (None, 0.49 * SHARE, True),
+        (FITTED, 0.49 * SHARE, True),
+        (FITTED, 0.51 * SHARE, False),
+        (None, 1.0, False),
+        (RANDOM, 0.1, False),  # its strength is not known yet
+        (STRONGER, -1.0, False),
     ],
 )
-def test_of_what_scatters_the_better_numbers_are_simulated_in_full(
-    monkeypatch, stated, drift, holds, strengths, taken
+def test_few_sets_exclude_a_fitted_effect_that_explains_little(
+    monkeypatch, stated, drift, begun, told, share, hopeless
 ):
-    """How a lamp's levels hang together is told by the second of two sketches; only that one is completed."""
-    before, calls = state([9.0]), []
+    """Half of the least share of the criterion."""
+    scattering(monkeypatch, told)
+    monkeypatch.setattr(adding, "evidence", lambda *_: with_odds(share * 100, share))
+    assert begun.is_hopeless(leaving([9.0], stated), drift, leaving([1.0], stated)) is hopeless
 
-    def scattering(self, state, effect, camera, own, sets, begun=None):
+
+@pytest.mark.parametrize(
+    ("told", "reproduced", "by_means"),
+    [(None, True, True), (FITTED, True, True), (RANDOM, True, False), (STRONGER, True, False), (RANDOM, False, True)],
+)
+def test_a_strength_is_estimated_from_variance_where_means_do_not_determine_it(
+    monkeypatch, stated, drift, begun, told, reproduced, by_means
+):
+    """The fit of the means is kept if the other estimate does not reproduce itself."""
+    states = {name: leaving([1.0], stated) for name in ("sketch", "variance", "means")}
+    scattering(monkeypatch, told)
+    monkeypatch.setattr(Adding, "_as_it_scatters", lambda *_: states["variance"] if reproduced else None)
+    monkeypatch.setattr(Adding, "_added", lambda *_, **__: states["means"])
+    after = begun.completed(leaving([9.0], stated), drift, states["sketch"])
+    assert after is states["means" if by_means else "variance"]
+
+
+@pytest.mark.parametrize(
+    ("told", "strengths", "kept"),
+    [
+        ([RANDOM], [0.01], 0.01),
+        ([STRONGER, RANDOM], [0.01, 0.02], 0.02),  # simulated again with the new strength
+        ([STRONGER, STRONGER], [0.01, 0.02], None),
+    ],
+)
+def test_a_strength_from_variance_must_reproduce_itself(monkeypatch, stated, drift, begun, told, strengths, kept):
+    """The strength is held in the fit; only the other parameter is free."""
+    scattering(monkeypatch, *told)
+    tried, free = [], []
+
+    def added(self, state, effect, camera, own, sets, begun, settle):
+        tried.append(camera.values()["light_drift.sigma"])
+        free.append([c.path for c in own])
+        return leaving([1.0], camera, effect)
+
+    monkeypatch.setattr(Adding, "_added", added)
+    after = begun._scattering(leaving([9.0], stated), drift, drift.camera, (SIGMA,), 30)
+    assert tried == pytest.approx(strengths)
+    assert not any("light_drift.sigma" in paths for paths in free)
+    assert (after is None) == (kept is None)
+    if after is not None:
+        assert after.scatters == (RANDOM,)
+        assert after.fitted.camera.values()["light_drift.sigma"] == pytest.approx(kept)
+
+
+@pytest.mark.parametrize(
+    ("evidence", "strengths", "taken", "sketched"),
+    [
+        ([with_odds(10.0), with_odds(50.0)], (0.02, 0.02), 0.0, 1),  # the first is enough
+        ([with_odds(10.0, 0.2), with_odds(50.0, 0.2)], (0.02, 0.02), 0.9, 2),  # the more probable of two
+        ([with_odds(50.0, 0.2), with_odds(10.0, 0.2)], (0.02, 0.02), 0.0, 2),
+        ([with_odds(10.0, 0.2)], (0.02, None), 0.0, 2),  # the other one's strength does not reproduce itself
+        ([], (None,), None, 1),
+    ],
+)
+def test_other_parameters_of_a_random_effect_are_tried_at_the_catalogues_values(
+    monkeypatch, stated, drift, begun, evidence, strengths, taken, sketched
+):
+    """With few sets each, until one has the evidence that it should have; the most probable is simulated in full."""
+    calls, left, strength = [], list(evidence), list(strengths)
+
+    def scatters(self, state, candidate, camera, of, sets, first=None):
         calls.append((sets, camera.values()["light_drift.correlation"]))
-        strength = strengths[len(calls) - 1] if begun is None else 0.02
-        return (
-            None
-            if strength is None
-            else SimpleNamespace(fitted=SimpleNamespace(reference=SimpleNamespace(camera=camera)))
-        )
+        if sets == adding.SETS_BEFORE and strength.pop(0) is None:
+            return None
+        return SimpleNamespace(fitted=SimpleNamespace(reference=SimpleNamespace(camera=camera)))
 
-    told = Scatter(2.0, np.ones(9), strengths_of("light_drift", drift.coordinates))
     cameras = [stated.with_effect("light_drift", correlation=c) for c in (0.0, 0.9)]
     monkeypatch.setattr(Adding, "_otherwise", lambda *_: iter(cameras))
-    monkeypatch.setattr(Adding, "_scatter", lambda *_: told)
-    monkeypatch.setattr(Adding, "_scattering", scattering)
-    monkeypatch.setattr(Adding, "_holds_where_it_acts", lambda *_: holds[len(calls) - 1])
-    monkeypatch.setattr(adding, "decided", lambda statistics, state, pairs: pairs[::-1])
-    begun = Adding(SimpleNamespace(statistics=()), None, (), None)  # pyright: ignore[reportArgumentType]
-    sketch = SimpleNamespace(fitted=SimpleNamespace(camera=drift.camera))
-    so = begun._as_it_scatters(before, drift, sketch)  # pyright: ignore[reportArgumentType]
-    correlation, sketched = taken
-    assert (so is None) == (correlation is None)
-    if so is not None:
-        assert calls[-1] == (adding.SETS_AFTER, correlation)
-        assert [sets for sets, _ in calls[:-1]][:sketched] == [adding.SETS_BEFORE] * sketched
-
-
-@pytest.mark.parametrize(
-    ("explaining", "may", "taken"),
-    [
-        (("scatter", "moves"), True, "scatter"),
-        (
-            ("moves",),
-            True,
-            "moves",
-        ),  # one rare code in the dark scatters as many would, of which a flat knows nothing
-        (("moves",), False, "scatter"),  # a few sets show that it would not
-        ((), True, "scatter"),
-    ],
-)
-def test_a_strength_by_scatter_that_explains_nothing_gives_way_to_the_moves(
-    monkeypatch, stated, explaining, may, taken
-):
-    found = refined("missing_codes", stated.with_effect("missing_codes"), 9.0, 1.0)
-    states = {name: leaving([1.0], stated) for name in ("sketch", "scatter", "moves")}
-    monkeypatch.setattr(Adding, "_sketched", lambda *_: states["sketch"])
-    monkeypatch.setattr(Adding, "_may_explain", lambda *_: True)
-    monkeypatch.setattr(Adding, "_as_it_scatters", lambda *_: states["scatter"])
-    monkeypatch.setattr(Adding, "_settled", lambda self, state, r, sketch: sketch)
-    monkeypatch.setattr(Adding, "_completed", lambda *_: states["moves"])
-    monkeypatch.setattr(adding, "may_explain", lambda *_: may)
-    monkeypatch.setattr(
-        adding, "explains", lambda _, before, after: any(after is states[k] for k in explaining)
-    )
-    added = Adding(SimpleNamespace(statistics=()), None, (), None).where_promising(
-        leaving([9.0], stated), found
-    )  # pyright: ignore[reportArgumentType]
-    assert added is states[taken]
+    monkeypatch.setattr(Adding, "_scattering", scatters)
+    monkeypatch.setattr(adding, "evidence", lambda *_: left.pop(0))
+    after = begun._as_it_scatters(leaving([9.0], stated), drift, leaving([1.0], drift.camera), RANDOM)
+    assert (after is None) == (taken is None)
+    full = [] if taken is None else [(adding.SETS_AFTER, taken)]
+    assert calls == [(adding.SETS_BEFORE, c) for c in (0.0, 0.9)][:sketched] + full

@@ -1,185 +1,145 @@
-"""Which of the candidates is accepted, and in what order they are asked."""
+"""Which of the candidates is accepted, and in what order they are simulated."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
 
-from tests.diagnosis.states import leaving, refined
-from visaug.diagnosis import adding, choice
+from tests.diagnosis.states import leaving, refined, with_odds
+from visaug import Camera
+from visaug.diagnosis import choice
+from visaug.diagnosis.criterion import ODDS, Evidence
 from visaug.diagnosis.refinement import Refined
 
+GAINS = {"light_drift": 130.0, "row_noise": 120.0, "flicker_noise": 110.0, "vignetting": 60.0, "smear": 55.0}
+REFUSED = with_odds(ODDS - 1)
 
-def deciding() -> choice.Choice:
-    """A choice whose simulations a test gives."""
-    lab = SimpleNamespace(statistics=(), confirming=())
-    return choice.Choice(lab, None, adding.Adding(lab, None, (), None), None)  # pyright: ignore[reportArgumentType]
+
+class Simulations:
+    """Adds candidates without simulating; records their names. The evidence of each is given, by its name or by its form."""
+
+    def __init__(self, evidence: dict[str, Evidence], hopeless: tuple[str, ...] = ()):
+        self._evidence, self._hopeless = evidence, hopeless
+        self.sketches: list[str] = []
+        self.completions: list[str] = []
+        self.parameters: list[int] = []
+
+    @staticmethod
+    def name(camera: Camera, effect: str) -> str:
+        return camera.choices().get(f"{effect}.pattern", effect)
+
+    def sketched(self, state, candidate: Refined):
+        self.sketches.append(self.name(candidate.camera, candidate.effect))
+        return leaving([1.0], candidate.camera, candidate.effect)
+
+    def is_hopeless(self, state, candidate: Refined, sketch) -> bool:
+        return self.name(candidate.camera, candidate.effect) in self._hopeless
+
+    def completed(self, state, candidate: Refined, sketch):
+        self.completions.append(self.name(candidate.camera, candidate.effect))
+        return leaving([0.0], candidate.camera, candidate.effect)
+
+    def evidence(self, before, after, parameters: int) -> Evidence:
+        self.parameters.append(parameters)
+        return self._evidence.get(self.name(after.fitted.camera, after.accepted[-1]), REFUSED)
+
+
+def chosen(monkeypatch, stated, simulations: Simulations, gains=GAINS) -> choice.Accepted | None:
+    found = [refined(name, stated.with_effect(name), gain) for name, gain in gains.items()]
+    return accepted(monkeypatch, stated, simulations, found)
+
+
+def accepted(monkeypatch, stated, simulations: Simulations, found: list[Refined]) -> choice.Accepted | None:
+    monkeypatch.setattr(choice, "evidence", simulations.evidence)
+    return choice.accepted(leaving([9.0], stated), found, simulations)  # pyright: ignore[reportArgumentType]
+
+
+def test_of_those_accepted_the_one_with_the_largest_odds_is_chosen(monkeypatch, stated):
+    """Not the one with the largest gain. All rivals are simulated, and those farther behind are not."""
+    odds = {"light_drift": 20.0, "row_noise": 50.0, "flicker_noise": 40.0, "vignetting": 90.0}
+    simulations = Simulations({name: with_odds(value) for name, value in odds.items()})
+    one = chosen(monkeypatch, stated, simulations)
+    assert one is not None
+    assert one.best.refined.effect == "row_noise"
+    assert one.best.odds == 50
+    assert [j.refined.effect for j in one.standing] == ["row_noise", "flicker_noise", "light_drift"]
+    assert [r.effect for r in one.others] == ["vignetting", "smear"]
+    assert simulations.completions == simulations.sketches == ["light_drift", "row_noise", "flicker_noise"]
+
+
+def test_larger_odds_do_not_help_an_effect_that_falls_short(monkeypatch, stated):
+    simulations = Simulations({"light_drift": with_odds(500.0, share=0.3), "row_noise": with_odds(20.0)})
+    one = chosen(monkeypatch, stated, simulations)
+    assert one is not None
+    assert [j.refined.effect for j in one.standing] == ["row_noise"]
+    assert "light_drift" in [r.effect for r in one.others]
+
+
+def test_candidates_behind_are_simulated_if_the_first_are_refused(monkeypatch, stated):
+    simulations = Simulations({"smear": with_odds(30.0)})
+    one = chosen(monkeypatch, stated, simulations)
+    assert one is not None
+    assert one.best.refined.effect == "smear"
+    assert simulations.sketches == list(GAINS)
+    assert [r.effect for r in one.others] == [name for name in GAINS if name != "smear"]
+
+
+def test_nothing_is_chosen_if_all_are_refused(monkeypatch, stated):
+    simulations = Simulations({})
+    assert chosen(monkeypatch, stated, simulations) is None
+    assert simulations.sketches == list(GAINS)
+
+
+def test_no_more_than_three_are_simulated_together(monkeypatch, stated):
+    gains = dict.fromkeys(GAINS, 100.0)
+    simulations = Simulations({name: with_odds(30.0) for name in gains})
+    one = chosen(monkeypatch, stated, simulations, gains)
+    assert one is not None
+    assert simulations.sketches == list(gains)[:3]
+
+
+@pytest.mark.parametrize("gain", [0.0, -5.0])
+def test_a_candidate_without_a_gain_is_not_simulated(monkeypatch, stated, gain):
+    """Not even if it would be accepted; it is among the others."""
+    simulations = Simulations({"smear": with_odds(90.0), "row_noise": with_odds(30.0)})
+    one = chosen(monkeypatch, stated, simulations, {"row_noise": 5.0, "smear": gain})
+    assert simulations.sketches == ["row_noise"]
+    assert one is not None
+    assert [r.effect for r in one.others] == ["smear"]
+    assert chosen(monkeypatch, stated, Simulations({"smear": with_odds(90.0)}), {"smear": gain}) is None
+
+
+def test_a_candidate_that_few_sets_exclude_is_not_simulated_in_full(monkeypatch, stated):
+    simulations = Simulations({"row_noise": with_odds(30.0)}, hopeless=("light_drift",))
+    one = chosen(monkeypatch, stated, simulations)
+    assert one is not None
+    assert one.best.refined.effect == "row_noise"
+    assert simulations.sketches == ["light_drift", "row_noise", "flicker_noise"]
+    assert simulations.completions == ["row_noise", "flicker_noise"]
+
+
+def test_the_number_of_free_parameters_is_that_of_the_candidate(monkeypatch, stated):
+    simulations = Simulations({})
+    chosen(monkeypatch, stated, simulations, {"brighter_fatter": 5.0, "point_spread": 4.9})
+    assert simulations.parameters == [4, 1]
 
 
 @pytest.mark.parametrize(
-    ("gains", "accepted", "hold", "chosen"),
+    ("evidence", "form"),
     [
-        ({"row_noise": 9.5, "flicker_noise": 4.2}, "both", "flicker_noise", "flicker_noise"),
-        ({"row_noise": 9.5, "flicker_noise": 3.2}, "both", "flicker_noise", "row_noise"),  # too far behind
-        ({"row_noise": 9.5, "flicker_noise": 4.2}, "both", "", "row_noise"),
-        ({"row_noise": 9.5, "flicker_noise": 4.2}, "flicker_noise", "flicker_noise", "flicker_noise"),
-        ({"row_noise": 9.5, "flicker_noise": 4.2}, "", "flicker_noise", None),
+        ({"even": with_odds(20.0), "random": with_odds(50.0)}, "random"),
+        ({"even": with_odds(50.0), "random": with_odds(20.0)}, "even"),
+        ({"even": with_odds(50.0, share=0.3), "random": with_odds(20.0)}, "random"),
+        ({"even": with_odds(50.0), "random": with_odds(90.0, share=0.3)}, "even"),
+        ({}, None),
     ],
 )
-def test_of_rivals_nearly_alike_it_is_the_one_with_which_the_camera_holds(
-    monkeypatch, stated, gains, accepted, hold, chosen
-):
-    begun, found = deciding(), candidates(stated, gains)
-    choosing(begun, monkeypatch, rivals=2, accepted=tuple(gains) if accepted == "both" else (accepted,))
-    monkeypatch.setattr(choice.Choice, "holds", lambda self, state: state.accepted == (hold,))
-    one = begun.accepted(leaving([9.0], stated), found, None)  # pyright: ignore[reportArgumentType]
-    assert (one and one.refined.effect) == chosen
-    if chosen == "flicker_noise" and accepted == "both":
-        assert [r.effect for r, _ in one.standing] == ["flicker_noise", "row_noise"]  # still a rival to it
-
-
-@pytest.mark.parametrize("rival_is_accepted", [True, False])
-def test_one_far_behind_is_asked_where_all_rivals_are_refused(monkeypatch, stated, rival_is_accepted):
-    gains = {"light_drift": 130.0, "rts_noise": 9.0, "interpixel_crosstalk": 60.0, "row_noise": 40.0}
-    accepted = ("interpixel_crosstalk", *(("light_drift",) if rival_is_accepted else ()))
-    begun, found = deciding(), candidates(stated, gains)
-    asked = choosing(begun, monkeypatch, rivals=1, accepted=accepted)
-    one = begun.accepted(leaving([9.0], stated), found, None)  # pyright: ignore[reportArgumentType]
-    assert one is not None
-    assert one.refined.effect == ("light_drift" if rival_is_accepted else "interpixel_crosstalk")
-    assert asked == ["light_drift", *([] if rival_is_accepted else ["interpixel_crosstalk"])]
-    assert "row_noise" in [other.effect for other in one.others]
-
-
-@pytest.mark.parametrize("refuses", ["explains", "recurs_so", "_improves", None])
-def test_a_candidate_must_pass_every_check(stated, monkeypatch, refuses):
-    """One that does not joins the refused, which speak against others that say the same."""
-    begun = deciding()
-    for name in ("explains", "recurs_so"):
-        monkeypatch.setattr(choice, name, lambda *_, name=name: name != refuses)
-    monkeypatch.setattr(choice.Choice, "_improves", lambda *_: refuses != "_improves")
-    refused = []
-    flare = stated.with_effect("lens_flare", ghost_share=0.003, halo_share=0.015)
-    pair = (refined("lens_flare", flare, 9.0, 1.0), leaving([0.0], flare, "lens_flare"))
-    state = leaving([3.0], stated)
-    assert begun._is_acceptable(state, pair, refused, None) is (refuses is None)  # pyright: ignore[reportArgumentType]
-    assert [r.effect for r, _ in refused] == ([] if refuses is None else ["lens_flare"])
-    assert all(moves == pytest.approx([3.0]) for _, moves in refused)
-
-
-@pytest.mark.parametrize("hopeless", ["light_drift", "row_noise"])
-def test_one_that_is_not_promising_is_told_far_behind_and_stands_for_none(monkeypatch, stated, hopeless):
-    """It is no rival, however much its first match gained; and where all are refused it still speaks for what says the same."""
-    gains = {"light_drift": 130.0, "row_noise": 120.0, "vignetting": 60.0}
-    begun, found = deciding(), candidates(stated, gains)
-    (other,) = {"light_drift", "row_noise"} - {hopeless}
-    asked = choosing(begun, monkeypatch, rivals=2, accepted=(other,))
-    made = adding.Adding.where_promising
-    monkeypatch.setattr(
-        adding.Adding,
-        "where_promising",
-        lambda self, state, r: None if r.effect == hopeless else made(self, state, r),
-    )
-    state = leaving([9.0] * 4, stated)
-    one = begun.accepted(state, found, None)  # pyright: ignore[reportArgumentType]
-    assert one is not None
-    assert [r.effect for r, _ in one.standing] == [one.refined.effect] == [other] == asked
-    assert {r.effect: r.gain <= one.refined.gain - choice.DECISIVE for r in one.others}[hopeless]
-    monkeypatch.setattr(choice.Choice, "_is_acceptable", lambda *_: False)
-    refused = []
-    monkeypatch.setattr(
-        choice.Choice,
-        "_is_said",
-        lambda self, state, r, moves, those: bool(refused.append(list(those)) or True),
-    )
-    assert begun.accepted(state, found, None) is None  # pyright: ignore[reportArgumentType]
-    assert [r.effect for r, _ in refused[-1]] == [hopeless]
-
-
-@pytest.mark.parametrize(
-    ("explaining", "promising", "taken"),
-    [
-        (("even", "random"), ("even", "random"), "even"),  # the other words are not asked
-        (("random",), ("even", "random"), "random"),
-        (("random",), ("random",), "random"),
-        ((), ("even",), "even"),
-        ((), (), "even"),
-    ],
-)
-def test_what_does_not_explain_is_asked_in_other_words(monkeypatch, stated, explaining, promising, taken):
-    """Codes missing evenly fit a little better than the random ones that are missing, and explain nothing."""
-    states, asked = {word: leaving([0.0], stated) for word in ("even", "random")}, []
-
-    def where_promising(self, state, r):
-        asked.append(word := r.camera.choices()["missing_codes.pattern"])
-        return states[word] if word in promising else None
-
-    even, other = (
-        refined("missing_codes", stated.with_effect("missing_codes", density=0.02, pattern=word), gain, 1.0)
+def test_the_other_options_of_an_effect_are_simulated_too(monkeypatch, stated, evidence, form):
+    """One of its forms stands for the effect: one that is accepted, then the one with the larger odds."""
+    even, random = (
+        refined("missing_codes", stated.with_effect("missing_codes", density=0.02, pattern=word), gain)
         for word, gain in (("even", 218.0), ("random", 186.0))
     )
-    monkeypatch.setattr(adding.Adding, "where_promising", where_promising)
-    monkeypatch.setattr(
-        choice, "explains", lambda _, before, after: any(after is states[w] for w in explaining)
-    )
-    found, after = deciding()._simulated(leaving([9.0], stated), replace(even, otherwise=other))
-    assert found.words == {"missing_codes.pattern": taken}
-    assert after is (states[taken] if taken in promising else None)
-    assert asked == ["even"] if "even" in explaining else ["even", "random"]
-
-
-def candidates(stated, gains: dict[str, float]) -> list[Refined]:
-    return [refined(name, stated.with_effect(name), gain, 1.0) for name, gain in gains.items()]
-
-
-def choosing(begun: choice.Choice, monkeypatch, rivals: int, accepted: tuple[str, ...]) -> list[str]:
-    """Leaves a search nothing to do but choose; which effects are asked is in the list."""
-    asked = []
-
-    def is_acceptable(self, state, candidate, refused, by_chance):
-        asked.append(candidate[0].effect)
-        return candidate[0].effect in accepted
-
-    monkeypatch.setattr(choice, "rivals", lambda lab, found, *_: found[:rivals])
-    monkeypatch.setattr(choice, "decided", lambda statistics, state, simulated: simulated)
-    monkeypatch.setattr(choice, "is_beyond", lambda *_: True)
-    monkeypatch.setattr(
-        adding.Adding, "where_promising", lambda self, state, r: leaving([0.0], r.camera, r.effect)
-    )
-    monkeypatch.setattr(choice.Choice, "_is_acceptable", is_acceptable)
-    return asked
-
-
-@pytest.mark.parametrize(
-    ("names", "before", "after", "again", "completes"),
-    [
-        (1, 0.005, 0.4, False, True),  # what stood out is gone
-        (
-            1,
-            0.09,
-            0.09,
-            False,
-            False,
-        ),  # nothing stood out: the first effect's form may have left what both move
-        (1, 0.09, 0.09, True, True),  # but not in frames that did not find it
-        (1, 0.005, 0.005, True, False),
-        (0, 0.005, 0.4, True, False),
-    ],
-)
-def test_a_second_effect_completes_a_camera_by_what_stood_out_or_is_there_again(
-    names, before, after, again, completes
-):
-    states = [SimpleNamespace(accepted=("brighter_fatter",) * names, p_value=p) for p in (before, after)]
-    assert choice._completes(*states, again=again) is completes  # pyright: ignore[reportArgumentType]
-
-
-@pytest.mark.parametrize(
-    ("names", "gain", "after", "has"),
-    [(1, 14.0, 0.005, True), (2, 14.0, 0.005, False), (2, 14.0, 0.4, True), (2, 6.0, 0.4, False)],
-)
-def test_beside_two_effects_a_third_must_leave_nothing(monkeypatch, names, gain, after, has):
-    """A ghost of a ten-thousandth met one statistic of many that the forms of a veil and of a bent response left."""
-    monkeypatch.setattr(choice, "acts_elsewhere", lambda *_: True)
-    accepted = ("veiling_glare", "nonlinearity")[:names]
-    states = [SimpleNamespace(accepted=accepted, p_value=p) for p in (0.005, after)]
-    assert choice._has_a_case([], *states, gain=gain, again=True) is has  # pyright: ignore[reportArgumentType]
+    simulations = Simulations(evidence)
+    one = accepted(monkeypatch, stated, simulations, [replace(even, otherwise=random)])
+    assert simulations.sketches == ["even", "random"]
+    assert (one and [j.refined.words["missing_codes.pattern"] for j in one.standing]) == (form and [form])

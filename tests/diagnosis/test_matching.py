@@ -8,18 +8,17 @@ import pytest
 
 from tests.diagnosis import states
 from visaug import Camera
-from visaug.diagnosis import naming, refinement
-from visaug.diagnosis.acceptance import State
+from visaug.diagnosis import refinement, selection
 from visaug.diagnosis.candidates import Trial, beside_words, effect_trials
 from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.law import Metric, law, scatter_along, shrunk
 from visaug.diagnosis.matches import Match, best_of_each
-from visaug.diagnosis.naming import first_matches
 from visaug.diagnosis.reference import Null
 from visaug.diagnosis.refinement import Refined
+from visaug.diagnosis.selection import first_matches
 from visaug.diagnosis.signatures import Signatures, is_random, own_variance
+from visaug.diagnosis.state import State
 from visaug.effects import catalogue
-from visaug.fingerprint import Statistic
 
 
 def test_shrinkage_keeps_strong_correlations_and_drops_chance():
@@ -109,7 +108,7 @@ def test_an_effect_is_tried_for_what_its_best_trial_gains_though_it_starts_from_
         weak,
         match("row_noise.sigma_e", 2.4, 0.5),
     ]
-    monkeypatch.setattr(naming, "matches", lambda *_, **__: tried)
+    monkeypatch.setattr(selection, "matches", lambda *_, **__: tried)
     _, chosen = first_matches(
         Signatures((), nothing[None], nothing[None]), standing(nothing), frozenset(), 0.0
     )
@@ -140,9 +139,6 @@ def test_the_least_scaled_of_an_effects_good_trials_is_where_it_starts():
     assert best_of_each([wide, other, near, poor]) == [other, near]
 
 
-SCENE = 4 * [Statistic("scene", "slope", "scene spots", ("level",))]
-
-
 def refined(effect: str, camera: Camera, gain: float, cost: float) -> Refined:
     return Refined(effect, camera, (), np.zeros(0), gain, np.full(4, 20.0), np.zeros(4), cost)
 
@@ -152,64 +148,22 @@ def test_of_two_fits_the_better_keeps_the_other_words_that_gain_nearly_as_much(s
         return refined("missing_codes", stated.with_effect("missing_codes", pattern=word), gain, 1.0)
 
     even, random = fit("even", 218.0), fit("random", 186.0)
-    for best in (naming.better(even, random), naming.better(random, even)):
+    for best in (selection.better(even, random), selection.better(random, even)):
         assert (best.words, best.gain) == (even.words, 218.0)
         assert best.otherwise is random
-        assert naming.better(best, fit("even", 100.0)).otherwise is random
-        turned = naming.better(best, fit("random", 300.0))
+        assert selection.better(best, fit("even", 100.0)).otherwise is random
+        turned = selection.better(best, fit("random", 300.0))
         assert turned.words == random.words
         assert turned.otherwise is not None
         assert turned.otherwise.gain == 218.0
-    assert naming.better(even, fit("random", 100.0)).otherwise is None  # far behind
-    assert naming.better(even, fit("even", 200.0)).otherwise is None
+    assert selection.better(even, fit("random", 100.0)).otherwise is None  # far behind
+    assert selection.better(even, fit("even", 200.0)).otherwise is None
 
 
 def leaving(residual) -> State:
     left = np.array(residual, float)
     reference = SimpleNamespace(null_scale=np.ones(len(left)), coordinates=())
     return State.plain(Fitted(reference, None, left, left, left))  # pyright: ignore[reportArgumentType]
-
-
-@pytest.mark.parametrize("favoured", [60.0, 450.0])
-def test_of_two_that_say_the_same_the_simpler_is_taken(stated, monkeypatch, favoured):
-    """A flare without its ghost is a veil: which of them simulations favour a little is their noise, or the rim of the halo."""
-    before, after, elsewhere = leaving([100, 80, 60, 0]), leaving([1, 0, 2, 0]), leaving([1, 0, 2, 30])
-    flare, veil = refined("lens_flare", stated, 1890.0, 5.0), refined("veiling_glare", stated, 1900.0, 2.0)
-    simulated = [(veil, leaving([0, 1, 0, 1])), (flare, after)]
-    density = {id(after.fitted): favoured, id(elsewhere.fitted): -300.0}
-    monkeypatch.setattr(naming, "log_density", lambda fitted, *_: density.get(id(fitted), 0.0))
-    (first, _), (second, _) = naming.decided(SCENE, before, simulated)
-    assert (first.effect, second.effect) == ("veiling_glare", "lens_flare")
-    assert first.gain == second.gain  # no less likely for being simpler: it is what is accepted
-    other = [(veil, elsewhere), (flare, after)]  # it says another thing, and far less well
-    assert [r.effect for r, _ in naming.decided(SCENE, before, other)] == ["lens_flare", "veiling_glare"]
-
-
-def test_of_two_that_say_other_things_as_well_the_one_with_fewer_numbers_is_likelier(stated, monkeypatch):
-    """By Schwarz's criterion, of 1000 statistics 3.45 a number: what has four imitates what has one, not the other way round."""
-    blur = states.refined("point_spread", stated.with_effect("point_spread"), 100.0, 1.0)
-    pushed = states.refined("brighter_fatter", stated.with_effect("brighter_fatter"), 100.0, 4.0)
-    assert (len(blur.coordinates), len(pushed.coordinates)) == (1, 4)
-    before, narrow, wide = (
-        leaving(np.tile(row, 250)) for row in ([9.0, 9, 9, 9], [0.0, 9, 0, 9], [9.0, 0, 9, 0])
-    )
-    ahead = {id(wide.fitted): 0.0}
-    monkeypatch.setattr(naming, "log_density", lambda fitted, *_: ahead.get(id(fitted), 0.0))
-    statistics = 250 * SCENE
-    for favoured, name in ((10.0, "point_spread"), (10.7, "brighter_fatter")):
-        ahead[id(wide.fitted)] = favoured
-        found = naming.decided(statistics, before, [(pushed, wide), (blur, narrow)])
-        assert found[0][0].effect == name
-        assert found[0][0].gain - found[1][0].gain == pytest.approx(
-            abs(favoured - 1.5 * np.log(1000)), abs=1e-9
-        )
-
-
-def test_what_no_rival_explains_does_not_tell_rivals_apart():
-    """5350 or 5340 standard deviations of what blooms, beside a veil and beside a flare."""
-    before = leaving([7000.0, 100, 60, 40])
-    left = naming._anothers(before, [leaving([5350.0, 1, 50, 31]), leaving([5340.0, 60, 45, 1])])
-    assert left.tolist() == [True, False, True, False]
 
 
 def test_other_words_are_tried_first_with_the_numbers_that_were_found(stated, monkeypatch):
@@ -220,7 +174,7 @@ def test_other_words_are_tried_first_with_the_numbers_that_were_found(stated, mo
         begun.append(dict(match.trial.values))
         return refined("vignetting", found, 50.0, 2.0)
 
-    monkeypatch.setattr(naming, "refine", refine)
+    monkeypatch.setattr(selection, "refine", refine)
 
     def match(**values) -> Match:
         named = tuple((f"vignetting.{key}", value) for key, value in values.items())
@@ -229,7 +183,7 @@ def test_other_words_are_tried_first_with_the_numbers_that_were_found(stated, mo
     others = [match(corner_loss=0.3, power=4.0), match(corner_loss=0.3, law="cos4")]
     best = refined("vignetting", found, 60.0, 2.0)
     fitted = leaving([100, 80, 60, 0]).fitted
-    assert naming.from_other_starts(None, fitted, best, others, lambda *_: None, 0.0) is best  # pyright: ignore[reportArgumentType]
+    assert selection.from_other_starts(None, fitted, best, others, lambda *_: None, 0.0) is best  # pyright: ignore[reportArgumentType]
     first, second = begun
     assert (first["vignetting.law"], first["vignetting.corner_loss"]) == ("cos4", pytest.approx(0.17))
     assert second == {"vignetting.corner_loss": 0.3, "vignetting.power": 4.0}
@@ -244,11 +198,11 @@ def test_the_numbers_of_an_earlier_step_are_a_start_if_they_are_of_the_same_word
         named = tuple((f"vignetting.{key}", value) for key, value in values.items())
         return Match(Trial("vignetting", named), 9.0, 1.0, np.zeros(4))
 
-    (start,) = naming._as_earlier(fitted, match(corner_loss=0.3, power=4.0), found)
+    (start,) = selection._as_earlier(fitted, match(corner_loss=0.3, power=4.0), found)
     expected = {"vignetting.corner_loss": 0.17, "vignetting.power": 1.8}
     assert {key: start.values()[key] for key in expected} == pytest.approx(expected)
-    assert naming._as_earlier(fitted, match(corner_loss=0.3, law="cos4"), found) == []
-    assert naming._as_earlier(fitted, match(corner_loss=0.3), None) == []
+    assert selection._as_earlier(fitted, match(corner_loss=0.3, law="cos4"), found) == []
+    assert selection._as_earlier(fitted, match(corner_loss=0.3), None) == []
 
 
 def test_a_number_that_was_zero_is_no_start_where_it_is_refined_as_a_logarithm(stated):
@@ -258,7 +212,7 @@ def test_a_number_that_was_zero_is_no_start_where_it_is_refined_as_a_logarithm(s
     pure = trial.replace({"periodic_banding.second_harmonic": 0.0, "periodic_banding.amplitude_e": 7.0})
     fitted = Fitted(None, stated, *np.zeros((3, 4)))
     found = Refined("periodic_banding", pure, (), np.zeros(0), 1.0, np.zeros(4), np.zeros(4))
-    (start,) = naming._as_earlier(
+    (start,) = selection._as_earlier(
         fitted, Match(Trial("periodic_banding", values), 1.0, 1.0, np.zeros(4)), found
     )
     read = {c.path: c.read(start) for c in refinement.effect_coordinates(trial, "periodic_banding")}
@@ -277,52 +231,11 @@ def test_candidates_are_refined_from_the_numbers_of_an_earlier_step_too(stated, 
         begun.append([camera.values()["vignetting.corner_loss"] for camera in also])
         return found
 
-    monkeypatch.setattr(naming, "first_matches", lambda *_: ([match], [match]))
-    monkeypatch.setattr(naming, "refine", refine)
+    monkeypatch.setattr(selection, "first_matches", lambda *_: ([match], [match]))
+    monkeypatch.setattr(selection, "refine", refine)
     for earlier in ({}, {"vignetting": found}, {"smear": found}):
-        naming.candidates(None, None, fitted.fitted, fitted, frozenset(), lambda *_: None, earlier)  # pyright: ignore[reportArgumentType]
+        selection.candidates(None, None, fitted.fitted, fitted, frozenset(), lambda *_: None, earlier)  # pyright: ignore[reportArgumentType]
     assert begun == [[], [pytest.approx(0.17)], []]
-
-
-def test_what_only_one_of_two_moves_is_no_matter_of_form():
-    """A blur of the light in place of crosstalk: all edges come back, and the noise, which it leaves, stays correlated a little."""
-
-    def rival(left: np.ndarray, gain: float):
-        return SimpleNamespace(gain=gain), SimpleNamespace(fitted=SimpleNamespace(residual=left))
-
-    edges, noise = np.full(6, 100.0), np.full(30, 2.2)
-    statistics = [Statistic(view, "", "", ()) for view in 6 * ["scene"] + 30 * ["spectrum"]]
-    reference = SimpleNamespace(null_scale=np.ones(36))
-
-    def alike(noise_before: np.ndarray, noise_left: np.ndarray) -> bool:
-        state = SimpleNamespace(
-            fitted=SimpleNamespace(reference=reference, residual=np.append(edges, noise_before))
-        )
-        first, other = rival(np.zeros(36), 1000.0), rival(np.append(np.ones(6), noise_left), 950.0)
-        return naming._is_alike(statistics, state, first, other)  # type: ignore[arg-type]
-
-    assert not alike(noise, noise)
-    assert alike(noise, 0.3 * noise)  # it moves them too, in a form of its own
-    assert alike(0.1 * noise, 0.1 * noise)
-
-
-@pytest.mark.parametrize(("edge", "says_the_same"), [(30.0, True), (1.0, False)])
-def test_a_mirrored_scene_a_little_off_tells_nothing_beside_edges_that_the_form_leaves_far_off(
-    edge, says_the_same
-):
-    """A ghost meets two statistics 4 standard deviations off; the halo leaves 30 at the edges, of a veil and of a flare alike."""
-    statistics = 8 * SCENE[:1]
-    reference = SimpleNamespace(null_scale=np.ones(8))
-
-    def rival(gain: float, edges: float, mirrored: float):
-        left = np.array([edges] * 6 + [mirrored] * 2)
-        return SimpleNamespace(gain=gain), SimpleNamespace(fitted=SimpleNamespace(residual=left))
-
-    state = SimpleNamespace(
-        fitted=SimpleNamespace(reference=reference, residual=np.array([500.0] * 6 + [4.0] * 2))
-    )
-    flare, veil = rival(1550.0, edge, 0.0), rival(1542.0, edge, 4.0)
-    assert naming._is_alike(statistics, state, flare, veil) == says_the_same  # type: ignore[arg-type]
 
 
 def test_between_two_widths_the_one_whose_moves_are_as_large_as_what_is_left(stated):

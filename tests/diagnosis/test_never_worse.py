@@ -7,8 +7,8 @@ import pytest
 
 from visaug.comparison import Error
 from visaug.diagnosis import search
-from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.result import Step
+from visaug.diagnosis.state import State
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,6 @@ def test_last_effects_that_raise_the_error_are_dropped(monkeypatch, lows, kept, 
     vars(one).update(walk=list(walk), lab=None, signs=None)
     vars(one)["errors"] = SimpleNamespace(told=lambda low: Error(low + 0.1, low, low + 0.2))
     one.steps = [Step(f"state {n}", one.errors.told(low)) for n, low in enumerate(lows)]
-    monkeypatch.setattr(one, "_last_explains_nothing", lambda missing: False)
     monkeypatch.setattr(search, "chance", lambda lab, signs, state: SimpleNamespace(p_value=0.01))
     state, p_value, last = one._without_idle_effects(cast(State, walk[-1]), 0.3)
     assert (state.accepted, last) == (kept, dropped)

@@ -9,7 +9,6 @@ from scipy.stats import kstest
 from tests.diagnosis.small import frame_set
 from visaug import Camera
 from visaug.comparison import Laboratory
-from visaug.diagnosis.acceptance import State
 from visaug.diagnosis.candidates import base_trials, is_proposed, missing_base, trials
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.parameters import base_coordinates, effect_coordinates
@@ -17,6 +16,7 @@ from visaug.diagnosis.reference import Null
 from visaug.diagnosis.refinement import coordinates_of
 from visaug.diagnosis.residue import describe
 from visaug.diagnosis.robust import p_value, standardised
+from visaug.diagnosis.state import State
 from visaug.effects import catalogue
 from visaug.fingerprint import Statistic
 

@@ -1,56 +1,73 @@
-"""What is told of candidates that come close."""
+"""Probabilities of the candidates, and which of them the frames do not distinguish."""
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
-from scipy.stats import norm
 
-from tests.diagnosis.states import leaving, refined
+from tests.diagnosis.states import judged, leaving, refined
 from visaug.diagnosis import ranking
+from visaug.diagnosis.choice import Accepted
+
+NAMES = ("brighter_fatter", "interpixel_crosstalk")
 
 
-@pytest.mark.parametrize(
-    ("behind", "is_simulated", "told"),
-    [
-        (0.0, True, True),
-        (13.0, True, True),
-        (15.0, True, False),
-        (-4.0, True, True),
-        (5.0, False, True),
-        (7.0, False, False),
-    ],
-)
-def test_candidates_that_frames_cannot_tell_apart_are_told_with_what_would(
-    stated, monkeypatch, behind, is_simulated, told
-):
-    """Simulated sets are too few to say more. The simpler of two may be the one behind."""
+@pytest.fixture
+def empty() -> ranking.Ranking:
+    return ranking.Ranking(SimpleNamespace(error=lambda *_: None), ())  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(("behind", "told"), [(0.0, True), (11.9, True), (12.1, False), (50.0, False)])
+def test_accepted_candidates_with_nearly_the_same_odds_are_ambiguous(stated, monkeypatch, empty, behind, told):
+    """They are reported with the frames in which they differ. A refused candidate is no rival, whatever it gains."""
     asked = []
     monkeypatch.setattr(
         ranking, "measurement", lambda cameras, at_hand, report: asked.append(set(cameras)) or "flats"
     )
-    found = ranking.Ranking(None, ())  # pyright: ignore[reportArgumentType]
-    names = ("brighter_fatter", "interpixel_crosstalk")
-    one, other = (refined(name, stated.with_effect(name), 40.0, 1.0) for name in names)
-    other = ranking.replace(other, gain=40.0 - behind)
-    far = refined("smear", stated.with_effect("smear"), 3.0, 1.0)
-    simulated, others = ([one, other], [far]) if is_simulated else ([one], [other, far])
-    found.note_ambiguous(simulated, others, lambda *_: None)
-    assert found.ambiguous == ([{"effects": list(names), "measure": "flats"}] if told else [])
-    assert asked == ([set(names)] if told else [])
+    one, other = (
+        judged(refined(name, camera := stated.with_effect(name), 40.0), leaving([0.0] * 4, camera, name), odds)
+        for name, odds in zip(NAMES, (100.0, 100.0 - behind), strict=True)
+    )
+    refused = refined("smear", stated.with_effect("smear"), 400.0)
+    empty.choose(leaving([9.0] * 4, stated), Accepted([one, other], [refused]), None, lambda *_: None)
+    assert empty.ambiguous == ([{"effects": list(NAMES), "measure": "flats"}] if told else [])
+    assert asked == ([set(NAMES)] if told else [])
 
 
-def test_odds_are_no_surer_than_the_law_that_they_come_from(stated):
-    """A difference that is known to 7 has the wrong sign as often as a Gaussian says."""
-    state = leaving([9.0, 0.0, 0.0, 0.0], stated)
-    state.fitted.reference.sets = None  # pyright: ignore[reportAttributeAccessIssue]
-    found = ranking.Ranking(SimpleNamespace(error=lambda *_: None), ())  # pyright: ignore[reportArgumentType]
-    names = ("brighter_fatter", "interpixel_crosstalk")
-    for difference in (3.0, 6.0, 12.0, 15.0):
-        one, other = (
-            refined(name, stated.with_effect(name), gain, 1.0)
-            for name, gain in zip(names, (40.0, 40.0 - difference), strict=True)
-        )
-        found.rank(state, [one, other])
-        _, second = found.ranked
-        expected = norm.sf(difference / 7.0)
-        assert expected / 2 < second.probability < 2 * expected
+def test_probabilities_follow_from_the_odds(stated, empty):
+    """Differences of log odds are divided by `TEMPER`."""
+    found = [refined(name, stated.with_effect(name), 40.0) for name in NAMES]
+    for difference in (0.0, 2.0, 8.0):
+        empty.rank(leaving([9.0] * 4, stated), found, [500.0, 500.0 - difference])
+        first, second = empty.ranked
+        assert first.probability + second.probability == pytest.approx(1)
+        ratio = np.exp(-difference / ranking.TEMPER)
+        assert second.probability / first.probability == pytest.approx(ratio)
+
+
+def test_a_refused_candidate_is_less_probable_than_the_accepted_ones(stated, empty):
+    """By `UNCLEAR` in log odds, and by what its gain is less than the largest."""
+    accepted = judged(refined("row_noise", camera := stated.with_effect("row_noise"), 40.0), leaving([0.0] * 4, camera))
+    others = [refined(name, stated.with_effect(name), gain) for name, gain in zip(NAMES, (90.0, 86.0), strict=True)]
+    empty.choose(leaving([9.0] * 4, stated), Accepted([accepted], others), None, lambda *_: None)
+    probabilities = [r.probability for r in empty.ranked]
+    assert [r.effect for r in empty.ranked] == ["row_noise", *NAMES]
+    behind = np.log(probabilities[0] / np.array(probabilities[1:])) * ranking.TEMPER
+    np.testing.assert_allclose(behind, [ranking.UNCLEAR, ranking.UNCLEAR + 4])
+
+
+def test_an_accepted_effect_has_intervals_and_keeps_its_probability(stated, empty):
+    """Later steps rank the others anew."""
+    camera = stated.with_effect("row_noise")
+    before, after = leaving([9.0] * 4, stated), leaving([0.0] * 4, camera, "row_noise")
+    one = judged(refined("row_noise", camera, 40.0), after)
+    smear = refined("smear", stated.with_effect("smear"), 30.0)
+    empty.rank(before, [one.refined, smear], [40.0, 30.0])
+    assert {r.effect: r.parameters["sigma_e"].low for r in empty.ranked if r.effect == "row_noise"} == {"row_noise": None}
+    empty.choose(before, Accepted([one], [smear]), None, lambda *_: None)
+    accepted = {r.effect: r for r in empty.ranked}["row_noise"]
+    assert accepted.parameters["sigma_e"].low is not None
+    empty.rank(after, [one.refined, smear], [0.0, 10.0])
+    again = {r.effect: r for r in empty.ranked}
+    assert again["row_noise"] == accepted
+    assert again["smear"].probability > 0.5

@@ -1,4 +1,4 @@
-"""An earlier name is thought over once a later effect is there."""
+"""An accepted effect is compared with its rivals again beside a later one."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -6,13 +6,14 @@ from types import SimpleNamespace
 import pytest
 
 from tests.diagnosis.small import frame_set
-from tests.diagnosis.states import leaving, refined
+from tests.diagnosis.states import judged, leaving, refined, with_odds
 from visaug import Camera
 from visaug.comparison import Laboratory
-from visaug.diagnosis import adding, naming, search
+from visaug.diagnosis import adding, search
 from visaug.diagnosis.fits import Fits
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.result import Ranked, Step
+from visaug.diagnosis.state import State
 
 
 @pytest.fixture
@@ -32,7 +33,8 @@ def searching(veiled) -> search._Search:
     flare = refined("lens_flare", veiled["flare"], 1660.0, 5.0)
     veil = refined("veiling_glare", veiled["veil"], 1480.0, 2.0)
     alone = leaving([2, 20, 0, 0], veiled["veil"], "veiling_glare")
-    begun.stood = [[(flare, leaving([0, 0, 0, 30], veiled["flare"])), (veil, alone)], []]
+    own = judged(flare, leaving([0, 0, 0, 30], veiled["flare"], "lens_flare"))
+    begun.stood = [[own, judged(veil, alone)], []]
     begun.errors = SimpleNamespace(told=lambda fitted: None)  # pyright: ignore[reportAttributeAccessIssue]
     begun.lab = SimpleNamespace(statistics=())  # pyright: ignore[reportAttributeAccessIssue]
     begun.steps = [
@@ -52,21 +54,31 @@ def searching(veiled) -> search._Search:
     return begun
 
 
-@pytest.mark.parametrize(("density", "first"), [(5.0, "veiling_glare"), (-900.0, "lens_flare")])
-def test_a_name_gives_way_to_a_rival_that_says_more_beside_a_later_effect(
-    veiled, monkeypatch, density, first
+@pytest.mark.parametrize(("odds", "first"), [(105.0, "veiling_glare"), (95.0, "lens_flare")])
+def test_an_effect_gives_way_to_a_rival_with_larger_odds_beside_a_later_effect(
+    veiled, monkeypatch, odds, first
 ):
+    """The odds of both are those against the camera without any effect, each with its own number of parameters."""
     begun = searching(veiled)
     plain = leaving([300, 200, 90, 40], veiled["trail"])
     both = leaving([0, 0, 0, 25], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
     under = veiled["trail"].with_effect("veiling_glare", share=0.016)
     swapped = leaving([1, 0, 0, 0], under, "veiling_glare", "charge_transfer_inefficiency")
+    told = {id(both): 100.0, id(swapped): odds}
+    compared = []
+
+    def evidence(before, after, parameters):
+        compared.append((before is plain, parameters))
+        return with_odds(told[id(after)])
+
     monkeypatch.setattr(adding.Adding, "swapped", lambda *_: swapped)
-    monkeypatch.setattr(
-        naming, "log_density", lambda fitted, *_: density if fitted is swapped.fitted else 0.0
-    )
+    monkeypatch.setattr(search, "evidence", evidence)
+    monkeypatch.setattr(State, "is_adequate", property(lambda self: False))
+    own, rival = (len(j.refined.coordinates) for j in begun.stood[0])
     found = begun._reconsidered(plain, both)
     assert found is (swapped if first == "veiling_glare" else both)
+    assert compared == [(True, own), (True, rival)]
+    assert own != rival
     assert [step.action for step in begun.steps] == [
         "refit",
         f"add {first}",
@@ -75,23 +87,23 @@ def test_a_name_gives_way_to_a_rival_that_says_more_beside_a_later_effect(
     assert {r.effect: r.probability for r in begun.ranking.ranked}[first] == 0.98
 
 
-@pytest.mark.parametrize("holds", [True, False])
-def test_a_name_goes_where_the_later_effect_alone_leaves_nothing(veiled, monkeypatch, holds):
-    """A blur that had taken most of what blooms; but two effects of which neither alone is enough both stay."""
+@pytest.mark.parametrize("adequate", [True, False])
+def test_an_effect_is_dropped_if_the_later_one_alone_explains_everything(veiled, monkeypatch, adequate):
+    """Two effects of which neither alone is adequate both stay."""
     begun = searching(veiled)
-    (_, alone) = begun.stood[0][1]
+    alone = begun.stood[0][1].state
     begun.steps[2] = Step("add veiling_glare", None)
-    begun.choice = SimpleNamespace(holds=lambda state: holds and state is alone)  # pyright: ignore[reportAttributeAccessIssue]
+    monkeypatch.setattr(State, "is_adequate", property(lambda self: adequate and self is alone))
     both = leaving([0, 0, 0, 1], veiled["flare"].with_effect("veiling_glare"), "lens_flare", "veiling_glare")
     found = begun._reconsidered(leaving([300, 200, 90, 40], veiled["trail"]), both)
-    assert found is (alone if holds else both)
-    kept = ["refit", *([] if holds else ["add lens_flare"]), "add veiling_glare"]
+    assert found is (alone if adequate else both)
+    kept = ["refit", *([] if adequate else ["add lens_flare"]), "add veiling_glare"]
     assert [step.action for step in begun.steps] == kept
 
 
 def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
     begun = searching(veiled)
-    (own, _), (rival, _) = begun.stood[0]
+    own, rival = (j.refined for j in begun.stood[0])
     made = {}
 
     def reference(lab, camera, coordinates, *_, **__):
@@ -115,11 +127,11 @@ def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
 def test_a_step_has_the_numbers_of_the_steps_before(veiled, monkeypatch):
     begun = searching(veiled)
     state = leaving([2, 20, 0, 0], veiled["veil"], "veiling_glare")
-    (flare, _), (veil, _) = begun.stood[0]
+    flare, veil = (j.refined for j in begun.stood[0])
     begun.signs = begun._seen = ()  # pyright: ignore[reportAttributeAccessIssue]
     begun.without, begun.report, begun.refined = frozenset(), lambda *_: None, {}
-    begun.ranking = SimpleNamespace(standings=dict, rank=lambda *_: None)  # pyright: ignore[reportAttributeAccessIssue]
-    begun.choice = SimpleNamespace(accepted=lambda *_: None)  # pyright: ignore[reportAttributeAccessIssue]
+    begun.ranking = SimpleNamespace(rank=lambda *_: None)  # pyright: ignore[reportAttributeAccessIssue]
+    monkeypatch.setattr(search, "accepted", lambda *_: None)
     had: list[dict] = []
 
     def candidates(*known):
@@ -128,7 +140,7 @@ def test_a_step_has_the_numbers_of_the_steps_before(veiled, monkeypatch):
 
     monkeypatch.setattr(search, "candidates", candidates)
     for _ in range(3):
-        begun._add(state, None)  # pyright: ignore[reportArgumentType]
+        begun._add(state)
     assert had == [{}, {"lens_flare": flare}, {"lens_flare": flare, "veiling_glare": veil}]
 
 

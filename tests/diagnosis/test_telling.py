@@ -1,4 +1,4 @@
-"""What of a rest is a finding."""
+"""What is reported at the end of a search."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -8,36 +8,59 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.states import leaving
-from visaug.comparison import Error
 from visaug.diagnosis import telling
+from visaug.diagnosis.candidates import Trial
+from visaug.diagnosis.signatures import Signatures
 from visaug.fingerprint import Fingerprint, Statistic
 
-STATISTIC = Statistic("scene", "slope", "scene spot", ("level",))
+STATISTIC = Statistic("temporal_lines", "rows", "bias", ("time", "row"), "DN", "bias")
+
+
+@pytest.mark.parametrize("missing", [True, False])
+@pytest.mark.parametrize("left", [1.0, 40.0])
+@pytest.mark.parametrize("accepted", [(), ("row_noise",)])
+def test_a_difference_is_reported_if_and_only_if_the_camera_is_not_adequate(stated, missing, left, accepted):
+    state = leaving([0.5, left], stated.with_effect("row_noise"), *accepted)
+    measured = Fingerprint((STATISTIC, STATISTIC), np.array([1.0, 2.0]))
+    found = telling.residue(measured, state, missing, "flicker_noise")
+    assert (found is not None) == missing
+    if found is not None:
+        assert found.axis == ("time", "row")
+        assert found.worst[0] == (STATISTIC.label, left)
+
+
+def test_a_reported_difference_is_in_standard_deviations_with_the_tolerance(stated):
+    state = leaving([4.0, 40.0], stated)
+    state = replace(state, tolerances=(np.zeros(2), np.zeros(2), np.array([0.0, np.sqrt(399.0)])))
+    found = telling.residue(Fingerprint((STATISTIC, STATISTIC), np.ones(2)), state, True, None)
+    assert found is not None
+    assert sorted(z for _, z in found.worst) == pytest.approx([2.0, 4.0])
 
 
 @pytest.mark.parametrize(("furthest", "told"), [(3.8, False), (60.0, True)])
-def test_an_error_that_surely_stays_is_told_where_something_stands_out(stated, furthest, told):
-    """Of a faint effect the error is mostly noise, and 0.9 of it may stay though the camera holds."""
+def test_a_difference_in_the_form_of_an_accepted_effect_is_described(stated, furthest, told):
+    """Where the effect acts, that is where the tolerance of its form is larger than the noise, and beyond the null's largest residual."""
     state = leaving([furthest, 1.0, 0.5], stated.with_effect("row_noise"), "row_noise")
-    reference = cast(SimpleNamespace, state.fitted.reference)
-    reference.whole_null, reference.largest = SimpleNamespace(scale=np.ones(3)), np.linspace(2.5, 5.0, 120)
-    assert telling.is_far_off(Error(0.9, 0.3, 1.4), state) is told
-    assert telling.form([STATISTIC] * 3, state) is None  # where the effect does not act
-    acting = replace(state, whole_allowance=np.array([2.0, 0.0, 0.0]))
-    assert (telling.form([STATISTIC] * 3, acting) is None) is not told
+    assert telling.form([STATISTIC] * 3, state) is None
+    nothing = np.zeros(3)
+    acting = replace(state, tolerances=(nothing, nothing, np.array([2.0, 0.0, 0.0])))
+    text = telling.form([STATISTIC] * 3, acting)
+    assert (text is not None) is told
+    assert text is None or "row_noise" in text
+    assert telling.form([STATISTIC] * 3, replace(acting, accepted=())) is None
 
 
-@pytest.mark.parametrize(("left", "told"), [([0, 27], True), ([0, 6], False), ([60, 0], False)])
-def test_a_trace_is_told_where_it_stands_far_out_and_no_accepted_effect_acts(stated, left, told):
-    """A glow leaves 1 % of the error. It moves the first statistic by 400 standard deviations, the second, of dust, not at all."""
-    glowing = stated.with_effect("amplifier_glow", rate_e_per_s=20.0)
-    state = leaving([0, 0], glowing, "amplifier_glow")
-    z = np.array(left, float)
-    reference = SimpleNamespace(whole_null=SimpleNamespace(scale=np.ones(2)))
-    fitted = SimpleNamespace(reference=reference, whole_residual=z)
-    state = replace(state, fitted=fitted, whole_allowance=np.array([60.0, 0.0]))
-    errors = SimpleNamespace(found=lambda fitted: Error(0.01, 0.005, 0.015))
-    assert telling.is_worth_telling(errors, state) is told  # pyright: ignore[reportArgumentType]
+def test_effects_whose_shifts_and_scatter_are_below_the_limit_cannot_be_shown():
+    """An effect counts with its strongest trial, by its shift and its scatter together."""
+    names = ("row_noise", "row_noise", "smear", "light_drift")
+    trials = tuple(Trial(name, ()) for name in names)
+    values = np.array([[0.1, 0.0], [0.0, 5.0], [1.0, 1.9], [0.0, 1.0]])
+    variances = np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0], [0.0, 6.0]])
+    signs = Signatures(trials, values, variances)
+    first = cast(SimpleNamespace, leaving([0.0, 0.0], None).fitted.reference)  # pyright: ignore[reportArgumentType]
+    assert telling.cannot_show(signs, first) == ("smear",)  # pyright: ignore[reportArgumentType]
+    first.null_scale = 2 * np.ones(2)
+    assert telling.cannot_show(signs, first) == ("row_noise", "smear", "light_drift")  # pyright: ignore[reportArgumentType]
 
 
 def test_the_excess_of_a_logarithm_is_that_of_what_was_measured():

@@ -1,0 +1,62 @@
+"""Sets of a camera without and with an effect, made with NumPy: independent normal statistics of standard deviation 1.
+
+The first `FIND` statistics are those of the discovery frames, the others those of the hold-out frames.
+"""
+
+import numpy as np
+
+from visaug.diagnosis.fit import Fitted
+from visaug.diagnosis.reference import Reference, Sample
+from visaug.diagnosis.state import State
+from visaug.diagnosis.uses import Use
+
+FIND, ALL = 200, 300
+PLAIN, WITH = 200, 120  # numbers of simulated sets without and with the effect
+
+
+def state(measured: np.ndarray, sets: np.ndarray) -> State:
+    """The state of a camera without free parameters, from measured statistics (`ALL`,) and simulated sets (R, `ALL`)."""
+    samples, residuals = [], []
+    for use in (slice(FIND), slice(FIND, ALL), slice(None)):
+        values = sets[:, use]
+        count = values.shape[1]
+        samples.append(Sample(values, np.zeros((count, 0)), np.zeros(count)))
+        residuals.append(measured[use] - values.mean(0))
+    reference = Reference(None, (), *samples)  # pyright: ignore[reportArgumentType]
+    return State.plain(Fitted(reference, None, *residuals))  # pyright: ignore[reportArgumentType]
+
+
+def pair(
+    seed: int,
+    truth: np.ndarray | float,
+    shift: np.ndarray | float,
+    true_scatter: np.ndarray | float = 0.0,
+    scatter: np.ndarray | float = 0.0,
+    are_common: bool = True,
+) -> tuple[State, State]:
+    """States without and with an effect that shifts the means by `shift`, where the measured frames are shifted by `truth`.
+
+    Args:
+        true_scatter, scatter: standard deviations that are added to those of the measured frames and of sets with the effect.
+        are_common: whether sets with the effect share their random numbers with those without.
+    """
+    rng = np.random.default_rng(seed)
+    plain = rng.standard_normal((PLAIN, ALL))
+    own = plain[:WITH] if are_common else rng.standard_normal((WITH, ALL))
+    own = own + shift + scatter * rng.standard_normal((WITH, ALL))
+    measured = rng.standard_normal(ALL) + truth + true_scatter * rng.standard_normal(ALL)
+    before = state(measured, plain)
+    return before, before.with_effect("row_noise", state(measured, own).fitted)
+
+
+def shifted(every: int, size: float) -> np.ndarray:
+    """(`ALL`,) a shift of every so many statistics, in both signs."""
+    places = np.arange(ALL)
+    signs = np.where(places // every % 2, -1.0, 1.0)
+    return np.where(places % every == 0, size * signs, 0.0)
+
+
+def uses(pair: tuple[State, State]) -> tuple[Use, Use]:
+    """The discovery frames of both states."""
+    before, after = pair
+    return before.find, after.find

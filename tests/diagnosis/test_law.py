@@ -1,0 +1,43 @@
+"""The density of one residual."""
+
+import numpy as np
+from scipy.integrate import quad
+from scipy.stats import loguniform, norm
+
+from visaug.diagnosis.law import LEAST, OUTLIERS, RANGE, log_density
+
+
+def density(residual: float, scale: float = 1.0, unit: float = 1.0) -> float:
+    return float(np.exp(log_density(np.array([residual]), np.array([scale]), np.array([unit])))[0])
+
+
+def test_density_is_a_normal_one_with_log_uniform_outliers():
+    for unit, scale in ((1.0, 1.0), (2.0, 5.0)):
+        start = LEAST * unit
+        for size in np.array([1.0001, 1.5, 4.0, 300.0]) * start:
+            outlier = loguniform.pdf(size, start, RANGE * start) / 2  # of both signs
+            expected = (1 - OUTLIERS) * norm.pdf(size, 0, scale) + OUTLIERS * outlier
+            for residual in (size, -size):
+                np.testing.assert_allclose(density(residual, scale, unit), expected, rtol=1e-9)
+
+
+def test_small_residuals_have_a_normal_density():
+    """The outliers add less than the hundredth part of a normal density that they take away."""
+    sizes = np.linspace(0, 2, 9)
+    one = np.ones(9)
+    np.testing.assert_allclose(log_density(sizes, one, one), norm.logpdf(sizes), atol=0.03)
+
+
+def test_density_integrates_to_one():
+    """To 0.2 %: below `LEAST` units the outliers have the constant density of the smallest one."""
+    for unit, scale in ((1.0, 1.0), (0.5, 3.0)):
+        edges = unit * LEAST * np.array([0, 0.3, 1, 3, 10, 100, 1e3, RANGE])
+        total = 2 * sum(quad(density, a, b, args=(scale, unit))[0] for a, b in zip(edges, edges[1:]))
+        assert 0.999 < total < 1.002
+
+
+def test_a_large_residual_costs_the_logarithm_of_its_size():
+    """A normal density costs 4950 at 100 standard deviations."""
+    one = np.ones(2)
+    near, far = log_density(np.array([10.0, 100.0]), one, one)
+    np.testing.assert_allclose(near - far, np.log(10), atol=1e-6)
