@@ -22,7 +22,7 @@ def leaving(residual, camera: Camera, *accepted: str) -> State:
     reference = SimpleNamespace(
         null_scale=null.scale, coordinates=coordinates, null_steps=steps, untold=steps[0], sets=None,
         find=sample, null=null, confirm=sample, confirm_null=null, whole=sample, whole_null=null,
-        largest=np.linspace(2.5, 5.0, 120),
+        largest=np.linspace(2.5, 5.0, 120), camera=camera,
     )  # fmt: skip
     fitted = Fitted(reference, camera, left, left, left)  # pyright: ignore[reportArgumentType]
     return State(fitted, accepted, (np.zeros(len(left)), np.zeros(len(left)), np.zeros(len(left))))

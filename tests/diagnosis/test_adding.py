@@ -10,6 +10,7 @@ from tests.diagnosis.states import leaving, refined, with_odds
 from visaug.diagnosis import adding
 from visaug.diagnosis.adding import Adding
 from visaug.diagnosis.criterion import SHARE
+from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.parameters import Coordinate
 from visaug.diagnosis.scatter import Scatter
 
@@ -75,7 +76,9 @@ STRONGER = Scatter(2.0, np.ones(9), (SIGMA,), in_variance=True)
 def drift(stated):
     """A candidate with a strength and another free parameter."""
     own = (SIGMA, Coordinate("light_drift.correlation", False, 0.1, 0.5))
-    return replace(refined("light_drift", stated.with_effect("light_drift", sigma=0.01), 9.0), coordinates=own)
+    return replace(
+        refined("light_drift", stated.with_effect("light_drift", sigma=0.01), 9.0), coordinates=own
+    )
 
 
 @pytest.fixture
@@ -95,15 +98,14 @@ def test_few_sets_are_simulated_first_and_anew_where_the_fit_ends_far_from_them(
 ):
     made = []
 
-    def reference(lab, camera, coordinates, count, report, known, first=None):
+    def reference(lab, camera, coordinates, count, report, known=None, first=None):
         made.append((count, first))
-        return SimpleNamespace(camera=camera, coordinates=tuple(coordinates))
+        return leaving([1.0], camera).fitted.reference
 
     def refitted(lab, reference, *_):
-        return SimpleNamespace(camera=reference.camera, reference=reference, residuals=(np.zeros(1),) * 3)
+        return Fitted(reference, reference.camera, *np.ones((3, 1)))
 
-    monkeypatch.setattr(adding.cache, "reference", lambda *given: reference(*given))
-    monkeypatch.setattr(adding.cache, "make_reference", lambda *given, **_: reference(*given), raising=False)
+    monkeypatch.setattr(adding.cache, "reference", reference)
     monkeypatch.setattr(adding.cache, "refit", refitted)
     monkeypatch.setattr(adding.cache, "is_far", lambda *_: far and len(made) == 1)
     monkeypatch.setattr(Adding, "_refitted", lambda self, reference, near: refitted(None, reference))
@@ -139,7 +141,13 @@ def test_few_sets_exclude_a_fitted_effect_that_explains_little(
 
 @pytest.mark.parametrize(
     ("told", "reproduced", "by_means"),
-    [(None, True, True), (FITTED, True, True), (RANDOM, True, False), (STRONGER, True, False), (RANDOM, False, True)],
+    [
+        (None, True, True),
+        (FITTED, True, True),
+        (RANDOM, True, False),
+        (STRONGER, True, False),
+        (RANDOM, False, True),
+    ],
 )
 def test_a_strength_is_estimated_from_variance_where_means_do_not_determine_it(
     monkeypatch, stated, drift, begun, told, reproduced, by_means
@@ -161,7 +169,9 @@ def test_a_strength_is_estimated_from_variance_where_means_do_not_determine_it(
         ([STRONGER, STRONGER], [0.01, 0.02], None),
     ],
 )
-def test_a_strength_from_variance_must_reproduce_itself(monkeypatch, stated, drift, begun, told, strengths, kept):
+def test_a_strength_from_variance_must_reproduce_itself(
+    monkeypatch, stated, drift, begun, told, strengths, kept
+):
     """The strength is held in the fit; only the other parameter is free."""
     scattering(monkeypatch, *told)
     tried, free = [], []

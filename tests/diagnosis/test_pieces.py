@@ -11,6 +11,7 @@ from visaug import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis.candidates import base_trials, is_proposed, missing_base, trials
 from visaug.diagnosis.chance import chance
+from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.parameters import base_coordinates, effect_coordinates
 from visaug.diagnosis.reference import Null
 from visaug.diagnosis.refinement import coordinates_of
@@ -76,14 +77,14 @@ def test_what_is_left_is_described_along_its_axis_and_growth():
 def chance_of(null: np.ndarray, shapes: np.ndarray):
     """The p-value that `chance` gives a residual, from simulated sets (R, n) and signatures (n_shapes, n)."""
     law = Null(null, np.full(null.shape[1], 1e-9), np.zeros((null.shape[1], 1)), np.ones(1))
-    reference = SimpleNamespace(whole_null=law, largest=law.largest)
+    reference = SimpleNamespace(whole_null=law, whole=SimpleNamespace(sets=null), largest=law.largest)
     signed = SimpleNamespace(
         trials=[SimpleNamespace(effect=str(i)) for i in range(len(shapes))], values=shapes
     )
     lab = SimpleNamespace(whole_of=lambda values: values)
 
     def p_of(residual: np.ndarray) -> float:
-        fitted = SimpleNamespace(reference=reference, residual=residual, whole_residual=residual)
+        fitted = Fitted(reference, None, residual, residual, residual)  # pyright: ignore[reportArgumentType]
         return chance(lab, signed, State.plain(fitted)).p_value  # type: ignore[arg-type]
 
     return p_of

@@ -18,14 +18,18 @@ def empty() -> ranking.Ranking:
 
 
 @pytest.mark.parametrize(("behind", "told"), [(0.0, True), (11.9, True), (12.1, False), (50.0, False)])
-def test_accepted_candidates_with_nearly_the_same_odds_are_ambiguous(stated, monkeypatch, empty, behind, told):
+def test_accepted_candidates_with_nearly_the_same_odds_are_ambiguous(
+    stated, monkeypatch, empty, behind, told
+):
     """They are reported with the frames in which they differ. A refused candidate is no rival, whatever it gains."""
     asked = []
     monkeypatch.setattr(
         ranking, "measurement", lambda cameras, at_hand, report: asked.append(set(cameras)) or "flats"
     )
     one, other = (
-        judged(refined(name, camera := stated.with_effect(name), 40.0), leaving([0.0] * 4, camera, name), odds)
+        judged(
+            refined(name, camera := stated.with_effect(name), 40.0), leaving([0.0] * 4, camera, name), odds
+        )
         for name, odds in zip(NAMES, (100.0, 100.0 - behind), strict=True)
     )
     refused = refined("smear", stated.with_effect("smear"), 400.0)
@@ -47,8 +51,12 @@ def test_probabilities_follow_from_the_odds(stated, empty):
 
 def test_a_refused_candidate_is_less_probable_than_the_accepted_ones(stated, empty):
     """By `UNCLEAR` in log odds, and by what its gain is less than the largest."""
-    accepted = judged(refined("row_noise", camera := stated.with_effect("row_noise"), 40.0), leaving([0.0] * 4, camera))
-    others = [refined(name, stated.with_effect(name), gain) for name, gain in zip(NAMES, (90.0, 86.0), strict=True)]
+    accepted = judged(
+        refined("row_noise", camera := stated.with_effect("row_noise"), 40.0), leaving([0.0] * 4, camera)
+    )
+    others = [
+        refined(name, stated.with_effect(name), gain) for name, gain in zip(NAMES, (90.0, 86.0), strict=True)
+    ]
     empty.choose(leaving([9.0] * 4, stated), Accepted([accepted], others), None, lambda *_: None)
     probabilities = [r.probability for r in empty.ranked]
     assert [r.effect for r in empty.ranked] == ["row_noise", *NAMES]
@@ -63,7 +71,9 @@ def test_an_accepted_effect_has_intervals_and_keeps_its_probability(stated, empt
     one = judged(refined("row_noise", camera, 40.0), after)
     smear = refined("smear", stated.with_effect("smear"), 30.0)
     empty.rank(before, [one.refined, smear], [40.0, 30.0])
-    assert {r.effect: r.parameters["sigma_e"].low for r in empty.ranked if r.effect == "row_noise"} == {"row_noise": None}
+    assert {r.effect: r.parameters["sigma_e"].low for r in empty.ranked if r.effect == "row_noise"} == {
+        "row_noise": None
+    }
     empty.choose(before, Accepted([one], [smear]), None, lambda *_: None)
     accepted = {r.effect: r for r in empty.ranked}["row_noise"]
     assert accepted.parameters["sigma_e"].low is not None

@@ -90,7 +90,9 @@ def test_equal_cameras_have_equal_standard_deviations_in_simulated_sets():
 
 
 def test_tolerance_is_added_to_the_standard_deviations():
-    null = Null(np.array([[1.0, 0.0], [-1.0, 0.0]]) / np.sqrt(2), np.array([0.5, 0.0]), np.zeros((2, 0)), np.ones(0))
+    null = Null(
+        np.array([[1.0, 0.0], [-1.0, 0.0]]) / np.sqrt(2), np.array([0.5, 0.0]), np.zeros((2, 0)), np.ones(0)
+    )
     one = Use(np.array([10.0, 10.0]), np.zeros((2, 2)), null, np.array([3.0, 3.0]))
     np.testing.assert_allclose(one.scale, [np.sqrt(10), 0])
     np.testing.assert_allclose(one.z, [np.sqrt(10), 0])  # a constant statistic is no evidence
@@ -100,7 +102,11 @@ def test_an_accepted_effect_leaves_a_tolerance_of_what_it_explains():
     """A tenth of each residual that it removes; nothing where it removes none."""
     shift = shifted(3, 50.0)
     before, after = pair(5, shift, shift)
-    for use_before, use_after in ((before.find, after.find), (before.confirm, after.confirm), (before.whole, after.whole)):
+    for use_before, use_after in (
+        (before.find, after.find),
+        (before.confirm, after.confirm),
+        (before.whole, after.whole),
+    ):
         explained = np.maximum(np.abs(use_before.residual) - np.abs(use_after.residual), 0)
         np.testing.assert_allclose(use_after.allowance, FORM * explained)
         assert use_after.allowance.max() > 4
