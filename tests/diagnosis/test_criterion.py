@@ -37,7 +37,7 @@ def test_evidence_of_simulated_sets_has_the_law_of_that_of_the_measurement():
 
 
 def test_an_effect_that_shifts_some_of_the_deviating_statistics_and_others_is_refused():
-    """Three of four shifts are right, the fourth statistics do not deviate. Its odds are large, its evidence half of what it expects."""
+    """Three of four of its shifts are there. Its odds are large, but it has half of the evidence that it would have as the cause."""
     truth = np.where(np.arange(ALL) // 5 % 4 < 3, EFFECT, 0.0)
     found = drawn(truth, EFFECT)
     assert all(e.odds > 10 * criterion.ODDS for e in found)
@@ -112,7 +112,10 @@ def test_odds_and_reach_must_both_hold(found, of_sets, accepts):
 
 
 def test_outliers_that_the_effect_hardly_shifts_do_not_change_the_decision():
-    """A further effect shifts other statistics by 100, which this effect shifts by 0.5 the wrong way: a normal density would refuse it."""
+    """A further effect shifts other statistics by 100, which this effect shifts by 0.5 the wrong way.
+
+    A normal density would refuse it.
+    """
     other = shifted(5, 100.0)
     elsewhere = np.roll(other, 2)
     shift = EFFECT - 0.005 * elsewhere
@@ -133,7 +136,7 @@ def test_one_statistic_alone_is_not_worth_more_than_the_logarithm_of_its_size():
 
 
 def test_few_sets_and_many_give_the_same_evidence():
-    """The noise of the simulated means and standard deviations adds no likelihood of its own: the same within 10 % in the median."""
+    """The noise of simulated means and standard deviations adds no likelihood: the same within 10 % in the median."""
     common, apart = (drawn(EFFECT, EFFECT, are_common=c) for c in (True, False))
     medians = [np.median([e.found + e.confirmed for e in found]) for found in (common, apart)]
     assert WITH < PLAIN

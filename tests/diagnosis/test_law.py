@@ -1,5 +1,7 @@
 """The density of one residual."""
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.integrate import quad
 from scipy.stats import loguniform, norm
@@ -32,7 +34,7 @@ def test_density_integrates_to_one():
     """To 0.2 %: below `LEAST` units the outliers have the constant density of the smallest one."""
     for unit, scale in ((1.0, 1.0), (0.5, 3.0)):
         edges = unit * LEAST * np.array([0, 0.3, 1, 3, 10, 100, 1e3, RANGE])
-        total = 2 * sum(quad(density, a, b, args=(scale, unit))[0] for a, b in zip(edges, edges[1:]))
+        total = 2 * sum(quad(density, a, b, args=(scale, unit))[0] for a, b in pairwise(edges))
         assert 0.999 < total < 1.002
 
 

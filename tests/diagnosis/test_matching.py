@@ -210,7 +210,7 @@ def test_a_number_that_was_zero_is_no_start_where_it_is_refined_as_a_logarithm(s
     trial = stated.with_effect("periodic_banding", amplitude_e=1.0, period_rows=20.0, second_harmonic=0.5)
     values = tuple((path, v) for path, v in trial.values().items() if path.startswith("periodic_banding."))
     pure = trial.replace({"periodic_banding.second_harmonic": 0.0, "periodic_banding.amplitude_e": 7.0})
-    fitted = Fitted(None, stated, *np.zeros((3, 4)))
+    fitted = Fitted(None, stated, *np.zeros((3, 4)))  # pyright: ignore[reportArgumentType]
     found = Refined("periodic_banding", pure, (), np.zeros(0), 1.0, np.zeros(4), np.zeros(4))
     (start,) = selection._as_earlier(
         fitted, Match(Trial("periodic_banding", values), 1.0, 1.0, np.zeros(4)), found

@@ -59,7 +59,7 @@ def test_a_part_of_a_base_term_at_zero_is_a_candidate_by_itself(stated):
     assert {path for trial in tried for path, _ in trial.values} == {"prnu.column", "prnu.row"}
     fitted = base_coordinates(partly, frame_set(0), True)
     lab = SimpleNamespace(frames=frame_set(0))
-    own = coordinates_of("prnu", tried[0].on(partly), lab, fitted)
+    own = coordinates_of("prnu", tried[0].on(partly), lab, fitted)  # pyright: ignore[reportArgumentType]
     assert [c.path for c in own] == ["prnu.column", "prnu.row"]
 
 

@@ -39,7 +39,7 @@ def test_a_reported_difference_is_in_standard_deviations_with_the_tolerance(stat
 
 @pytest.mark.parametrize(("furthest", "told"), [(3.8, False), (60.0, True)])
 def test_a_difference_in_the_form_of_an_accepted_effect_is_described(stated, furthest, told):
-    """Where the effect acts, that is where the tolerance of its form is larger than the noise, and beyond the null's largest residual."""
+    """Where the tolerance of its form is larger than the noise, and beyond the largest residual of simulated sets."""
     state = leaving([furthest, 1.0, 0.5], stated.with_effect("row_noise"), "row_noise")
     assert telling.form([STATISTIC] * 3, state) is None
     nothing = np.zeros(3)
