@@ -134,7 +134,7 @@ class _Search:
         self.ranking = Ranking(self.errors.distance, self._of_all)
         p_given = p_value(self._largest_as_given(first), first.largest_as_given)
         state = refitted = State.plain(fitted)
-        p_before = chance(self.lab, self.signs, state).p_value
+        p_before = self._p_value(state)
         self._stand(state)
         nearest: str | None = None
         p_after = p_before
@@ -144,7 +144,7 @@ class _Search:
                 break
             self._stand(found)
             state = self._reconsidered(refitted, found)
-            p_after = chance(self.lab, self.signs, state).p_value
+            p_after = self._p_value(state)
         state, p_after, dropped = self._without_idle_effects(state, p_after)
         nearest = dropped or nearest
         kept = self._no_worse(state)
@@ -192,8 +192,12 @@ class _Search:
             dropped = state.accepted[-1]
             self._stand(self.walk[-2])
             state = self.walk[-1]
-            p_value = chance(self.lab, self.signs, state).p_value
+            p_value = self._p_value(state)
         return state, p_value, dropped
+
+    def _p_value(self, state: State) -> float:
+        """Of the camera of a state, see `chance`."""
+        return chance(self.lab, self.signs, state).p_value
 
     @property
     def _of_all(self) -> tuple[Statistic, ...]:
@@ -270,7 +274,7 @@ class _Search:
         own, *others = self.stood[-2]
         for rival in others:
             effect = rival.refined.effect
-            if effect == state.accepted[-1] and rival.state.is_adequate:
+            if effect == state.accepted[-1] and self._p_value(rival.state) > SIGNIFICANT:
                 self._stand(rival.state)
                 self.ranking.swap(own, rival)
                 self.ranking.accept(rival.state, effect, self.steps[-1].error)
