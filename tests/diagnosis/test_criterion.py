@@ -37,7 +37,7 @@ def test_evidence_of_simulated_sets_has_the_law_of_that_of_the_measurement():
 
 
 def test_an_effect_that_shifts_some_of_the_deviating_statistics_and_others_is_refused():
-    """Three of four of its shifts are there. Its odds are large, but it has half of the evidence that it would have as the cause."""
+    """Three of four of its shifts are there. Its odds are large; it has half of the evidence that it would have as the cause."""
     truth = np.where(np.arange(ALL) // 5 % 4 < 3, EFFECT, 0.0)
     found = drawn(truth, EFFECT)
     assert all(e.odds > 10 * criterion.ODDS for e in found)
@@ -141,6 +141,11 @@ def test_few_sets_and_many_give_the_same_evidence():
     medians = [np.median([e.found + e.confirmed for e in found]) for found in (common, apart)]
     assert WITH < PLAIN
     assert abs(medians[1] / medians[0] - 1) < 0.1
+
+
+def test_an_effect_that_changes_no_standard_deviation_gains_nothing_by_their_noise():
+    """Sets with common random numbers and no shift: the two numbers of sets alone make standard deviations differ."""
+    assert all(abs(e.found + e.confirmed) < 0.01 for e in drawn(0.0, 0.0))
 
 
 def test_an_effect_of_pure_scatter_is_accepted_where_it_is_and_refused_where_it_is_not():

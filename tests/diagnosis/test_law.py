@@ -15,7 +15,7 @@ def density(residual: float, scale: float = 1.0, unit: float = 1.0) -> float:
 
 def test_density_is_a_normal_one_with_log_uniform_outliers():
     for unit, scale in ((1.0, 1.0), (2.0, 5.0)):
-        start = LEAST * unit
+        start = 3.0 * unit
         for size in np.array([1.0001, 1.5, 4.0, 300.0]) * start:
             outlier = loguniform.pdf(size, start, RANGE * start) / 2  # of both signs
             expected = (1 - OUTLIERS) * norm.pdf(size, 0, scale) + OUTLIERS * outlier
