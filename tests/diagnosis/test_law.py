@@ -43,3 +43,9 @@ def test_a_large_residual_costs_the_logarithm_of_its_size():
     one = np.ones(2)
     near, far = log_density(np.array([10.0, 100.0]), one, one)
     np.testing.assert_allclose(near - far, np.log(10), atol=1e-6)
+
+
+def test_no_outlier_is_smaller_than_three_units():
+    """Below that their density is constant. The normal part is narrow here and adds nothing."""
+    found = [density(residual, scale=0.05, unit=1.0) for residual in (1.5, 2.99, 6.0)]
+    np.testing.assert_allclose(found, OUTLIERS / (2 * np.log(RANGE) * np.array([3.0, 3.0, 6.0])), rtol=0.01)
