@@ -13,7 +13,6 @@ from visaug.diagnosis import adding, search
 from visaug.diagnosis.fits import Fits
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.result import Ranked, Step
-from visaug.diagnosis.state import State
 
 
 @pytest.fixture
@@ -73,7 +72,6 @@ def test_an_effect_gives_way_to_a_rival_with_larger_odds_beside_a_later_effect(
 
     monkeypatch.setattr(adding.Adding, "swapped", lambda *_: swapped)
     monkeypatch.setattr(search, "evidence", evidence)
-    monkeypatch.setattr(State, "is_adequate", property(lambda self: False))
     own, rival = (len(j.refined.coordinates) for j in begun.stood[0])
     found = begun._reconsidered(plain, both)
     assert found is (swapped if first == "veiling_glare" else both)
@@ -93,7 +91,12 @@ def test_an_effect_is_dropped_if_the_later_one_alone_explains_everything(veiled,
     begun = searching(veiled)
     alone = begun.stood[0][1].state
     begun.steps[2] = Step("add veiling_glare", None)
-    monkeypatch.setattr(State, "is_adequate", property(lambda self: adequate and self is alone))
+    begun.signs = ()  # pyright: ignore[reportAttributeAccessIssue]
+    monkeypatch.setattr(
+        search,
+        "chance",
+        lambda lab, signs, state: SimpleNamespace(p_value=0.5 if adequate and state is alone else 0.01),
+    )
     both = leaving([0, 0, 0, 1], veiled["flare"].with_effect("veiling_glare"), "lens_flare", "veiling_glare")
     found = begun._reconsidered(leaving([300, 200, 90, 40], veiled["trail"]), both)
     assert found is (alone if adequate else both)
