@@ -39,7 +39,7 @@ from visaug.frames import FrameSet
 
 SETS = 200  # simulated sets of the camera file
 FEWEST = 50  # of fewer no p-value is below the rate of false alarms
-MOST = 4  # largest number of effects that are added
+MOST = 4  # largest number of steps that add an effect
 STANDS_OUT = 30.0  # deviation, in standard deviations, above which a second starting point is tried
 
 
@@ -138,7 +138,9 @@ class _Search:
         self._stand(state)
         nearest: str | None = None
         p_after = p_before
-        while p_after <= SIGNIFICANT and len(state.accepted) < MOST:
+        for _ in range(MOST):  # an effect of an earlier step can be replaced, so that steps are counted and not effects
+            if p_after > SIGNIFICANT:
+                break
             found, nearest = self._add(state)
             if found is None:
                 break
