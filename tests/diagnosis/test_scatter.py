@@ -5,7 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from benchmark.camera import Hidden
+from tests.diagnosis.small import frame_set
 from tests.diagnosis.synthetic import ALL, FIND, pair, shifted, uses
+from visaug.diagnosis import diagnose
 from visaug.diagnosis.parameters import Coordinate
 from visaug.diagnosis.scatter import MET, Scatter, scatter
 
@@ -97,3 +100,16 @@ def test_the_camera_has_the_estimated_strength(stated):
         True,
         False,
     ]
+
+
+def wandering(light: np.ndarray, strength: float, moment) -> np.ndarray:
+    return light * (1 + strength * moment.now().standard_normal())
+
+
+def test_the_strength_of_a_drifting_lamp_is_told(stated):
+    """Simulated by the NumPy camera, 0.5 % from frame to frame; the 95 % interval covers it."""
+    found = diagnose(stated, frame_set(12, [Hidden("lamp", "light", wandering, 0.005)]), sets=120)
+    assert found.accepted == ("light_drift",)
+    sigma = found.ranking[0].parameters["sigma"]
+    assert sigma.low < 0.005 < sigma.high
+    assert sigma.high < 6 * sigma.low  # five levels tell a factor of two either way

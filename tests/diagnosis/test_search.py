@@ -106,7 +106,6 @@ def test_an_effect_is_dropped_if_the_later_one_alone_explains_everything(veiled,
 
 def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
     begun = searching(veiled)
-    own, rival = (j.refined for j in begun.stood[0])
     made = {}
 
     def reference(lab, camera, coordinates, *_, **__):
@@ -117,7 +116,9 @@ def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
     monkeypatch.setattr(adding.Adding, "_refitted", lambda self, begun, near: begun)
     monkeypatch.setattr(adding.cache, "settled", lambda lab, fitted, *_: fitted)
     both = leaving([0, 0, 0, 25], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
-    state = begun.adding.swapped(both, own, rival)
+    camera = veiled["veil"].replace({"veiling_glare.width_px": 14.0})
+    alone = leaving([300, 200, 90, 40], camera, "veiling_glare")
+    state = begun.adding.swapped(both, "lens_flare", alone)
     assert state.accepted == ("veiling_glare", "charge_transfer_inefficiency")
     assert set(made["camera"].effect_names) == {"charge_transfer_inefficiency", "veiling_glare"}
     assert made["camera"].values()["veiling_glare.width_px"] == 14.0

@@ -66,7 +66,8 @@ class Adding:
         """Whether few simulated sets exclude a candidate: its strength is fitted, and it explains little."""
         told = self._told(state, sketch, candidate)
         is_fitted = told is None or told.is_in_means
-        return is_fitted and evidence(state, sketch, len(candidate.coordinates)).share < FIRST * SHARE
+        first = evidence(state, sketch, len(candidate.coordinates))
+        return is_fitted and first.share < FIRST * SHARE and not first.is_reached
 
     @property
     def _few(self) -> int:
@@ -115,14 +116,22 @@ class Adding:
             camera, begun = told.scaled(after.fitted.camera), None
         return None
 
-    def swapped(self, state: State, own: Refined, rival: Refined) -> State:
-        """The state with an effect replaced by a rival, everything refitted."""
-        camera = exchanged(state.fitted.camera, own.effect, rival.camera, rival.effect)
-        kept = [c for c in state.fitted.reference.coordinates if not c.path.startswith(f"{own.effect}.")]
-        accepted = tuple(rival.effect if name == own.effect else name for name in state.accepted)
-        fitted = self._fitted(state, camera, [*kept, *rival.coordinates], self.sets)
-        scatters = tuple(s for s in state.scatters if s.effect != own.effect)
-        return replace(state, fitted=fitted, accepted=accepted, scatters=scatters)
+    def swapped(self, state: State, own: str, with_rival: State) -> State:
+        """The state with an effect replaced by a rival, everything refitted.
+
+        Args:
+            own: the effect that is replaced.
+            with_rival: the state whose last effect is the rival.
+        """
+        rival, known = with_rival.accepted[-1], with_rival.fitted
+        camera = exchanged(state.fitted.camera, own, known.camera, rival)
+        kept = [c for c in state.fitted.reference.coordinates if not c.path.startswith(f"{own}.")]
+        gained = [c for c in known.reference.coordinates if c.path.startswith(f"{rival}.")]
+        accepted = tuple(rival if name == own else name for name in state.accepted)
+        fitted = self._fitted(state, camera, [*kept, *gained], self.sets)
+        scatters = [s for s in state.scatters if s.effect != own]
+        scatters += [s for s in with_rival.scatters if s.effect == rival]
+        return replace(state, fitted=fitted, accepted=accepted, scatters=tuple(scatters))
 
     def _otherwise(self, effect: str, camera: Camera, held: set[str]) -> Iterator[Camera]:
         """A camera, then the same with the free parameters of its effect at each of the catalogue's trial values."""

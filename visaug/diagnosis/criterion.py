@@ -2,7 +2,7 @@
 
 Each statistic of the discovery and of the hold-out frames has, under a model M with residual r, the density
 
-    p(r | M) = (1 - e) N(r; 0, s_M^2 + t^2) + e / (2 |r| log R),   the second for |r| > 3 s
+    p(r | M) = (1 - e) N(r; 0, s_M^2 + t^2) + e / (2 (1 + log R) max(|r|, 3 s)),
 
 a normal distribution with the standard deviation s_M of the model's own refitted simulated sets and the model discrepancy t of
 the accepted effects' forms, and a log-uniform distribution for what effects outside the model cause. The evidence of an effect is

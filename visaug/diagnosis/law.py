@@ -130,7 +130,7 @@ def log_density(residual: np.ndarray, scale: np.ndarray, unit: np.ndarray) -> np
     """
     size = np.abs(residual)
     normal = np.exp(-0.5 * (size / scale) ** 2) / (scale * np.sqrt(2 * np.pi))
-    outlier = 1 / (2 * np.log(RANGE) * np.maximum(size, LEAST * unit))
+    outlier = 1 / (2 * (1 + np.log(RANGE)) * np.maximum(size, LEAST * unit))
     return np.log((1 - OUTLIERS) * normal + OUTLIERS * outlier)
 
 

@@ -138,7 +138,7 @@ class _Search:
         self._stand(state)
         nearest: str | None = None
         p_after = p_before
-        for _ in range(MOST):  # an effect of an earlier step can be replaced, so that steps are counted and not effects
+        for _ in range(MOST):  # steps and not effects, since a step can replace two effects by one
             if p_after > SIGNIFICANT:
                 break
             found, nearest = self._add(state)
@@ -285,7 +285,7 @@ class _Search:
             is_base = any(catalogue()[j.refined.effect].base for j in (own, rival))
             if effect in state.accepted or is_base:
                 continue
-            swapped = self.adding.swapped(state, own.refined, rival.refined)
+            swapped = self.adding.swapped(state, own.refined.effect, rival.state)
             numbers = (len(j.refined.coordinates) for j in (own, rival))
             now, then = (
                 evidence(plain, after, number).odds
