@@ -1,7 +1,7 @@
 """Records what `diagnose` decides on small problems, with the evidence of every candidate, and counts decisions by the criterion.
 
     python -m scripts.decisions record RECORDS 100-399        (resumes; about a minute of a core each)
-    python -m scripts.decisions count RECORDS [--odds 3] [--share 0.6]
+    python -m scripts.decisions count RECORDS [--odds 3] [--share 0.55]
 
 A problem is a set of 47 frames of 64 x 80 pixels by the benchmark's camera: one effect, two, none, one that is removed from
 the catalogue, or one that no catalogue has, at 0.8 to 4 times the faint strength. `count` applies the criterion with other
@@ -31,6 +31,7 @@ from benchmark.small import CHART, PLAN, SENSOR, chart
 from benchmark.strengths import scaled
 from visaug import Camera, FrameSet
 from visaug.diagnosis import choice, criterion, search
+from visaug.diagnosis.criterion import Evidence
 from visaug.diagnosis.ranking import TEMPER
 from visaug.diagnosis.state import State
 from visaug.frames import FrameRecord
@@ -156,12 +157,15 @@ def decisions(folder: Path, odds: float, share: float, rare: float) -> Iterator[
         one: Problem = kept["problem"]
         for step in kept["steps"]:
             missing = one.expected - set(step["had"])
-            told = {c["effect"]: c["evidence"] for c in step["candidates"]}
+            told: dict[str, Evidence] = {}
+            for c in sorted(step["candidates"], key=lambda c: c["evidence"].odds):
+                told[c["effect"]] = c["evidence"]  # of two forms the more probable one
             passing = {
                 name: e.odds for name, e in told.items()
                 if e.odds > odds and (e.share >= share or np.mean(e.of_sets <= e.found + e.confirmed) > rare)
             }  # fmt: skip
-            best = max(passing, key=lambda name: passing[name], default=None)
+            first = max(told, key=lambda name: told[name].odds, default=None)
+            best = first if first in passing else None
             expected = "effect" if missing & set(told) else "untried" if missing else "none"
             decision = "none" if best is None else "right" if best in missing else "wrong"
             weights = np.exp((np.array(list(passing.values())) - passing.get(best or "", 0.0)) / TEMPER)

@@ -66,8 +66,10 @@ def test_of_those_accepted_the_one_with_the_largest_odds_is_chosen(monkeypatch, 
     assert simulations.completions == simulations.sketches == ["light_drift", "row_noise", "flicker_noise"]
 
 
-def test_larger_odds_do_not_help_an_effect_that_falls_short(monkeypatch, stated):
+def test_nothing_is_accepted_if_the_most_probable_candidate_falls_short(monkeypatch, stated):
     simulations = Simulations({"light_drift": with_odds(500.0, share=0.3), "row_noise": with_odds(20.0)})
+    assert chosen(monkeypatch, stated, simulations) is None
+    simulations = Simulations({"light_drift": with_odds(10.0, share=0.3), "row_noise": with_odds(20.0)})
     one = chosen(monkeypatch, stated, simulations)
     assert one is not None
     assert [j.refined.effect for j in one.standing] == ["row_noise"]

@@ -1,4 +1,4 @@
-"""Choice between refined candidates: of those that the criterion accepts, the one with the largest posterior odds."""
+"""Choice between refined candidates: the one with the largest posterior odds, if the criterion accepts it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,9 +38,10 @@ class Accepted:
 
 
 def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted | None:
-    """The most probable candidate that the criterion accepts; None if there is none.
+    """The most probable candidate, if the criterion accepts it; None otherwise.
 
-    Candidates are simulated a few at a time, the largest gain first, until one is accepted.
+    Candidates are simulated a few at a time, the largest gain first, until the most probable one so far is accepted. If it is
+    refused, so are all less probable ones: part of what it explains would pass for theirs.
 
     Args:
         found: candidates, the largest gain first.
@@ -54,10 +55,11 @@ def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted
             forms = [r] if r.otherwise is None else [r, r.otherwise]
             judged = [_judged(state, form, adding) for form in forms]
             tried.append(max(judged, key=lambda one: (one.evidence.accepts, one.odds)))
-        passed = sorted((j for j in tried if j.evidence.accepts), key=lambda j: -j.odds)
-        if passed:
-            names = {j.refined.effect for j in passed}
-            return Accepted(passed, [r for r in found if r.effect not in names])
+        tried.sort(key=lambda one: -one.odds)
+        if tried[0].evidence.accepts:
+            standing = [one for one in tried if one.evidence.accepts]
+            names = {one.refined.effect for one in standing}
+            return Accepted(standing, [r for r in found if r.effect not in names])
     return None
 
 

@@ -22,7 +22,7 @@ from visaug.diagnosis.state import State
 from visaug.diagnosis.uses import Use, scales, shifts
 
 ODDS = 3.0  # least log posterior odds of an accepted effect: one in twenty is wrong
-SHARE = 0.6  # least evidence of an accepted effect, relative to the median of its own simulated sets,
+SHARE = 0.55  # least evidence of an accepted effect, relative to the median of its own simulated sets,
 RARE = 0.1  # unless more than this share of these sets has less
 
 
