@@ -152,18 +152,22 @@ def decisions(folder: Path, odds: float, share: float, rare: float) -> Iterator[
     Expected is `effect` where a hidden effect is missing and was tried, `untried` where it was not tried, else `none`. A decision
     is `right`, `wrong` or `none`. The probability is that of the accepted effect among all that were tried.
     """
+
+    def passes(e: Evidence) -> bool:
+        reached = float(np.mean(e.of_sets <= e.found + e.confirmed))
+        return e.odds > odds and (e.share >= share or reached > rare)
+
     for file in sorted(folder.rglob("*.pkl")):
         kept = pickle.loads(file.read_bytes())
         one: Problem = kept["problem"]
         for step in kept["steps"]:
             missing = one.expected - set(step["had"])
             told: dict[str, Evidence] = {}
-            for c in sorted(step["candidates"], key=lambda c: c["evidence"].odds):
-                told[c["effect"]] = c["evidence"]  # of two forms the more probable one
-            passing = {
-                name: e.odds for name, e in told.items()
-                if e.odds > odds and (e.share >= share or np.mean(e.of_sets <= e.found + e.confirmed) > rare)
-            }  # fmt: skip
+            for c in sorted(step["candidates"], key=lambda c: (passes(c["evidence"]), c["evidence"].odds)):
+                told[c["effect"]] = c[
+                    "evidence"
+                ]  # of two forms the accepted one, as `visaug.diagnosis.choice` does
+            passing = {name: e.odds for name, e in told.items() if passes(e)}
             first = max(told, key=lambda name: told[name].odds, default=None)
             best = first if first in passing else None
             expected = "effect" if missing & set(told) else "untried" if missing else "none"

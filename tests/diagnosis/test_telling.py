@@ -37,15 +37,15 @@ def test_a_reported_difference_is_in_standard_deviations_with_the_tolerance(stat
     assert [z for _, z in found.worst] == pytest.approx([4.0])  # not the second, of which 40 / 20 stay
 
 
-@pytest.mark.parametrize(("furthest", "told"), [(3.8, False), (60.0, True)])
-def test_a_difference_in_the_form_of_an_accepted_effect_is_described(stated, furthest, told):
+@pytest.mark.parametrize(("furthest", "expected"), [(3.8, False), (60.0, True)])
+def test_a_difference_in_the_form_of_an_accepted_effect_is_described(stated, furthest, expected):
     """Where the tolerance of its form is larger than the noise, and beyond the largest residual of simulated sets."""
     state = leaving([furthest, 1.0, 0.5], stated.with_effect("row_noise"), "row_noise")
     assert telling.form([STATISTIC] * 3, state) is None
     nothing = np.zeros(3)
     acting = replace(state, tolerances=(nothing, nothing, np.array([2.0, 0.0, 0.0])))
     text = telling.form([STATISTIC] * 3, acting)
-    assert (text is not None) is told
+    assert (text is not None) == expected
     assert text is None or "row_noise" in text
     assert telling.form([STATISTIC] * 3, replace(acting, accepted=())) is None
 

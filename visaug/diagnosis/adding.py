@@ -16,7 +16,7 @@ from visaug.diagnosis.scatter import Scatter, scatter
 from visaug.diagnosis.state import State
 
 SETS_AFTER = 120  # simulated sets of a camera with an effect added,
-SETS_BEFORE = 30  # and the first of them, from which a strength is estimated and candidates are ordered
+SETS_BEFORE = 30  # and the first of them, which estimate a strength and exclude candidates
 FIRST = 0.5  # share of the least evidence from which few simulated sets do not exclude a candidate
 SCALED = 2  # iterations of a strength that is estimated from variance
 BENT = 5.0  # standard deviations between fit and camera file above which a second fit starts from the file

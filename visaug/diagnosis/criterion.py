@@ -71,17 +71,18 @@ def evidence(before: State, after: State, parameters: int) -> Evidence:
         parameters: number of its free parameters. Each costs half the logarithm of the number of statistics that determine it
             (G. Schwarz, Ann. Stat. 6 (1978) 461).
     """
-    pairs = ((before.find, after.find), (before.confirm, after.confirm))
-    found, confirmed = (_ratio(*pair) for pair in pairs)
-    told = max(sum(_shifted(*pair) for pair in pairs), 1)
-    cost = parameters * max(0.5 * np.log(told), 1.0)
-    return Evidence(found[0], confirmed[0], float(cost), found[1] + confirmed[1])
+    found, of_found, count = _ratio(before.find, after.find)
+    confirmed, of_confirmed, more = _ratio(before.confirm, after.confirm)
+    cost = parameters * max(0.5 * np.log(max(count + more, 1)), 1.0)
+    return Evidence(found, confirmed, float(cost), of_found + of_confirmed)
 
 
-def _ratio(before: Use, after: Use) -> tuple[float, np.ndarray]:
-    """Log likelihood ratio of the measurement, and (R,) of the simulated sets with the effect."""
+def _ratio(before: Use, after: Use) -> tuple[float, np.ndarray, int]:
+    """Log likelihood ratio of the measurement and (R,) of sets with the effect, and how many statistics it shifts beyond noise."""
     used = (before.null.scale > 0) & (after.null.scale > 0)
-    moves = shifts(before, after)[used]
+    every = shifts(before, after)
+    shifted = int(np.count_nonzero(np.abs(every) > before.null.scale))
+    moves = every[used]
     unit, own = (scale[used] for scale in scales(before, after))
     plain = np.hypot(unit, before.allowance[used])
     own = np.sqrt(own**2 + before.allowance[used] ** 2 + (FORM * moves) ** 2)
@@ -90,9 +91,5 @@ def _ratio(before: Use, after: Use) -> tuple[float, np.ndarray]:
         """Of residuals (..., used) without the effect."""
         return (log_density(left - moves, own, unit) - log_density(left, plain, unit)).sum(-1)
 
-    return float(ratio(before.residual[used])), ratio(after.null.residuals[:, used] + moves)
-
-
-def _shifted(before: Use, after: Use) -> int:
-    """Number of statistics that the effect shifts beyond their noise."""
-    return int(np.count_nonzero(np.abs(shifts(before, after)) > before.null.scale))
+    of_sets = ratio(after.null.residuals[:, used] + moves)
+    return float(ratio(before.residual[used])), of_sets, shifted

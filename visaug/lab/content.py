@@ -16,7 +16,6 @@ from visaug.report.pages import described
 from visaug.wording import number, p_text, share_text, statistic_text, with_interval
 
 NOTICEABLE = 0.01  # least reduction of the error that is worth an effect
-
 FIRST = 4  # views that are shown before the others
 
 
