@@ -32,7 +32,6 @@ from benchmark.strengths import scaled
 from visaug import Camera, FrameSet
 from visaug.diagnosis import choice, criterion, search
 from visaug.diagnosis.criterion import Evidence
-from visaug.diagnosis.ranking import TEMPER
 from visaug.diagnosis.state import State
 from visaug.frames import FrameRecord
 
@@ -110,8 +109,12 @@ class Recorder:
             candidates = [
                 {"effect": j.refined.effect, "gain": j.refined.gain, "evidence": j.evidence} for j in seen
             ]
-            name = found and found.best.refined.effect
-            self.steps.append({"had": state.accepted, "accepted": name, "candidates": candidates})
+            standing = (
+                {j.refined.effect: o for j, o in zip(found.standing, found.odds, strict=True)}
+                if found
+                else {}
+            )
+            self.steps.append({"had": state.accepted, "standing": standing, "candidates": candidates})
             return found
 
         with patch.object(search, "accepted", accepted), patch.object(choice, "_judged", judged):
@@ -150,7 +153,7 @@ def decisions(folder: Path, odds: float, share: float, rare: float) -> Iterator[
     """(kind, expected, decision, probability) for each step of each record, by the criterion with these constants.
 
     Expected is `effect` where a hidden effect is missing and was tried, `untried` where it was not tried, else `none`. A decision
-    is `right`, `wrong` or `none`. The probability is that of the accepted effect among all that were tried.
+    is `right`, `wrong` or `none`. The probability is that of the accepted effect among those that were accepted when recorded.
     """
 
     def passes(e: Evidence) -> bool:
@@ -163,16 +166,14 @@ def decisions(folder: Path, odds: float, share: float, rare: float) -> Iterator[
         for step in kept["steps"]:
             missing = one.expected - set(step["had"])
             told: dict[str, Evidence] = {}
-            for c in sorted(step["candidates"], key=lambda c: (passes(c["evidence"]), c["evidence"].odds)):
-                told[c["effect"]] = c[
-                    "evidence"
-                ]  # of two forms the accepted one, as `visaug.diagnosis.choice` does
-            passing = {name: e.odds for name, e in told.items() if passes(e)}
-            first = max(told, key=lambda name: told[name].odds, default=None)
-            best = first if first in passing else None
+            for c in sorted(step["candidates"], key=lambda c: (passes(c["evidence"]), c["evidence"].score)):
+                told[c["effect"]] = c["evidence"]  # of two forms the accepted one, as in `choice`
+            passing = {name: step["standing"].get(name, 0.0) for name, e in told.items() if passes(e)}
+            first = max(told, key=lambda name: told[name].score, default=None)
+            best = max(passing, key=passing.__getitem__) if first in passing else None
             expected = "effect" if missing & set(told) else "untried" if missing else "none"
             decision = "none" if best is None else "right" if best in missing else "wrong"
-            weights = np.exp((np.array(list(passing.values())) - passing.get(best or "", 0.0)) / TEMPER)
+            weights = np.exp(np.array(list(passing.values())) - passing.get(best or "", 0.0))
             yield one.kind, expected, decision, 1 / weights.sum() if best else 0.0
 
 

@@ -1,12 +1,13 @@
 """States and candidates made by hand."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
 
 from visaug import Camera
 from visaug.diagnosis.choice import Judged
-from visaug.diagnosis.criterion import Evidence
+from visaug.diagnosis.criterion import ODDS, SHARE
 from visaug.diagnosis.fit import Fitted
 from visaug.diagnosis.parameters import effect_coordinates
 from visaug.diagnosis.refinement import Refined
@@ -33,10 +34,26 @@ def refined(effect: str, camera: Camera, gain: float, cost: float = 1.0) -> Refi
     return Refined(effect, camera, own, np.zeros(len(own)), gain, np.zeros(4), np.zeros(4), cost)
 
 
-def with_odds(odds: float, share: float = 1.0) -> Evidence:
-    """Evidence with these log odds, of which simulated sets with the effect have 1 / `share` times as much."""
-    return Evidence(odds, 0.0, 0.0, np.full(9, odds / share))
+@dataclass(frozen=True)
+class Stated:
+    """Evidence whose odds and score are stated."""
+
+    odds: float
+    share: float = 1.0
+    cost: float = 0.0
+
+    @property
+    def score(self) -> float:
+        return self.odds
+
+    @property
+    def is_reached(self) -> bool:
+        return self.share >= SHARE
+
+    @property
+    def accepts(self) -> bool:
+        return self.odds > ODDS and self.is_reached
 
 
 def judged(candidate: Refined, state: State, odds: float = 100.0) -> Judged:
-    return Judged(candidate, state, with_odds(odds))
+    return Judged(candidate, state, Stated(odds))  # pyright: ignore[reportArgumentType]

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.diagnosis.states import leaving, refined, with_odds
+from tests.diagnosis.states import Stated, leaving, refined
 from visaug.diagnosis import adding
 from visaug.diagnosis.adding import Adding
 from visaug.diagnosis.criterion import SHARE
@@ -135,7 +135,7 @@ def test_few_sets_exclude_a_fitted_effect_that_explains_little(
 ):
     """Half of the least share of the criterion."""
     scattering(monkeypatch, told)
-    monkeypatch.setattr(adding, "evidence", lambda *_: with_odds(share * 100, share))
+    monkeypatch.setattr(adding, "evidence", lambda *_: Stated(share * 100, share))
     assert begun.is_hopeless(leaving([9.0], stated), drift, leaving([1.0], stated)) is hopeless
 
 
@@ -194,10 +194,10 @@ def test_a_strength_from_variance_must_reproduce_itself(
 @pytest.mark.parametrize(
     ("evidence", "strengths", "taken", "sketched"),
     [
-        ([with_odds(10.0), with_odds(50.0)], (0.02, 0.02), 0.0, 1),  # the first is enough
-        ([with_odds(10.0, 0.2), with_odds(50.0, 0.2)], (0.02, 0.02), 0.9, 2),  # the more probable of two
-        ([with_odds(50.0, 0.2), with_odds(10.0, 0.2)], (0.02, 0.02), 0.0, 2),
-        ([with_odds(10.0, 0.2)], (0.02, None), 0.0, 2),  # the other one's strength does not reproduce itself
+        ([Stated(10.0), Stated(50.0)], (0.02, 0.02), 0.0, 1),  # the first is enough
+        ([Stated(10.0, 0.2), Stated(50.0, 0.2)], (0.02, 0.02), 0.9, 2),  # the more probable of two
+        ([Stated(50.0, 0.2), Stated(10.0, 0.2)], (0.02, 0.02), 0.0, 2),
+        ([Stated(10.0, 0.2)], (0.02, None), 0.0, 2),  # the other one's strength does not reproduce itself
         ([], (None,), None, 1),
     ],
 )

@@ -4,21 +4,32 @@ from dataclasses import replace
 
 import pytest
 
-from tests.diagnosis.states import leaving, refined, with_odds
+from tests.diagnosis.states import Stated, leaving, refined
 from visaug import Camera
 from visaug.diagnosis import choice
-from visaug.diagnosis.criterion import ODDS, Evidence
+from visaug.diagnosis.criterion import ODDS
 from visaug.diagnosis.refinement import Refined
 
 GAINS = {"light_drift": 130.0, "row_noise": 120.0, "flicker_noise": 110.0, "vignetting": 60.0, "smear": 55.0}
-REFUSED = with_odds(ODDS - 1)
+REFUSED = Stated(ODDS - 1)
 
 
 class Simulations:
-    """Adds candidates without simulating; records their names. The evidence of each is given, by its name or by its form."""
+    """Adds candidates without simulating; records their names.
 
-    def __init__(self, evidence: dict[str, Evidence], hopeless: tuple[str, ...] = ()):
-        self._evidence, self._hopeless = evidence, hopeless
+    The evidence of each is given, by its name or by its form, and the log odds of pairs, by the first's name: those of the
+    scores if omitted.
+    """
+
+    effects = 5
+
+    def __init__(
+        self,
+        evidence: dict[str, Stated],
+        hopeless: tuple[str, ...] = (),
+        against: dict[str, float] | None = None,
+    ):
+        self._evidence, self._hopeless, self._against = evidence, hopeless, against or {}
         self.sketches: list[str] = []
         self.completions: list[str] = []
         self.parameters: list[int] = []
@@ -38,9 +49,18 @@ class Simulations:
         self.completions.append(self.name(candidate.camera, candidate.effect))
         return leaving([0.0], candidate.camera, candidate.effect)
 
-    def evidence(self, before, after, parameters: int) -> Evidence:
+    def _of(self, after) -> tuple[str, Stated]:
+        name = self.name(after.fitted.camera, after.accepted[-1])
+        return name, self._evidence.get(name, REFUSED)
+
+    def evidence(self, before, after, parameters: int, effects: int) -> Stated:
+        assert effects == self.effects
         self.parameters.append(parameters)
-        return self._evidence.get(self.name(after.fitted.camera, after.accepted[-1]), REFUSED)
+        return self._of(after)[1]
+
+    def between(self, before, one, other) -> float:
+        (name, own), (_, rival) = self._of(one), self._of(other)
+        return self._against.get(name, own.odds - rival.odds)
 
 
 def chosen(monkeypatch, stated, simulations: Simulations, gains=GAINS) -> choice.Accepted | None:
@@ -50,26 +70,37 @@ def chosen(monkeypatch, stated, simulations: Simulations, gains=GAINS) -> choice
 
 def accepted(monkeypatch, stated, simulations: Simulations, found: list[Refined]) -> choice.Accepted | None:
     monkeypatch.setattr(choice, "evidence", simulations.evidence)
+    monkeypatch.setattr(choice, "between", simulations.between)
     return choice.accepted(leaving([9.0], stated), found, simulations)  # pyright: ignore[reportArgumentType]
 
 
-def test_of_those_accepted_the_one_with_the_largest_odds_is_chosen(monkeypatch, stated):
+def test_of_those_accepted_the_most_probable_is_chosen(monkeypatch, stated):
     """Not the one with the largest gain. All rivals are simulated, and those farther behind are not."""
     odds = {"light_drift": 20.0, "row_noise": 50.0, "flicker_noise": 40.0, "vignetting": 90.0}
-    simulations = Simulations({name: with_odds(value) for name, value in odds.items()})
+    simulations = Simulations({name: Stated(value) for name, value in odds.items()})
     one = chosen(monkeypatch, stated, simulations)
     assert one is not None
     assert one.best.refined.effect == "row_noise"
-    assert one.best.odds == 50
+    assert one.odds == [0, -10, -30]
     assert [j.refined.effect for j in one.standing] == ["row_noise", "flicker_noise", "light_drift"]
     assert [r.effect for r in one.others] == ["vignetting", "smear"]
     assert simulations.completions == simulations.sketches == ["light_drift", "row_noise", "flicker_noise"]
 
 
+def test_odds_between_pairs_choose_among_those_accepted(monkeypatch, stated):
+    """The scores take statistics as independent; the odds of a pair do not, and count parameters as the scores do."""
+    evidence = {"light_drift": Stated(60.0), "row_noise": Stated(50.0, cost=4.0)}
+    for against, best in ((3.0, "light_drift"), (5.0, "row_noise")):
+        one = chosen(monkeypatch, stated, Simulations(evidence, against={"row_noise": against}))
+        assert one is not None
+        assert one.best.refined.effect == best
+        assert one.odds == [0, -1]
+
+
 def test_nothing_is_accepted_if_the_most_probable_candidate_falls_short(monkeypatch, stated):
-    simulations = Simulations({"light_drift": with_odds(500.0, share=0.3), "row_noise": with_odds(20.0)})
+    simulations = Simulations({"light_drift": Stated(500.0, share=0.3), "row_noise": Stated(20.0)})
     assert chosen(monkeypatch, stated, simulations) is None
-    simulations = Simulations({"light_drift": with_odds(10.0, share=0.3), "row_noise": with_odds(20.0)})
+    simulations = Simulations({"light_drift": Stated(10.0, share=0.3), "row_noise": Stated(20.0)})
     one = chosen(monkeypatch, stated, simulations)
     assert one is not None
     assert [j.refined.effect for j in one.standing] == ["row_noise"]
@@ -77,7 +108,7 @@ def test_nothing_is_accepted_if_the_most_probable_candidate_falls_short(monkeypa
 
 
 def test_candidates_behind_are_simulated_if_the_first_are_refused(monkeypatch, stated):
-    simulations = Simulations({"smear": with_odds(30.0)})
+    simulations = Simulations({"smear": Stated(30.0)})
     one = chosen(monkeypatch, stated, simulations)
     assert one is not None
     assert one.best.refined.effect == "smear"
@@ -93,7 +124,7 @@ def test_nothing_is_chosen_if_all_are_refused(monkeypatch, stated):
 
 def test_no_more_than_three_are_simulated_together(monkeypatch, stated):
     gains = dict.fromkeys(GAINS, 100.0)
-    simulations = Simulations({name: with_odds(30.0) for name in gains})
+    simulations = Simulations({name: Stated(30.0) for name in gains})
     one = chosen(monkeypatch, stated, simulations, gains)
     assert one is not None
     assert simulations.sketches == list(gains)[:3]
@@ -102,16 +133,16 @@ def test_no_more_than_three_are_simulated_together(monkeypatch, stated):
 @pytest.mark.parametrize("gain", [0.0, -5.0])
 def test_a_candidate_without_a_gain_is_not_simulated(monkeypatch, stated, gain):
     """Not even if it would be accepted; it is among the others."""
-    simulations = Simulations({"smear": with_odds(90.0), "row_noise": with_odds(30.0)})
+    simulations = Simulations({"smear": Stated(90.0), "row_noise": Stated(30.0)})
     one = chosen(monkeypatch, stated, simulations, {"row_noise": 5.0, "smear": gain})
     assert simulations.sketches == ["row_noise"]
     assert one is not None
     assert [r.effect for r in one.others] == ["smear"]
-    assert chosen(monkeypatch, stated, Simulations({"smear": with_odds(90.0)}), {"smear": gain}) is None
+    assert chosen(monkeypatch, stated, Simulations({"smear": Stated(90.0)}), {"smear": gain}) is None
 
 
 def test_a_candidate_that_few_sets_exclude_is_not_simulated_in_full(monkeypatch, stated):
-    simulations = Simulations({"row_noise": with_odds(30.0)}, hopeless=("light_drift",))
+    simulations = Simulations({"row_noise": Stated(30.0)}, hopeless=("light_drift",))
     one = chosen(monkeypatch, stated, simulations)
     assert one is not None
     assert one.best.refined.effect == "row_noise"
@@ -128,10 +159,10 @@ def test_the_number_of_free_parameters_is_that_of_the_candidate(monkeypatch, sta
 @pytest.mark.parametrize(
     ("evidence", "form"),
     [
-        ({"even": with_odds(20.0), "random": with_odds(50.0)}, "random"),
-        ({"even": with_odds(50.0), "random": with_odds(20.0)}, "even"),
-        ({"even": with_odds(50.0, share=0.3), "random": with_odds(20.0)}, "random"),
-        ({"even": with_odds(50.0), "random": with_odds(90.0, share=0.3)}, "even"),
+        ({"even": Stated(20.0), "random": Stated(50.0)}, "random"),
+        ({"even": Stated(50.0), "random": Stated(20.0)}, "even"),
+        ({"even": Stated(50.0, share=0.3), "random": Stated(20.0)}, "random"),
+        ({"even": Stated(50.0), "random": Stated(90.0, share=0.3)}, "even"),
         ({}, None),
     ],
 )

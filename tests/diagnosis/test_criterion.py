@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from tests.diagnosis.synthetic import ALL, FIND, PLAIN, WITH, pair, shifted
+from tests.diagnosis.synthetic import ALL, FIND, PLAIN, WITH, pair, shifted, state
 from visaug.diagnosis import criterion
-from visaug.diagnosis.criterion import Evidence, evidence
+from visaug.diagnosis.criterion import Evidence, between, evidence, log_odds
 
 EFFECT = shifted(5, 4.0)  # 60 of 300 statistics
 HIT = EFFECT != 0
@@ -89,26 +90,74 @@ def test_each_parameter_costs_half_the_logarithm_of_the_number_of_shifted_statis
     assert evidence(*pair(0, single, single), 3).cost == 3  # at least 1 each
 
 
-def test_odds_are_the_evidence_less_the_cost():
-    one = Evidence(20.0, 5.0, 4.0, np.full(9, 30.0))
-    assert one.odds == 21
-    assert one.share == pytest.approx(25 / 30)
+def test_an_effect_of_many_costs_their_logarithm():
+    one, many = (evidence(*pair(0, EFFECT, EFFECT), 1, effects) for effects in (1, 30))
+    assert many.cost - one.cost == pytest.approx(np.log(30))
+    assert one.odds - many.odds == pytest.approx(np.log(30))
+    assert one.score - many.score == pytest.approx(np.log(30))
+
+
+def normal(mean: float, deviation: float, count: int = 200) -> np.ndarray:
+    """Normal samples with exactly this mean and standard deviation."""
+    samples = stats.norm.ppf((np.arange(count) + 0.5) / count)
+    return mean + deviation * samples / samples.std(ddof=1)
+
+
+def test_odds_are_those_of_the_distributions_of_the_ratio():
+    """Two normal distributions of one width s at +m and -m have log odds of 2 m x / s^2; few sets make them smaller."""
+    many = [log_odds(x, normal(20, 8, 20_000), normal(-20, 8, 20_000)) for x in (0.0, 5.0, 20.0)]
+    np.testing.assert_allclose(many, [2 * 20 * x / 64 for x in (0.0, 5.0, 20.0)], rtol=0.01, atol=1e-9)
+    few = log_odds(20.0, normal(20, 8, 30), normal(-20, 8, 30))
+    assert 0.3 * many[-1] < few < 0.9 * many[-1]
+
+
+def test_odds_of_equal_statistics_are_those_of_one():
+    """Thirty statistics that share their noise hold no more than one of them: for a shift of 4, log odds of 4^2 / 2 = 8.
+
+    The ratio is not quite normal, so that its odds are up to twice as large. Independent statistics would give ten times as much.
+    """
+    found = []
+    for seed in range(DRAWS):
+        rng = np.random.default_rng(seed)
+        copies = np.where(np.arange(ALL) < 30, 1.0, 0.0)
+        plain, measured = (
+            np.where(copies, rng.standard_normal((n, 1)), rng.standard_normal((n, ALL))) for n in (200, 1)
+        )
+        before = state(measured[0] + 4 * copies, plain)
+        after = state(measured[0] + 4 * copies, plain[:120] + 4 * copies).fitted
+        found.append(evidence(before, before.with_effect("row_noise", after), 0))
+    assert 6 < np.median([e.odds for e in found]) < 18
+    assert np.median([e.score for e in found]) > 60
 
 
 @pytest.mark.parametrize(
     ("found", "of_sets", "accepts"),
     [
-        (10.0, [10.0] * 10, True),
-        (2.9, [2.9] * 10, False),  # the odds are too small
-        (10.0, [18.0] * 10, True),
-        (10.0, [19.0] * 10, False),  # falls short
-        (10.0, [9.0] * 2 + [100.0] * 8, True),  # sets with the effect have less in one of five cases
-        (10.0, [9.0] + [100.0] * 9, False),
-        (10.0, [-50.0] * 6 + [100.0] * 4, True),  # its sets are not told from those without
+        (10.0, normal(10, 1), True),
+        (10.0, normal(18, 5), True),
+        (10.0, normal(19, 2), False),  # falls short
+        (10.0, np.append(np.repeat(9.0, 30), normal(100, 1, 170)), True),  # of its sets 15 % have less
+        (10.0, np.append(np.repeat(9.0, 10), normal(100, 1, 190)), False),
     ],
 )
 def test_odds_and_reach_must_both_hold(found, of_sets, accepts):
-    assert Evidence(found, 0.0, 0.0, np.array(of_sets)).accepts is accepts
+    away = normal(-100, 1)
+    assert Evidence(found, 0.0, 0.0, of_sets, away).accepts is accepts
+    assert not Evidence(found, 0.0, 0.0, of_sets, of_sets).accepts  # as probable without the effect
+    assert not Evidence(found, 0.0, 1e3, of_sets, away).accepts
+
+
+def test_the_cause_has_the_odds_against_another_effect():
+    """Both shift 60 statistics, of which 30 are the same. Odds of the reverse pair are the opposite."""
+    one, other = shifted(5, 1.5), shifted(10, 1.5) + np.roll(shifted(10, 1.5), 3)
+    for cause, rival in ((one, other), (other, one)):
+        odds, back = [], []
+        for seed in range(DRAWS):
+            (before, right), (_, wrong) = pair(seed, cause, cause), pair(seed, cause, rival)
+            odds.append(between(before, right, wrong))
+            back.append(between(before, wrong, right))
+        assert sum(o > 0 for o in odds) >= DRAWS - 1
+        np.testing.assert_allclose(odds, -np.array(back), atol=1e-6)
 
 
 def test_outliers_that_the_effect_hardly_shifts_do_not_change_the_decision():

@@ -8,6 +8,7 @@ import pytest
 from tests.diagnosis.states import judged, leaving, refined
 from visaug.diagnosis import ranking
 from visaug.diagnosis.choice import Accepted
+from visaug.diagnosis.criterion import ODDS
 
 NAMES = ("brighter_fatter", "interpixel_crosstalk")
 
@@ -17,7 +18,7 @@ def empty() -> ranking.Ranking:
     return ranking.Ranking(SimpleNamespace(error=lambda *_: None), ())  # pyright: ignore[reportArgumentType]
 
 
-@pytest.mark.parametrize(("behind", "told"), [(0.0, True), (11.9, True), (12.1, False), (50.0, False)])
+@pytest.mark.parametrize(("behind", "told"), [(0.0, True), (2.9, True), (3.1, False), (50.0, False)])
 def test_accepted_candidates_with_nearly_the_same_odds_are_ambiguous(
     stated, monkeypatch, empty, behind, told
 ):
@@ -27,41 +28,39 @@ def test_accepted_candidates_with_nearly_the_same_odds_are_ambiguous(
         ranking, "measurement", lambda cameras, at_hand, report: asked.append(set(cameras)) or "flats"
     )
     one, other = (
-        judged(
-            refined(name, camera := stated.with_effect(name), 40.0), leaving([0.0] * 4, camera, name), odds
-        )
-        for name, odds in zip(NAMES, (100.0, 100.0 - behind), strict=True)
+        judged(refined(name, camera := stated.with_effect(name), 40.0), leaving([0.0] * 4, camera, name))
+        for name in NAMES
     )
     refused = refined("smear", stated.with_effect("smear"), 400.0)
-    empty.choose(leaving([9.0] * 4, stated), Accepted([one, other], [refused]), None, lambda *_: None)
+    empty.choose(
+        leaving([9.0] * 4, stated), Accepted([one, other], [0.0, -behind], [refused]), None, lambda *_: None
+    )
     assert empty.ambiguous == ([{"effects": list(NAMES), "measure": "flats"}] if told else [])
     assert asked == ([set(NAMES)] if told else [])
 
 
 def test_probabilities_follow_from_the_odds(stated, empty):
-    """Differences of log odds are divided by `TEMPER`."""
     found = [refined(name, stated.with_effect(name), 40.0) for name in NAMES]
     for difference in (0.0, 2.0, 8.0):
         empty.rank(leaving([9.0] * 4, stated), found, [500.0, 500.0 - difference])
         first, second = empty.ranked
         assert first.probability + second.probability == pytest.approx(1)
-        ratio = np.exp(-difference / ranking.TEMPER)
-        assert second.probability / first.probability == pytest.approx(ratio)
+        assert second.probability / first.probability == pytest.approx(np.exp(-difference))
 
 
 def test_a_refused_candidate_is_less_probable_than_the_accepted_ones(stated, empty):
-    """By `UNCLEAR` in log odds, and by what its gain is less than the largest."""
+    """One in twenty, and by what its gain is less than the largest."""
     accepted = judged(
         refined("row_noise", camera := stated.with_effect("row_noise"), 40.0), leaving([0.0] * 4, camera)
     )
     others = [
         refined(name, stated.with_effect(name), gain) for name, gain in zip(NAMES, (90.0, 86.0), strict=True)
     ]
-    empty.choose(leaving([9.0] * 4, stated), Accepted([accepted], others), None, lambda *_: None)
+    empty.choose(leaving([9.0] * 4, stated), Accepted([accepted], [0.0], others), None, lambda *_: None)
     probabilities = [r.probability for r in empty.ranked]
     assert [r.effect for r in empty.ranked] == ["row_noise", *NAMES]
-    behind = np.log(probabilities[0] / np.array(probabilities[1:])) * ranking.TEMPER
-    np.testing.assert_allclose(behind, [ranking.UNCLEAR, ranking.UNCLEAR + 4])
+    behind = np.log(probabilities[0] / np.array(probabilities[1:]))
+    np.testing.assert_allclose(behind, [ODDS, ODDS + 4])
 
 
 def test_an_accepted_effect_has_intervals_and_keeps_its_probability(stated, empty):
@@ -74,7 +73,7 @@ def test_an_accepted_effect_has_intervals_and_keeps_its_probability(stated, empt
     assert {r.effect: r.parameters["sigma_e"].low for r in empty.ranked if r.effect == "row_noise"} == {
         "row_noise": None
     }
-    empty.choose(before, Accepted([one], [smear]), None, lambda *_: None)
+    empty.choose(before, Accepted([one], [0.0], [smear]), None, lambda *_: None)
     accepted = {r.effect: r for r in empty.ranked}["row_noise"]
     assert accepted.parameters["sigma_e"].low is not None
     empty.rank(after, [one.refined, smear], [0.0, 10.0])

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.diagnosis.small import frame_set
-from tests.diagnosis.states import judged, leaving, refined, with_odds
+from tests.diagnosis.states import Stated, judged, leaving, refined
 from visaug import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis import adding, search
@@ -68,7 +68,7 @@ def test_an_effect_gives_way_to_a_rival_with_larger_odds_beside_a_later_effect(
 
     def evidence(before, after, parameters):
         compared.append((before is plain, parameters))
-        return with_odds(told[id(after)])
+        return Stated(told[id(after)])
 
     monkeypatch.setattr(adding.Adding, "swapped", lambda *_: swapped)
     monkeypatch.setattr(search, "evidence", evidence)

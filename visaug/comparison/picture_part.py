@@ -123,9 +123,10 @@ class PicturePart:
 
     def _moved(self, pictures: np.ndarray, shaded: np.ndarray, chosen: np.ndarray, seed: int) -> np.ndarray:
         """What the camera does to the symmetries, with what scenes and their expectation do to them by chance."""
-        scenes, variance = self.scenes.symmetry.of(chosen), self.scenes.expected[1]
+        pictured, scenes = (sums.of(chosen) for sums in (self.scenes.symmetry, self.scenes.without_spill))
+        variance = self.scenes.expected[1]
         rng = np.random.default_rng(derive_key(seed, "scenes") % 2**63)
-        by_chance = scenes.by_chance(rng) + np.sqrt(variance) * rng.standard_normal(len(variance))
+        by_chance = pictured.by_chance(rng) + np.sqrt(variance) * rng.standard_normal(len(variance))
         freedom = self._error(chosen)[1]
         by_chance /= np.sqrt(rng.chisquare(freedom) / freedom)  # as wide as an error that few pictures tell
         ratio = self._symmetry(pictures, chosen).ratio
@@ -248,7 +249,7 @@ class PicturePart:
         """What a simulation depends on, as something that prints as what it is."""
         s = self.scenes
         digest = hashlib.blake2b(digest_size=12)
-        for part in (s.light, s.regions.dark, s.regions.lit, s.expected):
+        for part in (s.light, s.regions.dark, s.regions.lit, s.symmetry.above, s.expected):
             digest.update(np.ascontiguousarray(part).tobytes())
         numbers = (s.black, s.saturated, s.regions.levels, self.dn, self.exposure_s)
         return s.numbers, s.window, self.resolution, s.transfer, s.quality, numbers, digest.hexdigest()

@@ -24,7 +24,9 @@ BUDGET = 1_200_000  # pixels of a set
 MOST = 60  # pictures
 FEWEST = 6
 SATURATED = 0.97  # of the level at which the camera saturates
-BEYOND = 2.0  # light of a saturated pixel over what saturates: it is not known, and what spills shows only as a whole
+BEYOND = (
+    10**0.5
+)  # light of a saturated pixel over what saturates: not known, between 1 and 10 on a logarithmic scale
 _RENDERS = 12  # pictures that tell whether there is any noise
 _OWN = 3.0  # px: standard deviation of the Gaussian that smooths a flat region
 _REST = 0.7
@@ -43,7 +45,8 @@ class Scenes:
         saturated: level from which a pixel is saturated, in 1/255 of full scale.
         transfer: how picture values follow from light.
         quality: of the JPEG files; None where they are none.
-        symmetry: sums of the scenes themselves.
+        symmetry: sums of the pictures.
+        without_spill: sums of the scenes that are simulated.
         expected: (3, statistics) what the symmetries' statistics are in pictures of such scenes, its squared standard error and
             the degrees of freedom of that; NaN where it is not known, and the statistic is not used.
     """
@@ -57,6 +60,7 @@ class Scenes:
     transfer: str
     quality: int | None
     symmetry: Sums
+    without_spill: Sums
     expected: np.ndarray
 
 
@@ -107,8 +111,9 @@ def scenes_of(
     else:
         expected = _expected(scenes, camera, transfer, saturated, warn)
     numbers = tuple(frames.records[pictures.indices[n]].sequence for n in chosen)
+    unspilled = without_spill(smooth, saturated)
     own = Scenes(
-        _light(smooth, black, saturated, transfer),
+        _light(unspilled, black, saturated, transfer),
         regions,
         numbers,
         window,
@@ -117,6 +122,7 @@ def scenes_of(
         transfer,
         round(quality_of(pictures.steps)[0]) if pictures.is_jpeg else None,
         symmetry_sums(smooth, *place),
+        symmetry_sums(unspilled, *place),
         expected,
     )
     is_whole = window == (0, rows, 0, columns)
@@ -188,6 +194,25 @@ def smooth_scenes(pictures: np.ndarray, regions: Regions) -> np.ndarray:
     found[flat] = (parts[0] / np.maximum(parts[1], 1e-6))[flat]
     if regions.sky is not None:
         found[regions.dark.repeat(SIDE, 1).repeat(SIDE, 2)] = regions.sky
+    return found
+
+
+def without_spill(scenes: np.ndarray, saturated: float) -> np.ndarray:
+    """Scenes (n, H, W) whose saturated areas are no longer along columns than along rows.
+
+    Scenes have no preferred axis, so what is longer is charge that spilled, and not light. It is replaced by what lies as far
+    from the middle of the area along the rows.
+    """
+    found = scenes.copy()
+    for picture, scene in zip(scenes, found, strict=True):
+        areas, count = ndimage.label(picture >= saturated, np.ones((3, 3)))
+        middles = ndimage.center_of_mass(areas > 0, areas, range(1, count + 1))
+        for number, middle in enumerate(np.rint(middles).astype(int), 1):
+            y, x = np.nonzero(areas == number) - middle[:, None]
+            rows, columns = middle[0] + x, middle[1] + y
+            inside = (rows >= 0) & (rows < len(picture)) & (columns >= 0) & (columns < picture.shape[1])
+            longer = inside & (np.abs(y) > np.abs(x))
+            scene[middle[0] + y[longer], middle[1] + x[longer]] = picture[rows[longer], columns[longer]]
     return found
 
 

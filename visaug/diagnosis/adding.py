@@ -66,8 +66,13 @@ class Adding:
         """Whether few simulated sets exclude a candidate: its strength is fitted, and it explains little."""
         told = self._told(state, sketch, candidate)
         is_fitted = told is None or told.is_in_means
-        first = evidence(state, sketch, len(candidate.coordinates))
+        first = evidence(state, sketch, len(candidate.coordinates), self.effects)
         return is_fitted and first.share < FIRST * SHARE and not first.is_reached
+
+    @property
+    def effects(self) -> int:
+        """Number of effects that may be missing."""
+        return max(len({trial.effect for trial in self.trials}), 1)
 
     @property
     def _few(self) -> int:
@@ -85,12 +90,12 @@ class Adding:
             again = self._scattering(state, candidate, camera, strengths, self._few)
             if again is None:
                 break
-            sketches.append((evidence(state, again, len(candidate.coordinates)), again))
+            sketches.append((evidence(state, again, len(candidate.coordinates), self.effects), again))
             if sketches[-1][0].is_reached:
                 break
         if not sketches:
             return None
-        best = max(sketches, key=lambda pair: pair[0].odds)[1].fitted.reference
+        best = max(sketches, key=lambda pair: pair[0].score)[1].fitted.reference
         return self._scattering(state, candidate, best.camera, strengths, self.sets, best)
 
     def _scattering(

@@ -1,10 +1,12 @@
-"""Choice between refined candidates: the one with the largest posterior odds, if the criterion accepts it."""
+"""Choice between refined candidates: the most probable one, if the criterion accepts it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from visaug.diagnosis.adding import Adding
-from visaug.diagnosis.criterion import Evidence, evidence
+from visaug.diagnosis.criterion import Evidence, between, evidence
 from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.state import State
 
@@ -20,16 +22,19 @@ class Judged:
     state: State
     evidence: Evidence
 
-    @property
-    def odds(self) -> float:
-        return self.evidence.odds
-
 
 @dataclass(frozen=True)
 class Accepted:
-    """An accepted effect; `standing` are the candidates that were accepted too, itself first, `others` all that were not."""
+    """An accepted effect.
+
+    Attributes:
+        standing: the candidates that were accepted, the most probable first.
+        odds: log posterior odds of each of these against the first.
+        others: all that were not.
+    """
 
     standing: list[Judged]
+    odds: list[float]
     others: list[Refined]
 
     @property
@@ -38,10 +43,10 @@ class Accepted:
 
 
 def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted | None:
-    """The most probable candidate, if the criterion accepts it; None otherwise.
+    """The most probable candidate, if the criterion accepts the one with the largest score; None otherwise.
 
-    Candidates are simulated a few at a time, the largest gain first, until the most probable one so far is accepted. If it is
-    refused, so are all less probable ones: part of what it explains would pass for theirs.
+    Candidates are simulated a few at a time, the largest gain first, until the one with the largest score so far is accepted. If
+    it is refused, so are all others: part of what it explains would pass for theirs.
 
     Args:
         found: candidates, the largest gain first.
@@ -54,17 +59,32 @@ def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted
         for r in close:
             forms = [r] if r.otherwise is None else [r, r.otherwise]
             judged = [_judged(state, form, adding) for form in forms]
-            tried.append(max(judged, key=lambda one: (one.evidence.accepts, one.odds)))
-        tried.sort(key=lambda one: -one.odds)
-        if tried[0].evidence.accepts:
-            standing = [one for one in tried if one.evidence.accepts]
-            names = {one.refined.effect for one in standing}
-            return Accepted(standing, [r for r in found if r.effect not in names])
+            tried.append(max(judged, key=lambda one: (one.evidence.accepts, one.evidence.score)))
+        first = max(tried, key=lambda one: one.evidence.score)
+        if first.evidence.accepts:
+            return _chosen(state, first, [one for one in tried if one.evidence.accepts], found)
     return None
+
+
+def _chosen(state: State, first: Judged, standing: list[Judged], found: Sequence[Refined]) -> Accepted:
+    """The standing candidates by their odds against the first."""
+    odds = [
+        0.0
+        if one is first
+        else between(state, one.state, first.state) + first.evidence.cost - one.evidence.cost
+        for one in standing
+    ]
+    order = np.argsort(odds)[::-1]
+    names = {one.refined.effect for one in standing}
+    return Accepted(
+        [standing[k] for k in order],
+        [odds[k] - max(odds) for k in order],
+        [r for r in found if r.effect not in names],
+    )
 
 
 def _judged(state: State, candidate: Refined, adding: Adding) -> Judged:
     after = adding.sketched(state, candidate)
     if not adding.is_hopeless(state, candidate, after):
         after = adding.completed(state, candidate, after)
-    return Judged(candidate, after, evidence(state, after, len(candidate.coordinates)))
+    return Judged(candidate, after, evidence(state, after, len(candidate.coordinates), adding.effects))

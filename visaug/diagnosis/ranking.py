@@ -8,16 +8,13 @@ import numpy as np
 
 from visaug.comparison import Distance, Error
 from visaug.diagnosis.choice import Accepted, Judged
+from visaug.diagnosis.criterion import ODDS
 from visaug.diagnosis.reference import Report
 from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.result import Ranked, estimates
 from visaug.diagnosis.separate import measurement
 from visaug.diagnosis.state import State
 from visaug.fingerprint import Statistic
-
-# Divides differences of log odds: the statistics are correlated, and their variances come from few simulated sets
-TEMPER = 4.0
-UNCLEAR = 3.0 * TEMPER  # log odds within which accepted rivals are ambiguous: one in twenty
 
 
 class Ranking:
@@ -40,7 +37,7 @@ class Ranking:
 
     def rank(self, state: State, refined: Sequence[Refined], odds: Sequence[float]) -> None:
         """Candidates for the next effect of a state, with their log posterior odds up to a constant."""
-        weights = np.exp(np.maximum((np.array(odds) - max(odds)) / TEMPER, -700.0))
+        weights = np.exp(np.maximum(np.array(odds) - max(odds), -700.0))
         for r, weight in zip(refined, weights / weights.sum(), strict=True):
             if r.effect in self._ranked and r.effect in state.accepted:
                 continue
@@ -57,11 +54,10 @@ class Ranking:
         """
         best, top = chosen.best, max(r.gain for r in (chosen.best.refined, *chosen.others))
         standing = [j.refined for j in chosen.standing]
-        odds = [j.odds for j in chosen.standing]
-        behind = [best.odds - UNCLEAR + min(r.gain - top, 0.0) for r in chosen.others]
-        self.rank(before, [*standing, *chosen.others], [*odds, *behind])
+        behind = [-ODDS + min(r.gain - top, 0.0) for r in chosen.others]
+        self.rank(before, [*standing, *chosen.others], [*chosen.odds, *behind])
         self.accept(best.state, best.refined.effect, error)
-        close = [j.refined for j in chosen.standing if best.odds - j.odds < UNCLEAR]
+        close = [r for r, odds in zip(standing, chosen.odds, strict=True) if odds > -ODDS]
         if len(close) > 1:
             cameras = {r.effect: r.camera for r in close}
             self.ambiguous.append(

@@ -257,7 +257,7 @@ class _Search:
                     break
         if not chosen:
             return None, nearest
-        first = max(chosen, key=lambda one: one.best.odds)
+        first = max(chosen, key=lambda one: one.best.evidence.score)
         after = first.best.state
         self.ranking.choose(
             state, first, self.steps[-1].error and self.errors.told(after.fitted), self.report
@@ -288,7 +288,7 @@ class _Search:
             swapped = self.adding.swapped(state, own.refined.effect, rival.state)
             numbers = (len(j.refined.coordinates) for j in (own, rival))
             now, then = (
-                evidence(plain, after, number).odds
+                evidence(plain, after, number).score
                 for after, number in zip((state, swapped), numbers, strict=True)
             )
             if then > now:
