@@ -11,10 +11,11 @@ if TYPE_CHECKING:
     from visaug.camera import Camera
     from visaug.characterization import Characterization, characterize
     from visaug.comparison import Comparison, compare
-    from visaug.diagnosis import Diagnosis, Session, diagnose
+    from visaug.diagnosis import Diagnosis, diagnose
     from visaug.effects.effect import Effect, Parameter, Stage
     from visaug.errors import InputError
     from visaug.frames import FrameSet
+    from visaug.session import Session
     from visaug.simulation import simulate
 
 __version__ = "0.2.0"
@@ -28,7 +29,7 @@ _HOME = {
     "FrameSet": "visaug.frames",
     "InputError": "visaug.errors",
     "Parameter": "visaug.effects.parameter",
-    "Session": "visaug.diagnosis",
+    "Session": "visaug.session",
     "Stage": "visaug.effects.effect",
     "VISNoise": "visaug.augment",
     "characterize": "visaug.characterization",
@@ -49,6 +50,7 @@ _ROOMS = frozenset(
         "frames",
         "report",
         "sampling",
+        "session",
         "simulation",
         "ultralytics",
     }

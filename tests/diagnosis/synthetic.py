@@ -5,10 +5,10 @@ The first `FIND` statistics are those of the discovery frames, the others those 
 
 import numpy as np
 
-from visaug.diagnosis.fit import Fitted
-from visaug.diagnosis.reference import Reference, Sample
 from visaug.diagnosis.state import State
-from visaug.diagnosis.uses import Use
+from visaug.fitting.fit import Fitted
+from visaug.fitting.reference import Reference, Sample
+from visaug.fitting.uses import Use
 
 FIND, ALL = 200, 300
 PLAIN, WITH = 200, 120  # numbers of simulated sets without and with the effect

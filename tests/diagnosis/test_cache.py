@@ -5,10 +5,11 @@ from dataclasses import replace
 import pytest
 
 from tests.diagnosis.small import frame_set
+from visaug.candidates import cache
 from visaug.comparison import Laboratory
-from visaug.diagnosis import cache, search
-from visaug.diagnosis.parameters import base_coordinates, effect_coordinates
+from visaug.diagnosis import search
 from visaug.effects import load_file
+from visaug.fitting.parameters import base_coordinates, effect_coordinates
 
 EFFECT = '''
 from visaug.effects import Effect, Parameter, Stage

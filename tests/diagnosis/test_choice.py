@@ -6,9 +6,9 @@ import pytest
 
 from tests.diagnosis.states import Stated, leaving, refined
 from visaug import Camera
+from visaug.candidates.refinement import Refined
 from visaug.diagnosis import choice
 from visaug.diagnosis.criterion import ODDS
-from visaug.diagnosis.refinement import Refined
 
 GAINS = {"light_drift": 130.0, "row_noise": 120.0, "flicker_noise": 110.0, "vignetting": 60.0, "smear": 55.0}
 REFUSED = Stated(ODDS - 1)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.small import Hidden, frame_set
+from visaug.candidates.climb import newton
 from visaug.comparison import Laboratory
-from visaug.diagnosis import fit
-from visaug.diagnosis.climb import newton
-from visaug.diagnosis.fit import bias_level, refit
-from visaug.diagnosis.parameters import base_coordinates, intervals, moved
-from visaug.diagnosis.reference import PAIRS, USES, Null, Reference, Sample, derivatives, make_reference
-from visaug.diagnosis.robust import adjust
+from visaug.fitting import fit
+from visaug.fitting.fit import bias_level, refit
+from visaug.fitting.parameters import base_coordinates, intervals, moved
+from visaug.fitting.reference import PAIRS, USES, Null, Reference, Sample, derivatives, make_reference
+from visaug.fitting.robust import adjust
 
 
 def test_adjust_solves_the_linear_problem_and_ignores_outliers():

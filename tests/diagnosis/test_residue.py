@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from visaug.diagnosis.residue import BESIDE, WORDS, describe
+from visaug.comparison.residue import BESIDE, WORDS, describe
 from visaug.fingerprint import AXES, Statistic
 from visaug.fingerprint.views.scene import _Key, _target, templates
 

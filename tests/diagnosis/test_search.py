@@ -10,9 +10,9 @@ from tests.diagnosis.states import Stated, judged, leaving, refined
 from visaug import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis import adding, search
-from visaug.diagnosis.fits import Fits
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.result import Ranked, Step
+from visaug.session.fits import Fits
 
 
 @pytest.fixture

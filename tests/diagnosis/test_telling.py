@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.states import leaving
+from visaug.candidates.signatures import Signatures
+from visaug.candidates.trials import Trial
 from visaug.diagnosis import telling
-from visaug.diagnosis.candidates import Trial
-from visaug.diagnosis.signatures import Signatures
 from visaug.fingerprint import Fingerprint, Statistic
 
 STATISTIC = Statistic("temporal_lines", "rows", "bias", ("time", "row"), "DN", "bias")

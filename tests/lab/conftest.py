@@ -6,8 +6,8 @@ import sys
 import pytest
 
 from tests.diagnosis.small import PLAN, frame_set, row_noise, stated_camera
-from visaug.diagnosis import session as session_module
 from visaug.lab import Bench
+from visaug.session import session as session_module
 
 FEW = 60  # simulated sets
 

@@ -10,7 +10,7 @@ from PIL import Image
 from tests.hostile_pages import overflow, watched
 from tests.lab.serving import see_everything, served
 from tests.lab.test_server import OWN, found
-from visaug.diagnosis import session as session_module
+from visaug.session import session as session_module
 
 expect = pytest.importorskip("playwright.sync_api").expect
 

@@ -13,8 +13,8 @@ from tests.hostile_pages import LONG, NASTY, WIDTHS, check_file, overflow, watch
 from tests.lab.serving import see_everything, served
 from tests.lab.test_server import OWN, found
 from visaug import Camera, FrameSet
-from visaug.diagnosis import session as session_module
 from visaug.lab import Bench, application
+from visaug.session import session as session_module
 
 expect = pytest.importorskip("playwright.sync_api").expect
 

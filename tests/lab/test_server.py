@@ -21,8 +21,8 @@ from visaug import Camera, InputError
 from visaug.cli.measure import lab as lab_command
 from visaug.comparison import Error
 from visaug.diagnosis import Diagnosis, Estimate, Ranked, Step
-from visaug.diagnosis import session as session_module
 from visaug.lab import application, serve
+from visaug.session import session as session_module
 
 TOKEN = "a-token-of-this-test"
 OWN = """

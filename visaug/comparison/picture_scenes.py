@@ -205,8 +205,9 @@ def without_spill(scenes: np.ndarray, saturated: float) -> np.ndarray:
     """
     found = scenes.copy()
     for picture, scene in zip(scenes, found, strict=True):
-        areas, count = ndimage.label(picture >= saturated, np.ones((3, 3)))
-        middles = ndimage.center_of_mass(areas > 0, areas, range(1, count + 1))
+        areas = np.zeros(picture.shape, np.int32)
+        ndimage.label(picture >= saturated, np.ones((3, 3)), output=areas)
+        middles = ndimage.center_of_mass(areas > 0, areas, range(1, areas.max() + 1))
         for number, middle in enumerate(np.rint(middles).astype(int), 1):
             y, x = np.nonzero(areas == number) - middle[:, None]
             rows, columns = middle[0] + x, middle[1] + y

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from visaug.candidates.signatures import Signatures
 from visaug.comparison import Laboratory, tail_factor
-from visaug.diagnosis.law import Metric, each_half
-from visaug.diagnosis.robust import standardised
-from visaug.diagnosis.signatures import Signatures
 from visaug.diagnosis.state import State
+from visaug.fitting.law import Metric, each_half
+from visaug.fitting.robust import standardised
 
 SOMEWHERE = 3.0  # times as unlikely must one large residual be as a match, to count as much: what no effect matches is seldom faint
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from visaug.candidates.refinement import Refined
 from visaug.diagnosis.adding import Adding
 from visaug.diagnosis.criterion import Evidence, between, evidence
-from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.state import State
 
 CLOSE = 0.25  # share of the best gain within which candidates are rivals

@@ -19,9 +19,9 @@ from functools import cached_property
 import numpy as np
 from scipy import stats
 
-from visaug.diagnosis.law import FORM, log_density
 from visaug.diagnosis.state import State
-from visaug.diagnosis.uses import Use, scales, shifts
+from visaug.fitting.law import FORM, log_density
+from visaug.fitting.uses import Use, scales, shifts
 
 ODDS = 3.0  # least log posterior odds of an accepted effect: at most one in twenty is wrong
 SHARE = 0.55  # least evidence of an accepted effect, relative to the median of its own simulated sets,

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from visaug.candidates.refinement import Refined
 from visaug.comparison import Distance, Error
 from visaug.diagnosis.choice import Accepted, Judged
 from visaug.diagnosis.criterion import ODDS
-from visaug.diagnosis.reference import Report
-from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.result import Ranked, estimates
 from visaug.diagnosis.separate import measurement
 from visaug.diagnosis.state import State
 from visaug.fingerprint import Statistic
+from visaug.fitting.reference import Report
 
 
 class Ranking:

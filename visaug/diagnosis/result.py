@@ -11,9 +11,9 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.camera.paths import place_of
 from visaug.comparison import Error, Places, data_frame
+from visaug.comparison.residue import Residue
 from visaug.comparison.selection import Selection
-from visaug.diagnosis.parameters import Coordinate, intervals
-from visaug.diagnosis.residue import Residue
+from visaug.fitting.parameters import Coordinate, intervals
 from visaug.frames import FrameSet
 
 

@@ -10,31 +10,31 @@ from typing import Literal
 import numpy as np
 
 from visaug.camera import Camera
+from visaug.candidates import cache
+from visaug.candidates.refinement import Refined
+from visaug.candidates.selection import candidates
+from visaug.candidates.signatures import Signatures, signatures
+from visaug.candidates.trials import looked, trials
 from visaug.cluster import connected
 from visaug.comparison import Laboratory, is_clear, places, with_a_well
 from visaug.comparison.chance import SIGNIFICANT
 from visaug.comparison.spread import by_ray
-from visaug.diagnosis import cache
 from visaug.diagnosis.adding import SETS_AFTER, Adding
-from visaug.diagnosis.candidates import looked, trials
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.choice import Accepted, Judged, accepted
 from visaug.diagnosis.criterion import ODDS, evidence
-from visaug.diagnosis.errors import Errors
-from visaug.diagnosis.fit import Fitted, refit
-from visaug.diagnosis.parameters import base_coordinates
 from visaug.diagnosis.ranking import Ranking
-from visaug.diagnosis.reference import FAR, Reference, Report, is_far
-from visaug.diagnosis.refinement import Refined
 from visaug.diagnosis.result import Diagnosis, Step
-from visaug.diagnosis.robust import p_value, standardised
-from visaug.diagnosis.selection import candidates
-from visaug.diagnosis.signatures import Signatures, signatures
 from visaug.diagnosis.state import State
 from visaug.diagnosis.telling import cannot_show, form, residue
 from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
 from visaug.fingerprint import Statistic
+from visaug.fitting.errors import Errors
+from visaug.fitting.fit import Fitted, refit
+from visaug.fitting.parameters import base_coordinates
+from visaug.fitting.reference import FAR, Reference, Report, is_far
+from visaug.fitting.robust import p_value, standardised
 from visaug.frames import FrameSet
 
 SETS = 200  # simulated sets of the camera file
@@ -241,7 +241,8 @@ class _Search:
             if chosen and fitted is self._unfitted:
                 break  # it is last if it is only a fallback
             tried = self.signs + self._seen
-            found = candidates(self.lab, tried, fitted, state, self.without, self.report, earlier)
+            taken, allowance = self.without | set(state.accepted), state.find.allowance
+            found = candidates(self.lab, tried, fitted, taken, allowance, self.report, earlier)
             if not found:
                 continue
             if fitted is state.fitted:

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from visaug.camera import Camera
+from visaug.candidates.trials import exchanged
 from visaug.comparison import Laboratory
 from visaug.comparison.part import Part
-from visaug.diagnosis.candidates import exchanged
-from visaug.diagnosis.parameters import base_coordinates
-from visaug.diagnosis.reference import Report, differences
-from visaug.diagnosis.robust import adjust
 from visaug.effects import catalogue
 from visaug.fingerprint import Statistic, fingerprint
+from visaug.fitting.parameters import base_coordinates
+from visaug.fitting.reference import Report, differences
+from visaug.fitting.robust import adjust
 from visaug.frames import FrameSet
 from visaug.frames.plan import default_plan
 from visaug.simulation import simulate, with_chart

@@ -6,13 +6,13 @@ from functools import cached_property
 import numpy as np
 
 from visaug.comparison.chance import SIGNIFICANT
-from visaug.diagnosis.fit import Fitted
-from visaug.diagnosis.law import FORM
-from visaug.diagnosis.parameters import Coordinate
-from visaug.diagnosis.reference import Null, Sample
-from visaug.diagnosis.robust import p_value
 from visaug.diagnosis.scatter import Scatter
-from visaug.diagnosis.uses import Use
+from visaug.fitting.fit import Fitted
+from visaug.fitting.law import FORM
+from visaug.fitting.parameters import Coordinate
+from visaug.fitting.reference import Null, Sample
+from visaug.fitting.robust import p_value
+from visaug.fitting.uses import Use
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 
 from visaug.camera import Camera
 from visaug.comparison import Comparison
-from visaug.diagnosis import SETS, Diagnosis, Session, Setup
+from visaug.diagnosis import SETS, Diagnosis
 from visaug.effects import catalogue, load_file
 from visaug.errors import InputError
 from visaug.frames import FrameSet
@@ -16,6 +16,7 @@ from visaug.lab.own_picture import OwnPicture
 from visaug.lab.past import Past
 from visaug.progress import Progress
 from visaug.report.next_step import Inputs
+from visaug.session import Session, Setup
 
 
 class Bench:

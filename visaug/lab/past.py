@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from visaug.diagnosis import Setup
+from visaug.session import Setup
 
 
 @dataclass

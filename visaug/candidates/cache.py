@@ -10,15 +10,15 @@ import numpy as np
 
 import visaug
 from visaug.camera import Camera
+from visaug.candidates.signatures import Signatures
+from visaug.candidates.signatures import signatures as simulated_signatures
+from visaug.candidates.trials import Trial
 from visaug.comparison.laboratory import Laboratory
-from visaug.diagnosis.candidates import Trial
-from visaug.diagnosis.fit import Fitted, refit
-from visaug.diagnosis.parameters import Coordinate
-from visaug.diagnosis.reference import USES, Reference, Report, is_far, make_reference
-from visaug.diagnosis.signatures import Signatures
-from visaug.diagnosis.signatures import signatures as simulated_signatures
-from visaug.diagnosis.store import keep, load
 from visaug.effects import catalogue
+from visaug.fitting.fit import Fitted, refit
+from visaug.fitting.parameters import Coordinate
+from visaug.fitting.reference import USES, Reference, Report, is_far, make_reference
+from visaug.fitting.store import keep, load
 
 STAGE = 50  # sets that are simulated between two entries of a reference
 
@@ -39,7 +39,16 @@ def digest(*parts: object) -> str:
 def _code() -> str:
     root = Path(visaug.__file__).parent
     digest = hashlib.blake2b(digest_size=8)
-    for room in ("sampling", "effects", "camera", "fingerprint", "comparison", "diagnosis"):
+    for room in (
+        "sampling",
+        "effects",
+        "camera",
+        "fingerprint",
+        "comparison",
+        "fitting",
+        "candidates",
+        "diagnosis",
+    ):
         for file in sorted((root / room).rglob("*.py")):
             digest.update(file.read_bytes())
     for file in ("simulation.py", "history.py"):

@@ -7,13 +7,13 @@ import numpy as np
 from scipy.linalg import eigh
 
 from visaug.camera import Camera
+from visaug.candidates.matches import Match
+from visaug.candidates.signatures import FEW, MORE, cleared
 from visaug.comparison.laboratory import Laboratory
-from visaug.diagnosis.fit import Fitted
-from visaug.diagnosis.law import Metric
-from visaug.diagnosis.matches import Match
-from visaug.diagnosis.parameters import Coordinate, moved
-from visaug.diagnosis.signatures import FEW, MORE, cleared
 from visaug.effects import catalogue
+from visaug.fitting.fit import Fitted
+from visaug.fitting.law import Metric
+from visaug.fitting.parameters import Coordinate, moved
 
 NEAR = 3.0  # steps within which the derivatives of the camera's parameters are valid
 FOLLOWED = 3  # largest number of times that the camera's parameters are moved along

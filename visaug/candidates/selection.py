@@ -6,17 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from visaug.camera import Camera
+from visaug.candidates.matches import Match, best_of_each, matches
+from visaug.candidates.refinement import Refined, refine
+from visaug.candidates.signatures import Signatures, signatures
+from visaug.candidates.trials import Trial, beside_words
 from visaug.comparison import Laboratory
-from visaug.diagnosis.candidates import Trial, beside_words
-from visaug.diagnosis.fit import Fitted
-from visaug.diagnosis.law import FORM
-from visaug.diagnosis.matches import Match, best_of_each, matches
-from visaug.diagnosis.reference import Report
-from visaug.diagnosis.refinement import Refined, refine
-from visaug.diagnosis.robust import standardised
-from visaug.diagnosis.signatures import Signatures, signatures
-from visaug.diagnosis.state import State
 from visaug.effects import catalogue
+from visaug.fitting.fit import Fitted
+from visaug.fitting.law import FORM
+from visaug.fitting.reference import Report
+from visaug.fitting.robust import standardised
 
 TRIED = 4  # largest number of candidates that are refined in a step, if they gain
 SHARE = 0.2  # this share of the best gain
@@ -35,29 +34,30 @@ def candidates(
     lab: Laboratory,
     signs: Signatures,
     fitted: Fitted,
-    state: State,
-    without: frozenset[str],
+    taken: frozenset[str],
+    allowance: np.ndarray,
     report: Report,
     earlier: Mapping[str, Refined],
 ) -> list[Refined]:
     """The effects whose signatures best match the residuals, refined, the best first.
 
     Args:
-        fitted: the camera from which they are tried: the state's, or the camera as given.
-        earlier: effects as refined before the state's last one was added; their values are further starts.
+        fitted: the camera from which they are tried: as refitted last, or as given.
+        taken: effects that are not tried: left out, or added already.
+        allowance: residual that may stay, see `visaug.fitting.uses.Use`.
+        earlier: effects as refined before the last one was added; their values are further starts.
     """
-    taken = frozenset(state.accepted) | without
-    tried, chosen = first_matches(signs, fitted, taken, state.find.allowance)
+    tried, chosen = first_matches(signs, fitted, taken, allowance)
     further = _beside_words(tried)
     if further:
         signs += signatures(lab, fitted.reference, further, report)
-        tried, chosen = first_matches(signs, fitted, taken, state.find.allowance)
+        tried, chosen = first_matches(signs, fitted, taken, allowance)
     best: dict[str, Refined] = {}
     for m in chosen:
         beaten = max((r.gain for r in best.values()), default=0.0)
         beside = [t.trial for t in tried if t.trial.kind == m.trial.kind]
         also = _as_earlier(fitted, m, earlier.get(m.trial.effect))
-        refined = refine(lab, fitted, m, report, state.find.allowance, beaten, beside=beside, also=also)
+        refined = refine(lab, fitted, m, report, allowance, beaten, beside=beside, also=also)
         best[refined.effect] = better(refined, best.get(refined.effect, refined))
     found = sorted(best.values(), key=lambda r: -r.gain)
     for k, r in enumerate(found):
@@ -71,7 +71,7 @@ def candidates(
         if k > 0:
             # An equivalent effect is tried with other options too, so that it is not ranked lower because of its options.
             others = [m for m in others if _reworded(fitted, r, m) is not None]
-        found[k] = from_other_starts(lab, fitted, r, others, report, state.find.allowance)
+        found[k] = from_other_starts(lab, fitted, r, others, report, allowance)
     return sorted(found, key=lambda r: -r.gain)
 
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visaug.diagnosis.candidates import Trial
-from visaug.diagnosis.fit import Fitted
-from visaug.diagnosis.law import ROUGH, Metric, metric, scatter_along
-from visaug.diagnosis.signatures import Signatures
+from visaug.candidates.signatures import Signatures
+from visaug.candidates.trials import Trial
+from visaug.fitting.fit import Fitted
+from visaug.fitting.law import ROUGH, Metric, metric, scatter_along
 
 CHANCE = (
     5.0  # log likelihood that the best of a hundred directions gains by chance, if their covariance is right

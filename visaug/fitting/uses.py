@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visaug.diagnosis.reference import Null
-from visaug.diagnosis.robust import drawn_to_zero, standardised
+from visaug.fitting.reference import Null
+from visaug.fitting.robust import drawn_to_zero, standardised
 
 CERTAIN = 3.0  # standard errors by which two standard deviations must differ to count as two
 

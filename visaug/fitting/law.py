@@ -6,8 +6,8 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 
-from visaug.diagnosis.fit import Fitted
-from visaug.diagnosis.reference import Null
+from visaug.fitting.fit import Fitted
+from visaug.fitting.reference import Null
 
 FORM = 0.1  # model discrepancy of an effect's form, relative to what the effect explains,
 ROUGH = 0.3  # and of its first signatures, whose parameters are not fitted yet

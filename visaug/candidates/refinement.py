@@ -7,17 +7,17 @@ from itertools import pairwise
 import numpy as np
 
 from visaug.camera import Camera
+from visaug.candidates.climb import Climb
+from visaug.candidates.matches import CHANCE, Match, extrapolation
+from visaug.candidates.signatures import FEW, cleared, following, is_random, own_variance
+from visaug.candidates.trials import Trial
 from visaug.comparison.laboratory import Laboratory
-from visaug.diagnosis.candidates import Trial
-from visaug.diagnosis.climb import Climb
-from visaug.diagnosis.fit import Fitted
-from visaug.diagnosis.law import FORM, metric, scatter_along
-from visaug.diagnosis.matches import CHANCE, Match, extrapolation
-from visaug.diagnosis.parameters import Coordinate, base_coordinates, effect_coordinates, moved
-from visaug.diagnosis.reference import Report
-from visaug.diagnosis.robust import adjust, standardised
-from visaug.diagnosis.signatures import FEW, cleared, following, is_random, own_variance
 from visaug.effects import catalogue
+from visaug.fitting.fit import Fitted
+from visaug.fitting.law import FORM, metric, scatter_along
+from visaug.fitting.parameters import Coordinate, base_coordinates, effect_coordinates, moved
+from visaug.fitting.reference import Report
+from visaug.fitting.robust import adjust, standardised
 
 SCALED_FAR = 3.0  # factor on a signature beyond which it may be neither a level nor a variance
 MOST = 1e3  # bound on the factor, and on its inverse

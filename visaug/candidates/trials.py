@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from visaug.camera import Camera
+from visaug.candidates.look import look
 from visaug.comparison import Laboratory
-from visaug.diagnosis.look import look
-from visaug.diagnosis.parameters import GAUSSIAN_SHAPE
 from visaug.effects import Effect, Parameter, Stage, catalogue
+from visaug.fitting.parameters import GAUSSIAN_SHAPE
 
 LADDER = 3  # values of a number that is tried over a wide range
 

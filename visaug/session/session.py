@@ -7,11 +7,11 @@ from pathlib import Path
 from visaug.camera import Camera
 from visaug.camera.paths import path_of
 from visaug.comparison import Comparison, Error, Places, compare
-from visaug.diagnosis.fits import Fit, Fits, Names
 from visaug.diagnosis.result import Diagnosis, Step
 from visaug.diagnosis.search import SETS, diagnose
 from visaug.errors import InputError
 from visaug.frames import FrameSet
+from visaug.session.fits import Fit, Fits, Names
 
 Report = Callable[[str, int, int], None]
 

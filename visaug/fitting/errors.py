@@ -3,8 +3,8 @@
 import numpy as np
 
 from visaug.comparison import Distance, Error, Laboratory, is_clear
-from visaug.diagnosis.fit import Fitted
-from visaug.diagnosis.reference import Reference
+from visaug.fitting.fit import Fitted
+from visaug.fitting.reference import Reference
 
 # Width of an interval above which an error is not reported: the file as given has no significant excess
 VAGUE = 5.0

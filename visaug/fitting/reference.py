@@ -9,8 +9,8 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.comparison.distance import largest_of_each, least_spread, variance
 from visaug.comparison.laboratory import Laboratory
-from visaug.diagnosis.parameters import WELL, Coordinate, moved
-from visaug.diagnosis.robust import adjust, drawn_to_zero, standardised
+from visaug.fitting.parameters import WELL, Coordinate, moved
+from visaug.fitting.robust import adjust, drawn_to_zero, standardised
 
 PAIRS, MORE_PAIRS = (
     3,

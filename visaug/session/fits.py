@@ -4,24 +4,25 @@ import math
 from dataclasses import dataclass
 
 from visaug.camera import Camera
+from visaug.candidates import cache
+from visaug.candidates.matches import matches
+from visaug.candidates.refinement import refine
+from visaug.candidates.selection import from_other_starts
+from visaug.candidates.signatures import signatures
+from visaug.candidates.trials import looked, trials
 from visaug.comparison import Distance, Error, Laboratory, Places, places
 from visaug.comparison.chance import SIGNIFICANT
-from visaug.diagnosis import Estimate, cache
+from visaug.diagnosis import Estimate
 from visaug.diagnosis.adding import SETS_AFTER, Adding
-from visaug.diagnosis.candidates import looked, trials
-from visaug.diagnosis.errors import Errors
-from visaug.diagnosis.fit import Fitted, refit
-from visaug.diagnosis.matches import matches
-from visaug.diagnosis.parameters import base_coordinates
-from visaug.diagnosis.reference import Reference, Report, make_reference
-from visaug.diagnosis.refinement import refine
 from visaug.diagnosis.result import estimates
 from visaug.diagnosis.search import SETS
-from visaug.diagnosis.selection import from_other_starts
-from visaug.diagnosis.signatures import signatures
 from visaug.diagnosis.state import State
 from visaug.effects import catalogue
 from visaug.errors import InputError
+from visaug.fitting.errors import Errors
+from visaug.fitting.fit import Fitted, refit
+from visaug.fitting.parameters import base_coordinates
+from visaug.fitting.reference import Reference, Report, make_reference
 from visaug.frames import FrameSet
 
 Names = tuple[str, ...]

@@ -9,10 +9,10 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.comparison.laboratory import Laboratory
-from visaug.diagnosis.parameters import BLACK, WELL, moved
-from visaug.diagnosis.reference import USES, Reference, Report
-from visaug.diagnosis.robust import adjust, misfit, standardised
 from visaug.fingerprint import Statistic
+from visaug.fitting.parameters import BLACK, WELL, moved
+from visaug.fitting.reference import USES, Reference, Report
+from visaug.fitting.robust import adjust, misfit, standardised
 
 STEPPED, TWINS = (
     4,

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from visaug.camera import Camera
+from visaug.candidates.trials import Trial
 from visaug.comparison.laboratory import Laboratory
-from visaug.diagnosis.candidates import Trial
-from visaug.diagnosis.fit import bias_level
-from visaug.diagnosis.law import ROUGH, law
-from visaug.diagnosis.parameters import BLACK, moved
-from visaug.diagnosis.reference import Reference, Report
-from visaug.diagnosis.robust import drawn_to_zero, standardised
+from visaug.fitting.fit import bias_level
+from visaug.fitting.law import ROUGH, law
+from visaug.fitting.parameters import BLACK, moved
+from visaug.fitting.reference import Reference, Report
+from visaug.fitting.robust import drawn_to_zero, standardised
 
 FAR_DN = 0.3  # that the black level has to follow to be moved along
 REDRAWN = 2.0  # variances of the null that a difference of two independent sets has
