@@ -9,8 +9,10 @@ the accepted effects' forms, and a log-uniform distribution for what effects out
 
     E(r) = sum of log p(r_1 | M_1) - log p(r_0 | M_0)
 
-with r_0 and r_1 the residuals without and with it. It is accepted if the posterior odds exceed those of a wrong effect, and if E
-reaches the evidence of sets that are simulated with the effect (Cox 1961: tests of separate families of hypotheses).
+with r_0 and r_1 the residuals without and with it. The sum takes statistics as independent, so E is treated as one statistic
+whose law is simulated: Student's t with the mean and the variance of E in sets with the effect, and in sets without it (Wood,
+Nature 466 (2010) 1102: synthetic likelihood). An effect is accepted if the posterior odds that follow exceed those of a wrong
+effect, and if E reaches the evidence of sets that are simulated with the effect (Cox 1961: tests of separate families).
 """
 
 from dataclasses import dataclass
