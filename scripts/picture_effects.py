@@ -19,7 +19,8 @@ import visaug
 from benchmark import pictures
 from visaug.frames import FrameRecord, FrameSet
 
-SIDE, SIZE, PICTURES, SCENES, SETS = (80, 128), 0.5, 24, 60, 100
+SIDE, SIZE, SCENES, SETS = (80, 128), 0.5, 60, 100
+FEW, MANY = 24, 60  # pictures; many for what few pixels or the light of the scenes tell
 READ = 14.0
 BASE = pictures.PictureCamera(
     "small well", 3.5, READ, black_dn=12.0, column_fixed_e=2.0, pixel_fixed_e=4.0, prnu=0.01
@@ -37,13 +38,13 @@ STATED = {
 }
 COLUMNS = ("dsnu", "fixed_pattern_structure")
 HIDDEN = {
-    "row noise, 9 e-": ({"row_e": 9.0}, ("row_noise",)),
-    "banding, 18 e- at 19 rows": ({"banding_e": 18.0}, ("periodic_banding",)),
-    "column pattern, 9 e-": ({"column_fixed_e": 9.0}, COLUMNS),
-    "hot pixels, 0.3 % with 60 e-": ({"hot_share": 0.003, "hot_e": 60.0}, ("hot_pixels",)),
-    "blooming, 85 % go on": ({"bloom_share": 0.85}, ("blooming",)),
-    "vignetting, 30 % in the corner": ({"corner_loss": 0.3}, ("vignetting",)),
-    "step of 22 e- between the halves": ({"tap_e": 22.0}, ("tap_mismatch",)),
+    "row noise, 9 e-": ({"row_e": 9.0}, ("row_noise",), FEW),
+    "banding, 18 e- at 19 rows": ({"banding_e": 18.0}, ("periodic_banding",), FEW),
+    "column pattern, 9 e-": ({"column_fixed_e": 9.0}, COLUMNS, FEW),
+    "hot pixels, 0.3 % with 60 e-": ({"hot_share": 0.003, "hot_e": 60.0}, ("hot_pixels",), FEW),
+    "blooming, 85 % go on": ({"bloom_share": 0.85}, ("blooming",), MANY),
+    "vignetting, 30 % in the corner": ({"corner_loss": 0.3}, ("vignetting",), MANY),
+    "step of 22 e- between the halves": ({"tap_e": 22.0}, ("tap_mismatch",), FEW),
 }
 CONTENTS = ("sunlit", "spacecraft", "natural")
 BEGIN, END = "<!-- tables of picture_effects.py -->", "<!-- end of tables -->"
@@ -65,11 +66,11 @@ def renders(content: str, seed: int) -> FrameSet:
     return as_frames([np.rint(255 * s.clip(0, 1)).astype(np.uint8) for s in scenes])
 
 
-def diagnosed(change: dict[str, float], content: str, seed: int) -> dict:
+def diagnosed(change: dict[str, float], content: str, seed: int, count: int) -> dict:
     camera = visaug.Camera.load(STATED)
     if "column_fixed_e" in change:
         camera = camera.replace({"dsnu.column_e": 0.0})
-    taken = pictures.take(replace(BASE, **change), scenes_of(content, seed, PICTURES), seed)
+    taken = pictures.take(replace(BASE, **change), scenes_of(content, seed, count), seed)
     found = visaug.diagnose(camera, as_frames(taken), scenes=renders(content, 10_000 + seed), sets=SETS)
     known = {entry.effect: entry for entry in found.ranking}
     numbers = {
@@ -85,29 +86,29 @@ def diagnosed(change: dict[str, float], content: str, seed: int) -> dict:
     }
 
 
-def cases(clean: int, seeds: int) -> dict[str, tuple[dict[str, float], str, int]]:
+def cases(clean: int, seeds: int) -> dict[str, tuple[dict[str, float], str, int, int]]:
     found = {
-        f"{name} #{seed}": (change, "sunlit", seed)
+        f"{name} #{seed}": (change, "sunlit", seed, count)
         for seed in range(1, seeds + 1)
-        for name, (change, _) in HIDDEN.items()
+        for name, (change, _, count) in HIDDEN.items()
     }
     for k in range(clean):
         content = CONTENTS[k % len(CONTENTS)]
-        found[f"clean {content} #{k}"] = ({}, content, 100 + k)
+        found[f"clean {content} #{k}"] = ({}, content, 100 + k, FEW)
     return found
 
 
 def tables(results: dict[str, dict]) -> str:
-    lines = ["| hidden | named | in |", "| --- | --- | --- |"]
+    lines = ["| hidden | pictures | named | in |", "| --- | --- | --- | --- |"]
     right = 0
-    for name, (_, expected) in HIDDEN.items():
+    for name, (_, expected, count) in HIDDEN.items():
         runs = [r for key, r in results.items() if key.startswith(f"{name} #")]
         if not runs:
             continue
         hits = sum(len(r["accepted"]) == 1 and r["accepted"][0] in expected for r in runs)
         right += hits == len(runs)
         named = sorted({", ".join(r["accepted"]) or "nothing" for r in runs})
-        lines.append(f"| {name} | {'; '.join(named)} | {hits} of {len(runs)} |")
+        lines.append(f"| {name} | {count} | {'; '.join(named)} | {hits} of {len(runs)} |")
     clean = [r for key, r in results.items() if key.startswith("clean")]
     named = sum(bool(r["accepted"]) for r in clean)
     lines += ["", f"Of {len(clean)} pairs of sets without a hidden effect {named} were given a name."]

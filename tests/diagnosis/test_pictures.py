@@ -154,3 +154,22 @@ def test_a_full_well_that_pictures_do_not_tell_is_marked_as_assumed():
     assert with_a_well(STATED).spec.assumed == ["full_well_e"]
     known = STATED.replace({"full_well_e": 900.0})
     assert with_a_well(known) is known
+
+
+def test_pictures_with_more_bits_than_the_camera_are_refused():
+    deep = [picture.astype(np.uint16) * 257 for picture in taken({}, 3, n=6)]
+    with pytest.raises(InputError, match="pictures of 16 bits and a camera of 8"):
+        visaug.compare(STATED, in_memory(deep))
+
+
+def test_codes_of_the_files_are_those_of_the_simulation():
+    """A 12-bit camera in 12-bit files: rounding to 255 codes would show as noise and as codes that never come."""
+    camera = visaug.Camera.load(
+        STATED.to_dict() | {"bit_depth": 12, "gain_e_per_dn": 3.5 / 16, "black_level_dn": 12 * 16}
+    )
+    files = [FrameRecord(i, f"{i}.png", "image") for i in range(6)]
+    frames = FrameSet.from_arrays(files, [p.astype(np.uint16) * 16 for p in taken({}, 3, n=6)], bit_depth=12)
+    (part,) = Laboratory(frames, with_a_well(camera), 0).parts
+    codes = part._taken(with_a_well(camera), 0, np.arange(6))[0] * 4095 / 255
+    np.testing.assert_allclose(codes, np.rint(codes), atol=1e-3)
+    assert np.count_nonzero(np.rint(codes).astype(int) % 16) > 0.8 * codes.size

@@ -199,7 +199,7 @@ class PicturePart:
             with torch.no_grad():
                 light, lens = self._before_the_lens(camera, light, stream)
                 picture = self._developed(camera, light, stream)
-            taken.append(torch.round(255 * picture).numpy())
+            taken.append((torch.round(s.codes * picture) * (255 / s.codes)).numpy())
             shaded.append(taken[-1] if lens is None else lens)
         return np.concatenate(taken), np.concatenate(shaded)
 
@@ -251,7 +251,7 @@ class PicturePart:
         digest = hashlib.blake2b(digest_size=12)
         for part in (s.light, s.regions.dark, s.regions.lit, s.symmetry.above, s.expected):
             digest.update(np.ascontiguousarray(part).tobytes())
-        numbers = (s.black, s.saturated, s.regions.levels, self.dn, self.exposure_s)
+        numbers = (s.black, s.saturated, s.regions.levels, self.dn, self.exposure_s, s.codes)
         return s.numbers, s.window, self.resolution, s.transfer, s.quality, numbers, digest.hexdigest()
 
 

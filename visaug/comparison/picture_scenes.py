@@ -44,6 +44,7 @@ class Scenes:
         black: level of no light, in 1/255 of full scale.
         saturated: level from which a pixel is saturated, in 1/255 of full scale.
         transfer: how picture values follow from light.
+        codes: highest code of the files.
         quality: of the JPEG files; None where they are none.
         symmetry: sums of the pictures.
         without_spill: sums of the scenes that are simulated.
@@ -58,6 +59,7 @@ class Scenes:
     black: float
     saturated: float
     transfer: str
+    codes: float
     quality: int | None
     symmetry: Sums
     without_spill: Sums
@@ -86,6 +88,12 @@ def scenes_of(
     if len(pictures) < FEWEST:
         raise InputError(
             f"{len(pictures)} pictures are too few", field="frames", expected=f"{FEWEST} or more of one size"
+        )
+    if pictures.top_dn >= 2**camera.bit_depth:
+        raise InputError(
+            f"pictures of {int(pictures.top_dn).bit_length()} bits and a camera of {camera.bit_depth}",
+            field="frames",
+            expected="pictures of no more bits than the camera has; --bit-depth states how many of them are used",
         )
     chosen, window = chosen_of(pictures)
     taken = read_windows(pictures, chosen, window)
@@ -120,6 +128,7 @@ def scenes_of(
         black,
         saturated,
         transfer,
+        pictures.top_dn,
         round(quality_of(pictures.steps)[0]) if pictures.is_jpeg else None,
         symmetry_sums(smooth, *place),
         symmetry_sums(unspilled, *place),
