@@ -168,7 +168,8 @@ def decisions(folder: Path, odds: float, share: float, rare: float) -> Iterator[
             told: dict[str, Evidence] = {}
             for c in sorted(step["candidates"], key=lambda c: (passes(c["evidence"]), c["evidence"].score)):
                 told[c["effect"]] = c["evidence"]  # of two forms the accepted one, as in `choice`
-            passing = {name: step["standing"].get(name, 0.0) for name, e in told.items() if passes(e)}
+            standing = step["standing"] or {name: e.score for name, e in told.items()}
+            passing = {name: standing.get(name, -np.inf) for name, e in told.items() if passes(e)}
             first = max(told, key=lambda name: told[name].score, default=None)
             best = max(passing, key=passing.__getitem__) if first in passing else None
             expected = "effect" if missing & set(told) else "untried" if missing else "none"

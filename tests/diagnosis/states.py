@@ -36,15 +36,15 @@ def refined(effect: str, camera: Camera, gain: float, cost: float = 1.0) -> Refi
 
 @dataclass(frozen=True)
 class Stated:
-    """Evidence whose odds and score are stated."""
+    """Evidence that is stated. Accepted candidates have the smaller odds the larger their score, so that the two are told apart."""
 
-    odds: float
+    score: float
     share: float = 1.0
     cost: float = 0.0
 
     @property
-    def score(self) -> float:
-        return self.odds
+    def odds(self) -> float:
+        return 1000 - self.score if self.score > ODDS else self.score
 
     @property
     def is_reached(self) -> bool:
@@ -55,5 +55,5 @@ class Stated:
         return self.odds > ODDS and self.is_reached
 
 
-def judged(candidate: Refined, state: State, odds: float = 100.0) -> Judged:
-    return Judged(candidate, state, Stated(odds))  # pyright: ignore[reportArgumentType]
+def judged(candidate: Refined, state: State, cost: float = 0.0) -> Judged:
+    return Judged(candidate, state, Stated(100.0, cost=cost))  # pyright: ignore[reportArgumentType]

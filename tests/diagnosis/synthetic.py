@@ -7,6 +7,7 @@ import numpy as np
 
 from visaug.diagnosis.state import State
 from visaug.fitting.fit import Fitted
+from visaug.fitting.parameters import Coordinate
 from visaug.fitting.reference import Reference, Sample
 from visaug.fitting.uses import Use
 
@@ -14,15 +15,22 @@ FIND, ALL = 200, 300
 PLAIN, WITH = 200, 120  # numbers of simulated sets without and with the effect
 
 
-def state(measured: np.ndarray, sets: np.ndarray) -> State:
-    """The state of a camera without free parameters, from measured statistics (`ALL`,) and simulated sets (R, `ALL`)."""
+def state(measured: np.ndarray, sets: np.ndarray, slope: np.ndarray | None = None) -> State:
+    """The state of a camera from measured statistics (`ALL`,) and simulated sets (R, `ALL`).
+
+    Args:
+        slope: (`ALL`,) derivatives of the statistics by one free parameter, to which the measurement was fitted; None without
+            parameters.
+    """
+    slopes = np.zeros((ALL, 0)) if slope is None else slope[:, None]
+    coordinates = () if slope is None else (Coordinate("row_noise.sigma_e", False, 0.1, 1e3),)
     samples, residuals = [], []
     for use in (slice(FIND), slice(FIND, ALL), slice(None)):
         values = sets[:, use]
         count = values.shape[1]
-        samples.append(Sample(values, np.zeros((count, 0)), np.zeros(count)))
+        samples.append(Sample(values, slopes[use], np.zeros(count)))
         residuals.append(measured[use] - values.mean(0))
-    reference = Reference(None, (), *samples)  # pyright: ignore[reportArgumentType]
+    reference = Reference(None, coordinates, *samples)  # pyright: ignore[reportArgumentType]
     return State.plain(Fitted(reference, None, *residuals))  # pyright: ignore[reportArgumentType]
 
 

@@ -60,7 +60,7 @@ class Simulations:
 
     def between(self, before, one, other) -> float:
         (name, own), (_, rival) = self._of(one), self._of(other)
-        return self._against.get(name, own.odds - rival.odds)
+        return self._against.get(name, own.score - rival.score)
 
 
 def chosen(monkeypatch, stated, simulations: Simulations, gains=GAINS) -> choice.Accepted | None:
@@ -75,7 +75,10 @@ def accepted(monkeypatch, stated, simulations: Simulations, found: list[Refined]
 
 
 def test_of_those_accepted_the_most_probable_is_chosen(monkeypatch, stated):
-    """Not the one with the largest gain. All rivals are simulated, and those farther behind are not."""
+    """Not the one with the largest gain or with the largest odds against no effect.
+
+    All rivals are simulated, and those farther behind are not.
+    """
     odds = {"light_drift": 20.0, "row_noise": 50.0, "flicker_noise": 40.0, "vignetting": 90.0}
     simulations = Simulations({name: Stated(value) for name, value in odds.items()})
     one = chosen(monkeypatch, stated, simulations)
@@ -167,7 +170,7 @@ def test_the_number_of_free_parameters_is_that_of_the_candidate(monkeypatch, sta
     ],
 )
 def test_the_other_options_of_an_effect_are_simulated_too(monkeypatch, stated, evidence, form):
-    """One of its forms stands for the effect: one that is accepted, then the one with the larger odds."""
+    """One of its forms stands for the effect: one that is accepted, then the one with the larger score."""
     even, random = (
         refined("missing_codes", stated.with_effect("missing_codes", density=0.02, pattern=word), gain)
         for word, gain in (("even", 218.0), ("random", 186.0))

@@ -6,7 +6,7 @@ from scipy import stats
 
 from tests.diagnosis.synthetic import ALL, FIND, PLAIN, WITH, pair, shifted, state
 from visaug.diagnosis import criterion
-from visaug.diagnosis.criterion import Evidence, between, evidence, log_odds
+from visaug.diagnosis.criterion import ODDS, Evidence, between, evidence, log_odds
 
 EFFECT = shifted(5, 4.0)  # 60 of 300 statistics
 HIT = EFFECT != 0
@@ -38,10 +38,10 @@ def test_evidence_of_simulated_sets_has_the_law_of_that_of_the_measurement():
 
 
 def test_an_effect_that_shifts_some_of_the_deviating_statistics_and_others_is_refused():
-    """Two of three of its shifts are there. Its odds are large; it has a third of the evidence that it would have as the cause."""
+    """Two of three of its shifts are there. Its score is large; it has a third of the evidence that it would have as the cause."""
     truth = np.where(np.arange(ALL) // 5 % 3 < 2, EFFECT, 0.0)
     found = drawn(truth, EFFECT)
-    assert all(e.odds > 5 * criterion.ODDS for e in found)
+    assert all(e.score > 5 * criterion.ODDS for e in found)
     assert np.median([e.share for e in found]) < criterion.SHARE
     assert sum(e.accepts for e in found) <= 5
 
@@ -104,30 +104,66 @@ def normal(mean: float, deviation: float, count: int = 200) -> np.ndarray:
 
 
 def test_odds_are_those_of_the_distributions_of_the_ratio():
-    """Two normal distributions of one width s at +m and -m have log odds of 2 m x / s^2; few sets make them smaller."""
-    many = [log_odds(x, normal(20, 8, 20_000), normal(-20, 8, 20_000)) for x in (0.0, 5.0, 20.0)]
-    np.testing.assert_allclose(many, [2 * 20 * x / 64 for x in (0.0, 5.0, 20.0)], rtol=0.01, atol=1e-9)
-    few = log_odds(20.0, normal(20, 8, 30), normal(-20, 8, 30))
-    assert 0.3 * many[-1] < few < 0.9 * many[-1]
+    """Two normal distributions of one width s at +m and -m have log odds of 2 m x / s^2."""
+    for x in (-10.0, 0.0, 5.0, 20.0):
+        assert log_odds(x, normal(20, 8), normal(-20, 8)) == pytest.approx(2 * 20 * x / 64, abs=1e-6)
 
 
-def test_odds_of_equal_statistics_are_those_of_one():
-    """Thirty statistics that share their noise hold no more than one of them: for a shift of 4, log odds of 4^2 / 2 = 8.
+def test_more_evidence_for_an_effect_is_none_against_it():
+    """Also where its own distribution is the narrower one."""
+    own, other = normal(50, 10), normal(-50, 40)
+    odds = [log_odds(x, own, other) for x in (20.0, 40.0, 50.0, 100.0, 1000.0)]
+    assert odds == sorted(odds)
+    assert odds[-1] == odds[-2] == odds[-3]
 
-    The ratio is not quite normal, so that its odds are up to twice as large. Independent statistics would give ten times as much.
+
+@pytest.mark.parametrize("freedom", [1, 2, 6])
+def test_the_tail_of_a_chi_squared_distribution_is_not_taken_as_normal(freedom):
+    """Log density far out, at eight standard deviations, from 200 samples: within 2 of the true one; a normal one is 20 off."""
+    samples = stats.chi2.ppf((np.arange(200) + 0.5) / 200, freedom)
+    far = freedom + 8 * np.sqrt(2 * freedom)
+    density = log_odds(far, normal(far, 1.0), samples) - stats.norm.logpdf(0)
+    assert -density == pytest.approx(stats.chi2.logpdf(far, freedom), abs=3)
+    assert stats.norm.logpdf(8) - np.log(np.sqrt(2 * freedom)) < -density - 10
+
+
+COPIES = np.where(
+    np.arange(ALL) % 10 == 0, 1.0, 0.0
+)  # statistics that share one random number: a fixed pattern
+
+
+def patterned(seed: int, size: float) -> tuple[float, Evidence]:
+    """A pattern of unit variance in 30 statistics of all frames, and an effect that shifts exactly these, fitted by its strength.
+
+    Returns how large the pattern is in the measurement, and the evidence of the effect.
     """
-    found = []
-    for seed in range(DRAWS):
-        rng = np.random.default_rng(seed)
-        copies = np.where(np.arange(ALL) < 30, 1.0, 0.0)
-        plain, measured = (
-            np.where(copies, rng.standard_normal((n, 1)), rng.standard_normal((n, ALL))) for n in (200, 1)
-        )
-        before = state(measured[0] + 4 * copies, plain)
-        after = state(measured[0] + 4 * copies, plain[:120] + 4 * copies).fitted
-        found.append(evidence(before, before.with_effect("row_noise", after), 0))
-    assert 6 < np.median([e.odds for e in found]) < 18
-    assert np.median([e.score for e in found]) > 60
+    rng = np.random.default_rng(seed)
+
+    def drawn(count: int) -> np.ndarray:
+        return 0.3 * rng.standard_normal((count, ALL)) + COPIES * rng.standard_normal((count, 1))
+
+    plain, (measured,) = drawn(PLAIN), drawn(1)
+    measured = measured + size * COPIES
+    strength = float(measured @ COPIES / COPIES.sum())
+    before = state(measured, plain)
+    after = state(measured, plain[:WITH] + strength * COPIES, slope=COPIES).fitted
+    return strength, evidence(before, before.with_effect("row_noise", after), 1, 30)
+
+
+def test_a_pattern_that_is_fixed_by_chance_is_not_an_effect():
+    """It is the same in all 30 statistics, on discovery and hold-out frames: a score of hundreds, and odds near z^2 / 2.
+
+    Of 300 draws none is accepted: 3 % would have odds above 3 and a cost of 5 by the normal distribution alone.
+    """
+    found = [patterned(seed, 0.0) for seed in range(300)]
+    assert not any(e.accepts for _, e in found)
+    scores = [e.score for z, e in found if abs(z) > 2]
+    assert np.median(scores) > 10 * ODDS
+    assert all(e.odds + e.cost < 0.5 * z**2 + 5 for z, e in found)
+
+
+def test_an_effect_far_beyond_the_chance_of_such_a_pattern_is_accepted():
+    assert sum(patterned(seed, 8.0)[1].accepts for seed in range(DRAWS)) >= DRAWS - 1
 
 
 @pytest.mark.parametrize(
@@ -144,7 +180,7 @@ def test_odds_and_reach_must_both_hold(found, of_sets, accepts):
     away = normal(-100, 1)
     assert Evidence(found, 0.0, 0.0, of_sets, away).accepts is accepts
     assert not Evidence(found, 0.0, 0.0, of_sets, of_sets).accepts  # as probable without the effect
-    assert not Evidence(found, 0.0, 1e3, of_sets, away).accepts
+    assert not Evidence(found, 0.0, 1e5, of_sets, away).accepts
 
 
 def test_the_cause_has_the_odds_against_another_effect():
@@ -157,7 +193,7 @@ def test_the_cause_has_the_odds_against_another_effect():
             odds.append(between(before, right, wrong))
             back.append(between(before, wrong, right))
         assert sum(o > 0 for o in odds) >= DRAWS - 1
-        np.testing.assert_allclose(odds, -np.array(back), atol=1e-6)
+        np.testing.assert_allclose(odds, -np.array(back), rtol=1e-3)
 
 
 def test_outliers_that_the_effect_hardly_shifts_do_not_change_the_decision():
@@ -172,7 +208,7 @@ def test_outliers_that_the_effect_hardly_shifts_do_not_change_the_decision():
     assert sum(e.accepts for e in alone) >= DRAWS - 1
     assert sum(e.accepts for e in beside) >= DRAWS - 1
     odds = [np.median([e.odds for e in found]) for found in (alone, beside)]
-    assert abs(odds[1] / odds[0] - 1) < 0.05
+    assert abs(odds[1] / odds[0] - 1) < 0.1
     assert 0.5 * 100 * np.count_nonzero(elsewhere) > 5 * odds[0]  # what a normal density would have cost
 
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.diagnosis.small import frame_set
-from tests.diagnosis.states import Stated, judged, leaving, refined
+from tests.diagnosis.states import judged, leaving, refined
 from visaug import Camera
 from visaug.comparison import Laboratory
 from visaug.diagnosis import adding, search
@@ -32,8 +32,8 @@ def searching(veiled) -> search._Search:
     flare = refined("lens_flare", veiled["flare"], 1660.0, 5.0)
     veil = refined("veiling_glare", veiled["veil"], 1480.0, 2.0)
     alone = leaving([2, 20, 0, 0], veiled["veil"], "veiling_glare")
-    own = judged(flare, leaving([0, 0, 0, 30], veiled["flare"], "lens_flare"))
-    begun.stood = [[own, judged(veil, alone)], []]
+    own = judged(flare, leaving([0, 0, 0, 30], veiled["flare"], "lens_flare"), cost=5.0)
+    begun.stood = [[own, judged(veil, alone, cost=2.0)], []]
     begun.errors = SimpleNamespace(told=lambda fitted: None)  # pyright: ignore[reportAttributeAccessIssue]
     begun.lab = SimpleNamespace(statistics=())  # pyright: ignore[reportAttributeAccessIssue]
     begun.steps = [
@@ -53,30 +53,27 @@ def searching(veiled) -> search._Search:
     return begun
 
 
-@pytest.mark.parametrize(("odds", "first"), [(105.0, "veiling_glare"), (95.0, "lens_flare")])
-def test_an_effect_gives_way_to_a_rival_with_larger_odds_beside_a_later_effect(
+@pytest.mark.parametrize(("odds", "first"), [(-2.0, "veiling_glare"), (-4.0, "lens_flare")])
+def test_an_effect_gives_way_to_a_rival_that_is_more_probable_beside_a_later_effect(
     veiled, monkeypatch, odds, first
 ):
-    """The odds of both are those against the camera without any effect, each with its own number of parameters."""
+    """Both are compared as missing in the camera without any effect. The rival has fewer parameters, which cost 3 less."""
     begun = searching(veiled)
     plain = leaving([300, 200, 90, 40], veiled["trail"])
     both = leaving([0, 0, 0, 25], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
     under = veiled["trail"].with_effect("veiling_glare", share=0.016)
     swapped = leaving([1, 0, 0, 0], under, "veiling_glare", "charge_transfer_inefficiency")
-    told = {id(both): 100.0, id(swapped): odds}
     compared = []
 
-    def evidence(before, after, parameters):
-        compared.append((before is plain, parameters))
-        return Stated(told[id(after)])
+    def between(before, one, other):
+        compared.append((before is plain, one is swapped, other is both))
+        return odds
 
     monkeypatch.setattr(adding.Adding, "swapped", lambda *_: swapped)
-    monkeypatch.setattr(search, "evidence", evidence)
-    own, rival = (len(j.refined.coordinates) for j in begun.stood[0])
+    monkeypatch.setattr(search, "between", between)
     found = begun._reconsidered(plain, both)
     assert found is (swapped if first == "veiling_glare" else both)
-    assert compared == [(True, own), (True, rival)]
-    assert own != rival
+    assert compared == [(True, True, True)]
     assert [step.action for step in begun.steps] == [
         "refit",
         f"add {first}",

@@ -43,15 +43,15 @@ def _code() -> str:
         "sampling",
         "effects",
         "camera",
+        "frames",
         "fingerprint",
         "comparison",
         "fitting",
         "candidates",
-        "diagnosis",
     ):
         for file in sorted((root / room).rglob("*.py")):
             digest.update(file.read_bytes())
-    for file in ("simulation.py", "history.py"):
+    for file in ("simulation.py", "history.py", "augment/light.py"):
         digest.update((root / file).read_bytes())
     return digest.hexdigest()
 

@@ -123,7 +123,7 @@ class PicturePart:
 
     def _moved(self, pictures: np.ndarray, shaded: np.ndarray, chosen: np.ndarray, seed: int) -> np.ndarray:
         """What the camera does to the symmetries, with what scenes and their expectation do to them by chance."""
-        pictured, scenes = (sums.of(chosen) for sums in (self.scenes.symmetry, self.scenes.without_spill))
+        pictured, scenes = (sums.of(chosen) for sums in (self.scenes.symmetry, self.scenes.simulated))
         variance = self.scenes.expected[1]
         rng = np.random.default_rng(derive_key(seed, "scenes") % 2**63)
         by_chance = pictured.by_chance(rng) + np.sqrt(variance) * rng.standard_normal(len(variance))

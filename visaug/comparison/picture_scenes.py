@@ -47,7 +47,7 @@ class Scenes:
         codes: highest code of the files.
         quality: of the JPEG files; None where they are none.
         symmetry: sums of the pictures.
-        without_spill: sums of the scenes that are simulated.
+        simulated: sums of the scenes that are simulated.
         expected: (3, statistics) what the symmetries' statistics are in pictures of such scenes, its squared standard error and
             the degrees of freedom of that; NaN where it is not known, and the statistic is not used.
     """
@@ -62,7 +62,7 @@ class Scenes:
     codes: float
     quality: int | None
     symmetry: Sums
-    without_spill: Sums
+    simulated: Sums
     expected: np.ndarray
 
 
@@ -119,9 +119,9 @@ def scenes_of(
     else:
         expected = _expected(scenes, camera, transfer, saturated, warn)
     numbers = tuple(frames.records[pictures.indices[n]].sequence for n in chosen)
-    unspilled = without_spill(smooth, saturated)
+    simulated = unspilled(smooth, saturated)
     own = Scenes(
-        _light(unspilled, black, saturated, transfer),
+        _light(simulated, black, saturated, transfer),
         regions,
         numbers,
         window,
@@ -131,7 +131,7 @@ def scenes_of(
         pictures.top_dn,
         round(quality_of(pictures.steps)[0]) if pictures.is_jpeg else None,
         symmetry_sums(smooth, *place),
-        symmetry_sums(unspilled, *place),
+        symmetry_sums(simulated, *place),
         expected,
     )
     is_whole = window == (0, rows, 0, columns)
@@ -206,24 +206,48 @@ def smooth_scenes(pictures: np.ndarray, regions: Regions) -> np.ndarray:
     return found
 
 
-def without_spill(scenes: np.ndarray, saturated: float) -> np.ndarray:
+def unspilled(scenes: np.ndarray, saturated: float) -> np.ndarray:
     """Scenes (n, H, W) whose saturated areas are no longer along columns than along rows.
 
     Scenes have no preferred axis, so what is longer is charge that spilled, and not light. It is replaced by what lies as far
-    from the middle of the area along the rows.
+    along the rows from the middle of the light. The middle is where an area is widest; areas that a narrower trail joins have
+    one each.
     """
     found = scenes.copy()
     for picture, scene in zip(scenes, found, strict=True):
-        areas = np.zeros(picture.shape, np.int32)
-        ndimage.label(picture >= saturated, np.ones((3, 3)), output=areas)
-        middles = ndimage.center_of_mass(areas > 0, areas, range(1, areas.max() + 1))
-        for number, middle in enumerate(np.rint(middles).astype(int), 1):
-            y, x = np.nonzero(areas == number) - middle[:, None]
-            rows, columns = middle[0] + x, middle[1] + y
-            inside = (rows >= 0) & (rows < len(picture)) & (columns >= 0) & (columns < picture.shape[1])
-            longer = inside & (np.abs(y) > np.abs(x))
-            scene[middle[0] + y[longer], middle[1] + x[longer]] = picture[rows[longer], columns[longer]]
+        areas, _ = _labelled(picture >= saturated)
+        for number, place in enumerate(ndimage.find_objects(areas), 1):
+            own = areas[place] == number
+            y, x = np.nonzero(own)
+            middles = _middles(own)
+            nearest = np.argmin([(y - row) ** 2 + (x - column) ** 2 for row, column in middles], axis=0)
+            row, column = (np.array(middles)[nearest] + [place[0].start, place[1].start]).T
+            y, x = y + place[0].start - row, x + place[1].start - column
+            rows = np.clip(row + x, 0, picture.shape[0] - 1)
+            columns = np.clip(column + y, 0, picture.shape[1] - 1)
+            longer = np.abs(y) > np.abs(x)
+            to = (row + y)[longer], (column + x)[longer]
+            scene[to] = picture[rows[longer], columns[longer]]
     return found
+
+
+def _middles(area: np.ndarray) -> list[tuple[int, int]]:
+    """Rows and columns of the middles of the light in a saturated area."""
+    half = area.sum(1).max() // 2
+    cores, count = _labelled(ndimage.binary_opening(area, np.ones((1, half + 1))))
+    found = []
+    for number in range(1, count + 1):
+        core = cores == number
+        width = core.sum(1)
+        row = int(np.median(np.flatnonzero(width == width.max())))
+        found.append((row, int(np.median(np.flatnonzero(core[row])))))
+    return found
+
+
+def _labelled(mask: np.ndarray) -> tuple[np.ndarray, int]:
+    labels = np.zeros(mask.shape, np.int32)
+    ndimage.label(mask, np.ones((3, 3)), output=labels)
+    return labels, int(labels.max(initial=0))
 
 
 def _light(smooth: np.ndarray, black: float, saturated: float, transfer: str) -> np.ndarray:

@@ -67,13 +67,8 @@ def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted
 
 
 def _chosen(state: State, first: Judged, standing: list[Judged], found: Sequence[Refined]) -> Accepted:
-    """The standing candidates by their odds against the first."""
-    odds = [
-        0.0
-        if one is first
-        else between(state, one.state, first.state) + first.evidence.cost - one.evidence.cost
-        for one in standing
-    ]
+    """The accepted candidates by their odds against the first."""
+    odds = [0.0 if one is first else odds_between(state, one, first) for one in standing]
     order = np.argsort(odds)[::-1]
     names = {one.refined.effect for one in standing}
     return Accepted(
@@ -81,6 +76,11 @@ def _chosen(state: State, first: Judged, standing: list[Judged], found: Sequence
         [odds[k] - max(odds) for k in order],
         [r for r in found if r.effect not in names],
     )
+
+
+def odds_between(state: State, one: Judged, other: Judged) -> float:
+    """Log posterior odds of one candidate for the next effect of a state against another."""
+    return between(state, one.state, other.state) + other.evidence.cost - one.evidence.cost
 
 
 def _judged(state: State, candidate: Refined, adding: Adding) -> Judged:

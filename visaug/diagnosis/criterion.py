@@ -7,12 +7,12 @@ Each statistic of the discovery and of the hold-out frames has, under a model M 
 a normal distribution with the standard deviation s_M of the model's own refitted simulated sets and the model discrepancy t of
 the accepted effects' forms, and a log-uniform distribution for what effects outside the model cause. The evidence of an effect is
 
-    E(r) = sum of log p(r_1 | M_1) - log p(r_0 | M_0)
+    L(r) = sum of log p(r_1 | M_1) - log p(r_0 | M_0)
 
-with r_0 and r_1 the residuals without and with it. The sum takes statistics as independent, so E is treated as one statistic
-whose law is simulated: Student's t with the mean and the variance of E in sets with the effect, and in sets without it (Wood,
-Nature 466 (2010) 1102: synthetic likelihood). An effect is accepted if the posterior odds that follow exceed those of a wrong
-effect, and if E reaches the evidence of sets that are simulated with the effect (Cox 1961: tests of separate families).
+with r_0 and r_1 the residuals without and with it. The sum takes statistics as independent, so L is treated as one statistic
+whose law is simulated, with the effect and without it (S. N. Wood, Nature 466 (2010) 1102: synthetic likelihood). An effect is
+accepted if the posterior odds that follow are large, and if L reaches that of sets which are simulated with the effect
+(D. R. Cox, Proc. 4th Berkeley Symp. 1 (1961) 105: tests of separate families of hypotheses).
 """
 
 from dataclasses import dataclass
@@ -23,11 +23,14 @@ from scipy import stats
 
 from visaug.diagnosis.state import State
 from visaug.fitting.law import FORM, log_density
+from visaug.fitting.robust import adjust
 from visaug.fitting.uses import Use, scales, shifts
 
-ODDS = 3.0  # least log posterior odds of an accepted effect: at most one in twenty is wrong
+ODDS = 3.0  # least log posterior odds of an accepted effect against no effect: one in twenty
 SHARE = 0.55  # least evidence of an accepted effect, relative to the median of its own simulated sets,
 RARE = 0.1  # unless more than this share of these sets has less
+SKEWEST = 8**0.5  # skewness of chi-squared with one degree of freedom,
+NORMAL = 0.05  # and below which a distribution is taken as normal
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class Evidence:
 
     Attributes:
         found, confirmed: log likelihood ratio on the discovery and on the hold-out frames.
-        cost: log likelihood that the effect's free parameters gain by fitting noise, and that one of many effects does.
+        cost: half the logarithm of the sample size for each parameter, plus the logarithm of the number of effects.
         of_sets: (R,) log likelihood ratio, on all statistics, of sets simulated with the effect,
         of_null: and of sets simulated without it.
     """
@@ -81,15 +84,30 @@ def evidence(before: State, after: State, parameters: int, effects: int = 1) -> 
         before, after: the states without and with it.
         parameters: number of its free parameters. Each costs half the logarithm of the number of statistics that determine it
             (G. Schwarz, Ann. Stat. 6 (1978) 461).
-        effects: number of effects that are as probable before, all together as probable as none.
+        effects: K. The prior probability that no effect is missing is 1/2, that of each of K effects 1/(2K).
     """
     ratios = _ratios(before, after)
     found, confirmed = (float(ratio(ratio.before.residual)) for ratio in ratios)
     count = sum(np.count_nonzero(np.abs(ratio.moves) > ratio.before.null.scale) for ratio in ratios)
     cost = parameters * max(0.5 * np.log(max(count, 1)), 1.0) + np.log(effects)
     of_sets = sum(ratio(ratio.with_effect) for ratio in ratios)
-    of_null = sum(ratio(ratio.before.null.residuals) for ratio in ratios)
-    return Evidence(found, confirmed, float(cost), np.asarray(of_sets), np.asarray(of_null))
+    return Evidence(
+        found, confirmed, float(cost), np.asarray(of_sets), _without_effect(before, after, ratios)
+    )
+
+
+def _without_effect(before: State, after: State, ratios: "tuple[_Ratio, _Ratio]") -> np.ndarray:
+    """(R,) log likelihood ratio of sets without the effect, to which its parameters are fitted as to the measurement.
+
+    The fit is linear, from a strength of 0, along the effect's own derivatives. An effect whose strength is not fitted, since it
+    is an integer or is estimated from variance (`visaug.diagnosis.scatter`), stays as it is.
+    """
+    fitted, earlier = after.fitted.reference, before.fitted.reference
+    is_scatter = len(after.scatters) > len(before.scatters)
+    if is_scatter or len(fitted.coordinates) == len(earlier.coordinates):
+        return np.asarray(sum(ratio(ratio.before.null.residuals) for ratio in ratios))
+    steps = adjust(before.find.null.residuals, fitted.slopes, fitted.scale, fitted.priors)
+    return np.asarray(sum(ratio.gained(steps) for ratio in ratios))
 
 
 def between(before: State, one: State, other: State) -> float:
@@ -106,18 +124,33 @@ def between(before: State, one: State, other: State) -> float:
 
 
 def log_odds(value: float, of_one: np.ndarray, of_other: np.ndarray) -> float:
-    """Log odds of two models from a statistic of the measurement and of (R,) simulated sets of each (Wood 2010; Cox 1961).
+    """Log odds of two models from a statistic of the measurement and of (R,) simulated sets of each.
 
-    A ratio of likelihoods takes statistics as independent, and a pattern that is fixed by chance shows in every frame. The
-    distributions of the ratio hold these correlations. They are normal; few sets tell their mean and variance as Student's t.
+    The log likelihood ratio takes statistics as independent. A random fixed pattern is the same in every frame, so its statistics
+    are correlated. The simulated distributions of the ratio contain these correlations.
+
+    Beyond the mean of either a value counts as the mean: more evidence for a model is none against it.
     """
-    return _log_density(value, of_one) - _log_density(value, of_other)
+    low, high = sorted((of_one.mean(), of_other.mean()))
+    within = float(np.clip(value, low, high))
+    return _log_density(within, of_one) - _log_density(within, of_other)
 
 
 def _log_density(value: float, of_sets: np.ndarray) -> float:
-    count = len(of_sets)
-    scale = of_sets.std(ddof=1) * np.sqrt(1 + 1 / count)
-    return float(stats.t.logpdf(value, count - 1, of_sets.mean(), max(scale, 1e-9)))
+    """Of a gamma distribution with the mean, the variance and the skewness of the sets (Pearson's type III).
+
+    A log likelihood ratio is a weighted sum of chi-squared variables (J. T. Kent, Biometrika 69
+    (1982) 19). A tail that is shorter than normal is taken as
+    normal.
+    """
+    mean, spread = of_sets.mean(), max(of_sets.std(ddof=1), 1e-9)
+    side = 1.0 if value >= mean else -1.0
+    beyond = side * (value - mean) / spread
+    skewness = min(side * float(np.mean(((of_sets - mean) / spread) ** 3)), SKEWEST)
+    if skewness < NORMAL:
+        return float(stats.norm.logpdf(beyond)) - np.log(spread)
+    shape, scale = 4 / skewness**2, skewness / 2
+    return float(stats.gamma.logpdf(beyond, shape, -2 / skewness, scale)) - np.log(spread)
 
 
 @dataclass(frozen=True)
@@ -147,6 +180,14 @@ class _Ratio:
         allowed = self.before.allowance[self._used]
         with_it = np.sqrt(own**2 + allowed**2 + (FORM * self.moves[self._used]) ** 2)
         return with_it, np.hypot(unit, allowed), unit
+
+    def gained(self, steps: np.ndarray) -> np.ndarray:
+        """(R,) log likelihood that sets without the effect gain by steps (R, coordinates) of the parameters with it."""
+        residual = self.before.null.residuals
+        left = residual - steps @ self.after.null.slopes.T
+        _, scale, unit = self._scales
+        new, old = (log_density(part[:, self._used], scale, unit) for part in (left, residual))
+        return (new - old).sum(-1)
 
     def __call__(self, residual: np.ndarray) -> np.ndarray:
         left, (with_it, without, unit) = residual[..., self._used], self._scales

@@ -54,7 +54,8 @@ class Ranking:
         """
         best, top = chosen.best, max(r.gain for r in (chosen.best.refined, *chosen.others))
         standing = [j.refined for j in chosen.standing]
-        behind = [-ODDS + min(r.gain - top, 0.0) for r in chosen.others]
+        refused = -ODDS - np.log(max(len(chosen.others), 1))  # all together one in twenty
+        behind = [refused + min(r.gain - top, 0.0) for r in chosen.others]
         self.rank(before, [*standing, *chosen.others], [*chosen.odds, *behind])
         self.accept(best.state, best.refined.effect, error)
         close = [r for r, odds in zip(standing, chosen.odds, strict=True) if odds > -ODDS]

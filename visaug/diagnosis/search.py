@@ -21,8 +21,8 @@ from visaug.comparison.chance import SIGNIFICANT
 from visaug.comparison.spread import by_ray
 from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.chance import chance
-from visaug.diagnosis.choice import Accepted, Judged, accepted
-from visaug.diagnosis.criterion import ODDS, evidence
+from visaug.diagnosis.choice import Accepted, Judged, accepted, odds_between
+from visaug.diagnosis.criterion import ODDS, between
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.result import Diagnosis, Step
 from visaug.diagnosis.state import State
@@ -258,7 +258,10 @@ class _Search:
                     break
         if not chosen:
             return None, nearest
-        first = max(chosen, key=lambda one: one.best.evidence.score)
+        first, *later = chosen
+        for one in later:
+            if odds_between(state, one.best, first.best) > 0:
+                first = one
         after = first.best.state
         self.ranking.choose(
             state, first, self.steps[-1].error and self.errors.told(after.fitted), self.report
@@ -287,12 +290,7 @@ class _Search:
             if effect in state.accepted or is_base:
                 continue
             swapped = self.adding.swapped(state, own.refined.effect, rival.state)
-            numbers = (len(j.refined.coordinates) for j in (own, rival))
-            now, then = (
-                evidence(plain, after, number).score
-                for after, number in zip((state, swapped), numbers, strict=True)
-            )
-            if then > now:
+            if between(plain, swapped, state) + own.evidence.cost > rival.evidence.cost:
                 self._stand(rival.state)
                 self._stand(swapped)
                 self.ranking.swap(own, rival)
