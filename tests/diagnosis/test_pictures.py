@@ -173,3 +173,16 @@ def test_codes_of_the_files_are_those_of_the_simulation():
     codes = part._taken(with_a_well(camera), 0, np.arange(6))[0] * 4095 / 255
     np.testing.assert_allclose(codes, np.rint(codes), atol=1e-3)
     assert np.count_nonzero(np.rint(codes).astype(int) % 16) > 0.8 * codes.size
+
+
+def test_symmetries_of_simulated_pictures_have_no_bias():
+    """Noise alone lifts pixels of bright surfaces to saturation, others than in the smoothed pictures. False alarms: 2e-4."""
+    rng = np.random.default_rng(125)
+    scenes = [independent.spacecraft(rng, (80, 128), 0.5) for _ in range(24)]
+    stated = visaug.Camera.load(STATED.to_dict() | {"resolution": [80, 128]})
+    lab = Laboratory(in_memory(independent.take(CAMERA, scenes, 125)), camera := with_a_well(stated), 0)
+    values = np.concatenate([lab.simulated([(camera, k)])[2] for k in range(20)])
+    areas = [i for i, s in enumerate(lab.measured[2].statistics) if s.view == "saturated_areas"]
+    mean, spread = values[:, areas].mean(0), values[:, areas].std(0, ddof=1)
+    assert spread.any()
+    assert np.all(np.abs(mean) <= 4 * spread * np.sqrt(1 / 20 + 1 / 8))

@@ -35,6 +35,7 @@ from visaug.sampling import Stream, derive_key
 TOGETHER = 300_000  # pixels that go through the chain at a time
 PLACE = "regions of pictures"
 SLOW = 8.0  # px: standard deviation of a Gaussian; shading is slower, blur is faster
+GIVEN, OWN_SEED = 8, 2**40  # takes by the camera file that tell its symmetries, and the first of their seeds
 STRONGEST = 4.0  # by which light is raised or lowered to come to a scene's level
 IS_FALLOFF = np.array([statistic.view == "falloff" for statistic in STATISTICS])
 
@@ -72,6 +73,7 @@ class PicturePart:
         pictures: (n, H, W) as measured, in 1/255 of full scale; empty where only simulations are wanted.
         resolution: rows and columns of the sensor.
         dn: DN of the camera per 1/255 of full scale.
+        given: symmetries of these scenes as the camera file takes them.
     """
 
     scenes: Scenes
@@ -81,6 +83,7 @@ class PicturePart:
     exposure_s: float
     place: str = PLACE
     views: tuple[View, ...] = OF_PICTURES
+    given: Sums | None = None
 
     @cached_property
     def frames(self) -> FrameSet:
@@ -123,16 +126,32 @@ class PicturePart:
 
     def _moved(self, pictures: np.ndarray, shaded: np.ndarray, chosen: np.ndarray, seed: int) -> np.ndarray:
         """What the camera does to the symmetries, with what scenes and their expectation do to them by chance."""
-        pictured, scenes = (sums.of(chosen) for sums in (self.scenes.symmetry, self.scenes.simulated))
-        variance = self.scenes.expected[1]
+        pictured, variance = self.scenes.symmetry.of(chosen), self.scenes.expected[1]
         rng = np.random.default_rng(derive_key(seed, "scenes") % 2**63)
         by_chance = pictured.by_chance(rng) + np.sqrt(variance) * rng.standard_normal(len(variance))
         freedom = self._error(chosen)[1]
         by_chance /= np.sqrt(rng.chisquare(freedom) / freedom)  # as wide as an error that few pictures tell
-        ratio = self._symmetry(pictures, chosen).ratio
-        if shaded is not pictures:
-            ratio = np.where(IS_FALLOFF, self._symmetry(shaded, chosen).ratio, ratio)
-        return self._as_normal(ratio - scenes.ratio + by_chance, chosen)
+        own = self._behind_the_lens(pictures, shaded, chosen).ratio
+        given = np.zeros_like(own) if self.given is None else self.given.of(chosen).ratio
+        return self._as_normal(own - given + by_chance, chosen)
+
+    def compared_with(self, camera: Camera) -> PicturePart:
+        """The same, with the symmetries as the camera file takes these scenes: simulations differ from these by effects alone."""
+        every = self._chosen(WHOLE)
+        sums = [self._behind_the_lens(*self._taken(camera, OWN_SEED + k, every), every) for k in range(GIVEN)]
+        above, below = (np.sum([getattr(s, part) for s in sums], axis=0) for part in ("above", "below"))
+        return replace(self, given=Sums(above, below))
+
+    def _behind_the_lens(self, pictures: np.ndarray, shaded: np.ndarray, chosen: np.ndarray) -> Sums:
+        """The sums of pictures; those of falloff of the scenes as the optics shades them."""
+        sums = self._symmetry(pictures, chosen)
+        if shaded is pictures:
+            return sums
+        lens = self._symmetry(shaded, chosen)
+        above, below = (
+            np.where(IS_FALLOFF, a, b) for a, b in ((lens.above, sums.above), (lens.below, sums.below))
+        )
+        return Sums(above, below)
 
     def _error(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(statistics,) standard error of the symmetries less their expectation, and its degrees of freedom (Welch 1947)."""
@@ -249,7 +268,8 @@ class PicturePart:
         """What a simulation depends on, as something that prints as what it is."""
         s = self.scenes
         digest = hashlib.blake2b(digest_size=12)
-        for part in (s.light, s.regions.dark, s.regions.lit, s.symmetry.above, s.expected):
+        given = () if self.given is None else (self.given.above, self.given.below)
+        for part in (s.light, s.regions.dark, s.regions.lit, s.symmetry.above, s.expected, *given):
             digest.update(np.ascontiguousarray(part).tobytes())
         numbers = (s.black, s.saturated, s.regions.levels, self.dn, self.exposure_s, s.codes)
         return s.numbers, s.window, self.resolution, s.transfer, s.quality, numbers, digest.hexdigest()
@@ -274,4 +294,5 @@ def picture_part(
     """
     own, taken, used = scenes_of(frames, camera, transfer, scenes, warn)
     dn = (2**camera.bit_depth - 1) / 255
-    return PicturePart(own, taken, used.size, dn, camera.spec.exposure_s), used
+    part = PicturePart(own, taken, used.size, dn, camera.spec.exposure_s)
+    return part.compared_with(camera), used

@@ -47,7 +47,6 @@ class Scenes:
         codes: highest code of the files.
         quality: of the JPEG files; None where they are none.
         symmetry: sums of the pictures.
-        simulated: sums of the scenes that are simulated.
         expected: (3, statistics) what the symmetries' statistics are in pictures of such scenes, its squared standard error and
             the degrees of freedom of that; NaN where it is not known, and the statistic is not used.
     """
@@ -62,7 +61,6 @@ class Scenes:
     codes: float
     quality: int | None
     symmetry: Sums
-    simulated: Sums
     expected: np.ndarray
 
 
@@ -119,9 +117,8 @@ def scenes_of(
     else:
         expected = _expected(scenes, camera, transfer, saturated, warn)
     numbers = tuple(frames.records[pictures.indices[n]].sequence for n in chosen)
-    simulated = unspilled(smooth, saturated)
     own = Scenes(
-        _light(simulated, black, saturated, transfer),
+        _light(unspilled(smooth, saturated), black, saturated, transfer),
         regions,
         numbers,
         window,
@@ -131,7 +128,6 @@ def scenes_of(
         pictures.top_dn,
         round(quality_of(pictures.steps)[0]) if pictures.is_jpeg else None,
         symmetry_sums(smooth, *place),
-        symmetry_sums(simulated, *place),
         expected,
     )
     is_whole = window == (0, rows, 0, columns)
