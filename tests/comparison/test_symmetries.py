@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import ndimage, stats
 
 from visaug.comparison.picture_scenes import unspilled
 from visaug.fingerprint.pictures.symmetry import Sums, area_sums
@@ -44,6 +44,16 @@ def test_areas_that_are_not_longer_along_columns_stay(scene):
     """But for single pixels at the border of an area whose middle is not sharp."""
     (found,) = unspilled(scene[None], SATURATED)
     assert np.count_nonzero(found != scene) <= 4
+
+
+def test_areas_in_pieces_are_scenes_too():
+    """Speckle near saturation: areas whose rows have gaps, and single pixels."""
+    rng = np.random.default_rng(0)
+    noisy = ndimage.gaussian_filter(rng.normal(245, 16, (20, 64, 64)), (0, 0.7, 0.7))
+    found = unspilled(noisy, 250.0)
+    assert found.shape == noisy.shape
+    assert np.isfinite(found).all()
+    assert np.count_nonzero(noisy >= 250.0) - np.count_nonzero(found >= 250.0) > 0
 
 
 def test_an_area_at_the_border_keeps_what_its_mirror_image_does_not_tell():
@@ -93,3 +103,9 @@ def test_one_picture_that_weighs_most_tells_an_error_badly():
     assert equal.freedom[0] == pytest.approx(40, rel=0.01)  # equal squares: 2 n^2 / n
     above[0], below[0] = -100, 100
     assert Sums(above, below).freedom[0] < 4
+
+
+def test_a_ratio_that_is_zero_has_an_error_too():
+    above = np.array([3.0, -3, 1, -1, 0, 0])[:, None]
+    assert Sums(above, np.full((6, 1), 50.0)).variance[0] > 0
+    assert Sums(0 * above, np.full((6, 1), 50.0)).variance[0] == pytest.approx((1 / 300) ** 2)

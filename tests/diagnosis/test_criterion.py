@@ -117,6 +117,13 @@ def test_more_evidence_for_an_effect_is_none_against_it():
     assert odds[-1] == odds[-2] == odds[-3]
 
 
+def test_an_effect_whose_sets_have_no_more_evidence_than_others_has_no_odds():
+    """A refit that left nothing of it: its sets have a ratio of 0, and sets without it gain by the fit of noise."""
+    gained = stats.chi2.ppf((np.arange(200) + 0.5) / 200, 1) / 2
+    assert log_odds(0.0, np.zeros(120), gained) == 0.0
+    assert not Evidence(0.0, 0.0, 4.4, np.zeros(120), gained).accepts
+
+
 @pytest.mark.parametrize("freedom", [1, 2, 6])
 def test_the_tail_of_a_chi_squared_distribution_is_not_taken_as_normal(freedom):
     """Log density far out, at eight standard deviations, from 200 samples: within 2 of the true one; a normal one is 20 off."""

@@ -91,7 +91,7 @@ def test_a_comparison_sees_what_the_camera_lacks_and_where():
 def test_few_scenes_tell_no_falloff_of_light():
     """Three pictures with a bright target in the middle would say that light falls off by half."""
     scenes, said = in_memory(taken({}, 6, n=3)), []
-    assert np.isnan(_expected(scenes, STATED, "linear", 255.0, said.append)).all()
+    assert np.isnan(_expected(scenes, STATED, "linear", 255.0, said.append))[:, :2].all()
     assert any(text.startswith("scenes_tell_nothing: ") for text in said)
     assert np.isfinite(_expected(in_memory(taken({}, 6, n=24)), STATED, "linear", 255.0, said.append)).any()
 
@@ -186,3 +186,24 @@ def test_symmetries_of_simulated_pictures_have_no_bias():
     mean, spread = values[:, areas].mean(0), values[:, areas].std(0, ddof=1)
     assert spread.any()
     assert np.all(np.abs(mean) <= 4 * spread * np.sqrt(1 / 20 + 1 / 8))
+
+
+def test_falloff_is_left_out_without_other_scenes_and_saturated_areas_are_not():
+    """Neither as a difference of the measured pictures nor as one of a camera with vignetting."""
+    rng = np.random.default_rng(4)
+    scenes = [independent.sunlit(rng, (160, 192)) for _ in range(16)]
+    stated = with_a_well(visaug.Camera.load(STATED.to_dict() | {"resolution": [160, 192]}))
+    pictures = in_memory(independent.take(CAMERA, scenes, 4))
+    dim = in_memory([np.rint(100 * scene.clip(0, 1)).astype(np.uint8) for scene in scenes])
+    for others in (None, dim):
+        lab = Laboratory(pictures, stated, 0, scenes=others)
+        values = lab.simulated([(stated.with_effect("vignetting", corner_loss=0.3), 0), (stated, 1)])[2]
+        views = [s.view for s in lab.measured[2].statistics]
+        falloff, areas = (
+            [i for i, view in enumerate(views) if view == v] for v in ("falloff", "saturated_areas")
+        )
+        if others is None:
+            assert not values[:, falloff].any()
+            assert not lab.measured[2].values[falloff].any()
+        assert values[:, areas].any()
+        assert lab.measured[2].values[areas].any()

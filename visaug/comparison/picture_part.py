@@ -17,7 +17,7 @@ import torch
 from scipy import ndimage, stats
 from torch import Tensor
 
-from visaug.augment.light import linear_to_srgb
+from visaug.augment.light import linear_to_srgb, srgb_to_linear
 from visaug.camera import Camera
 from visaug.camera.chain import PAPER_ORDER
 from visaug.comparison.folds import Folds, share_out
@@ -116,7 +116,8 @@ class PicturePart:
             chosen = self._chosen(use)
             here = [place[int(n)] for n in chosen]
             values = fingerprint_values(self._frames(pictures[here], chosen), None, self.views)
-            found.append(np.concatenate([values, self._moved(pictures[here], shaded[here], chosen, seed)]))
+            lens = None if shaded is None else shaded[here]
+            found.append(np.concatenate([values, self._moved(pictures[here], lens, chosen, seed)]))
         return found
 
     def take(self, camera: Camera, seed: int) -> FrameSet:
@@ -124,13 +125,21 @@ class PicturePart:
         chosen = self._chosen(WHOLE)
         return self._frames(self._taken(camera, seed, chosen)[0], chosen)
 
-    def _moved(self, pictures: np.ndarray, shaded: np.ndarray, chosen: np.ndarray, seed: int) -> np.ndarray:
+    def _moved(
+        self, pictures: np.ndarray, shaded: np.ndarray | None, chosen: np.ndarray, seed: int
+    ) -> np.ndarray:
         """What the camera does to the symmetries, with what scenes and their expectation do to them by chance."""
         pictured, variance = self.scenes.symmetry.of(chosen), self.scenes.expected[1]
         rng = np.random.default_rng(derive_key(seed, "scenes") % 2**63)
-        by_chance = pictured.by_chance(rng) + np.sqrt(variance) * rng.standard_normal(len(variance))
         freedom = self._error(chosen)[1]
-        by_chance /= np.sqrt(rng.chisquare(freedom) / freedom)  # as wide as an error that few pictures tell
+        # discovery and hold-out frames share the expectation, and each picture its sign with that in the whole set
+        expectation = np.sqrt(variance) * rng.standard_normal(len(variance))
+        rank = rng.random(len(variance))
+        signs = rng.choice([-1.0, 1.0], len(self.scenes.numbers))[chosen]
+        by_chance = signs @ pictured.deviations + expectation
+        by_chance /= np.sqrt(
+            stats.chi2.ppf(rank, freedom) / freedom
+        )  # as wide as an error that few pictures tell
         own = self._behind_the_lens(pictures, shaded, chosen).ratio
         given = np.zeros_like(own) if self.given is None else self.given.of(chosen).ratio
         return self._as_normal(own - given + by_chance, chosen)
@@ -142,10 +151,10 @@ class PicturePart:
         above, below = (np.sum([getattr(s, part) for s in sums], axis=0) for part in ("above", "below"))
         return replace(self, given=Sums(above, below))
 
-    def _behind_the_lens(self, pictures: np.ndarray, shaded: np.ndarray, chosen: np.ndarray) -> Sums:
+    def _behind_the_lens(self, pictures: np.ndarray, shaded: np.ndarray | None, chosen: np.ndarray) -> Sums:
         """The sums of pictures; those of falloff of the scenes as the optics shades them."""
         sums = self._symmetry(pictures, chosen)
-        if shaded is pictures:
+        if shaded is None:
             return sums
         lens = self._symmetry(shaded, chosen)
         above, below = (
@@ -200,8 +209,11 @@ class PicturePart:
                 frames.append(frame * np.float32(self.dn))
         return FrameSet(records, _Residuals(records, frames, {}, None))
 
-    def _taken(self, camera: Camera, seed: int, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The scenes (chosen, H, W) as the camera would have taken them, in 1/255 of full scale, and as its optics shades them."""
+    def _taken(self, camera: Camera, seed: int, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        """The scenes (chosen, H, W) as the camera would have taken them, in 1/255 of full scale, and as its optics shades them.
+
+        None for the second without optics.
+        """
         s = self.scenes
         if s.quality is not None and "jpeg" not in camera.effect_names:
             camera = camera.with_effect("jpeg", quality=s.quality, chroma="full")
@@ -219,8 +231,8 @@ class PicturePart:
                 light, lens = self._before_the_lens(camera, light, stream)
                 picture = self._developed(camera, light, stream)
             taken.append((torch.round(s.codes * picture) * (255 / s.codes)).numpy())
-            shaded.append(taken[-1] if lens is None else lens)
-        return np.concatenate(taken), np.concatenate(shaded)
+            shaded += [] if lens is None else [lens]
+        return np.concatenate(taken), np.concatenate(shaded) if shaded else None
 
     def _developed(self, camera: Camera, light: Tensor, stream: Stream) -> Tensor:
         """(B, H, W) in [0, 1]."""
@@ -255,7 +267,8 @@ class PicturePart:
         ]
         through = (slow[0] / slow[1].clamp_min(1e-6)).clamp(1 / STRONGEST, STRONGEST)
         s = self.scenes
-        dark = s.black / 255
+        dark = torch.tensor(s.black / 255)
+        dark = srgb_to_linear(dark) if s.transfer == "srgb" else dark
         level = dark + (1 - dark) * passed
         level = linear_to_srgb(level) if s.transfer == "srgb" else level
         return light * through, (255 * level[:, 0]).numpy()

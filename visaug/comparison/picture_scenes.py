@@ -112,8 +112,7 @@ def scenes_of(
     smooth = smooth_scenes(taken, regions)
     place = (regions.lit >= 0, black, saturated, (window[0], window[2]), (rows, columns))
     if scenes is None:
-        level = np.where([s.view == "falloff" for s in STATISTICS], np.nan, 0.0)
-        expected = np.stack([level, np.zeros_like(level), np.ones_like(level)])
+        expected = _unknown()
     else:
         expected = _expected(scenes, camera, transfer, saturated, warn)
     numbers = tuple(frames.records[pictures.indices[n]].sequence for n in chosen)
@@ -229,8 +228,10 @@ def unspilled(scenes: np.ndarray, saturated: float) -> np.ndarray:
 
 def _middles(area: np.ndarray) -> list[tuple[int, int]]:
     """Rows and columns of the middles of the light in a saturated area."""
-    half = area.sum(1).max() // 2
-    cores, count = _labelled(ndimage.binary_opening(area, np.ones((1, half + 1))))
+    cores, half, count = area, int(area.sum(1).max()), 0
+    while count == 0:  # the widest row may be in pieces; in the end the area is its own core
+        half //= 2
+        cores, count = _labelled(ndimage.binary_opening(area, np.ones((1, half + 1))))
     found = []
     for number in range(1, count + 1):
         core = cores == number
@@ -259,7 +260,7 @@ def _expected(
 ) -> np.ndarray:
     """(3, statistics): the symmetries' statistics of other pictures as the camera would take them, see `Scenes.expected`.
 
-    NaN where too few of these pictures tell a statistic.
+    As without other pictures where too few of them tell a statistic.
 
     With the camera's noise, so that the same regions pass for flat.
     """
@@ -273,12 +274,18 @@ def _expected(
     shape = pictures.frames.shape(pictures.indices[0])
     level = regions.sky if regions.sky is not None else black
     sums = symmetry_sums(taken, regions.lit >= 0, level, saturated, (window[0], window[2]), shape)
-    if not sums.told.any():
+    unknown = _unknown()
+    if not sums.told[np.isnan(unknown[0])].all():
         warn(
             "scenes_tell_nothing: too few scenes have flat or smooth regions; falloff of light is not compared"
         )
-    known = np.stack([sums.ratio, sums.variance, sums.freedom])
-    return np.where(sums.told, known, np.nan)
+    return np.where(sums.told, np.stack([sums.ratio, sums.variance, sums.freedom]), unknown)
+
+
+def _unknown() -> np.ndarray:
+    """(3, statistics): without other pictures saturated areas are alike along both axes, and falloff is not known."""
+    level = np.where([s.view == "falloff" for s in STATISTICS], np.nan, 0.0)
+    return np.stack([level, level, level + 1])
 
 
 def _taken(light: np.ndarray, camera: Camera, transfer: str) -> tuple[np.ndarray, float]:

@@ -12,7 +12,7 @@ from visaug.diagnosis.criterion import SHARE, Evidence, evidence
 from visaug.diagnosis.scatter import Scatter, scatter
 from visaug.diagnosis.state import State
 from visaug.fitting.fit import Fitted, refit
-from visaug.fitting.parameters import Coordinate, effect_coordinates, moved, strengths_of
+from visaug.fitting.parameters import Coordinate, moved, strengths_of
 from visaug.fitting.reference import Reference, Report
 
 SETS_AFTER = 120  # simulated sets of a camera with an effect added,
@@ -84,9 +84,11 @@ class Adding:
         The effect's other parameters are tried at the catalogue's values too, with few simulated sets each, since their
         estimates come from mean shifts.
         """
-        strengths, effect = told.strengths, candidate.effect
+        strengths = told.strengths
         sketches: list[tuple[Evidence, State]] = []
-        for camera in self._otherwise(effect, told.scaled(sketch.fitted.camera), {c.path for c in strengths}):
+        for camera in self._otherwise(
+            candidate, told.scaled(sketch.fitted.camera), {c.path for c in strengths}
+        ):
             again = self._scattering(state, candidate, camera, strengths, self._few)
             if again is None:
                 break
@@ -110,7 +112,7 @@ class Adding:
         """The state with the strength of the camera given, or the one that its variance then yields; None if they differ."""
         held = {c.path for c in strengths}
         for _ in range(SCALED):
-            others = [c for c in effect_coordinates(camera, candidate.effect) if c.path not in held]
+            others = [c for c in candidate.coordinates if c.path not in held]
             after = self._added(
                 state, candidate.effect, camera, others, sets, begun, settle=sets == self.sets
             )
@@ -138,13 +140,13 @@ class Adding:
         scatters += [s for s in with_rival.scatters if s.effect == rival]
         return replace(state, fitted=fitted, accepted=accepted, scatters=tuple(scatters))
 
-    def _otherwise(self, effect: str, camera: Camera, held: set[str]) -> Iterator[Camera]:
+    def _otherwise(self, candidate: Refined, camera: Camera, held: set[str]) -> Iterator[Camera]:
         """A camera, then the same with the free parameters of its effect at each of the catalogue's trial values."""
         yield camera
-        free = [c.path for c in effect_coordinates(camera, effect) if c.path not in held]
+        free = [c.path for c in candidate.coordinates if c.path not in held]
         tried = [{path: camera.values()[path] for path in free}]
         for trial in self.trials:
-            if trial.effect == effect:
+            if trial.effect == candidate.effect:
                 values = trial.on(self.first.camera).values()
                 numbers = {path: values[path] for path in free}
                 if numbers not in tried:

@@ -129,10 +129,12 @@ def log_odds(value: float, of_one: np.ndarray, of_other: np.ndarray) -> float:
     The log likelihood ratio takes statistics as independent. A random fixed pattern is the same in every frame, so its statistics
     are correlated. The simulated distributions of the ratio contain these correlations.
 
-    Beyond the mean of either a value counts as the mean: more evidence for a model is none against it.
+    Beyond the mean of either a value counts as the mean: more evidence for a model is none against it. 0 where the mean of `one` is
+    not the larger.
     """
-    low, high = sorted((of_one.mean(), of_other.mean()))
-    within = float(np.clip(value, low, high))
+    if of_one.mean() <= of_other.mean():
+        return 0.0
+    within = float(np.clip(value, of_other.mean(), of_one.mean()))
     return _log_density(within, of_one) - _log_density(within, of_other)
 
 

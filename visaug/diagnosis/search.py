@@ -296,6 +296,7 @@ class _Search:
                 self.ranking.swap(own, rival)
                 for name in swapped.accepted[-2:]:
                     self.ranking.accept(swapped, name, self.steps[-1].error)
+                self.stood[-1] = self.stood[-1][:1]  # its rivals stood beside the effect that is gone
                 return swapped
         return state
 

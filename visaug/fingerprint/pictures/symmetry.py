@@ -57,14 +57,11 @@ class Sums:
         """(statistics,) over all pictures; 0 where hardly any tells."""
         return np.where(self.told, self.above.sum(0) / np.maximum(self.below.sum(0), 1e-9), 0.0)
 
-    def by_chance(self, rng: np.random.Generator) -> np.ndarray:
-        """(statistics,) a draw of what scenes do to the ratio: the deviation of each picture with a sign of its own."""
-        return (rng.choice([-1.0, 1.0], (len(self.above), 1)) * self.deviations).sum(0)
-
     @property
     def variance(self) -> np.ndarray:
-        """(statistics,) squared standard error of the ratio."""
-        return (self.deviations**2).sum(0)
+        """(statistics,) squared standard error of the ratio, at least that of one pixel."""
+        pixel = np.divide(self.told, self.below.sum(0), out=np.zeros(len(self.told)), where=self.told)
+        return np.maximum((self.deviations**2).sum(0), pixel**2)
 
     @property
     def freedom(self) -> np.ndarray:
@@ -82,7 +79,7 @@ class Sums:
         """(n, statistics) how far the ratio moves by each picture (jackknife); the root of their sum of squares is its error."""
         total = np.maximum(self.below.sum(0), 1e-9)
         share = np.minimum(self.below / total, 0.9)
-        return (self.above - self.ratio * self.below) / total / (1 - share) * (self.ratio != 0)
+        return (self.above - self.ratio * self.below) / total / (1 - share) * self.told
 
 
 def symmetry_sums(
