@@ -93,11 +93,15 @@ def test_of_those_accepted_the_most_probable_is_chosen(monkeypatch, stated):
 def test_odds_between_pairs_choose_among_those_accepted(monkeypatch, stated):
     """The scores take statistics as independent; the odds of a pair do not, and count parameters as the scores do."""
     evidence = {"light_drift": Stated(60.0), "row_noise": Stated(50.0, cost=4.0)}
-    for against, best in ((3.0, "light_drift"), (5.0, "row_noise")):
+    for against, best, odds in (
+        (3.0, "light_drift", -1),
+        (4.0 + 0.9 * ODDS, "light_drift", 0),  # more probable, not beyond doubt
+        (4.0 + 1.1 * ODDS, "row_noise", -1.1 * ODDS),
+    ):
         one = chosen(monkeypatch, stated, Simulations(evidence, against={"row_noise": against}))
         assert one is not None
         assert one.best.refined.effect == best
-        assert one.odds == [0, -1]
+        assert one.odds == pytest.approx([0, odds])
 
 
 def test_nothing_is_accepted_if_the_most_probable_candidate_falls_short(monkeypatch, stated):

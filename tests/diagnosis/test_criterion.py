@@ -97,6 +97,17 @@ def test_an_effect_of_many_costs_their_logarithm():
     assert one.score - many.score == pytest.approx(np.log(30))
 
 
+@pytest.mark.parametrize(("slope", "share"), [(1e3, 1.0), (0.0, 0.0)])
+def test_a_parameter_that_the_frames_do_not_determine_costs_nothing(slope, share):
+    """As the temperature coefficient of hot pixels in frames of one temperature."""
+    before, after = pair(0, EFFECT, EFFECT)
+    sets = after.fitted.reference
+    told = state(sets.whole.mean + after.fitted.whole_residual, sets.whole.sets, slope=slope * EFFECT).fitted
+    one = evidence(before, before.with_effect("row_noise", told), 2)
+    none = evidence(before, after, 1).cost
+    assert one.cost == pytest.approx((1 + share) * none, rel=1e-3)
+
+
 def normal(mean: float, deviation: float, count: int = 200) -> np.ndarray:
     """Normal samples with exactly this mean and standard deviation."""
     samples = stats.norm.ppf((np.arange(count) + 0.5) / count)

@@ -7,7 +7,7 @@ import numpy as np
 
 from visaug.candidates.refinement import Refined
 from visaug.diagnosis.adding import Adding
-from visaug.diagnosis.criterion import Evidence, between, evidence
+from visaug.diagnosis.criterion import ODDS, Evidence, between, evidence
 from visaug.diagnosis.state import State
 
 CLOSE = 0.25  # share of the best gain within which candidates are rivals
@@ -67,13 +67,18 @@ def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted
 
 
 def _chosen(state: State, first: Judged, standing: list[Judged], found: Sequence[Refined]) -> Accepted:
-    """The accepted candidates by their odds against the first."""
-    odds = [0.0 if one is first else odds_between(state, one, first) for one in standing]
-    order = np.argsort(odds)[::-1]
+    """The accepted candidates by their odds against the one with the largest score, which another replaces only beyond doubt.
+
+    One that is less than `ODDS` more probable counts as equally probable.
+    """
+    odds = np.array([0.0 if one is first else odds_between(state, one, first) for one in standing])
+    beyond = odds.max() if odds.max() > ODDS else 0.0
+    odds = np.minimum(odds - beyond, 0.0)
+    order = sorted(range(len(standing)), key=lambda k: (-odds[k], standing[k] is not first))
     names = {one.refined.effect for one in standing}
     return Accepted(
         [standing[k] for k in order],
-        [odds[k] - max(odds) for k in order],
+        [float(odds[k]) for k in order],
         [r for r in found if r.effect not in names],
     )
 

@@ -83,13 +83,16 @@ def evidence(before: State, after: State, parameters: int, effects: int = 1) -> 
     Args:
         before, after: the states without and with it.
         parameters: number of its free parameters. Each costs half the logarithm of the number of statistics that determine it
-            (G. Schwarz, Ann. Stat. 6 (1978) 461).
+            (G. Schwarz, Ann. Stat. 6 (1978) 461), as far as the frames and not its prior determine it.
         effects: K. The prior probability that no effect is missing is 1/2, that of each of K effects 1/(2K).
     """
     ratios = _ratios(before, after)
     found, confirmed = (float(ratio(ratio.before.residual)) for ratio in ratios)
     count = sum(np.count_nonzero(np.abs(ratio.moves) > ratio.before.null.scale) for ratio in ratios)
-    cost = parameters * max(0.5 * np.log(max(count, 1)), 1.0) + np.log(effects)
+    fitted, earlier = after.fitted.reference, {c.path for c in before.fitted.reference.coordinates}
+    own = [k for k, c in enumerate(fitted.coordinates) if c.path not in earlier]
+    free = parameters - float((1 - fitted.determined[own]).sum())
+    cost = free * max(0.5 * np.log(max(count, 1)), 1.0) + np.log(effects)
     of_sets = sum(ratio(ratio.with_effect) for ratio in ratios)
     return Evidence(
         found, confirmed, float(cost), np.asarray(of_sets), _without_effect(before, after, ratios)

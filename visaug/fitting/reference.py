@@ -156,11 +156,20 @@ class Reference:
     @cached_property
     def untold(self) -> np.ndarray:
         """(coordinates,) standard deviation that comes from the priors because the frames do not determine it."""
+        return self.priors * np.sqrt((self._posterior**2).sum(1))
+
+    @property
+    def determined(self) -> np.ndarray:
+        """(coordinates,) share of each that the frames determine and not its prior (D. MacKay, Neural Comput. 4 (1992) 415)."""
+        return 1 - np.diag(self._posterior)
+
+    @cached_property
+    def _posterior(self) -> np.ndarray:
+        """(coordinates, coordinates) posterior covariance, in units of the priors."""
         if not self.coordinates:
-            return np.zeros(0)
+            return np.zeros((0, 0))
         design = standardised(self.slopes.T, self.scale) * self.priors[:, None]
-        gain = np.linalg.inv(design @ design.T + np.eye(len(self.priors)))
-        return self.priors * np.sqrt((gain**2).sum(1))
+        return np.linalg.inv(design @ design.T + np.eye(len(self.priors)))
 
     def _null_of(self, sample: Sample) -> Null:
         residuals = sample.deviations - self.null_steps @ sample.slopes.T
