@@ -110,9 +110,11 @@ class Adding:
         begun: Reference | None = None,
     ) -> State | None:
         """The state with the strength of the camera given, or the one that its variance then yields; None if they differ."""
-        held = {c.path for c in strengths}
+        held, free = {c.path for c in strengths}, {c.path for c in candidate.coordinates}
         for _ in range(SCALED):
-            others = [c for c in candidate.coordinates if c.path not in held]
+            # on the scale that the camera's values allow: 0 has no logarithm
+            every = effect_coordinates(camera, candidate.effect)
+            others = [c for c in every if c.path in free and c.path not in held]
             after = self._added(
                 state, candidate.effect, camera, others, sets, begun, settle=sets == self.sets
             )
