@@ -12,7 +12,7 @@ from visaug.diagnosis.criterion import SHARE, Evidence, evidence
 from visaug.diagnosis.scatter import Scatter, scatter
 from visaug.diagnosis.state import State
 from visaug.fitting.fit import Fitted, refit
-from visaug.fitting.parameters import Coordinate, moved, strengths_of
+from visaug.fitting.parameters import Coordinate, effect_coordinates, moved, strengths_of
 from visaug.fitting.reference import Reference, Report
 
 SETS_AFTER = 120  # simulated sets of a camera with an effect added,
