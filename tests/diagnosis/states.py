@@ -36,7 +36,7 @@ def refined(effect: str, camera: Camera, gain: float, cost: float = 1.0) -> Refi
 
 @dataclass(frozen=True)
 class Stated:
-    """Evidence that is stated. Accepted candidates have the smaller odds the larger their score, so that the two are told apart."""
+    """Evidence with a given score. Its odds decrease with the score, so that code which uses one for the other fails a test."""
 
     score: float
     share: float = 1.0

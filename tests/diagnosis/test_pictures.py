@@ -163,7 +163,7 @@ def test_pictures_with_more_bits_than_the_camera_are_refused():
 
 
 def test_codes_of_the_files_are_those_of_the_simulation():
-    """A 12-bit camera in 12-bit files: rounding to 255 codes would show as noise and as codes that never come."""
+    """Simulated pictures of 12-bit files have integer codes of 12 bits. Rounding to 8 bits would add noise and leave out codes."""
     camera = visaug.Camera.load(
         STATED.to_dict() | {"bit_depth": 12, "gain_e_per_dn": 3.5 / 16, "black_level_dn": 12 * 16}
     )

@@ -5,7 +5,8 @@ Each statistic of the discovery and of the hold-out frames has, under a model M 
     p(r | M) = (1 - e) N(r; 0, s_M^2 + t^2) + e / (2 (1 + log R) max(|r|, 3 s)),
 
 a normal distribution with the standard deviation s_M of the model's own refitted simulated sets and the model discrepancy t of
-the accepted effects' forms, and a log-uniform distribution for what effects outside the model cause. The evidence of an effect is
+the accepted effects, and a log-uniform distribution for what effects outside the model cause; s is the standard deviation
+without the effect, e and R are `OUTLIERS` and `RANGE` of `visaug.fitting.law`. The evidence of an effect is
 
     L(r) = sum of log p(r_1 | M_1) - log p(r_0 | M_0)
 
@@ -89,14 +90,16 @@ def evidence(before: State, after: State, parameters: int, effects: int = 1) -> 
     ratios = _ratios(before, after)
     found, confirmed = (float(ratio(ratio.before.residual)) for ratio in ratios)
     count = sum(np.count_nonzero(np.abs(ratio.moves) > ratio.before.null.scale) for ratio in ratios)
-    fitted, earlier = after.fitted.reference, {c.path for c in before.fitted.reference.coordinates}
-    own = [k for k, c in enumerate(fitted.coordinates) if c.path not in earlier]
-    free = parameters - float((1 - fitted.determined[own]).sum())
+    free = parameters - float((1 - after.fitted.reference.determined[_own(before, after)]).sum())
     cost = free * max(0.5 * np.log(max(count, 1)), 1.0) + np.log(effects)
-    of_sets = sum(ratio(ratio.with_effect) for ratio in ratios)
-    return Evidence(
-        found, confirmed, float(cost), np.asarray(of_sets), _without_effect(before, after, ratios)
-    )
+    of_sets = np.asarray(sum(ratio(ratio.with_effect) for ratio in ratios))
+    return Evidence(found, confirmed, float(cost), of_sets, _without_effect(before, after, ratios))
+
+
+def _own(before: State, after: State) -> list[int]:
+    """Places of the coordinates that a state has beyond an earlier one."""
+    earlier = {c.path for c in before.fitted.reference.coordinates}
+    return [k for k, c in enumerate(after.fitted.reference.coordinates) if c.path not in earlier]
 
 
 def _without_effect(before: State, after: State, ratios: "tuple[_Ratio, _Ratio]") -> np.ndarray:
@@ -105,9 +108,9 @@ def _without_effect(before: State, after: State, ratios: "tuple[_Ratio, _Ratio]"
     The fit is linear, from a strength of 0, along the effect's own derivatives. An effect whose strength is not fitted, since it
     is an integer or is estimated from variance (`visaug.diagnosis.scatter`), stays as it is.
     """
-    fitted, earlier = after.fitted.reference, before.fitted.reference
+    fitted = after.fitted.reference
     is_scatter = len(after.scatters) > len(before.scatters)
-    if is_scatter or len(fitted.coordinates) == len(earlier.coordinates):
+    if is_scatter or not _own(before, after):
         return np.asarray(sum(ratio(ratio.before.null.residuals) for ratio in ratios))
     steps = adjust(before.find.null.residuals, fitted.slopes, fitted.scale, fitted.priors)
     return np.asarray(sum(ratio.gained(steps) for ratio in ratios))
@@ -144,9 +147,8 @@ def log_odds(value: float, of_one: np.ndarray, of_other: np.ndarray) -> float:
 def _log_density(value: float, of_sets: np.ndarray) -> float:
     """Of a gamma distribution with the mean, the variance and the skewness of the sets (Pearson's type III).
 
-    A log likelihood ratio is a weighted sum of chi-squared variables (J. T. Kent, Biometrika 69
-    (1982) 19). A tail that is shorter than normal is taken as
-    normal.
+    A log likelihood ratio is a weighted sum of chi-squared variables (J. T. Kent, Biometrika 69 (1982) 19). A tail that is
+    shorter than normal is taken as normal.
     """
     mean, spread = of_sets.mean(), max(of_sets.std(ddof=1), 1e-9)
     side = 1.0 if value >= mean else -1.0
