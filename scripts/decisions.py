@@ -178,7 +178,25 @@ def decisions(folder: Path, odds: float, share: float, rare: float) -> Iterator[
             yield one.kind, expected, decision, 1 / weights.sum() if best else 0.0
 
 
+def named(folder: Path) -> None:
+    """Prints what the recorded diagnoses named, by kind of problem; `--odds` and the like do not change it."""
+    total: dict[str, Counter[str]] = {kind: Counter() for kind in KINDS}
+    for file in sorted(folder.rglob("*.pkl")):
+        kept = pickle.loads(file.read_bytes())
+        one, accepted = kept["problem"], set(kept["accepted"])
+        right, wrong = len(accepted & one.expected), len(accepted - one.expected)
+        total[one.kind].update(
+            problems=1, hidden=len(one.expected), right=right, wrong=wrong, misled=wrong > 0
+        )
+    print("| kind | problems | hidden | named | wrong names | problems with a wrong name |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for kind, of in total.items():
+        print("|", kind, *(f"| {of[key]}" for key in ("problems", "hidden", "right", "wrong", "misled")), "|")
+    print()
+
+
 def count(folder: Path, odds: float, share: float, rare: float) -> None:
+    named(folder)
     told = list(decisions(folder, odds, share, rare))
     print("| kind | expected | decision | steps |\n| --- | --- | --- | --- |")
     for key, number in sorted(Counter(one[:3] for one in told).items()):
