@@ -186,7 +186,7 @@ def named(folder: Path) -> None:
         one, accepted = kept["problem"], set(kept["accepted"])
         right, wrong = len(accepted & one.expected), len(accepted - one.expected)
         total[one.kind].update(
-            problems=1, hidden=len(one.expected), right=right, wrong=wrong, misled=wrong > 0
+            problems=1, hidden=len(one.expected), right=right, wrong=wrong, misled=int(wrong > 0)
         )
     print("| kind | problems | hidden | named | wrong names | problems with a wrong name |")
     print("| --- | --- | --- | --- | --- | --- |")
