@@ -24,7 +24,7 @@ import numpy as np
 import torch
 
 import visaug
-from visaug.files import write_bytes, write_text
+from visaug.core.files import write_bytes, write_text
 
 SIZES = {"640 x 640": (640, 640), "1920 x 1200": (1200, 1920)}
 BASE = "kornia RandomGaussianNoise"

@@ -11,8 +11,8 @@ import torch
 from PIL import Image
 
 from visaug.camera import Camera
+from visaug.core.sampling import Stream
 from visaug.effects import Effect
-from visaug.sampling import Stream
 
 SIDE, FRAMES = 128, 16
 LEVELS = [0.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10000.0]

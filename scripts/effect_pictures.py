@@ -12,8 +12,8 @@ import torch
 from PIL import Image
 
 from visaug.camera import Camera
+from visaug.core.sampling import Stream
 from visaug.effects import Effect, Stage, catalogue
-from visaug.sampling import Stream
 
 ROWS, COLUMNS = 120, 160
 CAMERA = {

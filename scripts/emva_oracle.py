@@ -15,7 +15,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from visaug.characterization import characterize
-from visaug.files import write_text
+from visaug.core.files import write_text
 from visaug.frames import FrameSet
 
 ENVIRONMENT = Path(__file__).parents[1] / ".venv-emva1288"

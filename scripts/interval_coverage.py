@@ -21,7 +21,7 @@ from scipy import stats
 
 from visaug.camera import Camera
 from visaug.characterization import characterize
-from visaug.files import write_text
+from visaug.core.files import write_text
 from visaug.frames import FrameRecord, FrameSet
 
 SIDE = 256

@@ -25,9 +25,9 @@ PRELOAD = [
     "torch",
     "kornia",
     "scipy.stats",
-    "visaug.cli",
+    "visaug.app.cli",
     "visaug.augment.files",
-    "visaug.simulation",
+    "visaug.camera.simulation",
     "visaug.diagnosis",
 ]
 CAMERA = (
@@ -97,7 +97,7 @@ def run(folder: Path, words: list[str]) -> None:
     silent = os.open(os.devnull, os.O_WRONLY)
     os.dup2(silent, 1)
     sys.stderr = open(folder / "stderr", "a")  # noqa: SIM115 - until the process ends
-    from visaug.cli import main
+    from visaug.app.cli import main
 
     main(words)
 

@@ -39,7 +39,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import tukeylambda
 
-from visaug.files import write_text
+from visaug.core.files import write_text
 
 SRGB_TO_XYZ = np.array(
     [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]]

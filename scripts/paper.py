@@ -28,7 +28,7 @@ from paper_model import (
 )
 
 from visaug.camera.patterns import fit_pattern
-from visaug.files import write_text
+from visaug.core.files import write_text
 
 SENSORS = 6  # an arm of Table 1 is the mean over as many sensors
 NEAR_NOMINAL = 11  # the sensor in the pictures: its columns deviate by 2.83 e-

@@ -28,7 +28,7 @@ from scipy import stats
 
 from visaug.augment import SensorNoise
 from visaug.camera import Camera
-from visaug.sampling import Stream
+from visaug.core.sampling import Stream
 
 plt.rcParams.update(
     {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False}

@@ -10,7 +10,7 @@ from scipy import optimize, stats
 
 from visaug.camera import Camera
 from visaug.camera.patterns import FixedPattern, Mixture, Profile
-from visaug.sampling import Stream, derive_key
+from visaug.core.sampling import Stream, derive_key
 
 ROWS, COLUMNS = 1024, 1280
 DARK = {"exposure_s": 0.5, "temperature_c": 30.0}  # of Fig. 7, Fig. 8 and Table 1

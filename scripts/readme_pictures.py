@@ -3,10 +3,10 @@
 import sys
 from pathlib import Path
 
+from visaug.camera.simulation import simulate
 from visaug.report.html import figure
 from visaug.report.plots import sensor
 from visaug.report.real_camera import load_real_camera, sensor_curves
-from visaug.simulation import simulate
 
 
 def main(folder: Path) -> None:

@@ -12,10 +12,9 @@ import numpy as np
 import torch
 
 from visaug import Camera, FrameSet
-from visaug.comparison import Laboratory
-from visaug.comparison.laboratory import fingerprints
-from visaug.comparison.part import CONFIRM, FIND, WHOLE
+from visaug.diagnosis.laboratory import Laboratory, fingerprints
 from visaug.frames import FrameRecord
+from visaug.statistics.split import CONFIRM, FIND, WHOLE
 
 SIZES = [(70, 200, 256), (150, 200, 256), (60, 1000, 1000), (250, 1024, 1280), (2000, 2048, 2448)]
 REPEATS = 3

@@ -14,8 +14,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import visaug
-from visaug.documents import parse_json, parse_yaml
-from visaug.errors import InputError
+from visaug.core.documents import parse_json, parse_yaml
+from visaug.core.errors import InputError
 from visaug.frames import FrameSet, read_table
 from visaug.frames.sources import read_descriptor
 from visaug_train.config import check_config

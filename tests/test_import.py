@@ -26,7 +26,7 @@ def test_import_touches_nothing_heavy():
 
 def test_help_touches_nothing_heavy():
     code = (
-        "import sys, json\nfrom visaug.cli import main\n"
+        "import sys, json\nfrom visaug.app.cli import main\n"
         "try: main(['diagnose', '--help'])\nexcept SystemExit: pass\n"
         f"print(json.dumps([m for m in {HEAVY} + ['rich'] if m in sys.modules]))"
     )

@@ -10,7 +10,7 @@ import numpy as np, torch
 import visaug
 from visaug.augment import SensorNoise
 from visaug.frames import FrameRecord, FrameSet
-from visaug import simulation
+from visaug.camera import simulation
 threads, batch = int(sys.argv[1]), int(sys.argv[2])
 torch.set_num_threads(threads)
 simulation.BATCH_PIXELS = batch * 80 * 96

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from visaug.errors import InputError
-from visaug.files import write_json, write_text
+from visaug.core.errors import InputError
+from visaug.core.files import write_json, write_text
 from visaug_train import oracle, proof, tables
 from visaug_train.cluster import spread
 from visaug_train.config import Config

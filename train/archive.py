@@ -18,8 +18,8 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import IO
 
-from visaug.errors import InputError
-from visaug.files import whole_file
+from visaug.core.errors import InputError
+from visaug.core.files import whole_file
 from visaug_train.convert import convert
 from visaug_train.geometry import Keypoints
 from visaug_train.speed import domains, read_poses
@@ -102,7 +102,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--size", help="also write ultralytics labels with copies of WIDTHxHEIGHT beside it")
     parser.add_argument("--keypoints", default="tango", help="a keypoints file; Tango's where left out")
     given = parser.parse_args(arguments)
-    from visaug.progress import progress_bars
+    from visaug.core.progress import progress_bars
 
     try:
         size = _size(given.size)

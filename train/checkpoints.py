@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from visaug.files import whole_file, write_text
+from visaug.core.files import whole_file, write_text
 
 STATE, BEST = "resume.pt", "resume-best.pt"
 

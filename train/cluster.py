@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from visaug.cluster import connected
-from visaug.errors import InputError
+from visaug.core.cluster import connected
+from visaug.core.errors import InputError
 from visaug_train.config import Cluster
 from visaug_train.training import Study, note_failure
 

@@ -5,8 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from visaug.errors import InputError, PartlyFailed
-from visaug.files import folder_lock
+from visaug.core.errors import InputError, PartlyFailed
+from visaug.core.files import folder_lock
 from visaug_train.ablation import ablate as run_ablation
 from visaug_train.config import Config, load_config
 from visaug_train.evaluate import evaluate_predictions

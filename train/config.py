@@ -5,8 +5,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from visaug.documents import read_yaml
-from visaug.errors import InputError
+from visaug.core.documents import read_yaml
+from visaug.core.errors import InputError
 from visaug_train.arms import Arm, Part
 from visaug_train.arms import Vis as Vis  # part of what a config holds
 

@@ -15,9 +15,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from visaug.documents import read_json, read_yaml
-from visaug.errors import InputError
-from visaug.files import write_bytes, write_json, write_text, write_yaml
+from visaug.core.documents import read_json, read_yaml
+from visaug.core.errors import InputError
+from visaug.core.files import write_bytes, write_json, write_text, write_yaml
 from visaug_train.geometry import Keypoints, Pinhole, project_targets
 from visaug_train.reduction import read_image, reduced
 from visaug_train.speed import PoseSet

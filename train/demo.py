@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.report.html import Page, write_page
 from visaug.report.provenance import footer
 from visaug.report.real_camera import real_camera_section

@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from visaug.files import write_text
+from visaug.core.files import write_text
 from visaug_train.geometry import Keypoints, Targets, project_targets, rotation_matrix
 from visaug_train.metrics import (
     BOXES_PER_IMAGE,

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from visaug.documents import read_json, read_yaml
-from visaug.errors import InputError
+from visaug.core.documents import read_json, read_yaml
+from visaug.core.errors import InputError
 
 TANGO = Path(__file__).with_name("tango.yaml")
 

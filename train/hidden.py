@@ -16,12 +16,12 @@ import cv2
 import numpy as np
 
 import visaug
-from visaug.documents import read_json
-from visaug.errors import InputError
-from visaug.files import write_bytes, write_json
+from visaug.camera.simulation import simulate, with_chart
+from visaug.core.documents import read_json
+from visaug.core.errors import InputError
+from visaug.core.files import write_bytes, write_json
 from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.plan import default_plan
-from visaug.simulation import simulate, with_chart
 from visaug_train.config import Arm, Config
 from visaug_train.convert import identity
 from visaug_train.plots import read_gray

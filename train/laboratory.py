@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 import visaug
-from visaug.documents import read_json
-from visaug.files import write_json
+from visaug.core.documents import read_json
+from visaug.core.files import write_json
 from visaug.frames import FrameRecord, FrameSet
 from visaug_train.render.independent_camera import IndependentCamera
 

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from visaug.augment.sensor_noise import SensorNoise
 from visaug.camera import Camera
 from visaug.camera.spec import check_spec
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train import rivals
 from visaug_train.arms import Arm, Vis, White
 from visaug_train.batch_noise import GaussianBlur, GaussianNoise, WhiteSensorNoise, WhiteTwin, chosen, uniform

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from visaug.errors import InputError
-from visaug.files import write_text
+from visaug.core.errors import InputError
+from visaug.core.files import write_text
 from visaug_train.speed import PoseSet
 
 Pose = tuple[np.ndarray, np.ndarray]  # quaternion (4), scalar first, and translation (3) in metres

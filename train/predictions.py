@@ -10,9 +10,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from visaug.documents import read_json
-from visaug.errors import InputError
-from visaug.files import write_json
+from visaug.core.documents import read_json
+from visaug.core.errors import InputError
+from visaug.core.files import write_json
 from visaug_train.metrics import Detections
 from visaug_train.quiet import quiet_ultralytics
 from visaug_train.reduction import fitting, read_image, reduced

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 # ultralytics' names of its hooks, and what each needs to be installed.
 TRACKERS = {

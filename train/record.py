@@ -9,7 +9,7 @@ from typing import Any
 
 import visaug
 from visaug.camera import Camera
-from visaug.documents import read_json
+from visaug.core.documents import read_json
 from visaug_train.arms import Arm
 from visaug_train.config import Config
 

@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train.geometry import Pinhole
 
 METHODS = {"area": cv2.INTER_AREA, "linear": cv2.INTER_LINEAR}

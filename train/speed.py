@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from visaug.documents import read_json
-from visaug.errors import InputError
+from visaug.core.documents import read_json
+from visaug.core.errors import InputError
 from visaug_train.geometry import Keypoints, Pinhole, project_targets
 
 # The paper splits SPEED's 12,000 labelled synthetic images so (it does not say which image goes where).

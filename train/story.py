@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import visaug
-from visaug.documents import read_json
-from visaug.files import write_json
+from visaug.core.documents import read_json
+from visaug.core.files import write_json
 from visaug.report.html import Section, Text
 from visaug.report.next_step import Inputs
 from visaug.report.pages import diagnosis_sections

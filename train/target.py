@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import visaug
-from visaug.documents import read_json
-from visaug.errors import InputError
-from visaug.files import write_json
+from visaug.core.documents import read_json
+from visaug.core.errors import InputError
+from visaug.core.files import write_json
 from visaug_train.config import Config, MadeCamera, Source
 from visaug_train.reduction import fitting, reduced_camera
 from visaug_train.render.dataset import DOMAINS

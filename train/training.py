@@ -19,9 +19,9 @@ from typing import Any
 
 from torch import nn
 
-from visaug.documents import read_json
-from visaug.errors import InputError
-from visaug.files import write_json, write_text
+from visaug.core.documents import read_json
+from visaug.core.errors import InputError
+from visaug.core.files import write_json, write_text
 from visaug_train import checkpoints
 from visaug_train.arms import Arm
 from visaug_train.callbacks import close_noise, follow

@@ -9,49 +9,46 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from visaug.augment import VISNoise
     from visaug.camera import Camera
+    from visaug.camera.simulation import simulate
     from visaug.characterization import Characterization, characterize
-    from visaug.comparison import Comparison, compare
+    from visaug.core.errors import InputError
     from visaug.diagnosis import Diagnosis, diagnose
+    from visaug.diagnosis.comparison import Comparison, compare
+    from visaug.diagnosis.session import Session
     from visaug.effects.effect import Effect, Parameter, Stage
-    from visaug.errors import InputError
     from visaug.frames import FrameSet
-    from visaug.session import Session
-    from visaug.simulation import simulate
 
 __version__ = "0.2.0"
 
 _HOME = {
     "Camera": "visaug.camera",
     "Characterization": "visaug.characterization",
-    "Comparison": "visaug.comparison",
+    "Comparison": "visaug.diagnosis",
     "Diagnosis": "visaug.diagnosis",
     "Effect": "visaug.effects.effect",
     "FrameSet": "visaug.frames",
-    "InputError": "visaug.errors",
+    "InputError": "visaug.core.errors",
     "Parameter": "visaug.effects.parameter",
-    "Session": "visaug.session",
+    "Session": "visaug.diagnosis.session",
     "Stage": "visaug.effects.effect",
     "VISNoise": "visaug.augment",
     "characterize": "visaug.characterization",
-    "compare": "visaug.comparison",
+    "compare": "visaug.diagnosis",
     "diagnose": "visaug.diagnosis",
-    "simulate": "visaug.simulation",
+    "simulate": "visaug.camera.simulation",
 }
 _ROOMS = frozenset(
     {
         "augment",
         "camera",
         "characterization",
-        "comparison",
+        "core",
         "diagnosis",
         "effects",
-        "errors",
-        "fingerprint",
         "frames",
         "report",
-        "sampling",
-        "session",
-        "simulation",
+        "pictures",
+        "statistics",
         "ultralytics",
     }
 )

@@ -1,6 +1,6 @@
 """`python -m visaug` is the program."""
 
-from visaug.cli import main
+from visaug.app.cli import main
 
 if __name__ == "__main__":
     main()

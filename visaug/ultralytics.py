@@ -32,7 +32,7 @@ import torch
 from torch import nn
 from torch.nn.functional import interpolate
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 if TYPE_CHECKING:
     from ultralytics import YOLO
@@ -187,7 +187,7 @@ def begin(trainer: Any, noise: nn.Module) -> nn.Module:
     """
     from ultralytics.utils import LOGGER, RANK
 
-    from visaug.files import write_text
+    from visaug.core.files import write_text
 
     dataset = trainer.train_loader.dataset
     known = track_padding(dataset)
@@ -234,7 +234,7 @@ def with_transfer(noise: nn.Module, dataset: Any) -> tuple[nn.Module, str]:
 
 def transfer_of_files(files: Sequence[str]) -> tuple[str, str]:
     """What most of a few images, evenly spaced among the files, say of their transfer function."""
-    from visaug.augment.pictures import read_picture
+    from visaug.augment.image_io import read_picture
 
     found: Counter[tuple[str, str]] = Counter()
     for file in files[:: max(1, len(files) // SAMPLED_FILES)][:SAMPLED_FILES]:

@@ -13,7 +13,7 @@ from PIL import Image
 from visaug import Camera, InputError
 from visaug.augment import files
 from visaug.augment.files import JOURNAL, augment_files
-from visaug.augment.pictures import read_picture
+from visaug.augment.image_io import read_picture
 
 GAIN, READ_E = 2.0, 5.0
 

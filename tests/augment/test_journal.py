@@ -3,7 +3,7 @@
 import pytest
 
 from visaug.augment.journal import JOURNAL, Journal
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 SETTINGS = {"camera": "x", "seed": 3}
 

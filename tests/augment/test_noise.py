@@ -18,7 +18,7 @@ from visaug.augment import (
     linear_to_srgb,
     srgb_to_linear,
 )
-from visaug.sampling import Stream, derive_key
+from visaug.core.sampling import Stream, derive_key
 
 CONTENT = {
     "name": "test camera",

@@ -5,7 +5,7 @@ import pytest
 
 from visaug import Camera
 from visaug.augment import SensorNoise
-from visaug.augment.pictures import Picture
+from visaug.augment.image_io import Picture
 from visaug.augment.preview import LEVELS, middle, noise_by_level, shown
 
 

@@ -14,12 +14,12 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from visaug import Camera, FrameSet, VISNoise
+from visaug.camera.simulation import exposures
 from visaug.camera.spec import CameraSpec
+from visaug.core.errors import InputError
+from visaug.core.sampling import Stream
 from visaug.effects import catalogue
-from visaug.errors import InputError
 from visaug.frames import FrameRecord
-from visaug.sampling import Stream
-from visaug.simulation import exposures
 
 EXAMPLES = int(os.environ.get("VISAUG_EXAMPLES", "60"))
 ROWS, COLUMNS = 4, 5

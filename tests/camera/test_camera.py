@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from visaug.camera import Camera
-from visaug.errors import InputError
-from visaug.sampling import Stream, derive_key
+from visaug.core.errors import InputError
+from visaug.core.sampling import Stream, derive_key
 
 WINDOW = (range(200), range(250))
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from visaug.camera import Camera
-from visaug.sampling import Stream, derive_key
+from visaug.core.sampling import Stream, derive_key
 
 SENSORS, ROWS, COLUMNS = 64, 32, 640
 

@@ -9,8 +9,8 @@ import torch
 from astropy.io import fits
 
 from visaug.camera import Camera
-from visaug.errors import InputError
-from visaug.sampling import Stream
+from visaug.core.errors import InputError
+from visaug.core.sampling import Stream
 
 ROWS, COLUMNS = 40, 60
 

@@ -9,7 +9,7 @@ from scipy import stats
 
 from visaug.camera import Camera
 from visaug.camera.patterns import FixedPattern, Mixture, Profile, fit_mixture, fit_pattern, fit_profile
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 LEVELS = Mixture(np.array([0.75, 0.2, 0.05]), np.array([1.0, 6.0, 11.0]), np.full(3, 0.45))
 WHITE = np.ones(300)

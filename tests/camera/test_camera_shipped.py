@@ -11,7 +11,7 @@ import torch
 import yaml
 
 from visaug.camera import Camera, draw, shipped
-from visaug.sampling import Stream
+from visaug.core.sampling import Stream
 
 ABOUT = ("name", "source", "assumed", "licence", "randomize", "correlated", "reading")
 NAMES = sorted(shipped())

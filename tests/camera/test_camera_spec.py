@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from visaug.camera import Camera
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 PLAIN = {"name": "plain", "resolution": [20, 30], "gain_e_per_dn": 0.5}
 

@@ -11,7 +11,7 @@ from scipy import stats
 from visaug.camera import Camera
 from visaug.camera.fast_gpu import noisy, take
 from visaug.camera.scale import Scale
-from visaug.sampling import Stream
+from visaug.core.sampling import Stream
 
 CAMERA = {
     "resolution": [400, 500],

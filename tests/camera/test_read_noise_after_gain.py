@@ -11,7 +11,7 @@ from visaug.augment import SensorNoise
 from visaug.camera import Camera
 from visaug.camera.fast_gpu import noisy, take
 from visaug.camera.scale import Scale
-from visaug.sampling import Stream
+from visaug.core.sampling import Stream
 
 SIGMA_E, AFTER_DN, GAIN, BLACK, SIDE = 2.6, 3.7, 1.9, 500, 400
 ERROR = 5 * (2 / SIDE**2) ** 0.5

@@ -13,7 +13,7 @@ from scipy import special, stats
 
 from visaug.camera import Camera, fast, tables
 from visaug.camera.scale import Scale
-from visaug.sampling import Stream
+from visaug.core.sampling import Stream
 
 pytest.importorskip("numba")
 

@@ -10,7 +10,7 @@ from scipy import stats
 
 from tests.characterization.simulated import Sensor, plan
 from visaug.characterization import characterize
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames import FrameRecord, FrameSet
 
 SETS = 16

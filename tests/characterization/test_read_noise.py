@@ -5,8 +5,8 @@ from scipy import special, stats
 from visaug.characterization import tukey
 from visaug.characterization.moments import measure
 from visaug.characterization.read_noise import _bin_probabilities, fit
+from visaug.core.sampling import tukey_lambda
 from visaug.frames import FrameRecord, FrameSet
-from visaug.sampling import tukey_lambda
 
 
 @pytest.mark.parametrize("shape", [-0.35, -0.1, 0.0, 0.14, 0.4])

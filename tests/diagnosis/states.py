@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 
 from visaug import Camera
-from visaug.candidates.refinement import Refined
+from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.choice import Judged
 from visaug.diagnosis.criterion import ODDS, SHARE
+from visaug.diagnosis.fitting.fit import Fitted
+from visaug.diagnosis.fitting.parameters import effect_coordinates
 from visaug.diagnosis.state import State
-from visaug.fitting.fit import Fitted
-from visaug.fitting.parameters import effect_coordinates
 
 
 def leaving(residual, camera: Camera, *accepted: str) -> State:

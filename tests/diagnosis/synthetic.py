@@ -5,11 +5,11 @@ The first `FIND` statistics are those of the discovery frames, the others those 
 
 import numpy as np
 
+from visaug.diagnosis.fitting.fit import Fitted
+from visaug.diagnosis.fitting.parameters import Coordinate
+from visaug.diagnosis.fitting.reference import Reference, Sample
+from visaug.diagnosis.fitting.uses import Use
 from visaug.diagnosis.state import State
-from visaug.fitting.fit import Fitted
-from visaug.fitting.parameters import Coordinate
-from visaug.fitting.reference import Reference, Sample
-from visaug.fitting.uses import Use
 
 FIND, ALL = 200, 300
 PLAIN, WITH = 200, 120  # numbers of simulated sets without and with the effect

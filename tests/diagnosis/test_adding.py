@@ -10,9 +10,9 @@ from tests.diagnosis.states import Stated, leaving, refined
 from visaug.diagnosis import adding
 from visaug.diagnosis.adding import Adding
 from visaug.diagnosis.criterion import SHARE
+from visaug.diagnosis.fitting.fit import Fitted
+from visaug.diagnosis.fitting.parameters import Coordinate
 from visaug.diagnosis.scatter import Scatter
-from visaug.fitting.fit import Fitted
-from visaug.fitting.parameters import Coordinate
 
 BEYOND = Coordinate("brighter_fatter.beyond", False, 0.05, 0.5)
 GAIN = Coordinate("gain_e_per_dn", True, 0.02, 0.3)

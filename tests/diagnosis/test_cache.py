@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 
 from tests.diagnosis.small import frame_set
-from visaug.candidates import cache
-from visaug.comparison import Laboratory
 from visaug.diagnosis import search
+from visaug.diagnosis.candidates import cache
+from visaug.diagnosis.fitting.parameters import base_coordinates, effect_coordinates
+from visaug.diagnosis.laboratory import Laboratory
 from visaug.effects import load_file
-from visaug.fitting.parameters import base_coordinates, effect_coordinates
 
 EFFECT = '''
 from visaug.effects import Effect, Parameter, Stage

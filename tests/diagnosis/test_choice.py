@@ -6,8 +6,8 @@ import pytest
 
 from tests.diagnosis.states import Stated, leaving, refined
 from visaug import Camera
-from visaug.candidates.refinement import Refined
 from visaug.diagnosis import choice
+from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.criterion import ODDS
 
 GAINS = {"light_drift": 130.0, "row_noise": 120.0, "flicker_noise": 110.0, "vignetting": 60.0, "smear": 55.0}

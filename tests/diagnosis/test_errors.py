@@ -2,8 +2,8 @@
 
 import pytest
 
-from visaug.comparison import Error
-from visaug.fitting.errors import Errors
+from visaug.diagnosis.fitting.errors import Errors
+from visaug.statistics.distance import Error
 
 CLEAR, UNCLEAR, VAGUE = Error(0.04, -0.02, 0.1), Error(1.1, -0.4, 2.5), Error(-4.0, -16.0, 6.0)
 

@@ -6,13 +6,21 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.small import Hidden, frame_set
-from visaug.candidates.climb import newton
-from visaug.comparison import Laboratory
-from visaug.fitting import fit
-from visaug.fitting.fit import bias_level, refit
-from visaug.fitting.parameters import base_coordinates, intervals, moved
-from visaug.fitting.reference import PAIRS, USES, Null, Reference, Sample, derivatives, make_reference
-from visaug.fitting.robust import adjust
+from visaug.diagnosis.candidates.climb import newton
+from visaug.diagnosis.fitting import fit
+from visaug.diagnosis.fitting.fit import bias_level, refit
+from visaug.diagnosis.fitting.parameters import base_coordinates, intervals, moved
+from visaug.diagnosis.fitting.reference import (
+    PAIRS,
+    USES,
+    Null,
+    Reference,
+    Sample,
+    derivatives,
+    make_reference,
+)
+from visaug.diagnosis.fitting.robust import adjust
+from visaug.diagnosis.laboratory import Laboratory
 
 
 def test_adjust_solves_the_linear_problem_and_ignores_outliers():

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.stats import loguniform, norm
 
-from visaug.fitting.law import LEAST, OUTLIERS, RANGE, log_density
+from visaug.diagnosis.fitting.law import LEAST, OUTLIERS, RANGE, log_density
 
 
 def density(residual: float, scale: float = 1.0, unit: float = 1.0) -> float:

@@ -8,17 +8,17 @@ import pytest
 
 from tests.diagnosis import states
 from visaug import Camera
-from visaug.candidates import refinement, selection
-from visaug.candidates.matches import Match, best_of_each
-from visaug.candidates.refinement import Refined
-from visaug.candidates.selection import first_matches
-from visaug.candidates.signatures import Signatures, is_random, own_variance
-from visaug.candidates.trials import Trial, beside_words, effect_trials
+from visaug.diagnosis.candidates import refinement, selection
+from visaug.diagnosis.candidates.matches import Match, best_of_each
+from visaug.diagnosis.candidates.refinement import Refined
+from visaug.diagnosis.candidates.selection import first_matches
+from visaug.diagnosis.candidates.signatures import Signatures, is_random, own_variance
+from visaug.diagnosis.candidates.trials import Trial, beside_words, effect_trials
+from visaug.diagnosis.fitting.fit import Fitted
+from visaug.diagnosis.fitting.law import Metric, law, scatter_along, shrunk
+from visaug.diagnosis.fitting.reference import Null
 from visaug.diagnosis.state import State
 from visaug.effects import catalogue
-from visaug.fitting.fit import Fitted
-from visaug.fitting.law import Metric, law, scatter_along, shrunk
-from visaug.fitting.reference import Null
 
 
 def test_shrinkage_keeps_strong_correlations_and_drops_chance():

@@ -5,10 +5,10 @@ from typing import cast
 
 import pytest
 
-from visaug.comparison import Error
 from visaug.diagnosis import search
 from visaug.diagnosis.result import Step
 from visaug.diagnosis.state import State
+from visaug.statistics.distance import Error
 
 
 @pytest.mark.parametrize(

@@ -8,18 +8,18 @@ from scipy.stats import kstest
 
 from tests.diagnosis.small import frame_set
 from visaug import Camera
-from visaug.candidates.refinement import coordinates_of
-from visaug.candidates.trials import base_trials, is_proposed, missing_base, trials
-from visaug.comparison import Laboratory
-from visaug.comparison.residue import describe
+from visaug.diagnosis.candidates.refinement import coordinates_of
+from visaug.diagnosis.candidates.trials import base_trials, is_proposed, missing_base, trials
 from visaug.diagnosis.chance import chance
+from visaug.diagnosis.fitting.fit import Fitted
+from visaug.diagnosis.fitting.parameters import base_coordinates, effect_coordinates
+from visaug.diagnosis.fitting.reference import Null
+from visaug.diagnosis.fitting.robust import p_value, standardised
+from visaug.diagnosis.laboratory import Laboratory
+from visaug.diagnosis.residue import describe
 from visaug.diagnosis.state import State
 from visaug.effects import catalogue
-from visaug.fingerprint import Statistic
-from visaug.fitting.fit import Fitted
-from visaug.fitting.parameters import base_coordinates, effect_coordinates
-from visaug.fitting.reference import Null
-from visaug.fitting.robust import p_value, standardised
+from visaug.statistics import Statistic
 
 
 def test_p_value_counts_the_larger_ones():
@@ -208,7 +208,7 @@ def test_a_diagnosis_proposes_no_effect_that_frames_cannot_show():
 
 
 def test_values_estimated_from_frames_are_brought_into_range():
-    from visaug.candidates.trials import within_bounds
+    from visaug.diagnosis.candidates.trials import within_bounds
     from visaug.effects import CosmicRays
 
     point = {"rate_per_mpx_s": 3.0, "charge_e_per_px": 50.0, "length_px": 64.4}

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from visaug.comparison.residue import BESIDE, WORDS, describe
-from visaug.fingerprint import AXES, Statistic
-from visaug.fingerprint.views.scene import _Key, _target, templates
+from visaug.diagnosis.residue import BESIDE, WORDS, describe
+from visaug.statistics import AXES, Statistic
+from visaug.statistics.views.scene import _Key, _target, templates
 
 CONDITIONS = [(exposure, celsius) for exposure in (0.1, 1.0) for celsius in (20.0, 30.0)]
 

@@ -9,8 +9,8 @@ from benchmark.camera import Hidden
 from tests.diagnosis.small import frame_set
 from tests.diagnosis.synthetic import ALL, FIND, pair, shifted, uses
 from visaug.diagnosis import diagnose
+from visaug.diagnosis.fitting.parameters import Coordinate
 from visaug.diagnosis.scatter import MET, Scatter, scatter
-from visaug.fitting.parameters import Coordinate
 
 SIGMA = (Coordinate("light_drift.sigma", True, 0.1, 1.5),)
 SPREAD = np.where(np.arange(ALL) % 4 == 0, 9.0, 0.0)  # 50 statistics of the discovery frames

@@ -8,11 +8,11 @@ import pytest
 from tests.diagnosis.small import frame_set
 from tests.diagnosis.states import judged, leaving, refined
 from visaug import Camera
-from visaug.comparison import Laboratory
 from visaug.diagnosis import adding, search
+from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.ranking import Ranking
 from visaug.diagnosis.result import Ranked, Step
-from visaug.session.fits import Fits
+from visaug.diagnosis.session.fits import Fits
 
 
 @pytest.fixture

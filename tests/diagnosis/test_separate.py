@@ -4,7 +4,7 @@ import pytest
 
 from tests.diagnosis.small import CHART, PLAN, frame_set
 from visaug.diagnosis.separate import measurement
-from visaug.fingerprint import fingerprint
+from visaug.statistics import fingerprint
 
 VEIL = {"name": "veiling_glare", "share": 0.01}
 FLARE = {"name": "lens_flare", "ghost_share": 0.002, "halo_share": 0.01}

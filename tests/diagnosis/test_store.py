@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from visaug.fitting import store
+from visaug.diagnosis.fitting import store
 
 VALUES = {"values": np.arange(60.0).reshape(6, 10), "names": np.array(["a", "b"])}
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.states import leaving
-from visaug.candidates.signatures import Signatures
-from visaug.candidates.trials import Trial
 from visaug.diagnosis import telling
-from visaug.fingerprint import Fingerprint, Statistic
+from visaug.diagnosis.candidates.signatures import Signatures
+from visaug.diagnosis.candidates.trials import Trial
+from visaug.statistics import Fingerprint, Statistic
 
 STATISTIC = Statistic("temporal_lines", "rows", "bias", ("time", "row"), "DN", "bias")
 

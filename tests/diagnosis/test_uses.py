@@ -6,9 +6,9 @@ import numpy as np
 
 from tests.diagnosis.synthetic import ALL, FIND, PLAIN, WITH, pair, shifted, uses
 from visaug.diagnosis.criterion import evidence
-from visaug.fitting.law import FORM
-from visaug.fitting.reference import Null
-from visaug.fitting.uses import Use, scales, shifts
+from visaug.diagnosis.fitting.law import FORM
+from visaug.diagnosis.fitting.reference import Null
+from visaug.diagnosis.fitting.uses import Use, scales, shifts
 
 SHIFT = np.full(ALL, 0.8)
 

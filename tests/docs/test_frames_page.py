@@ -8,7 +8,7 @@ import pytest
 import tifffile
 from astropy.io import fits
 
-from visaug.cli import main
+from visaug.app.cli import main
 from visaug.frames.table import COLUMNS, FURTHER
 
 PAGE = (Path(__file__).parents[2] / "docs" / "frames.md").read_text()

@@ -14,7 +14,7 @@ import visaug.characterization
 import visaug.diagnosis
 import visaug.effects
 import visaug.frames
-from visaug.cli.root import program
+from visaug.app.cli.root import program
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import torch
 from torch import Tensor
 
+from visaug.core.sampling import Stream
 from visaug.effects import Context, Effect, Parameter, Stage
-from visaug.sampling import Stream
 
 LEVEL = {
     Stage.OPTICS: 3000.0,

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import pytest
 import torch
 
+from visaug.core.sampling import Stream
 from visaug.effects import Context, catalogue
-from visaug.sampling import Stream
 
 
 @pytest.fixture

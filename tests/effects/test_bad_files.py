@@ -2,9 +2,9 @@
 
 import pytest
 
-from visaug.cli import main
+from visaug.app.cli import main
+from visaug.core.errors import InputError
 from visaug.effects import Effect, Parameter, Stage, catalogue, load_file, register
-from visaug.errors import InputError
 
 HEAD = "from visaug import Effect, Parameter, Stage\n"
 GOOD = HEAD + (

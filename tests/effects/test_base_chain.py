@@ -12,7 +12,7 @@ from scipy import stats
 
 from visaug.augment.light import image_to_photons
 from visaug.camera import Camera
-from visaug.sampling import Stream
+from visaug.core.sampling import Stream
 
 FRAMES, SIDE = 40, 80
 GAINS = [0.19, 1.0, 3.1]  # e-/DN; noise spans a DN or more, so that rounding adds 1/12 DN^2

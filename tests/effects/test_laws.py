@@ -15,8 +15,8 @@ import yaml
 from tests.effects import bench
 from visaug.camera import Camera, draw
 from visaug.camera.paths import path_of
+from visaug.core.errors import InputError
 from visaug.effects import Effect, Stage, catalogue, load_file
-from visaug.errors import InputError
 
 OWN = load_file(Path(__file__).with_name("own_effect.py"))
 EFFECTS = list(catalogue().values())

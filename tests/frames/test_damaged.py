@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames.limits import VARIABLE
 from visaug.frames.pixels import PixelReader
 

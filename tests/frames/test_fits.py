@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames import FrameSet
 
 RNG = np.random.default_rng(21)

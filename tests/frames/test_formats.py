@@ -6,7 +6,7 @@ import tifffile
 from astropy.io import fits
 from PIL import Image
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames import FrameRecord, FrameSet, write_table
 from visaug.frames.arrays import WHOLE_BYTES, ArrayFile
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames import FrameRecord, FrameSet, read_table, write_table
 from visaug.frames.plan import default_plan, describe_plan, plan_groups
 

@@ -2,7 +2,7 @@ import dataclasses
 
 import pytest
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames import FrameRecord, read_table, write_table
 from visaug.frames.kinds import is_master, kind_of
 from visaug.frames.record import group_records, parse_window

@@ -8,7 +8,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames import FrameSet, read_table
 from visaug.frames.names import facts_of_name
 from visaug.frames.survey import natural, parse_resolution, survey

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames import FrameRecord, FrameSet
 
 

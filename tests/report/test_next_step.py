@@ -10,10 +10,9 @@ from click.testing import CliRunner
 
 import visaug
 from tests.report.test_pages import CAMERA, DIAGNOSIS, NOTHING
-from visaug.cli.root import program
-from visaug.comparison import Places
-from visaug.comparison.pictures import PictureComparison
+from visaug.app.cli.root import program
 from visaug.frames import FrameRecord, FrameSet
+from visaug.pictures.comparison import PictureComparison
 from visaug.report.next_step import (
     Inputs,
     after_characterization,
@@ -22,6 +21,7 @@ from visaug.report.next_step import (
     after_pictures,
     picture_inputs,
 )
+from visaug.statistics.places import Places
 
 
 @pytest.fixture

@@ -153,7 +153,7 @@ def test_ranking_leaves_out_what_has_no_error():
 
 
 def test_every_view_is_drawn_measured_beside_modelled(frames):
-    from visaug.fingerprint import VIEWS, FrameData
+    from visaug.statistics import VIEWS, FrameData
 
     data = FrameData(frames)
     drawn = 0

@@ -13,7 +13,7 @@ from torch import nn
 from ultralytics import YOLO
 from ultralytics.nn.tasks import yaml_model_load
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train import checkpoints, training
 from visaug_train.ablation import Ablation, ablate
 from visaug_train.config import check_config

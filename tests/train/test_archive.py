@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train.archive import main, prepare_archive
 
 

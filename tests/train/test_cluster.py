@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train.cluster import spread
 from visaug_train.config import Cluster
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train.config import check_config, load_config
 from visaug_train.record import decides
 from visaug_train.training import batch_noise

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train.config import check_config
 from visaug_train.convert import convert, label_lines
 from visaug_train.geometry import Keypoints

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train.commands import evaluate_predictions
 from visaug_train.evaluate import evaluate
 from visaug_train.geometry import Keypoints, project_targets

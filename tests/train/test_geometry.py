@@ -6,7 +6,7 @@ import pytest
 import scipy.io
 from scipy.spatial.transform import Rotation
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train.geometry import Keypoints, Pinhole, project_targets, rotation_matrix
 from visaug_train.render.dataset import SPEED_PLUS_CAMERA as CAMERA
 

@@ -10,7 +10,7 @@ import pytest
 import visaug
 from tests.hostile import check_page
 from tests.hostile_pages import NASTY, check_file
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train import scoring, training
 from visaug_train.ablation import ablate
 from visaug_train.config import check_config

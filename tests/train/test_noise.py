@@ -5,7 +5,7 @@ import pytest
 import torch
 
 import visaug
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train.arms import Arm, Vis, White
 from visaug_train.noise import batch_noise, vis_noise
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train.commands import evaluate_predictions
 from visaug_train.evaluate import weighted_median
 from visaug_train.geometry import Keypoints, project_targets

@@ -4,7 +4,7 @@ import pytest
 import yaml
 
 from visaug.camera import camera as camera_module
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train import commands
 from visaug_train.config import check_config
 from visaug_train.record import decides, surroundings

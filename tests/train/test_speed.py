@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train.speed import domains, read_poses, split_indices
 
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 import visaug
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train import reduction, scoring, target, training
 from visaug_train.ablation import ablate
 from visaug_train.config import check_config

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train import quiet, training
 from visaug_train.config import check_config
 

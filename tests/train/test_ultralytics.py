@@ -300,5 +300,5 @@ def test_tuning_trains_with_the_noise_of_the_callback(data_yaml, tmp_path):
     model.tune(iterations=1, data=str(data_yaml), project=str(tmp_path), space={"lr0": (1e-4, 1e-2)}, **how)
     assert Counting.seen == 8  # the images of the one epoch
     assert engine.MultiTrainer is sweep
-    with pytest.raises(visaug.errors.InputError, match="use_ray"):
+    with pytest.raises(visaug.core.errors.InputError, match="use_ray"):
         model.tune(use_ray=True)

@@ -17,9 +17,9 @@ import cv2
 import numpy as np
 import torch
 
-from visaug.documents import read_json
-from visaug.errors import InputError
-from visaug.files import write_bytes, write_json
+from visaug.core.documents import read_json
+from visaug.core.errors import InputError
+from visaug.core.files import write_bytes, write_json
 from visaug_train.geometry import Pinhole
 from visaug_train.render.caster import RayCaster, Views
 from visaug_train.render.independent_camera import (

@@ -13,7 +13,7 @@ from torch.utils.data import get_worker_info
 from visaug.augment.image_noise import ImageNoise, probability
 from visaug.augment.sensor_noise import SensorNoise, Source
 from visaug.camera import Camera
-from visaug.sampling import derive_key
+from visaug.core.sampling import derive_key
 
 
 class AlbumentationsNoise(albumentations.ImageOnlyTransform):

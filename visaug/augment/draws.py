@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from visaug.camera.randomize import Spreads
-from visaug.sampling import derive_key
+from visaug.core.sampling import derive_key
 
 KEYS = ("keys", "pattern_keys")
 

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
+from visaug.augment.image_io import Picture, read_picture, write_picture
 from visaug.augment.jobs import find_label, label_place, plan_jobs
 from visaug.augment.journal import JOURNAL as JOURNAL
 from visaug.augment.journal import Journal
-from visaug.augment.pictures import Picture, read_picture, write_picture
-from visaug.errors import InputError
-from visaug.files import whole_file
+from visaug.core.errors import InputError
+from visaug.core.files import whole_file
 
 if TYPE_CHECKING:
     from visaug.augment.sensor_noise import SensorNoise
@@ -79,7 +79,7 @@ def augment_files(
         labels: copy YOLO labels (.txt) too, to where ultralytics looks for them.
         progress: called with (description, files done, files in all).
         options: passed to `SensorNoise`, e.g. transfer="srgb" or gain_db=(0, 24). transfer="auto" decides by
-            each file; see `visaug.augment.pictures.transfer`.
+            each file; see `visaug.augment.image_io.transfer`.
 
     Returns:
         What was done. Pictures that cannot be used are named in it and do not stop the others.

@@ -8,7 +8,7 @@ import torch
 
 from visaug.augment.images import frames_draws, like, say_what_auto_means, take, to_tensor
 from visaug.augment.sensor_noise import SensorNoise, Source
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 
 class ImageNoise:

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from visaug.augment.sensor_noise import SensorNoise
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 DEPTHS = {torch.uint8: 8, torch.uint16: 16}
 PIL_MODES = ("L", "LA", "RGB", "RGBA", "I;16")

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from visaug.augment.pictures import SUFFIXES
-from visaug.errors import InputError
+from visaug.augment.image_io import SUFFIXES
+from visaug.core.errors import InputError
 
 
 @dataclass

@@ -7,9 +7,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from visaug.documents import parse_json
-from visaug.errors import InputError
-from visaug.files import folder_lock
+from visaug.core.documents import parse_json
+from visaug.core.errors import InputError
+from visaug.core.files import folder_lock
 
 JOURNAL = ".visaug-augment.jsonl"
 

@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 Range = float | tuple[float, float] | None
 CHOICES = {

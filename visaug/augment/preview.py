@@ -7,8 +7,8 @@ import numpy as np
 import torch
 
 from visaug.augment.files import add_noise
+from visaug.augment.image_io import Picture
 from visaug.augment.light import linear_to_srgb
-from visaug.augment.pictures import Picture
 
 if TYPE_CHECKING:
     from visaug.augment.sensor_noise import SensorNoise

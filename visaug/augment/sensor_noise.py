@@ -30,8 +30,8 @@ from visaug.camera.colour import ColourPath
 from visaug.camera.randomize import spreads
 from visaug.camera.scale import Scale, scale_of
 from visaug.camera.strength import at_strength, with_maps_at_strength
-from visaug.errors import InputError
-from visaug.sampling import Stream, derive_key
+from visaug.core.errors import InputError
+from visaug.core.sampling import Stream, derive_key
 
 DEFAULTS: dict[str, Any] = {  # of the options that a repr names only where they differ
     "fixed_pattern": "image",

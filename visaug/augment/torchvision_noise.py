@@ -12,7 +12,7 @@ from torchvision.transforms import v2
 from visaug.augment.image_noise import probability, used_bits
 from visaug.augment.images import like, say_what_auto_means, take, to_tensor
 from visaug.augment.sensor_noise import SensorNoise, Source
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 
 class TorchvisionNoise(v2.Transform):

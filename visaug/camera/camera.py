@@ -15,11 +15,11 @@ from visaug.camera import chain, paths
 from visaug.camera.colour import ColourPath, colour_path
 from visaug.camera.maps import load_maps, moved, named_maps
 from visaug.camera.spec import CameraSpec, check_spec, read_spec
+from visaug.core.errors import InputError
+from visaug.core.files import write_text
+from visaug.core.sampling import Stream
+from visaug.core.sampling.distributions import MOST_MEAN
 from visaug.effects import Context, Effect, Stage, catalogue
-from visaug.errors import InputError
-from visaug.files import write_text
-from visaug.sampling import Stream
-from visaug.sampling.distributions import MOST_MEAN
 
 
 def shipped() -> dict[str, Path]:

@@ -6,9 +6,9 @@ import torch
 from torch import Tensor
 
 from visaug.camera.paths import path_of
+from visaug.core.sampling import Stream
 from visaug.effects import Context, Effect, Stage
 from visaug.effects.effect import Values, output_of
-from visaug.sampling import Stream
 
 # In the paper's reading shot noise strikes the photons, before quantum efficiency and PRNU (eqs. 8 to 10).
 PAPER_ORDER = {"photon_shot_noise": (Stage.OPTICS, 1000)}

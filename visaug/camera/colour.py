@@ -28,7 +28,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from visaug.camera.threads import in_threads
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 REACH = 2  # pixels to each side that a demosaicing looks at
 # Weights of the six sums for a missing colour at a pixel.

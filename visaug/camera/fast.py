@@ -16,9 +16,9 @@ from torch import Tensor
 from visaug.camera import coarse, tables
 from visaug.camera.scale import Scale, gain_of
 from visaug.camera.threads import in_threads
-from visaug.sampling import Stream, derive_key
-from visaug.sampling.stream import kernels
-from visaug.sampling.tukey_lambda import standard_deviation
+from visaug.core.sampling import Stream, derive_key
+from visaug.core.sampling.stream import kernels
+from visaug.core.sampling.tukey_lambda import standard_deviation
 
 if TYPE_CHECKING:
     from visaug.camera.camera import Camera

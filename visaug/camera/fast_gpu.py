@@ -14,9 +14,9 @@ import torch
 from torch import Tensor
 
 from visaug.camera.scale import Scale, gain_of
-from visaug.sampling import Stream
-from visaug.sampling.philox import MASK, mix
-from visaug.sampling.tukey_lambda import standard_deviation
+from visaug.core.sampling import Stream
+from visaug.core.sampling.philox import MASK, mix
+from visaug.core.sampling.tukey_lambda import standard_deviation
 
 if TYPE_CHECKING:
     from visaug.camera.camera import Camera

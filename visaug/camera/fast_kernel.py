@@ -16,7 +16,7 @@ from numba.extending import intrinsic
 
 from visaug.camera.coarse import NORMAL_BITS, RARE_BITS, TUKEY_BITS
 from visaug.camera.tables import FIRST, FRACTION_BITS, LARGE_MEAN, MEANS_PER_ROOT, SIDE
-from visaug.sampling.kernels import mix
+from visaug.core.sampling.kernels import mix
 
 # (numba keeps compiled code by the date of this file alone: touch it after a change to the constants of tables.py or to `mix`.)
 

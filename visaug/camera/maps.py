@@ -8,8 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from visaug.core.errors import InputError
 from visaug.effects import catalogue
-from visaug.errors import InputError
 
 if TYPE_CHECKING:
     from visaug.camera.spec import CameraSpec

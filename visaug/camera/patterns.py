@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 DEGREE = 7  # of the trend: enough for a glow at one edge, too little for a band
 COMPONENTS = 4  # at most

@@ -7,11 +7,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from visaug.documents import read_yaml
+from visaug.core.documents import read_yaml
+from visaug.core.errors import InputError
 from visaug.effects import Parameter, catalogue
 from visaug.effects.parameter import bounds_text, check_value
 from visaug.effects.readout.read_noise import LEAST_SHAPE
-from visaug.errors import InputError
 
 
 class _Part(BaseModel):

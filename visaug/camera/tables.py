@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 from scipy.special import ndtri, pdtr, pdtrc
 
-from visaug.sampling.tukey_lambda import standard_deviation
+from visaug.core.sampling.tukey_lambda import standard_deviation
 
 SUB = 5  # 2^5 nodes an octave
 FRACTION_BITS = 23 - SUB

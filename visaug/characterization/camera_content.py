@@ -6,8 +6,8 @@ import copy
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from visaug.core.errors import InputError
 from visaug.effects.readout.read_noise import LEAST_SHAPE
-from visaug.errors import InputError
 
 if TYPE_CHECKING:
     from visaug.characterization.result import Characterization

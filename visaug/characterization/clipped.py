@@ -13,11 +13,11 @@ from visaug.characterization.cut_means import Lines, cut_mean, lines
 from visaug.characterization.dark import found_law
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
-from visaug.characterization.intervals import mean_error, root, symmetric, t_quantile, variance_combination
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly
 from visaug.characterization.rounded import BLOCKS, Fit, Profile, Sample, fit_locations, take_sample
 from visaug.characterization.still import CLIPPED, add_in_electrons, add_profiles
+from visaug.core.intervals import mean_error, root, symmetric, t_quantile, variance_combination
 
 _ROUNDS = 2
 _BLIND = 3.0  # upper over lower bound of the read noise from which on it counts as not determined

@@ -10,9 +10,9 @@ from scipy import stats
 from visaug.characterization import dark_current
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
-from visaug.characterization.intervals import t_quantile, widen
 from visaug.characterization.light import NEEDS_FLATS
 from visaug.characterization.moments import GroupMoments
+from visaug.core.intervals import t_quantile, widen
 
 _NEEDS_LADDER = "dark frames at two or more exposures and two or more temperatures"
 

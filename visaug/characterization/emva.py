@@ -14,7 +14,6 @@ from visaug.characterization import emva4
 from visaug.characterization.dark_current import mean_points, slopes, variance_points
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Level, Measured
-from visaug.characterization.intervals import jackknife, root, t_quantile, widen
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import parts, release_4
@@ -25,6 +24,7 @@ from visaug.characterization.photon_transfer import (
     linearity_curve,
     saturated_level,
 )
+from visaug.core.intervals import jackknife, root, t_quantile, widen
 
 _QUANTIZATION = 1 / 12
 _LEAST_DARK_VARIANCE = 0.24  # release 3: below, quantization hides the dark noise

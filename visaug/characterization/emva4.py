@@ -144,7 +144,7 @@ def corrected(
     found: Findings, level: Level, dark_parts: Parts, flat_parts: Parts, gain: float, relative: float
 ) -> None:
     """`emva4_corrected.*` where rows or columns share temporal noise, with a warning that says what it does."""
-    from visaug.characterization.intervals import root
+    from visaug.core.intervals import root
 
     shared = {name for m in (level.dark, level.flat) for name in not_white(m)}
     if not shared:

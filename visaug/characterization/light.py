@@ -8,7 +8,6 @@ import numpy as np
 
 from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Level, Measured
-from visaug.characterization.intervals import mean_error, root, symmetric, t_quantile
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.mosaic import Mosaic
 from visaug.characterization.nonuniformity import Parts, parts, surface
@@ -19,6 +18,7 @@ from visaug.characterization.photon_transfer import (
     relative_deviations,
     transfer,
 )
+from visaug.core.intervals import mean_error, root, symmetric, t_quantile
 
 NEEDS_FLATS = "flats: two or more frames at each of several light levels, and dark frames beside them"
 NEEDS_CLEAR_FLATS = (

@@ -13,7 +13,7 @@ import numpy as np
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import surface, two_way
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 if TYPE_CHECKING:
     from visaug.characterization.findings import Findings

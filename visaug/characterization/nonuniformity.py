@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visaug.characterization.intervals import variance_combination
 from visaug.characterization.moments import GroupMoments
+from visaug.core.intervals import variance_combination
 
 _DEFECT = 8.0  # robust standard deviations: beyond are defects, no sample of a normal pattern
 Interval = tuple[float, float, float]

@@ -19,10 +19,10 @@ from scipy import optimize, stats
 from visaug.characterization import dark_current, tukey
 from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Measured
-from visaug.characterization.intervals import t_quantile
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.still import NEEDS_STILL, add_in_electrons
+from visaug.core.intervals import t_quantile
 
 if TYPE_CHECKING:
     from visaug.camera import Camera

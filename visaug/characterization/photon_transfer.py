@@ -10,9 +10,9 @@ import numpy as np
 from scipy import optimize, stats
 
 from visaug.characterization.groups import Level
-from visaug.characterization.intervals import jackknife
 from visaug.characterization.moments import GroupMoments
 from visaug.characterization.response import Response, response
+from visaug.core.intervals import jackknife
 
 _FIT_SHARE = 0.7  # EMVA 1288: the fits of gain and responsivity end at 70 % of saturation
 _LINEAR_SHARE = (0.05, 0.95)

@@ -10,8 +10,8 @@ import numpy as np
 from scipy import optimize
 
 from visaug.characterization import tukey
-from visaug.characterization.intervals import t_quantile
 from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.core.intervals import t_quantile
 from visaug.frames import FrameSet
 
 _BLOCKS = 20

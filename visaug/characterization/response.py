@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from visaug.characterization.groups import Level
-from visaug.characterization.intervals import mean_error, row_blocks
+from visaug.core.intervals import mean_error, row_blocks
 
 _DOUBT = 0.002
 _COLLINEAR = 50.0  # condition number (of columns of norm 1) from which on light and dark current are one

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from visaug.characterization.camera_content import camera_content
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -150,7 +150,7 @@ class Characterization:
 
     def save_maps(self, folder: str | Path, suffix: str = ".fits") -> list[Path]:
         """Write every map as FITS or TIFF; returns the files."""
-        from visaug.files import whole_file
+        from visaug.core.files import whole_file
         from visaug.frames.writers import write_frame
 
         if suffix not in (".fits", ".tif", ".tiff", ".npy"):
@@ -179,7 +179,7 @@ class Characterization:
         """
         from visaug.camera import Camera
         from visaug.characterization.maps import camera_maps, with_maps
-        from visaug.files import whole_file
+        from visaug.core.files import whole_file
 
         if maps is None:
             self.camera.save(path)

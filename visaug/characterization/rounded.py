@@ -16,8 +16,8 @@ import numpy as np
 from scipy import optimize
 
 from visaug.characterization import tukey
-from visaug.characterization.intervals import t_quantile
 from visaug.characterization.moments import GroupMoments
+from visaug.core.intervals import t_quantile
 from visaug.frames import FrameSet
 
 BLOCKS = 20  # of rows, for standard errors

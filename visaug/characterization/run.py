@@ -20,7 +20,7 @@ from visaug.characterization.maps import add_maps
 from visaug.characterization.mosaic import PLACES, Mosaic, find_mosaic
 from visaug.characterization.result import Characterization, Warned
 from visaug.characterization.views import colour_plane
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames import FrameSet
 
 _DOUBLING_C = (
@@ -75,7 +75,7 @@ def characterize(
             raise InputError(
                 "nothing can be measured", field="kind", expected="bias, dark, flat or image frames"
             )
-        from visaug.characterization.target import camera_of_pictures
+        from visaug.pictures.characterization import camera_of_pictures
 
         size = camera_of_pictures(found, frames, seed)
         result = _result(found, frames, None, None, "pictures")

@@ -9,7 +9,11 @@ import numpy as np
 from visaug.characterization import read_noise, structure, tukey
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Level, Measured
-from visaug.characterization.intervals import (
+from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.characterization.nonuniformity import Parts, parts
+from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly, saturated_level
+from visaug.characterization.pixel_noise import PixelNoise, pixel_noise, shrunk
+from visaug.core.intervals import (
     jackknife,
     mean_error,
     root,
@@ -18,10 +22,6 @@ from visaug.characterization.intervals import (
     variance_combination,
     widen,
 )
-from visaug.characterization.moments import GroupMoments, mean_map
-from visaug.characterization.nonuniformity import Parts, parts
-from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly, saturated_level
-from visaug.characterization.pixel_noise import PixelNoise, pixel_noise, shrunk
 
 _UNEVEN = 0.05  # spread of log sigma from which on it bends the histogram's shape
 CLIPPED = 0.002  # share of pixels at 0 above which moments of bias frames are cut

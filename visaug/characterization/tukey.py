@@ -10,8 +10,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import ndtr
 
+from visaug.core.sampling.tukey_lambda import quantile, standard_deviation
 from visaug.effects.readout.read_noise import LEAST_SHAPE
-from visaug.sampling.tukey_lambda import quantile, standard_deviation
 
 GAUSSIAN_SHAPE = 0.14  # nearest to a normal law by the correlation of quantiles
 LIKELIEST_GAUSSIAN = 0.1345  # the same by likelihood

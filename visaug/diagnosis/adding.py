@@ -4,16 +4,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from visaug.camera import Camera
-from visaug.candidates import cache
-from visaug.candidates.refinement import Refined
-from visaug.candidates.trials import Trial, exchanged
-from visaug.comparison import Laboratory
+from visaug.diagnosis.candidates import cache
+from visaug.diagnosis.candidates.refinement import Refined
+from visaug.diagnosis.candidates.trials import Trial, exchanged
 from visaug.diagnosis.criterion import SHARE, Evidence, evidence
+from visaug.diagnosis.fitting.fit import Fitted, refit
+from visaug.diagnosis.fitting.parameters import Coordinate, effect_coordinates, moved, strengths_of
+from visaug.diagnosis.fitting.reference import Reference, Report
+from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.scatter import Scatter, scatter
 from visaug.diagnosis.state import State
-from visaug.fitting.fit import Fitted, refit
-from visaug.fitting.parameters import Coordinate, effect_coordinates, moved, strengths_of
-from visaug.fitting.reference import Reference, Report
 
 SETS_AFTER = 120  # simulated sets of a camera with an effect added,
 SETS_BEFORE = 30  # and the first of them, which estimate a strength and exclude candidates

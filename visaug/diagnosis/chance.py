@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visaug.candidates.signatures import Signatures
-from visaug.comparison import Laboratory, tail_factor
+from visaug.diagnosis.candidates.signatures import Signatures
+from visaug.diagnosis.fitting.law import Metric, each_half
+from visaug.diagnosis.fitting.robust import standardised
+from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.state import State
-from visaug.fitting.law import Metric, each_half
-from visaug.fitting.robust import standardised
+from visaug.statistics.tail import tail_factor
 
 SOMEWHERE = 3.0  # times as unlikely must one large residual be as a match, to count as much: what no effect matches is seldom faint
 

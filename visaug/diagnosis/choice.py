@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visaug.candidates.refinement import Refined
 from visaug.diagnosis.adding import Adding
+from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.criterion import ODDS, Evidence, between, evidence
 from visaug.diagnosis.state import State
 

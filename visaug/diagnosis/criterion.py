@@ -6,7 +6,7 @@ Each statistic of the discovery and of the hold-out frames has, under a model M 
 
 a normal distribution with the standard deviation s_M of the model's own refitted simulated sets and the model discrepancy t of
 the accepted effects, and a log-uniform distribution for what effects outside the model cause; s is the standard deviation
-without the effect, e and R are `OUTLIERS` and `RANGE` of `visaug.fitting.law`. The evidence of an effect is
+without the effect, e and R are `OUTLIERS` and `RANGE` of `visaug.diagnosis.fitting.law`. The evidence of an effect is
 
     L(r) = sum of log p(r_1 | M_1) - log p(r_0 | M_0)
 
@@ -22,10 +22,10 @@ from functools import cached_property
 import numpy as np
 from scipy import stats
 
+from visaug.diagnosis.fitting.law import FORM, log_density
+from visaug.diagnosis.fitting.robust import adjust
+from visaug.diagnosis.fitting.uses import Use, scales, shifts
 from visaug.diagnosis.state import State
-from visaug.fitting.law import FORM, log_density
-from visaug.fitting.robust import adjust
-from visaug.fitting.uses import Use, scales, shifts
 
 ODDS = 3.0  # least log posterior odds of an accepted effect against no effect: one in twenty
 SHARE = 0.55  # least evidence of an accepted effect, relative to the median of its own simulated sets,

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from visaug.candidates.refinement import Refined
-from visaug.comparison import Distance, Error
+from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.choice import Accepted, Judged
 from visaug.diagnosis.criterion import ODDS
+from visaug.diagnosis.fitting.reference import Report
 from visaug.diagnosis.result import Ranked, estimates
 from visaug.diagnosis.separate import measurement
 from visaug.diagnosis.state import State
-from visaug.fingerprint import Statistic
-from visaug.fitting.reference import Report
+from visaug.statistics import Statistic
+from visaug.statistics.distance import Distance, Error
 
 
 class Ranking:

@@ -10,11 +10,12 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.camera.paths import place_of
-from visaug.comparison import Error, Places, data_frame
-from visaug.comparison.residue import Residue
-from visaug.comparison.selection import Selection
-from visaug.fitting.parameters import Coordinate, intervals
+from visaug.diagnosis.fitting.parameters import Coordinate, intervals
+from visaug.diagnosis.residue import Residue
 from visaug.frames import FrameSet
+from visaug.statistics.distance import Error
+from visaug.statistics.places import Places, data_frame
+from visaug.statistics.subsample import Selection
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.fitting.law import log_density
-from visaug.fitting.parameters import Coordinate, moved
-from visaug.fitting.reference import Null
-from visaug.fitting.uses import Use, scales, shifts
+from visaug.diagnosis.fitting.law import log_density
+from visaug.diagnosis.fitting.parameters import Coordinate, moved
+from visaug.diagnosis.fitting.reference import Null
+from visaug.diagnosis.fitting.uses import Use, scales, shifts
 
 # Least median of the squared residual over its variance; 0.45 for a normal distribution, less for rare events
 TYPICAL = 0.15

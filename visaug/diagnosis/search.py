@@ -10,32 +10,35 @@ from typing import Literal
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.candidates import cache
-from visaug.candidates.refinement import Refined
-from visaug.candidates.selection import candidates
-from visaug.candidates.signatures import Signatures, signatures
-from visaug.candidates.trials import looked, trials
-from visaug.cluster import connected
-from visaug.comparison import Laboratory, is_clear, places, with_a_well
-from visaug.comparison.chance import SIGNIFICANT
-from visaug.comparison.spread import by_ray
+from visaug.core.cluster import connected
+from visaug.core.errors import InputError
 from visaug.diagnosis.adding import SETS_AFTER, Adding
+from visaug.diagnosis.candidates import cache
+from visaug.diagnosis.candidates.refinement import Refined
+from visaug.diagnosis.candidates.selection import candidates
+from visaug.diagnosis.candidates.signatures import Signatures, signatures
+from visaug.diagnosis.candidates.trials import looked, trials
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.choice import Accepted, Judged, accepted, odds_between
 from visaug.diagnosis.criterion import ODDS, between
+from visaug.diagnosis.fitting.errors import Errors
+from visaug.diagnosis.fitting.fit import Fitted, refit
+from visaug.diagnosis.fitting.parameters import base_coordinates
+from visaug.diagnosis.fitting.reference import FAR, Reference, Report, is_far
+from visaug.diagnosis.fitting.robust import p_value, standardised
+from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.ranking import Ranking
+from visaug.diagnosis.ray_executor import by_ray
 from visaug.diagnosis.result import Diagnosis, Step
 from visaug.diagnosis.state import State
 from visaug.diagnosis.telling import cannot_show, form, residue
 from visaug.effects import catalogue, load_file
-from visaug.errors import InputError
-from visaug.fingerprint import Statistic
-from visaug.fitting.errors import Errors
-from visaug.fitting.fit import Fitted, refit
-from visaug.fitting.parameters import base_coordinates
-from visaug.fitting.reference import FAR, Reference, Report, is_far
-from visaug.fitting.robust import p_value, standardised
 from visaug.frames import FrameSet
+from visaug.pictures.part import with_a_well
+from visaug.statistics import Statistic
+from visaug.statistics.distance import is_clear
+from visaug.statistics.places import places
+from visaug.statistics.tail import SIGNIFICANT
 
 SETS = 200  # simulated sets of the camera file
 FEWEST = 50  # of fewer no p-value is below the rate of false alarms
@@ -60,7 +63,7 @@ def diagnose(
     Args:
         camera: the camera model to test, or its file or name.
         frames: measured bias, dark, flat or scene frames, or the path of a frame set; or ordinary pictures, see
-            `visaug.comparison.picture_part`.
+            `visaug.pictures.part`.
         effects: files with your own effects, tried together with those of the catalogue.
         without: effects of the catalogue that are not tried.
         seed: of all simulations. The same seed gives the same result on the same type of processor; others round sums

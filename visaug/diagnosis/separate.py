@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.candidates.trials import exchanged
-from visaug.comparison import Laboratory
-from visaug.comparison.part import Part
+from visaug.camera.simulation import simulate, with_chart
+from visaug.diagnosis.candidates.trials import exchanged
+from visaug.diagnosis.fitting.parameters import base_coordinates
+from visaug.diagnosis.fitting.reference import Report, differences
+from visaug.diagnosis.fitting.robust import adjust
+from visaug.diagnosis.laboratory import Laboratory
+from visaug.diagnosis.part import Part
 from visaug.effects import catalogue
-from visaug.fingerprint import Statistic, fingerprint
-from visaug.fitting.parameters import base_coordinates
-from visaug.fitting.reference import Report, differences
-from visaug.fitting.robust import adjust
 from visaug.frames import FrameSet
 from visaug.frames.plan import default_plan
-from visaug.simulation import simulate, with_chart
+from visaug.statistics import Statistic, fingerprint
 
 SETS = 6
 SEEN = 3.0  # standard deviations of one set above which two cameras differ; the standard error of a mean of six sets is half of one

@@ -5,14 +5,14 @@ from functools import cached_property
 
 import numpy as np
 
-from visaug.comparison.chance import SIGNIFICANT
+from visaug.diagnosis.fitting.fit import Fitted
+from visaug.diagnosis.fitting.law import FORM
+from visaug.diagnosis.fitting.parameters import Coordinate
+from visaug.diagnosis.fitting.reference import Null, Sample
+from visaug.diagnosis.fitting.robust import p_value
+from visaug.diagnosis.fitting.uses import Use
 from visaug.diagnosis.scatter import Scatter
-from visaug.fitting.fit import Fitted
-from visaug.fitting.law import FORM
-from visaug.fitting.parameters import Coordinate
-from visaug.fitting.reference import Null, Sample
-from visaug.fitting.robust import p_value
-from visaug.fitting.uses import Use
+from visaug.statistics.tail import SIGNIFICANT
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
+from visaug.core.errors import USER_MODULE, InputError, described
 from visaug.effects.checks import check_effect, try_effect
 from visaug.effects.effect import Effect
-from visaug.errors import USER_MODULE, InputError, described
 
 ROOMS = ("optics", "charge", "readout", "digital", "picture")
 

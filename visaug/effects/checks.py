@@ -5,9 +5,9 @@ from typing import Any
 
 import torch
 
+from visaug.core.errors import InputError, described, user_line
 from visaug.effects.effect import Effect, Stage
 from visaug.effects.parameter import Parameter, check_value
-from visaug.errors import InputError, described, user_line
 
 TEXTS = ("summary", "equation", "source", "why_not", "separates", "map_unit")
 TRIAL = (2, 3, 96, 128)  # shape of the frames to which an effect is applied when it is registered

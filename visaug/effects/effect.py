@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from visaug.core.errors import InputError
+from visaug.core.sampling import Stream, derive_key
 from visaug.effects.parameter import Parameter, check_value
-from visaug.errors import InputError
-from visaug.sampling import Stream, derive_key
 
 
 class Values:

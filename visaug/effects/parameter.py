@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames import hdf5
 from visaug.frames.hdf5 import Hdf5File
 from visaug.frames.limits import check_axes, check_shape

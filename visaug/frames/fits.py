@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames.kinds import is_master, kind_of
 from visaug.frames.limits import check_shape
 from visaug.frames.record import MOSAICS, Window

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames import sources
 from visaug.frames.record import FrameRecord, Group, group_records
 from visaug.frames.stores import FileStore, MemoryStore, Store

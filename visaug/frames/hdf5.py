@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames.limits import check_shape
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames import fits, pixels
 from visaug.frames.limits import pillow_image
 

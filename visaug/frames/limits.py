@@ -15,7 +15,7 @@ from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 if TYPE_CHECKING:
     from PIL.Image import Image

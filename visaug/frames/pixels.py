@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames import fits, hdf5, photo
 from visaug.frames.arrays import ArrayStore
 from visaug.frames.limits import check_shape, pillow_image

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames.record import FrameRecord
 
 

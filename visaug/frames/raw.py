@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 BYTE_ORDERS = ("little", "big")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 KINDS = ("bias", "dark", "flat", "scene", "image")
 MOSAICS = ("RGGB", "BGGR", "GRBG", "GBRG")

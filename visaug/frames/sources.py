@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from pathlib import Path, PureWindowsPath
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames.headers import frames_of
 from visaug.frames.names import facts_of_name
 from visaug.frames.pixels import ARRAYS, FITS, HDF5, PHOTOS, PICTURES, SUFFIXES, TIFFS, suffix_of

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames.pixels import PixelReader
 from visaug.frames.raw import BYTE_ORDERS, LAYOUTS, guess_layout, unused_low_bits
 from visaug.frames.record import FrameRecord

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames import pixels
 from visaug.frames.headers import Facts, frames_of
 from visaug.frames.names import facts_of_name

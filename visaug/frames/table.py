@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug.frames.kinds import is_master, kind_of
 from visaug.frames.record import KINDS, FrameRecord, format_window, parse_window
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from visaug.errors import InputError
-from visaug.files import whole_folder
+from visaug.core.errors import InputError
+from visaug.core.files import whole_folder
 from visaug.frames.pixels import split_name
 from visaug.frames.table import write_table
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from visaug.core.wording import with_interval
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
 from visaug.report.next_step import Inputs, after_characterization
 from visaug.report.pages import described, next_text, unit_text
 from visaug.report.provenance import footer
-from visaug.wording import with_interval
 
 if TYPE_CHECKING:
     from visaug.characterization import Characterization

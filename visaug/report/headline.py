@@ -3,14 +3,14 @@
 from collections.abc import Mapping
 from typing import Any
 
-from visaug.wording import p_text, probability_text, statistic_text, with_interval
+from visaug.core.wording import p_text, probability_text, statistic_text, with_interval
 
 Content = Mapping[str, Any]
 
 
 def view_title(name: str) -> str:
     """The plain name of a view."""
-    from visaug.fingerprint import VIEWS
+    from visaug.statistics import VIEWS
 
     return next(
         (view.title for view in VIEWS if view.name == name), name.replace("_", " ").capitalize()

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from visaug.wording import printable
+from visaug.core.wording import printable
 
 if TYPE_CHECKING:
     import jinja2
@@ -53,7 +53,7 @@ class Figure:
 
     def save(self, stem: Path) -> Path:
         """Write the picture itself, whole, as `stem` with .png or .svg; returns the file."""
-        from visaug.files import write_bytes
+        from visaug.core.files import write_bytes
 
         head, content = self.uri.split(",", 1)
         path = stem.with_suffix(".svg" if "svg" in head else ".png")
@@ -91,7 +91,7 @@ def render(page: Page) -> str:
 
 def write_page(path: str | Path, page: Page) -> Path:
     """Write the page whole; returns its path."""
-    from visaug.files import write_text
+    from visaug.core.files import write_text
 
     write_text(path, render(page))
     return Path(path)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
-    from visaug.comparison.pictures import PictureComparison
     from visaug.frames import FrameSet
+    from visaug.pictures.comparison import PictureComparison
 
 PICTURES = "Replace IMAGES by the pictures that you train with."
 

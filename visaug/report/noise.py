@@ -31,7 +31,7 @@ def components(camera: "Camera", image: np.ndarray, seed: int = 0) -> dict[str, 
     """
     import torch
 
-    from visaug.sampling import Stream, derive_key
+    from visaug.core.sampling import Stream, derive_key
 
     spec = camera.spec
     rows, columns = image.shape

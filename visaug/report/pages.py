@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from visaug.core.wording import p_text, probability_text, share_text, statistic_text, with_interval
 from visaug.report.headline import (
     PROBABILITY,
     comparison_headline,
@@ -22,12 +23,11 @@ from visaug.report.plots.error import plot_error_steps, plot_ranking
 from visaug.report.plots.used import plot_used
 from visaug.report.provenance import footer
 from visaug.report.views import ViewGallery, all_views
-from visaug.wording import p_text, probability_text, share_text, statistic_text, with_interval
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
-    from visaug.comparison import Comparison
     from visaug.diagnosis import Diagnosis
+    from visaug.diagnosis.comparison import Comparison
     from visaug.frames import FrameSet
 
 ERROR = (

@@ -3,16 +3,16 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from visaug.core.wording import number
 from visaug.report.headline import comparison_headline, view_title
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
 from visaug.report.next_step import after_pictures, picture_inputs
 from visaug.report.provenance import footer
-from visaug.wording import number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from visaug.comparison import PictureComparison
+    from visaug.pictures.comparison import PictureComparison
 
 
 def write_picture_comparison(path: str | Path, result: "PictureComparison") -> Path:

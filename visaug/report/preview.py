@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -32,10 +32,10 @@ def write_preview(
         bits: depth of the data in 16-bit words.
         options: passed to `SensorNoise`.
     """
-    from visaug.augment.pictures import read_picture
+    from visaug.augment.image_io import read_picture
     from visaug.augment.preview import middle, sample, shown
     from visaug.augment.sensor_noise import SensorNoise
-    from visaug.files import whole_file
+    from visaug.core.files import whole_file
     from visaug.report.plots.preview import plot_preview
 
     if output.suffix.lower() != ".png":

@@ -98,8 +98,8 @@ def load_real_camera() -> "tuple[Camera, FrameSet]":
 
 def real_camera_section(seed: int = 0) -> Section:
     """Measured and modelled in the same axes, and in a sentence where they differ."""
+    from visaug.camera.simulation import simulate
     from visaug.report.plots import sensor
-    from visaug.simulation import simulate
 
     camera, frames = load_real_camera()
     measured = sensor_curves(frames)

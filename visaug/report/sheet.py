@@ -93,7 +93,7 @@ def write_sheet(
     title: str = "EMVA 1288 data sheet",
 ) -> Path:
     """Write the sheet: a page of figures and pages of plots for each operating point."""
-    from visaug.files import write_text
+    from visaug.core.files import write_text
 
     content = template("sheet.html").render(
         title=title,

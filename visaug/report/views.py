@@ -8,9 +8,9 @@ from visaug.report.plots.view import plot_view
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
-    from visaug.fingerprint import View
-    from visaug.fingerprint.view import Picture
     from visaug.frames import FrameSet
+    from visaug.statistics import View
+    from visaug.statistics.view import Picture
 
 
 class ViewGallery:
@@ -23,8 +23,8 @@ class ViewGallery:
     """
 
     def __init__(self, frames: "FrameSet", camera: "Camera", seed: int = 0) -> None:
-        from visaug.comparison.laboratory import Laboratory
-        from visaug.fingerprint import FrameData
+        from visaug.diagnosis.laboratory import Laboratory
+        from visaug.statistics import FrameData
 
         # full frames before windows: they show the whole sensor
         parts = sorted(Laboratory(frames, camera, seed).parts, key=lambda part: not part.place)
@@ -70,7 +70,7 @@ class ViewGallery:
 
 
 def all_views() -> list[str]:
-    from visaug.fingerprint import OF_FULL_FRAMES, VIEWS
+    from visaug.statistics import OF_FULL_FRAMES, VIEWS
 
     return list(dict.fromkeys(view.name for view in (*VIEWS, *OF_FULL_FRAMES)))
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from visaug.candidates.look import tracks
+from visaug.diagnosis.candidates.look import tracks
 from visaug.effects import Look, catalogue
 
 RATE_PER_S, SECONDS, SHAPE = 6.0, 2.0, (200, 240)

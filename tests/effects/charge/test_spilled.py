@@ -5,8 +5,8 @@ import pytest
 
 from tests.diagnosis.small import SENSOR, stated_camera
 from visaug import FrameSet
-from visaug.candidates.look import look, spilled
-from visaug.comparison import Laboratory
+from visaug.diagnosis.candidates.look import look, spilled
+from visaug.diagnosis.laboratory import Laboratory
 from visaug.effects import Look, catalogue
 from visaug.frames import FrameRecord
 

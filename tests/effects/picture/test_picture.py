@@ -10,8 +10,8 @@ from scipy.ndimage import correlate1d, gaussian_filter
 from scipy.stats import norm
 
 from visaug.camera import Camera
+from visaug.core.errors import InputError
 from visaug.effects import JPEG, PictureQuantization, Sharpening, ToneCurve
-from visaug.errors import InputError
 
 
 @pytest.fixture(scope="module")

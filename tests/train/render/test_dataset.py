@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from visaug.errors import InputError
+from visaug.core.errors import InputError
 from visaug_train.geometry import Keypoints, project_targets
 from visaug_train.render.dataset import RenderSettings, render_dataset
 from visaug_train.speed import read_poses

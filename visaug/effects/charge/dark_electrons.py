@@ -2,8 +2,8 @@
 
 from torch import Tensor
 
+from visaug.core.sampling import Stream
 from visaug.effects.effect import Context
-from visaug.sampling import Stream
 
 
 def add_dark_electrons(signal: Tensor, mean_e: Tensor, stream: Stream, context: Context) -> Tensor:

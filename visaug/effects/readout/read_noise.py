@@ -2,8 +2,8 @@
 
 import torch
 
+from visaug.core.sampling.tukey_lambda import standard_deviation_tensor
 from visaug.effects.effect import Effect, Parameter, Stage
-from visaug.sampling.tukey_lambda import standard_deviation_tensor
 
 # A random number of 32 bits ends at a tail of p = 2^-33. Beyond it lies a share of the variance that grows as the shape falls,
 # 2 p^(2L + 1) / (L^2 (2L + 1) var): 0.3 % here, so that the standard deviation is 0.2 % short at most; 2 % at -0.4.

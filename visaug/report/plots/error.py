@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from visaug.core.wording import probability_text
 from visaug.report.plots.style import MEASURED, MODELLED, SOFT, blank, styled
-from visaug.wording import probability_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

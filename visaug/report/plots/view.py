@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from visaug.core.wording import label_text
 from visaug.report.plots.style import MEASURED, MODELLED, blank, styled
-from visaug.wording import label_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from visaug.fingerprint.view import Picture
+    from visaug.statistics.view import Picture
 
 _LINES = ("-", "--", ":", "-.")
 _MARKERS = ("o", "s", "^", "D")

@@ -1,0 +1,108 @@
+"""Files appear whole or not at all."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from visaug.core import files
+from visaug.core.errors import InputError
+from visaug.core.files import folder_lock, whole_file, whole_folder, write_json, write_text
+
+
+def test_a_broken_write_leaves_nothing(tmp_path):
+    target = tmp_path / "inner" / "a.json"
+    with pytest.raises(RuntimeError, match="stop"), whole_file(target) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError("stop")
+    assert list(target.parent.iterdir()) == []
+
+
+def test_a_broken_write_keeps_the_old_file(tmp_path):
+    target = tmp_path / "a.json"
+    write_json(target, {"a": 1})
+    with pytest.raises(ValueError, match="JSON"):
+        write_json(target, {"a": float("nan")})
+    assert json.loads(target.read_text()) == {"a": 1}
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_permissions_are_those_of_any_new_file(tmp_path):
+    write_text(tmp_path / "ours", "x")
+    (tmp_path / "plain").write_text("x")
+    assert (tmp_path / "ours").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_a_folder_appears_whole(tmp_path):
+    place = tmp_path / "inner" / "out"
+    with pytest.raises(RuntimeError), whole_folder(place) as temporary:
+        (temporary / "a").write_text("half")
+        raise RuntimeError
+    assert list(place.parent.iterdir()) == []
+    with whole_folder(place) as temporary:
+        (temporary / "a").write_text("one")
+    with pytest.raises(InputError, match="not empty"), whole_folder(place):
+        pass
+    with whole_folder(place, overwrite=True) as temporary:
+        (temporary / "b").write_text("two")
+    assert [file.name for file in place.iterdir()] == ["b"]
+    assert list(place.parent.iterdir()) == [place]
+
+
+DIES = """
+import os, signal, sys
+from visaug.core import files
+if sys.argv[1] == "file":
+    with files.whole_file(sys.argv[2]) as half:
+        half.write_text("half")
+        os.kill(os.getpid(), signal.SIGKILL)
+with files.whole_folder(sys.argv[2], overwrite=True) as half:
+    (half / "half").touch()
+    if sys.argv[1] == "folder":
+        os.kill(os.getpid(), signal.SIGKILL)
+    files._flush = lambda _: None
+    files.Path.replace = files.Path.rename = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+    if sys.argv[1] == "between":
+        os.rename(sys.argv[2], files.Path(sys.argv[2]).parent / (files._OLD + files.Path(sys.argv[2]).name))
+"""
+
+
+@pytest.mark.parametrize("moment", ["file", "folder", "between"])
+def test_what_a_kill_left_goes_with_the_next_run_and_nothing_is_lost(tmp_path, moment):
+    place = tmp_path / "out"
+    if moment != "file":
+        place.mkdir()
+        (place / "mine").write_text("mine")
+    died = subprocess.run([sys.executable, "-c", DIES, moment, str(place)], check=False)
+    assert died.returncode == -signal.SIGKILL
+    assert len(list(tmp_path.glob(".visaug-*"))) >= 1
+    if moment == "file":
+        write_text(place, "whole")
+        assert place.read_text() == "whole"
+    else:
+        with pytest.raises(InputError, match="not empty"), whole_folder(place):
+            pass
+        assert (place / "mine").read_text() == "mine"
+    assert list(tmp_path.iterdir()) == [place]
+
+
+def test_what_others_are_writing_stays(tmp_path):
+    others = [
+        tmp_path / f".visaug-half-{host}-{pid}-x"
+        for host, pid in (("00000000", 4), (files._HOST, os.getpid()))
+    ]
+    for other in others:
+        other.touch()
+    write_text(tmp_path / "a", "a")
+    assert sorted(tmp_path.iterdir()) == sorted([*others, tmp_path / "a"])
+
+
+def test_a_locked_folder_is_refused_and_free_again_after(tmp_path):
+    refused = pytest.raises(InputError, match="another visaug command")
+    with folder_lock(tmp_path / "out"), refused, folder_lock(tmp_path / "out"):
+        pass
+    with folder_lock(tmp_path / "out"):
+        pass

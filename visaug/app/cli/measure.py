@@ -1,0 +1,416 @@
+"""Commands that measure: characterize, compare, diagnose, lab."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from visaug.app.cli import summaries
+from visaug.app.cli.options import (
+    bit_depth_option,
+    camera_option,
+    command,
+    effects_option,
+    force_option,
+    frames_argument,
+    is_silent,
+    json_option,
+    load_camera,
+    may_write,
+    output_option,
+    quiet_option,
+    report_option,
+    write_result,
+    written,
+)
+from visaug.core.errors import InputError, NoSensorNoise
+from visaug.core.progress import progress_bars
+from visaug.report.next_step import (
+    Inputs,
+    after_characterization,
+    after_comparison,
+    after_diagnosis,
+    after_pictures,
+    picture_inputs,
+)
+
+if TYPE_CHECKING:
+    from visaug.camera import Camera
+    from visaug.frames import FrameSet
+
+MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of the program and of its input
+
+
+@command("characterize", example="visaug characterize frames/ -o camera.yaml --report characterization.html")
+@frames_argument
+@camera_option(required=False)
+@effects_option()
+@bit_depth_option
+@click.option(
+    "--method",
+    type=click.Choice(["emva", "paper"]),
+    default="emva",
+    show_default=True,
+    help="EMVA 1288 with likelihood fits, or the paper's procedure, which uses bias and dark frames only.",
+)
+@output_option("camera.yaml", "Write the measured camera.")
+@click.option(
+    "--maps",
+    "maps_path",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Write maps of every pixel as FITS: master bias, response, read noise, dark current, defects.",
+)
+@click.option(
+    "--use-maps",
+    is_flag=True,
+    help="The camera of -o names the maps in --maps (.npy) in place of patterns drawn by chance.",
+)
+@click.option(
+    "--sheet",
+    "sheets",
+    metavar="F.html|F.json",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Write the EMVA 1288 release 4 data sheet for each operating point, as a page to print or as JSON. "
+    "May be repeated.",
+)
+@force_option
+@json_option
+@report_option
+@quiet_option
+def characterize(
+    frames_path: Path,
+    camera_name: str | None,
+    bit_depth: int | None,
+    method: Literal["emva", "paper"],
+    output: Path | None,
+    maps_path: Path | None,
+    use_maps: bool,
+    sheets: tuple[Path, ...],
+    force: bool,
+    json_path: Path | None,
+    report_path: Path | None,
+    quiet: bool,
+    seed: int,
+) -> None:
+    """Measure camera parameters from frames.
+
+    All parameters have 95 % confidence intervals.
+
+    With --camera, parameters that the frames do not determine (resolution of raw files, quantum efficiency
+    without a calibrated source) are taken from that camera. All others are reported as not determined. A folder of
+    ordinary pictures gives an effective camera: the noise of these pictures, each figure with its assumption.
+    """
+    import visaug
+
+    may_write(output, force)
+    if use_maps and not (output and maps_path):
+        raise InputError(
+            "there is no camera or no folder", field="--use-maps", expected="-o and --maps beside it"
+        )
+    for path in sheets:
+        if path.suffix.lower() not in (".html", ".json"):
+            raise InputError("is neither", file=path, field="--sheet", expected="a name in .html or .json")
+    camera = load_camera(camera_name) if camera_name else None
+    frames = visaug.FrameSet.load(frames_path, camera.resolution if camera else None, bit_depth)
+    with progress_bars(quiet=quiet) as progress:
+        progress("characterizing", 0, 1)
+        result = visaug.characterize(frames, camera, seed=seed, method=method)
+        progress("characterizing", 1, 1)
+    if not is_silent(quiet, json_path):
+        summaries.print_characterization(result.to_json())
+    # The measurements are written before the camera, because writing a camera fails where none was determined.
+    write_result(json_path, result.to_json())
+    if output and result.is_noiseless:
+        click.echo("no sensor noise found: no camera is written", err=is_silent(quiet, json_path))
+        output = None
+    if output:
+        result.save_camera(output, maps_path if use_maps else None)
+    if maps_path:
+        result.save_maps(maps_path)
+    if report_path:
+        from visaug.report import write_characterization
+
+        write_characterization(report_path, result, frames, output)
+    if sheets:
+        _write_sheets(sheets, frames, camera, seed, quiet)
+    if not is_silent(quiet, json_path):
+        written(output, maps_path, json_path, report_path, *sheets)
+        pictured = all(record.kind == "image" for record in frames.records)
+        if not pictured or "gain_e_per_dn" in result.parameters:
+            inputs = replace(Inputs.of(None, frames, output), transfer=result.transfer)
+            summaries.print_next(after_characterization(inputs, pictured))
+
+
+def _write_sheets(
+    sheets: tuple[Path, ...], frames: "FrameSet", camera: "Camera | None", seed: int, quiet: bool
+) -> None:
+    from visaug.characterization.points import operating_points
+    from visaug.core.files import write_json
+    from visaug.report import sheet_json, write_sheet
+
+    with progress_bars(quiet=quiet) as progress:
+        points = operating_points(frames, camera, seed, progress)
+    for path in sheets:
+        if path.suffix.lower() == ".json":
+            write_json(path, sheet_json(points))
+        else:
+            write_sheet(path, points, frames)
+
+
+transfer_option = click.option(
+    "--transfer",
+    type=click.Choice(["linear", "srgb"]),
+    default="linear",
+    show_default=True,
+    help="Of ordinary pictures with a camera: how their values follow from light.",
+)
+
+
+@command("compare", example="visaug compare frames/ --camera camera.yaml --report comparison.html")
+@frames_argument
+@camera_option(required=False)
+@click.option(
+    "--target",
+    metavar="PICTURES",
+    type=click.Path(path_type=Path),
+    help="Pictures of the target domain: FRAMES are then pictures too, with the camera's noise where one is given.",
+)
+@transfer_option
+@effects_option()
+@bit_depth_option
+@json_option
+@report_option
+@quiet_option
+@click.option(
+    "--fail-on-misfit",
+    is_flag=True,
+    help=f"Exit with status {MISFIT} if the camera does not explain the frames.",
+)
+def compare(
+    frames_path: Path,
+    camera_name: str | None,
+    target: Path | None,
+    transfer: Literal["linear", "srgb"],
+    bit_depth: int | None,
+    json_path: Path | None,
+    report_path: Path | None,
+    quiet: bool,
+    fail_on_misfit: bool,
+    seed: int,
+) -> None:
+    """Test whether a camera explains its frames.
+
+    The statistics of the frames are compared with those of simulated frames. Deviations are listed by view.
+    With --target, pictures are compared with pictures: what the camera of the target does that FRAMES lack.
+    """
+    import visaug
+
+    if target is None and camera_name is None:
+        raise InputError("is missing", field="--camera", expected="a camera, or --target PICTURES")
+    camera = load_camera(camera_name) if camera_name else None
+    if target is not None:
+        from visaug.pictures.comparison import compare_pictures
+
+        renders = visaug.FrameSet.load(frames_path, None, bit_depth)
+        wanted = visaug.FrameSet.load(target, None, bit_depth)
+        with progress_bars(quiet=quiet) as progress:
+            found = compare_pictures(renders, wanted, camera, transfer, seed, progress)
+        if not is_silent(quiet, json_path):
+            summaries.print_comparison(found.to_json())
+        write_result(json_path, found.to_json())
+        if report_path:
+            found.report(report_path)
+        if not is_silent(quiet, json_path):
+            written(json_path, report_path)
+            summaries.print_next(after_pictures(found.to_json(), picture_inputs(found)))
+        if fail_on_misfit and not found.adequate:
+            raise SystemExit(MISFIT)
+        return
+    assert camera is not None
+    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
+    with progress_bars(quiet=quiet) as progress, _warning_of_renders(json_path, fail_on_misfit):
+        result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
+    inputs = replace(Inputs.of(camera, frames), transfer=_told(transfer))
+    content = result.to_json()
+    if not is_silent(quiet, json_path):
+        summaries.print_comparison(content)
+    if report_path:
+        from visaug.report import write_comparison
+
+        pictures = write_comparison(report_path, result, camera, frames, seed, inputs)
+        content["pictures"] = {name: str(path) for name, path in pictures.items()}
+    write_result(json_path, content)
+    if not is_silent(quiet, json_path):
+        written(json_path, report_path)
+        summaries.print_next(after_comparison(content, inputs))
+    if fail_on_misfit and not result.adequate:
+        raise SystemExit(MISFIT)
+
+
+@contextmanager
+def _warning_of_renders(json_path: Path | None, fail_on_misfit: bool = False) -> Iterator[None]:
+    """Where pictures have no sensor noise, writes the warning alone as JSON; no camera with noise explains such pictures."""
+    try:
+        yield
+    except NoSensorNoise as none:
+        write_result(json_path, {"warnings": [f"no_sensor_noise: {none}"]})
+        if not fail_on_misfit:
+            raise
+        click.echo(str(none), err=True)
+        raise SystemExit(MISFIT) from None
+
+
+def _told(transfer: str) -> str | None:
+    """The transfer function as an option of the next command, where it is not the default."""
+    return None if transfer == "linear" else transfer
+
+
+@command(
+    "diagnose", example="visaug diagnose frames/ --camera camera.yaml -o better.yaml --report diagnosis.html"
+)
+@frames_argument
+@camera_option()
+@effects_option(
+    "File with your own effects to try with those of the catalogue (see `visaug effects new`).", pass_on=True
+)
+@bit_depth_option
+@click.option(
+    "--without",
+    metavar="NAME",
+    multiple=True,
+    help="Do not try this effect of the catalogue. May be repeated.",
+)
+@click.option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="Run the simulations on a Ray cluster: its address, `auto`, or `local` for this machine (extra `cluster`).",
+)
+@click.option(
+    "--scenes",
+    metavar="PICTURES",
+    type=click.Path(path_type=Path),
+    help="Where FRAMES are ordinary pictures: others of such scenes, e.g. the training images. Vignetting needs them.",
+)
+@transfer_option
+@output_option("camera2.yaml", "Write the refitted camera with the missing effects.")
+@force_option
+@json_option
+@report_option
+@quiet_option
+def diagnose(
+    frames_path: Path,
+    camera_name: str,
+    effects: tuple[Path, ...],
+    bit_depth: int | None,
+    without: tuple[str, ...],
+    cluster: str | None,
+    scenes: Path | None,
+    transfer: Literal["linear", "srgb"],
+    output: Path | None,
+    force: bool,
+    json_path: Path | None,
+    report_path: Path | None,
+    quiet: bool,
+    seed: int,
+) -> None:
+    """Find the effects that a camera lacks.
+
+    The camera is refitted with the missing effects. The error is given before and after. FRAMES may be a folder of ordinary
+    pictures: effects that show in a black sky and in flat regions are then found, and those that pictures cannot show are named.
+    """
+    import visaug
+    from visaug.app.cli.effect_pages import find
+
+    may_write(output, force)
+    for name in without:
+        find(name)
+    camera = load_camera(camera_name)
+    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
+    with progress_bars(single=True, quiet=quiet) as progress, _warning_of_renders(json_path):
+        result = visaug.diagnose(
+            camera,
+            frames,
+            effects=list(effects),
+            without=list(without),
+            seed=seed,
+            progress=progress,
+            cluster=cluster,
+            transfer=transfer,
+            scenes=scenes,
+        )
+    if not is_silent(quiet, json_path):
+        summaries.print_diagnosis(result.to_json())
+    chosen = [
+        *(word for name in without for word in ("--without", name)),
+        *(("--seed", str(seed)) if seed else ()),
+    ]
+    chosen += ["--scenes", str(scenes)] if scenes else []
+    inputs = replace(Inputs.of(camera, frames, output), transfer=_told(transfer), options=tuple(chosen))
+    if output:
+        result.camera.save(output)
+    write_result(json_path, result.to_json())
+    if report_path:
+        from visaug.report import write_diagnosis
+
+        write_diagnosis(report_path, result, camera, frames, seed, inputs)
+    if not is_silent(quiet, json_path):
+        written(output, json_path, report_path)
+        summaries.print_next(after_diagnosis(result.to_json(), inputs))
+
+
+@command("lab", example="visaug lab frames/ --camera camera.yaml")
+@frames_argument
+@camera_option()
+@effects_option("File with your own effects; the page can load more.", pass_on=True)
+@bit_depth_option
+@output_option("camera2.yaml", "File that the page's Save camera writes, in addition to the download.")
+@force_option
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=0, show_default="a free one", help="Port on 127.0.0.1."
+)
+@click.option("--open/--no-browser", "browser", default=False, help="Open the page in a browser.")
+def lab(
+    frames_path: Path,
+    camera_name: str,
+    effects: tuple[Path, ...],
+    bit_depth: int | None,
+    output: Path | None,
+    force: bool,
+    port: int,
+    browser: bool,
+    seed: int,
+) -> None:
+    """Compare and diagnose interactively.
+
+    Effects can be added and removed to see how the error changes.
+
+    Prints the address of a page that is served on this machine only, until Ctrl-C. Anyone who has the address
+    can use the page and load effects, whose Python code is then executed.
+    """
+    import visaug
+
+    try:
+        from visaug.app.lab import Bench, load_own, serve
+    except ModuleNotFoundError as error:
+        if error.name and error.name.split(".")[0] in ("starlette", "uvicorn"):
+            raise InputError(
+                f"{error.name} is not installed", expected="the extra `lab`: pip install 'visaug[lab]'"
+            ) from None
+        raise
+    may_write(output, force)
+    own = [name for file in effects for name in load_own(file)]  # first: the camera may name one of them
+    camera = load_camera(camera_name)
+    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
+    bench = Bench(camera, frames, own, seed=seed, output=output, force=force)
+    try:
+        serve(bench, port, say=click.echo, ready=click.launch if browser else None)
+    except KeyboardInterrupt:
+        click.echo("the lab is closed")
+
+
+COMMANDS: list[click.Command] = [characterize, compare, diagnose, lab]

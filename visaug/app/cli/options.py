@@ -1,0 +1,163 @@
+"""What the commands share: the camera, the seed, an example in the help, and one way to write results."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from visaug.core.errors import InputError
+
+if TYPE_CHECKING:
+    from visaug.camera import Camera
+
+Decorator = Callable[[Callable], Callable]
+STANDARD_OUTPUT = Path("-")
+
+
+class _Command(click.Command):
+    """A command whose `--effects` takes several files: `--effects a.py b.py`."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        spread: list[str] = []
+        taking = False
+        for word in args:
+            if taking and word.endswith(".py") and spread[-1] != "--effects":
+                spread.append("--effects")
+            taking = word == "--effects" or (taking and word.endswith(".py"))
+            spread.append(word)
+        return super().parse_args(ctx, spread)
+
+
+def command(name: str, *, example: str) -> Callable[[Callable], click.Command]:
+    """A command with `--seed` and an example under its help."""
+
+    def decorate(function: Callable) -> click.Command:
+        seeded = click.option(
+            "--seed",
+            type=click.IntRange(min=0),
+            default=0,
+            show_default=True,
+            help="Seed of all random numbers.",
+        )(function)
+        return click.command(name, cls=_Command, epilog="\b\nExample:\n  " + example.replace("\n", "\n  "))(
+            seeded
+        )
+
+    return decorate
+
+
+def camera_option(required: bool = True) -> Decorator:
+    return click.option(
+        "--camera",
+        "camera_name",
+        metavar="CAMERA",
+        required=required,
+        help="A camera.yaml, or the name of a camera in the package (see `visaug cameras`).",
+    )
+
+
+frames_argument = click.argument("frames_path", metavar="FRAMES", type=click.Path(path_type=Path))
+json_option = click.option(
+    "--json",
+    "json_path",
+    metavar="F",
+    type=click.Path(path_type=Path),
+    help="Write the result as JSON; `-` writes it to standard output and suppresses all other output.",
+)
+quiet_option = click.option(
+    "-q", "--quiet", is_flag=True, help="Print errors only, no progress and no tables."
+)
+report_option = click.option(
+    "--report",
+    "report_path",
+    metavar="F.html",
+    type=click.Path(path_type=Path),
+    help="Write a report as one HTML file.",
+)
+
+
+def output_option(metavar: str, text: str, **more: Any) -> Decorator:
+    return click.option(
+        "-o", "--output", "output", metavar=metavar, type=click.Path(path_type=Path), help=text, **more
+    )
+
+
+def _load_effects(_: click.Context, __: click.Parameter, files: tuple[Path, ...]) -> tuple[Path, ...]:
+    """Loads them while the options are read, so that a camera file may name them."""
+    from visaug.effects.catalogue import load_file
+
+    for file in files:
+        load_file(file)
+    return files
+
+
+def effects_option(
+    text: str = "File with your own effects that the camera uses.", *, pass_on: bool = False
+) -> Decorator:
+    """`--effects FILE.py`, loaded before the command runs; handed to it as `effects` where `pass_on`."""
+    return click.option(
+        "--effects",
+        "effects",
+        metavar="FILE.py",
+        multiple=True,
+        type=click.Path(path_type=Path),
+        callback=_load_effects,
+        expose_value=pass_on,
+        help=text + " May be repeated.",
+    )
+
+
+bit_depth_option = click.option(
+    "--bit-depth",
+    "bit_depth",
+    metavar="N",
+    type=click.IntRange(1, 32),
+    help="Bits of the converter, for example 12 for 12-bit data in 16-bit files.",
+)
+force_option = click.option("--force", is_flag=True, help="Overwrite existing files.")
+
+
+def may_write(path: Path | None, force: bool) -> None:
+    """Refuse, before any work, to overwrite what a user may have edited."""
+    if path is not None and path.exists() and not force:
+        raise InputError("already exists", file=path, expected="another name, or --force to overwrite it")
+
+
+def numbers(text: str, field: str) -> tuple[float, ...]:
+    """Numbers of a list as ``0.1,0.5,2``."""
+    try:
+        return tuple(float(word) for word in text.replace(",", " ").split())
+    except ValueError:
+        raise InputError(
+            f"{text!r} is not a list of numbers", field=field, expected="for instance 0.1,0.5,2"
+        ) from None
+
+
+def load_camera(name: str) -> "Camera":
+    from visaug.camera import Camera
+
+    return Camera.load(name)
+
+
+def is_silent(quiet: bool, json_path: Path | None) -> bool:
+    """Whether standard output is left to JSON, or to nothing."""
+    return quiet or json_path == STANDARD_OUTPUT
+
+
+def write_result(json_path: Path | None, content: Any) -> None:
+    """The JSON of a result, to a file or to standard output."""
+    from visaug.core.files import write_json
+
+    if json_path == STANDARD_OUTPUT:
+        click.echo(json.dumps(content, indent=2))
+    elif json_path is not None:
+        write_json(json_path, content)
+
+
+def written(*paths: Path | None) -> None:
+    """Say where results lie."""
+    for path in paths:
+        if path not in (None, STANDARD_OUTPUT):
+            click.echo(f"wrote {path}")

@@ -1,0 +1,260 @@
+"""Commands on ordinary pictures: augment, preview; and the cameras that come with visaug."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from visaug.app.cli.options import Decorator, command, effects_option, load_camera, output_option, written
+from visaug.app.cli.tables import print_table
+from visaug.core.errors import PartlyFailed
+from visaug.core.progress import progress_bars
+
+if TYPE_CHECKING:
+    from visaug.augment.files import Augmented
+
+WORDS = {"srgb": "sRGB", "linear": "linear"}
+
+
+class Range(click.ParamType):
+    """A number, or two with a colon between: `0:24`."""
+
+    name = "A[:B]"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float | tuple[float, float]:
+        try:
+            ends = [float(end) for end in str(value).split(":")]
+        except ValueError:
+            ends = []
+        match ends:
+            case [one]:
+                return one
+            case [low, high]:
+                return low, high
+        self.fail(f"{value!r} is not a number or a pair of numbers such as 0:24", param, ctx)
+
+
+def cameras_option(if_repeated: str) -> Decorator:
+    """The option `--camera` of a command that takes several."""
+    return click.option(
+        "--camera",
+        "camera_names",
+        metavar="CAMERA",
+        required=True,
+        multiple=True,
+        help=f"A camera.yaml, or the name of a camera in the package (see `visaug cameras`). {if_repeated}",
+    )
+
+
+def light_options(function: Decorator) -> Decorator:
+    """Options of the conditions under which a picture is taken: encoding, light, gain, strength of the noise."""
+    for option in (
+        click.option(
+            "--bits", type=click.IntRange(1, 16), help="Bits used in 16-bit data, if fewer: 10, 12 or 14."
+        ),
+        click.option(
+            "--strength",
+            type=click.FloatRange(min=0),
+            default=1.0,
+            show_default=True,
+            help="Factor on the standard deviation of the noise.",
+        ),
+        click.option(
+            "--exposure",
+            type=Range(),
+            help="Fraction of the saturation exposure, 1e-6 to 1; the brightness is restored. With A:B, drawn for each picture.",
+        ),
+        click.option(
+            "--gain-db",
+            type=Range(),
+            help="Gain in dB on the camera's scale. With A:B, drawn for each picture.",
+        ),
+        click.option(
+            "--transfer",
+            type=click.Choice(["auto", "linear", "srgb"]),
+            default="auto",
+            show_default=True,
+            help="Encoding of the pixel values. auto: from colour profile, tags, bit depth and number of channels.",
+        ),
+    ):
+        function = option(function)
+    return function
+
+
+@command(
+    "augment", example="visaug augment photos/ portrait.tif -o noisy/ --camera sony_imx174 --gain-db 0:24"
+)
+@click.argument("inputs", metavar="IN...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@output_option("OUT", "Folder for the copies.", required=True)
+@cameras_option("If repeated, one is drawn for each picture.")
+@light_options
+@click.option(
+    "--p",
+    type=click.FloatRange(0, 1),
+    default=1.0,
+    show_default=True,
+    help="Probability that a copy gets noise.",
+)
+@click.option(
+    "--copies",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Copies of each picture: a_1.png, a_2.png, ...",
+)
+@click.option(
+    "--copy-labels", is_flag=True, help="Copy YOLO labels (.txt) to where ultralytics looks for them."
+)
+@click.option(
+    "--fixed-pattern",
+    type=click.Choice(["image", "camera"]),
+    default="image",
+    show_default=True,
+    help="Draw new fixed patterns for each picture, or keep those of one camera.",
+)
+@click.option(
+    "--black-level",
+    type=click.Choice(["subtract", "keep"]),
+    default="subtract",
+    show_default=True,
+    help="Subtract the camera's black level from the result, or keep it.",
+)
+@effects_option()
+def augment(
+    inputs: tuple[Path, ...],
+    output: Path,
+    camera_names: tuple[str, ...],
+    transfer: str,
+    gain_db: float | tuple[float, float] | None,
+    exposure: float | tuple[float, float] | None,
+    strength: float,
+    bits: int | None,
+    p: float,
+    copies: int,
+    copy_labels: bool,
+    fixed_pattern: str,
+    black_level: str,
+    seed: int,
+) -> None:
+    """Write noisy copies of pictures or folders.
+
+    Reads PNG, JPEG, TIFF, WebP and BMP with 8 or 16 bits, floating-point TIFF, OpenEXR and NumPy arrays. Names,
+    sizes, depth, channels and tags are preserved. If interrupted, the same command resumes. Damaged pictures are
+    listed at the end (exit status 1).
+    """
+    from visaug.augment.files import augment_files
+
+    cameras = [load_camera(name) for name in camera_names]
+    with progress_bars() as progress:
+        done = augment_files(
+            inputs,
+            output,
+            cameras,
+            seed=seed,
+            p=p,
+            copies=copies,
+            bits=bits,
+            labels=copy_labels,
+            progress=progress,
+            transfer=transfer,
+            gain_db=gain_db,
+            exposure=exposure,
+            strength=strength,
+            fixed_pattern=fixed_pattern,
+            black_level=black_level,
+        )
+    _say(done, output)
+    if done.failed:
+        head = f"{_number(len(done.failed), 'picture')} could not be used:"
+        raise PartlyFailed("\n  ".join([head, *done.failed]))
+
+
+@command(
+    "preview", example="visaug preview photo.jpg --camera sony_imx174 --camera canon_5d4_iso800 -o sheet.png"
+)
+@click.argument("picture", metavar="IMAGE", type=click.Path(path_type=Path))
+@cameras_option("If repeated, the sheet shows each.")
+@light_options
+@output_option("sheet.png", "Write the contact sheet.", required=True)
+@effects_option()
+def preview(
+    picture: Path,
+    camera_names: tuple[str, ...],
+    transfer: str,
+    gain_db: float | tuple[float, float] | None,
+    exposure: float | tuple[float, float] | None,
+    strength: float,
+    bits: int | None,
+    output: Path,
+    seed: int,
+) -> None:
+    """Write a contact sheet of one picture.
+
+    For each camera it shows a crop at 1:1 and the standard deviation of the noise at five levels, in 8-bit units.
+    """
+    from visaug.report.preview import write_preview
+
+    said = write_preview(
+        picture,
+        [load_camera(name) for name in camera_names],
+        output,
+        seed=seed,
+        bits=bits,
+        transfer=transfer,
+        gain_db=gain_db,
+        exposure=exposure,
+        strength=strength,
+    )
+    click.echo(f"transfer function: {said}")
+    written(output)
+
+
+@command("cameras", example="visaug cameras\nvisaug cameras sony_imx174 > my_camera.yaml")
+@click.argument("name", metavar="[NAME]", required=False)
+def cameras(name: str | None, seed: int) -> None:
+    """List the cameras in the package, or print one.
+
+    With NAME, the camera.yaml of that camera is printed.
+    """
+    from visaug.camera import Camera, shipped
+
+    if name is not None:
+        load_camera(name)
+        file = Path(name) if Path(name).is_file() else shipped()[name.removesuffix(".yaml")]
+        click.echo(file.read_text(encoding="utf-8"), nl=False)
+        return
+    rows = []
+    for shipped_name in shipped():
+        spec = Camera.load(shipped_name).spec
+        size = "{} x {}".format(*spec.resolution)
+        gain, noise = f"{spec.gain_e_per_dn:.3g}", f"{spec.read_noise.sigma_e:.3g}"
+        rows.append([shipped_name, spec.name, size, str(spec.bit_depth), gain, noise])
+    print_table(["name", "camera", "rows x columns", "bit", "e-/DN", "read noise e-"], rows)
+
+
+def _say(done: "Augmented", output: Path) -> None:
+    """What was done, what was assumed, what was left out."""
+    line = f"wrote {_number(done.written, 'picture')} to {output}"
+    click.echo(line + (f", {done.kept} existed already" if done.kept else ""))
+    if done.assumed:
+        parts = [f"{WORDS[kind]} for {count} ({why})" for (kind, why), count in sorted(done.assumed.items())]
+        click.echo(f"transfer function: {', '.join(parts)}")
+    if done.clipped:
+        click.echo(
+            f"{_number(done.clipped, 'picture')} with values outside [0, 1], which are clipped: 1 is white; "
+            "scale data of another range first"
+        )
+    if done.skipped:
+        parts = [f"{count} {suffix}" for suffix, count in sorted(done.skipped.items())]
+        click.echo(f"skipped {_number(sum(done.skipped.values()), 'file')}: {', '.join(parts)}")
+    if done.unlabelled:
+        click.echo(f"{_number(done.unlabelled, 'picture')} without labels")
+
+
+def _number(count: int, what: str) -> str:
+    return f"{count} {what}" + ("" if count == 1 else "s")
+
+
+COMMANDS: list[click.Command] = [augment, preview, cameras]

@@ -1,0 +1,99 @@
+"""The command group, and the one place where a user's mistake becomes exit status 2."""
+
+import logging
+import os
+import signal
+import sys
+import threading
+from types import FrameType
+
+import click
+
+from visaug import __version__
+from visaug.app.cli import learn, measure, pictures, take
+from visaug.core.errors import InputError, NoSensorNoise, PartlyFailed, described, user_line
+from visaug.core.wording import printable
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, prog_name="visaug")
+def program() -> None:
+    """Physical image-sensor noise: augment images, characterize a camera, find effects that its model lacks.
+
+    \b
+    Example:
+      visaug augment photos/ -o noisy/ --camera sony_imx174 --gain-db 0:24
+    """
+
+
+for module in (pictures, take, measure, learn):
+    for command in module.COMMANDS:
+        program.add_command(command)
+
+
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM: ends what runs as Ctrl-C does, so that temporary files go."""
+
+
+def _terminate(_signal: int, _frame: FrameType | None) -> None:
+    raise _Terminated
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the program; ends the process with status 0, 1 where part of the work failed, 2 on bad input or an error of the
+    operating system, 130 when interrupted, 143 when terminated.
+    """
+    logging.getLogger("tifffile").addHandler(
+        logging.NullHandler()
+    )  # the error of a damaged file is one line, without the library's own
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _terminate)
+    try:
+        program.main(args=arguments, prog_name="visaug", standalone_mode=False)
+    except click.ClickException as mistake:
+        # click's own mistakes (unknown option, missing file) already carry status 2 or 1.
+        mistake.show()
+        sys.exit(2)
+    except (KeyboardInterrupt, click.exceptions.Abort) as stop:
+        terminated = isinstance(stop, _Terminated) or isinstance(stop.__cause__, _Terminated)
+        word = "terminated" if terminated else "interrupted"
+        click.echo(f"visaug: {word}; run the same command again to resume", err=True)
+        sys.exit(143 if terminated else 130)
+    except PartlyFailed as partly:
+        click.echo(printable(str(partly)))
+        sys.exit(1)
+    except NoSensorNoise as none:
+        json_out = {"-", "--json=-"} & set(sys.argv if arguments is None else arguments)
+        click.echo(str(none), err=bool(json_out))  # standard output is left to JSON
+        sys.exit(0)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(0)
+    except (InputError, OSError, MemoryError) as mistake:
+        click.echo(f"visaug: {one_line(mistake)}", err=True)
+        sys.exit(2)
+    except Exception as failure:
+        loop = (
+            str(failure) if str(failure).startswith("Symlink loop") else None
+        )  # pathlib's, which is no OSError
+        fault = loop or users_fault(failure)
+        if fault is None:
+            raise
+        click.echo(f"visaug: {fault}", err=True)
+        sys.exit(2)
+
+
+def one_line(mistake: BaseException) -> str:
+    """The message without line breaks; `file: what` for an operating system's error."""
+    if isinstance(mistake, MemoryError):
+        return f"not enough memory ({mistake})" if str(mistake) else "not enough memory"
+    if isinstance(mistake, OSError) and mistake.strerror:
+        place = "" if mistake.filename is None else f"{os.fsdecode(mistake.filename)}: "
+        return printable(f"{place}{mistake.strerror}")
+    return printable(" ".join(str(mistake).split()))
+
+
+def users_fault(failure: Exception) -> str | None:
+    """One line on an exception that a user's effect raised: file, line, what; None for any other."""
+    at = user_line(failure)
+    return at and printable(" ".join(f"{at}: {described(failure)}".split()))

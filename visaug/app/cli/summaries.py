@@ -1,0 +1,98 @@
+"""Results on the terminal, from their JSON form."""
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from visaug.app.cli.tables import print_table
+from visaug.core.wording import share_text, statistic_text, with_interval
+from visaug.report.headline import comparison_headline, diagnosis_details, diagnosis_headline, view_title
+from visaug.report.next_step import NextStep
+
+if TYPE_CHECKING:
+    from visaug.frames.survey import Survey
+
+
+def print_characterization(result: dict[str, Any]) -> None:
+    """A table of parameters with intervals, what stays open, and warnings."""
+    rows = [
+        [
+            name,
+            with_interval(entry["value"], entry.get("low"), entry.get("high")),
+            entry["unit"],
+            entry["from"],
+        ]
+        for name, entry in result["parameters"].items()
+    ]
+    print_table(["parameter", "value [95 % interval]", "unit", "source"], rows)
+    for entry in result["not_determined"]:
+        click.echo(f"not determined: {entry['parameter']}; needs {entry['needs']}")
+    for warning in result["warnings"]:
+        click.echo(f"warning: {warning}")
+
+
+def print_survey(found: "Survey") -> None:
+    """The frames of each condition, then what is missing."""
+    rows = [
+        [kind or "?", str(count), *(_cell(v) for v in values)]
+        for (kind, *values), count in found.conditions().items()
+    ]
+    print_table(
+        ["kind", "frames", "exposure s", "temperature C", "gain dB", "setting", "filter", "photons"], rows
+    )
+    for note in found.notes:
+        click.echo(note)
+    if not found.complete:
+        click.echo("the table is not complete: fill in the blank cells before you use it")
+
+
+def _cell(value: float | str | None) -> str:
+    return "" if value is None else value if isinstance(value, str) else f"{value:g}"
+
+
+def print_comparison(result: dict[str, Any]) -> None:
+    """Where the model fails, then the answer in one sentence."""
+    print_places(result["where"])
+    print_used(result)
+    click.echo(comparison_headline(result))
+
+
+def print_diagnosis(result: dict[str, Any]) -> None:
+    """The error step by step, then the answer as the report has it."""
+    for step in result["steps"]:
+        low, high = step.get("interval") or (None, None)
+        click.echo(f"  {step['action']:<32} error {with_interval(step['error'], low, high)}")
+    if result.get("cannot_show"):
+        click.echo("these frames cannot show: " + ", ".join(result["cannot_show"]))
+    print_used(result)
+    click.echo(diagnosis_headline(result))
+    for line in diagnosis_details(result):
+        click.echo(line)
+
+
+def print_next(step: NextStep) -> None:
+    """The command that follows, to standard error: a script that reads the answer does not meet it."""
+    click.echo("\n    ".join([step.text, *step.command.splitlines()]), err=True)
+
+
+def print_used(result: dict[str, Any]) -> None:
+    """Which frames and pixels were looked at, where it is not all of them, and warnings."""
+    used = result.get("used")
+    if used and (used["frames"] < used["of"] or used["windows"] != [used["frame"]]):
+        click.echo(f"used: {used['description']}")
+    for warning in result.get("warnings", ()):
+        click.echo(f"warning: {warning}", err=True)
+
+
+def print_places(where: list[dict[str, Any]], most: int = 10) -> None:
+    rows = [
+        [
+            view_title(place["view"]),
+            share_text(place["share"]),
+            statistic_text(place["worst"]),
+            f"{place['z']:.2g}",
+        ]
+        for place in where[:most]
+    ]
+    if rows:
+        print_table(["view", "share of the misfit", "worst statistic", "standard deviations"], rows)

@@ -1,0 +1,200 @@
+"""Commands that make frames or tell what can be made: simulate, plan, frames, effects."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from visaug.app.cli import summaries
+from visaug.app.cli.options import (
+    bit_depth_option,
+    camera_option,
+    command,
+    effects_option,
+    force_option,
+    load_camera,
+    may_write,
+    numbers,
+    output_option,
+    written,
+)
+from visaug.core.progress import progress_bars
+
+
+@command(
+    "simulate",
+    example="visaug plan -o frames.csv\nvisaug simulate frames.csv --camera sony_imx174 -o frames/",
+)
+@click.argument("plan_path", metavar="PLAN", type=click.Path(path_type=Path))
+@camera_option()
+@effects_option()
+@output_option("DIR", "Folder for the frames, frames.csv and camera.yaml.", required=True)
+@force_option
+def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed: int) -> None:
+    """Simulate a frame set with a camera.
+
+    PLAN is a frames.csv, whose column `file` names the files to write, or an existing frame set. A scene without
+    `clean` shows a test chart with edges and a bright spot, which is written to the same folder.
+    """
+    from visaug.camera.simulation import simulate, with_chart
+    from visaug.frames import FrameSet
+
+    if output.is_dir() and any(output.iterdir()):
+        may_write(output, force)
+    camera = load_camera(camera_name)
+    plan = with_chart(camera, FrameSet.load(plan_path, resolution=camera.resolution))
+    with progress_bars() as progress:
+        frames = simulate(camera, plan, seed=seed, progress=progress)
+        frames.save(
+            output,
+            keep_names=True,
+            overwrite=force,
+            beside=lambda folder: camera.save(folder / "camera.yaml"),
+        )
+    click.echo(f"wrote {len(frames)} frames to {output}")
+
+
+@command(
+    "plan",
+    example="visaug plan --camera sony_imx174 --temperatures 20 --gains-db 0 -o frames.csv\n"
+    "visaug plan --exposure 0.02 --dark-exposures 0.1,1,10 --levels 0.1,0.3,0.6,1.1 -o frames.csv",
+)
+@camera_option(required=False)
+@effects_option()
+@click.option("--saturation", "saturation_photons", type=float, metavar="PHOTONS",
+              help="Photons per pixel at saturation, at the exposure of the flats.")  # fmt: skip
+@click.option(
+    "--exposure", "exposure_s", type=float, metavar="S", help="Exposure time of flats and scenes, in seconds."
+)
+@click.option("--dark-exposures", metavar="S,S,...", help="Exposure times of the dark series, in seconds.")
+@click.option("--levels", metavar="X,X,...", help="Levels of the flats, as fractions of saturation.")
+@click.option("--temperatures", metavar="C,C,... | none",
+              help="Temperatures of the dark series, in degrees Celsius; all other frames use the first. "
+              "`none` if not known.")  # fmt: skip
+@click.option("--gains-db", metavar="DB,DB,...", help="Gain settings, in dB; all other frames use the first.")
+@click.option("--repeats", type=int, metavar="N", help="Frames per setting, 2 or more.")
+@click.option("--bias-frames", type=int, metavar="N", help="Bias frames, 2 or more.")
+@output_option("frames.csv", "Write the plan as a frames.csv.")
+@force_option
+def plan(camera_name: str | None, output: Path | None, force: bool, seed: int, **given: Any) -> None:
+    """List the frames to take of a camera, and why.
+
+    With --camera, light levels, exposure times, temperature and gain are chosen for that camera. Other options
+    override them.
+    """
+    from visaug.core.files import whole_file
+    from visaug.frames.plan import describe_plan, plan_groups
+    from visaug.frames.table import write_table
+
+    may_write(output, force)
+    options: dict[str, Any] = {}
+    if camera_name:
+        from visaug.camera.simulation import plan_for
+
+        options = plan_for(load_camera(camera_name))
+    for option, field in (
+        ("dark_exposures", "dark_exposures_s"),
+        ("levels", "levels"),
+        ("temperatures", "temperatures_c"),
+        ("gains_db", "gains_db"),
+    ):
+        text = given.pop(option)
+        if text is not None:
+            given[field] = (None,) if text == "none" else numbers(text, "--" + option.replace("_", "-"))
+    options.update({name: value for name, value in given.items() if value is not None})
+    groups = plan_groups(**options)
+    click.echo(describe_plan(groups))
+    if output:
+        with whole_file(output) as temporary:
+            write_table(temporary, [record for group in groups for record in group.records])
+    written(output)
+
+
+@command("frames", example="visaug frames measured/ -o measured/frames.csv --bit-depth 12 --temperature 20")
+@click.argument("folder", metavar="FOLDER", type=click.Path(path_type=Path))
+@bit_depth_option
+@click.option(
+    "--exposure",
+    "exposure_s",
+    type=float,
+    metavar="S",
+    help="Exposure time of files that do not state it, in seconds.",
+)
+@click.option(
+    "--temperature",
+    "temperature_c",
+    type=float,
+    metavar="C",
+    help="Temperature of files that do not state it, in C.",
+)
+@click.option(
+    "--gain-db", "gain_db", type=float, metavar="DB", help="Gain of files that do not state it, in dB."
+)
+@click.option("--resolution", metavar="ROWSxCOLUMNS", help="Resolution of .raw files.")
+@output_option("frames.csv", "Write the table; the column `file` is relative to its folder.")
+@force_option
+def frames(
+    folder: Path,
+    bit_depth: int | None,
+    resolution: str | None,
+    output: Path | None,
+    force: bool,
+    seed: int,
+    **given: float | None,
+) -> None:
+    """Write the frames.csv of a folder.
+
+    Conditions come from headers (FITS, TIFF, EXIF), subfolders and file names.
+
+    Names such as bias_000.tif, darks/dark_2s_20C_003.fits and flat_10ms_500ph.png are understood. Unknown values
+    stay blank and are listed with the way to supply them.
+    """
+    from visaug.core.files import write_text
+    from visaug.frames.survey import parse_resolution, survey
+
+    may_write(output, force)
+    values = {**given, "bit_depth": bit_depth}
+    with progress_bars() as progress:
+        found = survey(folder, values, parse_resolution(resolution), progress=progress)
+    summaries.print_survey(found)
+    if output:
+        write_text(output, found.text(output.parent))
+    written(output)
+
+
+@command("effects", example="visaug effects row_noise\nvisaug effects new my_effect")
+@click.argument("words", metavar="[NAME | new NAME]", nargs=-1)
+@output_option("FILE.py", "File that `new` writes.  [default: NAME.py]")
+@click.option(
+    "--effects",
+    "files",
+    metavar="my.py",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="File with your own effects to include. May be repeated.",
+)
+def effects(words: tuple[str, ...], output: Path | None, files: tuple[Path, ...], seed: int) -> None:
+    """List or describe effects, or write a template.
+
+    Without arguments all effects are listed; NAME describes one; `new` writes a file with a working effect to edit.
+    """
+    from visaug.app.cli import effect_pages
+    from visaug.core.errors import InputError
+    from visaug.effects.catalogue import load_file
+
+    for file in files:
+        load_file(file)
+    match words:
+        case ():
+            effect_pages.print_catalogue()
+        case ("new", name):
+            written(effect_pages.write_new(name, output))
+        case (name,) if name != "new":
+            effect_pages.print_effect(name)
+        case _:
+            raise InputError(
+                " ".join(words), field="visaug effects", expected="nothing, a NAME, or: new NAME"
+            )
+
+
+COMMANDS: list[click.Command] = [simulate, plan, frames, effects]

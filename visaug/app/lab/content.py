@@ -1,0 +1,301 @@
+"""What the page says, in words and plain values, from what is on the bench."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from visaug.app.lab.bench import Bench, summary
+from visaug.camera.paths import place_of
+from visaug.core.wording import number, p_text, share_text, statistic_text, with_interval
+from visaug.diagnosis import Diagnosis, Estimate
+from visaug.effects import Parameter
+from visaug.report.headline import diagnosis_headline, view_title
+from visaug.report.next_step import PICTURES, NextStep, after_comparison, after_diagnosis
+from visaug.report.pages import described
+from visaug.statistics import VIEWS
+from visaug.statistics.distance import Error
+from visaug.statistics.places import Place
+
+NOTICEABLE = 0.01  # least reduction of the error that is worth an effect
+FIRST = 4  # views that are shown before the others
+
+
+def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """Everything that changes on the page.
+
+    Args:
+        wanted: numbers set by hand that no estimate has taken up yet.
+    """
+    views = _views(bench)
+    candidates = _candidates(bench)
+    effects, rows = _effects(bench), _numbers(bench, wanted or {})
+    own = {effect["name"] for effect in effects}
+    listed = {entry["name"] for entry in candidates}
+    return {
+        "camera": bench.given.name,
+        "frames": described(bench.frames),
+        "part": _part(bench),
+        "warnings": bench.frames.warnings,
+        "output": str(bench.output) if bench.output else None,
+        "error": _error(bench),
+        "verdict": verdict(bench),
+        "notes": _notes(bench),
+        "next": next_step(bench),
+        "compared": bench.comparison is not None,
+        "diagnosed": bench.diagnosis is not None,
+        "changed": bench.now.fit is not None,
+        "effects": [
+            effect | {"fields": [row for row in rows if row["path"].startswith(f"{effect['name']}.")]}
+            for effect in effects
+        ],
+        "candidates": candidates,
+        "addable": [name for name in bench.can_add() if name not in listed],
+        "where": [_place(place) for place in _places(bench)],
+        "views": views[:FIRST],
+        "other_views": views[FIRST:],
+        "numbers": [row for row in rows if row["path"].split(".")[0] not in own],
+        "history": [action for action, _ in bench.past.entries],
+        "at": bench.past.at,
+        "own": bench.own_picture,
+    }
+
+
+def _part(bench: Bench) -> str | None:
+    """What of a large set is looked at, in words; None where all of it is."""
+    selection = bench.session.fits.lab.selection
+    return None if selection.is_all else str(selection)
+
+
+def verdict(bench: Bench) -> str:
+    """Whether the camera on the bench explains the frames, and what is missing, in a few sentences."""
+    fit = bench.now.fit
+    if fit and bench.now.quick:
+        return (
+            f"{_changes(bench)}: its error is estimated from a few simulated sets; the full estimate follows."
+        )
+    if fit:
+        said = _judged(_changes(bench), fit.adequate, fit.p_value, fit.where)
+        return f"{said} Its error is {_with_interval(fit.error)}." if fit.error and bench.has_excess else said
+    if bench.diagnosis:
+        return _diagnosed(bench.diagnosis)
+    if bench.comparison:
+        c = bench.comparison
+        return _judged("The camera as given", c.adequate, c.p_value, c.where) + (
+            "" if c.adequate else " Diagnose finds out which effect is missing."
+        )
+    return "The same frames are being simulated with this camera, many times over, to compare them with the measured ones."
+
+
+def next_step(bench: Bench) -> NextStep | None:
+    """What to do next with the camera on the bench, on this page or in a terminal."""
+    inputs = bench.inputs()
+    if bench.comparison is None:
+        return None
+    if bench.now.fit:
+        line = inputs.augmenting(inputs.better or "camera.yaml")
+        return NextStep(f"Next: Save camera, then train with it. {PICTURES}", line)
+    if bench.diagnosis and not bench.diagnosis.accepted:
+        return after_diagnosis(bench.diagnosis.to_json(), inputs)
+    if bench.diagnosis:
+        names = " and ".join(f"Add {name}" for name in bench.diagnosis.accepted)
+        return NextStep(
+            f"Next: {names}, then Save camera. The camera on the bench is still the file as given.", ""
+        )
+    step = after_comparison(bench.comparison.to_json(), inputs)
+    return (
+        step if bench.comparison.adequate else step._replace(text="Next: Diagnose. The same in a terminal:")
+    )
+
+
+def _diagnosed(found: Diagnosis) -> str:
+    said = diagnosis_headline(found.to_json())
+    if not found.accepted or found.error_after is None:
+        return said
+    left = (
+        "No significant difference is left." if found.adequate_after else "A significant difference is left."
+    )
+    return f"{said} Adding it takes the error on hold-out frames from 1 to {_with_interval(found.error_after)}. {left}"
+
+
+def _with_interval(error: Error) -> str:
+    return with_interval(error.value, error.low, error.high)
+
+
+def _judged(subject: str, holds: bool, p: float, places: tuple[Place, ...]) -> str:
+    if holds:
+        return f"{subject} explains these frames: nothing differs beyond chance ({p_text(p)})."
+    worst = [view_title(place.view).lower() for place in places[:2]]
+    said = f"{subject} does not explain these frames ({p_text(p)})."
+    return f"{said} It differs most in: {'; '.join(worst)}." if worst else said
+
+
+def _changes(bench: Bench) -> str:
+    """The camera on the bench as the subject of a sentence."""
+    parts = []
+    if bench.now.added:
+        parts.append(f"with {' and '.join(bench.now.added)}")
+    if bench.now.without:
+        parts.append(f"without {' and '.join(bench.now.without)}")
+    if bench.now.numbers:
+        parts.append(f"with {' and '.join(bench.now.numbers)} set by hand")
+    return f"The camera {' and '.join(parts)}"
+
+
+def _error(bench: Bench) -> dict[str, Any]:
+    """The error of the camera on the bench: a number, its interval, and what it means."""
+    if bench.comparison is None:
+        return {"text": "…", "interval": None, "value": None, "note": "not compared yet"}
+    if not bench.has_excess:
+        return {
+            "text": "–",
+            "interval": None,
+            "value": None,
+            "note": "the camera as given shows no excess over chance that could be lowered",
+        }
+    if not bench.now.fit:
+        return {"text": "1.00", "interval": None, "value": 1.0, "note": "1 is the camera file as given"}
+    error = bench.now.fit.error
+    if error is None:
+        return {"text": "–", "interval": None, "value": None, "note": "its own spread hides any difference"}
+    return {
+        "text": f"{error.value:.2f}" if not bench.now.quick else f"≈ {error.value:.1f}",
+        "interval": f"[{error.low:.2f}, {error.high:.2f}]",
+        "value": min(max(error.value, 0.0), 1.0),
+        "note": "a quick estimate" if bench.now.quick else _meaning(error),
+    }
+
+
+def _meaning(error: Error) -> str:
+    if error.low <= 0:
+        return "as close as another set of this camera would come"
+    return "of the camera file's error is left" if error.value < 1 else "no better than the camera file"
+
+
+def _notes(bench: Bench) -> list[str]:
+    """What there is to add to the verdict."""
+    found, notes = bench.diagnosis, []
+    errors = [step.error for step in bench.now.steps[-2:] if step.error]
+    if bench.now.added and len(errors) == 2 and errors[1].value > errors[0].value - NOTICEABLE:
+        notes.append(f"{bench.now.added[-1]} does not lower the error: without it the camera is as close.")
+    if not found:
+        return notes
+    for group in found.ambiguous:
+        notes.append(
+            f"{', '.join(group['effects'])} cannot be distinguished with these frames; {group['measure']}."
+        )
+    if found.form:
+        notes.append(found.form)
+    if found.unexplained:
+        notes.append(f"Unexplained: {found.unexplained.description}")
+    if found.cannot_show:
+        notes.append(f"Frames like these could not show {', '.join(found.cannot_show)}.")
+    return notes
+
+
+def _effects(bench: Bench) -> list[dict[str, Any]]:
+    """Effects in the camera on the bench that can be taken away, with their numbers."""
+    fitted = bench.now.fit.parameters if bench.now.fit else {}
+    values = bench.camera.values()
+    entries = []
+    for name in [name for name in bench.given.effect_names if name not in bench.now.without]:
+        own = {path: value for path, value in values.items() if path.startswith(f"{name}.")}
+        numbers = [f"{path.split('.', 1)[1]} {number(v)} {_unit(path)}".rstrip() for path, v in own.items()]
+        entries.append({"name": name, "from": "in the file", "summary": summary(name), "numbers": numbers})
+    for name in bench.now.added:
+        numbers = [_said(key, estimate) for key, estimate in fitted.get(name, {}).items()]
+        entries.append({"name": name, "from": "added", "summary": summary(name), "numbers": numbers})
+    return entries
+
+
+def _candidates(bench: Bench) -> list[dict[str, Any]]:
+    """Ranked effects, then those of the user's own and those taken out of the file."""
+    there = {*bench.given.effect_names, *bench.now.added} - {*bench.now.without}
+    entries = []
+    for ranked in bench.diagnosis.ranking if bench.diagnosis else ():
+        entries.append(
+            {
+                "name": ranked.effect,
+                "summary": summary(ranked.effect),
+                "probability": ranked.probability,
+                "error": None if ranked.error_after is None else f"{ranked.error_after:.2f}",
+                "numbers": [_said(key, estimate) for key, estimate in ranked.parameters.items()]
+                + [f"{key} {word}" for key, word in ranked.forms.items()],
+                "missing": bench.diagnosis is not None and ranked.effect in bench.diagnosis.accepted,
+            }
+        )
+    known = {entry["name"] for entry in entries}
+    for name in (*bench.loaded, *bench.now.without):
+        if name not in known:
+            entries.append({"name": name, "summary": summary(name), "probability": None, "numbers": []})
+    return [{"there": entry["name"] in there, "missing": False, "error": None} | entry for entry in entries]
+
+
+def _said(key: str, estimate: Estimate) -> str:
+    """A number with its interval, where it has one."""
+    return f"{key} {with_interval(estimate.value, estimate.low, estimate.high, estimate.unit)}"
+
+
+def _places(bench: Bench) -> tuple[Place, ...]:
+    """Where the camera on the bench fails; nowhere, where it holds."""
+    judged = bench.comparison if bench.now.quick else bench.now.fit or bench.comparison
+    return judged.where if judged and not judged.adequate else ()
+
+
+def _place(place: Place) -> dict[str, Any]:
+    return {
+        "title": view_title(place.view),
+        "share": place.share,
+        "percent": share_text(place.share),
+        "worst": statistic_text(place.worst),
+        "z": f"{place.z:.1f}",
+    }
+
+
+def _views(bench: Bench) -> list[Mapping[str, str]]:
+    """Views, those first in which the file as given fails most: adding an effect does not move the pictures about."""
+    worst = [place.view for place in bench.comparison.where] if bench.comparison else []
+    names = list(dict.fromkeys([*worst, *(view.name for view in VIEWS)]))
+    return [{"name": name, "title": view_title(name)} for name in names]
+
+
+def _numbers(bench: Bench, wanted: Mapping[str, float]) -> list[dict[str, Any]]:
+    """The camera's numbers, each with what an input field and a slider need."""
+    before, after = bench.given.values(), bench.camera.values()
+    after |= {path: value for path, value in wanted.items() if path in after}
+    rows = []
+    for path, value in after.items():
+        parameter = place_of(path).parameter
+        if path == "gain_db" or not math.isfinite(value):
+            continue
+        low, high = _reach(parameter, before.get(path, value), value)
+        given = before.get(path)
+        rows.append(
+            {
+                "path": path,
+                "unit": _unit(path),
+                "value": f"{value:.5g}",
+                "least": parameter.low if math.isfinite(parameter.low) else "",
+                "most": parameter.high if math.isfinite(parameter.high) else None,
+                "low": low,
+                "high": high,
+                "step": float(f"{(high - low) / 400:.1g}"),
+                "before": number(given),
+                "change": f"{value / given - 1:+.1%}" if given and value != given else "",
+                "by_hand": path in bench.now.numbers or path in wanted,
+            }
+        )
+    return rows
+
+
+def _reach(parameter: Parameter, given: float, value: float) -> tuple[float, float]:
+    """Ends of a slider: wide about the value, within the parameter's bounds."""
+    scale = max(abs(given), abs(value)) or max((abs(t) for t in parameter.trials), default=1.0)
+    signed = parameter.low < 0 and not parameter.low < -1e3 * scale and given <= 0
+    low = max(parameter.low, -2 * scale if signed else 0.0)
+    high = min(parameter.high, 1.0 if parameter.unit == "fraction" and scale > 0.4 else 2 * scale)
+    return float(f"{low:.4g}"), float(f"{max(high, value):.4g}")
+
+
+def _unit(path: str) -> str:
+    unit = place_of(path).parameter.unit
+    return "" if unit == "1" else unit

@@ -1,0 +1,72 @@
+"""Linear pictures: NumPy arrays and OpenEXR, as renderers write them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from visaug.augment.image_io.picture import Picture, three_axes
+from visaug.augment.image_io.transfer import LINEAR
+from visaug.core.errors import InputError
+from visaug.frames.limits import check_shape
+
+COLOURS = (("R", "G", "B"), ("Y",))
+ALPHA = "A"
+
+
+def read_npy(path: Path) -> Picture:
+    pixels = np.load(path, mmap_mode="r", allow_pickle=False)  # a shape is checked before memory is asked for
+    shape = pixels.shape
+    check_shape(shape, path)
+    if pixels.ndim not in (2, 3) or (pixels.ndim == 3 and not 1 <= shape[2] <= 4):
+        raise InputError(f"has shape {shape}", file=path, expected="(H, W) or (H, W, 1 to 4 channels)")
+    if pixels.dtype not in (np.uint8, np.uint16) and pixels.dtype.kind != "f":
+        raise InputError(f"holds {pixels.dtype}", file=path, expected="uint8, uint16 or floats")
+    return Picture(three_axes(np.array(pixels)), LINEAR, "NumPy array", extras={"axes": pixels.ndim})
+
+
+def write_npy(path: Path, picture: Picture) -> None:
+    flat = picture.extras.get("axes") == 2
+    with open(path, "wb") as handle:
+        np.save(handle, picture.pixels[..., 0] if flat else picture.pixels)
+
+
+def read_exr(path: Path) -> Picture:
+    """Colour (R, G, B) or luminance (Y) with alpha; other channels are carried over."""
+    exr = _openexr(path)
+    with exr.File(str(path), separate_channels=True) as file:
+        if len(file.parts) != 1:
+            raise InputError(
+                f"holds {len(file.parts)} parts", file=path, expected="a single picture in a file"
+            )
+        header = dict(file.header())
+        (x0, y0), (x1, y1) = header["dataWindow"]
+        check_shape((int(y1) - int(y0) + 1, int(x1) - int(x0) + 1), path)
+        channels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
+    names = next((names for names in COLOURS if all(name in channels for name in names)), None)
+    if names is None:
+        raise InputError(f"holds the channels {', '.join(channels)}", file=path, expected="R, G and B, or Y")
+    names += (ALPHA,) if ALPHA in channels else ()
+    pixels = np.stack([channels[name] for name in names], -1)
+    if pixels.dtype.kind != "f":
+        raise InputError(f"holds {pixels.dtype}", file=path, expected="half or float channels")
+    extras = {"header": header, "channels": channels, "names": names}
+    return Picture(pixels, LINEAR, "OpenEXR", extras=extras)
+
+
+def write_exr(path: Path, picture: Picture) -> None:
+    exr = _openexr(path)
+    channels: dict[str, Any] = dict(picture.extras["channels"])
+    for number, name in enumerate(picture.extras["names"]):
+        channels[name] = np.ascontiguousarray(picture.pixels[..., number])
+    exr.File(picture.extras["header"], channels).write(str(path))
+
+
+def _openexr(path: Path) -> Any:
+    try:
+        import OpenEXR  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise InputError(
+            "needs the package OpenEXR", file=path, expected="`pip install visaug[exr]`"
+        ) from None
+    return OpenEXR

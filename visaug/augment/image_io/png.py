@@ -1,0 +1,130 @@
+"""PNG: what Pillow would drop or cut. Chunks beside the pixels are carried over as they are."""
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from visaug.augment.image_io.picture import Picture, three_axes
+from visaug.augment.image_io.transfer import Hints, transfer_of
+from visaug.core.errors import InputError
+from visaug.frames.limits import check_shape, pillow_image
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+GRAY, COLOUR, PALETTE, GRAY_ALPHA, COLOUR_ALPHA = 0, 2, 3, 4, 6
+KORNIA_MODES = {1: "mono", 3: "rgb", 4: "rgba"}
+OF_THE_PIXELS = {b"sBIT", b"bKGD", b"tRNS"}  # right only while depth and colour type stay
+KEPT = {b"cHRM", b"cICP", b"cLLI", b"gAMA", b"iCCP", b"mDCV", b"sRGB", b"pHYs", b"eXIf"} | {
+    b"tEXt",
+    b"zTXt",
+    b"iTXt",
+    b"tIME",
+}
+
+
+def read_png(path: Path) -> Picture:
+    content = path.read_bytes()
+    chunks = list(_chunks(content))
+    found = dict(reversed(chunks))  # the first of each name
+    if not content.startswith(SIGNATURE) or len(found.get(b"IHDR", b"")) < 13:
+        raise ValueError("no PNG header")
+    if b"acTL" in found:
+        raise InputError("is an animated PNG", file=path, expected="a single picture in a file")
+    depth, colour_type = found[b"IHDR"][8], found[b"IHDR"][9]
+    pixels = _pixels(path, struct.unpack_from(">II", found[b"IHDR"]), depth, colour_type)
+    same_kind = colour_type != PALETTE and depth >= 8
+    keep, key = None, None
+    if same_kind and b"tRNS" in found:
+        values = np.frombuffer(found[b"tRNS"], ">u2")
+        key = tuple(int(value) for value in values)
+        keep = (pixels[..., : len(key)] == np.array(key)).all(-1)
+    names = KEPT | OF_THE_PIXELS if same_kind else KEPT
+    extras: dict[str, Any] = {
+        "png_chunks": [chunk for chunk in chunks if chunk[0] in names or _private(chunk[0])]
+    }
+    colours = pixels.shape[2] - (pixels.shape[2] in (2, 4))
+    transfer, reason = transfer_of(_hints(found), pixels.dtype, colours)
+    return Picture(pixels, transfer, reason, keep, key, extras)
+
+
+def write_png(path: Path, picture: Picture) -> None:
+    pixels = picture.pixels
+    if pixels.dtype == np.uint16 and pixels.shape[2] > 1:
+        import kornia_rs.io  # pyright: ignore[reportMissingModuleSource]
+
+        kornia_rs.io.write_image_png_u16(
+            str(path), np.ascontiguousarray(pixels), KORNIA_MODES[pixels.shape[2]]
+        )
+    else:
+        from PIL import Image
+
+        Image.fromarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels).save(path, format="PNG")
+    kept = picture.extras.get("png_chunks", [])
+    if kept:
+        content = path.read_bytes()
+        head = len(SIGNATURE) + 12 + 13  # the header chunk comes first, with 13 bytes of data
+        path.write_bytes(content[:head] + b"".join(_packed(*chunk) for chunk in kept) + content[head:])
+
+
+def _pixels(path: Path, size: tuple[int, int], depth: int, colour_type: int) -> np.ndarray:
+    if depth == 16 and colour_type == GRAY_ALPHA:
+        raise InputError(
+            "is a 16-bit gray PNG with alpha", file=path, expected="one without alpha, or in colour"
+        )
+    if depth == 16 and colour_type in (COLOUR, COLOUR_ALPHA):  # Pillow would cut these to 8 bit
+        import kornia_rs.io  # pyright: ignore[reportMissingModuleSource]
+
+        check_shape(size, path)
+        mode = "rgb" if colour_type == COLOUR else "rgba"
+        return np.asarray(kornia_rs.io.read_image_png_u16(str(path), mode))
+    with pillow_image(path, ("PNG",)) as image:
+        see_through = "transparency" in image.info
+        if colour_type == PALETTE:
+            image = image.convert("RGBA" if see_through else "RGB")
+        elif depth < 8:
+            image = image.convert("LA" if see_through else "L")
+        return three_axes(np.asarray(image))
+
+
+def _chunks(content: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """(name, data) of each chunk but the pixels'; a torn file simply ends."""
+    place = len(SIGNATURE)
+    while place + 12 <= len(content):
+        size, name = struct.unpack_from(">I4s", content, place)
+        if name != b"IDAT":
+            yield name, content[place + 8 : place + 8 + size]
+        place += 12 + size
+
+
+def _packed(name: bytes, data: bytes) -> bytes:
+    import zlib
+
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+
+def _private(name: bytes) -> bool:
+    """Private chunks that are safe to copy when the pixels change (PNG, 5.4)."""
+    return name[0:1].islower() and name[1:2].islower() and name[3:4].islower()
+
+
+def _hints(found: dict[bytes, bytes]) -> Hints:
+    import zlib
+
+    icc = None
+    if b"iCCP" in found:
+        packed = found[b"iCCP"].partition(b"\0")[2][1:]
+        try:
+            icc = zlib.decompressobj().decompress(packed, 1 << 24)
+        except zlib.error:
+            icc = None
+    gamma = struct.unpack(">I", found[b"gAMA"])[0] / 1e5 if len(found.get(b"gAMA", b"")) == 4 else None
+    cicp = found[b"cICP"][1] if len(found.get(b"cICP", b"")) == 4 else None
+    return Hints(icc, cicp, b"sRGB" in found, gamma, _exif_space(found.get(b"eXIf")))
+
+
+def _exif_space(block: bytes | None) -> int | None:
+    from visaug.augment.image_io.pillow import exif_space
+
+    return exif_space(block)

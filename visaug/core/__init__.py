@@ -1,0 +1,1 @@
+"""What every room builds on: random streams, errors, whole files, strict documents, progress."""

@@ -1,0 +1,179 @@
+"""Files and folders appear whole or not at all: written beside their place, flushed to the disk, then renamed.
+
+What a killed process left half-written is removed by the next one that writes into the same folder.
+"""
+
+import json
+import os
+import shutil
+import socket
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any
+
+from visaug.core.errors import InputError
+
+_HALF = ".visaug-half-"  # of what is being written; host and process follow
+_OLD = ".visaug-old-"  # of a folder that is being replaced; its name follows
+_HOST = blake2b(socket.gethostname().encode(), digest_size=4).hexdigest()
+_cleaned: set[Path] = set()
+
+
+@contextmanager
+def whole_file(path: str | Path) -> Iterator[Path]:
+    """Yield a path in the same folder to write to; it is renamed to `path` when the block ends well.
+
+    The temporary name keeps the suffix, as many writers choose the format by it. Missing folders are made.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    remove_leftovers(path.parent)
+    handle, name = tempfile.mkstemp(prefix=_prefix(), suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        temporary.chmod(0o666 & ~_umask())
+        _flush(temporary)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
+    """Yield a folder beside `path` to fill; it becomes `path` when the block ends well.
+
+    Args:
+        path: a new or empty folder.
+        overwrite: replace a folder that is there, all that it holds.
+
+    Raises:
+        InputError: `path` is a file, or holds something and is not to be replaced.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_dir():
+        raise InputError("is a file", file=path, expected="a folder")
+    place = Path(os.path.realpath(path))  # a link stays a link: what it leads to is replaced
+    place.parent.mkdir(parents=True, exist_ok=True)
+    remove_leftovers(place.parent)
+    old = place.parent / (_OLD + place.name)
+    if old.exists():  # killed while one was being replaced
+        if place.exists():
+            shutil.rmtree(old)
+        else:
+            old.rename(place)
+    if place.is_dir() and any(place.iterdir()) and not overwrite:
+        raise InputError("is not empty", file=path, expected="a new or empty folder, or overwrite=True")
+    temporary = Path(tempfile.mkdtemp(prefix=_prefix(), dir=place.parent))
+    try:
+        yield temporary
+        temporary.chmod(0o777 & ~_umask())
+        for file in temporary.rglob("*"):
+            if file.is_file():
+                _flush(file)
+        if place.is_dir():
+            place.rename(old)
+        temporary.rename(place)
+        shutil.rmtree(old, ignore_errors=True)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+@contextmanager
+def folder_lock(folder: str | Path) -> Iterator[None]:
+    """Keep other commands from writing into the folder, which is made.
+
+    The lock ends with the process, however it ends. Where the system has no such locks, nothing is locked.
+
+    Raises:
+        InputError: another process has it.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        import fcntl
+    except ModuleNotFoundError:
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(
+                "another visaug command is writing there",
+                file=folder,
+                expected="another folder, or wait until it ends",
+            ) from None
+        except OSError:  # a file system without locks
+            pass
+        yield
+    finally:
+        os.close(handle)
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove what processes of this machine that are gone left half-written, once for each folder."""
+    if folder in _cleaned:
+        return
+    _cleaned.add(folder)
+    for left in folder.glob(f"{_HALF}{_HOST}-*"):
+        process = left.name.removeprefix(f"{_HALF}{_HOST}-").partition("-")[0]
+        if process.isdigit() and not _runs(int(process)):
+            shutil.rmtree(left) if left.is_dir() and not left.is_symlink() else left.unlink(missing_ok=True)
+
+
+def _prefix() -> str:
+    return f"{_HALF}{_HOST}-{os.getpid()}-"
+
+
+def _runs(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):  # one of another user
+        return True
+    return True
+
+
+def _flush(file: Path) -> None:
+    handle = os.open(file, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write UTF-8 text whole."""
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_bytes(path: str | Path, content: bytes) -> None:
+    """Write bytes whole."""
+    with whole_file(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def write_json(path: str | Path, value: Any) -> None:
+    """Write JSON whole; NaN and infinities, which JSON lacks, are refused."""
+    write_text(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
+
+
+def write_yaml(path: str | Path, value: Any) -> None:
+    """Write YAML whole, keys in the given order, short lists and mappings on one line."""
+    import yaml
+
+    write_text(path, yaml.safe_dump(value, sort_keys=False, default_flow_style=None, allow_unicode=True))
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

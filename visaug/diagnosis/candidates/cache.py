@@ -1,0 +1,142 @@
+"""Caches simulated fingerprints for the next diagnosis with the same camera and plan; measured data are never cached."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import FunctionType
+
+import numpy as np
+
+import visaug
+from visaug.camera import Camera
+from visaug.diagnosis.candidates.signatures import Signatures
+from visaug.diagnosis.candidates.signatures import signatures as simulated_signatures
+from visaug.diagnosis.candidates.trials import Trial
+from visaug.diagnosis.fitting.fit import Fitted, refit
+from visaug.diagnosis.fitting.parameters import Coordinate
+from visaug.diagnosis.fitting.reference import USES, Reference, Report, is_far, make_reference
+from visaug.diagnosis.fitting.store import keep, load
+from visaug.diagnosis.laboratory import Laboratory
+from visaug.effects import catalogue
+
+STAGE = 50  # sets that are simulated between two entries of a reference
+
+
+def key(lab: Laboratory, camera: Camera, *words: object) -> str:
+    """Name of an entry that depends on the camera, the plan, the seed and the program's own code."""
+    sources = [source_of(name) for name in camera.effect_names]
+    return digest(
+        camera.to_yaml(), [part.identity() for part in lab.parts], lab.seed, _code(), sources, words
+    )
+
+
+def digest(*parts: object) -> str:
+    """A name for parts that print as what they are."""
+    return hashlib.blake2b(repr(parts).encode(), digest_size=12).hexdigest()
+
+
+def _code() -> str:
+    root = Path(visaug.__file__).parent
+    digest = hashlib.blake2b(digest_size=8)
+    for room in (
+        "sampling",
+        "effects",
+        "camera",
+        "frames",
+        "fingerprint",
+        "comparison",
+        "fitting",
+        "candidates",
+    ):
+        for file in sorted((root / room).rglob("*.py")):
+            digest.update(file.read_bytes())
+    for file in ("simulation.py", "history.py", "augment/light.py"):
+        digest.update((root / file).read_bytes())
+    return digest.hexdigest()
+
+
+def source_of(name: str) -> str:
+    """Hash of the source of an effect from a user's file; empty for the catalogue's own."""
+    for part in vars(catalogue()[name]).values():
+        if isinstance(part, FunctionType):
+            file = Path(part.__code__.co_filename)
+            if file.is_relative_to(Path(visaug.__file__).parent) or not file.is_file():
+                return ""
+            return hashlib.blake2b(file.read_bytes(), digest_size=8).hexdigest()
+    return ""
+
+
+def reference(
+    lab: Laboratory,
+    camera: Camera,
+    coordinates: Sequence[Coordinate],
+    sets: int,
+    report: Report,
+    known: Reference | None = None,
+    begun: Reference | None = None,
+) -> Reference:
+    """`make_reference`, from the cache if it was computed before.
+
+    Many sets are cached in stages, so that an interrupted diagnosis resumes.
+    """
+    taken = known and (
+        [c.path for c in known.coordinates],
+        [getattr(known, use).slopes.tobytes() for use in USES],
+    )
+    name = key(lab, camera, "reference", sets, list(coordinates), taken, begun and len(begun.sets))
+    arrays = load(name)
+    if arrays is not None:
+        return Reference.from_arrays(camera, coordinates, arrays)
+    if begun is None and sets > STAGE:
+        earlier = STAGE * ((sets - 1) // STAGE)  # whole stages: the derivatives need the spread of the first
+        begun = reference(lab, camera, coordinates, earlier, report, known)
+    made = make_reference(lab, camera, coordinates, sets, report, known, begun)
+    keep(name, made.arrays())
+    return made
+
+
+def signatures(
+    lab: Laboratory, reference: Reference, tried: Sequence[Trial], sets: int, report: Report
+) -> Signatures:
+    """`simulated_signatures` of the trials, cached by effect, so that a change of one effect keeps the others.
+
+    Args:
+        sets: simulated sets of the reference.
+    """
+    of: dict[str, list[Trial]] = {}
+    for trial in tried:
+        of.setdefault(trial.effect, []).append(trial)
+    if not of:
+        return simulated_signatures(lab, reference, (), report)
+    prefix = key(lab, reference.camera, "signatures", sets)
+    names = {effect: f"{prefix}-{digest(source_of(effect), own)}" for effect, own in of.items()}
+    found = {effect: kept for effect, name in names.items() if (kept := load(name)) is not None}
+    paths = [c.path for c in reference.coordinates]
+    missing = [effect for effect in of if effect not in found]
+    for n, effect in enumerate(missing):  # one by one: an interrupted diagnosis goes on where it was
+
+        def tick(word: str, *_: int, done: int = n) -> None:
+            report(word, done, len(missing))
+
+        made = simulated_signatures(lab, reference, of[effect], tick)
+        ways = [[dict(trial.following).get(path, 0.0) for path in paths] for trial in made.trials]
+        found[effect] = {"values": made.values, "variances": made.variances, "following": np.array(ways)}
+        keep(names[effect], found[effect])
+    followed = [
+        replace(trial, following=tuple(zip(paths, map(float, way), strict=True)) if np.any(way) else ())
+        for effect, own in of.items()
+        for trial, way in zip(own, found[effect]["following"], strict=True)
+    ]
+    values, variances = (
+        np.concatenate([found[effect][part] for effect in of]) for part in ("values", "variances")
+    )
+    return Signatures(tuple(followed), values, variances)
+
+
+def settled(lab: Laboratory, fitted: Fitted, sets: int, report: Report) -> Fitted:
+    """A fit; if it is far from its reference, the variance and derivatives are simulated anew at its end."""
+    if not is_far(fitted.reference, fitted.camera):
+        return fitted
+    near = reference(lab, fitted.camera, fitted.reference.coordinates, sets, report)
+    return refit(lab, near, report)

@@ -1,0 +1,179 @@
+"""Selects the effects whose signatures match the residuals and refines their parameters, the most likely first."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from visaug.camera import Camera
+from visaug.diagnosis.candidates.matches import Match, best_of_each, matches
+from visaug.diagnosis.candidates.refinement import Refined, refine
+from visaug.diagnosis.candidates.signatures import Signatures, signatures
+from visaug.diagnosis.candidates.trials import Trial, beside_words
+from visaug.diagnosis.fitting.fit import Fitted
+from visaug.diagnosis.fitting.law import FORM
+from visaug.diagnosis.fitting.reference import Report
+from visaug.diagnosis.fitting.robust import standardised
+from visaug.diagnosis.laboratory import Laboratory
+from visaug.effects import catalogue
+
+TRIED = 4  # largest number of candidates that are refined in a step, if they gain
+SHARE = 0.2  # this share of the best gain
+ALIKE = 0.3  # share of the best gain within which two candidates, or two options of one, are equivalent
+OTHER_STARTS = 4  # further starts of the best candidate,
+OTHER = 0.05  # with forms whose signatures gain at least this share of the best form's,
+NOT_FAR = 0.3  # iterated if their start gains at least this share
+MUCH = 6.0  # standard deviations in some statistic from which further starts are tried
+FAR_OUT = 30.0  # standard deviations beyond which even a slightly different form is rejected
+LEAST_GAIN = (
+    2.0  # log likelihood, less what noise gains, of effects that are tried only where something is missing
+)
+
+
+def candidates(
+    lab: Laboratory,
+    signs: Signatures,
+    fitted: Fitted,
+    taken: frozenset[str],
+    allowance: np.ndarray,
+    report: Report,
+    earlier: Mapping[str, Refined],
+) -> list[Refined]:
+    """The effects whose signatures best match the residuals, refined, the best first.
+
+    Args:
+        fitted: the camera from which they are tried: as refitted last, or as given.
+        taken: effects that are not tried: left out, or added already.
+        allowance: residual that may stay, see `visaug.diagnosis.fitting.uses.Use`.
+        earlier: effects as refined before the last one was added; their values are further starts.
+    """
+    tried, chosen = first_matches(signs, fitted, taken, allowance)
+    further = _beside_words(tried)
+    if further:
+        signs += signatures(lab, fitted.reference, further, report)
+        tried, chosen = first_matches(signs, fitted, taken, allowance)
+    best: dict[str, Refined] = {}
+    for m in chosen:
+        beaten = max((r.gain for r in best.values()), default=0.0)
+        beside = [t.trial for t in tried if t.trial.kind == m.trial.kind]
+        also = _as_earlier(fitted, m, earlier.get(m.trial.effect))
+        refined = refine(lab, fitted, m, report, allowance, beaten, beside=beside, also=also)
+        best[refined.effect] = better(refined, best.get(refined.effect, refined))
+    found = sorted(best.values(), key=lambda r: -r.gain)
+    for k, r in enumerate(found):
+        if r.gain < (1 - ALIKE) * found[0].gain:
+            break
+        begun = [m for m in chosen if m.trial.effect == r.effect]
+        least, forms = OTHER * max(m.gain for m in begun), [m.trial.form for m in begun]
+        others = [
+            m for m in tried if m.trial.effect == r.effect and m.trial.form not in forms and m.gain > least
+        ]
+        if k > 0:
+            # An equivalent effect is tried with other options too, so that it is not ranked lower because of its options.
+            others = [m for m in others if _reworded(fitted, r, m) is not None]
+        found[k] = from_other_starts(lab, fitted, r, others, report, allowance)
+    return sorted(found, key=lambda r: -r.gain)
+
+
+def _beside_words(tried: Sequence[Match]) -> list[Trial]:
+    """Of the best trial of each effect that matches at all, its other numbers beside its words."""
+    matched = [m.trial for m in best_of_each(tried) if m.gain > LEAST_GAIN and not m.trial.looked]
+    return [further for trial in matched for further in beside_words(trial)]
+
+
+def _as_earlier(fitted: Fitted, match: Match, earlier: Refined | None) -> list[Camera]:
+    """The fitted camera with the values that an effect had in an earlier step, if it is tried with the same options.
+
+    For example, column bands that were fitted beside a flare remain a good start after the flare was added, when the estimate
+    read from the frames finds other edges. A number that was 0 and is not in the trial has the trial's value: where it is
+    refined on a logarithmic scale, 0 is no start.
+    """
+    if earlier is None or catalogue()[earlier.effect].base:
+        return []
+    camera = match.trial.on(fitted.camera)
+    if any(camera.choices()[path] != word for path, word in earlier.words.items()):
+        return []
+    return [camera.replace({path: value for path, value in earlier.numbers.items() if value != 0})]
+
+
+def first_matches(
+    signs: Signatures, fitted: Fitted, without: frozenset[str], allowance: np.ndarray | float
+) -> tuple[list[Match], list[Match]]:
+    """All matches, the best first, and for every effect that is worth refining its best one.
+
+    With a model-discrepancy term an effect that shifts a single statistic gains little, however large the residual. Therefore
+    the trial with the largest gain for its exact form is included too, unless it adds variance, which covers any residual.
+    Where a residual is so large that every exact form would be rejected, it is the trial with the largest gain for the
+    discrepancy that remains after refinement. Trials read from the frames are the best of about a hundred and get no such
+    preference, except those that cannot be scaled: their signatures come from the camera as given and may not be valid for
+    the refitted one.
+    """
+    tried = matches(signs, fitted, without, allowance)
+    if not tried:  # every effect is left out or there already
+        return [], []
+    best = best_of_each(tried)
+    most = {(m.trial.effect, m.trial.looked): m.gain for m in reversed(tried)}
+    least = max(LEAST_GAIN, SHARE * best[0].gain)
+    chosen = [m for m in best if most[m.trial.effect, m.trial.looked] > least][:TRIED]
+    far_out = np.abs(fitted.z).max() > FAR_OUT
+    exact = matches(signs, fitted, without, allowance, form=FORM if far_out else 0.0)
+    claim = [m for m in exact if far_out or not (m.variance.any() or m.trial.looked)][:1]
+    names = [m.trial.effect for m in chosen]
+    chosen += [m for m in claim if m.gain > LEAST_GAIN and m.trial.effect not in names]
+    chosen += [m for m in tried if m.trial.looked and m.trial.is_fixed and m not in chosen]
+    return tried, chosen
+
+
+def from_other_starts(
+    lab: Laboratory,
+    fitted: Fitted,
+    refined: Refined,
+    others: Sequence[Match],
+    report: Report,
+    allowance: np.ndarray | float,
+) -> Refined:
+    """The best fit of an effect from starts of another form, if residuals stay: a wrong period or place is a local optimum.
+
+    Other options are tried first, with the values found so far, since no continuous step leads from one option to another.
+
+    Args:
+        refined: the effect from its best match.
+        others: the effect's matches of other forms, the best first.
+    """
+    reworded = [(_reworded(fitted, refined, m), m) for m in others]
+    words = [worded for worded, _ in reworded if worded is not None]
+    numbers = [m for worded, m in reworded if worded is None]
+    for m in [*words, *numbers][:OTHER_STARTS]:
+        scale = fitted.reference.null_scale
+        own = np.where(scale > 0, np.sqrt(scale**2 + refined.variance), 0.0)
+        if np.abs(standardised(refined.residual, own)).max() < MUCH:
+            break
+        again = refine(lab, fitted, m, report, allowance, refined.gain, least=NOT_FAR * refined.gain)
+        refined = better(refined, again)
+    return refined
+
+
+def better(one: Refined, other: Refined) -> Refined:
+    """The fit with the larger gain; it refers to the best fit with other options that gains almost as much."""
+    best, behind = (one, other) if one.gain >= other.gain else (other, one)
+    reworded = [
+        r for r in (behind, behind.otherwise, best.otherwise) if r is not None and r.words != best.words
+    ]
+    otherwise = max(reworded, key=lambda r: r.gain, default=None)
+    if otherwise is not None and otherwise.gain < (1 - ALIKE) * best.gain:
+        otherwise = None
+    return best if best.otherwise is otherwise else replace(best, otherwise=otherwise)
+
+
+def _reworded(fitted: Fitted, refined: Refined, other: Match) -> Match | None:
+    """The refined candidate with the options of another trial; None if they are the same."""
+    camera, words = refined.camera, refined.words
+    others = {path: word for path, word in other.trial.values if isinstance(word, str)}
+    if all(words.get(path, word) == word for path, word in others.items()):
+        return None
+    own = [c for c in fitted.reference.coordinates if not c.path.startswith(f"{refined.effect}.")]
+    following = tuple((c.path, c.read(camera) - c.read(fitted.camera)) for c in own)
+    trial = replace(
+        other.trial, values=tuple({**refined.numbers, **words, **others}.items()), following=following
+    )
+    return Match(trial, other.gain, 1.0, refined.variance)

@@ -1,0 +1,139 @@
+"""Signatures: the shift of every statistic by each trial of an effect, computed by simulation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from visaug.camera import Camera
+from visaug.diagnosis.candidates.trials import Trial
+from visaug.diagnosis.fitting.fit import bias_level
+from visaug.diagnosis.fitting.law import ROUGH, law
+from visaug.diagnosis.fitting.parameters import BLACK, moved
+from visaug.diagnosis.fitting.reference import Reference, Report
+from visaug.diagnosis.fitting.robust import drawn_to_zero, standardised
+from visaug.diagnosis.laboratory import Laboratory
+
+FAR_DN = 0.3  # that the black level has to follow to be moved along
+REDRAWN = 2.0  # variances of the null that a difference of two independent sets has
+FEW, MORE = 2, 6  # simulations of a trial whose effect has no random numbers of its own, and of one that has
+
+
+@dataclass(frozen=True)
+class Signatures:
+    """Mean shift of every statistic by each trial, and the variance that it adds: (trials, statistics) each."""
+
+    trials: tuple[Trial, ...]
+    values: np.ndarray
+    variances: np.ndarray
+
+    def __add__(self, other: "Signatures") -> "Signatures":
+        return Signatures(
+            self.trials + other.trials,
+            np.concatenate([self.values, other.values]),
+            np.concatenate([self.variances, other.variances]),
+        )
+
+
+def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:
+    """Simulates every trial with the random numbers of the reference's first sets.
+
+    Two simulations suffice for an effect that only shifts means; an effect with random numbers gets more. Camera parameters
+    that would follow far are moved along: derivatives do not hold over a long distance, and bits and codes have none.
+    """
+    if not tried:
+        nothing = np.zeros((0, len(reference.scale)))
+        return Signatures((), nothing, nothing)
+    moves = _moves(lab, reference, tried, range(FEW), report, "trying")
+    tried = _followed(lab, reference, tried, moves.mean(1))
+    again = [i for i, trial in enumerate(tried) if trial.following]
+    if again:
+        moves[again] = _moves(lab, reference, [tried[i] for i in again], range(FEW), report, "following")
+    scale = reference.null_scale
+    random = [i for i in range(len(tried)) if is_random(moves[i], scale)]
+    means, variances = cleared(moves, scale), np.zeros_like(moves[:, 0])
+    if random:
+        again = _moves(lab, reference, [tried[i] for i in random], range(FEW, MORE), report, "trying again")
+        whole = np.concatenate([moves[random], again], 1)
+        means[random] = cleared(whole, scale)
+        variances[random] = own_variance(whole, scale)
+    return Signatures(tuple(tried), means, variances)
+
+
+def is_random(moves: np.ndarray, scale: np.ndarray) -> bool:
+    """Whether shifts (simulations, statistics) differ by more than noise drawn once: the effect has random numbers of its own."""
+    z = standardised(moves, scale)
+    return bool(z.var(0, ddof=1).mean() > max(0.15, 0.02 * (z.mean(0) ** 2).mean()))
+
+
+def own_variance(moves: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Variance that an effect adds to shifts (..., simulations, statistics), beyond the noise of the null."""
+    variance = moves.var(-2, ddof=1)
+    return np.where(variance > REDRAWN * scale**2, variance, 0.0)
+
+
+def cleared(moves: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Mean over simulations (..., simulations, statistics), shrunk to 0 where it is within their noise.
+
+    An effect with random numbers changes all noise. The fluctuations of a thousand statistics would outweigh the few that a
+    faint effect shifts. With few simulations the noise is estimated from all statistics together.
+    """
+    count = moves.shape[-2]
+    mean, variance = moves.mean(-2), moves.var(-2, ddof=1)
+    if count < MORE:
+        spread = np.divide(variance, scale**2, out=np.zeros_like(variance), where=scale > 0)
+        variance = spread.mean(-1, keepdims=True) * scale**2
+    return drawn_to_zero(mean, variance / count)
+
+
+def _followed(
+    lab: Laboratory, reference: Reference, tried: Sequence[Trial], moves: np.ndarray
+) -> list[Trial]:
+    """The trials with the camera's parameters moved to where a refit would take them, if that is far.
+
+    The black level is moved by the shift of the mean of the bias frames, so that bits and codes keep their place; then the
+    others.
+    """
+    level = bias_level(lab.statistics)
+    black = [k for k, c in enumerate(reference.coordinates) if c.path == BLACK]
+    steps = np.array([FAR_DN if c.path == BLACK else c.step for c in reference.coordinates])
+    priors = reference.priors.copy()
+    if level is not None:
+        priors[black] = 0.0  # it is set, so the others have to do without it
+    null = replace(reference.null, priors=priors)
+    found = []
+    for trial, move in zip(tried, moves, strict=True):
+        way = np.zeros(len(priors))
+        if level is not None:
+            way[black] = -move[level]
+        m = law(null, ROUGH * move)
+        left = m.white(move + reference.slopes @ way)
+        way += np.clip(-(priors**2) * (m.white(reference.slopes.T) @ left), -priors, priors)
+        if np.any(np.abs(way) > steps):
+            paths = [c.path for c in reference.coordinates]
+            trial = replace(trial, following=tuple(zip(paths, map(float, way), strict=True)))
+        found.append(trial)
+    return found
+
+
+def _moves(
+    lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report, word: str
+) -> np.ndarray:
+    """(trials, simulations, statistics) shift of each of the reference's sets by each trial."""
+    cameras = [following(reference, trial.on(reference.camera), trial, 1.0) for trial in tried]
+    jobs = [(camera, k) for camera in cameras for k in numbers]
+
+    def tick(done: int) -> None:
+        report(f"{word} {tried[min((done - 1) // len(numbers), len(tried) - 1)].effect}", done, len(jobs))
+
+    values = lab.finding(jobs, tick).reshape(len(tried), len(numbers), -1)
+    return values - reference.sets[numbers.start : numbers.stop]
+
+
+def following(reference: Reference, camera: Camera, trial: Trial, share: float) -> Camera:
+    """The camera with its parameters moved to where a refit of the trial takes them, or part of the way."""
+    if not trial.following:
+        return camera
+    ways = dict(trial.following)
+    own = [c for c in reference.coordinates if c.path in ways]
+    return moved(camera, own, [c.read(camera) + share * ways[c.path] for c in own])

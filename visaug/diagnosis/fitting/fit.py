@@ -1,0 +1,218 @@
+"""Refits a camera to measured statistics."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from visaug.camera import Camera
+from visaug.diagnosis.fitting.parameters import BLACK, WELL, moved
+from visaug.diagnosis.fitting.reference import USES, Reference, Report
+from visaug.diagnosis.fitting.robust import adjust, misfit, standardised
+from visaug.diagnosis.laboratory import Laboratory
+from visaug.statistics import Statistic
+
+STEPPED, TWINS = (
+    4,
+    8,
+)  # simulations with common random numbers that follow the mean on the way, and where it ends
+FAR_BLACK = 3.0  # steps of the black level after which it is first set by the bias frames' mean
+OFF_BLACK = 5.0  # standard deviations of the bias frames' mean from which a fit begins again at their level
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A camera refitted to the discovery frames.
+
+    Attributes:
+        reference: simulated sets that give the variance.
+        camera: the refitted camera.
+        residual, confirm_residual, whole_residual: measured minus the refitted camera's mean, per statistic of the discovery
+            frames, the hold-out frames and all frames.
+    """
+
+    reference: Reference
+    camera: Camera
+    residual: np.ndarray
+    confirm_residual: np.ndarray
+    whole_residual: np.ndarray
+
+    @classmethod
+    def unfitted(cls, lab: Laboratory, reference: Reference) -> "Fitted":
+        """A camera with its parameters as they are."""
+        means = (getattr(reference, use).mean for use in USES)
+        left = (f.values - mean for f, mean in zip(lab.measured, means, strict=True))
+        return cls(reference, reference.camera, *left)
+
+    @cached_property
+    def z(self) -> np.ndarray:
+        """Residuals in standard deviations of refitted sets of the camera; 0 for a statistic that is constant."""
+        return standardised(self.residual, self.reference.null_scale)
+
+    @property
+    def residuals(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the discovery, the hold-out and all frames."""
+        return self.residual, self.confirm_residual, self.whole_residual
+
+    @property
+    def slopes(self) -> np.ndarray:
+        return self.reference.slopes
+
+    @property
+    def misfit(self) -> float:
+        """The objective function of the fit; comparable between cameras with the same reference."""
+        return misfit(self.residual, self.reference.scale)
+
+
+def refit(
+    lab: Laboratory,
+    reference: Reference,
+    report: Report,
+    begin: Camera | None = None,
+    iterations: int = 12,
+) -> Fitted:
+    """Fits the reference's coordinates to the discovery frames.
+
+    The mean is followed by simulations that share their random numbers with the reference's first sets. The mean of the bias
+    frames is the only statistic that determines the black level. A robust fit that rejects it as an outlier does not recover,
+    so the fit is repeated from the measured bias level where it deviates.
+
+    Args:
+        begin: a camera similar to the reference's from which to start; the reference's own if omitted.
+    """
+    fitted = _descended(lab, reference, report, begin, iterations)
+    camera = _at_bias_level(lab, fitted)
+    if camera is None:
+        return fitted
+    again = _descended(lab, reference, report, camera, iterations)
+    return min(fitted, again, key=lambda f: f.misfit)
+
+
+def _descended(
+    lab: Laboratory, reference: Reference, report: Report, begin: Camera | None, iterations: int
+) -> Fitted:
+    measured = lab.measured[0].values
+    coordinates, priors = list(reference.coordinates), reference.priors
+    steps = np.array([c.step for c in coordinates])
+    start = np.array([c.read(reference.camera) for c in coordinates])
+    twins = min(STEPPED, len(reference.sets))
+
+    def mean_at(camera: Camera) -> np.ndarray:
+        there = lab.finding([(camera, k) for k in range(twins)])
+        return reference.mean + there.mean(0) - reference.sets[:twins].mean(0)
+
+    at, camera, mean = start.copy(), reference.camera, reference.mean
+    if begin is not None:
+        at, camera, mean = np.array([c.read(begin) for c in coordinates]), begin, mean_at(begin)
+    best = (misfit(measured - mean, reference.scale), at, camera, mean)
+    damping, bends = 0.0, np.array([c.path == WELL for c in coordinates], bool)
+    share = np.ones(len(start))
+
+    def step_from(at: np.ndarray, mean: np.ndarray) -> np.ndarray:
+        left = (measured - mean)[None]
+        step = adjust(left, reference.slopes, reference.scale, priors, at - start, damping)[0]
+        return share * np.clip(step, -0.6 * priors, 0.6 * priors)
+
+    for i in range(iterations):
+        step = _to_bias_level(lab, reference, measured - mean) if i == 0 else None
+        step = step_from(at, mean) if step is None else step
+        if i and np.all(np.abs(step) < 0.05 * steps):
+            break
+        camera = moved(camera, coordinates, list(at + step))
+        at = np.array([c.read(camera) for c in coordinates])
+        report("refitting the camera", i, iterations)
+        mean = mean_at(camera)
+        now = misfit(measured - mean, reference.scale)
+        if now < best[0]:
+            best = (now, at, camera, mean)
+            damping = 0.1 * damping if damping > 0.02 else 0.0
+            share = np.minimum(2 * share, 1.0)
+        else:  # too far where statistics bend
+            _, at, camera, mean = best
+            if bends.any() and share.min() > 0.05 and np.abs(step[bends] / steps[bends]).max() > 0.1:
+                share[bends] *= (
+                    0.25  # a flat below the full well may be clipped after the step, which no derivative shows
+                )
+            else:
+                damping = max(10 * damping, 0.1)  # more along what the statistics tell well
+        if damping > 100:
+            break
+    if np.any(share[bends] < 1):  # by itself, for it may have been held for what other numbers did
+        _, at, camera, mean = best
+        left, own = (measured - mean)[None], reference.slopes[:, bends]
+        step = np.zeros(len(at))
+        step[bends] = adjust(left, own, reference.scale, priors[bends], (at - start)[bends])[0]
+        camera = moved(camera, coordinates, list(at + np.clip(step, -0.6 * priors, 0.6 * priors)))
+        mean = mean_at(camera)
+        alone = (misfit(measured - mean, reference.scale), np.array([c.read(camera) for c in coordinates]))
+        best = min(best, (*alone, camera, mean), key=lambda fit: fit[0])
+    _, at, camera, _ = best
+    means = _means_at(lab, reference, camera)
+    # what is left of a step is small, or was tried and found worse
+    last = step_from(at, means[0]) if damping == 0 else np.zeros(len(at))
+    camera = moved(camera, coordinates, list(at + last)) if coordinates else camera
+    left = (
+        f.values - mean - getattr(reference, use).slopes @ last
+        for f, mean, use in zip(lab.measured, means, USES, strict=True)
+    )
+    return Fitted(reference, camera, *left)
+
+
+def _means_at(lab: Laboratory, reference: Reference, camera: Camera) -> list[np.ndarray]:
+    """Mean statistics of each use of the frames at a camera, with the random numbers of the reference's first sets."""
+    samples = [getattr(reference, use) for use in USES]
+    if camera is reference.camera:
+        return [sample.mean for sample in samples]
+    twins = min(TWINS, len(reference.sets))
+    there = lab.simulated([(camera, k) for k in range(twins)])
+    return [
+        sample.mean + values.mean(0) - sample.sets[:twins].mean(0)
+        for sample, values in zip(samples, there, strict=True)
+    ]
+
+
+def _to_bias_level(lab: Laboratory, reference: Reference, left: np.ndarray) -> np.ndarray | None:
+    """The step that brings the black level to the mean of the bias frames, if that is far; else None.
+
+    Bits and codes change periodically with the black level, so a robust fit cannot step across many DN.
+    """
+    told = _black_step(lab, reference, left)
+    if told is None or abs(left[told.level]) < FAR_BLACK * reference.coordinates[told.black].step:
+        return None
+    step = np.zeros(len(reference.coordinates))
+    step[told.black] = told.step
+    return step
+
+
+def _at_bias_level(lab: Laboratory, fitted: Fitted) -> Camera | None:
+    """The camera with the black level at the mean of the bias frames, if that deviates; else None."""
+    told = _black_step(lab, fitted.reference, fitted.residual)
+    if told is None or abs(fitted.z[told.level]) < OFF_BLACK:
+        return None
+    coordinate = fitted.reference.coordinates[told.black]
+    return moved(fitted.camera, [coordinate], [coordinate.read(fitted.camera) + told.step])
+
+
+class _BlackStep(NamedTuple):
+    level: int  # the statistic that is the mean of the bias frames
+    black: int  # the coordinate that is the black level
+    step: float  # by which the one comes to where it was measured
+
+
+def _black_step(lab: Laboratory, reference: Reference, left: np.ndarray) -> _BlackStep | None:
+    """The black level from the bias frames; None without such frames, or if the black level is not free."""
+    level = bias_level(lab.statistics)
+    black = next((k for k, c in enumerate(reference.coordinates) if c.path == BLACK), None)
+    if level is None or black is None:
+        return None
+    return _BlackStep(level, black, left[level] / max(reference.slopes[level, black], 0.5))
+
+
+def bias_level(statistics: Sequence[Statistic]) -> int | None:
+    """Index of the statistic that is the mean level of the bias frames; None if there are none."""
+    for i, s in enumerate(statistics):
+        if (s.view, s.name, s.kind) == ("level", "mean", "bias"):
+            return i
+    return None

@@ -1,0 +1,150 @@
+"""A Gaussian distribution of the residuals of a complete camera after its refit, and a correction for its sampling error."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import cho_solve, solve_triangular
+
+from visaug.diagnosis.fitting.fit import Fitted
+from visaug.diagnosis.fitting.reference import Null
+
+FORM = 0.1  # model discrepancy of an effect's form, relative to what the effect explains,
+ROUGH = 0.3  # and of its first signatures, whose parameters are not fitted yet
+
+OUTLIERS = 0.01  # share of the statistics that effects outside the model shift
+LEAST = 3.0  # the smallest outlier, in standard deviations,
+RANGE = 1e4  # and the ratio of the largest to the smallest
+
+
+@dataclass(frozen=True)
+class Metric:
+    """Gaussian distribution of the residuals of a complete camera, with the camera's parameters marginalised.
+
+    The covariance is that of the simulated sets, plus that of the free parameters, plus a model-discrepancy term proportional
+    to each large residual: a real glow or lag does not have exactly the catalogue's form, and without this term every form
+    would be rejected for a strong effect.
+    """
+
+    used: np.ndarray
+    scale: np.ndarray
+    covariance: np.ndarray  # of standardised residuals
+
+    @cached_property
+    def factor(self) -> np.ndarray:
+        return np.linalg.cholesky(self.covariance)
+
+    @cached_property
+    def precision(self) -> np.ndarray:
+        return cho_solve((self.factor, True), np.eye(len(self.factor)), check_finite=False)
+
+    def z(self, vector: np.ndarray) -> np.ndarray:
+        """Standardised residuals: (..., statistics)."""
+        return vector[..., self.used] / self.scale
+
+    def white(self, vector: np.ndarray) -> np.ndarray:
+        z = self.z(vector)
+        flat = z.reshape(-1, z.shape[-1]).T
+        return solve_triangular(self.factor, flat, lower=True, check_finite=False).T.reshape(z.shape)
+
+    def widened(self, variance: np.ndarray) -> "Metric":
+        """With the variance that an effect adds, per statistic (drift, tracks, sparse defects)."""
+        return Metric(self.used, self.scale, self.covariance + np.diag(variance[self.used] / self.scale**2))
+
+    def widened_log_likelihood(self, residual: np.ndarray, variance: np.ndarray) -> float:
+        """`widened(variance).log_likelihood(residual)`, faster if few variances are positive.
+
+        Woodbury's identity for a change of k diagonal entries.
+        """
+        extra = variance[self.used] / self.scale**2
+        wide = np.flatnonzero(extra)
+        z = self.z(residual)
+        flat = self.precision @ z
+        root = np.sqrt(extra[wide])
+        inner = np.eye(len(wide)) + root[:, None] * self.precision[np.ix_(wide, wide)] * root
+        factor = np.linalg.cholesky(inner)
+        freed = solve_triangular(factor, root * flat[wide], lower=True, check_finite=False)
+        square = float(z @ flat - freed @ freed)
+        return -0.5 * square - float(np.log(np.diag(self.factor)).sum() + np.log(np.diag(factor)).sum())
+
+    def log_likelihood(self, residual: np.ndarray) -> float:
+        """Log likelihood of a residual, up to a constant."""
+        return float(-0.5 * np.sum(self.white(residual) ** 2) - np.log(np.diag(self.factor)).sum())
+
+
+def metric(fitted: Fitted, form: float, allowance: np.ndarray | float = 0.0) -> Metric:
+    """The metric of the residual of a fitted camera.
+
+    Args:
+        form: relative model discrepancy of the effect that causes large residuals.
+        allowance: tolerance of accepted effects' forms, per statistic.
+    """
+    return law(fitted.reference.null, np.hypot(form * fitted.residual, allowance))
+
+
+def law(
+    null: Null, left: np.ndarray, used: np.ndarray | None = None, sets: np.ndarray | None = None
+) -> Metric:
+    """Covariance of the residual of a refitted camera: of its simulated sets, of its free parameters, and of `left`.
+
+    Args:
+        left: tolerance of effects' forms, per statistic.
+        used: statistics to use; all that vary if omitted.
+        sets: residuals of some of the simulated sets; of all if omitted.
+    """
+    used = null.scale > 0 if used is None else used
+    scale = null.scale[used]
+    slopes = null.slopes[used] / scale[:, None] * null.priors
+    sets = null.residuals if sets is None else sets
+    covariance = shrunk(sets[:, used] / scale) + slopes @ slopes.T + np.diag((left[used] / scale) ** 2)
+    return Metric(used, scale, covariance)
+
+
+def each_half(null: Null, left: np.ndarray) -> list[tuple[Metric, np.ndarray]]:
+    """The covariance of each half of the simulated sets, with the residuals of the other half, to which it may be applied."""
+    first, second = null.residuals[::2], null.residuals[1::2]
+    return [(law(null, left, sets=first), second), (law(null, left, sets=second), first)]
+
+
+def scatter_along(null: Null, left: np.ndarray, ways: np.ndarray) -> np.ndarray:
+    """(n,) variance of simulated sets in directions (n, statistics), relative to that of `law`; at least 1.
+
+    A covariance of many statistics from few sets is too small in some directions, which inflates matches there by chance;
+    this factor corrects for it.
+    """
+    found = np.zeros(len(ways))
+    for m, others in each_half(null, left):
+        white = m.white(ways)
+        squares = (white**2).sum(1)
+        along = ((m.white(others) @ white.T) ** 2).mean(0)
+        found += 0.5 * np.divide(along, squares, out=np.ones_like(squares), where=squares > 0)
+    return np.maximum(found, 1.0)
+
+
+def log_density(residual: np.ndarray, scale: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    """Log density of residuals (..., statistics): normal, with log-uniform outliers for what effects outside the model cause.
+
+    Args:
+        scale: standard deviations.
+        unit: outliers lie beyond `LEAST` times this.
+    """
+    size = np.abs(residual)
+    normal = np.exp(-0.5 * (size / scale) ** 2) / (scale * np.sqrt(2 * np.pi))
+    outlier = 1 / (2 * (1 + np.log(RANGE)) * np.maximum(size, LEAST * unit))
+    return np.log((1 - OUTLIERS) * normal + OUTLIERS * outlier)
+
+
+def shrunk(samples: np.ndarray) -> np.ndarray:
+    """Correlation matrix of (R, n) samples of mean 0, shrunk towards the identity.
+
+    The shrinkage minimises the expected error: J. Schaefer and K. Strimmer, Stat. Appl. Genet. Mol. Biol. 4 (2005) 32.
+    """
+    count = len(samples)
+    spread = np.sqrt((samples**2).mean(0))
+    unit = np.divide(samples, spread, out=np.zeros_like(samples), where=spread > 0)
+    correlation = unit.T @ unit / count
+    variance = ((unit**2).T @ unit**2 / count - correlation**2) / count
+    np.fill_diagonal(variance, 0)
+    np.fill_diagonal(correlation, 0)
+    amount = float(np.clip(variance.sum() / max((correlation**2).sum(), 1e-12), 0.05, 1))
+    return (1 - amount) * correlation + np.eye(samples.shape[1])

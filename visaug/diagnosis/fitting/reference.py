@@ -1,0 +1,300 @@
+"""Simulated sets of a camera: mean, variance, derivatives of the mean, and the residuals of their refits."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from visaug.camera import Camera
+from visaug.diagnosis.fitting.parameters import WELL, Coordinate, moved
+from visaug.diagnosis.fitting.robust import adjust, drawn_to_zero, standardised
+from visaug.diagnosis.laboratory import Laboratory
+from visaug.statistics.distance import largest_of_each, least_spread, variance
+
+PAIRS, MORE_PAIRS = (
+    3,
+    8,
+)  # simulations with common random numbers for each side of a derivative, and of one that noise is much of:
+NOISY = 0.05  # share of noise in a derivative from which more simulations are used
+FAR = 6.0  # steps of a coordinate beyond which the reference is simulated anew
+
+Report = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Simulated statistics of one use of the frames (discovery, hold-out, all).
+
+    Attributes:
+        sets: (R, statistics) fingerprints of simulated sets.
+        slopes: (statistics, coordinates), derivatives of their means.
+        least: (statistics,) lower limit of the standard deviation.
+    """
+
+    sets: np.ndarray
+    slopes: np.ndarray
+    least: np.ndarray
+
+    @cached_property
+    def mean(self) -> np.ndarray:
+        return self.sets.mean(0)
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """(statistics,) standard deviations, at least `least`; 0 for a statistic that is constant."""
+        return np.maximum(np.sqrt(variance(self.sets)), self.least)
+
+    @cached_property
+    def deviations(self) -> np.ndarray:
+        """(R, statistics) each set minus the mean of the others."""
+        count = len(self.sets)
+        return (self.sets - self.mean) * (count / (count - 1))
+
+
+@dataclass(frozen=True)
+class Null:
+    """Null distribution: residuals of a complete camera after a refit, for one use of the frames.
+
+    Attributes:
+        residuals: (R, statistics) of the simulated sets.
+        floor: (statistics,) lower limit of the standard deviation; 0 for a statistic that is constant.
+        slopes: (statistics, coordinates), derivatives of the means.
+        priors: (coordinates,) standard deviations of the priors.
+    """
+
+    residuals: np.ndarray
+    floor: np.ndarray
+    slopes: np.ndarray
+    priors: np.ndarray
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """(statistics,) standard deviations; 0 for a statistic that is constant."""
+        return np.where(self.floor > 0, np.maximum(self.residuals.std(0, ddof=1), self.floor), 0.0)
+
+    @cached_property
+    def largest(self) -> np.ndarray:
+        """(R,) largest residual of each set, in standard deviations of the other sets."""
+        return largest_of_each(self.residuals, self.floor)
+
+    def beyond(self, moves: np.ndarray, scale: np.ndarray | None = None) -> np.ndarray:
+        """(statistics,) the part of a shift that the camera's parameters cannot reproduce, in standard deviations.
+
+        A least-squares projection with the priors of the parameters.
+
+        Args:
+            moves: (statistics,) a shift.
+            scale: standard deviations to use; this camera's if omitted.
+        """
+        scale = self.scale if scale is None else scale
+        along, design = standardised(moves, scale), standardised(self.slopes.T, scale)
+        normal = design @ design.T + np.diag(1 / self.priors**2)
+        return along - design.T @ np.linalg.solve(normal, design @ along)
+
+
+USES = ("find", "confirm", "whole")
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A camera with its simulated sets: mean, variance and derivatives with respect to each free parameter.
+
+    Effects are selected on the discovery frames (`find`), their errors are reported on the hold-out frames (`confirm`), and
+    the test whether anything is missing uses all frames (`whole`). Attributes without a prefix refer to the discovery frames.
+    """
+
+    camera: Camera
+    coordinates: tuple[Coordinate, ...]
+    find: Sample
+    confirm: Sample
+    whole: Sample
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All simulated arrays by name, and the paths of the coordinates in their order."""
+        simulated = {
+            f"{use}_{part}": getattr(getattr(self, use), part)
+            for use in USES
+            for part in ("sets", "slopes", "least")
+        }
+        return {**simulated, "paths": np.array([c.path for c in self.coordinates], str)}
+
+    @classmethod
+    def from_arrays(
+        cls, camera: Camera, coordinates: Sequence[Coordinate], arrays: dict[str, np.ndarray]
+    ) -> "Reference":
+        """The reference of `arrays`."""
+        samples = (Sample(*(arrays[f"{use}_{part}"] for part in ("sets", "slopes", "least"))) for use in USES)
+        by_path = {c.path: c for c in coordinates}
+        return cls(camera, tuple(by_path[path] for path in arrays["paths"]), *samples)
+
+    @property
+    def sets(self) -> np.ndarray:
+        return self.find.sets
+
+    @property
+    def mean(self) -> np.ndarray:
+        return self.find.mean
+
+    @property
+    def scale(self) -> np.ndarray:
+        return self.find.scale
+
+    @property
+    def slopes(self) -> np.ndarray:
+        return self.find.slopes
+
+    @property
+    def priors(self) -> np.ndarray:
+        return np.array([c.prior for c in self.coordinates])
+
+    @cached_property
+    def null_steps(self) -> np.ndarray:
+        """(R, coordinates) steps of the coordinates in refits of the simulated sets: their sampling distribution."""
+        return adjust(self.find.deviations, self.slopes, self.scale, self.priors)
+
+    @cached_property
+    def untold(self) -> np.ndarray:
+        """(coordinates,) standard deviation that comes from the priors because the frames do not determine it."""
+        return self.priors * np.sqrt((self._posterior**2).sum(1))
+
+    @property
+    def determined(self) -> np.ndarray:
+        """(coordinates,) share of each that the frames determine and not its prior (D. MacKay, Neural Comput. 4 (1992) 415)."""
+        return 1 - np.diag(self._posterior)
+
+    @cached_property
+    def _posterior(self) -> np.ndarray:
+        """(coordinates, coordinates) posterior covariance, in units of the priors."""
+        if not self.coordinates:
+            return np.zeros((0, 0))
+        design = standardised(self.slopes.T, self.scale) * self.priors[:, None]
+        return np.linalg.inv(design @ design.T + np.eye(len(self.priors)))
+
+    def _null_of(self, sample: Sample) -> Null:
+        residuals = sample.deviations - self.null_steps @ sample.slopes.T
+        return Null(residuals, least_spread(sample.scale, sample.least), sample.slopes, self.priors)
+
+    @cached_property
+    def null(self) -> Null:
+        """Of the discovery frames."""
+        return self._null_of(self.find)
+
+    @cached_property
+    def confirm_null(self) -> Null:
+        """Of the hold-out frames."""
+        return self._null_of(self.confirm)
+
+    @cached_property
+    def whole_null(self) -> Null:
+        """Of all frames."""
+        return self._null_of(self.whole)
+
+    @property
+    def null_scale(self) -> np.ndarray:
+        """(statistics,) standard deviations of refitted residuals."""
+        return self.null.scale
+
+    @property
+    def largest(self) -> np.ndarray:
+        """(R,) largest standardised residual in all frames of each simulated set, after its refit."""
+        return self.whole_null.largest
+
+    @cached_property
+    def largest_as_given(self) -> np.ndarray:
+        return largest_of_each(self.find.deviations, least_spread(self.scale, self.find.least))
+
+
+def make_reference(
+    lab: Laboratory,
+    camera: Camera,
+    coordinates: Sequence[Coordinate],
+    sets: int,
+    report: Report,
+    known: Reference | None = None,
+    begun: Reference | None = None,
+) -> Reference:
+    """Simulates `sets` sets and the derivatives.
+
+    Args:
+        known: reference of a similar camera, whose derivatives are reused except that of the full well, which changes where
+            an effect adds noise.
+        begun: the same reference with fewer sets; these and its derivatives are reused.
+    """
+    label = f"simulating {sets} sets of the camera"
+    done = 0 if begun is None else len(begun.sets)
+    values = lab.simulated([(camera, k) for k in range(done, sets)], lambda n: report(label, done + n, sets))
+    if begun is not None:
+        samples = [getattr(begun, use) for use in USES]
+        return replace(
+            begun,
+            **{
+                use: replace(sample, sets=np.vstack([sample.sets, more]))
+                for use, sample, more in zip(USES, samples, values, strict=True)
+            },
+        )
+    taken = {} if known is None else {c.path: k for k, c in enumerate(known.coordinates) if c.path != WELL}
+    new = [c for c in coordinates if c.path not in taken]
+    slopes = derivatives(lab, camera, new, report, np.sqrt(variance(values[0])))
+    if known is not None:
+        old = [c for c in coordinates if c.path in taken]
+        kept = [taken[c.path] for c in old]
+        slopes = [
+            np.hstack([getattr(known, use).slopes[:, kept], s]) for use, s in zip(USES, slopes, strict=True)
+        ]
+        coordinates = old + new
+    least = [np.array([s.least_spread for s in f.statistics]) for f in lab.measured]
+    samples = (Sample(*parts) for parts in zip(values, slopes, least, strict=True))
+    return Reference(camera, tuple(coordinates), *samples)
+
+
+def derivatives(
+    lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], report: Report, scale: np.ndarray
+) -> list[np.ndarray]:
+    """Central differences of the mean statistics with common random numbers: (statistics, coordinates) of each use.
+
+    Where few pairs leave a large standard error (an effect whose random numbers change with a step), more are simulated, and
+    what is within the noise is shrunk to 0: a spurious derivative would fix the parameter.
+
+    Args:
+        scale: (statistics,) standard deviations of the discovery frames.
+    """
+    if not coordinates:
+        return [np.zeros((len(f.values), 0)) for f in lab.measured]
+    pairs = differences(lab, camera, coordinates, range(PAIRS), report)
+    answers = standardised(pairs[0].mean(1), scale)
+    noise = standardised(pairs[0].std(1, ddof=1), scale) / np.sqrt(PAIRS)
+    noisy = np.flatnonzero((noise**2).sum(-1) > NOISY * (answers**2).sum(-1)).tolist()
+    slopes = [found.mean(1) for found in pairs]
+    if noisy:
+        more = differences(lab, camera, [coordinates[k] for k in noisy], range(PAIRS, MORE_PAIRS), report)
+        for slope, first, further in zip(slopes, pairs, more, strict=True):
+            of = np.concatenate([first[noisy], further], axis=1)
+            slope[noisy] = drawn_to_zero(of.mean(1), of.var(1, ddof=1) / MORE_PAIRS)
+    return [slope.T for slope in slopes]
+
+
+def differences(
+    lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], numbers: range, report: Report
+) -> list[np.ndarray]:
+    """(coordinates, pairs, statistics) difference quotients of each use of the frames, one pair of simulations per seed."""
+    at = [c.read(camera) for c in coordinates]
+    jobs = []
+    for j, coordinate in enumerate(coordinates):
+        for sign in (1, -1):
+            there = [x + sign * coordinate.step * (k == j) for k, x in enumerate(at)]
+            jobs += [(moved(camera, coordinates, there), number) for number in numbers]
+    steps = np.array([c.step for c in coordinates])[:, None, None]
+    found = []
+    for values in lab.simulated(
+        jobs, lambda n: report("how statistics answer the camera's numbers", n, len(jobs))
+    ):
+        sides = values.reshape(len(coordinates), 2, len(numbers), -1)
+        found.append((sides[:, 0] - sides[:, 1]) / (2 * steps))
+    return found
+
+
+def is_far(reference: Reference, camera: Camera, steps: float = FAR) -> bool:
+    """Whether a refitted camera is outside the region in which the variance and derivatives of its reference are valid."""
+    moves = [abs(c.read(camera) - c.read(reference.camera)) / c.step for c in reference.coordinates]
+    return max(moves, default=0.0) > steps

@@ -1,0 +1,63 @@
+"""Statistics of one use of the frames, and what an effect changes in them: their means and their standard deviations."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from visaug.diagnosis.fitting.reference import Null
+from visaug.diagnosis.fitting.robust import drawn_to_zero, standardised
+
+CERTAIN = 3.0  # standard errors by which two standard deviations must differ to count as two
+
+
+@dataclass(frozen=True)
+class Use:
+    """Statistics of one use of the frames (discovery, hold-out, all).
+
+    Attributes:
+        residual: measured minus modelled.
+        sets: (R, statistics) of simulated sets of the camera.
+        null: residuals of these sets after a refit.
+        allowance: residual that may stay because accepted effects do not have exactly the catalogue's forms.
+    """
+
+    residual: np.ndarray
+    sets: np.ndarray
+    null: Null
+    allowance: np.ndarray
+
+    @property
+    def scale(self) -> np.ndarray:
+        """(statistics,) standard deviations with the tolerance; 0 for a statistic that is constant."""
+        return np.where(self.null.scale > 0, np.hypot(self.null.scale, self.allowance), 0.0)
+
+    @property
+    def z(self) -> np.ndarray:
+        return standardised(self.residual, self.scale)
+
+
+def shifts(before: Use, after: Use) -> np.ndarray:
+    """(statistics,) change of the model's mean by the last effect, shrunk to 0 where it is within the noise of the simulated sets.
+
+    Sets of two cameras share their random numbers, so that the differences of pairs tell a change better than those of means.
+    """
+    count = min(len(before.sets), len(after.sets))
+    pairs = after.sets[:count] - before.sets[:count]
+    paired = pairs.var(0, ddof=1) / count
+    apart = sum(use.sets.var(0, ddof=1) / len(use.sets) for use in (before, after))
+    control = np.where(paired < apart, before.sets.mean(0) - before.sets[:count].mean(0), 0.0)
+    return drawn_to_zero(before.residual - after.residual + control, np.minimum(paired, apart))
+
+
+def scales(before: Use, after: Use) -> tuple[np.ndarray, np.ndarray]:
+    """(statistics,) standard deviations without and with an effect; one for both where they differ by less than their noise.
+
+    R sets tell a standard deviation to 1 / sqrt(2 R), and a thousand such errors would add up to a likelihood of their own.
+    """
+    counts = np.array([len(use.sets) for use in (before, after)])
+    pair = np.array([use.null.scale for use in (before, after)])
+    both = np.where(pair.min(0) > 0, np.sqrt(counts @ pair**2 / counts.sum()), 0.0)
+    ratio = np.divide(pair[1], pair[0], out=np.ones_like(both), where=both > 0)
+    alike = np.abs(np.log(np.where(ratio > 0, ratio, 1.0))) < CERTAIN * np.sqrt((0.5 / counts).sum())
+    without, with_it = np.where(alike, both, pair)
+    return without, with_it

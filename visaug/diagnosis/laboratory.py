@@ -1,0 +1,215 @@
+"""The measured frames and a model's, through the same fingerprint."""
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import cached_property, partial
+from typing import Literal
+
+import numpy as np
+import torch
+
+from visaug.camera import Camera
+from visaug.diagnosis.part import Part, parts_of
+from visaug.frames import FrameSet
+from visaug.pictures.part import PicturePart, picture_part
+from visaug.statistics import Fingerprint, Statistic
+from visaug.statistics.order import history_warnings
+from visaug.statistics.split import CONFIRM, FIND, WHOLE
+from visaug.statistics.subsample import select
+
+READ_NOISE_E = 1.5  # of a camera for which the strengths that effects name to try are made: 0.1 to 1 times the read noise
+
+Job = tuple[Camera, int]
+Work = Callable[[Job], tuple[np.ndarray, ...]]
+Spread = Callable[[Work, Sequence[Job]], Iterable[tuple[np.ndarray, ...]]]
+
+
+class Laboratory:
+    """Simulates sets of the same plan as the measured one and takes their fingerprints.
+
+    Of a large set it takes a share, `selection`: see `visaug.statistics.subsample`. `parts` are what is measured and
+    simulated: the frames, or a window of them and some full frames beside. `frames` and `folds` are of the first part.
+    `calibrated`: whether the set contains the photons of all its flats.
+
+    Args:
+        frames: the measured set.
+        camera: fills in what the plan leaves open (the photons of flats with an uncalibrated source).
+        seed: of all simulations; simulation k of one camera shares its random numbers with simulation k of another.
+        folds: False takes all frames as ones that find, for a comparison in which nothing is fitted.
+        spread: does the simulations, in order; the threads of this machine, or a cluster.
+        report: called with (description, done, total) while frames are read.
+        transfer: of ordinary pictures, how their values follow from light.
+        scenes: other pictures of such scenes as ordinary pictures show.
+    """
+
+    def __init__(
+        self,
+        frames: FrameSet,
+        camera: Camera,
+        seed: int = 0,
+        folds: bool = True,
+        spread: Spread | None = None,
+        report: Callable[[str, int, int], None] | None = None,
+        transfer: Literal["linear", "srgb"] = "linear",
+        scenes: FrameSet | None = None,
+    ):
+        self.seed = seed
+        self.spread = spread or by_threads
+        self.sequences: tuple[int, ...]
+        self.units: dict[str, float] = {}
+        if frames.is_pictures:
+            self._of_pictures(frames, camera, transfer, scenes)
+            return
+        frames = frames.assuming_bits(camera.bit_depth)
+        self.selection = select(frames)
+        self.warnings = (*frames.warnings, *self.selection.left_out, *history_warnings(frames.records))
+        self.calibrated = all(r.photons is not None for r in frames.records if r.kind == "flat")
+        lit = _with_photons(frames, camera, self.selection.frames)
+        self.parts: tuple[Part | PicturePart, ...] = parts_of(lit, self.selection, folds, report)
+        self.frames, self.folds = self.parts[0].frames, self.parts[0].folds
+        self.sequences = tuple(record.sequence for record in self.frames.records)
+
+    def _of_pictures(
+        self, frames: FrameSet, camera: Camera, transfer: Literal["linear", "srgb"], scenes: FrameSet | None
+    ) -> None:
+        warnings = list(frames.warnings)
+        part, self.selection = picture_part(frames, camera, transfer, scenes, warnings.append)
+        self.warnings, self.calibrated, self.parts = tuple(warnings), False, (part,)
+        self.frames, self.folds = part.frames, part.folds
+        self.sequences = tuple(int(record.file) for record in self.frames.records)
+        noise = max(camera.spec.read_noise.sigma_e / READ_NOISE_E, 1.0)
+        second = 1 / max(camera.spec.exposure_s, 1e-6)
+        self.units = {"e-": noise, "e-/s": second, "e-/px/s": second}
+
+    @cached_property
+    def measured(self) -> tuple[Fingerprint, Fingerprint, Fingerprint]:
+        """Fingerprints of the discovery frames, of the hold-out frames, and of the whole set."""
+        find, confirm, whole = (
+            _joined([part.measured(use) for part in self.parts]) for use in (FIND, CONFIRM, WHOLE)
+        )
+        return find, confirm, whole
+
+    @property
+    def statistics(self) -> tuple[Statistic, ...]:
+        return self.measured[0].statistics
+
+    def whole_of(self, finding: np.ndarray) -> np.ndarray:
+        """A shape (..., statistics) of the discovery frames, as one of the whole set: 0 where these have a statistic more."""
+        place = self._place_in_finding
+        return np.where(place >= 0, finding[..., place], 0.0)
+
+    @cached_property
+    def _place_in_finding(self) -> np.ndarray:
+        """Of every statistic of the whole set, its place among those of the discovery frames; -1 where it has none."""
+        find, _, whole = (f.statistics for f in self.measured)
+        places = _places(find)
+        return np.array([places.get(key, -1) for key in _places(whole)])
+
+    @cached_property
+    def confirming(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the statistics that discovery and hold-out frames both have: places among the one's and the other's."""
+        find, confirm, _ = (_places(f.statistics) for f in self.measured)
+        both = np.array([(find[key], i) for key, i in confirm.items() if key in find], int).reshape(-1, 2)
+        return both[:, 0], both[:, 1]
+
+    def simulated(
+        self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Fingerprints of simulated sets.
+
+        Args:
+            cameras: pairs of a camera and the number of the simulation.
+            report: called with the number of sets done.
+
+        Returns:
+            (n, statistics) of the discovery frames, of the hold-out frames, and of the whole set.
+        """
+        results = self._run(cameras, report, (FIND, CONFIRM, WHOLE))
+        find, confirm, whole = (np.array([result[k] for result in results]) for k in range(3))
+        return find, confirm, whole
+
+    def finding(
+        self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None
+    ) -> np.ndarray:
+        """The same for the discovery frames only, in half the time: (n, statistics)."""
+        return np.array([a for (a,) in self._run(cameras, report, (FIND,))])
+
+    def _run(self, cameras, report, uses) -> list[tuple[np.ndarray, ...]]:
+        results = []
+        for result in self.spread(partial(fingerprints, self.parts_to_simulate, self.seed, uses), cameras):
+            results.append(result)
+            if report is not None:
+                report(len(results))
+        return results
+
+    @cached_property
+    def parts_to_simulate(self) -> tuple[Part | PicturePart, ...]:
+        """The parts without the measured pixels: all that a simulation needs."""
+        return tuple(part.without_pixels() for part in self.parts)
+
+
+def _joined(found: Sequence[Fingerprint]) -> Fingerprint:
+    """One fingerprint of several parts."""
+    if len(found) == 1:
+        return found[0]
+    return Fingerprint(
+        tuple(s for one in found for s in one.statistics), np.concatenate([one.values for one in found])
+    )
+
+
+def _places(statistics: Sequence[Statistic]) -> dict[tuple[str, str, str], int]:
+    """Index of each statistic by its identity."""
+    return {(s.view, s.name, s.frames): i for i, s in enumerate(statistics)}
+
+
+def fingerprints(
+    parts: Sequence[Part | PicturePart], seed: int, uses: Sequence[str], job: tuple[Camera, int]
+) -> tuple[np.ndarray, ...]:
+    """Of one simulated set: one array of values for each use of its frames."""
+    camera, number = job
+    found = [part.simulated(camera, seed * 1_000_003 + number, uses) for part in parts]
+    return tuple(np.concatenate(values) for values in zip(*found, strict=True))
+
+
+def by_threads(work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
+    """The results in the order of the jobs, from the cores of this machine."""
+    with _single_threads(), ThreadPoolExecutor(workers()) as pool:
+        yield from pool.map(work, jobs)
+
+
+def workers() -> int:
+    """Sets that are simulated at a time."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class _single_threads:
+    """One torch thread per set: whole sets run in parallel."""
+
+    def __enter__(self) -> None:
+        self.before = torch.get_num_threads()
+        torch.set_num_threads(1)
+
+    def __exit__(self, *_: object) -> None:
+        torch.set_num_threads(self.before)
+
+
+def _with_photons(frames: FrameSet, camera: Camera, used: Sequence[int]) -> FrameSet:
+    """The set with the photons of uncalibrated flats taken from their level and the camera's gain and efficiency.
+
+    The level is that of the frames in use; of conditions that are not used, that of one frame.
+    """
+    blank = [i for i, r in enumerate(frames.records) if r.kind == "flat" and r.photons is None]
+    if not blank:
+        return frames
+    allowed = set(used)
+    levels: dict[int, float] = {}
+    for group in frames.groups():
+        if group.kind == "flat" and group.photons is None:
+            read = [i for i in group.indices if i in allowed] or group.indices[:1]
+            level = float(np.mean([frames.read(i).mean(dtype=np.float64) for i in read]))
+            electrons = max(level - camera.spec.black_level_dn, 0.0) * camera.gain_at(group.gain_db)
+            levels |= dict.fromkeys(group.indices, electrons / camera.spec.quantum_efficiency)
+    records = [replace(r, photons=levels[i]) if i in levels else r for i, r in enumerate(frames.records)]
+    return frames.with_records(records)

@@ -1,0 +1,275 @@
+"""Frames, or a window of them, that are measured, and simulated as a part of the sequence in which they were taken."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from visaug.camera import Camera
+from visaug.camera.history import DEEPEST
+from visaug.camera.simulation import has_clean, simulate
+from visaug.core.errors import InputError
+from visaug.frames import FrameRecord, FrameSet
+from visaug.statistics import (
+    IN_A_WINDOW,
+    OF_FULL_FRAMES,
+    VIEWS,
+    Fingerprint,
+    View,
+    fingerprint,
+    fingerprint_values,
+)
+from visaug.statistics.reduction import used_groups
+from visaug.statistics.split import CONFIRM, FIND, WHOLE, Folds, share_out
+from visaug.statistics.subsample import MARGIN, Selection, Window
+
+Report = Callable[[str, int, int], None]
+FULL_DEEPEST = 3  # full frames that are simulated before one that is used, at most: each costs as much as it
+
+
+@dataclass(frozen=True)
+class Part:
+    """Measured frames, and the plan of the sequence to simulate them from.
+
+    Attributes:
+        frames: the measured frames.
+        folds: which of them do what.
+        plan: the frames of the sequence, without pixels; each with the window that is simulated, a margin wider than the frames.
+        keep: positions in the plan of the frames.
+        views: through which both are looked at.
+        place: part of the sensor that the frames show, as text; empty if there is only one.
+        deepest: frames before a used one that are simulated at most.
+    """
+
+    frames: FrameSet
+    folds: Folds
+    plan: FrameSet
+    keep: tuple[int, ...]
+    views: tuple[View, ...]
+    place: str = ""
+    deepest: int = DEEPEST
+
+    def positions(self, use: str) -> tuple[int, ...]:
+        """Of the discovery frames, of the hold-out frames, or of all."""
+        return {
+            FIND: self.folds.find,
+            CONFIRM: self.folds.confirm,
+            WHOLE: tuple(range(len(self.frames))),
+        }[use]
+
+    @property
+    def halves(self) -> bool:
+        """Whether the statistics of all frames are the means of those that find and those that confirm.
+
+        Full frames cost most, so that they are not measured a third time. Both must have the same statistics: the same
+        conditions, and noise of each where the other has it.
+        """
+        find, confirm = (
+            [
+                (replace(g, indices=()), len(g.indices) > 1)
+                for g in used_groups(self.frames, self.positions(use))
+            ]
+            for use in (FIND, CONFIRM)
+        )
+        return bool(self.place) and find == confirm
+
+    def measured(self, use: str) -> Fingerprint:
+        if use == WHOLE and self.halves:
+            find, confirm = self.measured(FIND), self.measured(CONFIRM)
+            return replace(find, values=(find.values + confirm.values) / 2)
+        return fingerprint(self.frames, self.positions(use), self.views, self.place)
+
+    def simulated(self, camera: Camera, seed: int, uses: Sequence[str]) -> list[np.ndarray]:
+        """Fingerprint values of one simulated set, for each use of its frames."""
+        if self.place and list(uses) == [FIND]:  # no view of these looks at the frame before
+            return [fingerprint_values(self.take(camera, seed, self.folds.find), None, self.views)]
+        frames = self.take(camera, seed)
+        values = {
+            use: fingerprint_values(frames, self.positions(use), self.views)
+            for use in uses
+            if use != WHOLE or not self.halves
+        }
+        if WHOLE in uses and self.halves:
+            values[WHOLE] = (values[FIND] + values[CONFIRM]) / 2
+        return [values[use] for use in uses]
+
+    def take(self, camera: Camera, seed: int, only: Iterable[int] | None = None) -> FrameSet:
+        """The frames, or those of them at some positions, as a camera would take them."""
+        wanted = list(range(len(self.frames)) if only is None else only)
+        taken = simulate(camera, self.plan, seed, keep=[self.keep[k] for k in wanted], deepest=self.deepest)
+        records = [self.frames.records[k] for k in wanted]
+        if all(a.window == b.window for a, b in zip(records, taken.records, strict=True)):
+            return taken
+        pixels = [
+            _cut(taken.read(k), _window(taken, k), records[k].window).astype(np.uint16)
+            for k in range(len(wanted))
+        ]
+        return FrameSet.from_arrays(records, pixels, self._cleans(wanted), bit_depth=taken.bit_depth)
+
+    def _cleans(self, positions: Iterable[int]) -> dict[str, np.ndarray]:
+        records = self.frames.records
+        return {
+            str(records[k].clean): self.frames.clean(k)
+            for k in positions
+            if records[k].kind == "scene" and records[k].clean
+        }
+
+    def identity(self) -> tuple:
+        """What a simulation depends on, as something that prints as what it is."""
+        return _identity(self.frames), _identity(self.plan), self.keep, self.deepest, self.folds
+
+    def without_pixels(self) -> Part:
+        """The same for simulations alone, which may go to another machine."""
+        every = range(len(self.frames))
+        unread = [np.zeros((1, 1), np.uint16)] * len(self.frames)
+        planned = FrameSet.from_arrays(
+            self.frames.records, unread, self._cleans(every), bit_depth=self.frames.bit_depth
+        )
+        return replace(self, frames=planned)
+
+
+def parts_of(
+    frames: FrameSet, selection: Selection, folds: bool = True, report: Report | None = None
+) -> tuple[Part, ...]:
+    """What is measured of a set: its frames, or windows of them and full frames.
+
+    Args:
+        folds: False takes all frames as ones that find.
+        report: called with (description, done, total) while frames are read.
+    """
+    if selection.is_all:
+        kept = tuple(range(len(frames)))
+        shared = share_out(frames) if folds else Folds(kept, (), ())
+        return (Part(frames, shared, _plan(frames, kept, kept, None, 0), kept, VIEWS),)
+    sequence = _known(frames, selection)
+    place = {i: k for k, i in enumerate(sequence)}
+    keep = tuple(place[i] for i in selection.frames)
+    taken = _read(frames, selection.frames, selection.window, report)
+    shared = share_out(taken) if folds else Folds(tuple(range(len(taken))), (), ())
+    wider = selection.window and _wider(selection.window, *selection.size)
+    first = Part(
+        taken,
+        shared,
+        _plan(frames, sequence, keep, wider, DEEPEST),
+        keep,
+        VIEWS if wider is None else IN_A_WINDOW,
+    )
+    if selection.window is None:
+        return (first,)
+    keep = tuple(place[i] for i in selection.full_frames)
+    own = {i: k for k, i in enumerate(selection.full_frames)}
+    shared = Folds(
+        tuple(own[i] for i in selection.full.fit), (), tuple(own[i] for i in selection.full.confirm)
+    )
+    full = Part(
+        _read(frames, selection.full_frames, None, report),
+        shared if folds else Folds(tuple(range(len(keep))), (), ()),
+        _plan(frames, sequence, keep, None, FULL_DEEPEST),
+        keep,
+        OF_FULL_FRAMES,
+        "full frames",
+        FULL_DEEPEST,
+    )
+    return first, full
+
+
+def _identity(frames: FrameSet) -> tuple:
+    cleans = {}
+    for i, record in enumerate(frames.records):
+        if record.kind == "scene" and record.clean not in cleans and has_clean(frames, i):
+            pixels = np.ascontiguousarray(frames.clean(i)).tobytes()
+            cleans[record.clean] = hashlib.blake2b(pixels, digest_size=8).hexdigest()
+    shapes = tuple(frames.shape(i) for i in range(len(frames)))
+    records = tuple(
+        (r.sequence, r.kind, r.exposure_s, r.temperature_c, r.gain_db, r.photons, r.clean, r.window)
+        for r in frames.records
+    )
+    return records, shapes, cleans
+
+
+def _known(frames: FrameSet, selection: Selection) -> list[int]:
+    """The frames of the sequence that can be simulated: of the window that is used, with light that is known."""
+    window = frames.records[selection.frames[0]].window
+    return [
+        i
+        for i, r in enumerate(frames.records)
+        if r.window == window and r.kind != "image" and (r.kind != "scene" or r.clean)
+    ]
+
+
+def _read(
+    frames: FrameSet, positions: Sequence[int], window: Window | None, report: Report | None
+) -> FrameSet:
+    """The measured frames, or a window of each, in memory."""
+    size = frames.shape(positions[0])
+    records, pixels, cleans = [], [], {}
+    word = "reading frames" if window is None else "reading windows of frames"
+    for k, i in enumerate(positions):
+        record, frame = frames.records[i], frames.read(i)
+        if report is not None:
+            report(word, k + 1, len(positions))
+        if frame.shape != size:
+            raise InputError(
+                "is {} x {}".format(*frame.shape),
+                file=record.file,
+                field="region",
+                expected="{} x {} as the other frames, or a `region` with the window of the sensor".format(
+                    *size
+                ),
+            )
+        records.append(_shown(record, window))
+        pixels.append(frame if window is None else _cut(frame, (0, size[0], 0, size[1]), window))
+        if record.kind == "scene" and record.clean not in cleans:
+            cleans[record.clean] = _part(frames.clean(i), window)
+    return FrameSet.from_arrays(records, pixels, cleans, bit_depth=frames.bit_depth)
+
+
+def _plan(
+    frames: FrameSet, sequence: Sequence[int], keep: Sequence[int], window: Window | None, deepest: int
+) -> FrameSet:
+    """The sequence without its pixels; targets only of scenes that may be simulated."""
+    near = {k - d for k in keep for d in range(deepest + 1)}
+    records, cleans = [], {}
+    for k, i in enumerate(sequence):
+        record = frames.records[i]
+        records.append(_shown(record, window))
+        if record.kind == "scene" and record.clean and k in near and record.clean not in cleans:
+            cleans[record.clean] = _part(frames.clean(i), window)
+    unread = [np.zeros((1, 1), np.uint16)] * len(records)
+    return FrameSet.from_arrays(records, unread, cleans, bit_depth=frames.bit_depth)
+
+
+def _shown(record: FrameRecord, window: Window | None) -> FrameRecord:
+    """The record of a window of a frame; the window counts from the frame's own corner."""
+    if window is None:
+        return record
+    top, left = (record.window[0], record.window[2]) if record.window else (0, 0)
+    return replace(record, window=(top + window[0], top + window[1], left + window[2], left + window[3]))
+
+
+def _wider(window: Window, rows: int, columns: int) -> Window:
+    r0, r1, c0, c1 = window
+    return max(0, r0 - MARGIN), min(rows, r1 + MARGIN), max(0, c0 - MARGIN), min(columns, c1 + MARGIN)
+
+
+def _part(image: np.ndarray, window: Window | None) -> np.ndarray:
+    if window is None:
+        return image
+    return np.ascontiguousarray(image[window[0] : window[1], window[2] : window[3]])
+
+
+def _cut(image: np.ndarray, shows: Window, window: Window | None) -> np.ndarray:
+    """The window out of an image that shows a wider one."""
+    if window is None:
+        return image
+    r0, r1, c0, c1 = window
+    top, _, left, _ = shows
+    return np.ascontiguousarray(image[r0 - top : r1 - top, c0 - left : c1 - left])
+
+
+def _window(frames: FrameSet, i: int) -> Window:
+    rows, columns = frames.shape(i)
+    return frames.records[i].window or (0, rows, 0, columns)

@@ -1,0 +1,276 @@
+"""From pictures to an effective camera: the noise curve under a tone curve, patterns, and what stays open."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from visaug.characterization.findings import Findings
+from visaug.core.intervals import t_quantile
+from visaug.frames import FrameSet
+from visaug.pictures.blocks import Blocks, Levels, Rounding, noise_by_level, sample
+from visaug.pictures.curve import TONES, Law, Sky, fit
+from visaug.pictures.files import Pictures, largest_group
+from visaug.pictures.pattern import recurring
+from visaug.pictures.patterns import add, add_patterns, add_processing
+from visaug.pictures.readings import NoiseCurve, Reading, readings_of
+from visaug.pictures.sets import find_sky, is_rendered, jackknife, no_noise, rounded_away
+from visaug.pictures.texture import Texture, texture_in
+
+NEEDS = {
+    "quantum_efficiency": "flats with known photons per pixel",
+    "dark_current.a_e_per_s": "dark frames at several exposures and temperatures",
+    "full_well_e": "flats beyond saturation; the highest code of the pictures saturates the camera here",
+}
+_NO_CAMERA = (
+    "gain_e_per_dn",
+    "read_noise.sigma_e",
+    "black_level_dn",
+    "dsnu.pixel_e",
+    "dsnu.row_e",
+    "dsnu.column_e",
+    "prnu.pixel",
+)
+_FEWEST_LEVELS = 4
+_MISFIT = 2.0  # times the errors of the levels
+_CUT = 3.0  # standard deviations of noise above code 0
+_UNKNOWN = 3.0  # an interval of the gain wider than this factor either way is no measurement
+
+
+def camera_of_pictures(found: Findings, frames: FrameSet, seed: int) -> tuple[int, int] | None:
+    """Adds what the pictures tell of their camera; returns their size where there is a camera, else None."""
+    for name, needs in NEEDS.items():
+        found.miss(name, needs)
+
+    def warn(text: str) -> None:
+        in_doubt = ("gain_e_per_dn", "*noise*", "dsnu.*", "prnu.*") if text.startswith("colour_jpeg:") else ()
+        found.warn(text, in_doubt)
+
+    pictures = largest_group(frames, warn)
+    blocks, left_out = sample(pictures, seed)
+    rounding = Rounding(pictures.steps, pictures.is_jpeg)
+    levels = noise_by_level(blocks, rounding, len(pictures))
+    if is_rendered(blocks, levels, rounding):
+        _no_camera(found, "pictures with sensor noise")
+        found.miss("image.noise_dn", "pictures with sensor noise")
+        found.warn(f"no_sensor_noise: {no_noise(pictures)}; there is no camera")
+        return None
+    if not len(levels.level):
+        _no_flat_regions(found, blocks, left_out)
+        return None
+    _noise_in_dn(found, pictures, levels, rounding)
+    if left_out > 0.5:
+        found.warn(
+            f"clipped_pictures: {left_out:.0%} of the regions are saturated or all black and tell nothing"
+        )
+    if len(pictures) < 3:
+        _no_camera(found, "three or more pictures")
+        found.warn(f"few_pictures: {len(pictures)} of one kind; spreads and patterns need three or more")
+        return None
+    return _camera(found, pictures, blocks, levels, rounding)
+
+
+def _no_flat_regions(found: Findings, blocks: Blocks, left_out: float) -> None:
+    _no_camera(found, "flat regions of 8 x 8 pixels that do not clip")
+    found.miss("image.noise_dn", "flat regions of 8 x 8 pixels that do not clip")
+    if not len(blocks.level):
+        found.warn("clipped_pictures: every region is saturated or all black; nothing can be measured")
+    else:
+        found.warn(
+            f"no_flat_regions: the pictures hold hardly any region without structure ({left_out:.0%} of all regions clip)"
+        )
+
+
+def _no_camera(found: Findings, needs: str) -> None:
+    for name in _NO_CAMERA:
+        found.miss(name, needs)
+
+
+def _noise_in_dn(found: Findings, pictures: Pictures, levels: Levels, rounding: Rounding) -> None:
+    """The noise curve and its straight line in DN, whatever made it."""
+    scale = pictures.scale
+    noise = np.sqrt(levels.variance) * scale
+    found.curves["noise_level"] = {
+        "level_dn": levels.level * scale,
+        "noise_dn": noise,
+        "error_dn": noise * levels.error / 2,
+    }
+
+    def figures(weights: np.ndarray) -> np.ndarray:
+        level, variance = levels.of_pictures(weights, rounding)
+        blocks = np.tensordot(weights, levels.blocks, 1)
+        good = np.isfinite(variance) & (blocks > 0)
+        typical = float(np.sqrt((blocks * np.nan_to_num(variance)).sum() / blocks.sum()))
+        if np.count_nonzero(good) < 2 or np.ptp(level[good]) < 4 * typical:
+            return np.array([typical, np.nan, np.nan])
+        line = np.polyfit(level[good], variance[good], 1, w=1 / (variance * levels.error)[good])
+        return np.array([typical, *line])
+
+    value, spread, degrees = jackknife(figures, len(pictures))
+    units = (
+        ("image.noise_dn", "DN", scale),
+        ("image.noise_slope_dn", "DN", scale),
+        ("image.noise_floor_dn2", "DN^2", scale**2),
+    )
+    for k, (name, unit, factor) in enumerate(units):
+        if np.isfinite(value[k]):
+            half = t_quantile(degrees) * spread[k] if np.isfinite(spread[k]) else math.inf
+            if len(pictures) == 1:
+                half = 1.96 * float(np.median(levels.error)) * abs(value[k])
+            add(
+                found, name, (value[k] * factor, (value[k] - half) * factor, (value[k] + half) * factor), unit
+            )
+        else:
+            found.miss(name, "flat regions at different levels")
+
+
+def _camera(
+    found: Findings, pictures: Pictures, blocks: Blocks, levels: Levels, rounding: Rounding
+) -> tuple[int, int] | None:
+    if len(levels.level) < _FEWEST_LEVELS or np.ptp(levels.level) < 20:
+        _no_camera(found, "flat regions at several levels")
+        found.warn(
+            "one_level: flat regions lie at one level only; without a slope there is no gain, and no camera"
+        )
+        return None
+    sky = find_sky(blocks, levels)
+    if sky:
+        whole = (sky.level - sky.reach, sky.level + sky.reach)
+        levels = noise_by_level(blocks, rounding, len(pictures), whole)
+    if pictures.is_jpeg and sky and sky.level < _CUT * math.sqrt(levels.variance[0]):
+        # A decoder cuts what JPEG has moved below 0, so noise there follows no law of the sensor.
+        levels, sky = levels.above(_CUT), None
+        found.warn(
+            "black_cut_by_jpeg: black lies at code 0 and JPEG cuts its noise again; noise near black is left out"
+        )
+        if len(levels.level) < _FEWEST_LEVELS:
+            _no_camera(found, "flat regions at several levels")
+            return None
+    levels, sky = _without_rounded(found, levels, rounding, sky)
+    if len(levels.level) < _FEWEST_LEVELS:
+        _no_camera(found, "flat regions at several levels whose noise JPEG has not rounded away")
+        return None
+    start = Law(
+        "linear",
+        0.05,
+        max(0.8 * float(levels.variance[0]), 0.02),
+        sky.level if sky else 0.0,
+        codes=max(round(pictures.top_dn), 255),
+    )
+    first = min(
+        (fit(t, levels.level, levels.variance, levels.error, sky, start) for t in TONES), key=lambda f: f[1]
+    )[0]
+    pattern = recurring(pictures, levels, rounding, first, sky)
+    texture = texture_in(blocks, levels, rounding, sky.level + sky.reach if sky else -math.inf)
+    readings = readings_of(NoiseCurve(pictures, levels, rounding, sky, texture, pattern), start)
+    if not readings:
+        _no_camera(found, "noise that grows with the level as shot noise does")
+        found.warn(
+            "no_shot_noise: the noise does not grow with the level as shot noise does, so there is no gain"
+        )
+        return None
+    best = readings[0]
+    low, high = min(r.gain[1] for r in readings), max(r.gain[2] for r in readings)
+    if not (high < _UNKNOWN**2 * low and math.isfinite(high)):
+        _no_camera(found, "more pictures, or flat regions over a wider range of levels")
+        found.warn(
+            f"gain_unknown: the gain lies between {low:.3g} and {high:.3g} e-/DN; that is no measurement"
+        )
+        return None
+    _warn_of_fine_texture(found, texture, best)
+    if best.misfit > _MISFIT:
+        found.warn(
+            f"noise_curve_misfit: noise of flat regions lies {best.misfit:.1f} standard errors from shot noise and a constant, "
+            "root mean square; texture in all regions, or processing; errors are enlarged by as much and may still be too small",
+            spoils=("gain_e_per_dn", "read_noise.sigma_e"),
+        )
+    _add_tone(found, readings)
+    _add_curve(found, pictures, readings, levels, sky)
+    add_patterns(found, pictures, best, pattern, sky)
+    add_processing(found, pictures, blocks, levels, rounding, texture)
+    found.warn(
+        "pictures_alone: the camera is an effective one: it gives these pictures' noise, whatever made it (sensor, "
+        "compression, denoising); bias, dark and flat frames would tell the parts"
+    )
+    return pictures.frames.shape(pictures.indices[0])
+
+
+def _without_rounded(
+    found: Findings, levels: Levels, rounding: Rounding, sky: Sky | None
+) -> tuple[Levels, Sky | None]:
+    """The levels whose noise JPEG has not rounded away, and the sky where it is one of them."""
+    rounded = rounded_away(levels, rounding)
+    if not rounded.any():
+        return levels, sky
+    found.warn(
+        f"noise_rounded_away: JPEG has rounded away the noise of {np.count_nonzero(rounded)} of {len(rounded)} levels; they are "
+        "left out, and noise close to its steps is inexact",
+        spoils=("gain_e_per_dn", "*noise*"),
+    )
+    if sky and rounded[np.argmin(np.abs(levels.level - sky.level))]:
+        sky = None
+    return levels.where(~rounded), sky
+
+
+def _warn_of_fine_texture(found: Findings, texture: Texture, best: Reading) -> None:
+    signs = []
+    if texture.is_white:
+        signs.append(
+            f"structure in flat regions has {texture.share:.2g} of its power in fine frequencies (white noise has 1)"
+        )
+    if best.contrast:
+        signs.append(
+            f"noise grows with the light itself, as texture of a contrast of {best.contrast:.1%} does"
+        )
+    if signs:
+        found.warn(
+            f"texture_as_noise: {' and '.join(signs)}: texture of about 2 px, or noise with heavy tails; intervals cover gain and "
+            "read noise with and without it",
+            spoils=("gain_e_per_dn", "read_noise.sigma_e"),
+        )
+
+
+def _add_tone(found: Findings, readings: list[Reading]) -> None:
+    tones = [r.law.tone for r in readings]
+    if len(tones) > 1:
+        found.warn(
+            f"tone_curve_open: a tone curve and gain cannot be separated here: {' and '.join(tones)} fit the noise curve "
+            f"alike; {tones[0]} fits best and is taken, the intervals cover the others",
+            spoils=("gain_e_per_dn", "read_noise.sigma_e", "black_level_dn"),
+        )
+    if tones[0] != "linear":
+        found.warn(
+            f"tone_curve: the noise curve is that of a {tones[0]} tone curve; gain, read noise and black level are those of the "
+            "linear picture, in 1/255 of full scale; augment with transfer srgb"
+        )
+
+
+def _add_curve(
+    found: Findings, pictures: Pictures, readings: list[Reading], levels: Levels, sky: Sky | None
+) -> None:
+    tone = readings[0].law.tone
+    shared = f"flat regions hold shot noise and a constant; {tone} tone curve; neither denoised nor sharpened"
+
+    def span(part: str) -> tuple[float, float, float]:
+        every = [getattr(r, part) for r in readings]
+        return every[0][0], min(e[1] for e in every), max(e[2] for e in every)
+
+    add(found, "gain_e_per_dn", span("gain"), "e-/DN", shared)
+    black = span("black")
+    lowest = (
+        "" if sky else f"; black level {black[0]:.3g} DN at best, the lowest with which it is not negative"
+    )
+    add(found, "read_noise.sigma_e", span("read"), "e-", shared + lowest)
+    if sky is None and black[0] > 0:
+        add(found, "black_level_dn", black, "DN", "no black sky: from noise that would be negative below")
+        return
+    if sky is None:
+        found.miss("black_level_dn", "pictures with a black sky; 0 is taken")
+        return
+    if black[0] < 3 * math.sqrt(readings[0].law.read) * pictures.scale:
+        found.warn(
+            f"cut_at_0: black lies {black[0]:.2g} DN above code 0 with noise of "
+            f"{math.sqrt(readings[0].law.read) * pictures.scale:.2g} DN, so part of it is cut off; the law of the cut is in the fit"
+        )
+    add(found, "black_level_dn", [max(v, 0.0) for v in black], "DN", "the sky is black")

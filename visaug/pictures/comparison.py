@@ -1,0 +1,266 @@
+"""Pictures beside pictures: differences between the cameras of two sets, independent of their scenes.
+
+Every statistic is of flat blocks at a stated level, of lines through them, of what recurs at a place, or a ratio whose parts grow
+alike with what the scene shows (`visaug.pictures.looks`), so how much sky a picture shows or how large its target is
+does not enter. A level counts only where both sets have flat blocks without structure. The spread of each statistic is that from
+picture to picture (jackknife); pictures are the sample, not pixels.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from visaug.core.errors import InputError
+from visaug.frames import FrameRecord, FrameSet
+from visaug.pictures.blocks import Levels, Rounding, noise_by_level, sample
+from visaug.pictures.curve import Law
+from visaug.pictures.difference import Difference, difference, look_differences
+from visaug.pictures.files import Pictures, largest_group
+from visaug.pictures.pattern import Part, recurring
+from visaug.pictures.sets import find_sky, jackknife
+from visaug.statistics.places import Place, Places, data_frame, verdict_json
+from visaug.statistics.tail import SIGNIFICANT
+
+if TYPE_CHECKING:
+    from visaug.camera import Camera
+
+_FEWEST = 5  # pictures of a set
+_CLEAN = 0.1  # share by which low coefficients may exceed the noise where a level counts
+_COLUMNS = ["view", "statistic", "unit", "measured", "modelled", "standard_deviation", "z"]
+
+
+@dataclass(frozen=True)
+class PictureComparison:
+    """What `compare_pictures` found.
+
+    Attributes:
+        p_value: of the largest difference, corrected for the number of statistics (Bonferroni).
+        all_differences: every statistic that both sets determine.
+        where: views that differ at the corrected level, the least probable first.
+        curves: level, noise and standard error (8-bit DN) of `target` and `renders`.
+        pictures: number of `renders` and of `target`.
+        target: the pictures of the target domain.
+        camera, transfer: what gave the other pictures their noise, None where nothing did.
+    """
+
+    p_value: float
+    all_differences: tuple[Difference, ...]
+    where: Places
+    curves: dict[str, dict[str, np.ndarray]]
+    warnings: tuple[str, ...]
+    pictures: tuple[int, int]
+    target: FrameSet | None = field(default=None, repr=False, compare=False)
+    camera: Camera | None = field(default=None, repr=False, compare=False)
+    transfer: Literal["linear", "srgb"] = "linear"
+
+    @property
+    def adequate(self) -> bool:
+        """Whether nothing differs beyond chance at a false-alarm rate of 2 %."""
+        return self.p_value > SIGNIFICANT
+
+    def differences(self, most: int = 40) -> list[dict[str, Any]]:
+        ordered = sorted(self.all_differences, key=lambda d: -abs(d.z))[:most]
+        return [{name: getattr(d, name) for name in _COLUMNS} for d in ordered]
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            **verdict_json(self.p_value, self.adequate, self.where),
+            "differences": self.differences(),
+            "pictures": {"renders": self.pictures[0], "target": self.pictures[1]},
+            "warnings": list(self.warnings),
+        }
+
+    def to_frame(self) -> Any:
+        """All statistics as a pandas DataFrame."""
+        return data_frame(self.differences(len(self.all_differences)), _COLUMNS)
+
+    def report(self, path: str | Path) -> Path:
+        """Writes the one-file HTML report."""
+        report = import_module("visaug.report")
+        report.write_picture_comparison(path, self)
+        return Path(path)
+
+    def __repr__(self) -> str:
+        return f"PictureComparison({len(self.all_differences)} statistics, p = {self.p_value:.3g})"
+
+
+@dataclass(frozen=True)
+class _Set:
+    pictures: Pictures
+    levels: Levels
+    rounding: Rounding
+
+
+def compare_pictures(
+    renders: FrameSet,
+    target: FrameSet,
+    camera: Camera | None = None,
+    transfer: Literal["linear", "srgb"] = "linear",
+    seed: int = 0,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> PictureComparison:
+    """What the camera of the target's pictures does that the other pictures lack.
+
+    Args:
+        renders: the pictures to train with, with or without noise.
+        target: pictures of the target domain.
+        camera: gives the other pictures its noise first, with its black level kept.
+        transfer: how the pictures' values follow from light, for the camera.
+        seed: of the blocks that are looked at, and of the camera's noise.
+        progress: called with (description, done, total).
+
+    Raises:
+        InputError: fewer than five pictures of one size, or no flat region in common.
+    """
+    say = progress or (lambda *_: None)
+    warnings: list[str] = []
+    sets, parts = [], []
+    for k, (name, frames) in enumerate((("PICTURES", renders), ("--target", target))):
+        say("reading pictures", k, 2)
+        one = _prepared(name, frames, seed, warnings)
+        if camera is not None and k == 0:
+            one = _prepared(name, _noisy(one.pictures, camera, transfer, seed), seed, warnings)
+        sets.append(one)
+        parts.append(_parts(one, seed))
+    say("reading pictures", 2, 2)
+    noise = _noise(*sets)
+    if not noise:
+        warnings.append(
+            "noise_not_compared: the two sets have no flat regions at a common level; noise that neighbours share, as after "
+            "denoising or demosaicing, cannot be told from texture"
+        )
+    found = [*noise, *_lines(*parts), *look_differences(*(one.pictures for one in sets))]
+    if not found:
+        raise InputError(
+            "the two sets have no flat regions at a common level",
+            field="--target",
+            expected="pictures of like brightness",
+        )
+    p = min(1.0, len(found) * min(d.p_value for d in found))
+    curves = {
+        name: {
+            "level_dn": s.levels.level,
+            "noise_dn": np.sqrt(s.levels.variance),
+            "error_dn": _noise_error(s),
+        }
+        for name, s in zip(("renders", "target"), sets, strict=True)
+    }
+    sizes = len(sets[0].pictures), len(sets[1].pictures)
+    return PictureComparison(
+        p, tuple(found), _places(found), curves, tuple(warnings), sizes, target, camera, transfer
+    )
+
+
+def _noisy(pictures: Pictures, camera: Camera, transfer: Literal["linear", "srgb"], seed: int) -> FrameSet:
+    """8-bit pictures as the camera would have taken them, with one sensor's fixed pattern."""
+    import torch
+
+    from visaug.augment import VISNoise
+
+    noise = VISNoise(camera, fixed_pattern="camera", transfer=transfer, black_level="keep")
+    torch.manual_seed(seed)
+    taken = []
+    for n in range(len(pictures)):
+        clean = torch.from_numpy(pictures.read(n).astype(np.float32) / 255)[None, None]
+        taken.append(np.rint(255 * noise(clean)[0, 0].numpy()).astype(np.uint8))
+    return FrameSet.from_arrays(
+        [FrameRecord(n, name, "image") for n, name in enumerate(pictures.names)], taken
+    )
+
+
+def _prepared(name: str, frames: FrameSet, seed: int, warnings: list[str]) -> _Set:
+    if not any(r.kind == "image" for r in frames.records):
+        raise InputError("holds no ordinary pictures", field=name, expected="a folder of pictures")
+    pictures = largest_group(frames, lambda text: warnings.append(f"{text} ({name})"))
+    if len(pictures) < _FEWEST:
+        raise InputError(
+            f"too few pictures of one kind: {len(pictures)}",
+            field=name,
+            expected=f"{_FEWEST} or more of one size",
+        )
+    blocks, _ = sample(pictures, seed)
+    rounding = Rounding(pictures.steps, pictures.is_jpeg)
+    return _Set(pictures, noise_by_level(blocks, rounding, len(pictures)), rounding)
+
+
+def _noise_error(one: _Set) -> np.ndarray:
+    return np.sqrt(one.levels.variance) * one.levels.error / 2
+
+
+def _noise(renders: _Set, target: _Set) -> list[Difference]:
+    """Standard deviation of pixels at each level that both sets have."""
+    values = []
+    for one in (renders, target):
+
+        def figures(weights: np.ndarray, one: _Set = one) -> np.ndarray:
+            return np.sqrt(one.levels.of_pictures(weights, one.rounding)[1])
+
+        value, spread, degrees = jackknife(figures, len(one.pictures))
+        clean = one.levels.structure < _CLEAN
+        values.append(
+            {
+                int(k): (
+                    value[j],
+                    math.hypot(spread[j], value[j] * one.levels.structure[j] / 4),
+                    degrees,
+                    one.levels.level[j],
+                )
+                for j, k in enumerate(one.levels.number)
+                if clean[j] and np.isfinite(spread[j])
+            }
+        )
+    found = []
+    for k in sorted(values[0].keys() & values[1].keys()):
+        (a, ea, da, _), (b, eb, db, level) = values[0][k], values[1][k]
+        found.append(difference("noise_level", f"noise at level {level:.0f}", "DN", (b, eb, db), (a, ea, da)))
+    return found
+
+
+def _parts(one: _Set, seed: int) -> dict[str, Part | None]:
+    """Variances in the pictures as they are: no tone curve and no black level is taken off."""
+    blocks, _ = sample(one.pictures, seed)
+    sky = find_sky(blocks, one.levels) if len(one.levels.level) else None
+    if not len(one.levels.level):
+        return {}
+    pattern = recurring(one.pictures, one.levels, one.rounding, Law("linear", 1e-3, 0.1), sky)
+    return {name: getattr(pattern, name) for name in ("row", "column", "row_fixed", "column_fixed", "pixel")}
+
+
+_LINES = {
+    "row": ("picture_lines", "row offsets"),
+    "column": ("picture_lines", "column offsets"),
+    "row_fixed": ("recurring_pattern", "rows that recur"),
+    "column_fixed": ("recurring_pattern", "columns that recur"),
+    "pixel": ("recurring_pattern", "pixels that recur"),
+}
+
+
+def _lines(renders: dict[str, Part | None], target: dict[str, Part | None]) -> list[Difference]:
+    found = []
+    for name, (view, text) in _LINES.items():
+        a, b = renders.get(name), target.get(name)
+        if a is not None and b is not None:
+            degrees = 11.0  # of a spread over a dozen or more pictures or places; a normal would be too sure
+            sides = [(p.variance, p.error, degrees) for p in (b, a)]
+            found.append(difference(view, f"variance of {text}", "DN^2", *sides))
+    return found
+
+
+def _places(found: list[Difference]) -> Places:
+    """Views with a difference beyond chance, with their share of the sum of squares."""
+    limit = SIGNIFICANT / len(found)
+    excess = {d: max(d.z**2 - 1, 0.0) for d in found if d.p_value < limit}
+    total = sum(excess.values())
+    places = []
+    for view in dict.fromkeys(d.view for d in excess):
+        here = [d for d in excess if d.view == view]
+        worst = max(here, key=lambda d: abs(d.z))
+        places.append(Place(view, sum(excess[d] for d in here) / total, worst.statistic, worst.z))
+    return Places(sorted(places, key=lambda p: -p.share))

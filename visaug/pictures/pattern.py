@@ -1,0 +1,212 @@
+"""Patterns at the same place of many pictures, and noise common to the pixels of a row or column.
+
+J. Lukas, J. Fridrich and M. Goljan, IEEE Trans. Information Forensics and Security 1 (2006) 205: a sensor's pattern is the
+mean of the noise residuals of its pictures. Here variances are wanted and no pattern: the product of two means over
+different pictures has the pattern's variance as its expectation, whatever the noise, and the product of two blocks of one
+row of blocks that of the row noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from visaug.pictures.blocks import LINE, NOISE, Levels, Rounding, blocks_of, is_flat
+from visaug.pictures.curve import Law, Sky
+from visaug.pictures.files import Pictures
+
+_EDGE = 8.0  # low coefficients of a line above this many medians are an edge of the scene
+_LIT = 10.0  # light, in 1/255 of full scale, from which a place tells of its response
+_DARK = 4.0  # squared light below which a response adds nothing to offsets
+
+
+@dataclass(frozen=True)
+class Part:
+    """A variance in (1/255 of linear full scale)^2, or squared fractions, and its standard error."""
+
+    variance: float
+    error: float
+
+    @property
+    def found(self) -> bool:
+        """Above zero at a false-alarm rate of about 1 in 1000."""
+        return self.variance > 3.1 * self.error
+
+    def minus(self, other: Part | None) -> Part:
+        return (
+            self
+            if other is None
+            else Part(self.variance - other.variance, float(np.hypot(self.error, other.error)))
+        )
+
+
+@dataclass
+class Pattern:
+    """Parts by name: pixel, prnu; row, column (all of it), row_fixed, column_fixed (what recurs). None: not told."""
+
+    pixel: Part | None = None
+    prnu: Part | None = None
+    row: Part | None = None
+    row_fixed: Part | None = None
+    column: Part | None = None
+    column_fixed: Part | None = None
+
+
+@dataclass
+class _Halves:
+    """Weighted sums of coefficients at each place, for two halves of the pictures."""
+
+    sums: list = field(default_factory=lambda: [0.0, 0.0])
+    weights: list = field(default_factory=lambda: [0.0, 0.0])
+
+    def add(self, half: int, values: np.ndarray, weights: np.ndarray) -> None:
+        self.sums[half] = self.sums[half] + values
+        self.weights[half] = self.weights[half] + weights
+
+    def covariance(self) -> Part | None:
+        """Mean product of the halves' means over the places that both saw."""
+        a, b = (np.asarray(w, float) for w in self.weights)
+        if not a.ndim or not b.ndim:
+            return None
+        seen = (a > 0) & (b > 0)
+        first, second = (
+            np.asarray(s)[seen] / w[seen][:, None] for s, w in zip(self.sums, (a, b), strict=True)
+        )
+        return _mean_product((first * second).mean(1), a[seen], b[seen])
+
+    def line_covariance(self) -> Part | None:
+        """The same over lines of places, without the products of a place with itself, which hold the pixels' pattern."""
+        a, b = (np.asarray(w, float) for w in self.weights)
+        if a.ndim < 2 or b.ndim < 2:
+            return None
+        first, second = (np.asarray(s) for s in self.sums)
+        pairs = a.sum(1) * b.sum(1) - (a * b).sum(1)
+        products = (first.sum(1) * second.sum(1) - (first * second).sum(1)).mean(1)
+        seen = pairs > 0
+        return _mean_product(products[seen] / pairs[seen], a.sum(1)[seen], b.sum(1)[seen])
+
+
+def _mean_product(products: np.ndarray, a: np.ndarray, b: np.ndarray) -> Part | None:
+    """Weighted mean over places, with its standard error from place to place."""
+    if len(products) < 8:
+        return None
+    weight = a * b / (a + b)
+    value = float(weight @ products / weight.sum())
+    return Part(value, float(np.sqrt((weight**2) @ (products - value) ** 2) / weight.sum()))
+
+
+def recurring(pictures: Pictures, levels: Levels, rounding: Rounding, law: Law, sky: Sky | None) -> Pattern:
+    """Patterns and line noise of the pictures, referred to the linear picture by the law's slope."""
+    plain, lit = _Places(), _Places()
+    lines = {axis: _Lines() for axis in (0, 1)}
+    usable = _usable(pictures, levels, sky)
+    for n in range(len(pictures)):
+        coefficients, level, whole = blocks_of(pictures.read(n))
+        slope = law.slope_at(level)
+        flat = whole & is_flat(coefficients, levels.variance_at(level), rounding) & (slope > 0.1)
+        x = law.light_at(level)
+        linear = coefficients / np.maximum(slope, 0.1)[..., None, None]
+        dark = flat & (level < sky.level + sky.reach) if sky else flat
+        noise = linear[..., NOISE & usable]
+        if noise.shape[-1]:
+            plain.add(n % 2, noise, dark.astype(float), x)
+            lit.add(n % 2, noise, np.where(flat & (x > _LIT), x, 0.0), x)
+        for axis, kept in lines.items():
+            kept.add(n % 2, linear, dark, axis, usable)
+    found = Pattern()
+    found.pixel, found.prnu = _dark_and_response(plain, lit)
+    found.row, found.row_fixed = lines[0].parts()
+    found.column, found.column_fixed = lines[1].parts()
+    return found
+
+
+class _Places:
+    """Means over pictures of the coefficients at each place under weights w, which are offsets plus response times light."""
+
+    def __init__(self) -> None:
+        self._values, self._offset, self._light = _Halves(), _Halves(), _Halves()
+
+    def add(self, half: int, values: np.ndarray, weight: np.ndarray, x: np.ndarray) -> None:
+        self._values.add(half, values * weight[..., None], weight)
+        self._offset.add(half, weight[..., None], weight)
+        self._light.add(half, (weight * x)[..., None], weight)
+
+    def products(self) -> tuple[Part, float, float] | None:
+        """Mean product of the halves, and how much of it an offset and a response of variance 1 would make."""
+        every = [h.covariance() for h in (self._values, self._offset, self._light)]
+        if any(e is None for e in every):
+            return None
+        value, offset, light = every
+        return value, offset.variance, light.variance  # type: ignore[union-attr,return-value]
+
+
+def _dark_and_response(plain: _Places, lit: _Places) -> tuple[Part | None, Part | None]:
+    """Variances of offset and response, from two weightings that see them in different shares."""
+    first, second = plain.products(), lit.products()
+    if first is None:
+        return None, None
+    value, offset, light = first
+    if second is None or second[2] <= 0:
+        return (
+            (Part(value.variance / offset, value.error / offset), None)
+            if light < _DARK * offset
+            else (None, None)
+        )
+    shares = np.array([[offset, light], second[1:]])
+    if abs(np.linalg.det(shares)) < 0.05 * offset * second[2]:
+        return None, None  # one level only: the two cannot be parted
+    inverse = np.linalg.inv(shares)
+    variance = inverse @ [value.variance, second[0].variance]
+    error = np.sqrt(inverse**2 @ [value.error**2, second[0].error ** 2])
+    return Part(float(variance[0]), float(error[0])), Part(float(variance[1]), float(error[1]))
+
+
+def _usable(pictures: Pictures, levels: Levels, sky: Sky | None) -> np.ndarray:
+    """Coefficients that JPEG does not round coarser than two standard deviations of the noise, at the sky and in lit regions."""
+    if not pictures.is_jpeg:
+        return np.ones((8, 8), bool)
+    variance = float(np.median(levels.variance))
+    if sky:
+        variance = min(variance, float(levels.variance_at(sky.level)))
+    return pictures.steps <= 2 * np.sqrt(variance)
+
+
+class _Lines:
+    """Rows (axis 0) or columns (axis 1): coefficients of the other frequency 0."""
+
+    def __init__(self) -> None:
+        self._pictures: list[tuple[float, float]] = []
+        self._halves = _Halves()
+
+    def add(self, half: int, linear: np.ndarray, flat: np.ndarray, axis: int, usable: np.ndarray) -> None:
+        if axis == 1:
+            linear, flat, usable = linear.transpose(1, 0, 3, 2), flat.T, usable.T
+        line = linear[..., 0]  # (R, C, 8): vertical frequencies
+        low = (line[..., 1:4] ** 2).mean(-1)
+        if flat.any():
+            flat = flat & (low < _EDGE * np.median(low[flat]))
+        values = line[..., LINE & usable[:, 0]] * flat[..., None]
+        if not values.shape[-1]:
+            return
+        count = flat.sum(1)
+        sums = values.sum(1)
+        products = (sums**2 - (values**2).sum(1)).mean(-1)
+        pairs = count * (count - 1.0)
+        weight = np.maximum(count - 1.0, 0)
+        ratio = np.divide(products, pairs, out=np.zeros(len(pairs)), where=pairs > 0)
+        if weight.sum() > 0:
+            self._pictures.append((float(weight @ ratio), float(weight.sum())))
+        self._halves.add(half, values, flat.astype(float))
+
+    def parts(self) -> tuple[Part | None, Part | None]:
+        """Variance of one line's offset, all of it and what recurs; an offset r gives coefficients of variance 8 r^2."""
+        total = None
+        if len(self._pictures) > 2:
+            values, weights = np.array(self._pictures).T
+            value = values.sum() / weights.sum()
+            rest = values - value * weights
+            error = np.sqrt((rest**2).sum() * len(rest) / (len(rest) - 1)) / weights.sum()
+            total = Part(float(value / 8), float(error / 8))
+        fixed = self._halves.line_covariance() if len(self._pictures) > 3 else None
+        return total, fixed and Part(fixed.variance / 8, fixed.error / 8)

@@ -1,5 +1,0 @@
-"""A diagnosis step by step: refit, try, add and remove effects."""
-
-from visaug.session.session import Session, Setup
-
-__all__ = ["Session", "Setup"]

@@ -1,0 +1,47 @@
+"""Fingerprint of a frame set: a few hundred named statistics, each in a view that a person can look at."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from visaug.frames import FrameSet
+from visaug.statistics.reduction import FrameData, GroupData
+from visaug.statistics.statistic import AXES, Fingerprint, Statistic, finite
+from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.views import IN_A_WINDOW, OF_FULL_FRAMES, OF_PICTURES, VIEWS
+
+__all__ = [
+    "AXES",
+    "IN_A_WINDOW",
+    "OF_FULL_FRAMES",
+    "OF_PICTURES",
+    "VIEWS",
+    "Curve",
+    "Fingerprint",
+    "FrameData",
+    "GroupData",
+    "Picture",
+    "Statistic",
+    "View",
+    "fingerprint",
+    "fingerprint_values",
+]
+
+
+def fingerprint(
+    frames: FrameSet, use: Iterable[int] | None = None, views: Sequence[View] = VIEWS, place: str = ""
+) -> Fingerprint:
+    """The statistics of the frames at positions `use` (all by default).
+
+    Two sets of the same plan have the same statistics in the same order. `place` names the part of the sensor that they show.
+    """
+    data = FrameData(frames, use, place=place)
+    return Fingerprint.of(pair for view in views for pair in view.measure(data))
+
+
+def fingerprint_values(
+    frames: FrameSet, use: Iterable[int] | None = None, views: Sequence[View] = VIEWS
+) -> np.ndarray:
+    """The values of `fingerprint` alone, (n,) float64, in half the time."""
+    data = FrameData(frames, use, named=False)
+    return finite([value for view in views for _, value in view.measure(data)])

@@ -1,0 +1,70 @@
+"""What a view is: a way to look at a frame set, in numbers and in a picture."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from visaug.statistics.reduction import FrameData
+from visaug.statistics.statistic import Statistic
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line of a picture."""
+
+    x: np.ndarray
+    y: np.ndarray
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What a view shows: curves in common axes, or maps (H, W) side by side."""
+
+    title: str
+    x_label: str = ""
+    y_label: str = ""
+    curves: tuple[Curve, ...] = ()
+    maps: tuple[tuple[str, np.ndarray], ...] = ()
+    log_x: bool = False
+    log_y: bool = False
+
+
+class View:
+    """A way to look at a frame set. A subclass states `name`, `title`, `measure` and `picture`.
+
+    Measured and simulated frames go through the same two functions; a view knows of no effect.
+    """
+
+    name: ClassVar[str] = ""
+    title: ClassVar[str] = ""
+
+    def measure(self, data: FrameData) -> Iterator[tuple[Statistic, float]]:
+        """Statistics and values. Which ones depends only on the plan of the frames, never on their pixels."""
+        raise NotImplementedError
+
+    def picture(self, data: FrameData) -> Picture | None:
+        """The picture of this view; None where the frames that it needs are missing."""
+        raise NotImplementedError
+
+
+class Unlit(View):
+    """Another view, of dark frames alone: for sets whose flats tell nothing in it.
+
+    Example:
+        >>> from visaug.statistics import VIEWS
+        >>> Unlit(VIEWS[0]).name == VIEWS[0].name
+        True
+    """
+
+    def __init__(self, view: View):
+        self.view = view
+        self.name, self.title = view.name, view.title  # type: ignore[misc]
+
+    def measure(self, data: FrameData) -> Iterator[tuple[Statistic, float]]:
+        return self.view.measure(data.unlit)
+
+    def picture(self, data: FrameData) -> Picture | None:
+        return self.view.picture(data.unlit)

@@ -1,0 +1,210 @@
+"""Fixed patterns: rows, columns, pixels, slow maps, seams, parity, defects."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from visaug.statistics.reduction import block_means, edges, spread
+from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.views.noise import correlation
+
+
+def _detrended(profile: np.ndarray) -> np.ndarray:
+    """Less the cubic that fits it best."""
+    cubics = _cubics(len(profile))
+    return profile - cubics @ (cubics.T @ profile)
+
+
+@lru_cache(maxsize=16)
+def _cubics(length: int) -> np.ndarray:
+    """(length, up to 4) orthonormal polynomials up to the third degree."""
+    powers = np.vander(np.linspace(-1, 1, length), min(4, length))
+    return np.linalg.qr(powers)[0]
+
+
+class FixedPattern(View):
+    """Variances of the fixed pattern along rows, columns and pixels."""
+
+    name = "fixed_pattern"
+    title = "Fixed pattern: rows, columns and pixels"
+
+    def measure(self, data):
+        for g in data.groups:
+            if g.kind == "scene":
+                continue
+            for name, profile in (("row", g.pattern_rows), ("column", g.pattern_columns)):
+                variance = float(np.mean(_detrended(profile.astype(np.float64)) ** 2))
+                yield g.statistic(self.name, f"{name}s", [name], "log DN^2"), np.log(variance + 1e-4)
+            yield g.statistic(self.name, "pixels", ["pixel"], "log DN^2"), np.log(g.pattern_variance)
+            pixels = g.pattern_pixels[None]
+            for name, lag in (("one column on", (0, 1)), ("one row on", (1, 0)), ("diagonal", (1, 1))):
+                yield (
+                    g.statistic(self.name, name, ["pixel"], "correlation"),
+                    correlation(pixels, lag) / g.pattern_variance,
+                )
+
+    def picture(self, data):
+        maps = [(f"{g.label}, DN", g.pattern) for g in (*data.dark_ends, *data.of("flat")[-2:-1])]
+        return Picture(self.title, maps=tuple(maps)) if maps else None
+
+
+class SmoothMap(View):
+    """Slow changes over the field."""
+
+    name = "smooth_map"
+    title = "Slow changes over the field"
+
+    def measure(self, data):
+        flats = data.of("flat")
+        middle = flats[len(flats) * 5 // 8 : len(flats) * 5 // 8 + 1]
+        detailed = {id(g) for g in (*data.dark_ends, *middle)}
+        for g in data.groups:
+            if g.kind == "scene":
+                continue
+            unit = 100 / max(g.signal, 1.0) if g.kind == "flat" else 1.0
+            word = "%" if g.kind == "flat" else "DN"
+            parts = 4 if id(g) in detailed else 2
+            blocks = block_means(g.calm, *(edges(n, parts) for n in g.calm.shape)) * unit
+            for (i, j), value in np.ndenumerate(blocks):
+                yield (
+                    g.statistic(self.name, f"block {i + 1},{j + 1} of {parts}x{parts}", ["smooth"], word),
+                    float(value),
+                )
+            yield g.statistic(self.name, "middle against rim", ["smooth"], word), _middle(g.calm) * unit
+            for name, profile in (("rows", g.pattern_rows), ("columns", g.pattern_columns)):
+                yield (
+                    g.statistic(self.name, f"slope over the {name}", ["smooth"], word),
+                    _slope(profile) * unit,
+                )
+
+    def picture(self, data):
+        maps = []
+        for g in (*data.dark_ends, *data.of("flat")[-2:-1]):
+            maps.append((f"{g.label}, DN", block_means(g.calm, *(edges(n, 16) for n in g.calm.shape))))
+        return Picture(self.title, maps=tuple(maps)) if maps else None
+
+
+def _slope(profile: np.ndarray) -> float:
+    """Of a straight line through it, from the middle to the end."""
+    x = np.linspace(-1, 1, len(profile))
+    return float((x @ profile) / (x @ x))
+
+
+def _middle(pattern: np.ndarray) -> float:
+    weight, norm = _bowl(*pattern.shape)
+    return float(np.vdot(weight, pattern) / norm)
+
+
+@lru_cache(maxsize=16)
+def _bowl(height: int, width: int) -> tuple[np.ndarray, np.floating]:
+    """Falls with the square of the distance from the middle, with mean 0; and the sum of its squares."""
+    y, x = (np.linspace(-1, 1, n) for n in (height, width))
+    radius = (y[:, None] ** 2 + x[None, :] ** 2) / 2
+    bowl = (radius.mean() - radius).astype(np.float32)
+    return bowl, np.vdot(bowl, bowl)
+
+
+class Seams(View):
+    """Steps between neighbouring lines, wherever they are, and odd against even lines."""
+
+    name = "seams"
+    title = "Steps between halves, odd against even lines"
+
+    def measure(self, data):
+        flats = data.of("flat")
+        for g in (*data.dark_ends, *spread(flats, 4)):
+            unit = 100 / max(g.signal, 1.0) if g.kind == "flat" else 1.0
+            word = "%" if g.kind == "flat" else "DN"
+            for name, profile in (("row", g.pattern_rows), ("column", g.pattern_columns)):
+                profile = profile.astype(np.float64) * unit
+                step = _steps(profile)
+                yield (
+                    g.statistic(self.name, f"largest step of {name}s", [name], word),
+                    float(np.abs(step).max()),
+                )
+                half = len(profile) // 2
+                yield (
+                    g.statistic(self.name, f"halves of {name}s", [name], word),
+                    profile[half:].mean() - profile[:half].mean(),
+                )
+                parity = profile[1::2].mean() - profile[::2].mean()
+                yield g.statistic(self.name, f"odd against even {name}s", [name], word), parity
+            if g.count >= 2:
+                noise = g.noise_pixels
+                height, width = g.mean.shape
+                for name, a, b in (
+                    ("columns", noise[:, :, : width // 2], noise[:, :, width // 2 :]),
+                    ("rows", noise[:, : height // 2], noise[:, height // 2 :]),
+                ):
+                    yield (
+                        g.statistic(self.name, f"noise of the halves, {name}", ["smooth"], "log ratio"),
+                        float(np.log((_mean_square(b) + 1e-4) / (_mean_square(a) + 1e-4))),
+                    )
+
+    def picture(self, data):
+        g = data.bias or next(iter(data.of("flat")), None)
+        if g is None:
+            return None
+        curves = [
+            Curve(np.arange(len(p)), p, f"{name}, {g.label}")
+            for name, p in (("rows", g.pattern_rows), ("columns", g.pattern_columns))
+        ]
+        return Picture(self.title, "line", "mean of the line, DN", tuple(curves))
+
+
+def _mean_square(noise: np.ndarray) -> float:
+    return float(np.einsum("nij,nij->", noise, noise)) / noise.size
+
+
+def _steps(profile: np.ndarray, reach: int = 12) -> np.ndarray:
+    """Mean of the lines after a place less the mean of those before it."""
+    reach = min(reach, max(1, len(profile) // 4))
+    total = np.concatenate([[0.0], np.cumsum(profile)])
+    place = np.arange(reach, len(profile) - reach + 1)
+    return (total[place + reach] - 2 * total[place] + total[place - reach]) / reach
+
+
+class Defects(View):
+    """Pixels far from their neighbours in the mean frame."""
+
+    name = "defects"
+    title = "Pixels far out in the mean frame"
+
+    def measure(self, data):
+        for g in (*data.darks, *spread(data.of("flat"), 3)):
+            ratio = g.pattern_pixels / np.float32(g.pattern_scale)
+            for limit in (4, 7, 15, 50):
+                yield (
+                    g.statistic(self.name, f"above {limit} scales", ["pixel"], "sqrt count"),
+                    np.sqrt(np.count_nonzero(ratio > limit)),
+                )
+                if limit in (7, 15):
+                    low = np.count_nonzero(ratio < -limit)
+                    yield (
+                        g.statistic(self.name, f"below {limit} scales", ["pixel"], "sqrt count"),
+                        np.sqrt(low),
+                    )
+            near = np.clip(ratio, -4, 4)
+            cubes = near * near * near  # a power of 3 would cost twenty times as much
+            yield g.statistic(self.name, "skewness within 4 scales", ["pixel"]), float(cubes.mean())
+            yield (
+                g.statistic(self.name, "scale to deviation", ["pixel"]),
+                g.pattern_scale / np.sqrt(g.pattern_variance),
+            )
+
+    def picture(self, data):
+        curves = []
+        for g in (*data.dark_ends, *data.of("flat")[-2:-1]):
+            ratio = np.sort((g.pattern_pixels / g.pattern_scale).ravel())[::-1]
+            rank = np.unique(np.geomspace(1, ratio.size // 4, 200).astype(int))
+            curves.append(Curve(rank, np.maximum(ratio[rank - 1], 0.1), g.label))
+        if not curves:
+            return None
+        return Picture(
+            self.title,
+            "rank of the pixel",
+            "distance in robust standard deviations",
+            tuple(curves),
+            log_x=True,
+            log_y=True,
+        )

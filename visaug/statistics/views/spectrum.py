@@ -1,0 +1,117 @@
+"""Spectra of rows and columns, temporal and fixed."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from visaug.statistics.view import Curve, Picture, View
+
+BANDS = 6
+
+
+def power(lines: np.ndarray) -> np.ndarray:
+    """Mean power spectrum of profiles (n, L) over frequencies 1 .. L/2, 1 for white noise of variance 1."""
+    about = lines - lines.mean(-1, keepdims=True)
+    return (np.abs(np.fft.rfft(about, axis=-1)[..., 1:]) ** 2).reshape(-1, lines.shape[-1] // 2).mean(
+        0
+    ) / lines.shape[-1]
+
+
+def band_means(spectrum: np.ndarray) -> np.ndarray:
+    """Means over octaves of frequency, low to high."""
+    edges = _octaves(len(spectrum))
+    return np.add.reduceat(spectrum, edges[:-1]) / np.diff(edges)
+
+
+@lru_cache(maxsize=16)
+def _octaves(length: int) -> np.ndarray:
+    return np.unique(np.round(np.geomspace(1, length + 1, BANDS + 1)).astype(int)) - 1
+
+
+def peak_frequency(spectrum: np.ndarray) -> float:
+    """Of the highest bin, drawn towards its neighbours by their power: anywhere in white noise, sharp for a banding."""
+    top = int(spectrum.argmax())
+    near = np.arange(max(0, top - 1), min(len(spectrum), top + 2))
+    return float((near + 1) @ spectrum[near] / max(spectrum[near].sum(), 1e-12) / (2 * len(spectrum)))
+
+
+def band_statistics(group, view, name, spectrum, axes):
+    for i, value in enumerate(band_means(spectrum)):
+        yield group.statistic(view, f"{name}, band {i + 1}", axes, "log power"), np.log(value + 1e-3)
+    middle = np.median(spectrum) + 1e-3
+    yield group.statistic(view, f"{name}, peak", axes, "log ratio"), np.log(spectrum.max() / middle + 1e-3)
+    yield (
+        group.statistic(view, f"{name}, where the peak is", axes, "cycles per line"),
+        peak_frequency(spectrum),
+    )
+    yield (
+        group.statistic(view, f"{name}, at half the sampling", axes, "log ratio"),
+        np.log(spectrum[-1] / middle + 1e-3),
+    )
+
+
+class TemporalSpectrum(View):
+    """Power spectrum of the temporal row means."""
+
+    name = "temporal_spectrum"
+    title = "Spectrum of row means, noise that is fresh in every frame"
+
+    def measure(self, data):
+        for kind in ("bias", "dark", "flat"):
+            groups = data.of(kind, at_least=2)
+            if groups:
+                first = groups[0] if kind == "bias" else groups[-1]
+                rows = np.mean([power(g.noise_rows) * g.mean.shape[1] / g.noise_variance for g in groups], 0)
+                columns = np.mean(
+                    [power(g.noise_columns) * g.mean.shape[0] / g.noise_variance for g in groups], 0
+                )
+                yield from band_statistics(first, self.name, f"{kind} rows", rows, ["time", "row"])
+                yield from band_statistics(first, self.name, f"{kind} columns", columns, ["time", "column"])
+
+    def picture(self, data):
+        curves = []
+        for kind in ("bias", "flat"):
+            groups = data.of(kind, at_least=2)
+            if groups:
+                rows = np.mean([power(g.noise_rows) * g.mean.shape[1] / g.noise_variance for g in groups], 0)
+                curves.append(Curve(np.linspace(0, 0.5, len(rows) + 1)[1:], rows, kind))
+        if not curves:
+            return None
+        return Picture(
+            self.title, "cycles per row", "power, 1 for white noise", tuple(curves), log_x=True, log_y=True
+        )
+
+
+class FixedSpectrum(View):
+    """Power spectra of the row and column means of the fixed pattern."""
+
+    name = "fixed_spectrum"
+    title = "Spectrum of the row and column means of the fixed pattern"
+
+    def measure(self, data):
+        for g in (*data.dark_ends, *_bright(data)):
+            for name, profile, axis in (
+                ("rows", g.pattern_rows, "row"),
+                ("columns", g.pattern_columns, "column"),
+            ):
+                spectrum = (
+                    power(profile[None])
+                    / max(abs(g.signal) if g.kind == "flat" else 1.0, 1.0) ** 2
+                    * (1e6 if g.kind == "flat" else 1.0)
+                )
+                yield from band_statistics(g, self.name, name, spectrum, [axis])
+
+    def picture(self, data):
+        if data.bias is None:
+            return None
+        curves = []
+        for name, profile in (("rows", data.bias.pattern_rows), ("columns", data.bias.pattern_columns)):
+            spectrum = power(profile[None])
+            curves.append(Curve(np.linspace(0, 0.5, len(spectrum) + 1)[1:], spectrum, name))
+        return Picture(self.title, "cycles per line", "power, DN^2", tuple(curves), log_x=True, log_y=True)
+
+
+def _bright(data) -> list:
+    """The flat of the middle of the range: bright enough for the response, below saturation."""
+    flats = data.of("flat")
+    return flats[len(flats) * 5 // 8 : len(flats) * 5 // 8 + 1]
