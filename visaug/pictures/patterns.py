@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from visaug.characterization.findings import Findings
 from visaug.pictures.blocks import NOISE, Blocks, Levels, Rounding, is_flat
 from visaug.pictures.curve import Sky
 from visaug.pictures.files import Pictures, quality_of
 from visaug.pictures.pattern import Part, Pattern
 from visaug.pictures.readings import Reading
 from visaug.pictures.texture import Texture
+
+if TYPE_CHECKING:
+    from visaug.characterization.findings import Findings
 
 SOURCE = "pictures"
 
