@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import tifffile
 import torch
+import yaml
 from astropy.io import fits
 
 from visaug.camera import Camera
@@ -164,3 +165,20 @@ def test_every_pixel_has_its_measured_read_noise(tmp_path: Path):
     with pytest.raises(InputError, match=r"negative"):
         write(tmp_path / "below.npy", sigma - 1)
         camera_at(tmp_path, read_noise="below.npy")
+
+
+@pytest.mark.parametrize("part", ["prnu", "dsnu", "read_noise", "dark_current_nonuniformity"])
+def test_a_camera_saved_elsewhere_finds_its_maps(tmp_path: Path, pattern, part):
+    np.save(tmp_path / "map.npy", np.abs(pattern))
+    entry = {"map": "map.npy"}
+    base = part in ("prnu", "dsnu", "read_noise")
+    content = {part: entry} if base else {"effects": [{"name": part, **entry}]}
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    (tmp_path / "map.npy").rename(tmp_path / "a" / "map.npy")
+    head = {"resolution": [ROWS, COLUMNS], "gain_e_per_dn": 0.01, "black_level_dn": 5000}
+    (tmp_path / "a" / "camera.yaml").write_text(yaml.safe_dump(head | content))
+    camera = Camera.load(tmp_path / "a" / "camera.yaml")
+    camera.save(tmp_path / "b" / "camera.yaml")
+    again = Camera.load(tmp_path / "b" / "camera.yaml")
+    assert torch.equal(again.maps[part], camera.maps[part])

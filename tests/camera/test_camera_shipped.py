@@ -10,7 +10,9 @@ import pytest
 import torch
 import yaml
 
-from visaug.camera import Camera, draw, shipped
+from visaug.app.cli import main
+from visaug.camera import Camera, camera_file, draw, shipped
+from visaug.core.errors import InputError
 from visaug.core.sampling import Stream
 
 ABOUT = ("name", "source", "assumed", "licence", "randomize", "correlated", "reading")
@@ -130,3 +132,15 @@ def test_photographic_colour_paths_see_daylight_as_white():
         balanced = published @ np.column_stack([white, red, blue]) * np.array(colour.white_balance)[:, None]
         picture = np.array(colour.matrix) @ (balanced / balanced[1, 0])
         np.testing.assert_allclose(picture, np.column_stack([[1, 1, 1], [1, 0, 0], [0, 0, 1]]), atol=3e-3)
+
+
+@pytest.mark.parametrize("name", ["SONY_IMX174", "Sony-IMX174", "sony imx174.yaml"])
+def test_a_name_in_any_case_is_a_shipped_camera(name, capsys):
+    assert camera_file(name) == shipped()["sony_imx174"]
+    main(["cameras", name])
+    assert capsys.readouterr().out == shipped()["sony_imx174"].read_text()
+
+
+def test_a_name_that_is_nearly_right_is_proposed():
+    with pytest.raises(InputError, match=r"did you mean .*sony_imx174"):
+        Camera.load("sony_imx147")

@@ -89,7 +89,7 @@ def test_white_profiles_have_structure_once_in_a_hundred(lines):
 
     def has_peaks(values):
         power, none = np.abs(np.fft.rfft(values - values.mean())) ** 2, np.empty(0)
-        return Profile(values, none, none, none, none, np.fft.rfftfreq(lines), power).peaks.size > 0
+        return Profile(values, none, none, np.fft.rfftfreq(lines), power).peaks.size > 0
 
     false = sum(has_peaks(rng.standard_normal(lines)) for _ in range(300))
     assert false <= 9

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from benchmark import pictures as independent
+from visaug.core.errors import InputError
+from visaug.frames import FrameRecord, FrameSet
 from visaug.pictures.blocks import Rounding
+from visaug.pictures.files import largest_group
 from visaug.pictures.regions import KEPT, dark_residuals, find_regions, lit_residuals
 from visaug.pictures.symmetry import symmetry_sums
 
@@ -86,3 +89,10 @@ def test_saturated_areas_are_as_long_either_way_unless_charge_spills():
         assert (sums.ratio[3] > 5 * error[3]) is np.bool_(spills)
         if not spills:
             assert abs(sums.ratio[3]) < 3 * error[3]
+
+
+def test_a_set_without_pictures_is_refused_in_one_line():
+    records = [FrameRecord(i, f"{i}.npy", "bias", 0.0, 20.0) for i in range(3)]
+    frames = FrameSet.from_arrays(records, np.zeros((3, 32, 32), np.uint16))
+    with pytest.raises(InputError, match="no ordinary pictures"):
+        largest_group(frames, print)

@@ -241,3 +241,22 @@ def test_each_of_two_star_fields_has_its_own_target(alone):
     frames = FrameSet.from_arrays(records, [0.5 * fields[name] + 100 for name in names], fields)
     f = fingerprint(frames)
     assert f["scene/top of bright spots/scene second"] == pytest.approx(2600)
+
+
+def test_what_a_frame_keeps_is_measured_without_dark_frames():
+    """Bias frames alone, one of them after a bright scene: a share of 0.1 of it stays.
+
+    The frame is compared with the mean of its group of four, which holds a quarter of it. Five standard errors are 0.003.
+    """
+    rng = np.random.default_rng(3)
+    scene = np.full((ROWS, COLUMNS), 100.0)
+    scene[20:40, 30:50] = 1100
+    frames = [white(rng, i) for i in range(5)]
+    frames[2] = scene
+    frames[3] = frames[3] + 0.1 * (scene - 100)
+    kinds = ["bias", "bias", "scene", "bias", "bias"]
+    records = [FrameRecord(i, f"{i}.npy", kind, 0.0, 20.0) for i, kind in enumerate(kinds)]
+    records[2] = FrameRecord(2, "2.npy", "scene", 0.01, 20.0, clean="scene.npy")
+    clean = {"scene.npy": scene.astype(np.float32)}
+    found = fingerprint(FrameSet.from_arrays(records, [f.astype(np.float32) for f in frames], clean))
+    assert found["memory/slope on a bright scene before/bias"] == pytest.approx(0.1 * 3 / 4, abs=0.003)

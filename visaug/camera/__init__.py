@@ -1,6 +1,6 @@
 """A camera: its file, its chain of effects, its random spread."""
 
-from visaug.camera.camera import Camera, shipped
+from visaug.camera.camera import Camera, camera_file, shipped
 from visaug.camera.randomize import draw
 
-__all__ = ["Camera", "draw", "shipped"]
+__all__ = ["Camera", "camera_file", "draw", "shipped"]

@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
+from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,23 @@ def shipped() -> dict[str, Path]:
         for file in sorted(folder.iterdir(), key=str)
         if str(file).endswith(".yaml")
     }
+
+
+def camera_file(source: str | Path) -> Path:
+    """The camera.yaml at a path, or that of a camera in the package by its name, in any case, with spaces or hyphens.
+
+    Raises:
+        InputError: there is neither such a file nor such a camera.
+    """
+    path, known = Path(source), shipped()
+    if path.is_file():
+        return path
+    name = path.name.removesuffix(".yaml").lower().replace(" ", "_").replace("-", "_")
+    if path.parent == Path() and name in known:
+        return known[name]
+    near = " or ".join(get_close_matches(name, known, n=3))
+    problem = "no such camera" + (f"; did you mean {near}?" if near else "")
+    raise InputError(problem, file=source, expected="a camera.yaml, or a name that `visaug cameras` lists")
 
 
 class Camera:
@@ -82,16 +100,8 @@ class Camera:
             raise InputError(
                 f"{source!r} is not a camera", field="camera", expected="a camera.yaml, a name, or a Camera"
             )
-        path, known = Path(source), shipped()
-        name = path.name.removesuffix(".yaml").lower().replace(" ", "_").replace("-", "_")
-        if path.is_file():
-            camera = cls(read_spec(path), path.parent)
-        elif path.parent == Path() and name in known:
-            camera = cls(read_spec(known[name]))
-        else:
-            raise InputError(
-                "no such camera file", file=source, expected=f"a camera.yaml, or one of {', '.join(known)}"
-            )
+        path = camera_file(source)
+        camera = cls(read_spec(path), path.parent if path == Path(source) else None)
         camera.loaded_from = str(source)
         return camera
 
@@ -204,10 +214,10 @@ class Camera:
         """Writes a camera.yaml. Measured maps are not copied; their paths are adjusted to the new folder."""
         path = Path(path)
         content = self.to_dict()
-        parts = [content[part] for part in ("prnu", "dsnu") if part in content]
-        for part in [*parts, *content.get("effects", ())]:
-            if "map" in part:
-                part["map"] = moved(part["map"], self.folder, path.parent)
+        for name, key in named_maps(self.spec).values():
+            part, _, entry = key.removesuffix(".map").partition(".")
+            holder = content[part][int(entry)] if entry else content[part]
+            holder["map"] = moved(name, self.folder, path.parent)
         write_text(path, _as_yaml(content))
 
     def colour_path(self, origin: tuple[int, int] = (0, 0)) -> ColourPath | None:

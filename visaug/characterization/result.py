@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy import stats
 
 from visaug.characterization.camera_content import camera_content
+from visaug.characterization.nonuniformity import two_way
 from visaug.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -195,19 +197,22 @@ class Characterization:
     def draw_dsnu(self, seed: int) -> np.ndarray:
         """Another sensor's dark pattern with this one's bands and spatial spectrum, (H, W) float32 in DN.
 
-        The accurate DSNU: rows and columns drawn from the mixture of the measured profiles in an order of the
-        measured spectrum; pixels white, of the measured strength.
+        The accurate DSNU of `visaug.camera.patterns`: rows and columns with the levels, trend and spectrum of the measured
+        profiles; pixels white, of the measured strength without outliers.
 
         Raises:
             InputError: the frames gave no master bias.
         """
-        from visaug.characterization.structure import synthesize
+        from visaug.camera.patterns import fit_pattern
 
         if "master_bias" not in self.maps:
             raise InputError(
                 "the frames gave no master bias", field="dsnu", expected="two or more bias frames"
             )
-        return synthesize(self.maps["master_bias"], seed)
+        master = self.maps["master_bias"]
+        _, _, pixels, _ = two_way(master)
+        deviation = float(stats.median_abs_deviation(pixels, axis=None, scale="normal"))
+        return replace(fit_pattern(master), pixel_e=deviation).draw(master.shape, seed)
 
     def plots(self) -> dict[str, Figure]:
         """Every figure for which there are curves, by name."""

@@ -198,7 +198,9 @@ def add_profiles(found: Findings, master: np.ndarray) -> None:
         profile = structure.describe(master.mean(axis))
         curves[f"{name}_profile_dn"] = profile.values
         curves[f"{name}_frequency"], curves[f"{name}_power"] = profile.frequency, profile.power
-        curves[f"{name}_bands"] = np.stack([profile.weights, profile.means, profile.deviations])
+        curves[f"{name}_bands"] = np.stack(
+            [profile.bands.weights, profile.bands.means, profile.bands.deviations]
+        )
         curves[f"{name}_polynomial"] = profile.polynomial
         if profile.peaks.size:
             peaks = ", ".join(f"{f:.3f}" for f in profile.peaks[:4])

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from visaug.core.errors import InputError
 from visaug.frames import FrameSet
 from visaug.frames.limits import pillow_image
 from visaug.frames.pixels import PICTURES
@@ -55,6 +56,8 @@ def largest_group(frames: FrameSet, warn: Callable[[str], object]) -> Pictures:
     every = [i for i, r in enumerate(frames.records) if r.kind == "image"]
     files = {i: _file(frames, i) for i in every}
     groups = Counter(files.values())
+    if not groups:
+        raise InputError("holds no ordinary pictures", expected="pictures of scenes (PNG, TIFF, JPEG)")
     chosen, count = groups.most_common(1)[0]
     shape, table = chosen.shape, chosen.table
     if len(groups) > 1:

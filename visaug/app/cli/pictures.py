@@ -218,12 +218,11 @@ def cameras(name: str | None, seed: int) -> None:
 
     With NAME, the camera.yaml of that camera is printed.
     """
-    from visaug.camera import Camera, shipped
+    from visaug.camera import Camera, camera_file, shipped
 
     if name is not None:
         load_camera(name)
-        file = Path(name) if Path(name).is_file() else shipped()[name.removesuffix(".yaml")]
-        click.echo(file.read_text(encoding="utf-8"), nl=False)
+        click.echo(camera_file(name).read_text(encoding="utf-8"), nl=False)
         return
     rows = []
     for shipped_name in shipped():

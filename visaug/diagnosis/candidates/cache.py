@@ -39,20 +39,10 @@ def digest(*parts: object) -> str:
 def _code() -> str:
     root = Path(visaug.__file__).parent
     digest = hashlib.blake2b(digest_size=8)
-    for room in (
-        "sampling",
-        "effects",
-        "camera",
-        "frames",
-        "fingerprint",
-        "comparison",
-        "fitting",
-        "candidates",
-    ):
-        for file in sorted((root / room).rglob("*.py")):
-            digest.update(file.read_bytes())
-    for file in ("simulation.py", "history.py", "augment/light.py"):
-        digest.update((root / file).read_bytes())
+    rooms = ("core/sampling", "effects", "camera", "frames", "statistics", "pictures", "diagnosis")
+    files = [file for room in rooms for file in sorted((root / room).rglob("*.py"))]
+    for file in (*files, root / "augment/light.py"):
+        digest.update(file.read_bytes())
     return digest.hexdigest()
 
 

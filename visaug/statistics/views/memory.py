@@ -15,7 +15,8 @@ class Memory(View):
         pairs = self._pairs(data)
         if pairs:
             slopes = [self._slope(data, i) for i in pairs]
-            group = next(g for g in data.groups if g.kind == "dark")
+            after = (g for g in data.groups if pairs[0] in g.group.indices)
+            group = next((g for g in data.groups if g.kind == "dark"), None) or next(after)
             yield (
                 group.statistic(self.name, "slope on a bright scene before", ["time"], "fraction"),
                 float(np.mean(slopes)),
