@@ -14,6 +14,7 @@ import yaml
 import visaug
 from visaug.app.cli import main
 from visaug.app.cli.root import program
+from visaug.effects.testing import LAWS
 
 COMMANDS = sorted(program.commands)
 CAMERA = {
@@ -181,6 +182,19 @@ def test_augment(program_run, tmp_path):
     noisy = cv2.imread(str(tmp_path / "out/a.png"), cv2.IMREAD_UNCHANGED)
     assert noisy.dtype == np.uint16
     assert len(np.unique(noisy)) > 5
+
+
+def test_the_laws_of_an_own_effect_are_checked(program_run, tmp_path):
+    program_run("effects", "new", "lanes")
+    status, out, err = program_run("effects", "check", "lanes.py")
+    assert status == 0, err
+    assert out.count("kept") == len(LAWS)
+    text = (tmp_path / "lanes.py").read_text()
+    (tmp_path / "lanes.py").write_text(text.replace("p.sigma_e *", "(p.sigma_e + 1) *"))
+    status, out, err = program_run("effects", "check", "lanes.py")
+    assert status == 2
+    assert "sigma_e = 0" in out
+    assert err.count("\n") == 1
 
 
 def test_new_effect_runs_as_it_is(program_run, tmp_path):

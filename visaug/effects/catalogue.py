@@ -9,7 +9,7 @@ from pathlib import Path
 from types import ModuleType
 
 from visaug.core.errors import USER_MODULE, InputError, described
-from visaug.effects.checks import check_effect, try_effect
+from visaug.effects.checks import check_definition, try_effect
 from visaug.effects.effect import Effect
 
 ROOMS = ("optics", "charge", "readout", "digital", "picture")
@@ -47,7 +47,7 @@ def register(effect: type[Effect]) -> type[Effect]:
 
 
 def _check(effect: type[Effect]) -> None:
-    check_effect(effect)
+    check_definition(effect)
     if effect.name in _shipped():
         raise InputError(f"effect {effect.__name__}: name: {effect.name!r} is taken by the shipped catalogue")
     try_effect(effect)
@@ -102,5 +102,5 @@ def _effects_in(module: ModuleType) -> dict[str, type[Effect]]:
     )
     effects = [value for value in own if issubclass(value, Effect) and value.name]
     for effect in effects:
-        check_effect(effect)
+        check_definition(effect)
     return {effect.name: effect for effect in effects}

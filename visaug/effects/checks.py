@@ -14,7 +14,7 @@ TRIAL = (2, 3, 96, 128)  # shape of the frames to which an effect is applied whe
 TAKEN = ("name", "map")  # keys of an effect in a camera file that are no parameters
 
 
-def check_effect(effect: type[Effect]) -> None:
+def check_definition(effect: type[Effect]) -> None:
     """Refuse a class with an attribute of a wrong type or value, before anything uses it.
 
     Raises:
@@ -36,7 +36,7 @@ def check_effect(effect: type[Effect]) -> None:
     for key in TEXTS:
         if not isinstance(getattr(effect, key), str):
             raise InputError(f"{where}: {key}: {getattr(effect, key)!r} is not text")
-    for key in ("differentiable", "base"):
+    for key in ("differentiable", "base", "proposed", "map_is_table", "local", "stepwise"):
         if not isinstance(getattr(effect, key), bool):
             raise InputError(f"{where}: {key}: expected True or False")
     parameters = effect.parameters

@@ -148,6 +148,8 @@ class Effect:
         stage, order: place in the chain; within a stage, effects act by increasing `order`.
         summary: one sentence; equation: the law, in plain text; source: its reference.
         differentiable: whether gradients reach the image and all continuous parameters; if not, `why_not` gives the reason.
+        local: False if a pixel of the output depends on other pixels of the input, so that the edge of a window is another edge.
+        stepwise: True if the output moves in steps, so that only its expectation has a derivative.
         base: True for the terms of the base chain, whose parameters are at the top level of a camera file.
         separates: the measurement that distinguishes this effect from similar ones, in words (optional).
         proposed: whether a diagnosis tries the effect; effects of stage PICTURE are never tried, as frames do not contain them.
@@ -165,6 +167,8 @@ class Effect:
     source: ClassVar[str] = ""
     differentiable: ClassVar[bool] = True
     why_not: ClassVar[str] = ""
+    local: ClassVar[bool] = True
+    stepwise: ClassVar[bool] = False
     base: ClassVar[bool] = False
     separates: ClassVar[str] = ""
     proposed: ClassVar[bool] = True

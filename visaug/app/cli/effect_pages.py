@@ -8,7 +8,7 @@ import click
 from visaug.app.cli.tables import print_table
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
-from visaug.effects.catalogue import catalogue
+from visaug.effects.catalogue import catalogue, load_file
 from visaug.effects.effect import Effect, Parameter
 
 TEMPLATE = '''"""{name}: describe in one sentence what it does to the signal, and cite the source of the law."""
@@ -23,7 +23,9 @@ class {class_name}(Effect):
     # OPTICS (photons) -> GENERATION (mean electrons) -> CHARGE (electrons after shot noise)
     # -> READOUT (electrons before the converter) -> DIGITAL (DN) -> PICTURE (0 to 1, not part of measured frames)
     stage = Stage.READOUT
-    summary = "one random offset for each row and frame"
+    summary = "One random offset for each row and frame."
+    equation = "V <- V + r_row, r ~ N(0, sigma^2), new in every frame"
+    source = "assumed"
 
     # The effect must vanish if the parameter marked `strength` is zero. `trials` are the starting values of a
     # diagnosis, from weak to strong.
@@ -71,6 +73,22 @@ def write_new(name: str, output: Path | None) -> Path:
     class_name = "".join(part.capitalize() for part in name.split("_"))
     write_text(output, TEMPLATE.format(name=name, class_name=class_name))
     return output
+
+
+def check_file(file: Path) -> None:
+    """Asks every effect in a file the laws of effects, prints which it keeps, and refuses the file if one is broken."""
+    from visaug.effects.testing import LAWS, broken_laws
+
+    faults = 0
+    for effect in load_file(file):
+        broken = broken_laws(effect)
+        faults += len(broken)
+        rows = [[law.__name__.replace("_", " "), broken.get(law.__name__, "kept")] for law in LAWS]
+        print_table([effect.name, "result"], rows)
+    if faults:
+        raise InputError(
+            f"{faults} laws are broken, see the table", file=file, expected="effects that keep them all"
+        )
 
 
 def find(name: str) -> type[Effect]:

@@ -162,8 +162,11 @@ def frames(
     written(output)
 
 
-@command("effects", example="visaug effects row_noise\nvisaug effects new my_effect")
-@click.argument("words", metavar="[NAME | new NAME]", nargs=-1)
+@command(
+    "effects",
+    example="visaug effects row_noise\nvisaug effects new my_effect\nvisaug effects check my_effect.py",
+)
+@click.argument("words", metavar="[NAME | new NAME | check FILE.py]", nargs=-1)
 @output_option("FILE.py", "File that `new` writes.  [default: NAME.py]")
 @click.option(
     "--effects",
@@ -174,9 +177,10 @@ def frames(
     help="File with your own effects to include. May be repeated.",
 )
 def effects(words: tuple[str, ...], output: Path | None, files: tuple[Path, ...], seed: int) -> None:
-    """List or describe effects, or write a template.
+    """List or describe effects, write a template, or check a file of your own.
 
-    Without arguments all effects are listed; NAME describes one; `new` writes a file with a working effect to edit.
+    Without arguments all effects are listed; NAME describes one; `new` writes a file with a working effect to edit; `check`
+    asks every effect in a file the laws that those of the package keep.
     """
     from visaug.app.cli import effect_pages
     from visaug.core.errors import InputError
@@ -189,11 +193,15 @@ def effects(words: tuple[str, ...], output: Path | None, files: tuple[Path, ...]
             effect_pages.print_catalogue()
         case ("new", name):
             written(effect_pages.write_new(name, output))
-        case (name,) if name != "new":
+        case ("check", file):
+            effect_pages.check_file(Path(file))
+        case (name,) if name not in ("new", "check"):
             effect_pages.print_effect(name)
         case _:
             raise InputError(
-                " ".join(words), field="visaug effects", expected="nothing, a NAME, or: new NAME"
+                " ".join(words),
+                field="visaug effects",
+                expected="nothing, a NAME, new NAME, or check FILE.py",
             )
 
 

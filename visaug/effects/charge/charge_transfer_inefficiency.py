@@ -16,6 +16,7 @@ class ChargeTransferInefficiency(Effect):
     name = "charge_transfer_inefficiency"
     stage = Stage.CHARGE
     order = 85  # the full wells are what is transferred
+    local = False
     summary = (
         "Each transfer leaves a fraction of the charge behind; trails grow with the number of transfers."
     )

@@ -18,6 +18,7 @@ class CosmicRays(Effect):
     name = "cosmic_rays"
     stage = Stage.CHARGE
     order = 20
+    local = False
     summary = "Particles leave tracks of charge in single frames."
     equation = (
         "tracks ~ Poisson(rate (t + readout) per 10^6 px), charge per px ~ Exp(charge), length ~ Exp(length)"

@@ -12,6 +12,7 @@ class PhotonShotNoise(Effect):
     name = "photon_shot_noise"
     stage = Stage.GENERATION
     order = 100
+    stepwise = True
     base = True
     summary = "The number of electrons in a pixel is Poisson distributed."
     equation = "N_e ~ Poisson(mu_e)"

@@ -14,6 +14,7 @@ class Smear(Effect):
     name = "smear"
     stage = Stage.GENERATION
     order = 15  # light alone smears: after PRNU, before the dark current
+    local = False
     summary = "Charge is generated while a column is transferred, at any distance from the light source."
     equation = "mu_e <- mu_e + (transfer_s / exposure_s) mean of mu_e over the column"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on frame-transfer smear"

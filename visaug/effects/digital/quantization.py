@@ -14,6 +14,7 @@ class Quantization(Effect):
     name = "quantization"
     stage = Stage.DIGITAL
     order = 50
+    stepwise = True
     base = True
     summary = "The converter rounds to whole numbers within its range."
     equation = "y <- clip(round(y), 0, 2^bits - 1); adds a variance of 1/12 DN^2"

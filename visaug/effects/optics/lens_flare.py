@@ -20,6 +20,7 @@ class LensFlare(Effect):
     name = "lens_flare"
     stage = Stage.OPTICS
     order = 20
+    local = False
     summary = "Reflections between lens surfaces produce ghosts and a halo around bright sources."
     equation = (
         "mu_p <- mu_p - (g + h) s + g ghost(s) + h halo(s), s = max(0, mu_p - threshold), "

@@ -10,6 +10,7 @@ class PointSpread(Effect):
     name = "point_spread"
     stage = Stage.OPTICS
     order = 40
+    local = False
     summary = "The optics blur the image before the pixels sample it."
     equation = (
         "mu_p convolved with a Gaussian of standard deviation sigma along rows, aspect sigma along columns, "

@@ -1,13 +1,15 @@
-"""Puts one effect on the bench: values, context and random numbers for its `apply`, away from the chain."""
+"""Values, context and random numbers for the `apply` of one effect, away from the chain."""
 
+from collections.abc import Sequence
 from dataclasses import replace
-from types import SimpleNamespace
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from visaug.core.sampling import Stream
-from visaug.effects import Context, Effect, Parameter, Stage
+from visaug.effects.effect import Context, Effect, Stage, Values
+from visaug.effects.parameter import Parameter
 
 LEVEL = {
     Stage.OPTICS: 3000.0,
@@ -35,7 +37,7 @@ def usual(parameter: Parameter) -> float | str:
     trial = parameter.trials[-1 if parameter.strength else 0] if parameter.trials else parameter.default
     if parameter.integer:
         return float(trial)
-    value = {0.0: 0.1, float("inf"): 1000.0}.get(trial, trial)
+    value = {0.0: 0.1, float("inf"): 1000.0}.get(trial, float(trial))
     return next(v for v in (1.037 * value, 0.963 * value) if parameter.low <= v <= parameter.high)
 
 
@@ -48,25 +50,25 @@ def numbers(effect: type[Effect]) -> list[str]:
     return [name for name, p in effect.parameters.items() if not p.options and not p.integer]
 
 
-def tensors(named: dict, dtype=torch.float32) -> SimpleNamespace:
+def tensors(named: dict[str, Any], dtype: torch.dtype = torch.float32) -> Values:
     """Words stay words, numbers become (B, 1, 1, 1)."""
 
-    def tensor(value):
+    def tensor(value: Any) -> Any:
         return (
             value if isinstance(value, str | Tensor) else torch.tensor([value], dtype=dtype).view(-1, 1, 1, 1)
         )
 
-    return SimpleNamespace(**{name: tensor(value) for name, value in named.items()})
+    return Values(**{name: tensor(value) for name, value in named.items()})
 
 
 def context(
-    resolution=(48, 64),
-    window=None,
-    reading="physical",
-    sequence=False,
-    memory=None,
-    dtype=torch.float32,
-    **given,
+    resolution: tuple[int, int] = (48, 64),
+    window: tuple[range, range] | None = None,
+    reading: str = "physical",
+    sequence: bool = False,
+    memory: dict[str, Tensor] | None = None,
+    dtype: torch.dtype = torch.float32,
+    **given: Any,
 ) -> Context:
     window = window or (range(resolution[0]), range(resolution[1]))
     return Context(
@@ -80,14 +82,32 @@ def context(
     )
 
 
-def apply(
-    effect: type[Effect], signal: Tensor, p: SimpleNamespace, stream: Stream, context: Context
-) -> Tensor:
+def apply(effect: type[Effect], signal: Tensor, p: Values, stream: Stream, context: Context) -> Tensor:
     """The signal after the effect. As in the chain, its context knows the camera's dark current."""
     if effect.name == "dark_current":
         heat = torch.exp(p.b_per_c * context.temperature_c)
         context = replace(context, dark_current_e=context.exposure_s * p.a_e_per_s * heat)
     return effect().apply(signal, p, stream, context)
+
+
+def choices(effect: type[Effect]) -> list[dict[str, Any]]:
+    """No choice made, then each word of each categorical parameter."""
+    return [{}] + [
+        {name: word} for name, p in effect.parameters.items() for word in p.options if word != p.default
+    ]
+
+
+def run(
+    effect: type[Effect],
+    signal: Tensor,
+    context: Context,
+    keys: Sequence[int] = (1, 2, 3),
+    cameras: Sequence[int] | None = None,
+    **given: Any,
+) -> Tensor:
+    """The signal after the effect at its usual values, or at those given."""
+    p = tensors(values(effect, **given), signal.dtype)
+    return apply(effect, signal, p, stream(context, keys, cameras, signal.shape[1]), context)
 
 
 def stream(context: Context, keys=(1, 2, 3), cameras=None, channels=1) -> Stream:
