@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+from scipy import stats
 
 import visaug
 from visaug import InputError
@@ -66,3 +67,27 @@ def test_whole_numbers_become_real_ones_and_arrays_are_refused():
     assert noisy.max() > 256  # not wrapped; of 64 rows none is beyond with probability 3e-12
     with pytest.raises(InputError, match="ndarray"):
         visaug.effects.RowNoise(sigma_e=5.0)(electrons.numpy())  # pyright: ignore[reportArgumentType]
+
+
+def test_a_range_is_drawn_for_each_image():
+    """sqrt of the mean square of U(0.5, 2): 1.32; the ends are covered. 2000 rows of 200 images give each sigma to 1.6 %."""
+    signal = torch.full((200, 1, 2000, 1), 100.0)
+    noise = RowNoise(sigma_e=(0.5, 2.0))
+    sigma = (noise(signal, seed=3) - 100).std((1, 2, 3))
+    assert 0.45 < sigma.min().item() < 0.6
+    assert 1.85 < sigma.max().item() < 2.15
+    # Kolmogorov-Smirnov, one false alarm in 10,000
+    assert stats.kstest(sigma.numpy(), stats.uniform(0.5, 1.5).cdf).pvalue > 1e-4
+    assert torch.equal(noise(signal[:3], seed=3), noise(signal, seed=3)[:3])
+
+
+def test_a_range_in_a_camera_is_drawn_for_each_image():
+    camera = visaug.Camera.load("sony_imx174").with_effect("row_noise", sigma_e=(0.5, 2.0))
+    assert camera.values()["row_noise.sigma_e"] == 1.25
+    assert camera.spec.randomize["row_noise.sigma_e"] == {"uniform": [0.5, 2.0]}
+
+
+@pytest.mark.parametrize("value", [(2.0, 0.5), (-1.0, 2.0), (0.5, "x"), (1.0, 2.0, 3.0)])
+def test_a_range_that_is_none_is_refused(value):
+    with pytest.raises(InputError):
+        RowNoise(sigma_e=value)

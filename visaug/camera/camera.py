@@ -21,6 +21,7 @@ from visaug.core.files import write_text
 from visaug.core.sampling import Stream
 from visaug.core.sampling.distributions import MOST_MEAN
 from visaug.effects import Context, Effect, Stage, catalogue
+from visaug.effects.effect import ends
 
 
 def shipped() -> dict[str, Path]:
@@ -177,9 +178,19 @@ class Camera:
             raise _by_name(mistake, content.get("effects", ())) from None
 
     def with_effect(self, name: str, **parameters: Any) -> "Camera":
-        """Returns the camera with one more effect. An effect that it has already is replaced."""
+        """Returns the camera with one more effect. An effect that it has already is replaced.
+
+        Args:
+            name: an effect of the catalogue.
+            parameters: numbers or options by name. A pair (low, high) is drawn uniformly for each image (`randomize`); the
+                nominal value is its middle.
+        """
         content = self.without_effect(name).to_dict()
-        content.setdefault("effects", []).append({"name": name, **parameters})
+        ranges = {key: both for key, value in parameters.items() if (both := ends(value)) is not None}
+        middles = {key: (low + high) / 2 for key, (low, high) in ranges.items()}
+        content.setdefault("effects", []).append({"name": name, **parameters, **middles})
+        for key, both in ranges.items():
+            content.setdefault("randomize", {})[f"{name}.{key}"] = {"uniform": list(both)}
         return self._changed(content)
 
     def without_effect(self, name: str) -> "Camera":

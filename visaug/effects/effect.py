@@ -140,6 +140,31 @@ def _as_value(value: float, like: Tensor) -> Tensor:
     return torch.as_tensor(value, dtype=torch.float32, device=like.device).reshape(1, 1, 1, 1)
 
 
+def ends(value: Any) -> tuple[float, float] | None:
+    """The ends of a value that is a range (low, high); None of any other.
+
+    Raises:
+        InputError: a pair whose first number is above its second.
+    """
+    if not isinstance(value, tuple | list) or len(value) != 2:
+        return None
+    low, high = value
+    if isinstance(low, int | float) and isinstance(high, int | float) and low > high:
+        raise InputError(f"({low:g}, {high:g}) is no range", expected="(low, high) with low <= high")
+    return low, high
+
+
+def _drawn(value: Any, keys: list[int], name: str, like: Tensor) -> Tensor | str:
+    """A value as the chain passes it to an effect: of a range each image's own, (B, 1, 1, 1)."""
+    range_ = ends(value)
+    if isinstance(value, str) or range_ is None:
+        return value if isinstance(value, str) else _as_value(value, like)
+    shares = [(derive_key(key, "parameter", name) % 2**53) / 2**53 for key in keys]
+    low, high = range_
+    drawn = [low + (high - low) * share for share in shares]
+    return torch.tensor(drawn, dtype=torch.float32, device=like.device).view(-1, 1, 1, 1)
+
+
 class Effect:
     """A physical effect. A subclass defines `name`, `stage`, its `Parameter`s and `apply`; everything else is optional.
 
@@ -186,7 +211,8 @@ class Effect:
         """Makes an effect with the given parameters; others have their defaults.
 
         Args:
-            given: parameter values by name.
+            given: parameter values by name: a number, or a pair (low, high) from which each image of a call draws its own,
+                uniformly.
 
         Raises:
             InputError: the effect has no such parameter, or a value is outside its bounds.
@@ -195,8 +221,9 @@ class Effect:
             if key not in self.parameters:
                 expected = f"one of {', '.join(self.parameters) or 'none'}"
                 raise InputError(f"is not a parameter of {self.name}", field=key, expected=expected)
-            if value != self.parameters[key].default:  # which may be infinite: a full well that is left out
-                check_value(self.parameters[key], value, f"{self.name}.{key}")
+            for one in ends(value) or (value,):
+                if one != self.parameters[key].default:  # which may be infinite: a full well that is left out
+                    check_value(self.parameters[key], one, f"{self.name}.{key}")
         self.given = given
 
     def __call__(
@@ -238,12 +265,8 @@ class Effect:
             )
         dtype = signal.dtype if signal.is_floating_point() else torch.float32
         batch = signal.float().reshape((1,) * (4 - signal.ndim) + tuple(signal.shape))
-        p = Values(
-            **{
-                key: value if isinstance(value, str) else _as_value(value, signal)
-                for key, value in self.values().items()
-            }
-        )
+        keys = [derive_key(seed, "image", k) for k in range(len(batch))]
+        p = Values(**{key: _drawn(value, keys, key, signal) for key, value in self.values().items()})
         known = {**CONDITIONS, **conditions}
         window = (range(batch.shape[2]), range(batch.shape[3]))
         bit_depth = int(known.pop("bit_depth"))
@@ -263,7 +286,6 @@ class Effect:
             context.dark_current_e = (
                 context.exposure_s * p.a_e_per_s * torch.exp(p.b_per_c * context.temperature_c)
             )
-        keys = [derive_key(seed, "image", k) for k in range(len(batch))]
         stream = Stream(
             keys, [derive_key(camera_seed, "camera")] * len(batch), batch.shape[1], window, signal.device
         )
