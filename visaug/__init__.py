@@ -4,7 +4,10 @@ Everything here loads when first used, so `import visaug` costs next to nothing.
 """
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from visaug.core.reporting import set_writer
 
 if TYPE_CHECKING:
     from visaug.augment import VISNoise
@@ -73,6 +76,15 @@ __all__ = [
 ]
 
 
+def _write_report(path: Path, result: Any) -> None:
+    from visaug.report import write_report
+
+    write_report(path, result)
+
+
+set_writer(_write_report)
+
+
 def __getattr__(name: str) -> Any:
     if name in _HOME:
         value = getattr(import_module(_HOME[name]), name)
@@ -85,4 +97,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOME, *_ROOMS})
+    return sorted({*__all__, *_ROOMS})

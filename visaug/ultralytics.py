@@ -150,9 +150,10 @@ def noise_of(camera: "Camera | str | Path | nn.Module", **options: Any) -> nn.Mo
     """The noise of a camera; a module is itself."""
     if isinstance(camera, nn.Module):
         return camera
-    import visaug
+    from visaug.augment import VISNoise
+    from visaug.camera import Camera
 
-    return visaug.VISNoise(visaug.Camera.load(camera), **options)
+    return VISNoise(Camera.load(camera), **options)
 
 
 @torch.no_grad()

@@ -211,7 +211,7 @@ class Characterization:
             )
         master = self.maps["master_bias"]
         _, _, pixels, _ = two_way(master)
-        deviation = float(stats.median_abs_deviation(pixels, axis=None, scale="normal"))
+        deviation = float(stats.median_abs_deviation(pixels.ravel(), scale="normal"))  # pyright: ignore[reportArgumentType]
         return replace(fit_pattern(master), pixel_e=deviation).draw(master.shape, seed)
 
     def plots(self) -> dict[str, Figure]:

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from visaug.camera import Camera
+from visaug.core.reporting import Reported
 from visaug.core.wording import p_text
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.frames import FrameSet
@@ -23,7 +23,7 @@ STAGES = (100, 200, 400)  # simulated sets of the camera: more while too few hav
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Reported):
     """The result of `compare`.
 
     Attributes:
@@ -94,19 +94,6 @@ class Comparison:
         """
         columns = ["view", "statistic", "frames", "unit", "measured", "modelled", "standard_deviation", "z"]
         return data_frame(self.differences(len(self.statistics)), columns)
-
-    def report(self, path: str | Path) -> Path:
-        """Writes the report as one HTML file, and the pictures of all views in a folder next to it.
-
-        Args:
-            path: the file to write.
-
-        Returns:
-            The path that was written.
-        """
-        report = import_module("visaug.report")  # by name: reports know results, not the other way round
-        report.write_comparison(path, self, self.camera, self.frame_set, self.seed)
-        return Path(path)
 
     def __repr__(self) -> str:
         verdict = "holds" if self.adequate else "fails in " + ", ".join(p.view for p in self.where[:3])

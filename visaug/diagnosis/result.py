@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from visaug.camera import Camera
 from visaug.camera.paths import place_of
+from visaug.core.reporting import Reported
 from visaug.diagnosis.fitting.parameters import Coordinate, intervals
 from visaug.diagnosis.residue import Residue
 from visaug.frames import FrameSet
@@ -93,7 +92,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(Reported):
     """The result of `visaug.diagnose`.
 
     Attributes:
@@ -202,18 +201,6 @@ class Diagnosis:
             "accepted",
         ]
         return data_frame(rows, columns)
-
-    def report(self, path: str | Path) -> Path:
-        """Writes the one-file HTML report.
-
-        Args:
-            path: the file to write.
-
-        Returns:
-            The path that was written.
-        """
-        report = import_module("visaug.report")  # by name: reports know results, not the other way round
-        return report.write_diagnosis(path, self, self.given, self.frame_set, self.seed)
 
     def __repr__(self) -> str:
         told = list(self.accepted)

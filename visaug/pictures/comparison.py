@@ -11,13 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from visaug.core.errors import InputError
+from visaug.core.reporting import Reported
 from visaug.frames import FrameRecord, FrameSet
 from visaug.pictures.blocks import Levels, Rounding, noise_by_level, sample
 from visaug.pictures.curve import Law
@@ -37,7 +36,7 @@ _COLUMNS = ["view", "statistic", "unit", "measured", "modelled", "standard_devia
 
 
 @dataclass(frozen=True)
-class PictureComparison:
+class PictureComparison(Reported):
     """What `compare_pictures` found.
 
     Attributes:
@@ -80,12 +79,6 @@ class PictureComparison:
     def to_frame(self) -> Any:
         """All statistics as a pandas DataFrame."""
         return data_frame(self.differences(len(self.all_differences)), _COLUMNS)
-
-    def report(self, path: str | Path) -> Path:
-        """Writes the one-file HTML report."""
-        report = import_module("visaug.report")
-        report.write_picture_comparison(path, self)
-        return Path(path)
 
     def __repr__(self) -> str:
         return f"PictureComparison({len(self.all_differences)} statistics, p = {self.p_value:.3g})"

@@ -1,9 +1,27 @@
 """Pictures (one function, one figure) and one-file HTML reports of results."""
 
+from pathlib import Path
+from typing import Any
+
 from visaug.report.characterized import write_characterization
 from visaug.report.pages import write_comparison, write_diagnosis
 from visaug.report.pictures import write_picture_comparison
 from visaug.report.sheet import sheet_json, write_sheet
+
+
+def write_report(path: Path, result: Any) -> None:
+    """Writes the report of a comparison, a comparison of pictures or a diagnosis."""
+    from visaug.diagnosis import Comparison
+    from visaug.pictures.comparison import PictureComparison
+
+    if isinstance(result, Comparison):
+        assert result.frame_set is not None
+        write_comparison(path, result, result.camera, result.frame_set, result.seed)
+    elif isinstance(result, PictureComparison):
+        write_picture_comparison(path, result)
+    else:
+        write_diagnosis(path, result, result.given, result.frame_set, result.seed)
+
 
 __all__ = [
     "sheet_json",
@@ -11,5 +29,6 @@ __all__ = [
     "write_comparison",
     "write_diagnosis",
     "write_picture_comparison",
+    "write_report",
     "write_sheet",
 ]

@@ -8,7 +8,6 @@ from types import FunctionType
 
 import numpy as np
 
-import visaug
 from visaug.camera import Camera
 from visaug.diagnosis.candidates.signatures import Signatures
 from visaug.diagnosis.candidates.signatures import signatures as simulated_signatures
@@ -21,6 +20,8 @@ from visaug.diagnosis.laboratory import Laboratory
 from visaug.effects import catalogue
 
 STAGE = 50  # sets that are simulated between two entries of a reference
+
+ROOT = Path(__file__).parents[2]  # of the package
 
 
 def key(lab: Laboratory, camera: Camera, *words: object) -> str:
@@ -37,11 +38,10 @@ def digest(*parts: object) -> str:
 
 
 def _code() -> str:
-    root = Path(visaug.__file__).parent
     digest = hashlib.blake2b(digest_size=8)
     rooms = ("core/sampling", "effects", "camera", "frames", "statistics", "pictures", "diagnosis")
-    files = [file for room in rooms for file in sorted((root / room).rglob("*.py"))]
-    for file in (*files, root / "augment/light.py"):
+    files = [file for room in rooms for file in sorted((ROOT / room).rglob("*.py"))]
+    for file in (*files, ROOT / "augment/light.py"):
         digest.update(file.read_bytes())
     return digest.hexdigest()
 
@@ -51,7 +51,7 @@ def source_of(name: str) -> str:
     for part in vars(catalogue()[name]).values():
         if isinstance(part, FunctionType):
             file = Path(part.__code__.co_filename)
-            if file.is_relative_to(Path(visaug.__file__).parent) or not file.is_file():
+            if file.is_relative_to(ROOT) or not file.is_file():
                 return ""
             return hashlib.blake2b(file.read_bytes(), digest_size=8).hexdigest()
     return ""
