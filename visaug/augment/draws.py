@@ -123,9 +123,19 @@ def of_frames(draws: Mapping[str, Tensor]) -> Mapping[str, Tensor]:
     count: Counter[int] = Counter()
     own = []
     for key in keys:
-        own.append(signed(derive_key(key % 2**64, "frame", count[key])) if count[key] else key)
+        own.append(_frame_key(key, count[key]))
         count[key] += 1
     return {**draws, "keys": torch.tensor(own, dtype=torch.int64)}
+
+
+def nth_frame(draws: Mapping[str, Tensor], number: int) -> dict[str, Tensor]:
+    """Draws of another image by the same cameras with the same fixed patterns; number 0 are the draws themselves."""
+    keys = [_frame_key(key, number) for key in draws["keys"].tolist()] if number else draws["keys"]
+    return {**draws, "keys": torch.as_tensor(keys, dtype=torch.int64)}
+
+
+def _frame_key(key: int, number: int) -> int:
+    return signed(derive_key(key % 2**64, "frame", number)) if number else key
 
 
 def number_of_clips(draws: Mapping[str, Tensor]) -> int:
