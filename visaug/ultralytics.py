@@ -82,9 +82,12 @@ def vis_trainer(camera: "Camera | str | Path | nn.Module", base: type | None = N
         InputError: when the training starts: a model whose trainer is not that of its task, such as RT-DETR, without
             `base`; noise from another source too; a training that was begun with noise and is resumed without.
     """
-    from ultralytics.models.yolo.pose import PoseTrainer
+    return _trainer(noise_of(camera, **options), base, of_task=base is None)
 
-    module = noise_of(camera, **options)
+
+def _trainer(module: nn.Module, base: type | None, of_task: bool) -> type:
+    """The class; `of_task` where the task chooses, or chose, the base."""
+    from ultralytics.models.yolo.pose import PoseTrainer
 
     class VISTrainer(base or PoseTrainer):  # type: ignore[misc]
         """A trainer whose training batches went through a sensor."""
@@ -96,7 +99,7 @@ def vis_trainer(camera: "Camera | str | Path | nn.Module", base: type | None = N
             overrides = kwargs.get("overrides") or (args[1] if len(args) > 1 else None) or {}
             task = overrides.get("task", "pose")
             if base is None and task != "pose":
-                return vis_trainer(module, trainer_of(task))(*args, **kwargs)
+                return _trainer(module, trainer_of(task), of_task)(*args, **kwargs)
             return super().__new__(cls)
 
         def run_callbacks(self, event: str) -> None:
@@ -105,7 +108,7 @@ def vis_trainer(camera: "Camera | str | Path | nn.Module", base: type | None = N
             super().run_callbacks(event)
 
         def get_model(self, cfg: Any = None, weights: Any = None, *more: Any, **named: Any) -> Any:
-            if base is None:
+            if of_task:
                 check_head(cfg)
             return super().get_model(cfg, weights, *more, **named)
 
@@ -172,8 +175,11 @@ def trainer_of(task: str) -> type:
 
 
 def check_head(network: Any) -> None:
-    """Refuses, by the last layer of a network's YAML, a model that the trainer of its task does not train."""
-    head = network.get("head") if isinstance(network, dict) else None
+    """Refuses, by the last layer of a network's YAML, or of the dict in it, what the trainer of its task does not train."""
+    from ultralytics.nn.tasks import yaml_model_load
+
+    known = yaml_model_load(network) if isinstance(network, str | Path) else network
+    head = known.get("head") if isinstance(known, dict) else None
     layer = str(head[-1][2]) if head else ""
     if layer in OWN_TRAINERS:
         raise InputError(

@@ -1,5 +1,6 @@
 """VISNoise: the noise of a camera as a kornia augmentation."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from typing import Any
@@ -108,16 +109,15 @@ class VISNoise(IntensityAugmentationBase2D):
         draws = params if self.same_on_batch else of_frames(params)
         return self.sensor.apply_draws(input, nth_frame(draws, self._number_of_image(params)))
 
-    _images: dict[int, int] | None = None  # within a call of a container: images so far, by their draws
+    _images: Counter[bytes] | None = None  # within a call of a container: images so far, by their draws
 
     def _number_of_image(self, params: Mapping[str, Tensor]) -> int:
         """How many images of the running call of a container had these draws before; 0 outside of one."""
         if self._images is None:
             return 0
-        draw = id(params["keys"])
-        number = self._images.get(draw, 0)
-        self._images[draw] = number + 1
-        return number
+        draw = params["keys"].cpu().numpy().tobytes()
+        self._images[draw] += 1
+        return self._images[draw] - 1
 
     def __repr__(self) -> str:
         return f"VISNoise({self.sensor.described()}, p={self.p})"
@@ -130,7 +130,7 @@ def _counting(forward: Callable[..., Any]) -> Callable[..., Any]:
     def counted(container: AugmentationSequential, *args: Any, **kwargs: Any) -> Any:
         noises = [part for part in container.modules() if isinstance(part, VISNoise) and part._images is None]
         for noise in noises:
-            noise._images = {}
+            noise._images = Counter()
         try:
             return forward(container, *args, **kwargs)
         finally:
