@@ -340,9 +340,8 @@ def test_palettes_tags_and_white_is_zero_of_tiffs(camera, tmp_path):
         description="pose 12", software="renderer", resolution=(300, 200), resolutionunit=2, metadata=None,
     )  # fmt: skip
     tifffile.imwrite(tmp_path / "negative.tif", np.full((64, 64), 60000, np.uint16), photometric="miniswhite")
-    augment_files(
-        [tmp_path / name for name in ("palette.tif", "tagged.tif", "negative.tif")], tmp_path / "out", camera
-    )
+    names = ("palette.tif", "tagged.tif", "negative.tif")
+    augment_files([tmp_path / name for name in names], tmp_path / "out", camera, force=True)
     colours = np.asarray(Image.open(tmp_path / "out" / "palette.tif").convert("RGB")).mean((0, 1))
     assert colours == pytest.approx([200, 90, 30], abs=2)
     with (

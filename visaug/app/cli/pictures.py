@@ -5,7 +5,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from visaug.app.cli.options import Decorator, command, effects_option, load_camera, output_option, written
+from visaug.app.cli.options import (
+    Decorator,
+    command,
+    effects_option,
+    force_option,
+    load_camera,
+    output_option,
+    written,
+)
 from visaug.app.cli.tables import print_table
 from visaug.core.errors import PartlyFailed
 from visaug.core.progress import progress_bars
@@ -205,7 +213,8 @@ def augment(
 @click.argument("picture", metavar="IMAGE", type=click.Path(path_type=Path))
 @cameras_option("If repeated, the sheet shows each.")
 @light_options
-@output_option("sheet.png", "Write the contact sheet.", required=True)
+@output_option("sheet.png", "Write the contact sheet; an earlier sheet is replaced.", required=True)
+@force_option
 @effects_option()
 def preview(
     picture: Path,
@@ -216,6 +225,7 @@ def preview(
     strength: float,
     bits: int | None,
     output: Path,
+    force: bool,
     seed: int,
 ) -> None:
     """Write a contact sheet of one picture.
@@ -230,6 +240,7 @@ def preview(
         output,
         seed=seed,
         bits=bits,
+        force=force,
         transfer=transfer,
         gain_db=gain_db,
         exposure=exposure,
