@@ -82,7 +82,7 @@ def test_chosen_images_get_noise_and_all_else_goes_along(bop, tmp_path):
     assert (done.written, done.carried, done.like_labels) == (2, 6, {})
     only = augment_files([bop], tmp_path / "images", CAMERA, exclude=["depth", "*mask*"])
     assert (only.written, only.excluded) == (2, 4)
-    with pytest.raises(InputError, match=r"rbg/\*: *matches no|rbg/\* matches no"):
+    with pytest.raises(InputError, match="matches no file"):
         augment_files([bop], tmp_path / "none", CAMERA, include=["rbg/*"])
 
 
