@@ -401,7 +401,17 @@ def _track(transforms: Any) -> Any:
     return transforms
 
 
+def _load_transform() -> None:
+    """Makes albumentations know `AlbumentationsNoise`."""
+    try:
+        import visaug.augment.albumentations_noise  # noqa: F401
+    except ImportError:
+        raise InputError(
+            "the package albumentations is not installed", expected="`pip install albumentations`"
+        ) from None
+
+
 with suppress(ImportError):  # `noised` works without ultralytics
     import ultralytics.engine.trainer  # noqa: F401
 
-    hook()
+    hook(loader=_load_transform)

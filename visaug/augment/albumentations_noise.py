@@ -60,7 +60,7 @@ class AlbumentationsNoise(albumentations.ImageOnlyTransform):
         self.noise = ImageNoise(camera, bits=bits, **options)
         self._draws: dict[str, torch.Tensor] | None = None
         self._images = 0
-        hook()
+        hook(arrive)
 
     def apply_with_params(self, params: dict[str, Any], *args: Any, **kwargs: Any) -> dict[str, Any]:
         self._draws, self._images = None, 0  # all images of this call share a camera and its fixed pattern
@@ -97,11 +97,15 @@ class AlbumentationsNoise(albumentations.ImageOnlyTransform):
 
     def get_transform_init_args(self) -> dict[str, Any]:
         """What makes the same transform again, as JSON takes it."""
-        hook()  # ultralytics asks for this before its training, and may be loaded since
+        hook(arrive)  # ultralytics asks for this before its training, and may be loaded since
         camera = self.camera
         several = isinstance(camera, Sequence) and not isinstance(camera, str)
         plain = [_plain(one) for one in camera] if several else _plain(camera)  # type: ignore[arg-type]
         return {"camera": plain, "bits": self.bits, "order": self.order, **self.options}
+
+
+def arrive(trainer: Any) -> None:
+    """A callback of ultralytics that does nothing: where it is unpickled, albumentations knows the class above."""
 
 
 def _plain(camera: Source) -> str | dict[str, Any]:
@@ -130,3 +134,4 @@ def _signature() -> inspect.Signature:
 
 
 AlbumentationsNoise.__signature__ = _signature()  # type: ignore[attr-defined]
+hook(arrive)

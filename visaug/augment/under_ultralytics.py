@@ -38,19 +38,29 @@ OTHER_WAYS = (
 )
 
 
-def hook() -> None:
-    """Prepares ultralytics for noise; without effect where it is not loaded, or prepared already."""
+def hook(traveller: Callable[[Any], None] | None = None, loader: Callable[[], None] | None = None) -> None:
+    """Prepares ultralytics for noise; without effect where it is not loaded, or prepared already.
+
+    Args:
+        traveller: a callback `on_train_start` of every training: a worker that unpickles it imports its module.
+        loader: called before transforms are restored, to make albumentations know `AlbumentationsNoise`.
+    """
+    TRAVELLERS.extend(one for one in [traveller] if one is not None and one not in TRAVELLERS)
+    LOADERS.extend(one for one in [loader] if one is not None and one not in LOADERS)
     engine: Any = sys.modules.get("ultralytics.engine.trainer")
     transforms: Any = sys.modules.get("ultralytics.data.augment")
     callbacks: Any = sys.modules.get("ultralytics.utils.callbacks.base")
-    if engine is None or transforms is None or callbacks is None or hasattr(engine.BaseTrainer, "visaug"):
+    if engine is None or transforms is None or callbacks is None:
+        return
+    starts = callbacks.default_callbacks["on_train_start"]
+    starts.extend(one for one in TRAVELLERS if one not in starts)
+    if hasattr(engine.BaseTrainer, "visaug"):
         return
     engine.BaseTrainer.visaug = True
     engine.BaseTrainer.train = _checked(engine.BaseTrainer.train)
     engine.get_cfg = _unguarded(engine.get_cfg)
     engine.MultiTrainer.__init__ = _in_this_process(engine.MultiTrainer.__init__)
     transforms.Albumentations.__init__ = _with_noise(transforms.Albumentations.__init__)
-    callbacks.default_callbacks["on_train_start"].append(announce)
 
 
 def number_of_noises(transforms: Any) -> int:
@@ -171,8 +181,9 @@ def _checked(train: Callable[[Any], Any]) -> Callable[[Any], Any]:
     def checked(trainer: Any) -> Any:
         check_sources(trainer)
         starts = trainer.callbacks.setdefault("on_train_start", [])
-        if announce not in starts:  # a model that is older than the hook
-            starts.append(announce)
+        starts.extend(
+            one for one in TRAVELLERS if one not in starts
+        )  # of a model that is older than the hook
         return train(trainer)
 
     return checked
@@ -199,7 +210,8 @@ def _with_noise(init: Callable[..., None]) -> Callable[..., None]:
     ) -> None:
         wanted = number_of_noises(transforms)
         if wanted:
-            _load_class()
+            for load in LOADERS:
+                load()
         init(albumentations, p, transforms, *more, **named)
         found = list(_noises(albumentations.transform))
         if wanted and not found:
@@ -208,16 +220,6 @@ def _with_noise(init: Callable[..., None]) -> Callable[..., None]:
             noise.default_order = "BGR"
 
     return restored
-
-
-def _load_class() -> None:
-    """Makes albumentations know `AlbumentationsNoise`."""
-    try:
-        import visaug.augment.albumentations_noise  # noqa: F401
-    except ImportError:
-        raise InputError(
-            "needs the package albumentations", field=BY_LIST, expected="`pip install albumentations`"
-        ) from None
 
 
 def _noises(transform: Any) -> Iterator[Any]:
@@ -247,4 +249,6 @@ def _passed_over(problem: str) -> InputError:
     return InputError(problem, field=BY_LIST, expected=OTHER_WAYS)
 
 
+TRAVELLERS: list[Callable[[Any], None]] = [announce]
+LOADERS: list[Callable[[], None]] = []
 hook()
