@@ -59,11 +59,14 @@ class AlbumentationsNoise(albumentations.ImageOnlyTransform):
         self.order = None if order is None else channel_order(order)
         self.noise = ImageNoise(camera, bits=bits, **options)
         self._draws: dict[str, torch.Tensor] | None = None
-        self._images = 0
+        self._images, self._several = 0, False
         hook(arrive)
 
     def apply_with_params(self, params: dict[str, Any], *args: Any, **kwargs: Any) -> dict[str, Any]:
         self._draws, self._images = None, 0  # all images of this call share a camera and its fixed pattern
+        functions = [(self._key2func.get(key), value) for key, value in kwargs.items() if value is not None]
+        frames = sum(len(value) for function, value in functions if function == self.apply_to_images)
+        self._several = frames + sum(function == self.apply for function, _ in functions) > 1
         return super().apply_with_params(params, *args, **kwargs)
 
     def apply(self, img: np.ndarray, noise_seed: int, **params: Any) -> np.ndarray:
@@ -86,7 +89,7 @@ class AlbumentationsNoise(albumentations.ImageOnlyTransform):
             with torch.random.fork_rng(devices=[]):
                 torch.manual_seed(noise_seed)
                 self._draws = self.noise.noise.draw(1)
-        drawn = nth_frame(self._draws, self._images)
+        drawn = nth_frame(self._draws, self._images) if self._several else self._draws
         self._images += 1
         return drawn
 

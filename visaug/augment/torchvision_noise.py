@@ -65,7 +65,8 @@ class TorchvisionNoise(v2.Transform):
 
     def make_params(self, flat_inputs: list[Any]) -> dict[str, Any]:
         """For all images of a sample: decisions and draws by the size of a batch, and how many images had them so far."""
-        return {"drawn": {}, "images": Counter()}
+        several = sum(isinstance(one, Tensor | PIL.Image.Image) for one in flat_inputs) > 1
+        return {"drawn": {}, "images": Counter(), "several": several}
 
     def transform(self, inpt: Any, params: dict[str, Any]) -> Any:
         is_pil = isinstance(inpt, PIL.Image.Image)
@@ -92,4 +93,4 @@ class TorchvisionNoise(v2.Transform):
         chosen, draws = params["drawn"][count]
         number = params["images"][count]
         params["images"][count] += 1
-        return chosen, nth_frame(draws, number)
+        return chosen, nth_frame(draws, number) if params["several"] else draws

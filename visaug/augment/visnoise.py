@@ -13,6 +13,8 @@ from visaug.augment.draws import nth_frame, of_frames
 from visaug.augment.options import Range, check_images, check_number
 from visaug.augment.sensor_noise import SensorNoise, Source
 
+IMAGES = ("input", "image")  # kornia's data keys of images; in a dict further words may follow
+
 
 class VISNoise(IntensityAugmentationBase2D):
     """Noise of an image sensor for visible light, as a kornia augmentation.
@@ -107,14 +109,17 @@ class VISNoise(IntensityAugmentationBase2D):
         if torch.compiler.is_compiling():
             return self.sensor.apply_draws(input, params)
         draws = params if self.same_on_batch else of_frames(params)
+        if self._images is None:
+            return self.sensor.apply_draws(input, draws)
         return self.sensor.apply_draws(input, nth_frame(draws, self._number_of_image(params)))
 
-    _images: Counter[bytes] | None = None  # within a call of a container: images so far, by their draws
+    _images: Counter[bytes] | None = (
+        None  # within a call of a container with several images: those so far, by their draws
+    )
 
     def _number_of_image(self, params: Mapping[str, Tensor]) -> int:
-        """How many images of the running call of a container had these draws before; 0 outside of one."""
-        if self._images is None:
-            return 0
+        """How many images of the running call of a container had these draws before."""
+        assert self._images is not None
         draw = params["keys"].cpu().numpy().tobytes()
         self._images[draw] += 1
         return self._images[draw] - 1
@@ -128,6 +133,11 @@ def _counting(forward: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(forward)
     def counted(container: AugmentationSequential, *args: Any, **kwargs: Any) -> Any:
+        given = args[0] if len(args) == 1 and isinstance(args[0], dict) else kwargs.get("data_keys")
+        keys = container.data_keys if given is None else given
+        images = sum(str(getattr(key, "name", key)).lower().startswith(IMAGES) for key in keys or ())
+        if images < 2:
+            return forward(container, *args, **kwargs)
         noises = [part for part in container.modules() if isinstance(part, VISNoise) and part._images is None]
         for noise in noises:
             noise._images = Counter()
