@@ -20,7 +20,7 @@ from visaug.augment.image_io import Picture, read_picture, write_picture
 from visaug.augment.images import check_bits
 from visaug.augment.jobs import Jobs, find_label, label_place, plan_jobs
 from visaug.augment.journal import JOURNAL as JOURNAL
-from visaug.augment.journal import Journal, content_of
+from visaug.augment.journal import Journal, content_of, made_of, settings_of
 from visaug.augment.label_images import why_labels
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file
@@ -238,36 +238,6 @@ class _Work:
             shutil.copyfile(source, temporary)
         self.journal.add(name, "")
         self.done.carried += 1
-
-
-def settings_of(noise: "SensorNoise", seed: int, p: float, bits: int | None, options: dict[str, Any]) -> str:
-    """One hash of all that makes a copy but its name and original: options, cameras, measured maps, the code of visaug and
-    of effects from files.
-    """
-    import visaug
-    from visaug.effects.catalogue import loaded_files
-
-    digest = hashlib.blake2b(digest_size=16)
-    words = [seed, p, bits, sorted((key, str(value)) for key, value in options.items())]
-    words += [camera.to_yaml() for camera in noise.cameras]
-    digest.update(repr((visaug.__version__, words)).encode())
-    for camera in noise.cameras:
-        for name, values in sorted(camera.maps.items()):
-            digest.update(name.encode() + values.detach().cpu().numpy().tobytes())
-    root = Path(__file__).resolve().parents[1]
-    own = [
-        file for room in ("sampling", "effects", "camera", "augment") for file in (root / room).rglob("*.py")
-    ]
-    for file in [*sorted(own), *loaded_files()]:
-        digest.update(file.read_bytes())
-    return digest.hexdigest()
-
-
-def made_of(settings: str, name: str, source: Path) -> str:
-    """The hash by which a copy is known to be done."""
-    content = hashlib.blake2b(source.read_bytes(), digest_size=16)
-    content.update(f"{settings}/{name}".encode())
-    return content.hexdigest()
 
 
 def add_noise(picture: Picture, noise: "SensorNoise", seed: int, bits: int | None = None) -> Picture:

@@ -4,10 +4,14 @@ import hashlib
 import json
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from visaug.core.documents import parse_json
 from visaug.core.errors import InputError
 from visaug.core.files import folder_lock
+
+if TYPE_CHECKING:
+    from visaug.augment.sensor_noise import SensorNoise
 
 JOURNAL = ".visaug-augment.jsonl"
 
@@ -93,3 +97,33 @@ def content_of(path: Path) -> str:
     """Checksum of a file."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def settings_of(noise: "SensorNoise", seed: int, p: float, bits: int | None, options: dict[str, Any]) -> str:
+    """One hash of all that makes a copy but its name and original: options, cameras, measured maps, the code of visaug and
+    of effects from files.
+    """
+    import visaug
+    from visaug.effects.catalogue import loaded_files
+
+    digest = hashlib.blake2b(digest_size=16)
+    words = [seed, p, bits, sorted((key, str(value)) for key, value in options.items())]
+    words += [camera.to_yaml() for camera in noise.cameras]
+    digest.update(repr((visaug.__version__, words)).encode())
+    for camera in noise.cameras:
+        for name, values in sorted(camera.maps.items()):
+            digest.update(name.encode() + values.detach().cpu().numpy().tobytes())
+    root = Path(__file__).resolve().parents[1]
+    own = [
+        file for room in ("sampling", "effects", "camera", "augment") for file in (root / room).rglob("*.py")
+    ]
+    for file in [*sorted(own), *loaded_files()]:
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def made_of(settings: str, name: str, source: Path) -> str:
+    """The hash by which a copy is known to be done."""
+    content = hashlib.blake2b(source.read_bytes(), digest_size=16)
+    content.update(f"{settings}/{name}".encode())
+    return content.hexdigest()
