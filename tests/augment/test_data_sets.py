@@ -149,7 +149,7 @@ def test_what_looks_like_labels():
 
 def test_palettes_are_known_from_the_file(tmp_path):
     for name in ("p.png", "p.bmp", "p.tif"):
-        Image.fromarray(shaded(1)).convert("P").save(tmp_path / name)
+        Image.fromarray(np.dstack([shaded(1), mask(), mask()])).quantize(64).save(tmp_path / name)
         assert why_labels(name, read_picture(tmp_path / name)) == "palette", name
 
 
