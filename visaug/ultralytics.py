@@ -32,6 +32,7 @@ import torch
 from torch import nn
 from torch.nn.functional import interpolate
 
+from visaug.augment.under_ultralytics import hook, record
 from visaug.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,7 +45,6 @@ EXTENT = (
 )
 # ultralytics' transforms move this key along with the image and fill it with 255 where they pad.
 MASK, PICTURE = "semantic_mask", 1
-RECORD = "sensor_noise.txt"  # beside ultralytics' args.yaml, which takes no key of others
 SAMPLED_FILES = 8  # training images that are looked at for their transfer function
 TRAINERS = {
     "detect": "DetectionTrainer",
@@ -54,6 +54,15 @@ TRAINERS = {
     "classify": "ClassificationTrainer",
     "semantic": "SemanticSegmentationTrainer",
     "depth": "DepthTrainer",
+}
+
+# Heads of models whose trainer is not that of their task, and this trainer. Source: ultralytics' `task_map`s.
+OWN_TRAINERS = {
+    "RTDETRDecoder": "ultralytics.models.rtdetr.train.RTDETRTrainer",
+    "WorldDetect": "ultralytics.models.yolo.world.WorldTrainer",
+    "YOLOEDetect": "ultralytics.models.yolo.yoloe.YOLOETrainer",
+    "YOLOESegment": "ultralytics.models.yolo.yoloe.YOLOESegTrainer",
+    "YOLOESegment26": "ultralytics.models.yolo.yoloe.YOLOESegTrainer",
 }
 
 
@@ -68,27 +77,40 @@ def vis_trainer(camera: "Camera | str | Path | nn.Module", base: type | None = N
             training images' files decide, as in `visaug augment`.
 
     A resumed training needs the trainer again: ``YOLO("last.pt").train(resume=True, trainer=vis_trainer(camera))``.
-    """
-    from ultralytics.models.yolo.pose import PoseTrainer
 
-    module = noise_of(camera, **options)
+    Raises:
+        InputError: when the training starts: a model whose trainer is not that of its task, such as RT-DETR, without
+            `base`; noise from another source too; a training that was begun with noise and is resumed without.
+    """
+    return _trainer(noise_of(camera, **options), base, of_task=base is None)
+
+
+def _trainer(module: nn.Module, base: type | None, of_task: bool) -> type:
+    """The class; `of_task` where the task chooses, or chose, the base."""
+    from ultralytics.models.yolo.pose import PoseTrainer
 
     class VISTrainer(base or PoseTrainer):  # type: ignore[misc]
         """A trainer whose training batches went through a sensor."""
 
         noise = module
+        noise_of_trainer = True  # by which `sources` knows it
 
         def __new__(cls, *args: Any, **kwargs: Any) -> Any:
             overrides = kwargs.get("overrides") or (args[1] if len(args) > 1 else None) or {}
             task = overrides.get("task", "pose")
             if base is None and task != "pose":
-                return vis_trainer(module, trainer_of(task))(*args, **kwargs)
+                return _trainer(module, trainer_of(task), of_task)(*args, **kwargs)
             return super().__new__(cls)
 
         def run_callbacks(self, event: str) -> None:
             if event == "on_train_start":
                 self.noise = begin(self, self.noise)
             super().run_callbacks(event)
+
+        def get_model(self, cfg: Any = None, weights: Any = None, *more: Any, **named: Any) -> Any:
+            if of_task:
+                check_head(cfg)
+            return super().get_model(cfg, weights, *more, **named)
 
         def preprocess_batch(self, batch: dict) -> dict:
             return noised(super().preprocess_batch(batch), self.noise)
@@ -101,18 +123,24 @@ def add_callback(model: "YOLO", camera: "Camera | str | Path | nn.Module", **opt
 
     Use: `add_callback(model, camera); model.train(...)`. Arguments as for `vis_trainer`.
     """
-    module = noise_of(camera, **options)
+    model.callbacks["on_train_start"].insert(0, NoiseCallback(noise_of(camera, **options)))
+    model.tune = partial(_tune, model)
 
-    def wrap(trainer: Any) -> None:
-        noise = begin(trainer, module)
+
+class NoiseCallback:
+    """ultralytics' callback `on_train_start` that adds noise to the batches of a trainer."""
+
+    noise_of_callback = True  # by which `sources` knows it
+
+    def __init__(self, noise: nn.Module) -> None:
+        self.noise = noise
+
+    def __call__(self, trainer: Any) -> None:
+        noise = begin(trainer, self.noise)
         clean = (
             trainer.preprocess_batch
         )  # callbacks never see a batch, so the method that makes it is wrapped
         trainer.preprocess_batch = lambda batch: noised(clean(batch), noise)
-
-    # First of all, so that the warning of a resumed training without noise finds it there.
-    model.callbacks["on_train_start"].insert(0, wrap)
-    model.tune = partial(_tune, model)
 
 
 def _tune(model: "YOLO", use_ray: bool = False, *args: Any, **kwargs: Any) -> Any:
@@ -144,6 +172,21 @@ def trainer_of(task: str) -> type:
             f"{task!r} is not a task", field="task", expected="base=TRAINER, or " + ", ".join(TRAINERS)
         )
     return getattr(import_module(f"ultralytics.models.yolo.{task}"), TRAINERS[task])
+
+
+def check_head(network: Any) -> None:
+    """Refuses, by the last layer of a network's YAML, or of the dict in it, what the trainer of its task does not train."""
+    from ultralytics.nn.tasks import yaml_model_load
+
+    known = yaml_model_load(network) if isinstance(network, str | Path) else network
+    head = known.get("head") if isinstance(known, dict) else None
+    layer = str(head[-1][2]) if head else ""
+    if layer in OWN_TRAINERS:
+        raise InputError(
+            f"a network with the head {layer} is not trained by the trainer of its task",
+            field="trainer",
+            expected=f"vis_trainer(CAMERA, base={OWN_TRAINERS[layer]}), or visaug.ultralytics.add_callback(model, CAMERA)",
+        )
 
 
 def noise_of(camera: "Camera | str | Path | nn.Module", **options: Any) -> nn.Module:
@@ -181,15 +224,18 @@ def noised(batch: dict, noise: nn.Module, value_jitter: float | None = None) -> 
 
 
 def begin(trainer: Any, noise: nn.Module) -> nn.Module:
-    """At the start of a training: padding is tracked, the transfer function decided, and both said in one line.
+    """At the start of a training: padding is tracked, transfer function and channels decided, all said in one line.
 
     Returns:
         The noise to use: a copy whose transfer function is decided where it was "auto".
+
+    Raises:
+        InputError: this trainer adds noise already, or the noise does not suit the number of channels.
     """
-    from ultralytics.utils import LOGGER, RANK
-
-    from visaug.core.files import write_text
-
+    if hasattr(trainer, "sensor_noise"):
+        raise InputError(
+            f"is added already ({trainer.sensor_noise})", field="sensor noise", expected="one source of noise"
+        )
     dataset = trainer.train_loader.dataset
     known = track_padding(dataset)
     if getattr(trainer.train_loader, "iterator", None) is not None:  # workers have copies of the dataset
@@ -204,18 +250,16 @@ def begin(trainer: Any, noise: nn.Module) -> nn.Module:
 
     trainer.build_dataset = build_tracked
     noise, transfer = with_transfer(noise, dataset)
+    noise, bands = with_bands(noise, (getattr(trainer, "data", None) or {}).get("channels", 3))
     words = {True: "padding left as it is", False: "padding not known for this task: noise goes everywhere"}
     said = ", ".join(
         [
             " ".join(str(noise).split()),
-            *([transfer] if transfer else []),
+            *(words_of for words_of in (transfer, bands) if words_of),
             *([words[known]] if known is not None else []),
         ]
     )
-    trainer.sensor_noise = said
-    if RANK in (-1, 0):
-        write_text(Path(trainer.save_dir) / RECORD, said + "\n")
-        LOGGER.info(f"sensor noise: {said}")
+    record(trainer, said)
     return noise
 
 
@@ -231,6 +275,30 @@ def with_transfer(noise: nn.Module, dataset: Any) -> tuple[nn.Module, str]:
         if isinstance(part, SensorNoise) and part.transfer == "auto":
             part.transfer = transfer
     return noise, f"images taken as {'sRGB' if transfer == 'srgb' else 'linear'} ({reason})"
+
+
+def with_bands(noise: nn.Module, channels: int) -> tuple[nn.Module, str]:
+    """The noise for images of this many channels, none of which ultralytics takes as alpha, and what that means in words.
+
+    Raises:
+        InputError: a colour camera, or one sensor for all channels (`mono=True`), where there are 2 or more than 3.
+    """
+    from visaug.augment.sensor_noise import SensorNoise
+
+    parts = [part for part in noise.modules() if isinstance(part, SensorNoise)]
+    if channels in (1, 3) or not parts:
+        return noise, ""
+    if any(part.mono or any(camera.spec.colour for camera in part.cameras) for part in parts):
+        raise InputError(
+            f"images have {channels} channels, which one sensor cannot give",
+            field="data.yaml: channels",
+            expected="a camera without `colour`, and mono=False or none",
+        )
+    noise = copy.deepcopy(noise)
+    for part in noise.modules():
+        if isinstance(part, SensorNoise):
+            part.mono = False
+    return noise, f"{channels} channels taken as bands, each with noise of its own"
 
 
 def transfer_of_files(files: Sequence[str]) -> tuple[str, str]:
@@ -334,20 +402,17 @@ def _track(transforms: Any) -> Any:
     return transforms
 
 
-def warn_of_lost_noise(trainer: Any) -> None:
-    """At the start of every training of ultralytics: one that began with noise is resumed without."""
-    from ultralytics.utils import LOGGER, RANK
-
-    record = Path(trainer.save_dir) / RECORD
-    if RANK in (-1, 0) and trainer.args.resume and not hasattr(trainer, "sensor_noise") and record.is_file():
-        began = record.read_text(encoding="utf-8").strip()
-        LOGGER.warning(
-            f"this training began with sensor noise ({began}) and goes on without; "
-            "give trainer=visaug.ultralytics.vis_trainer(CAMERA) again"
-        )
+def _load_transform() -> None:
+    """Makes albumentations know `AlbumentationsNoise`."""
+    try:
+        import visaug.augment.albumentations_noise  # noqa: F401
+    except ImportError:
+        raise InputError(
+            "the package albumentations is not installed", expected="`pip install albumentations`"
+        ) from None
 
 
 with suppress(ImportError):  # `noised` works without ultralytics
-    from ultralytics.utils.callbacks import default_callbacks
+    import ultralytics.engine.trainer  # noqa: F401
 
-    default_callbacks["on_train_start"].append(warn_of_lost_noise)
+    hook(loader=_load_transform)

@@ -33,3 +33,20 @@ def test_the_window_is_the_middle_and_shows_the_picture():
     assert middle(Picture(pixels), 400, 600) == (slice(0, 20), slice(0, 30))
     bright = shown(Picture(np.full((2, 2, 3), 0.2140, np.float32)), (slice(None), slice(None)))
     assert bright[0, 0, 0] == pytest.approx(127.5, abs=1)  # light of 0.214 is sRGB's middle
+
+
+def test_a_sheet_replaces_a_sheet_and_nothing_else(tmp_path):
+    from PIL import Image
+
+    from visaug import InputError
+    from visaug.report.preview import write_preview
+
+    Image.fromarray(np.full((12, 16, 3), 90, np.uint8)).save(tmp_path / "photo.png")
+    camera = Camera.load({"resolution": [16, 16], "gain_e_per_dn": 0.4})
+    for _ in range(2):
+        write_preview(tmp_path / "photo.png", [camera], tmp_path / "sheet.png")
+    kept = (tmp_path / "photo.png").read_bytes()
+    with pytest.raises(InputError, match="no sheet of visaug"):
+        write_preview(tmp_path / "photo.png", [camera], tmp_path / "photo.png")
+    assert (tmp_path / "photo.png").read_bytes() == kept
+    write_preview(tmp_path / "sheet.png", [camera], tmp_path / "photo.png", force=True)

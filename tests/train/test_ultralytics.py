@@ -20,7 +20,6 @@ from visaug.ultralytics import (
     trainer_of,
     transfer_of_files,
     vis_trainer,
-    warn_of_lost_noise,
     with_transfer,
 )
 from visaug_train.convert import convert
@@ -228,22 +227,6 @@ def test_transfer_function_is_what_the_training_files_say(tmp_path):
     assert with_transfer(chosen, SimpleNamespace(im_files=[str(colour)])) == (chosen, "")
 
 
-def test_a_training_resumed_without_its_noise_is_warned_of(monkeypatch, tmp_path):
-    from ultralytics.utils import LOGGER
-
-    said = []
-    monkeypatch.setattr(LOGGER, "warning", said.append)
-    (tmp_path / "sensor_noise.txt").write_text("VISNoise('some camera')\n")
-    resumed = {"args": SimpleNamespace(resume=True), "save_dir": tmp_path}
-    warn_of_lost_noise(SimpleNamespace(**resumed))
-    assert len(said) == 1
-    assert "some camera" in said[0]
-    warn_of_lost_noise(SimpleNamespace(**resumed, sensor_noise="VISNoise('some camera')"))
-    warn_of_lost_noise(SimpleNamespace(args=SimpleNamespace(resume=False), save_dir=tmp_path))
-    warn_of_lost_noise(SimpleNamespace(args=SimpleNamespace(resume=True), save_dir=tmp_path / "other"))
-    assert len(said) == 1
-
-
 def test_noise_runs_in_float32_under_autocast():
     class Check(nn.Module):
         def forward(self, images):
@@ -267,7 +250,7 @@ def test_trainer_and_callback_survive_the_way_to_a_worker(tmp_path):
         preprocess_batch=lambda batch: dict(batch),
         build_dataset=lambda *_: None,
         train_loader=SimpleNamespace(dataset=SimpleNamespace(samples=[])),
-        args=SimpleNamespace(),
+        args=SimpleNamespace(augment=False),
         save_dir=tmp_path,
     )
     callbacks["on_train_start"][0](stand_in)

@@ -10,8 +10,10 @@ import numpy as np
 import torch
 from torch.utils.data import get_worker_info
 
-from visaug.augment.image_noise import ImageNoise, probability
+from visaug.augment.draws import nth_frame
+from visaug.augment.image_noise import ImageNoise, channel_order, probability
 from visaug.augment.sensor_noise import SensorNoise, Source
+from visaug.augment.under_ultralytics import hook
 from visaug.camera import Camera
 from visaug.core.sampling import derive_key
 
@@ -21,12 +23,15 @@ class AlbumentationsNoise(albumentations.ImageOnlyTransform):
 
     Random numbers come from albumentations' generator, which the seed of a pipeline sets, combined with the seed of the
     DataLoader worker, so workers and epochs differ. Frames given as `images=` form a clip: they share the fixed pattern
-    of one camera and have independent temporal noise. The transform can be serialized with `albumentations.to_dict`.
+    of one camera and have independent temporal noise; so do the images of one call, `image` and those of
+    `additional_targets`. The transform can be serialized with `albumentations.to_dict`. It reaches ultralytics' workers and
+    resumed trainings, see `visaug.augment.under_ultralytics`.
 
     Args:
         camera: see `SensorNoise`.
         p: probability that noise is applied to an image, 0 to 1.
         bits: see `ImageNoise`.
+        order: "RGB" or "BGR", see `ImageNoise`. None is RGB, and BGR under ultralytics, which passes that.
         options: keywords of `SensorNoise`: transfer, gain_db, exposure, strength, fixed_pattern, ...
 
     Raises:
@@ -39,22 +44,54 @@ class AlbumentationsNoise(albumentations.ImageOnlyTransform):
         (8, 8, 3)
     """
 
+    default_order = "RGB"  # where `order` is None
+
     def __init__(
-        self, camera: Source | Sequence[Source], p: float = 1.0, bits: int | None = None, **options: Any
+        self,
+        camera: Source | Sequence[Source],
+        p: float = 1.0,
+        bits: int | None = None,
+        order: str | None = None,
+        **options: Any,
     ):
         super().__init__(p=probability(p))
         self.camera, self.bits, self.options = camera, bits, options
+        self.order = None if order is None else channel_order(order)
         self.noise = ImageNoise(camera, bits=bits, **options)
+        self._draws: dict[str, torch.Tensor] | None = None
+        self._images, self._several = 0, False
+        hook(arrive)
+
+    def apply_with_params(self, params: dict[str, Any], *args: Any, **kwargs: Any) -> dict[str, Any]:
+        self._draws, self._images = None, 0  # all images of this call share a camera and its fixed pattern
+        functions = [(self._key2func.get(key), value) for key, value in kwargs.items() if value is not None]
+        frames = sum(len(value) for function, value in functions if function == self.apply_to_images)
+        self._several = frames + sum(function == self.apply for function, _ in functions) > 1
+        return super().apply_with_params(params, *args, **kwargs)
 
     def apply(self, img: np.ndarray, noise_seed: int, **params: Any) -> np.ndarray:
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(noise_seed)
-            return self.noise(img)
+        return self.noise.noised(img, self._next_draws(noise_seed), self._order)
 
     def apply_to_images(self, images: np.ndarray, *args: Any, noise_seed: int, **params: Any) -> np.ndarray:
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(noise_seed)
-            return self.noise.clip(images)
+        return np.stack([self.apply(image, noise_seed) for image in images]) if len(images) else images
+
+    def described(self) -> str:
+        """In one line: camera, options, order of the channels, probability."""
+        return f"{type(self).__name__}({self.noise.noise.described()}, order={self._order!r}, p={self.p})"
+
+    @property
+    def _order(self) -> str:
+        return self.order or self.default_order
+
+    def _next_draws(self, noise_seed: int) -> dict[str, torch.Tensor]:
+        """Of the next image of this call."""
+        if self._draws is None:
+            with torch.random.fork_rng(devices=[]):
+                torch.manual_seed(noise_seed)
+                self._draws = self.noise.noise.draw(1)
+        drawn = nth_frame(self._draws, self._images) if self._several else self._draws
+        self._images += 1
+        return drawn
 
     def get_params(self) -> dict[str, Any]:
         word = self.py_random.getrandbits(62)
@@ -63,10 +100,15 @@ class AlbumentationsNoise(albumentations.ImageOnlyTransform):
 
     def get_transform_init_args(self) -> dict[str, Any]:
         """What makes the same transform again, as JSON takes it."""
+        hook(arrive)  # ultralytics asks for this before its training, and may be loaded since
         camera = self.camera
         several = isinstance(camera, Sequence) and not isinstance(camera, str)
         plain = [_plain(one) for one in camera] if several else _plain(camera)  # type: ignore[arg-type]
-        return {"camera": plain, "bits": self.bits, **self.options}
+        return {"camera": plain, "bits": self.bits, "order": self.order, **self.options}
+
+
+def arrive(trainer: Any) -> None:
+    """A callback of ultralytics that does nothing: where it is unpickled, albumentations knows the class above."""
 
 
 def _plain(camera: Source) -> str | dict[str, Any]:
@@ -87,7 +129,7 @@ def _signature() -> inspect.Signature:
     ]
     own = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default)
-        for name, default in (("p", 1.0), ("bits", None))
+        for name, default in (("p", 1.0), ("bits", None), ("order", None))
     ]
     camera = inspect.Parameter("camera", inspect.Parameter.POSITIONAL_OR_KEYWORD)
     bare = [option.replace(annotation=inspect.Parameter.empty) for option in options]
@@ -95,3 +137,4 @@ def _signature() -> inspect.Signature:
 
 
 AlbumentationsNoise.__signature__ = _signature()  # type: ignore[attr-defined]
+hook(arrive)

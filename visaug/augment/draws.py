@@ -17,6 +17,9 @@ from visaug.camera.randomize import Spreads
 from visaug.core.sampling import derive_key
 
 KEYS = ("keys", "pattern_keys")
+SHARED = (
+    "pattern_is_shared"  # in draws of one of several images of a sample: the pattern is that of others too
+)
 
 
 def signed(key: int) -> int:
@@ -123,14 +126,27 @@ def of_frames(draws: Mapping[str, Tensor]) -> Mapping[str, Tensor]:
     count: Counter[int] = Counter()
     own = []
     for key in keys:
-        own.append(signed(derive_key(key % 2**64, "frame", count[key])) if count[key] else key)
+        own.append(_frame_key(key, count[key]))
         count[key] += 1
     return {**draws, "keys": torch.tensor(own, dtype=torch.int64)}
 
 
+def nth_frame(draws: Mapping[str, Tensor], number: int) -> dict[str, Tensor]:
+    """Draws of image `number`, from 0, of several that the same cameras with the same fixed patterns take one by one."""
+    keys = [_frame_key(key, number) for key in draws["keys"].tolist()]
+    kept = torch.ones(len(keys), dtype=torch.bool)
+    return {**draws, "keys": torch.tensor(keys, dtype=torch.int64), SHARED: kept}
+
+
+def _frame_key(key: int, number: int) -> int:
+    return signed(derive_key(key % 2**64, "frame", number)) if number else key
+
+
 def number_of_clips(draws: Mapping[str, Tensor]) -> int:
-    """Number of different fixed patterns among images whose temporal noise differs; 0 where each image has its own."""
+    """Number of different fixed patterns among images that share some; 0 where each image has its own."""
     count = len(draws["keys"])
+    if SHARED in draws:
+        return len(set(draws["pattern_keys"].tolist()))
     if count == 1:
         return 0
     patterns = len(set(draws["pattern_keys"].tolist()))

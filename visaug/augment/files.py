@@ -5,6 +5,7 @@ and the copy's name alone, so neither the order of files nor an interruption cha
 """
 
 import hashlib
+import os
 import shutil
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -16,9 +17,11 @@ import numpy as np
 import torch
 
 from visaug.augment.image_io import Picture, read_picture, write_picture
-from visaug.augment.jobs import find_label, label_place, plan_jobs
+from visaug.augment.images import check_bits
+from visaug.augment.jobs import Jobs, find_label, label_place, plan_jobs
 from visaug.augment.journal import JOURNAL as JOURNAL
-from visaug.augment.journal import Journal
+from visaug.augment.journal import Journal, content_of, made_of, settings_of
+from visaug.augment.label_images import why_labels
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file
 
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     from visaug.camera import Camera
 
 Progress = Callable[[str, int, int], None]
+AS_IT_IS = "/as it is"  # follows the hash of a copy without noise of a file that looks like labels
 
 
 @dataclass
@@ -36,20 +40,28 @@ class Augmented:
     Attributes:
         written: number of copies written.
         kept: number of copies that an earlier call with the same settings had made.
+        replaced: how many of the written ones replaced a copy of an earlier call, or with `force` another file.
         failed: a line for each picture that could not be used.
-        skipped: suffix -> number of files in the folders that are no pictures.
+        skipped: suffix -> number of files in the folders that are no pictures, and were not carried.
+        excluded: number of pictures that the patterns left out, and that were not carried.
         assumed: (transfer function, reason) -> number of copies written on that assumption.
         clipped: number of floating-point pictures with values outside [0, 1], which a sensor cuts.
-        unlabelled: number of pictures without labels, where labels were to be copied.
+        unlabelled: number of pictures without YOLO labels, where YOLO labels were copied for others.
+        carried: number of other files that were copied as they are, with `labels`.
+        like_labels: reason -> number of files that look like labels and were copied without noise.
     """
 
     written: int = 0
     kept: int = 0
+    replaced: int = 0
     failed: list[str] = field(default_factory=list)
     skipped: Counter[str] = field(default_factory=Counter)
+    excluded: int = 0
     assumed: Counter[tuple[str, str]] = field(default_factory=Counter)
     clipped: int = 0
     unlabelled: int = 0
+    carried: int = 0
+    like_labels: Counter[str] = field(default_factory=Counter)
 
 
 def augment_files(
@@ -62,31 +74,41 @@ def augment_files(
     copies: int = 1,
     bits: int | None = None,
     labels: bool = False,
+    include: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+    force: bool = False,
     progress: Progress | None = None,
     **options: Any,
 ) -> Augmented:
     """Write a noisy copy of every picture below `output`.
 
     Args:
-        inputs: pictures, and folders that are searched whole; a folder's inner paths are kept below `output`.
-        output: folder for the copies; may hold copies of an earlier call, which are kept if camera, seed,
-            options and original are the same.
+        inputs: pictures, and folders that are searched whole; a folder's inner paths are kept below `output`. Several
+            inputs that hold files of one name are kept apart by the folders in which they differ.
+        output: folder for the copies; may hold copies of an earlier call, which are kept if camera, seed, options,
+            visaug itself and original are the same.
         camera: the camera whose noise is added; of several, each copy gets one, all equally likely.
         seed: the same seed gives the same bytes.
         p: probability that a copy gets noise; the others are the original's bytes.
         copies: of each picture; with more than one, `a.png` becomes `a_1.png`, `a_2.png`, ...
         bits: depth of the data in 16-bit words where it is less: 10, 12 or 14.
-        labels: copy YOLO labels (.txt) too, to where ultralytics looks for them.
+        labels: copy what belongs to the pictures too: YOLO labels (.txt) to where ultralytics looks for them, and every
+            other file of the folders (COCO and BOP annotations, masks, depth) to its place. With several copies, the
+            YOLO labels alone: other annotations name single pictures.
+        include: patterns of the pictures that get noise, see `visaug.augment.jobs.matches`; empty means all.
+        exclude: patterns of those that do not.
+        force: add noise to files that look like labels too, and replace files that visaug did not write.
         progress: called with (description, files done, files in all).
         options: passed to `SensorNoise`, e.g. transfer="srgb" or gain_db=(0, 24). transfer="auto" decides by
             each file; see `visaug.augment.image_io.transfer`.
 
     Returns:
-        What was done. Pictures that cannot be used are named in it and do not stop the others.
+        What was done. Pictures that cannot be used are named in it and do not stop the others. A file that looks like
+        labels is copied without noise, see `visaug.augment.label_images`.
 
     Raises:
-        InputError: no pictures, none that can be used, two with the same place in `output`, or an output that
-            would overwrite an original.
+        InputError: no pictures, none that can be used, two with the same place in `output`, an output that
+            would overwrite an original, or a file that visaug did not write in the place of a copy.
     """
     from visaug.augment.sensor_noise import SensorNoise
 
@@ -97,25 +119,33 @@ def augment_files(
         raise InputError(f"{copies} copies", field="copies", expected="1 or more")
     if bits is not None and not 1 <= bits <= 16:
         raise InputError(f"{bits} bit", field="bits", expected="1 to 16")
-    jobs = plan_jobs([Path(path) for path in inputs], output, copies, labels)
+    jobs = plan_jobs([Path(path) for path in inputs], output, copies, include, exclude)
     noise = SensorNoise(camera, **options)
-    settings = {"cameras": [one.to_yaml() for one in noise.cameras], "seed": seed, "p": p, "bits": bits}
-    settings |= {key: str(value) for key, value in options.items()}
-    done = Augmented(skipped=jobs.skipped)
-    with Journal(output, settings) as journal:
+    work = _Work(output, noise, seed, p, bits, force, settings_of(noise, seed, p, bits, options))
+    with Journal(output, force) as journal:
+        work.journal = journal
+        carried = _carried(jobs, copies) if labels else {}
+        journal.check_new([*jobs.sources, *carried])
         for number, (name, source) in enumerate(jobs.sources.items()):
             if progress:
                 progress("augmenting", number, len(jobs.sources))
             try:
-                if journal.holds(name, source):
-                    done.kept += 1
-                else:
-                    _make(source, output / name, noise, _seed_of(seed, name), p, bits, done)
-                    journal.add(name, source)
-                if labels:
-                    _copy_label(source, output / name, done)
+                work.copy(name, source)
             except InputError as mistake:
-                done.failed.append(str(mistake))
+                if labels and source.suffix.lower() == ".npy":  # boxes and identities, as Replicator has them
+                    carried[name] = source
+                else:
+                    work.done.failed.append(str(mistake))
+                continue
+            if labels:
+                work.copy_label(name, source)
+        for name, source in carried.items():
+            work.carry(name, source)
+    done = work.done
+    if not labels:
+        done.skipped, done.excluded = jobs.skipped, jobs.excluded
+    if not work.labelled and done.carried:
+        done.unlabelled = 0
     if progress:
         progress("augmenting", len(jobs.sources), len(jobs.sources))
     if not done.written + done.kept:
@@ -124,29 +154,90 @@ def augment_files(
     return done
 
 
-def _make(
-    source: Path, target: Path, noise: "SensorNoise", seed: int, p: float, bits: int | None, done: Augmented
-) -> None:
-    """One copy."""
-    picture = read_picture(source)
-    generator = torch.Generator().manual_seed(seed)
-    if float(torch.rand((), generator=generator, dtype=torch.float64)) >= p:
-        with whole_file(target) as temporary:
+def _carried(jobs: Jobs, copies: int) -> dict[str, Path]:
+    """Files that go along as they are: all others, but for YOLO labels, which have places of their own."""
+    if copies > 1:
+        return {}
+    labels = {label.resolve() for label in map(find_label, set(jobs.sources.values())) if label is not None}
+    return {name: source for name, source in jobs.others.items() if source.resolve() not in labels}
+
+
+@dataclass
+class _Work:
+    """One call of `augment_files`: its settings, its journal and what it did."""
+
+    output: Path
+    noise: "SensorNoise"
+    seed: int
+    p: float
+    bits: int | None
+    force: bool
+    settings: str
+    journal: Journal = field(init=False)
+    done: Augmented = field(default_factory=Augmented)
+    labelled: int = 0
+
+    def copy(self, name: str, source: Path) -> None:
+        """A copy with noise; without for a file that looks like labels."""
+        of = made_of(self.settings, name, source)
+        if self.journal.holds(name, of) or (not self.force and self.journal.holds(name, of + AS_IT_IS)):
+            self.done.kept += 1
+            return
+        picture = read_picture(source)
+        why = None if self.force else why_labels(name, picture)
+        if why is not None:
+            self.done.like_labels[why] += 1
+            self.write(name, of + AS_IT_IS, lambda temporary: shutil.copyfile(source, temporary))
+            return
+        seed = _seed_of(self.seed, name)
+        generator = torch.Generator().manual_seed(seed)
+        if float(torch.rand((), generator=generator, dtype=torch.float64)) >= self.p:
+            self.write(name, of, lambda temporary: shutil.copyfile(source, temporary))
+            return
+        try:
+            noisy = add_noise(picture, self.noise, seed, self.bits)
+        except InputError as mistake:
+            raise InputError(
+                mistake.problem, file=source, field=mistake.field, expected=mistake.expected
+            ) from None
+        self.write(name, of, lambda temporary: write_picture(temporary, noisy))
+        chosen = self.noise.transfer != "auto"
+        kind = (self.noise.transfer, "as given") if chosen else (picture.transfer, picture.reason)
+        self.done.assumed[kind] += 1
+        if picture.pixels.dtype.kind == "f":
+            light = picture.pixels[..., : picture.colours]
+            self.done.clipped += bool((light < 0).any() or (light > 1).any())
+
+    def write(self, name: str, of: str, into: Callable[[Path], Any]) -> None:
+        """A file that is whole or absent, and in the journal."""
+        self.done.replaced += (self.output / name).exists()
+        self.journal.begin(name)
+        with whole_file(self.output / name) as temporary:
+            into(temporary)
+        self.journal.add(name, of)
+        self.done.written += 1
+
+    def copy_label(self, name: str, source: Path) -> None:
+        """The YOLO labels of a picture."""
+        label = find_label(source)
+        if label is None:
+            self.done.unlabelled += 1
+            return
+        self.labelled += 1
+        self.carry(os.path.relpath(label_place(self.output / name), os.path.abspath(self.output)), label)
+
+    def carry(self, name: str, source: Path) -> None:
+        """A file as it is."""
+        place = self.output / name
+        if place.resolve() == source.resolve():
+            raise InputError("would be overwritten", file=source, expected="another output folder")
+        if place.is_file() and content_of(place) == content_of(source):
+            return
+        self.journal.begin(name)
+        with whole_file(place) as temporary:
             shutil.copyfile(source, temporary)
-        done.written += 1
-        return
-    try:
-        noisy = add_noise(picture, noise, seed, bits)
-    except InputError as mistake:
-        raise InputError(mistake.problem, file=source, expected=mistake.expected) from None
-    with whole_file(target) as temporary:
-        write_picture(temporary, noisy)
-    done.written += 1
-    chosen = noise.transfer != "auto"
-    done.assumed[(noise.transfer, "as given") if chosen else (picture.transfer, picture.reason)] += 1
-    if picture.pixels.dtype.kind == "f":
-        light = picture.pixels[..., : picture.colours]
-        done.clipped += bool((light < 0).any() or (light > 1).any())
+        self.journal.add(name, "")
+        self.done.carried += 1
 
 
 def add_noise(picture: Picture, noise: "SensorNoise", seed: int, bits: int | None = None) -> Picture:
@@ -181,6 +272,7 @@ def _white(light: np.ndarray, bits: int | None) -> float:
         InputError: values above that of `bits`, or floats that are all whole and exceed 1, as a picture of 0 to 255 has
             them: light in [0, 1] would have fractions.
     """
+    check_bits(bits, "floating point" if light.dtype.kind == "f" else light.dtype.name)
     if light.dtype.kind == "f":
         there = light[np.isfinite(light)]
         if there.max(initial=0) > 1 and np.array_equal(there, np.round(there)):
@@ -189,26 +281,12 @@ def _white(light: np.ndarray, bits: int | None) -> float:
                 expected="values in [0, 1]: divide by the value of white (255 for 8-bit data)",
             )
         return 1.0
-    if bits is None or light.dtype != np.uint16:
+    if bits is None:
         return float(np.iinfo(light.dtype).max)
     top = 2**bits - 1
     if light.max(initial=0) > top:
         raise InputError(f"contains the value {light.max()}", expected=f"at most {top}, for {bits}-bit data")
     return float(top)
-
-
-def _copy_label(source: Path, target: Path, done: Augmented) -> None:
-    label = find_label(source)
-    if label is None:
-        done.unlabelled += 1
-        return
-    place = label_place(target)
-    if place.resolve() == label.resolve():
-        raise InputError("would be overwritten", file=label, expected="another output folder")
-    content = label.read_bytes()
-    if not place.is_file() or place.read_bytes() != content:
-        with whole_file(place) as temporary:
-            temporary.write_bytes(content)
 
 
 def _seed_of(seed: int, name: str) -> int:

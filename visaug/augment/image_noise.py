@@ -1,12 +1,11 @@
 """Camera noise for one image: PIL image, NumPy array or tensor, with 8 bits, 16 bits or floats; see `visaug.augment.images`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 import torch
 
-from visaug.augment.images import frames_draws, like, say_what_auto_means, take, to_tensor
+from visaug.augment.images import like, say_what_auto_means, take, to_tensor
 from visaug.augment.sensor_noise import SensorNoise, Source
 from visaug.core.errors import InputError
 
@@ -20,12 +19,14 @@ class ImageNoise:
         camera: see `SensorNoise`.
         p: probability that noise is applied to an image, 0 to 1.
         bits: number of bits used in uint16 data if fewer than 16: 10, 12 or 14.
+        order: order of the colour channels of arrays and tensors: "RGB", or "BGR" as OpenCV has them. PIL images state theirs.
         options: keywords of `SensorNoise`. With transfer="auto", 8-bit colour images are taken as sRGB, all others as
             linear.
 
     Shape:
         PIL image, tensor (C, H, W), or array (H, W) or (H, W, C); uint8, uint16 or float in [0, 1] -> the same. C is 1 or
-        3, or 2 or 4 with an alpha channel, which is not changed.
+        3, or 2 or 4 with an alpha channel, which is not changed; more are bands, as are all with mono=False, each with
+        noise of its own.
 
     Raises:
         InputError: an option or an image that is not valid.
@@ -38,28 +39,44 @@ class ImageNoise:
     """
 
     def __init__(
-        self, camera: Source | Sequence[Source], p: float = 1.0, bits: int | None = None, **options: Any
+        self,
+        camera: Source | Sequence[Source],
+        p: float = 1.0,
+        bits: int | None = None,
+        order: str = "RGB",
+        **options: Any,
     ):
         self.noise = SensorNoise(camera, **options)
         say_what_auto_means(self.noise)
-        self.p, self.bits = probability(p), used_bits(bits)
+        self.p, self.bits, self.order = probability(p), used_bits(bits), channel_order(order)
 
     def __call__(self, image: Any) -> Any:
-        tensor = to_tensor(image)
+        to_tensor(image)  # refuses what is no image, whether or not it gets noise
         if torch.rand(()) >= self.p:
             return image
-        return like(take(self.noise, tensor[None], self.noise.draw(1), self.bits)[0], image)
+        return self.noised(image, self.noise.draw(1), self.order)
 
-    def clip(self, images: np.ndarray) -> np.ndarray:
-        """Adds noise to the frames of one clip, (T, H, W) or (T, H, W, C): same fixed pattern, independent temporal noise."""
-        if not len(images):
-            return images
-        batch = torch.stack([to_tensor(image) for image in images])
-        noisy = take(self.noise, batch, frames_draws(self.noise, len(batch)), self.bits)
-        return np.stack([like(one, image) for one, image in zip(noisy, images)])
+    def noised(self, image: Any, draws: Mapping[str, torch.Tensor], order: str) -> Any:
+        """The image with the noise of the draws; order is that of an array or tensor."""
+        is_pil = hasattr(image, "getbands")
+        bgr = order == "BGR" and not is_pil
+        return like(
+            take(self.noise, to_tensor(image)[None], draws, self.bits, bgr=bgr, alpha=is_pil)[0], image
+        )
 
     def __repr__(self) -> str:
-        return f"ImageNoise({self.noise!r}, p={self.p}, bits={self.bits})"
+        return f"ImageNoise({self.noise!r}, p={self.p}, bits={self.bits}, order={self.order!r})"
+
+
+def channel_order(order: str) -> str:
+    """The value, if it is an order of colour channels.
+
+    Raises:
+        InputError: it is neither RGB nor BGR.
+    """
+    if order not in ("RGB", "BGR"):
+        raise InputError(f"{order!r} is not a choice", field="order", expected="RGB or BGR")
+    return order
 
 
 def probability(p: float) -> float:

@@ -1,7 +1,7 @@
 """Images as datasets hand them out, PIL, NumPy and tensors of 8 bit, 16 bit and floats: to the sensor and back.
 
-Channels: 1 is gray, 3 colour; 2 and 4 are gray and colour with alpha, which is no light and stays as it is. Channels of
-another meaning (near infrared beside RGB) have to go through the noise apart.
+Channels: 1 is gray, 3 colour; 2 and 4 are gray and colour with alpha, which is no light and stays as it is; more are bands.
+See `visaug.augment.options.light_channels`.
 """
 
 import logging
@@ -12,11 +12,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from visaug.augment.options import light_channels
 from visaug.augment.sensor_noise import SensorNoise
 from visaug.core.errors import InputError
 
 DEPTHS = {torch.uint8: 8, torch.uint16: 16}
-PIL_MODES = ("L", "LA", "RGB", "RGBA", "I;16")
+WORDS = ("I;16", "I;16L", "I;16B", "I;16N")  # Pillow's names of 16 bit, by the order of the bytes
+PIL_MODES = ("L", "LA", "RGB", "RGBA", *WORDS)
 # Pillow's convert() cuts these two at 255.
 PIL_ARRAYS = {"I": "np.asarray(image).astype(np.uint16)", "F": "np.asarray(image), scaled to [0, 1]"}
 
@@ -27,9 +29,11 @@ _said: list[str] = []
 def to_unit(image: Tensor, bits: int | None) -> Tensor:
     """Whole numbers of `bits` (as the type has, where None) as float32 in [0, 1]; floats as they are."""
     if image.dtype.is_floating_point:
+        check_bits(bits, "floating point")
         return image
     if image.dtype not in DEPTHS:
         raise InputError(f"an image has type {image.dtype}", expected="float, uint8 or uint16")
+    check_bits(bits, str(image.dtype).removeprefix("torch."))
     return image.float() / _top(image.dtype, bits)
 
 
@@ -45,12 +49,43 @@ def _top(dtype: torch.dtype, bits: int | None) -> int:
     return 2 ** (bits if bits is not None and dtype == torch.uint16 else DEPTHS[dtype]) - 1
 
 
-def take(noise: SensorNoise, images: Tensor, draws: Mapping[str, Tensor], bits: int | None) -> Tensor:
+def check_bits(bits: int | None, kind: str) -> None:
+    """Refuses a number of bits for data of a type to which it has no meaning.
+
+    Args:
+        bits: of 16-bit words.
+        kind: name of the type, for example uint8.
+    """
+    if bits is not None and kind != "uint16" and not (kind == "uint8" and bits == 8):
+        raise InputError(
+            f"{bits} bit are given for an image of {kind}",
+            field="bits",
+            expected="none: it applies to uint16 alone",
+        )
+
+
+def take(
+    noise: SensorNoise,
+    images: Tensor,
+    draws: Mapping[str, Tensor],
+    bits: int | None,
+    *,
+    bgr: bool = False,
+    alpha: bool = False,
+) -> Tensor:
     """Images (B, C, H, W) of any of the types through a camera; alpha stays.
 
     With transfer="auto", colour of 8 bit is sRGB, everything else linear; see `say_what_auto_means`.
+
+    Args:
+        bgr: three channels of light are blue, green and red.
+        alpha: the last of 2 or 4 channels is alpha, whatever the noise's option `mono`.
     """
-    colours = images.shape[1] - (images.shape[1] in (2, 4))
+    colours = light_channels(images.shape[1], noise.mono, alpha)
+    if bgr and colours == 3:
+        turned = torch.cat([images[:, :3].flip(1), images[:, 3:]], 1)
+        noisy = take(noise, turned, draws, bits, alpha=alpha)
+        return torch.cat([noisy[:, :3].flip(1), noisy[:, 3:]], 1)
     light = images[:, :colours]
     transfer = "srgb" if images.dtype == torch.uint8 and colours == 3 else "linear"
     with torch.no_grad():
@@ -77,7 +112,7 @@ def to_tensor(image: Any) -> Tensor:
     """A PIL image, array (H, W), (H, W, C) or tensor (C, H, W) as a tensor (C, H, W).
 
     Raises:
-        InputError: something else, channels that are not 1 to 4, or a PIL mode that holds no light.
+        InputError: something else, channels in the wrong place, or a PIL mode that holds no light.
     """
     if isinstance(image, Tensor):
         if image.ndim != 3:
@@ -87,7 +122,7 @@ def to_tensor(image: Any) -> Tensor:
         if image.ndim not in (2, 3):
             raise InputError(f"an image has shape {image.shape}", expected="(H, W) or (H, W, C)")
         planes = image[..., None] if image.ndim == 2 else image
-        if not 1 <= planes.shape[2] <= 4 and 1 <= planes.shape[0] <= 4:
+        if planes.shape[2] > 4 and 1 <= planes.shape[0] <= 4:
             raise InputError(
                 f"an array has shape {image.shape}, channels first",
                 expected="(H, W, C), or a tensor (C, H, W)",
@@ -101,11 +136,11 @@ def to_tensor(image: Any) -> Tensor:
         return to_tensor(np.array(image))
     else:
         raise InputError(f"an image is a {type(image).__name__}", expected="PIL, NumPy or a tensor")
-    if not 1 <= tensor.shape[0] <= 4:
-        channels_last = place == 0 and tensor.shape[2] <= 4
+    channels_last = place == 0 and tensor.shape[0] > 4 and tensor.shape[2] <= 4
+    if not tensor.shape[0] or channels_last:
         raise InputError(
             f"an image has shape {tuple(image.shape)}" + (", channels last" if channels_last else ""),
-            expected="1 to 4 channels, (C, H, W) in a tensor and (H, W, C) in an array",
+            expected="(C, H, W) in a tensor and (H, W, C) in an array",
         )
     return tensor
 
@@ -119,15 +154,7 @@ def like(noisy: Tensor, image: Any) -> Any:
         return np.ascontiguousarray(array.reshape(image.shape), dtype=image.dtype)
     from PIL import Image
 
-    made = Image.fromarray(np.ascontiguousarray(array[..., 0] if array.shape[2] == 1 else array))
+    plane = np.ascontiguousarray(array[..., 0] if array.shape[2] == 1 else array)
+    made = Image.fromarray(plane.astype(">u2") if image.mode == "I;16B" else plane)
     made.info = dict(image.info)
     return made
-
-
-def frames_draws(noise: SensorNoise, frames: int) -> dict[str, Tensor]:
-    """Draws for a clip: one camera with its fixed patterns, temporal noise of each frame's own."""
-    draws = noise.draw(1)
-    if frames == 1:
-        return draws
-    keys = noise.draw(frames)["keys"]
-    return {name: value.expand(frames) for name, value in draws.items()} | {"keys": keys}

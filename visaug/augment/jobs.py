@@ -4,7 +4,8 @@ import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from fnmatch import fnmatchcase
+from pathlib import Path, PurePosixPath
 
 from visaug.augment.image_io import SUFFIXES
 from visaug.core.errors import InputError
@@ -16,45 +17,100 @@ class Jobs:
 
     Attributes:
         sources: name of each copy -> its original.
+        others: name -> file that is no picture, or not one of those chosen.
+        excluded: number of pictures that the patterns leave out.
         skipped: suffix -> number of files that are no pictures.
     """
 
     sources: dict[str, Path] = field(default_factory=dict)
+    others: dict[str, Path] = field(default_factory=dict)
+    excluded: int = 0
     skipped: Counter[str] = field(default_factory=Counter)
 
 
-def plan_jobs(inputs: Sequence[Path], output: Path, copies: int = 1, labels: bool = False) -> Jobs:
+def plan_jobs(
+    inputs: Sequence[Path],
+    output: Path,
+    copies: int = 1,
+    include: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+) -> Jobs:
     """One job for each copy of each picture.
 
     Args:
-        inputs: pictures and folders; folders are searched whole, linked ones too.
+        inputs: pictures and folders; folders are searched whole, linked ones too. Where files of several inputs would have
+            one place, each is kept in the folders that tell the inputs apart.
         output: folder of the copies; files in it are not read as inputs.
         copies: of each picture; with more than one, `a.png` becomes `a_1.png`, `a_2.png`, ...
-        labels: .txt files are labels, and not counted as skipped.
+        include: patterns, of which a picture has to match one; see `matches`. Empty means every picture.
+        exclude: patterns, of which it may match none.
+
+    Raises:
+        InputError: no pictures, a pattern to include that matches nothing, or an output that would overwrite an original.
     """
     jobs = Jobs()
-    for start in inputs:
-        for name, source in _files(start, output):
-            suffix = source.suffix.lower()
+    unused = set(include)
+    for placed, name, source in _placed(inputs, output):
+        suffix = source.suffix.lower()
+        used = {pattern for pattern in include if matches(name, pattern)}
+        unused -= used
+        left_out = (include and not used) or any(matches(name, pattern) for pattern in exclude)
+        if suffix not in SUFFIXES or left_out:
+            jobs.others[placed] = source
+            jobs.excluded += suffix in SUFFIXES
             if suffix not in SUFFIXES:
-                if not (labels and suffix == ".txt"):
-                    jobs.skipped[suffix or "without a suffix"] += 1
-                continue
-            for copy in copy_names(name, copies):
-                other = jobs.sources.get(copy)
-                if other is not None and other.resolve() != source.resolve():
-                    raise InputError(f"would be written to {copy}, as {other} would", file=source)
-                if (output / copy).resolve() == source.resolve():
-                    raise InputError("would be overwritten", file=source, expected="another output folder")
-                jobs.sources[copy] = source
-    if not jobs.sources:
+                jobs.skipped[suffix or "without a suffix"] += 1
+            continue
+        for copy in copy_names(placed, copies):
+            other = jobs.sources.get(copy)
+            if other is not None and other.resolve() != source.resolve():
+                raise InputError(f"would be written to {copy}, as {other} would", file=source)
+            if (output / copy).resolve() == source.resolve():
+                raise InputError("would be overwritten", file=source, expected="another output folder")
+            jobs.sources[copy] = source
+    if unused:
         raise InputError(
-            "holds no pictures",
+            f"{', '.join(sorted(unused))} matches no file",
+            field="--include",
+            expected="a pattern of paths below an input, for example 'rgb/*.png'",
+        )
+    if not jobs.sources:
+        chosen = " that are included and not excluded" if include or exclude else ""
+        raise InputError(
+            f"holds no pictures{chosen}",
             file=", ".join(map(str, inputs)),
             expected="files ending in " + " ".join(SUFFIXES),
         )
     jobs.sources = dict(sorted(jobs.sources.items()))
     return jobs
+
+
+def matches(name: str, pattern: str) -> bool:
+    """Whether a path, or a folder above it, matches a pattern with `*`, `?` and `[...]`, where `*` takes `/` too.
+
+    A pattern without a leading `*` also matches from any folder on: `rgb/*.png` takes `000000/rgb/1.png`.
+    """
+    path = PurePosixPath(name)
+    pattern = pattern.rstrip("/")
+    return any(
+        fnmatchcase(part.as_posix(), pattern) or fnmatchcase(part.as_posix(), f"*/{pattern}")
+        for part in (path, *path.parents[:-1])
+    )
+
+
+def _placed(inputs: Sequence[Path], output: Path) -> list[tuple[str, str, Path]]:
+    """(place below the output, name below its input, path) of every file of the inputs."""
+    found = [(start, name, source) for start in inputs for name, source in _files(start, output)]
+    first: dict[str, Path] = {}
+    apart = any(first.setdefault(name, source).resolve() != source.resolve() for _, name, source in found)
+    if not apart:
+        return [(name, name, source) for _, name, source in found]
+    folders = {start: Path(os.path.abspath(start if start.is_dir() else start.parent)) for start in inputs}
+    common = Path(os.path.commonpath(list(folders.values())))
+    return [
+        ((folders[start].relative_to(common) / name).as_posix(), name, source)
+        for start, name, source in found
+    ]
 
 
 def copy_names(name: str, copies: int) -> list[str]:

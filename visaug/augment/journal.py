@@ -1,30 +1,36 @@
-"""What `visaug augment` has made in a folder: with which settings, from which state of each original, and which bytes."""
+"""What `visaug augment` has made in a folder: which files, of what, and with which content."""
 
 import hashlib
 import json
-import os
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from visaug.core.documents import parse_json
 from visaug.core.errors import InputError
 from visaug.core.files import folder_lock
 
+if TYPE_CHECKING:
+    from visaug.augment.sensor_noise import SensorNoise
+
 JOURNAL = ".visaug-augment.jsonl"
 
 
 class Journal:
-    """Which copies in a folder are done.
+    """The files that visaug made in a folder.
 
-    One line of JSON a file, written after the file is in place; other settings start it anew. A copy is done if its
-    original and the copy itself are as they were then. One command at a time writes into the folder.
+    Lines of JSON, the last of a name counts: one before a file is written, so that an interrupted run knows it as its own,
+    and one after. A file is done if it exists and was made of the same: settings, code, maps and original, as one hash.
+    One command at a time writes into the folder.
+
+    Args:
+        folder: of the files.
+        force: files that visaug did not write may be replaced.
     """
 
-    def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
-        self.folder, self.path = folder, folder / JOURNAL
-        self.head = json.dumps({"settings": settings}, sort_keys=True)
-        self.done: dict[str, dict[str, Any]] = {}
+    def __init__(self, folder: Path, force: bool = False) -> None:
+        self.folder, self.path, self.force = folder, folder / JOURNAL, force
+        self.made: dict[str, dict[str, str]] = {}
         self._open = ExitStack()
 
     def __enter__(self) -> "Journal":
@@ -32,48 +38,92 @@ class Journal:
             opening.enter_context(folder_lock(self.folder))
             if self.path.is_symlink():
                 raise InputError("is a link", file=self.path, expected="a file that visaug wrote, or none")
-            lines = self.path.read_bytes().split(b"\n") if self.path.exists() else [b""]
-            same = lines[0] == self.head.encode()
-            for line in lines[1:] if same else []:
+            for line in self.path.read_bytes().split(b"\n") if self.path.exists() else []:
                 try:
                     entry = parse_json(line.decode())
-                    self.done[entry["name"]] = {key: entry[key] for key in ("original", "copy")}
+                    self.made[str(entry["name"])] = {"of": str(entry["of"]), "copy": str(entry["copy"])}
                 except (InputError, UnicodeDecodeError, TypeError, KeyError):  # torn, or from elsewhere
                     continue
-            self._handle = opening.enter_context(open(self.path, "a" if same else "w", encoding="utf-8"))
-            # A line feed first closes a line that an interruption tore.
-            self._handle.write("\n" if same else self.head + "\n")
-            self._handle.flush()
+            self._handle = opening.enter_context(open(self.path, "a", encoding="utf-8"))
+            self._handle.write("\n")  # closes a line that an interruption tore
             self._open = opening.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._open.close()
 
-    def holds(self, name: str, source: Path) -> bool:
-        """Whether the copy is there, whole, and made from the original as it is now."""
-        made = self.done.get(name)
-        if made is None or made["original"] != _state(source):
-            return False
-        try:
-            return made["copy"] == _content(self.folder / name)
-        except OSError:
-            return False
+    def holds(self, name: str, of: str) -> bool:
+        """Whether the file is there and made of the same."""
+        return self.made.get(name, {}).get("of") == of and (self.folder / name).is_file()
 
-    def add(self, name: str, source: Path) -> None:
-        """The copy is in its place."""
-        entry = {"name": name, "original": _state(source), "copy": _content(self.folder / name)}
-        self._handle.write(json.dumps(entry) + "\n")
+    def check_new(self, names: list[str]) -> None:
+        """Refuses, before any work, names at which something lies that visaug did not write."""
+        foreign = [name for name in names if name not in self.made and (self.folder / name).exists()]
+        if foreign and not self.force:
+            more = f" (and {len(foreign) - 1} more)" if len(foreign) > 1 else ""
+            raise InputError(
+                f"exists, and visaug did not write it{more}",
+                file=self.folder / foreign[0],
+                expected="another output folder, or --force to replace it",
+            )
+
+    def begin(self, name: str) -> None:
+        """The file is about to be written.
+
+        Raises:
+            InputError: the file that is there is not as visaug left it.
+        """
+        place = self.folder / name
+        left = self.made.get(name, {}).get("copy")
+        if place.exists() and not self.force and (left is None or (left and left != content_of(place))):
+            raise InputError(
+                "was changed since visaug wrote it" if left else "exists, and visaug did not write it",
+                file=place,
+                expected="another output folder, or --force to replace it",
+            )
+        self._add(name, "", "")
+
+    def add(self, name: str, of: str) -> None:
+        """The file is in its place."""
+        self._add(name, of, content_of(self.folder / name))
+
+    def _add(self, name: str, of: str, copy: str) -> None:
+        self.made[name] = {"of": of, "copy": copy}
+        self._handle.write(json.dumps({"name": name, "of": of, "copy": copy}) + "\n")
         self._handle.flush()
 
 
-def _state(path: Path) -> list[int]:
-    """Size and time of change, by which an original is known again."""
-    status = path.stat()
-    return [status.st_size, status.st_mtime_ns]
-
-
-def _content(path: Path) -> list[int | str]:
-    """Size and checksum, by which a copy is known to be whole."""
+def content_of(path: Path) -> str:
+    """Checksum of a file."""
     with open(path, "rb") as file:
-        return [os.fstat(file.fileno()).st_size, hashlib.file_digest(file, "sha256").hexdigest()]
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def settings_of(noise: "SensorNoise", seed: int, p: float, bits: int | None, options: dict[str, Any]) -> str:
+    """One hash of all that makes a copy but its name and original: options, cameras, measured maps, the code of visaug and
+    of effects from files.
+    """
+    import visaug
+    from visaug.effects.catalogue import loaded_files
+
+    digest = hashlib.blake2b(digest_size=16)
+    words = [seed, p, bits, sorted((key, str(value)) for key, value in options.items())]
+    words += [camera.to_yaml() for camera in noise.cameras]
+    digest.update(repr((visaug.__version__, words)).encode())
+    for camera in noise.cameras:
+        for name, values in sorted(camera.maps.items()):
+            digest.update(name.encode() + values.detach().cpu().numpy().tobytes())
+    root = Path(__file__).resolve().parents[1]
+    own = [
+        file for room in ("sampling", "effects", "camera", "augment") for file in (root / room).rglob("*.py")
+    ]
+    for file in [*sorted(own), *loaded_files()]:
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def made_of(settings: str, name: str, source: Path) -> str:
+    """The hash by which a copy is known to be done."""
+    content = hashlib.blake2b(source.read_bytes(), digest_size=16)
+    content.update(f"{settings}/{name}".encode())
+    return content.hexdigest()

@@ -23,9 +23,14 @@ LEAST, MOST = (
 )  # of image values: beyond, the image is of another scale; between, it is cut by the sensor
 
 
+MOST_COLOURS = 3  # red, green and blue; what has more channels of light has bands
 LEAST_EXPOSURE = (
     1e-6  # of the saturation exposure: a pixel of the largest full wells (1e6 e-) then holds one electron
 )
+# An image that goes below the first, with more than this share of its values below 0, has had its mean subtracted:
+# resampling and a subtracted black level go less far, or in fewer pixels.
+NORMALIZED, NORMALIZED_SHARE = -0.05, 0.25
+BRIGHT_SHARE = 0.25  # of values above white: more is no highlight but another scale
 LEAST_STRENGTH = 1e-3  # at its inverse square, 1e6 times the electrons: noise below the last of 16 bits
 
 
@@ -93,6 +98,31 @@ def check_seed(seed: Any) -> int | None:
     raise InputError(f"{seed!r} is not valid", field="seed", expected="a whole number, or None")
 
 
+def light_channels(channels: int, mono: bool | None, alpha: bool = False) -> int:
+    """Number of leading channels that hold light; the others, alpha, get no noise.
+
+    Args:
+        channels: 1 is gray and 3 colour; 2 and 4 are these with alpha. More are bands of a multispectral image.
+        mono: False makes every channel a band, with a sensor of its own.
+        alpha: the last of 2 or 4 channels is known to be alpha, whatever `mono`.
+
+    Raises:
+        InputError: more than four channels with mono=True.
+    """
+    if channels > MOST_COLOURS + 1 and mono:
+        raise InputError(
+            f"has {channels} channels, which one sensor cannot give",
+            field="images",
+            expected="mono=False, for a sensor of its own for each band",
+        )
+    return channels - 1 if channels in (2, 4) and (alpha or mono is not False) else channels
+
+
+def are_bands(channels: int, mono: bool | None) -> bool:
+    """Whether each of these channels of light has a sensor of its own."""
+    return mono is False or channels > MOST_COLOURS
+
+
 def check_images(images: Any) -> Tensor:
     """A batch of images (B, C, H, W) of floating-point values in about [0, 1].
 
@@ -130,8 +160,25 @@ def check_values(images: Tensor) -> None:
     if math.isnan(low):  # a missing value must not hide the scale of the others
         there = images.detach()[~images.isnan()]
         low, high = (float(end) for end in there.aminmax()) if there.numel() else (0.0, 0.0)
-    if low < LEAST or high > MOST:
-        raise InputError(
-            f"holds values from {low:g} to {high:g}", field="images", expected="values in [0, 1]: divide an image "
-            "of 8 bit by 255",
-        )  # fmt: skip
+    if low < LEAST or high > MOST or low < NORMALIZED:
+        _refuse_scale(images.detach(), low, high)
+
+
+def _refuse_scale(images: Tensor, low: float, high: float) -> None:
+    """By what the values look like: normalised, high dynamic range, or whole numbers of 8, 12 or 16 bit."""
+    there = images[~images.isnan()].float()
+    negative = float((there < 0).float().mean())
+    if low < LEAST or negative > NORMALIZED_SHARE:
+        advice = "put the noise before Normalize, or undo it"
+    elif high <= MOST:
+        return  # dips below black, as a resampled image has them: the sensor cuts them
+    elif float((there > 1).float().mean()) < BRIGHT_SHARE:
+        advice = "scale a high-dynamic-range image so that white is 1, or clamp its highlights with images.clamp(0, 1)"
+    else:
+        advice = "divide an image of 8 bit by 255, one of 16 bit by 65535, an HDR image by its value of white"
+    share = f", {100 * negative:.0f} % below 0" if negative else ""
+    raise InputError(
+        f"holds values from {low:g} to {high:g}{share}",
+        field="images",
+        expected=f"values in [0, 1]: {advice}",
+    )

@@ -15,6 +15,7 @@ from visaug.augment.light import linear_to_srgb, srgb_to_linear
 from visaug.augment.options import (
     LEAST_EXPOSURE,
     Range,
+    are_bands,
     check_choice,
     check_flag,
     check_images,
@@ -23,6 +24,7 @@ from visaug.augment.options import (
     check_seed,
     check_strength,
     check_values,
+    light_channels,
 )
 from visaug.augment.planes import luminance, through_luminance
 from visaug.camera import Camera, fast, fast_gpu
@@ -79,7 +81,9 @@ class SensorNoise(nn.Module):
         mono: how one sensor serves several channels. None follows the camera: a camera with `colour` filters images through
             its mosaic (see `visaug.camera.colour`), and a one-channel image gets the luminance of the result; a camera without
             filters is monochrome. True: the noise of the exposed luminance 0.2126 R + 0.7152 G + 0.0722 B is added to every
-            channel, so equal channels stay equal. False: every channel is a separate sensor with independent noise.
+            channel, so equal channels stay equal. False: every channel is a separate sensor with independent noise. Bands
+            (more than four channels) are separate sensors unless mono is True, which is an error; a camera with `colour`
+            takes none.
         gain_db: gain in dB on the camera's scale (that of `gain_db` in its file), or a pair (low, high) from which it is
             drawn uniformly for each image. It replaces the camera's gain and its `randomize` entry.
         exposure: fraction of the saturation exposure, from 1e-6 to 1, or a pair (low, high) from which it is drawn uniformly.
@@ -91,9 +95,10 @@ class SensorNoise(nn.Module):
             not change.
 
     Shape:
-        (B, 1|3, H, W), floating point in [0, 1] -> the same shape, dtype and device, in [0, 1]. Values below 0 or above 1
-        are clipped by the sensor; values below -0.5 or above 1.5 are an error. A NaN stays at its pixel; demosaicing spreads
-        it to neighbours. Effects of stage PICTURE (tone curve, JPEG) act last, on the encoded picture.
+        (B, C, H, W), floating point in [0, 1] -> the same shape, dtype and device, in [0, 1]. C is 1 (gray) or 3 (colour), or
+        2 or 4 with an alpha channel, which is not changed; more are bands, as are all channels with mono=False. Values below 0 or
+        above 1 are clipped by the sensor; values below -0.5 or above 1.5 are an error. A NaN stays at its pixel; demosaicing
+        spreads it to neighbours. Effects of stage PICTURE (tone curve, JPEG) act last, on the encoded picture.
 
     Raises:
         InputError: an option or an image that is not valid.
@@ -200,13 +205,16 @@ class SensorNoise(nn.Module):
         """Applies the noise given by `draws`: the same draws and images give the same noise.
 
         Args:
-            images: (B, 1|3, H, W) in [0, 1].
+            images: (B, C, H, W) in [0, 1]; see the class.
             draws: the result of `draw(B)`.
             transfer: meaning of "auto" for these images: "linear" (also if None) or "srgb".
         """
         check_values(check_images(images))
         if self.strength == 0:
             return images
+        lit = light_channels(images.shape[1], self.mono)
+        if lit < images.shape[1]:
+            return torch.cat([self.apply_draws(images[:, :lit], draws, transfer), images[:, lit:]], 1)
         encoded = (transfer if self.transfer == "auto" else self.transfer) == "srgb"
         light = srgb_to_linear(images.float()) if encoded else images.float()
         return self._by_camera(light, draws, encoded).to(images.dtype)
@@ -237,7 +245,7 @@ class SensorNoise(nn.Module):
 
     def _planes(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor]) -> Tensor:
         """How the channels of an image meet the sensor."""
-        if self.mono is False:
+        if are_bands(light.shape[1], self.mono) and (self.mono is False or camera.spec.colour is None):
             return self._take(camera, light, draws)
         path = camera.colour_path(self.origin or (0, 0)) if self.mono is None else None
         if path is None:
@@ -366,7 +374,8 @@ def _rank() -> int:
     """Rank of this process in a distributed training, 0 outside; workers inherit it."""
     if distributed.is_available() and distributed.is_initialized():
         return distributed.get_rank()
-    return max(int(os.environ.get("RANK", 0)), 0)
+    word = os.environ.get("RANK", "")
+    return int(word) if word.isascii() and word.isdigit() else 0  # some launchers export it empty, or a name
 
 
 def _population(camera: Source | Sequence[Source]) -> tuple[Camera, ...]:

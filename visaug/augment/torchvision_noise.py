@@ -1,5 +1,6 @@
 """Camera noise as a torchvision transform; imports torchvision."""
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,6 +10,7 @@ from torch import Tensor
 from torchvision import tv_tensors
 from torchvision.transforms import v2
 
+from visaug.augment.draws import nth_frame, of_frames
 from visaug.augment.image_noise import probability, used_bits
 from visaug.augment.images import like, say_what_auto_means, take, to_tensor
 from visaug.augment.sensor_noise import SensorNoise, Source
@@ -18,11 +20,13 @@ from visaug.core.errors import InputError
 class TorchvisionNoise(v2.Transform):
     """Camera noise as a torchvision v2 transform: images and videos change, boxes and masks do not.
 
-    The frames of a video share the fixed pattern of one camera and have independent temporal noise.
+    The frames of a video share the fixed pattern of one camera and have independent temporal noise; so do several images of
+    one sample, for example a stereo pair. A tensor or Image with leading axes, (B, C, H, W), is a batch: each image has its
+    own camera, gain and pattern, as from separate calls.
 
     Args:
         camera: see `SensorNoise`.
-        p: probability that noise is applied to a sample, 0 to 1.
+        p: probability that noise is applied to a sample, or to an image of a batch, 0 to 1.
         bits: see `ImageNoise`.
         options: keywords of `SensorNoise`.
 
@@ -60,19 +64,33 @@ class TorchvisionNoise(v2.Transform):
             )
 
     def make_params(self, flat_inputs: list[Any]) -> dict[str, Any]:
-        """One decision, and one draw, for all images of a sample."""
-        return {"take": bool(torch.rand(()) < self.p), "draws": self.noise.draw(1)}
+        """For all images of a sample: decisions and draws by the size of a batch, and how many images had them so far."""
+        several = sum(isinstance(one, Tensor | PIL.Image.Image) for one in flat_inputs) > 1
+        return {"drawn": {}, "images": Counter(), "several": several}
 
     def transform(self, inpt: Any, params: dict[str, Any]) -> Any:
-        if not params["take"]:
+        is_pil = isinstance(inpt, PIL.Image.Image)
+        images = to_tensor(inpt) if is_pil else inpt.as_subclass(Tensor)
+        planes = images[None] if images.ndim == 2 else images
+        frames = planes.shape[-4] if isinstance(inpt, tv_tensors.Video) else 1
+        batch = planes.reshape(-1, frames, *planes.shape[-3:])
+        chosen, draws = self._drawn(len(batch), params)
+        if not chosen.any():
             return inpt
-        if isinstance(inpt, PIL.Image.Image):
-            return like(take(self.noise, to_tensor(inpt)[None], params["draws"], self.bits)[0], inpt)
-        images = inpt.as_subclass(Tensor)
-        batch = (images[None] if images.ndim == 2 else images).reshape(-1, *images.shape[-3:])
-        draws = params["draws"]
-        if len(batch) > 1:  # frames of a video: one camera, noise of their own
-            keys = self.noise.draw(len(batch))["keys"]
-            draws = {name: value.expand(len(batch)) for name, value in draws.items()} | {"keys": keys}
-        noisy = take(self.noise, batch, draws, self.bits).reshape(images.shape)
-        return tv_tensors.wrap(noisy, like=inpt)  # pyright: ignore[reportCallIssue]
+        lit = batch[chosen]
+        clips = {name: value[chosen].repeat_interleave(frames, 0) for name, value in draws.items()}
+        own = iter(
+            take(self.noise, lit.flatten(0, 1), of_frames(clips), self.bits, alpha=is_pil).reshape(lit.shape)
+        )
+        parts = [next(own) if yes else clean for clean, yes in zip(batch, chosen.tolist())]
+        noisy = torch.stack(parts).reshape(images.shape)
+        return like(noisy, inpt) if is_pil else tv_tensors.wrap(noisy, like=inpt)  # pyright: ignore[reportCallIssue]
+
+    def _drawn(self, count: int, params: dict[str, Any]) -> tuple[Tensor, dict[str, Tensor]]:
+        """Which of `count` images, or clips, get noise, and their draws: of the next image of a sample."""
+        if count not in params["drawn"]:
+            params["drawn"][count] = torch.rand(count) < self.p, self.noise.draw(count)
+        chosen, draws = params["drawn"][count]
+        number = params["images"][count]
+        params["images"][count] += 1
+        return chosen, nth_frame(draws, number) if params["several"] else draws

@@ -1,22 +1,27 @@
 """VISNoise: the noise of a camera as a kornia augmentation."""
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
 from typing import Any
 
 import torch
-from kornia.augmentation import IntensityAugmentationBase2D
+from kornia.augmentation import AugmentationSequential, IntensityAugmentationBase2D
 from torch import Tensor
 
-from visaug.augment.draws import of_frames
+from visaug.augment.draws import nth_frame, of_frames
 from visaug.augment.options import Range, check_images, check_number
 from visaug.augment.sensor_noise import SensorNoise, Source
+
+IMAGES = ("input", "image")  # kornia's data keys of images; in a dict further words may follow
 
 
 class VISNoise(IntensityAugmentationBase2D):
     """Noise of an image sensor for visible light, as a kornia augmentation.
 
     It works in `kornia.augmentation.AugmentationSequential` with keypoints, boxes and masks, and a call can be repeated with
-    `params=noise._params`.
+    `params=noise._params`. Several images of one call (`data_keys=["input", "input"]`, a stereo pair for example) share the
+    camera and its fixed pattern, and each has temporal noise of its own.
 
     Args:
         camera: a Camera, its file or name, or a list of these from which one is drawn for each image.
@@ -36,7 +41,7 @@ class VISNoise(IntensityAugmentationBase2D):
         further: other keywords of `SensorNoise`: full_scale_photons, values, origin.
 
     Shape:
-        (B, 1|3, H, W) in [0, 1] -> the same shape, dtype and device, in [0, 1]. Computed in float32.
+        (B, C, H, W) in [0, 1] -> the same shape, dtype and device, in [0, 1]. Computed in float32. C as in `SensorNoise`.
 
     Raises:
         InputError: an option or an image that is not valid.
@@ -101,8 +106,48 @@ class VISNoise(IntensityAugmentationBase2D):
         flags: Mapping[str, Any],
         transform: Tensor | None = None,
     ) -> Tensor:
-        clips = not self.same_on_batch and not torch.compiler.is_compiling()
-        return self.sensor.apply_draws(input, of_frames(params) if clips else params)
+        if torch.compiler.is_compiling():
+            return self.sensor.apply_draws(input, params)
+        draws = params if self.same_on_batch else of_frames(params)
+        if self._images is None:
+            return self.sensor.apply_draws(input, draws)
+        return self.sensor.apply_draws(input, nth_frame(draws, self._number_of_image(params)))
+
+    _images: Counter[bytes] | None = (
+        None  # within a call of a container with several images: those so far, by their draws
+    )
+
+    def _number_of_image(self, params: Mapping[str, Tensor]) -> int:
+        """How many images of the running call of a container had these draws before."""
+        assert self._images is not None
+        draw = params["keys"].cpu().numpy().tobytes()
+        self._images[draw] += 1
+        return self._images[draw] - 1
 
     def __repr__(self) -> str:
         return f"VISNoise({self.sensor.described()}, p={self.p})"
+
+
+def _counting(forward: Callable[..., Any]) -> Callable[..., Any]:
+    """kornia's `AugmentationSequential.forward`, which applies one draw to every image of a call: here they are counted."""
+
+    @wraps(forward)
+    def counted(container: AugmentationSequential, *args: Any, **kwargs: Any) -> Any:
+        given = args[0] if len(args) == 1 and isinstance(args[0], dict) else kwargs.get("data_keys")
+        keys = container.data_keys if given is None else given
+        images = sum(str(getattr(key, "name", key)).lower().startswith(IMAGES) for key in keys or ())
+        if images < 2:
+            return forward(container, *args, **kwargs)
+        noises = [part for part in container.modules() if isinstance(part, VISNoise) and part._images is None]
+        for noise in noises:
+            noise._images = Counter()
+        try:
+            return forward(container, *args, **kwargs)
+        finally:
+            for noise in noises:
+                noise._images = None
+
+    return counted
+
+
+AugmentationSequential.forward = _counting(AugmentationSequential.forward)

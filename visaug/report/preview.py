@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from visaug.camera import Camera
 
 ROWS, COLUMNS = 300, 400  # of the crop, at most
+SOFTWARE = "visaug preview"  # in the PNG, by which a sheet is known
 WORDS = {"srgb": "sRGB", "linear": "linear"}
 
 
@@ -20,9 +21,12 @@ def write_preview(
     *,
     seed: int = 0,
     bits: int | None = None,
+    force: bool = False,
     **options: Any,
 ) -> str:
     """Write the sheet, a PNG; returns the transfer function that the picture was taken to have, in words.
+
+    An earlier sheet is replaced.
 
     Args:
         picture: any that `visaug augment` reads.
@@ -30,7 +34,11 @@ def write_preview(
         output: where the sheet goes.
         seed: of the noise.
         bits: depth of the data in 16-bit words.
+        force: replace a file that is no sheet.
         options: passed to `SensorNoise`.
+
+    Raises:
+        InputError: no picture, or a file in the output's place that is no sheet.
     """
     from visaug.augment.image_io import read_picture
     from visaug.augment.preview import middle, sample, shown
@@ -40,6 +48,12 @@ def write_preview(
 
     if output.suffix.lower() != ".png":
         raise InputError("is no PNG", file=output, expected="a name ending in .png")
+    if output.exists() and not force and not is_sheet(output):
+        raise InputError(
+            "exists, and is no sheet of visaug",
+            file=output,
+            expected="another name, or --force to replace it",
+        )
     if not picture.is_file():
         raise InputError("no such file", file=picture)
     image = read_picture(picture)
@@ -53,5 +67,16 @@ def write_preview(
     )
     figure = plot_preview(title, shown(image, window, bits), samples)
     with whole_file(output) as temporary:
-        figure.savefig(temporary, dpi=figure.dpi)
+        figure.savefig(temporary, dpi=figure.dpi, metadata={"Software": SOFTWARE})
     return transfer
+
+
+def is_sheet(path: Path) -> bool:
+    """Whether `write_preview` made this file."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            return image.info.get("Software") == SOFTWARE
+    except (OSError, SyntaxError):  # Pillow's, for what is no picture or a damaged one
+        return False

@@ -239,6 +239,7 @@ def compare(
     content = result.to_json()
     if not is_silent(quiet, json_path):
         summaries.print_comparison(content)
+    pictures: dict[str, Path] = {}
     if report_path:
         from visaug.report import write_comparison
 
@@ -246,7 +247,7 @@ def compare(
         content["pictures"] = {name: str(path) for name, path in pictures.items()}
     write_result(json_path, content)
     if not is_silent(quiet, json_path):
-        written(json_path, report_path)
+        written(json_path, report_path, *pictures.values())
         summaries.print_next(after_comparison(content, inputs))
     if fail_on_misfit and not result.adequate:
         raise SystemExit(MISFIT)

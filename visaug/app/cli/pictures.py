@@ -5,7 +5,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from visaug.app.cli.options import Decorator, command, effects_option, load_camera, output_option, written
+from visaug.app.cli.options import (
+    Decorator,
+    command,
+    effects_option,
+    force_option,
+    load_camera,
+    output_option,
+    written,
+)
 from visaug.app.cli.tables import print_table
 from visaug.core.errors import PartlyFailed
 from visaug.core.progress import progress_bars
@@ -52,7 +60,9 @@ def light_options(function: Decorator) -> Decorator:
     """Options of the conditions under which a picture is taken: encoding, light, gain, strength of the noise."""
     for option in (
         click.option(
-            "--bits", type=click.IntRange(1, 16), help="Bits used in 16-bit data, if fewer: 10, 12 or 14."
+            "--bits",
+            type=click.IntRange(1, 16),
+            help="Bits used in 16-bit data, if fewer: 10, 12 or 14. Refused for 8-bit and floating-point data.",
         ),
         click.option(
             "--strength",
@@ -105,7 +115,27 @@ def light_options(function: Decorator) -> Decorator:
     help="Copies of each picture: a_1.png, a_2.png, ...",
 )
 @click.option(
-    "--copy-labels", is_flag=True, help="Copy YOLO labels (.txt) to where ultralytics looks for them."
+    "--copy-labels",
+    is_flag=True,
+    help="Copy everything else of the folders too: YOLO labels to where ultralytics looks for them, annotations, masks and "
+    "depth to their places.",
+)
+@click.option(
+    "--include",
+    multiple=True,
+    metavar="PATTERN",
+    help="Add noise to these pictures alone, for example 'rgb/*.png'; paths below an input. May be repeated.",
+)
+@click.option(
+    "--exclude",
+    multiple=True,
+    metavar="PATTERN",
+    help="Leave these out, for example '*mask*'. May be repeated.",
+)
+@click.option(
+    "--force",
+    is_flag=True,
+    help="Add noise to what looks like labels too, and replace files that visaug did not write.",
 )
 @click.option(
     "--fixed-pattern",
@@ -134,6 +164,9 @@ def augment(
     p: float,
     copies: int,
     copy_labels: bool,
+    include: tuple[str, ...],
+    exclude: tuple[str, ...],
+    force: bool,
     fixed_pattern: str,
     black_level: str,
     seed: int,
@@ -141,8 +174,8 @@ def augment(
     """Write noisy copies of pictures or folders.
 
     Reads PNG, JPEG, TIFF, WebP and BMP with 8 or 16 bits, floating-point TIFF, OpenEXR and NumPy arrays. Names,
-    sizes, depth, channels and tags are preserved. If interrupted, the same command resumes. Damaged pictures are
-    listed at the end (exit status 1).
+    sizes, depth, channels and tags are preserved. Files that look like labels (masks, segmentations, depth) are copied
+    without noise. If interrupted, the same command resumes. Damaged pictures are listed at the end (exit status 1).
     """
     from visaug.augment.files import augment_files
 
@@ -157,6 +190,9 @@ def augment(
             copies=copies,
             bits=bits,
             labels=copy_labels,
+            include=include,
+            exclude=exclude,
+            force=force,
             progress=progress,
             transfer=transfer,
             gain_db=gain_db,
@@ -177,7 +213,8 @@ def augment(
 @click.argument("picture", metavar="IMAGE", type=click.Path(path_type=Path))
 @cameras_option("If repeated, the sheet shows each.")
 @light_options
-@output_option("sheet.png", "Write the contact sheet.", required=True)
+@output_option("sheet.png", "Write the contact sheet; an earlier sheet is replaced.", required=True)
+@force_option
 @effects_option()
 def preview(
     picture: Path,
@@ -188,6 +225,7 @@ def preview(
     strength: float,
     bits: int | None,
     output: Path,
+    force: bool,
     seed: int,
 ) -> None:
     """Write a contact sheet of one picture.
@@ -202,6 +240,7 @@ def preview(
         output,
         seed=seed,
         bits=bits,
+        force=force,
         transfer=transfer,
         gain_db=gain_db,
         exposure=exposure,
@@ -236,18 +275,29 @@ def cameras(name: str | None, seed: int) -> None:
 def _say(done: "Augmented", output: Path) -> None:
     """What was done, what was assumed, what was left out."""
     line = f"wrote {_number(done.written, 'picture')} to {output}"
+    line += f" ({done.replaced} replaced)" if done.replaced else ""
     click.echo(line + (f", {done.kept} existed already" if done.kept else ""))
+    if done.carried:
+        click.echo(f"copied {_number(done.carried, 'other file')} as they are")
+    if done.like_labels:
+        reasons = ", ".join(f"{why}: {count}" for why, count in sorted(done.like_labels.items()))
+        click.echo(
+            f"warning: {_number(sum(done.like_labels.values()), 'file')} of these look like labels and got no noise "
+            f"({reasons}); --exclude PATTERN leaves them out, --force adds noise"
+        )
     if done.assumed:
         parts = [f"{WORDS[kind]} for {count} ({why})" for (kind, why), count in sorted(done.assumed.items())]
         click.echo(f"transfer function: {', '.join(parts)}")
     if done.clipped:
         click.echo(
             f"{_number(done.clipped, 'picture')} with values outside [0, 1], which are clipped: 1 is white; "
-            "scale data of another range first"
+            "divide a high-dynamic-range render by the value that shall be white first"
         )
     if done.skipped:
         parts = [f"{count} {suffix}" for suffix, count in sorted(done.skipped.items())]
         click.echo(f"skipped {_number(sum(done.skipped.values()), 'file')}: {', '.join(parts)}")
+    if done.excluded:
+        click.echo(f"left out {_number(done.excluded, 'picture')} by --include and --exclude")
     if done.unlabelled:
         click.echo(f"{_number(done.unlabelled, 'picture')} without labels")
 

@@ -12,6 +12,7 @@ from visaug.frames.limits import check_shape
 
 COLOURS = (("R", "G", "B"), ("Y",))
 ALPHA = "A"
+COMBINED = "Combined"  # Blender's layer of all light
 
 
 def read_npy(path: Path) -> Picture:
@@ -43,15 +44,37 @@ def read_exr(path: Path) -> Picture:
         (x0, y0), (x1, y1) = header["dataWindow"]
         check_shape((int(y1) - int(y0) + 1, int(x1) - int(x0) + 1), path)
         channels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
-    names = next((names for names in COLOURS if all(name in channels for name in names)), None)
-    if names is None:
-        raise InputError(f"holds the channels {', '.join(channels)}", file=path, expected="R, G and B, or Y")
-    names += (ALPHA,) if ALPHA in channels else ()
+    names = _picture_channels(list(channels), path)
     pixels = np.stack([channels[name] for name in names], -1)
     if pixels.dtype.kind != "f":
         raise InputError(f"holds {pixels.dtype}", file=path, expected="half or float channels")
     extras = {"header": header, "channels": channels, "names": names}
     return Picture(pixels, LINEAR, "OpenEXR", extras=extras)
+
+
+def _picture_channels(channels: list[str], path: Path) -> tuple[str, ...]:
+    """Names of the channels of the picture: R, G, B or Y, alone or of one layer, `ViewLayer.Combined.R` as Blender has them.
+
+    Layers that end in `Combined` go before others, which hold parts of the light: diffuse, emission, shadow.
+    """
+    layers = dict.fromkeys(name.rpartition(".")[0] for name in channels)
+    found = [
+        tuple(f"{layer}.{name}" if layer else name for name in (*names, ALPHA))
+        for layer in layers
+        for names in COLOURS
+        if all((f"{layer}.{name}" if layer else name) in channels for name in names)
+    ]
+    plain = [names for names in found if "." not in names[0]]
+    combined = [names for names in found if names[0].split(".")[-2:-1] == [COMBINED]]
+    chosen = plain[:1] or combined or found
+    if len(chosen) != 1:
+        several = ", ".join(names[0] for names in chosen)
+        raise InputError(
+            f"holds several pictures ({several})" if chosen else f"holds the channels {', '.join(channels)}",
+            file=path,
+            expected="R, G and B, or Y, of one layer",
+        )
+    return tuple(name for name in chosen[0] if name in channels)
 
 
 def write_exr(path: Path, picture: Picture) -> None:

@@ -35,7 +35,8 @@ def read_with_pillow(path: Path) -> Picture:
             raise InputError(f"holds {count} pictures", file=path, expected="a single picture in a file")
         extras = {key: image.info[key] for key in KEPT.get(image.format or "", ()) if key in image.info}
         hints = Hints(icc=image.info.get("icc_profile"), exif_space=exif_space(image.info.get("exif")))
-        if image.mode in ("P", "PA"):
+        palette = image.mode in ("P", "PA")
+        if palette:
             image = image.convert("RGBA" if "transparency" in image.info or image.mode == "PA" else "RGB")
         elif image.mode == "1":
             image = image.convert("L")
@@ -46,14 +47,15 @@ def read_with_pillow(path: Path) -> Picture:
         pixels = three_axes(np.asarray(image))
     colours = pixels.shape[2] - (pixels.shape[2] in (2, 4))
     transfer, reason = transfer_of(hints, pixels.dtype, colours)
-    return Picture(pixels, transfer, reason, extras=extras)
+    return Picture(pixels, transfer, reason, extras=extras | {"palette": palette})
 
 
 def write_with_pillow(path: Path, picture: Picture) -> None:
     from PIL import Image
 
     pixels = picture.pixels[..., 0] if picture.pixels.shape[2] == 1 else picture.pixels
-    Image.fromarray(pixels).save(path, **WRITTEN[path.suffix.lower()], **picture.extras)
+    extras = {key: value for key, value in picture.extras.items() if key != "palette"}
+    Image.fromarray(pixels).save(path, **WRITTEN[path.suffix.lower()], **extras)
 
 
 def exif_space(block: bytes | None) -> int | None:

@@ -44,6 +44,7 @@ def read_png(path: Path) -> Picture:
     extras: dict[str, Any] = {
         "png_chunks": [chunk for chunk in chunks if chunk[0] in names or _private(chunk[0])]
     }
+    extras["palette"] = colour_type == PALETTE
     colours = pixels.shape[2] - (pixels.shape[2] in (2, 4))
     transfer, reason = transfer_of(_hints(found), pixels.dtype, colours)
     return Picture(pixels, transfer, reason, keep, key, extras)

@@ -51,6 +51,7 @@ def read_tiff(path: Path) -> Picture:
         extras: dict[str, Any] = {
             "resolution": [tag.value for tag in resolution] if all(resolution) else None,
             "compression": "zlib" if page.compression != 1 else None,
+            "palette": photometric == PALETTE,
             "white_is_zero": photometric == WHITE_IS_ZERO,
             "alpha": [int(kind) for kind in page.extrasamples],
             "tags": [

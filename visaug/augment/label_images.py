@@ -1,0 +1,85 @@
+"""Whether an image file holds labels or measurements rather than light: masks, segmentations, depth, normals, flow.
+
+Such files look like pictures and lie beside them in data sets of BlenderProc (BOP), Isaac Replicator, Pascal VOC and
+Cityscapes. Noise destroys them. Lossy files (JPEG) never hold labels.
+"""
+
+import re
+from pathlib import PurePosixPath
+
+import numpy as np
+
+from visaug.augment.image_io import Picture
+
+LOSSY = (".jpg", ".jpeg")
+FEW_COLOURS = 32  # a segmentation of an image has so many classes or instances; a shaded picture has hundreds of colours
+GRAYS = 256  # distinct colours of an 8-bit gray image: a name such as "mask" is believed up to here
+SAMPLED = 4096  # pixels that are looked at first: a picture has shown more colours by then
+MEASURED = {"depth", "distance", "disparity", "flow", "normals", "nocs"}  # no limit on their number of values
+CLASSES = {
+    "mask",
+    "masks",
+    "seg",
+    "segm",
+    "segmentation",
+    "semantic",
+    "instance",
+    "instances",
+    "label",
+    "labels",
+} | {
+    "panoptic",
+    "gt",
+    "matte",
+}
+
+
+def why_labels(name: str, picture: Picture) -> str | None:
+    """The reason to take an image for labels, in a few words; None for a picture.
+
+    Args:
+        name: its path below the folder that was given.
+        picture: what it holds.
+    """
+    if PurePosixPath(name).suffix.lower() in LOSSY:
+        return None
+    words = words_of(name)
+    if words & MEASURED:
+        return f"named {', '.join(sorted(words & MEASURED))}"
+    if picture.extras.get("palette"):
+        return "palette"
+    light = picture.pixels[..., : picture.colours]
+    if light.dtype.kind == "f":
+        return _measured(light)
+    named = words & CLASSES
+    colours = number_of_colours(light, GRAYS if named else FEW_COLOURS)
+    if named and colours <= GRAYS:
+        return f"named {', '.join(sorted(named))}"
+    if 1 < colours <= FEW_COLOURS:
+        return "two values" if colours == 2 else "few colours"
+    return None
+
+
+def words_of(name: str) -> set[str]:
+    """The words in a path without its suffix, in lower case: `gtFine/a_labelIds` has gt, fine, a, label and ids."""
+    bare = str(PurePosixPath(name).with_suffix(""))
+    return {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", bare)}
+
+
+def number_of_colours(light: np.ndarray, most: int) -> int:
+    """Number of distinct values of pixels (H, W, C) of whole numbers; anything above `most` where there are more."""
+    pixels = light.reshape(-1, light.shape[2]).astype(np.uint64)
+    packed = pixels @ (np.uint64(1) << (np.uint64(16) * np.arange(light.shape[2], dtype=np.uint64)))
+    seen = len(np.unique(packed[:: max(1, len(packed) // SAMPLED)]))
+    return seen if seen > most else len(np.unique(packed))
+
+
+def _measured(light: np.ndarray) -> str | None:
+    """Floating-point values of which most are no fraction of white: metres, or the signed parts of a direction."""
+    there = light[np.isfinite(light)]
+    if there.size and not np.array_equal(there, np.round(there)):  # whole numbers have an error of their own
+        if float(np.median(there)) > 1:
+            return "most values above 1"
+        if float((there < 0).mean()) > 0.05:
+            return "negative values"
+    return None
