@@ -15,7 +15,7 @@ import numpy as np
 
 from visaug.core.errors import InputError
 from visaug.core.files import write_json, write_text
-from visaug_train import oracle, proof, tables
+from visaug_train import tables
 from visaug_train.cluster import spread
 from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation
@@ -24,6 +24,7 @@ from visaug_train.published import TABLES_2_3
 from visaug_train.scoring import run_and_score
 from visaug_train.statistics import paired_interval
 from visaug_train.strength import Strengths, strengths
+from visaug_train.studies import oracle, proof
 from visaug_train.training import (
     Run,
     Study,

@@ -14,9 +14,9 @@ from visaug.report.plots.learning import plot_timing, plot_training
 from visaug.report.provenance import footer
 from visaug_train.ablation import Ablation
 from visaug_train.plots import plot_dependence, plot_gallery, read_gray
-from visaug_train.proof import proof_sections
+from visaug_train.studies.proof import proof_sections
+from visaug_train.studies.target_report import target_sections
 from visaug_train.tables import MEASURES, overview_table
-from visaug_train.target_report import target_sections
 from visaug_train.training import batch_noise
 
 DETECTION, KEYPOINTS = ("box_ap", "iou"), ("keypoint_ap_paper", "oks_paper")

@@ -28,14 +28,14 @@ from visaug_train.callbacks import close_noise, follow
 from visaug_train.config import Config
 from visaug_train.convert import convert
 from visaug_train.geometry import Keypoints
-from visaug_train.hidden import HiddenEffect, check_hidden, hide_effects
 from visaug_train.noise import batch_noise
 from visaug_train.noise import vis_noise as vis_noise
 from visaug_train.quiet import check_tracking, quiet_ultralytics, set_tracking
 from visaug_train.record import decides, surroundings
 from visaug_train.render.dataset import RenderSettings, read_back, render_dataset
 from visaug_train.speed import PoseSet, read_poses
-from visaug_train.target import TargetCamera, check_cameras, make_cameras
+from visaug_train.studies.hidden import HiddenEffect, check_hidden, hide_effects
+from visaug_train.studies.target import TargetCamera, check_cameras, make_cameras
 
 Progress = Callable[[str, int, int], None]
 
