@@ -48,6 +48,7 @@ def convert(
         **{name: f"images/{name}" for name in parts},
         "names": {0: keypoints.name},
         "kpt_shape": [len(keypoints), 3],
+        **({"flip_idx": list(keypoints.flip)} if keypoints.flip else {}),
         "channels": channels,
     }
     if data_yaml.is_file():
@@ -152,6 +153,7 @@ def _describe(
     beside = destination.resolve().parent
     return {
         "keypoints": keypoints.points_m.tolist(),
+        **({"flip": list(keypoints.flip)} if keypoints.flip else {}),
         "size": list(size) if size else None,
         "reduce": reduce,
         "channels": channels,
