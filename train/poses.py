@@ -89,8 +89,7 @@ def load_poses(
         chosen = found
         say(f"of {len(blocks)} poses under the same names, number {chosen + 1} was taken for {poses.domain}")
     quaternions, translations = pose_readings(blocks[chosen][:, :4], blocks[chosen][:, 4:], poses, say)
-    answered = np.isfinite(quaternions).all(axis=1)
-    return [(q, r) if known else None for q, r, known in zip(quaternions, translations, answered)]
+    return [(q, r) if np.isfinite(q).all() else None for q, r in zip(quaternions, translations)]
 
 
 def _rows(path: Path) -> list[list[str]]:

@@ -4,6 +4,7 @@ A reading other than the expected one is taken only where it is beyond doubt: it
 that of the file as it stands. It is always said.
 """
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -65,12 +66,13 @@ def which_block(blocks: Sequence[np.ndarray], foreign: Sequence[int], poses: Pos
         q, r = pose_readings(block[:, :4], block[:, 4:], poses, lambda _: None)
         off = np.linalg.norm(r - poses.translations, axis=1) / np.linalg.norm(poses.translations, axis=1)
         errors.append(_angles(q, poses.quaternions) + off)
-    nearest = np.nanargmin(np.where(np.isfinite(errors), errors, np.inf), axis=0)[
-        np.isfinite(errors).any(axis=0)
-    ]
+    known = np.array(errors)[:, np.isfinite(errors).any(axis=0)]
+    known = np.where(np.isfinite(known), known, np.inf)
+    alone = (known == known.min(axis=0)).sum(axis=0) == 1  # equal answers tell nothing
+    nearest = known.argmin(axis=0)[alone]
     won = np.bincount(nearest, minlength=len(blocks))
     best = int(np.argmax(won))
-    by_chance = binomtest(int(won[best]), len(nearest), 1 / len(blocks), alternative="greater").pvalue
+    by_chance = binomtest(int(won[best]), known.shape[1], 1 / len(blocks), alternative="greater").pvalue
     return best if by_chance < 0.01 else None
 
 
@@ -92,11 +94,10 @@ def point_readings(
         return detections
     points, truth, sizes = np.concatenate(found), np.concatenate(true), np.concatenate(extent)
     whole = np.array(size, float)
-    copies = []
-    for axis in (0, 1):
-        far = truth[:, axis] > 0.1 * whole[axis]  # nearer to the corner a ratio says little
-        ratio = float(np.median(points[far, axis] / truth[far, axis])) if far.any() else 1.0
-        copies.append(max(1, round(ratio * whole[axis])))
+    far = (truth > 0.1 * whole).all(axis=1)  # nearer to an edge a ratio says little
+    if not far.any():
+        return detections
+    copies = _copies(np.median(points[far] / truth[far], axis=0), size)
     factor = whole / copies
     off = [np.linalg.norm(points * f - truth, axis=1) / sizes for f in (np.ones(2), factor)]
     if not clearly([_median(each) for each in off]):
@@ -107,3 +108,15 @@ def point_readings(
         Detections(d.boxes * np.tile(factor, 2), d.points * factor, d.point_scores, d.scores)
         for d in detections
     ]
+
+
+def _copies(ratio: np.ndarray, size: tuple[int, int]) -> list[int]:
+    """Width and height of copies by the ratio of their points to those of the images, (2).
+
+    Where one of the same proportions is within 1 %, it is that.
+    """
+    step = np.array(size) // math.gcd(*size)
+    same = max(1, round(float(np.mean(ratio * size / step)))) * step
+    if np.abs(same / (ratio * size) - 1).max() < 0.01:
+        return same.tolist()
+    return [max(1, round(float(each))) for each in ratio * size]

@@ -5,7 +5,9 @@ from collections.abc import Callable
 
 from visaug_train.convert import identity
 from visaug_train.evaluate import Evaluation, evaluate
+from visaug_train.metrics import Detections
 from visaug_train.predictions import load_predictions, predict, save_predictions
+from visaug_train.speed import PoseSet
 from visaug_train.training import Run, Study, train_run
 
 Progress = Callable[[str, int, int], None]
@@ -19,27 +21,42 @@ def run_and_score(
     return run, evaluate_run(study, run, progress)
 
 
-def evaluate_run(study: Study, run: Run, progress: Progress | None = None) -> dict[str, Evaluation]:
-    """Score a run's network on every test set; its predictions are kept beside the weights."""
+def evaluate_run(
+    study: Study, run: Run, progress: Progress | None = None, weights: str | None = None
+) -> dict[str, Evaluation]:
+    """Score a run's network on every test set: that of its `weights` (last or best), the config's where left out."""
+    return {
+        domain: evaluate(
+            domain, poses, study.keypoints, predictions_of(study, run, domain, poses, progress, weights)
+        )
+        for domain, poses in study.tests.items()
+    }
+
+
+def predictions_of(
+    study: Study,
+    run: Run,
+    domain: str,
+    poses: PoseSet,
+    progress: Progress | None = None,
+    weights: str | None = None,
+) -> list[Detections]:
+    """What a run's network finds in a set; kept beside the weights."""
     arguments = {**study.config.training, **study.config.arm(run.arm).training}
-    found = {}
-    for domain, poses in study.tests.items():
-        names = "\n".join([run.weights.name, str(identity(poses))])
-        digest = hashlib.sha256(names.encode()).hexdigest()[:8]
-        path = run.folder / "predictions" / f"{domain}-{digest}.json"
-        if not path.is_file():
-            detections = predict(
-                run.weights,
-                poses,
-                arguments.get("imgsz", 640),
-                study.config.output / "ultralytics-settings",
-                arguments.get("device"),
-                f"evaluating {run.arm} seed {run.seed} on {domain}",
-                progress,
-                size=study.config.data.image_size,
-                reduce=study.config.data.reduction,
-            )
-            save_predictions(path, poses, detections)
-        detections = load_predictions(path, poses, len(study.keypoints))
-        found[domain] = evaluate(domain, poses, study.keypoints, detections)
-    return found
+    file = run.weights.with_stem(weights) if weights else run.weights
+    digest = hashlib.sha256(f"{file.name}\n{identity(poses)}".encode()).hexdigest()[:8]
+    path = run.folder / "predictions" / f"{domain}-{digest}.json"
+    if not path.is_file():
+        detections = predict(
+            file,
+            poses,
+            arguments.get("imgsz", 640),
+            study.config.output / "ultralytics-settings",
+            arguments.get("device"),
+            f"evaluating {run.arm} seed {run.seed} on {domain}",
+            progress,
+            size=study.config.data.image_size,
+            reduce=study.config.data.reduction,
+        )
+        save_predictions(path, poses, detections)
+    return load_predictions(path, poses, len(study.keypoints))
