@@ -5,8 +5,9 @@ Everything that is finished is kept: runs by their folders, predictions beside t
 and the others go on; the same command tries it again.
 """
 
+import shutil
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,11 +21,13 @@ from visaug_train.cluster import spread
 from visaug_train.config import Config
 from visaug_train.evaluate import Evaluation
 from visaug_train.poses import save_poses
-from visaug_train.published import TABLES_2_3
-from visaug_train.scoring import run_and_score
-from visaug_train.statistics import paired_interval
+from visaug_train.published import TABLES_2_3, WHICH_OKS
+from visaug_train.record import COMPARED
+from visaug_train.scoring import other_weights, run_and_score
+from visaug_train.statistics import holm, paired_interval, paired_p_value
 from visaug_train.strength import Strengths, strengths
 from visaug_train.studies import oracle, proof
+from visaug_train.studies.target import transductive
 from visaug_train.training import (
     Run,
     Study,
@@ -39,7 +42,10 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Difference:
-    """An arm's mean over seeds less the baseline's, on one domain, with its 95 % interval."""
+    """An arm's mean over seeds less the baseline's, on one domain, with its 95 % interval.
+
+    `p_value_in_family` is corrected for all differences of the study, by Holm's procedure.
+    """
 
     arm: str
     domain: str
@@ -48,6 +54,17 @@ class Difference:
     difference: float
     low: float
     high: float
+    p_value_in_family: float = float("nan")
+
+    @property
+    def clear(self) -> bool:
+        """Whether its own interval leaves out 0."""
+        return self.low > 0 or self.high < 0
+
+    @property
+    def clear_in_family(self) -> bool:
+        """Whether it is clear among all differences of the study."""
+        return self.p_value_in_family < 0.05
 
 
 @dataclass(frozen=True)
@@ -61,12 +78,17 @@ class Failure:
 
 @dataclass(frozen=True, eq=False)
 class Ablation:
-    """Finished runs and their scores: `scored` is (arm, seed) -> (run, domain -> evaluation)."""
+    """Finished runs and their scores.
+
+    `scored` is (arm, seed) -> (run, domain -> evaluation) of the config's weights, `others` the summaries by domain of the
+    same runs' other weights (best for last, last for best).
+    """
 
     study: Study
     scored: Mapping[tuple[str, int], tuple[Run, Mapping[str, Evaluation]]]
     failures: tuple[Failure, ...]
     noise: Strengths | None = None
+    others: Mapping[tuple[str, int], Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
     _known: dict[tuple, np.ndarray] = field(
         default_factory=dict, repr=False
     )  # resampled scores, which cost most
@@ -88,18 +110,20 @@ class Ablation:
     @cached_property
     def means(self) -> dict[str, dict[str, dict[str, float]]]:
         """arm -> domain -> measure -> mean over seeds."""
-        return self._over_seeds(lambda values: float(np.mean(values)), 1)
+        return self._over_seeds(self.summaries, lambda values: float(np.mean(values)), 1)
 
     @cached_property
     def spreads(self) -> dict[str, dict[str, dict[str, float]]]:
         """The same, the seeds' standard deviation; arms with one seed have none."""
-        return self._over_seeds(lambda values: float(np.std(values, ddof=1)), 2)
+        return self._over_seeds(self.summaries, lambda values: float(np.std(values, ddof=1)), 2)
 
     def _over_seeds(
-        self, statistic: Callable[[list[float]], float], least: int
+        self, summaries: Mapping[tuple[str, int], Any], statistic: Callable[[list[float]], float], least: int
     ) -> dict[str, dict[str, dict[str, float]]]:
+        seeds = {arm: [s for s in self.seeds(arm) if (arm, s) in summaries] for arm in self.config.arms}
+
         def of(arm: str, domain: str, measure: str) -> float:
-            return statistic([tables.value(self.summaries[arm, s][domain], measure) for s in self.seeds(arm)])
+            return statistic([tables.value(summaries[arm, s][domain], measure) for s in seeds[arm]])
 
         return {
             arm: {
@@ -107,7 +131,7 @@ class Ablation:
                 for domain in self.study.tests
             }
             for arm in self.config.arms
-            if len(self.seeds(arm)) >= least
+            if len(seeds[arm]) >= least
         }
 
     @cached_property
@@ -116,7 +140,25 @@ class Ablation:
         if not self.seeds(self.config.baseline):
             return []
         others = [arm for arm in self.means if arm != self.config.baseline]
-        return [d for arm in others for domain in self.study.tests for d in self._compared(arm, domain)]
+        found = [d for arm in others for domain in self.study.tests for d in self._compared(arm, domain)]
+        corrected = holm(np.array([d.p_value_in_family for d in found]))
+        return [replace(d, p_value_in_family=float(p)) for d, p in zip(found, corrected)]
+
+    @property
+    def mixed(self) -> str:
+        """What of versions and device differs between the runs; empty where nothing does."""
+        found: dict[str, dict[str, list[str]]] = {}
+        for (arm, seed), (run, _) in self.scored.items():
+            for key in COMPARED:
+                value = str(run.surroundings.get(key, "none"))
+                found.setdefault(key, {}).setdefault(value, []).append(f"{arm} seed {seed}")
+        several = [
+            f"{key} "
+            + ", ".join(f"{value} ({len(runs)} runs, such as {runs[0]})" for value, runs in by_value.items())
+            for key, by_value in found.items()
+            if len(by_value) > 1
+        ]
+        return f"The runs were not trained alike: {'; '.join(several)}." if several else ""
 
     @cached_property
     def gains(self) -> list[oracle.Gain]:
@@ -140,14 +182,14 @@ class Ablation:
 
     def _compared(self, arm: str, domain: str) -> Iterator[Difference]:
         found = self.compare((arm, domain), (self.config.baseline, domain))
-        for measure, (reference, difference, low, high) in found.items():
-            yield Difference(arm, domain, measure, reference, difference, low, high)
+        for measure, values in found.items():
+            yield Difference(arm, domain, measure, *values)
 
     def compare(
         self, own: tuple[str, str], other: tuple[str, str]
-    ) -> dict[str, tuple[float, float, float, float]]:
+    ) -> dict[str, tuple[float, float, float, float, float]]:
         """One (arm, domain) less another, paired by seed and image: measure -> the other's mean over seeds, the
-        difference, and its 95 % interval (see `visaug_train.statistics`).
+        difference, its 95 % interval and the p-value of no difference (see `visaug_train.statistics`).
 
         Domains of two cameras that took the same views are paired by view.
         """
@@ -162,11 +204,11 @@ class Ablation:
             if len(pairs) > 1
             else np.full(len(tables.MEASURES), np.nan)
         )
-        low, high = paired_interval(differences, by_images, len(self.study.tests[own[1]]))
-        columns = zip(
-            reference.mean(axis=0).tolist(), differences.mean(axis=0).tolist(), low.tolist(), high.tolist()
-        )
-        return dict(zip(tables.MEASURES, columns))
+        images = len(self.study.tests[own[1]])
+        low, high = paired_interval(differences, by_images, images)
+        p_values = paired_p_value(differences, by_images, images)
+        columns = np.array([reference.mean(axis=0), differences.mean(axis=0), low, high, p_values])
+        return {measure: tuple(column) for measure, column in zip(tables.MEASURES, columns.T.tolist())}
 
     def scores(self, place: tuple[str, str], seeds: list[int]) -> tuple[np.ndarray, np.ndarray]:
         """Scores of an (arm, domain), (seeds, measures), and on resampled images, (bootstrap, seeds, measures)."""
@@ -205,7 +247,8 @@ class Ablation:
         measured = ["keypoint_ap_paper", "oks_paper", "keypoint_ap_coco", "oks_coco"]
         scores, spreads = self.means | published, self.spreads
         made["detection"] = tables.score_table("Object detection", scores, ["box_ap", "iou"], spreads)
-        made["keypoints"] = tables.score_table("Keypoint regression", scores, measured, spreads)
+        keypoints = tables.score_table("Keypoint regression", scores, measured, spreads)
+        made["keypoints"] = keypoints.with_note(WHICH_OKS) if published else keypoints
         if published:
             made["comparison"] = tables.comparison_table(self.means)
         made["poses"] = tables.pose_table(
@@ -215,7 +258,12 @@ class Ablation:
             }
         )
         made["differences"] = tables.difference_table(self.differences, self.config.baseline)
-        return made
+        if self.others:
+            others = self._over_seeds(self.others, lambda values: float(np.mean(values)), 1)
+            other = other_weights(self.config.weights)
+            made["weights"] = tables.weights_table(self.config.weights, self.means, other, others)
+        seen = transductive(self.study)
+        return {name: tables.marked(table, seen) for name, table in made.items()}
 
     def to_json(self) -> dict[str, Any]:
         """Scores of every run, differences, failures."""
@@ -228,11 +276,17 @@ class Ablation:
                     "seed": seed,
                     "hash": run.folder.name.rsplit("-", 1)[-1],
                     "seconds": run.seconds,
+                    "surroundings": run.surroundings,
+                    "weights": self.config.weights,
                     "scores": self.summaries[arm, seed],
+                    other_weights(self.config.weights): self.others.get((arm, seed)),
                 }
                 for (arm, seed), (run, _) in self.scored.items()
             ],
             "differences": [d.__dict__ for d in self.differences],
+            "by_chance": tables.by_chance(self.differences),
+            "mixed": self.mixed,
+            "cameras_from_test_images": transductive(self.study),
             "intervals": self.interval_covers,
             "failures": [f.__dict__ for f in self.failures],
             "oracle": [gain.to_json() for gain in self.gains],
@@ -247,6 +301,7 @@ class Ablation:
             write_text(folder / f"{name}.csv", table.to_csv())
             write_text(folder / f"{name}.tex", table.to_latex())
         notes = [f"Seeds: {', '.join(map(str, self.config.seeds))}; {self.interval_covers}."]
+        notes += [self.mixed] if self.mixed else []
         notes += [f"Failed: {f.arm}, seed {f.seed}: {f.error}" for f in self.failures]
         text = "\n".join([f"# {self.config.name}", "", *(t.to_markdown() for t in made.values()), *notes])
         write_text(folder / "tables.md", text + "\n")
@@ -268,10 +323,12 @@ def ablate(
     Args:
         config: the study.
         progress: called with (description, done, total).
-        announce: gets, before any training, how strong the arms' noise is; it is also written to noise.md.
+        announce: gets what was settled by the device, the hours that the training costs, and how strong the arms' noise is
+            (also in noise.md), before any training.
     """
-    check_arms(config)
-    study = prepare(config, progress)
+    config = check_arms(config, announce)
+    shutil.rmtree(config.output / "failures", ignore_errors=True)  # of an earlier try
+    study = prepare(config, progress, announce)
     config = study.config
     noise = strengths(study)
     write_text(config.output / "noise.md", noise.text() + "\n")
@@ -287,16 +344,17 @@ def ablate(
             f"the network that all runs start from could not be trained ({said})", file=where
         ) from error
     lost = spread(study, runs, run_and_score, config.cluster, progress) if config.cluster else {}
-    scored, failures = {}, []
+    scored, failures, others = {}, [], {}
     for arm, seed in runs:
         if (arm, seed) in lost:
             failures.append(Failure(arm, seed, lost[arm, seed]))
             continue
         try:
-            scored[arm, seed] = run_and_score(study, arm, seed, progress)
+            run, scored_sets, others[arm, seed] = run_and_score(study, arm, seed, progress)
+            scored[arm, seed] = run, scored_sets
         except Exception as error:
             failures.append(Failure(arm, seed, note_failure(study, arm, seed, error)))
     if not scored:
         first = failures[0].error if failures else "no arm"
         raise InputError(f"no run ended well ({first})", file=config.output / "failures")
-    return Ablation(study, scored, tuple(failures), noise)
+    return Ablation(study, scored, tuple(failures), noise, {k: v for k, v in others.items() if v})

@@ -1,5 +1,6 @@
 """What the program's commands of the harness call."""
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -12,7 +13,7 @@ from visaug_train.ablation import ablate as run_ablation
 from visaug_train.config import Config, load_config
 from visaug_train.evaluate import evaluate_predictions, submission
 from visaug_train.poses import save_poses
-from visaug_train.scoring import evaluate_run, predictions_of
+from visaug_train.scoring import evaluate_run, other_summaries, other_weights, predictions_of
 from visaug_train.speed import read_poses
 from visaug_train.strength import strengths
 from visaug_train.training import check_arms, prepare, run_folder, train_run
@@ -27,7 +28,7 @@ def train(config_path: Path, seed: int = 0, progress: Progress | None = None, ar
     config = _seeded(config_path, seed)
     arm = _arm(config, arm)
     with folder_lock(config.output):
-        study = prepare(config, progress)
+        study = prepare(config, progress, partial(print, flush=True), [arm])
         print(strengths(study).text(), flush=True)
         run = train_run(study, arm, study.config.seeds[0], progress)
     return f"{arm}, seed {run.seed}: {run.weights} ({run.seconds:.0f} s)"
@@ -99,7 +100,13 @@ def evaluate(
         save_poses(folder / f"{domain}-poses.csv", evaluation.poses, evaluation.found)
         if poses_csv is not None:
             save_poses(poses_csv, evaluation.poses, evaluation.found)
-    return {domain: evaluation.summary() for domain, evaluation in evaluations.items()}
+    weights = study.config.weights
+    others = other_summaries(study, run, progress)
+    return {
+        domain: {**evaluation.summary(), "weights": weights}
+        | ({other_weights(weights): others[domain]} if domain in others else {})
+        for domain, evaluation in evaluations.items()
+    }
 
 
 def _arm(config: Config, name: str | None) -> str:
@@ -111,6 +118,5 @@ def _arm(config: Config, name: str | None) -> str:
 
 def _seeded(path: Path, seed: int) -> Config:
     """The config with `seed` added to its seeds, so that --seed 0 is the config as it stands."""
-    config = load_config(path)
-    check_arms(config)
+    config = check_arms(load_config(path), partial(print, file=sys.stderr, flush=True))
     return config.model_copy(update={"seeds": [s + seed for s in config.seeds]})

@@ -20,7 +20,10 @@ PACKAGES = (
     "ultralytics",
     "ultralytics-opencv-headless",
     "opencv-python-headless",
+    "albumentations",  # where it is installed, ultralytics adds augmentations of its own by default
 )
+# Entries of a run's surroundings that may change its outcome: the report says where runs differ in them.
+COMPARED = ("visaug", *PACKAGES, "device")
 
 
 def decides(config: Config, arm: Arm, data_yaml: Path) -> dict[str, Any]:

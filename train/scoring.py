@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Callable
+from typing import Any
 
 from visaug_train.convert import identity
 from visaug_train.evaluate import Evaluation, evaluate
@@ -13,12 +14,25 @@ from visaug_train.training import Run, Study, train_run
 Progress = Callable[[str, int, int], None]
 
 
+def other_weights(weights: str) -> str:
+    """The weights of a run that are not its headline."""
+    return "best" if weights == "last" else "last"
+
+
 def run_and_score(
     study: Study, arm: str, seed: int, progress: Progress | None = None
-) -> tuple[Run, dict[str, Evaluation]]:
-    """A run with its scores, from files as far as they are there."""
+) -> tuple[Run, dict[str, Evaluation], dict[str, dict[str, Any]]]:
+    """A run, its evaluations, and the summaries of its other weights by domain; from files as far as they are there."""
     run = train_run(study, arm, seed, progress)
-    return run, evaluate_run(study, run, progress)
+    return run, evaluate_run(study, run, progress), other_summaries(study, run, progress)
+
+
+def other_summaries(study: Study, run: Run, progress: Progress | None = None) -> dict[str, dict[str, Any]]:
+    """Scores by domain of a run's other weights; empty where it kept none."""
+    other = other_weights(study.config.weights)
+    if not run.weights.with_stem(other).is_file():
+        return {}
+    return {name: each.summary() for name, each in evaluate_run(study, run, progress, other).items()}
 
 
 def evaluate_run(

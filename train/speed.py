@@ -145,6 +145,15 @@ def read_poses(
     return poses
 
 
+def part_of(poses: PoseSet, share: tuple[float, float], seed: int) -> PoseSet:
+    """A part of the images in random order: shares that do not overlap hold different images."""
+    order = np.random.default_rng([20261126, seed]).permutation(len(poses))
+    first, last = (round(end * len(poses)) for end in share)
+    if first == last:
+        raise InputError(f"{poses.name}: a share of {list(share)} of {len(poses)} images is none")
+    return poses.select(np.sort(order[first:last]))
+
+
 def split_indices(count: int, seed: int) -> dict[str, np.ndarray]:
     """Indices of the images that train, validate and test.
 

@@ -67,7 +67,7 @@ def test_a_config_on_top_of_another(tmp_path):
     (tmp_path / "top.yaml").write_text("extends: base.yaml\nname: m\ntraining: {epochs: 5}\n")
     config = load_config(tmp_path / "top.yaml")
     assert (config.name, config.output) == ("m", Path("o"))
-    assert config.training == {"epochs": 5, "batch": 4}
+    assert config.training == {"epochs": 5, "batch": 4, "augmentations": []}
     (tmp_path / "base.yaml").write_text("extends: top.yaml\n")
     with pytest.raises(InputError, match="extends: is"):
         load_config(tmp_path / "top.yaml")
