@@ -187,6 +187,9 @@ def overview_table(
     With more than `most` arms beside the baseline each has a row.
     """
     others = [arm for arm in means if arm != baseline]
+    mine = sum(d.measure == measure for d in differences)
+    note = f"Each change has its own interval; {0.05 * mine:.1f} of these {mine} would be called clear by chance."
+    note = note if mine > 1 else ""
     found = {(d.arm, d.domain): d for d in differences if d.measure == measure}
     domains = list(dict.fromkeys(domain for scores in means.values() for domain in scores))
     label = MEASURES[measure][1]
@@ -201,7 +204,7 @@ def overview_table(
     if len(others) > most:
         rows = [[d, arm, value_of(arm, d), change_of(arm, d)] for d in domains for arm in means]
         title = f"{label}: mean over seeds, and the change against {baseline} with its 95 % interval"
-        return Table(title, ["test set", "arm", "AP", "change"], rows)
+        return Table(title, ["test set", "arm", "AP", "change"], rows, note)
     rows = []
     for domain in domains:
         row = [domain, *([value_of(baseline, domain)] if baseline in means else [])]
@@ -210,7 +213,7 @@ def overview_table(
             row.append(value_of(arm, domain) + (f" ({said})" if said else ""))
         rows.append(row)
     title = f"{label}: mean over seeds; in brackets the change and its 95 % interval"
-    return Table(title, ["test set", *([baseline] if baseline in means else []), *others], rows)
+    return Table(title, ["test set", *([baseline] if baseline in means else []), *others], rows, note)
 
 
 def change(difference: Any) -> str:
