@@ -10,13 +10,14 @@ from typing import Any
 from visaug.core.errors import InputError, PartlyFailed
 from visaug.core.files import folder_lock
 from visaug_train.ablation import ablate as run_ablation
+from visaug_train.checks import check_arms
 from visaug_train.config import Config, load_config
-from visaug_train.evaluate import evaluate_predictions, submission
+from visaug_train.external import evaluate_predictions, submission
 from visaug_train.poses import save_poses
 from visaug_train.scoring import evaluate_run, other_summaries, other_weights, predictions_of
 from visaug_train.speed import read_poses
 from visaug_train.strength import strengths
-from visaug_train.training import check_arms, prepare, run_folder, train_run
+from visaug_train.training import prepare, run_folder, train_run
 
 Progress = Callable[[str, int, int], None]
 

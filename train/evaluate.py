@@ -10,7 +10,6 @@ import numpy as np
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
 from visaug_train.geometry import Keypoints, Targets, project_targets, rotation_matrix
-from visaug_train.image_names import ImageNames, names_elsewhere
 from visaug_train.metrics import (
     BOXES_PER_IMAGE,
     DEFINITIONS,
@@ -21,10 +20,8 @@ from visaug_train.metrics import (
     keypoint_similarity,
 )
 from visaug_train.pose import FLOORED_DOMAINS, estimate_pose, pose_errors, spec_score
-from visaug_train.poses import Pose, load_poses, save_poses, save_submission
-from visaug_train.predictions import load_predictions
-from visaug_train.readings import point_readings
-from visaug_train.speed import PoseSet, read_poses
+from visaug_train.poses import Pose
+from visaug_train.speed import PoseSet
 
 # A target without a pose counts as one wholly wrong, and no pose counts for more: silence is never better than an answer,
 # nor worse than a wild one. Kelvins has no such limit; it is left out in the score of the answered images.
@@ -132,69 +129,6 @@ def weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
     return float((sorted_values[low] + sorted_values[min(high, len(order) - 1)]) / 2)
 
 
-def evaluate_predictions(
-    predictions: str | Path,
-    data: str | Path,
-    domain: str,
-    keypoints: str | Path = "tango",
-    split: str | None = None,
-    images: str | Path | None = None,
-    poses_csv: str | Path | None = None,
-) -> dict[str, Any]:
-    """Scores of any network's predictions on a domain of a SPEED or SPEED+ folder: {domain: summary}.
-
-    Args:
-        predictions: COCO's results of keypoints, or poses as Kelvins takes them (NAME.csv). What they do not hold has no
-            score (None): boxes where records have no `bbox`, boxes and keypoints of poses.
-        data: the folder.
-        domain: which of its test sets.
-        keypoints: the model that the keypoints belong to.
-        split: of the domain, where it has several.
-        images: COCO's annotations file, for records with `image_id`.
-        poses_csv: where to write the poses that the keypoints give. Of images without labels that is all there is to do:
-            every image gets a line, as a submission to Kelvins needs it.
-
-    Returns:
-        The summary, with `notes`: what was recognised in the predictions, and what their score leaves out.
-    """
-    poses = read_poses(data, domain, split, labels=False)
-    points = Keypoints.load(keypoints)
-    names = ImageNames(poses, names_elsewhere(data, poses))
-    notes: list[str] = []
-    if Path(predictions).suffix.lower() == ".csv":
-        evaluation = evaluate_poses(poses, points, load_poses(predictions, poses, names, notes.append))
-    else:
-        detections = load_predictions(predictions, poses, len(points), images, names)
-        if not poses.labelled:
-            return {domain: submission(poses, points, detections, poses_csv)}
-        targets = project_targets(poses.camera, points, poses.quaternions, poses.translations)
-        size = (poses.camera.width, poses.camera.height)
-        detections = point_readings(detections, targets, size, notes.append)
-        evaluation = evaluate(domain, poses, points, detections)
-        if "iou" not in evaluation.table:
-            notes.append("boxes are not scored, for not every record has a bbox")
-    if poses_csv is not None:
-        save_poses(poses_csv, poses, evaluation.found)
-    return {domain: evaluation.summary() | {"notes": notes}}
-
-
-def submission(
-    poses: PoseSet, keypoints: Keypoints, detections: list[Detections], path: str | Path | None
-) -> dict[str, Any]:
-    """Write the poses of images without labels as Kelvins wants them; what to say in place of scores."""
-    if path is None:
-        raise InputError(
-            f"{poses.name} has no labels, so there is nothing to score",
-            field="--poses",
-            expected="the CSV to write for a submission",
-        )
-    missing = save_submission(path, poses, [_pose(each, keypoints, poses) for each in detections])
-    note = (
-        f"{missing} of {len(poses)} images have no pose of their own; they got the median position, unrotated"
-    )
-    return {"images": len(poses), "poses_found": 1 - missing / len(poses), "notes": [note] if missing else []}
-
-
 def evaluate_poses(poses: PoseSet, keypoints: Keypoints, found: list[Pose | None]) -> Evaluation:
     """Score poses alone."""
     if not poses.labelled:
@@ -222,7 +156,7 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
                 keypoint_similarity(each.points, points, inside, box, name, keypoints.sigmas)
             )
         latest = {name: values[-1] for name, values in similarities.items()}
-        found.append(_pose(each, keypoints, poses))
+        found.append(pose_of(each, keypoints, poses))
         rows.append(
             _row(i, each, latest, targets, poses) | _pose_row(i, found[-1], poses, bool(targets.seen[i]))
         )
@@ -244,7 +178,7 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
     return Evaluation(domain, poses, targets, detections, table, precision, found)
 
 
-def _pose(each: Detections, keypoints: Keypoints, poses: PoseSet) -> Pose | None:
+def pose_of(each: Detections, keypoints: Keypoints, poses: PoseSet) -> Pose | None:
     """From the likeliest detection's keypoints."""
     if not len(each):
         return None
