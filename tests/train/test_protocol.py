@@ -14,12 +14,12 @@ from scipy.stats import ttest_1samp
 
 from visaug.core.errors import InputError
 from visaug_train import device
-from visaug_train.ablation import Ablation, Difference
 from visaug_train.callbacks import keep_batch
 from visaug_train.checks import check_apart, check_arms
 from visaug_train.config import check_config, load_config
 from visaug_train.published import TABLES_2_3
 from visaug_train.record import surroundings
+from visaug_train.results import Ablation, Difference
 from visaug_train.speed import part_of, read_poses
 from visaug_train.statistics import holm, paired_interval, paired_p_value
 from visaug_train.studies.target import TargetCamera, transductive
