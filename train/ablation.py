@@ -29,10 +29,10 @@ def ablate(
     Args:
         config: the study.
         progress: called with (description, done, total).
-        announce: gets what was settled by the device, the hours that the training costs, and how strong the arms' noise is
+        announce: gets what this device does otherwise than asked, the hours that the training costs, and how strong the arms' noise is
             (also in noise.md), before any training.
     """
-    config = check_arms(config, announce)
+    check_arms(config, announce)
     shutil.rmtree(config.output / "failures", ignore_errors=True)  # of an earlier try
     study = prepare(config, progress, announce)
     config = study.config

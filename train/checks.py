@@ -5,7 +5,7 @@ from pathlib import Path
 
 from visaug.core.errors import InputError
 from visaug_train.config import Config
-from visaug_train.device import Say, settle
+from visaug_train.device import Say, check_device
 from visaug_train.noise import batch_noise
 from visaug_train.quiet import check_tracking, quiet_ultralytics
 from visaug_train.speed import PoseSet
@@ -27,8 +27,8 @@ def check_apart(parts: dict[str, PoseSet], tests: dict[str, PoseSet]) -> None:
                 )
 
 
-def check_arms(config: Config, announce: Say | None = None) -> Config:
-    """The config with what only this device decides settled; before any training.
+def check_arms(config: Config, announce: Say | None = None) -> None:
+    """Refuse, before any training, what could not be trained; `announce` is told what this device does otherwise than asked.
 
     Raises:
         InputError: an invalid camera, or training arguments of an arm that are invalid or that this device cannot follow.
@@ -60,9 +60,8 @@ def check_arms(config: Config, announce: Say | None = None) -> Config:
             get_cfg(overrides=arguments)
         except (SyntaxError, TypeError, ValueError) as error:  # how ultralytics refuses an argument
             raise InputError(f"{name}: {_plain(error)}", field="training") from None
-    if config.cluster is not None and config.cluster.address is not None:
-        return config  # the nodes decide
-    return settle(config, list(given.values()), announce)
+    if config.cluster is None or config.cluster.address is None:  # else the nodes decide
+        check_device(list(given.values()), announce)
 
 
 def _plain(error: Exception) -> str:

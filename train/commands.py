@@ -1,6 +1,5 @@
 """What the program's commands of the harness call."""
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -26,7 +25,7 @@ __all__ = ["ablate", "evaluate", "evaluate_predictions", "train"]
 
 def train(config_path: Path, seed: int = 0, progress: Progress | None = None, arm: str | None = None) -> str:
     """Train an arm of a config, the last one where none is named, with its first seed; what to print."""
-    config = _seeded(config_path, seed)
+    config = _seeded(config_path, seed, partial(print, flush=True))
     arm = _arm(config, arm)
     with folder_lock(config.output):
         study = prepare(config, progress, partial(print, flush=True), [arm])
@@ -117,7 +116,8 @@ def _arm(config: Config, name: str | None) -> str:
     return name
 
 
-def _seeded(path: Path, seed: int) -> Config:
+def _seeded(path: Path, seed: int, announce: Callable[[str], None] | None = None) -> Config:
     """The config with `seed` added to its seeds, so that --seed 0 is the config as it stands."""
-    config = check_arms(load_config(path), partial(print, file=sys.stderr, flush=True))
+    config = load_config(path)
+    check_arms(config, announce)
     return config.model_copy(update={"seeds": [s + seed for s in config.seeds]})

@@ -14,15 +14,12 @@ Say = Callable[[str], None]
 TRIAL_STEPS, CPU_IMAGES, GPU_IMAGES = 2, 2, 16
 
 
-def settle(config: Config, given: list[dict[str, Any]], say: Say | None = None) -> Config:
-    """The config with arguments that this device can follow.
-
-    `amp: bf16` stays where bfloat16 is native and becomes false elsewhere, which `say` is told.
+def check_device(given: Sequence[dict[str, Any]], say: Say | None = None) -> None:
+    """Refuse training arguments that this device cannot follow; `say` is told where bf16 is off (see `followed`).
 
     Args:
-        config: of the study.
-        given: the training arguments of every run.
-        say: gets a line on each change.
+        given: the arguments of every run.
+        say: gets a line.
 
     Raises:
         InputError: a device that is not there, or a batch size that would be chosen by the device's memory.
@@ -36,21 +33,18 @@ def settle(config: Config, given: list[dict[str, Any]], say: Say | None = None) 
                 expected="a number of images, the same in all arms",
             )
         selected(arguments.get("device"))
-    if all(a.get("amp") != "bf16" or has_bf16(a.get("device")) for a in given):
-        return config
+    if say is not None and any(followed(arguments) != arguments for arguments in given):
+        say("amp: bf16 is off: this device has no native bfloat16; trainings take float32")
 
-    def without(arguments: dict[str, Any]) -> dict[str, Any]:
-        return {**arguments, "amp": False} if arguments.get("amp") == "bf16" else arguments
 
-    if say is not None:
-        say("amp: bf16 is off: this device has no native bfloat16; the training takes float32")
-    arms = {
-        name: arm.model_copy(update={"training": without(arm.training)} if arm.training else {})
-        for name, arm in config.arms.items()
-    }
-    start = config.start and config.start.model_copy(update={"training": without(config.start.training)})
-    changes = {"training": without(config.training), "arms": arms, "start": start}
-    return config.model_copy(update=changes)
+def followed(arguments: dict[str, Any]) -> dict[str, Any]:
+    """Training arguments as this device follows them: `amp: bf16` is off where bfloat16 is not native.
+
+    A run's hash holds what was asked, its record what was done, so that a network can be evaluated on another device.
+    """
+    if arguments.get("amp") == "bf16" and not has_bf16(arguments.get("device")):
+        return {**arguments, "amp": False}
+    return arguments
 
 
 def selected(device: Any) -> torch.device:
@@ -99,7 +93,8 @@ def seconds_per_image(config: Config, device: torch.device) -> float:
     from ultralytics import YOLO
 
     side = -(-int(config.training.get("imgsz", 640)) // 32) * 32
-    dtype = torch.bfloat16 if config.training.get("amp") == "bf16" else torch.float16
+    amp = followed(config.training).get("amp", True)
+    dtype = torch.bfloat16 if amp == "bf16" else torch.float16
     on_gpu = device.type == "cuda"
     with torch.random.fork_rng(devices=[]):
         model: Any = YOLO(config.model, task="pose", verbose=False).model
@@ -112,9 +107,7 @@ def seconds_per_image(config: Config, device: torch.device) -> float:
         if step == 1:  # the first warms up
             _wait(device)
             began = time.perf_counter()
-        with torch.autocast(
-            device.type, dtype=dtype, enabled=on_gpu and bool(config.training.get("amp", True))
-        ):
+        with torch.autocast(device.type, dtype=dtype, enabled=on_gpu and bool(amp)):
             output = network(batch)
         _total(output).backward()
     _wait(device)

@@ -26,7 +26,7 @@ from visaug_train.callbacks import close_noise, follow, keep_batch
 from visaug_train.checks import check_apart
 from visaug_train.config import Config
 from visaug_train.convert import convert
-from visaug_train.device import Say, cost
+from visaug_train.device import Say, cost, followed
 from visaug_train.geometry import Keypoints
 from visaug_train.noise import batch_noise
 from visaug_train.noise import vis_noise as vis_noise
@@ -95,7 +95,7 @@ def prepare(
     parts = {"train": read(data.train), "val": read(data.validation)}
     tests = {name: read(source) for name, source in data.test.items()}
     check_apart(parts, tests)
-    if announce is not None:
+    if announce is not None and not (config.cluster and config.cluster.address):
         announce(cost(config, len(parts["train"]), arms))
     name = "-".join(["ultralytics", *data.copies])
     destination = root.resolve() / name if data.rendered else config.output / f"{root.name}-{name}"
@@ -141,7 +141,7 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
                 "seed": seed,
                 "hash": folder.name.rsplit("-", 1)[-1],
                 **decides(config, arm, study.data_yaml),
-                "surroundings": surroundings(arguments.get("device")),
+                "surroundings": surroundings(arguments.get("device"), followed(arguments).get("amp")),
                 "seconds": seconds,
             },
         )
@@ -180,7 +180,7 @@ def start_network(study: Study, progress: Progress | None = None) -> str | None:
             title,
             progress,
         )
-        around = surroundings(arguments.get("device"))
+        around = surroundings(arguments.get("device"), followed(arguments).get("amp"))
         write_json(folder / "run.json", {**decided, "surroundings": around, "seconds": seconds})
         checkpoints.forget(folder)
     return str(folder / "weights" / "last.pt")
@@ -245,7 +245,7 @@ def _train(
             "plots": False,
             "verbose": False,
             "seed": seed,
-            **arguments,
+            **followed(arguments),
         }
     else:
         model = YOLO(str(checkpoints.restore(folder, state)), task="pose")
