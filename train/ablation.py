@@ -29,8 +29,8 @@ def ablate(
     Args:
         config: the study.
         progress: called with (description, done, total).
-        announce: gets what this device does otherwise than asked, the hours that the training costs, and how strong the arms' noise is
-            (also in noise.md), before any training.
+        announce: gets, before any training, what this device does otherwise than asked, the hours that it costs, and how strong
+            the arms' noise is (also in noise.md).
     """
     check_arms(config, announce)
     shutil.rmtree(config.output / "failures", ignore_errors=True)  # of an earlier try
