@@ -19,28 +19,45 @@ from pathlib import Path, PurePosixPath
 from typing import IO
 
 from visaug.core.errors import InputError
-from visaug.core.files import whole_file
-from visaug_train.convert import convert
+from visaug.core.files import whole_file, write_json
+from visaug_train.convert import coco_annotations, convert
 from visaug_train.geometry import Keypoints
-from visaug_train.speed import domains, read_poses
+from visaug_train.speed import PoseSet, domains, read_poses
 
 Progress = Callable[[str, int, int], None]
+LISTS = ("camera.json", "train.json")  # of which the uppermost folder of a dataset holds one
 
 
 def prepare_archive(archive: str | Path, destination: str | Path, progress: Progress | None = None) -> Path:
-    """Unpack an archive (zip, tar, tar.gz ...) or take a folder, check it, and return the dataset's root."""
+    """Unpack an archive (zip, tar, tar.gz ...) or take a folder, check it, and return the dataset's root.
+
+    Raises:
+        InputError: the archive is missing, damaged or of something else; or the destination holds something else.
+    """
     archive, destination = Path(archive), Path(destination)
+    if archive.is_dir():
+        root = find_root(archive)
+        if destination.exists() and not destination.samefile(root):
+            raise InputError("exists", file=destination, expected=f"no -o: {archive} is used where it lies")
+        check(root)
+        return root
+    sizes = {PurePosixPath(name): size for name, size, _, _ in _members(archive)}
+    inside = _root([path for path in sizes if path.name in LISTS], archive)
     if destination.is_dir():
+        for path, size in sizes.items():
+            file = destination / path.relative_to(inside) if path.is_relative_to(inside) else None
+            if file is not None and not (file.is_file() and file.stat().st_size == size):
+                raise InputError(
+                    f"is not what {archive} holds: {path.name} is missing or another file",
+                    file=destination,
+                    expected="a new folder",
+                )
         check(destination)
         return destination
-    if archive.is_dir():
-        check(find_root(archive))
-        return find_root(archive)
     partial = destination.with_name(destination.name + ".partial")
     unpack(archive, partial, progress)
-    root = find_root(partial)
-    check(root)
-    root.rename(destination)
+    check(partial / inside)
+    (partial / inside).rename(destination)
     if partial.exists():
         shutil.rmtree(partial)
     return destination
@@ -69,57 +86,91 @@ def unpack(archive: Path, folder: Path, progress: Progress | None = None) -> Non
 
 def find_root(folder: Path) -> Path:
     """The folder inside `folder`, at most three levels down, that has SPEED's or SPEED+'s layout."""
-    candidates = [
-        folder,
-        *sorted(p for depth in ("*", "*/*", "*/*/*") for p in folder.glob(depth) if p.is_dir()),
+    found = [
+        path for depth in ("", "*/", "*/*/", "*/*/*/") for name in LISTS for path in folder.glob(depth + name)
     ]
-    for candidate in candidates:
-        listed = (candidate / "camera.json").is_file() or (candidate / "train.json").is_file()
-        if listed and candidate.name != "synthetic":
-            return candidate
-    raise InputError("has no SPEED or SPEED+ layout", file=folder, expected="camera.json or train.json in it")
+    return folder / _root([PurePosixPath(path.relative_to(folder)) for path in found], folder)
 
 
-def check(root: Path) -> dict[str, int]:
-    """Read every domain and split, which checks them; returns the number of images of each."""
+def _root(lists: list[PurePosixPath], where: Path) -> PurePosixPath:
+    """The uppermost folder that holds one of these files; `synthetic` is a part of SPEED+."""
+    folders = {path.parent for path in lists if path.parent.name != "synthetic" and len(path.parts) <= 4}
+    if not folders:
+        raise InputError(
+            "has no SPEED or SPEED+ layout", file=where, expected="camera.json or train.json in it"
+        )
+    return min(folders, key=lambda path: (len(path.parts), str(path)))
+
+
+def check(root: Path) -> dict[str, PoseSet]:
+    """Read every domain and split, which checks them; those without poses too."""
     found = {
-        f"{domain}/{split}": len(read_poses(root, domain, split))
+        f"{domain}/{split}": read_poses(root, domain, split, labels=False)
         for domain, splits in domains(root).items()
         for split in splits
     }
+    if not any(poses.labelled for poses in found.values()):
+        raise InputError("no image has a pose", file=root, expected="train.json with poses")
     return found
 
 
+def prepare_dataset(
+    archive: Path,
+    output: Path,
+    size: str | None = None,
+    keypoints: str = "tango",
+    coco: bool = False,
+    progress: Progress | None = None,
+) -> str:
+    """All that `visaug prepare` does; what to print."""
+    width_height, model = _size(size), Keypoints.load(keypoints)
+    root = prepare_archive(archive, output, progress)
+    sets = check(root)
+    said = [f"{name}: {len(p)} images{'' if p.labelled else ', no labels'}" for name, p in sets.items()]
+    labelled = {name: poses for name, poses in sets.items() if poses.labelled}
+    if len(labelled) < len(sets):
+        bare = ", ".join(name for name in sets if name not in labelled)
+        said.append(
+            f"note: {bare}: this is SPEED+ as it was before 2023, without labels of the laboratory's images; speedplusv2 has "
+            "them (https://purl.stanford.edu/wv398fc4383). Until then they serve for submissions alone"
+        )
+    if coco:
+        folder = output.with_name(f"{output.name}-coco")
+        for name, poses in labelled.items():
+            files = [file.relative_to(root).as_posix() for file in poses.files]
+            write_json(folder / f"{name.replace('/', '-')}.json", coco_annotations(poses, model, files))
+        said.append(f"COCO annotations: {folder}")
+    if width_height is not None:
+        first, splits = next((d, s) for d, s in domains(root).items() if "train" in s)
+        names = {"train": "train", "validation": "val", "test": "test"}
+        parts = {names[split]: labelled[f"{first}/{split}"] for split in splits}
+        place = output.with_name(f"{output.name}-{width_height[0]}x{width_height[1]}")
+        said.append(f"labels: {convert(parts, model, place, width_height, progress)}")
+    return "\n".join([*said, f"ready: {root}"])
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; 2 with one line on bad input."""
+    """The command line of scripts/prepare_speed; 2 with one line on bad input."""
     parser = argparse.ArgumentParser(
         prog="prepare_speed",
-        description="Unpack and check a SPEED or SPEED+ archive.",
+        description="Unpack and check a SPEED or SPEED+ archive: the same as `visaug prepare`.",
         epilog="example: prepare_speed speedplusv2.zip -o datasets/speedplus --size 640x400",
     )
     parser.add_argument("archive", type=Path, help="the downloaded archive, or a folder already unpacked")
     parser.add_argument("-o", "--output", type=Path, required=True, help="where the dataset goes")
     parser.add_argument("--size", help="also write ultralytics labels with copies of WIDTHxHEIGHT beside it")
     parser.add_argument("--keypoints", default="tango", help="a keypoints file; Tango's where left out")
+    parser.add_argument("--coco", action="store_true", help="also write COCO annotations beside it")
     given = parser.parse_args(arguments)
     from visaug.core.progress import progress_bars
 
     try:
-        size = _size(given.size)
         with progress_bars() as progress:
-            root = prepare_archive(given.archive, given.output, progress)
-            for name, count in check(root).items():
-                print(f"{name}: {count} images")
-            if size is not None:
-                first, splits = next((d, s) for d, s in domains(root).items() if "train" in s)
-                names = {"train": "train", "validation": "val", "test": "test"}
-                parts = {names[split]: read_poses(root, first, split) for split in splits}
-                place = given.output.with_name(f"{given.output.name}-{size[0]}x{size[1]}")
-                print(f"labels: {convert(parts, Keypoints.load(given.keypoints), place, size, progress)}")
+            print(prepare_dataset(**vars(given), progress=progress))
     except (InputError, OSError) as error:
         print(f"prepare_speed: {error}", file=sys.stderr)
+        print(f"not ready: {given.output}")
         return 2
-    print(f"ready: {root}")
     return 0
 
 

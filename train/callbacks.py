@@ -6,6 +6,8 @@ from typing import Any
 
 from torch import nn
 
+from visaug.core.errors import InputError
+
 Progress = Callable[[str, int, int], None]
 
 
@@ -13,6 +15,16 @@ def close_noise(clean_epochs: int, trainer: Any) -> None:
     """At the start of an epoch: no noise from here on, where it is one of the last `clean_epochs`."""
     if trainer.epoch >= trainer.epochs - clean_epochs:
         trainer.noise = nn.Identity()
+
+
+def keep_batch(batch: int, trainer: Any) -> None:
+    """Refuse to go on with the smaller batch that ultralytics takes where the memory ends: the arms would not be equal."""
+    if trainer.batch_size != batch:
+        raise InputError(
+            f"{batch} images do not fit into the memory of this device",
+            field="training.batch",
+            expected="fewer",
+        )
 
 
 def follow(model: Any, title: str, progress: Progress | None) -> None:

@@ -62,14 +62,17 @@ def keep_epochs(results: Path, epochs: int) -> None:
 
 
 def finish(folder: Path, state: dict[str, Any]) -> None:
-    """What is left to do for a training that was stopped after its last epoch: best.pt without what only training needs."""
+    """What is left to do for a training that was stopped after its last epoch: weights without what only training needs."""
     from ultralytics.utils.torch_utils import strip_optimizer
 
     keep_epochs(folder / "results.csv", state["epoch"] + 1)
     weights = folder / "weights"
     best = weights / BEST if (weights / BEST).is_file() else weights / STATE
-    with whole_file(weights / "best.pt") as temporary:
-        strip_optimizer(str(best), str(temporary), updates={"train_results": state.get("train_results")})
+    for source, name in ((weights / STATE, "last.pt"), (best, "best.pt")):
+        with whole_file(weights / name) as temporary:
+            strip_optimizer(
+                str(source), str(temporary), updates={"train_results": state.get("train_results")}
+            )
 
 
 def forget(folder: Path) -> None:

@@ -1,6 +1,7 @@
 """What the program's commands of the harness call."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -8,25 +9,27 @@ from typing import Any
 from visaug.core.errors import InputError, PartlyFailed
 from visaug.core.files import folder_lock
 from visaug_train.ablation import ablate as run_ablation
+from visaug_train.checks import check_arms
 from visaug_train.config import Config, load_config
-from visaug_train.evaluate import evaluate_predictions
+from visaug_train.external import evaluate_predictions, submission
 from visaug_train.poses import save_poses
-from visaug_train.scoring import evaluate_run
+from visaug_train.scoring import evaluate_run, other_summaries, other_weights, predictions_of
+from visaug_train.speed import read_poses
 from visaug_train.strength import strengths
-from visaug_train.training import check_arms, prepare, run_folder, train_run
+from visaug_train.training import prepare, run_folder, train_run
 
 Progress = Callable[[str, int, int], None]
 
 __all__ = ["ablate", "evaluate", "evaluate_predictions", "train"]
 
 
-def train(config_path: Path, seed: int = 0, progress: Progress | None = None) -> str:
-    """Train the last arm of a config (the one it is about) with its first seed; what to print."""
-    config = _seeded(config_path, seed)
+def train(config_path: Path, seed: int = 0, progress: Progress | None = None, arm: str | None = None) -> str:
+    """Train an arm of a config, the last one where none is named, with its first seed; what to print."""
+    config = _seeded(config_path, seed, partial(print, flush=True))
+    arm = _arm(config, arm)
     with folder_lock(config.output):
-        study = prepare(config, progress)
+        study = prepare(config, progress, partial(print, flush=True), [arm])
         print(strengths(study).text(), flush=True)
-        arm = list(study.config.arms)[-1]
         run = train_run(study, arm, study.config.seeds[0], progress)
     return f"{arm}, seed {run.seed}: {run.weights} ({run.seconds:.0f} s)"
 
@@ -52,18 +55,31 @@ def ablate(config_path: Path, seed: int = 0, progress: Progress | None = None) -
     return text
 
 
-def evaluate(config_path: Path, seed: int = 0, progress: Progress | None = None) -> dict[str, dict[str, Any]]:
-    """Scores by domain of the last arm of a config, whose network must be trained.
+def evaluate(
+    config_path: Path,
+    seed: int = 0,
+    progress: Progress | None = None,
+    arm: str | None = None,
+    elsewhere: tuple[Path, str, str | None] | None = None,
+    poses_csv: Path | None = None,
+) -> dict[str, dict[str, Any]]:
+    """Scores by domain of an arm of a config, the last one where none is named, whose network must be trained.
+
+    Args:
+        config_path, seed, arm: which network.
+        progress: called with (description, done, total).
+        elsewhere: folder, domain and split of another set than the config's test sets.
+        poses_csv: where to write the poses of that set.
 
     Raises:
-        InputError: it is not; nothing is rendered or written then.
+        InputError: it is not trained; nothing is rendered or written then.
     """
     config = load_config(config_path)
-    arm, first = list(config.arms)[-1], config.seeds[0] + seed
+    arm, first = _arm(config, arm), config.seeds[0] + seed
     missing = InputError(
         f"arm {arm}, seed {first} is not trained",
         file=config_path,
-        expected=f"visaug train {config_path}, or visaug ablate {config_path}, first",
+        expected=f"visaug train {config_path} --arm {arm}, or visaug ablate {config_path}, first",
     )
     if not any((config.output / "runs").glob(f"{arm}-seed{first}-*/run.json")):
         raise missing
@@ -72,15 +88,36 @@ def evaluate(config_path: Path, seed: int = 0, progress: Progress | None = None)
     if not (folder / "run.json").is_file():  # trained, but with other settings
         raise missing
     run = train_run(study, arm, first, progress)
+    if elsewhere is not None:
+        poses = read_poses(*elsewhere, labels=False)
+        if not poses.labelled:
+            detections = predictions_of(study, run, poses.domain, poses, progress)
+            return {poses.domain: submission(poses, study.keypoints, detections, poses_csv)}
+        study = replace(study, tests={poses.domain: poses})
     evaluations = evaluate_run(study, run, progress)
     for domain, evaluation in evaluations.items():
         evaluation.write_csv(folder / f"{domain}.csv")
         save_poses(folder / f"{domain}-poses.csv", evaluation.poses, evaluation.found)
-    return {domain: evaluation.summary() for domain, evaluation in evaluations.items()}
+        if poses_csv is not None:
+            save_poses(poses_csv, evaluation.poses, evaluation.found)
+    weights = study.config.weights
+    others = other_summaries(study, run, progress)
+    return {
+        domain: {**evaluation.summary(), "weights": weights}
+        | ({other_weights(weights): others[domain]} if domain in others else {})
+        for domain, evaluation in evaluations.items()
+    }
 
 
-def _seeded(path: Path, seed: int) -> Config:
+def _arm(config: Config, name: str | None) -> str:
+    """An arm's name; the last one's, which a config is about, where none is given."""
+    name = name or list(config.arms)[-1]
+    config.arm(name)
+    return name
+
+
+def _seeded(path: Path, seed: int, announce: Callable[[str], None] | None = None) -> Config:
     """The config with `seed` added to its seeds, so that --seed 0 is the config as it stands."""
     config = load_config(path)
-    check_arms(config)
+    check_arms(config, announce)
     return config.model_copy(update={"seeds": [s + seed for s in config.seeds]})

@@ -7,7 +7,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from visaug.core.documents import read_yaml
 from visaug.core.errors import InputError
-from visaug_train.arms import Arm, Part
+from visaug_train.arms import Arm, Part, SharePair
 from visaug_train.arms import Vis as Vis  # part of what a config holds
 
 # Arms, domains and splits name files: a letter or digit, then no more than what every file system takes.
@@ -38,6 +38,9 @@ class Source(Part):
     domain: str
     split: Literal["train", "validation", "test"] | None = None
     root: Path | None = None
+    share: SharePair | None = (
+        None  # of the images in random order (by split_seed): [0.9, 1.0] are the last tenth
+    )
 
 
 class Data(Part):
@@ -152,7 +155,7 @@ class Config(Part):
         400, ge=0, le=10**6, description="resamples of the test images, for the variance between images"
     )
     weights: Literal["best", "last"] = Field(
-        "best", description="best by the clean validation images, or last"
+        "last", description="the headline: last, or best by the clean validation images; both are reported"
     )
     published: bool = Field(False, description="put the paper's tables 2 to 4 beside one's own")
     start: Start | None = None
@@ -257,6 +260,8 @@ def check_config(content: Any, path: Path | None = None) -> Config:
             raise InputError(
                 "is set by the harness", file=path, field=f"{where}.{key}", expected="another argument"
             )
+    # ultralytics' default adds augmentations where albumentations happens to be installed.
+    config.training.setdefault("augmentations", [])
     if config.data.reduce and not config.data.image_size:
         raise InputError("needs data.image_size", file=path, field="data.reduce", expected="[width, height]")
     if config.start and config.start.like and config.start.like not in config.arms:

@@ -7,10 +7,11 @@ without a target in it has an empty label (background).
 
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -48,6 +49,7 @@ def convert(
         **{name: f"images/{name}" for name in parts},
         "names": {0: keypoints.name},
         "kpt_shape": [len(keypoints), 3],
+        **({"flip_idx": list(keypoints.flip)} if keypoints.flip else {}),
         "channels": channels,
     }
     if data_yaml.is_file():
@@ -105,6 +107,48 @@ def label_lines(poses: PoseSet, keypoints: Keypoints) -> list[str]:
     ]
 
 
+def coco_annotations(poses: PoseSet, keypoints: Keypoints, files: Sequence[str]) -> dict[str, Any]:
+    """The set as an annotations file of COCO's keypoints, which other networks' trainings read.
+
+    Args:
+        poses: the set.
+        keypoints: their model.
+        files: the name of each image in the file. Ids count from 1; an image in which no target is seen has no annotation.
+    """
+    targets = project_targets(poses.camera, keypoints, poses.quaternions, poses.translations)
+    size = {"width": poses.camera.width, "height": poses.camera.height}
+    annotations = []
+    for i in np.flatnonzero(targets.seen):
+        x0, y0, x1, y1 = (round(float(v), 3) for v in targets.boxes[i])
+        inside = targets.inside[i]
+        points = np.concatenate([targets.points[i], np.full((len(keypoints), 1), 2)], axis=1)
+        annotations.append(
+            {
+                "id": len(annotations) + 1,
+                "image_id": int(i) + 1,
+                "category_id": 1,
+                "bbox": [x0, y0, round(x1 - x0, 3), round(y1 - y0, 3)],
+                "area": round((x1 - x0) * (y1 - y0), 3),
+                "iscrowd": 0,
+                "num_keypoints": int(inside.sum()),
+                "keypoints": [round(float(v), 3) for v in np.where(inside[:, None], points, 0).ravel()],
+            }
+        )
+    category = {
+        "id": 1,
+        "name": keypoints.name,
+        "keypoints": list(keypoints.names),
+        "skeleton": [],
+        **({"flip_idx": list(keypoints.flip)} if keypoints.flip else {}),
+        **({"sigmas": keypoints.sigmas.tolist()} if keypoints.sigmas is not None else {}),
+    }
+    return {
+        "images": [{"id": i + 1, "file_name": file, **size} for i, file in enumerate(files)],
+        "annotations": annotations,
+        "categories": [category],
+    }
+
+
 def identity(poses: PoseSet) -> dict:
     """Identity of a set of images with poses, independent of its folder."""
     return {
@@ -152,6 +196,7 @@ def _describe(
     beside = destination.resolve().parent
     return {
         "keypoints": keypoints.points_m.tolist(),
+        **({"flip": list(keypoints.flip)} if keypoints.flip else {}),
         "size": list(size) if size else None,
         "reduce": reduce,
         "channels": channels,

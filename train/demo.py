@@ -13,10 +13,10 @@ from visaug.report.real_camera import real_camera_section
 from visaug_train.ablation import Ablation, ablate
 from visaug_train.arms import Arm
 from visaug_train.config import Config, load_config
-from visaug_train.laboratory import BIASES, FLATS, LEVELS, diagnosed_camera, diagnosis_of
 from visaug_train.render.independent_camera import LIGHTBOX_CAMERA
 from visaug_train.report import ablation_sections, finding, timing_section
-from visaug_train.story import hidden_effect_sections
+from visaug_train.studies.laboratory import BIASES, FLATS, LEVELS, diagnosed_camera, diagnosis_of
+from visaug_train.studies.story import hidden_effect_sections
 
 Progress = Callable[[str, int, int], None]
 CONFIG = Path(__file__).resolve().parents[1] / "configs" / "demo.yaml"

@@ -1,6 +1,5 @@
 """Score predictions on a test set: means, AP, pose errors; image by image and as the summary of a domain."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from visaug.core.errors import InputError
 from visaug.core.files import write_text
 from visaug_train.geometry import Keypoints, Targets, project_targets, rotation_matrix
 from visaug_train.metrics import (
@@ -20,12 +20,21 @@ from visaug_train.metrics import (
     keypoint_similarity,
 )
 from visaug_train.pose import FLOORED_DOMAINS, estimate_pose, pose_errors, spec_score
-from visaug_train.poses import Pose, load_poses, save_poses
-from visaug_train.predictions import load_predictions
-from visaug_train.speed import PoseSet, read_poses
+from visaug_train.poses import Pose
+from visaug_train.speed import PoseSet
 
-# A target without a pose counts as one wholly wrong, so a network cannot better its score by silence.
+# A target without a pose counts as one wholly wrong, and no pose counts for more: silence is never better than an answer,
+# nor worse than a wild one. Kelvins has no such limit; it is left out in the score of the answered images.
 NO_POSE = (1.0, 180.0)
+POSE_ERRORS = (
+    "position_error",
+    "position_error_m",
+    "attitude_error_deg",
+    "spec_score",
+    "spec_score_floored",
+    "spec_score_unfloored",
+)
+ANSWERED = ("position_error", "attitude_error_deg", "spec_score")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +43,11 @@ class Evaluation:
 
     `table` holds one array (N) a column: iou, oks_paper, oks_coco (the likeliest detection's; 0 where there
     is none), score, pose_found, position_error (a fraction of the distance), position_error_m, attitude_error_deg,
-    spec_score (with floors where the domain has them), spec_score_floored, spec_score_unfloored, and what they may hang
-    on: distance_m, aspect_deg (angle between the line of sight and the body's z axis), brightness (mean of the
-    target's box, 0 to 1). `found` are the poses, None where there is none.
+    spec_score (with floors where the domain has them), spec_score_floored, spec_score_unfloored, the errors without
+    their limit on images with a pose alone (answered_...), and what they may hang on: distance_m, aspect_deg (angle between
+    the line of sight and the body's z axis), brightness (mean of the target's box, 0 to 1). What the predictions do not hold
+    has no column: boxes of records without bbox; boxes and keypoints of poses alone. `found` are the poses, None where
+    there is none.
     """
 
     domain: str
@@ -51,29 +62,39 @@ class Evaluation:
         """The scores of the domain; `weights` (N) are how often each image counts."""
         weights = np.ones(len(self.poses)) if weights is None else weights
 
-        def mean(column: str) -> float:
+        def mean(column: str) -> float | None:
+            if column not in self.table:
+                return None
             value = self.table[column]
             known = np.isfinite(value)
             return float((weights * np.where(known, value, 0)).sum() / max((weights * known).sum(), 1e-12))
 
-        def median(column: str) -> float:
-            return weighted_median(self.table[column], weights)
+        def precision(name: str) -> float | None:
+            return self.precision[name].average(weights) if name in self.precision else None
 
+        errors = {name: mean(name) for name in POSE_ERRORS}
+        errors |= {
+            f"{name}_median": weighted_median(self.table[name], weights)
+            for name in POSE_ERRORS
+            if "error" in name
+        }
         return {
             "images": len(self.poses),
             "iou": mean("iou"),
             "oks": {name: mean(f"oks_{name}") for name in DEFINITIONS},
-            "box_ap50_95": self.precision["box"].average(weights),
-            "keypoint_ap50_95": {name: self.precision[name].average(weights) for name in DEFINITIONS},
-            **pose_summary(mean, median),
+            "box_ap50_95": precision("box"),
+            "keypoint_ap50_95": {name: precision(name) for name in DEFINITIONS},
+            **errors,
+            "poses_found": mean("pose_found"),
+            "answered": {
+                name: mean(f"answered_{name}") if self.table["pose_found"].any() else None
+                for name in ANSWERED
+            },
         }
 
     def __repr__(self) -> str:
         s = self.summary()
-        return (
-            f"Evaluation({self.domain}, {s['images']} images, box AP {s['box_ap50_95']:.3f}, "
-            f"keypoint AP {s['keypoint_ap50_95']['paper']:.3f} (paper) {s['keypoint_ap50_95']['coco']:.3f} (COCO))"
-        )
+        return f"Evaluation({self.domain}, {s['images']} images, keypoint AP {s['keypoint_ap50_95']})"
 
     def to_json(self) -> dict[str, Any]:
         """The summary under the domain's name."""
@@ -96,22 +117,6 @@ class Evaluation:
         return np.lexsort([self.table["iou"], self.table["oks_paper"]])[::-1][:count]
 
 
-def pose_summary(mean: Callable[[str], float], median: Callable[[str], float]) -> dict[str, float]:
-    """Pose errors of a domain; a target without a pose counts as one wholly wrong."""
-    return {
-        "position_error": mean("position_error"),
-        "position_error_median": median("position_error"),
-        "position_error_m": mean("position_error_m"),
-        "position_error_m_median": median("position_error_m"),
-        "attitude_error_deg": mean("attitude_error_deg"),
-        "attitude_error_deg_median": median("attitude_error_deg"),
-        "spec_score": mean("spec_score"),
-        "spec_score_floored": mean("spec_score_floored"),
-        "spec_score_unfloored": mean("spec_score_unfloored"),
-        "poses_found": mean("pose_found"),
-    }
-
-
 def weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
     """The value that half of the weight does not exceed, the mean of two where they share it; NaN are left out."""
     counted = np.isfinite(values) & (weights > 0)
@@ -124,59 +129,17 @@ def weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
     return float((sorted_values[low] + sorted_values[min(high, len(order) - 1)]) / 2)
 
 
-def evaluate_predictions(
-    predictions: str | Path,
-    data: str | Path,
-    domain: str,
-    keypoints: str | Path = "tango",
-    split: str | None = None,
-    images: str | Path | None = None,
-    poses_csv: str | Path | None = None,
-) -> dict[str, Any]:
-    """Scores of any network's predictions on a domain of a SPEED or SPEED+ folder: {domain: summary}.
-
-    Args:
-        predictions: COCO's results of keypoints, or poses as Kelvins takes them (NAME.csv). Poses alone say nothing of
-            boxes and keypoints; these scores are None then.
-        data: the folder.
-        domain: which of its test sets.
-        keypoints: the model that the keypoints belong to.
-        split: of the domain, where it has several.
-        images: COCO's annotations file, for records with `image_id`.
-        poses_csv: where to write the poses that the keypoints give.
-    """
-    poses = read_poses(data, domain, split)
-    points = Keypoints.load(keypoints)
-    if Path(predictions).suffix.lower() == ".csv":
-        return {domain: evaluate_poses(poses, points, load_poses(predictions, poses))}
-    detections = load_predictions(predictions, poses, len(points), images)
-    evaluation = evaluate(domain, poses, points, detections)
-    if poses_csv is not None:
-        save_poses(poses_csv, poses, evaluation.found)
-    return evaluation.to_json()
+def evaluate_poses(poses: PoseSet, keypoints: Keypoints, found: list[Pose | None]) -> Evaluation:
+    """Score poses alone."""
+    if not poses.labelled:
+        raise InputError(f"{poses.name} has no labels, so there is nothing to score")
+    targets = project_targets(poses.camera, keypoints, poses.quaternions, poses.translations)
+    rows = [_pose_row(i, pose, poses, bool(targets.seen[i])) for i, pose in enumerate(found)]
+    return Evaluation(poses.domain, poses, targets, [], _columns(rows), {}, found)
 
 
-def evaluate_poses(poses: PoseSet, keypoints: Keypoints, found: list[Pose | None]) -> dict[str, Any]:
-    """The summary of a domain from poses alone."""
-    seen = project_targets(poses.camera, keypoints, poses.quaternions, poses.translations).seen
-    rows = [_pose_row(i, pose, poses, bool(seen[i])) for i, pose in enumerate(found)]
-    table = {column: np.array([row[column] for row in rows]) for column in rows[0]}
-
-    def mean(column: str) -> float:
-        return float(np.nanmean(table[column]))
-
-    def median(column: str) -> float:
-        return float(np.nanmedian(table[column]))
-
-    nothing = dict.fromkeys(DEFINITIONS)
-    return {
-        "images": len(poses),
-        "iou": None,
-        "oks": nothing,
-        "box_ap50_95": None,
-        "keypoint_ap50_95": nothing,
-        **pose_summary(mean, median),
-    }
+def _columns(rows: list[dict[str, float]]) -> dict[str, np.ndarray]:
+    return {column: np.array([row[column] for row in rows]) for column in rows[0]}
 
 
 def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list[Detections]) -> Evaluation:
@@ -189,13 +152,17 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
         box, points, inside = targets.boxes[i], targets.points[i], targets.inside[i]
         similarities["box"].append(box_iou(each.boxes, box))
         for name in DEFINITIONS:
-            similarities[name].append(keypoint_similarity(each.points, points, inside, box, name))
+            similarities[name].append(
+                keypoint_similarity(each.points, points, inside, box, name, keypoints.sigmas)
+            )
         latest = {name: values[-1] for name, values in similarities.items()}
-        found.append(_pose(each, keypoints, poses))
+        found.append(pose_of(each, keypoints, poses))
         rows.append(
             _row(i, each, latest, targets, poses) | _pose_row(i, found[-1], poses, bool(targets.seen[i]))
         )
-    table = {column: np.array([row[column] for row in rows]) for column in rows[0]}
+    table = _columns(rows)
+    if not all(np.isfinite(each.boxes).all() for each in detections):
+        del similarities["box"], table["iou"]
     scores = [each.scores for each in detections]
     unseen = np.asarray(~targets.inside.any(axis=1))
     precision = {
@@ -211,7 +178,7 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
     return Evaluation(domain, poses, targets, detections, table, precision, found)
 
 
-def _pose(each: Detections, keypoints: Keypoints, poses: PoseSet) -> Pose | None:
+def pose_of(each: Detections, keypoints: Keypoints, poses: PoseSet) -> Pose | None:
     """From the likeliest detection's keypoints."""
     if not len(each):
         return None
@@ -221,20 +188,29 @@ def _pose(each: Detections, keypoints: Keypoints, poses: PoseSet) -> Pose | None
 
 def _pose_row(i: int, pose: Pose | None, poses: PoseSet, seen: bool) -> dict[str, float]:
     true = poses.quaternions[i], poses.translations[i]
-    position, attitude_deg = NO_POSE if pose is None else pose_errors(*pose, *true)
+    exact = NO_POSE if pose is None else pose_errors(*pose, *true)
     if not seen:
-        position, attitude_deg = float("nan"), float("nan")
-    floored, exact = (
-        float(spec_score(np.array(position), np.array(attitude_deg), floors)) for floors in (True, False)
-    )
+        exact = float("nan"), float("nan")
+    position, attitude_deg = np.minimum(exact, NO_POSE)  # NaN stays
+    floors = poses.domain in FLOORED_DOMAINS
+
+    def spec(position: float, attitude_deg: float, floors: bool) -> float:
+        return float(spec_score(np.array(position), np.array(attitude_deg), floors))
+
+    answered = {
+        "position_error": exact[0],
+        "attitude_error_deg": exact[1],
+        "spec_score": spec(*exact, floors),
+    }
     return {
         "pose_found": float(pose is not None),
-        "position_error": position,
-        "position_error_m": position * float(np.linalg.norm(true[1])),
-        "attitude_error_deg": attitude_deg,
-        "spec_score": floored if poses.domain in FLOORED_DOMAINS else exact,
-        "spec_score_floored": floored,
-        "spec_score_unfloored": exact,
+        "position_error": float(position),
+        "position_error_m": float(position) * float(np.linalg.norm(true[1])),
+        "attitude_error_deg": float(attitude_deg),
+        "spec_score": spec(position, attitude_deg, floors),
+        "spec_score_floored": spec(position, attitude_deg, True),
+        "spec_score_unfloored": spec(position, attitude_deg, False),
+        **{f"answered_{name}": answered[name] if pose is not None else float("nan") for name in ANSWERED},
     }
 
 

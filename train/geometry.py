@@ -122,18 +122,28 @@ def rotation_matrix(quaternions: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Keypoints:
-    """Named points of a spacecraft in its body frame, metres, (K, 3)."""
+    """Named points of a spacecraft in its body frame, metres, (K, 3).
+
+    `sigmas` (K) are those of COCO's OKS, 1 / K each where left out. `flip` is, for each point, the one that it becomes in a
+    mirrored image; None where the spacecraft is not mirror-symmetric.
+    """
 
     name: str
     names: tuple[str, ...]
     points_m: np.ndarray
+    sigmas: np.ndarray | None = None
+    flip: tuple[int, ...] | None = None
 
     def __len__(self) -> int:
         return len(self.names)
 
     @classmethod
     def load(cls, source: str | Path = "tango") -> "Keypoints":
-        """A YAML file with `points_m` (name: [x, y, z], or a list of points), or `tango`."""
+        """`tango`, or a YAML file.
+
+        Its keys: `points_m` (name: [x, y, z], or a list of points), and where wanted `sigmas` (a list, or by name) and
+        `flip_pairs` ([[left, right], ...], names or numbers from 0; points in no pair stay).
+        """
         path = TANGO if str(source) == "tango" else Path(source)
         content = read_yaml(path, "`tango`, or YAML with points_m: {name: [x, y, z]}")
         points = content.get("points_m") if isinstance(content, dict) else None
@@ -142,7 +152,45 @@ class Keypoints:
         if not isinstance(points, dict) or len(points) < 4:
             raise InputError(f"{path}: points_m: expected at least 4 points, as name: [x, y, z] in metres")
         array = _array(list(points.values()), (len(points), 3), f"{path}: points_m")
-        return cls(str(content.get("name", path.stem)), tuple(map(str, points)), array)
+        names = tuple(map(str, points))
+        name = str(content.get("name", path.stem))
+        return cls(name, names, array, _sigmas(content, names, path), _flip(content, names, path))
+
+
+def _sigmas(content: dict, names: tuple[str, ...], path: Path) -> np.ndarray | None:
+    given = content.get("sigmas")
+    if given is None:
+        return None
+    if isinstance(given, dict):
+        by_name = {str(name): value for name, value in given.items()}
+        given = [by_name.pop(name, None) for name in names] if by_name.keys() <= set(names) else None
+    sigmas = _array(given, (len(names),), f"{path}: sigmas")
+    if not (sigmas > 0).all():
+        raise InputError("must be above 0", file=path, field="sigmas", expected="one number a point")
+    return sigmas
+
+
+def _flip(content: dict, names: tuple[str, ...], path: Path) -> tuple[int, ...] | None:
+    given = content.get("flip_pairs")
+    if given is None:
+        return None
+    flip = list(range(len(names)))
+    for pair in given if isinstance(given, list) else [given]:
+        try:
+            left, right = (
+                names.index(each) if isinstance(each, str) else range(len(names))[each] for each in pair
+            )
+        except (TypeError, ValueError, IndexError):
+            left = right = -1
+        if left == right or flip[left] != left or flip[right] != right:
+            raise InputError(
+                f"{pair!r} is no pair of points",
+                file=path,
+                field="flip_pairs",
+                expected="[[left, right], ...]",
+            )
+        flip[left], flip[right] = right, left
+    return tuple(flip)
 
 
 @dataclass(frozen=True, eq=False)

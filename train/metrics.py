@@ -51,18 +51,25 @@ def box_iou(boxes: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def keypoint_similarity(
-    points: np.ndarray, target: np.ndarray, visible: np.ndarray, box: np.ndarray, definition: str
+    points: np.ndarray,
+    target: np.ndarray,
+    visible: np.ndarray,
+    box: np.ndarray,
+    definition: str,
+    sigmas: np.ndarray | None = None,
 ) -> np.ndarray:
     """OKS (D) of points (D, K, 2) with a target's (K, 2), over those visible (K); `definition` is paper or
-    coco.
+    coco. The latter takes the points' own `sigmas` (K) where they are given.
 
     Where no keypoint is visible, COCO measures how far the points lie from the box enlarged threefold.
     """
     span = box[2:] - box[:2]
     area = span[0] * span[1] * (1.0 if definition == "paper" else 0.53)
-    sigma = (1.0 if definition == "paper" else 2.0) / len(target)
+    sigma = np.full(len(target), 1 / len(target))
+    if definition == "coco":
+        sigma = 2 * (sigma if sigmas is None else sigmas)
     if visible.any():
-        offset = (points - target)[:, visible]
+        offset, sigma = (points - target)[:, visible], sigma[visible]
     else:
         low, high = box[:2] - span, box[:2] + 2 * span
         offset = np.clip(low - points, 0, None) + np.clip(points - high, 0, None)

@@ -10,6 +10,9 @@ from visaug_train.geometry import Pinhole
 # error. They are the calibration's of lightbox and sunlamp; rendered images have exact poses and no floor (SPEC 2019).
 POSITION_FLOOR, ATTITUDE_FLOOR_DEG = 0.002173, 0.169
 FLOORED_DOMAINS = ("lightbox", "sunlamp")
+# Of the confidence of an image's surest keypoint: YOLO's visibility of a clear point is near 1 and is cut at 0.5; heatmap
+# networks give clear points 0.2 to 0.6, and AlphaPose up to 6.
+LEAST_CONFIDENCE = 0.5
 
 
 def estimate_pose(
@@ -17,43 +20,58 @@ def estimate_pose(
     confidence: np.ndarray,
     model_m: np.ndarray,
     camera: Pinhole,
-    least_confidence: float = 0.5,
+    least_confidence: float = LEAST_CONFIDENCE,
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Quaternion (4, scalar first) and translation (3, m) of a target from its keypoints (K, 2) in pixels.
 
-    Points below `least_confidence` are left out as long as six remain. Points further than 4 % of the
-    target's size (at least 2 px) from where a pose puts them are outliers. None where no pose before the
-    camera is found, or all points fall together.
+    Used are the points whose confidence (K) is above 0 and at least `least_confidence` times the highest one: what a
+    confidence means differs between networks, what 0 means does not. Six or more go through RANSAC with EPnP, where points
+    further than 4 % of the target's size (at least 2 px) from where a pose puts them are outliers; four and five are
+    solved by SQPnP. All are refined by Levenberg and Marquardt. None with fewer than four points, with points that all
+    fall into one pixel, and where no pose before the camera is found.
     """
-    order = np.argsort(-confidence, kind="stable")
-    used = order[: max(6, int((confidence >= least_confidence).sum()))]
-    used = used[np.isfinite(points[used]).all(axis=1)]
+    finite = np.isfinite(points).all(axis=1) & np.isfinite(confidence) & (confidence > 0)
+    used = np.flatnonzero(finite)
+    used = used[confidence[used] >= least_confidence * confidence[used].max(initial=0)]
     if len(used) < 4:
         return None
     image, model = points[used].astype(float), model_m[used].astype(float)
     extent = float(np.ptp(image, axis=0).max())
-    if extent < 1:  # all in one pixel: any pose far enough away would do
+    if extent < 1:  # any pose far enough away would do
         return None
     lens = (camera.matrix, camera.distortion)
-    found, turn, shift, inliers = cv2.solvePnPRansac(
-        model,
-        image,
-        *lens,
-        flags=cv2.SOLVEPNP_EPNP,
-        reprojectionError=max(2.0, 0.04 * extent),
-        iterationsCount=300,
-    )
-    if not found or inliers is None or len(inliers) < 4:
-        found, turn, shift = cv2.solvePnP(model, image, *lens, flags=cv2.SOLVEPNP_SQPNP)
-        inliers = np.arange(len(used))
-    if not found:
+    kept, poses = np.arange(len(used)), []
+    if len(used) > 5:  # EPnP samples of RANSAC are five points
+        found, turn, shift, inliers = cv2.solvePnPRansac(
+            model,
+            image,
+            *lens,
+            flags=cv2.SOLVEPNP_EPNP,
+            reprojectionError=max(2.0, 0.04 * extent),
+            iterationsCount=300,
+        )
+        if found and inliers is not None and len(inliers) >= 4:
+            kept, poses = np.ravel(inliers).astype(int), [(turn, shift)]
+    if (
+        not poses
+    ):  # of four points SQPnP misses the pose now and then, and so does P3P with a fourth point: not both
+        for method in (cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_AP3P)[: 2 if len(used) == 4 else 1]:
+            _, turns, shifts, _ = cv2.solvePnPGeneric(model, image, *lens, flags=method)
+            poses += [(turn, shift) for turn, shift in zip(turns, shifts) if shift[2] > 0]
+    refined = [cv2.solvePnPRefineLM(model[kept], image[kept], *lens, *pose) for pose in poses]
+    refined = [
+        (np.ravel(turn), np.ravel(shift))
+        for turn, shift in refined
+        if np.isfinite(turn).all() and np.isfinite(shift).all() and shift[2] > 0
+    ]
+    if not refined:
         return None
-    kept = np.ravel(inliers).astype(int)
-    turn, shift = cv2.solvePnPRefineLM(model[kept], image[kept], *lens, turn, shift)
-    shift = np.ravel(shift)
-    if not (np.isfinite(turn).all() and np.isfinite(shift).all() and shift[2] > 0):
-        return None
-    x, y, z, w = Rotation.from_rotvec(np.ravel(turn)).as_quat()
+
+    def distance(pose: tuple[np.ndarray, np.ndarray]) -> float:
+        return float(np.square(cv2.projectPoints(model[kept], *pose, *lens)[0][:, 0] - image[kept]).sum())
+
+    turn, shift = min(refined, key=distance)
+    x, y, z, w = Rotation.from_rotvec(turn).as_quat()
     return np.array([w, x, y, z]), shift
 
 

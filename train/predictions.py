@@ -1,6 +1,7 @@
 """Predictions in a file, in COCO's results format; and a network's own.
 
-A record names its image by `file_name`, or by `image_id` where COCO's annotations file says which image that is.
+A record names its image by `file_name`, or by `image_id`: a name, or a number where COCO's annotations file says which
+image that is.
 """
 
 from collections.abc import Callable
@@ -13,6 +14,7 @@ import numpy as np
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import write_json
+from visaug_train.image_names import ImageNames
 from visaug_train.metrics import Detections
 from visaug_train.quiet import quiet_ultralytics
 from visaug_train.reduction import fitting, read_image, reduced
@@ -23,7 +25,11 @@ LEAST_SCORE, MOST_PER_IMAGE = 0.001, 20
 
 
 def load_predictions(
-    path: str | Path, poses: PoseSet, keypoints: int, images: str | Path | None = None
+    path: str | Path,
+    poses: PoseSet,
+    keypoints: int,
+    images: str | Path | None = None,
+    names: ImageNames | None = None,
 ) -> list[Detections]:
     """The detections of each image of `poses`; an image that the file does not name has none.
 
@@ -32,15 +38,19 @@ def load_predictions(
         poses: the images.
         keypoints: how many a record has.
         images: COCO's annotations file, whose `images` map an `image_id` to a file.
+        names: which image a name means; those of `poses` alone where left out.
+
+    Returns:
+        Boxes of records without `bbox`, which COCO's results of keypoints need not have, are NaN.
     """
     path = Path(path)
-    names = {} if images is None else image_names(images)
+    names = names or ImageNames(poses)
+    files = {} if images is None else image_names(images)
     records = read_json(path)
     if not isinstance(records, list):
         raise InputError(
             "holds no list", file=path, expected="COCO's results format with file_name for image_id"
         )
-    known = {file.name: i for i, file in enumerate(poses.files)}
     found: list[list[tuple[np.ndarray, np.ndarray, float]]] = [[] for _ in poses.files]
     for number, record in enumerate(records):
         field = f"record {number}"
@@ -49,8 +59,10 @@ def load_predictions(
                 "is not an object", file=path, field=field, expected="file_name, bbox, keypoints and score"
             )
         name = record.get("file_name")
-        if name is None and names:
-            name = names.get(record.get("image_id"))
+        if name is None and isinstance(record.get("image_id"), str) and not files:
+            name = record["image_id"]  # as AlphaPose and ultralytics write it
+        if name is None and files:
+            name = files.get(record.get("image_id"))
             if name is None:
                 raise InputError(
                     f"{record.get('image_id')!r} is no image of the annotations file",
@@ -65,22 +77,20 @@ def load_predictions(
                 field=f"{field}.file_name",
                 expected="an image's name; for image_id give the annotations file (--images)",
             )
-        index = known.get(Path(name).name) if isinstance(name, str) else None
-        if index is None:
-            raise InputError(
-                f"{name!r} is no image of {poses.name}",
-                file=path,
-                field=f"{field}.file_name",
-                expected=f"a name such as {poses.files[0].name}",
-            )
-        box = _numbers(record, "bbox", 4, path, field)
+        index = names.find(name, path, f"{field}.file_name")
+        box = np.full(4, np.nan)
+        if record.get("bbox") is not None:
+            box = _numbers(record, "bbox", 4, path, field)
         points = _numbers(record, "keypoints", 3 * keypoints, path, field).reshape(keypoints, 3)
         score = float(_numbers(record, "score", 0, path, field))
         if box[2] < 0 or box[3] < 0:
             raise InputError(
                 "a width or height is negative", file=path, field=f"{field}.bbox", expected="x, y, w, h"
             )
-        found[index].append((box, points, score))
+        if index is not None:
+            found[index].append((box, points, score))
+    if records and not any(found):
+        raise names.none_found(path)
     return [_stack(each, keypoints) for each in found]
 
 

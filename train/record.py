@@ -20,7 +20,10 @@ PACKAGES = (
     "ultralytics",
     "ultralytics-opencv-headless",
     "opencv-python-headless",
+    "albumentations",  # where it is installed, ultralytics adds augmentations of its own by default
 )
+# Entries of a run's surroundings that may change its outcome: the report says where runs differ in them.
+COMPARED = ("visaug", *PACKAGES, "device", "amp")
 
 
 def decides(config: Config, arm: Arm, data_yaml: Path) -> dict[str, Any]:
@@ -77,8 +80,8 @@ def camera_values(name: str) -> dict[str, Any]:
     return values
 
 
-def surroundings(device: Any = None) -> dict[str, Any]:
-    """Versions and the device; recorded beside a run, no part of its hash."""
+def surroundings(device: Any = None, amp: Any = None) -> dict[str, Any]:
+    """Versions, the device and the precision that it trained in; recorded beside a run, no part of its hash."""
     import torch
 
     found = {"python": platform.python_version(), "visaug": visaug.__version__}
@@ -94,6 +97,7 @@ def surroundings(device: Any = None) -> dict[str, Any]:
         **found,
         "device": f"cpu: {where}" if on_cpu else f"cuda: {where}",
         "threads": torch.get_num_threads(),
+        "amp": amp,
     }
 
 

@@ -14,9 +14,11 @@ from visaug.report.plots.learning import plot_timing, plot_training
 from visaug.report.provenance import footer
 from visaug_train.ablation import Ablation
 from visaug_train.plots import plot_dependence, plot_gallery, read_gray
-from visaug_train.proof import proof_sections
-from visaug_train.tables import MEASURES, overview_table
-from visaug_train.target_report import target_sections
+from visaug_train.published import WHICH_OKS
+from visaug_train.studies.proof import proof_sections
+from visaug_train.studies.target import transductive
+from visaug_train.studies.target_report import target_sections
+from visaug_train.tables import MEASURES, by_chance, marked, overview_table
 from visaug_train.training import batch_noise
 
 DETECTION, KEYPOINTS = ("box_ap", "iou"), ("keypoint_ap_paper", "oks_paper")
@@ -84,6 +86,7 @@ def finding(ablation: Ablation) -> str:
 def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
     config = ablation.config
     overview = overview_table(ablation.means, ablation.differences, config.baseline, most=MOST_ABREAST)
+    overview = marked(overview, transductive(ablation.study))
     yield Table(overview.head, overview.rows, f"{overview.title}.")
     for name in config.arms:
         if why := config.arms[name].why:
@@ -100,9 +103,19 @@ def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
     yield _score_table(
         ablation, KEYPOINTS_COCO, "The same predictions by COCO's definition (2 sigma, 0.53 of the area)."
     )
+    if ablation.config.published:
+        yield Text(WHICH_OKS, "note")
     if ablation.differences:
         yield _difference_table(ablation)
         yield Text(f"95 % intervals: {ablation.interval_covers}.", "note")
+        yield Text(by_chance(ablation.differences), "note")
+    if weights := ablation.tables().get("weights"):
+        yield Table(weights.head, weights.rows, f"{weights.title}.")
+        yield Text(weights.note, "note")
+    for arm, sentence in transductive(ablation.study).items():
+        yield Text(f"† {arm}: {sentence}.", "note")
+    if ablation.mixed:
+        yield Text(ablation.mixed, "note")
     for failure in ablation.failures:
         yield Text(f"Failed: {failure.arm}, seed {failure.seed}: {failure.error}", "note")
 

@@ -2,44 +2,75 @@
 
 import hashlib
 from collections.abc import Callable
+from typing import Any
 
 from visaug_train.convert import identity
 from visaug_train.evaluate import Evaluation, evaluate
+from visaug_train.metrics import Detections
 from visaug_train.predictions import load_predictions, predict, save_predictions
+from visaug_train.speed import PoseSet
 from visaug_train.training import Run, Study, train_run
 
 Progress = Callable[[str, int, int], None]
 
 
+def other_weights(weights: str) -> str:
+    """The weights of a run that are not its headline."""
+    return "best" if weights == "last" else "last"
+
+
 def run_and_score(
     study: Study, arm: str, seed: int, progress: Progress | None = None
-) -> tuple[Run, dict[str, Evaluation]]:
-    """A run with its scores, from files as far as they are there."""
+) -> tuple[Run, dict[str, Evaluation], dict[str, dict[str, Any]]]:
+    """A run, its evaluations, and the summaries of its other weights by domain; from files as far as they are there."""
     run = train_run(study, arm, seed, progress)
-    return run, evaluate_run(study, run, progress)
+    return run, evaluate_run(study, run, progress), other_summaries(study, run, progress)
 
 
-def evaluate_run(study: Study, run: Run, progress: Progress | None = None) -> dict[str, Evaluation]:
-    """Score a run's network on every test set; its predictions are kept beside the weights."""
+def other_summaries(study: Study, run: Run, progress: Progress | None = None) -> dict[str, dict[str, Any]]:
+    """Scores by domain of a run's other weights; empty where it kept none."""
+    other = other_weights(study.config.weights)
+    if not run.weights.with_stem(other).is_file():
+        return {}
+    return {name: each.summary() for name, each in evaluate_run(study, run, progress, other).items()}
+
+
+def evaluate_run(
+    study: Study, run: Run, progress: Progress | None = None, weights: str | None = None
+) -> dict[str, Evaluation]:
+    """Score a run's network on every test set: that of its `weights` (last or best), the config's where left out."""
+    return {
+        domain: evaluate(
+            domain, poses, study.keypoints, predictions_of(study, run, domain, poses, progress, weights)
+        )
+        for domain, poses in study.tests.items()
+    }
+
+
+def predictions_of(
+    study: Study,
+    run: Run,
+    domain: str,
+    poses: PoseSet,
+    progress: Progress | None = None,
+    weights: str | None = None,
+) -> list[Detections]:
+    """What a run's network finds in a set; kept beside the weights."""
     arguments = {**study.config.training, **study.config.arm(run.arm).training}
-    found = {}
-    for domain, poses in study.tests.items():
-        names = "\n".join([run.weights.name, str(identity(poses))])
-        digest = hashlib.sha256(names.encode()).hexdigest()[:8]
-        path = run.folder / "predictions" / f"{domain}-{digest}.json"
-        if not path.is_file():
-            detections = predict(
-                run.weights,
-                poses,
-                arguments.get("imgsz", 640),
-                study.config.output / "ultralytics-settings",
-                arguments.get("device"),
-                f"evaluating {run.arm} seed {run.seed} on {domain}",
-                progress,
-                size=study.config.data.image_size,
-                reduce=study.config.data.reduction,
-            )
-            save_predictions(path, poses, detections)
-        detections = load_predictions(path, poses, len(study.keypoints))
-        found[domain] = evaluate(domain, poses, study.keypoints, detections)
-    return found
+    file = run.weights.with_stem(weights) if weights else run.weights
+    digest = hashlib.sha256(f"{file.name}\n{identity(poses)}".encode()).hexdigest()[:8]
+    path = run.folder / "predictions" / f"{domain}-{digest}.json"
+    if not path.is_file():
+        detections = predict(
+            file,
+            poses,
+            arguments.get("imgsz", 640),
+            study.config.output / "ultralytics-settings",
+            arguments.get("device"),
+            f"evaluating {run.arm} seed {run.seed} on {domain}",
+            progress,
+            size=study.config.data.image_size,
+            reduce=study.config.data.reduction,
+        )
+        save_predictions(path, poses, detections)
+    return load_predictions(path, poses, len(study.keypoints))

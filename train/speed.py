@@ -27,7 +27,7 @@ SPLITS = ("train", "validation", "test")
 
 @dataclass(frozen=True, eq=False)
 class PoseSet:
-    """Images with their poses: files (N), quaternions (N, 4) scalar first, translations (N, 3) in metres."""
+    """Images with their poses: files (N), quaternions (N, 4) scalar first, translations (N, 3) in metres; NaN if unknown."""
 
     name: str
     camera: Pinhole
@@ -43,6 +43,11 @@ class PoseSet:
         """The data set's own name of the domain: `name` is domain/split."""
         return self.name.split("/")[0]
 
+    @property
+    def labelled(self) -> bool:
+        """Whether the poses are known."""
+        return bool(np.isfinite(self.quaternions).all())
+
     def select(self, indices: np.ndarray, name: str | None = None) -> "PoseSet":
         """The images at `indices`."""
         files = tuple(self.files[i] for i in indices)
@@ -57,19 +62,37 @@ def is_speed(root: Path) -> bool:
 
 
 def domains(root: str | Path) -> dict[str, tuple[str, ...]]:
-    """The domains of a folder with the splits that each has."""
+    """The domains of a folder that may have poses, with the splits that each has."""
     root = Path(root)
-    if not root.is_dir():
-        raise InputError(f"{root}: no such folder; expected a SPEED or SPEED+ folder")
     if is_speed(root):
         found: dict[str, tuple[str, ...]] = {"speed": SPLITS}
         return found | ({"real": ("test",)} if (root / "real.json").is_file() else {})
-    found = {
-        folder.name: tuple(split for split in SPLITS if (folder / f"{split}.json").is_file())
-        for folder in sorted(root.iterdir())
-        if (folder / "images").is_dir()
-    }
-    found = {name: splits for name, splits in found.items() if splits}
+    found = {}
+    for name in listings(root):
+        domain, split = name.split("/")
+        found[domain] = (*found.get(domain, ()), split)
+    return found
+
+
+def listings(root: Path) -> dict[str, tuple[Path, Path]]:
+    """The lists of images of a folder, each with the folder of its images, by domain/split.
+
+    SPEED's train.json, which is split at random, is one list: speed/all.
+    """
+    if not root.is_dir():
+        raise InputError(f"{root}: no such folder; expected a SPEED or SPEED+ folder")
+    if is_speed(root):
+        names = {
+            "train": "speed/all",
+            "real": "real/test",
+            "test": "test/test",
+            "real_test": "real_test/test",
+        }
+        files = {name: root / f"{stem}.json" for stem, name in names.items()}
+        return {n: (file, root / "images" / file.stem) for n, file in files.items() if file.is_file()}
+    folders = [folder for folder in sorted(root.iterdir()) if (folder / "images").is_dir()]
+    found = {f"{f.name}/{split}": (f / f"{split}.json", f / "images") for f in folders for split in SPLITS}
+    found = {name: pair for name, pair in found.items() if pair[0].is_file()}
     if not found:
         raise InputError(
             f"{root}: expected train.json and images/, or folders like synthetic/ with train.json"
@@ -85,32 +108,50 @@ def read_camera(root: str | Path) -> Pinhole:
     return Pinhole.load(root / "camera.json")
 
 
-def read_poses(root: str | Path, domain: str, split: str | None = None, seed: int = 0) -> PoseSet:
+def read_poses(
+    root: str | Path, domain: str, split: str | None = None, seed: int = 0, labels: bool = True
+) -> PoseSet:
     """The images of a domain with poses, checked.
 
     `split` is train, validation or test; left out, it is the domain's test split, else validation, else
     train. SPEED has one list, which is split at random by `seed` in the paper's proportions 7680 : 1920 :
-    2400.
+    2400. Images without poses (SPEED's domains `test` and `real_test`, and lightbox and sunlamp of SPEED+ as it was before
+    2023) are refused unless `labels` is false.
     """
     root = Path(root)
-    found = domains(root)
+    lists, found = listings(root), domains(root)
+    if is_speed(root) and not labels:
+        found |= {name.split("/")[0]: ("test",) for name in lists if name.endswith("test/test")}
     if domain not in found:
         raise InputError(f"{root}: domain: expected one of {', '.join(found)}, got {domain}")
     if split is None:
         split = next(s for s in ("test", "validation", "train") if s in found[domain])
     if split not in found[domain]:
         raise InputError(f"{root}: {domain}: split: expected one of {', '.join(found[domain])}, got {split}")
-    if is_speed(root):
-        listing = root / ("train.json" if domain == "speed" else "real.json")
-        images = root / "images" / listing.stem
-    else:
-        listing, images = root / domain / f"{split}.json", root / domain / "images"
+    is_split = is_speed(root) and domain == "speed"
+    listing, images = lists["speed/all" if is_split else f"{domain}/{split}"]
     poses = _read_listing(listing, images, read_camera(root), f"{domain}/{split}")
-    if is_speed(root) and domain == "speed":
+    if labels and not poses.labelled:
+        raise InputError(
+            "the images have no poses",
+            file=listing,
+            expected="an archive with labels: SPEED+ has those of lightbox and sunlamp since 2023 (speedplusv2)",
+        )
+    if is_split:
         poses = poses.select(split_indices(len(poses), seed)[split])
     _check_images(poses, listing)
-    _check_camera(poses, listing)
+    if poses.labelled:
+        _check_camera(poses, listing)
     return poses
+
+
+def part_of(poses: PoseSet, share: tuple[float, float], seed: int) -> PoseSet:
+    """A part of the images in random order: shares that do not overlap hold different images."""
+    order = np.random.default_rng([20261126, seed]).permutation(len(poses))
+    first, last = (round(end * len(poses)) for end in share)
+    if first == last:
+        raise InputError(f"{poses.name}: a share of {list(share)} of {len(poses)} images is none")
+    return poses.select(np.sort(order[first:last]))
 
 
 def split_indices(count: int, seed: int) -> dict[str, np.ndarray]:
@@ -130,25 +171,35 @@ def _read_listing(listing: Path, images: Path, camera: Pinhole, name: str) -> Po
     if not isinstance(records, list) or not records:
         raise InputError(f"{listing}: expected a list of records with filename, quaternion and position")
     files, quaternions, translations = [], [], []
+    unlabelled = not any(isinstance(r, dict) and _pose_of(r) != (None, None) for r in records)
     for number, record in enumerate(records):
         where = f"{listing}: record {number}"
         if not isinstance(record, dict) or not isinstance(record.get("filename"), str):
             raise InputError(f"{where}: filename: expected a file name")
-        quaternion = record.get("q_vbs2tango_true", record.get("q_vbs2tango"))
+        files.append(images / record["filename"])
+        if unlabelled:
+            continue
+        quaternion, translation = _pose_of(record)
         quaternions.append(_vector(quaternion, 4, f"{where}: q_vbs2tango_true"))
-        translations.append(_vector(record.get("r_Vo2To_vbs_true"), 3, f"{where}: r_Vo2To_vbs_true"))
+        translations.append(_vector(translation, 3, f"{where}: r_Vo2To_vbs_true"))
         norm = float(np.linalg.norm(quaternions[-1]))
         if abs(norm - 1) > 1e-2:
             raise InputError(f"{where}: q_vbs2tango_true: expected a unit quaternion, got length {norm:.4g}")
         if not translations[-1][2] > 0:
             raise InputError(f"{where}: r_Vo2To_vbs_true: expected a target before the camera (z > 0 m)")
-        files.append(images / record["filename"])
     if len(set(files)) < len(files):
         raise InputError(f"{listing}: filename: expected every image once")
+    if unlabelled:
+        unknown = np.full((len(files), 7), np.nan)
+        return PoseSet(name, camera, tuple(files), unknown[:, :4], unknown[:, 4:])
     q = np.array(quaternions)
     return PoseSet(
         name, camera, tuple(files), q / np.linalg.norm(q, axis=1, keepdims=True), np.array(translations)
     )
+
+
+def _pose_of(record: dict) -> tuple[object, object]:
+    return record.get("q_vbs2tango_true", record.get("q_vbs2tango")), record.get("r_Vo2To_vbs_true")
 
 
 def _vector(value: object, size: int, where: str) -> np.ndarray:

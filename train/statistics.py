@@ -10,6 +10,8 @@ the degrees of freedom of Welch and Satterthwaite (F. E. Satterthwaite, Biometri
 first part and the number of images less 1 for the second: where training dominates, 2 for three seeds (t = 4.3), not the
 infinitely many that a percentile of three numbers pretends. With one seed the first part is unknown and the interval
 covers the choice of images alone.
+
+Each interval is one comparison's. A study makes many: `holm` corrects for their number.
 """
 
 import numpy as np
@@ -27,6 +29,40 @@ def paired_interval(
         images: how many there are.
         level: of the interval.
     """
+    mean, error, freedom = _mean_and_error(differences, image_variance, images)
+    reach = student.ppf((1 + level) / 2, freedom) * error
+    return mean - reach, mean + reach
+
+
+def paired_p_value(differences: np.ndarray, image_variance: np.ndarray, images: int) -> np.ndarray:
+    """The two-sided p-value (measures) of no difference, valid far out in the tails that many comparisons need.
+
+    Student's t with the fewest degrees of freedom, those of the seeds. Satterthwaite's, which the interval takes, are too many
+    there: among hundreds of differences of three seeds some have seeds that agree by chance.
+    """
+    mean, error, _ = _mean_and_error(differences, image_variance, images)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(mean == 0, np.where(np.isnan(error), np.nan, 0), np.abs(mean) / error)
+    return 2 * student.sf(ratio, (len(differences) if len(differences) > 1 else images) - 1)
+
+
+def holm(p_values: np.ndarray) -> np.ndarray:
+    """p-values (N) corrected for N comparisons (S. Holm, Scandinavian Journal of Statistics 6 (1979) 65).
+
+    Where all differences are 0, the chance that any of them falls below a level is at most that level, however they depend on
+    each other. NaN stays and counts as a comparison.
+    """
+    order = np.argsort(p_values)  # NaN last
+    scaled = np.asarray(p_values)[order] * np.arange(len(order), 0, -1)
+    corrected = np.empty(len(order))
+    corrected[order] = np.minimum(np.maximum.accumulate(scaled), 1)
+    return corrected
+
+
+def _mean_and_error(
+    differences: np.ndarray, image_variance: np.ndarray, images: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean difference, its standard error (NaN where it is not known), and degrees of freedom."""
     seeds = len(differences)
     mean = differences.mean(axis=0)
     known = np.isfinite(image_variance)
@@ -36,7 +72,5 @@ def paired_interval(
     # Satterthwaite: the square of the sum over the sum of squares, each over its own degrees of freedom.
     lost = between_seeds**2 / max(seeds - 1, 1) + between_images**2 / max(images - 1, 1)
     freedom = np.divide(variance**2, lost, out=np.full_like(mean, np.inf), where=lost > 0)
-    reach = student.ppf((1 + level) / 2, freedom) * np.sqrt(variance)
-    if seeds == 1:
-        reach = np.where(known, reach, np.nan)
-    return mean - reach, mean + reach
+    error = np.sqrt(variance)
+    return mean, np.where(known, error, np.nan) if seeds == 1 else error, freedom

@@ -5,7 +5,7 @@ intervals.
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from visaug_train.published import TABLE_4
@@ -24,16 +24,22 @@ MEASURES: dict[str, tuple[tuple[str, ...], str, bool]] = {
 
 @dataclass(frozen=True)
 class Table:
-    """Cells as text under a head."""
+    """Cells as text under a head; `note` is a sentence on how to read them."""
 
     title: str
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
+    note: str = ""
+
+    def with_note(self, note: str) -> "Table":
+        """The table with a further sentence."""
+        return replace(self, note=" ".join(filter(None, [self.note, note])))
 
     def to_markdown(self) -> str:
-        """GitHub's table, the title above it."""
+        """GitHub's table, the title above it, the note below."""
         lines = [f"**{self.title}**", "", _line(self.head), _line(["---"] * len(self.head))]
-        return "\n".join([*lines, *map(_line, self.rows)]) + "\n"
+        note = ["", self.note] if self.note else []
+        return "\n".join([*lines, *map(_line, self.rows), *note]) + "\n"
 
     def to_csv(self) -> str:
         """Comma-separated, with the head."""
@@ -47,7 +53,7 @@ class Table:
         columns = "l" + "r" * (len(self.head) - 1)
         lines = [
             r"\begin{table}",
-            rf"\caption{{{_latex(self.title)}}}",
+            rf"\caption{{{_latex('. '.join(filter(None, [self.title, self.note])))}}}",
             rf"\begin{{tabular}}{{{columns}}}",
             r"\toprule",
             " & ".join(map(_latex, self.head)) + r" \\",
@@ -94,8 +100,11 @@ def score_table(
 
 
 def difference_table(differences: Sequence[Any], baseline: str) -> Table:
-    """Differences to the baseline with 95 % intervals; a row whose interval leaves out 0 is marked."""
-    head = ["arm", "domain", "measure", f"{baseline}", "arm's", "difference", "95 % interval", "clear of 0"]
+    """Differences to the baseline with 95 % intervals; a row whose interval leaves out 0 is marked, and one that still does
+    where all rows are taken together.
+    """
+    head = ["arm", "domain", "measure", f"{baseline}", "arm's", "difference", "95 % interval"]
+    head += ["clear of 0", "clear among all rows"]
     rows = [
         [
             d.arm,
@@ -105,11 +114,65 @@ def difference_table(differences: Sequence[Any], baseline: str) -> Table:
             _number(d.reference + d.difference),
             f"{d.difference:+.4f}",
             f"[{d.low:+.4f}, {d.high:+.4f}]",
-            "yes" if d.low > 0 or d.high < 0 else "no",
+            _yes(d.clear),
+            _yes(d.clear_in_family),
         ]
         for d in differences
     ]
-    return Table(f"Differences to {baseline}", head, rows)
+    return Table(f"Differences to {baseline}", head, rows, by_chance(differences))
+
+
+def by_chance(differences: Sequence[Any]) -> str:
+    """How many clear differences to expect where there are none."""
+    count, clear = len(differences), sum(d.clear for d in differences)
+    if not count:
+        return ""
+    return (
+        f"{clear} of {count} intervals of 95 % leave out 0; {0.05 * count:.1f} would by chance if no arm did anything. "
+        f'"Clear among all rows" is by the correction of Holm over all rows of the study: by chance there would be any in 5 % '
+        "of the studies."
+    )
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"
+
+
+def marked(table: Table, notes: Mapping[str, str]) -> Table:
+    """A table whose arms that `notes` names (arm -> sentence) carry a dagger, with the sentences below."""
+    cells = {cell for row in table.rows for cell in row} | set(table.head)
+    here = {arm: note for arm, note in notes.items() if arm in cells}
+    if not here:
+        return table
+
+    def mark(cells: Sequence[str]) -> list[str]:
+        return [f"{cell} †" if cell in here else cell for cell in cells]
+
+    made = replace(table, head=mark(table.head), rows=[mark(row) for row in table.rows])
+    return made.with_note(" ".join(f"† {arm}: {note}." for arm, note in here.items()))
+
+
+def weights_table(
+    headline: str,
+    means: Mapping[str, Mapping[str, Mapping[str, float]]],
+    other: str,
+    others: Mapping[str, Mapping[str, Mapping[str, float]]],
+) -> Table:
+    """The same runs' other weights beside those of all other tables: means over seeds."""
+    measures = ("box_ap", "keypoint_ap_paper", "keypoint_ap_coco")
+    head = ["arm", "domain", *(f"{MEASURES[m][1]}, {w}" for m in measures for w in (headline, other))]
+    rows = [
+        [arm, domain, *(_number(each[arm][domain][m]) for m in measures for each in (means, others))]
+        for arm in others
+        for domain in others[arm]
+    ]
+    return Table(
+        f"Weights of the same runs: {headline} and {other}",
+        head,
+        rows,
+        f"All other tables hold {headline}. `best` is the epoch that the clean validation images chose, which may be the one "
+        "that has seen the least noise.",
+    )
 
 
 def overview_table(
@@ -124,6 +187,9 @@ def overview_table(
     With more than `most` arms beside the baseline each has a row.
     """
     others = [arm for arm in means if arm != baseline]
+    mine = sum(d.measure == measure for d in differences)
+    note = f"Each change has its own interval; {0.05 * mine:.1f} of these {mine} would be called clear by chance."
+    note = note if mine > 1 else ""
     found = {(d.arm, d.domain): d for d in differences if d.measure == measure}
     domains = list(dict.fromkeys(domain for scores in means.values() for domain in scores))
     label = MEASURES[measure][1]
@@ -138,7 +204,7 @@ def overview_table(
     if len(others) > most:
         rows = [[d, arm, value_of(arm, d), change_of(arm, d)] for d in domains for arm in means]
         title = f"{label}: mean over seeds, and the change against {baseline} with its 95 % interval"
-        return Table(title, ["test set", "arm", "AP", "change"], rows)
+        return Table(title, ["test set", "arm", "AP", "change"], rows, note)
     rows = []
     for domain in domains:
         row = [domain, *([value_of(baseline, domain)] if baseline in means else [])]
@@ -147,7 +213,7 @@ def overview_table(
             row.append(value_of(arm, domain) + (f" ({said})" if said else ""))
         rows.append(row)
     title = f"{label}: mean over seeds; in brackets the change and its 95 % interval"
-    return Table(title, ["test set", *([baseline] if baseline in means else []), *others], rows)
+    return Table(title, ["test set", *([baseline] if baseline in means else []), *others], rows, note)
 
 
 def change(difference: Any) -> str:
@@ -195,7 +261,7 @@ def comparison_table(means: Mapping[str, Mapping[str, Mapping[str, float]]], dom
 def _latex(text: str) -> str:
     for sign in "&%#_":
         text = text.replace(sign, rf"\{sign}")
-    return text.replace("±", r"$\pm$").replace("^2", "$^2$")
+    return text.replace("±", r"$\pm$").replace("†", r"$\dagger$").replace("^2", "$^2$")
 
 
 def _number(number: float | None) -> str:

@@ -7,12 +7,11 @@ again, an interrupted one resumes from its last epoch, and a changed config trai
 import csv
 import hashlib
 import json
-import re
 import shutil
 import time
 import traceback
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,22 +19,23 @@ from typing import Any
 from torch import nn
 
 from visaug.core.documents import read_json
-from visaug.core.errors import InputError
 from visaug.core.files import write_json, write_text
 from visaug_train import checkpoints
 from visaug_train.arms import Arm
-from visaug_train.callbacks import close_noise, follow
+from visaug_train.callbacks import close_noise, follow, keep_batch
+from visaug_train.checks import check_apart
 from visaug_train.config import Config
 from visaug_train.convert import convert
+from visaug_train.device import Say, cost, followed
 from visaug_train.geometry import Keypoints
-from visaug_train.hidden import HiddenEffect, check_hidden, hide_effects
 from visaug_train.noise import batch_noise
 from visaug_train.noise import vis_noise as vis_noise
-from visaug_train.quiet import check_tracking, quiet_ultralytics, set_tracking
+from visaug_train.quiet import quiet_ultralytics, set_tracking
 from visaug_train.record import decides, surroundings
 from visaug_train.render.dataset import RenderSettings, read_back, render_dataset
-from visaug_train.speed import PoseSet, read_poses
-from visaug_train.target import TargetCamera, check_cameras, make_cameras
+from visaug_train.speed import PoseSet, part_of, read_poses
+from visaug_train.studies.hidden import HiddenEffect, hide_effects
+from visaug_train.studies.target import TargetCamera, make_cameras
 
 Progress = Callable[[str, int, int], None]
 
@@ -64,10 +64,19 @@ class Run:
     weights: Path
     seconds: float
     curves: dict[str, list[float]]
+    surroundings: dict[str, Any] = field(default_factory=dict)
 
 
-def prepare(config: Config, progress: Progress | None = None) -> Study:
-    """Renders (if configured), checks and converts the data; simulates and diagnoses hidden effects."""
+def prepare(
+    config: Config,
+    progress: Progress | None = None,
+    announce: Say | None = None,
+    arms: Sequence[str] | None = None,
+) -> Study:
+    """Renders (if configured), checks and converts the data; simulates and diagnoses hidden effects.
+
+    `announce` gets the hours that the training costs (of all runs, or of `arms` with one seed), before anything is converted.
+    """
     began = time.monotonic()
     data = config.data
     root = data.root
@@ -79,11 +88,15 @@ def prepare(config: Config, progress: Progress | None = None) -> Study:
     assert root is not None  # check_config saw to it
 
     def read(source: Any) -> PoseSet:
-        return read_poses(source.root or root, source.domain, source.split, data.split_seed)
+        poses = read_poses(source.root or root, source.domain, source.split, data.split_seed)
+        return part_of(poses, source.share, data.split_seed) if source.share else poses
 
     keypoints = Keypoints.load(data.keypoints)
     parts = {"train": read(data.train), "val": read(data.validation)}
     tests = {name: read(source) for name, source in data.test.items()}
+    check_apart(parts, tests)
+    if announce is not None and not (config.cluster and config.cluster.address):
+        announce(cost(config, len(parts["train"]), arms))
     name = "-".join(["ultralytics", *data.copies])
     destination = root.resolve() / name if data.rendered else config.output / f"{root.name}-{name}"
     data_yaml = convert(
@@ -101,39 +114,6 @@ def prepare(config: Config, progress: Progress | None = None) -> Study:
     config, cameras = make_cameras(config, read, progress)
     seconds = time.monotonic() - began
     return Study(config, data_yaml, keypoints, tests, parts["train"], seconds, tuple(hidden), cameras)
-
-
-def check_arms(config: Config) -> None:
-    """Refuses an invalid camera or invalid training arguments of an arm before any training."""
-    check_hidden(config)
-    check_cameras(config)
-    check_tracking(config.tracking)
-    quiet_ultralytics(config.output / "ultralytics-settings")
-    from ultralytics.cfg import get_cfg
-    from ultralytics.nn.tasks import yaml_model_load
-
-    if not (config.model.endswith(".pt") and Path(config.model).is_file()):
-        try:
-            yaml_model_load(config.model)
-        except (OSError, AssertionError):  # the latter for another suffix
-            raise InputError(
-                f"no such network: {config.model}",
-                field="model",
-                expected="a YAML such as yolov8n-pose.yaml, or the file of trained weights (NAME.pt)",
-            ) from None
-    for name in config.arms:
-        arm = config.arm(name)
-        if not set(arm.camera_files) & config.cameras.keys():  # else its noise is checked once they are made
-            batch_noise(arm)
-        try:
-            get_cfg(overrides={**config.training, **arm.training})
-        except (SyntaxError, TypeError, ValueError) as error:  # how ultralytics refuses an argument
-            raise InputError(f"{name}: {_plain(error)}", field="training") from None
-
-
-def _plain(error: Exception) -> str:
-    """An error of ultralytics without colours and lists of all arguments."""
-    return re.sub(r"\x1b\[[0-9;]*m", "", str(error)).strip().split("\n")[0]
 
 
 def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None = None) -> Run:
@@ -161,11 +141,12 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
                 "seed": seed,
                 "hash": folder.name.rsplit("-", 1)[-1],
                 **decides(config, arm, study.data_yaml),
-                "surroundings": surroundings(arguments.get("device")),
+                "surroundings": surroundings(arguments.get("device"), followed(arguments).get("amp")),
                 "seconds": seconds,
             },
         )
         checkpoints.forget(folder)
+        _failure_file(study, arm_name, seed).unlink(missing_ok=True)  # of an earlier try
     record = read_json(folder / "run.json")
     return Run(
         arm_name,
@@ -174,6 +155,7 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
         folder / "weights" / f"{config.weights}.pt",
         record["seconds"],
         read_curves(folder / "results.csv"),
+        record.get("surroundings", {}),
     )
 
 
@@ -198,7 +180,7 @@ def start_network(study: Study, progress: Progress | None = None) -> str | None:
             title,
             progress,
         )
-        around = surroundings(arguments.get("device"))
+        around = surroundings(arguments.get("device"), followed(arguments).get("amp"))
         write_json(folder / "run.json", {**decided, "surroundings": around, "seconds": seconds})
         checkpoints.forget(folder)
     return str(folder / "weights" / "last.pt")
@@ -207,8 +189,12 @@ def start_network(study: Study, progress: Progress | None = None) -> str | None:
 def note_failure(study: Study, arm: str, seed: int, error: Exception) -> str:
     """Keep how a run failed beside the runs; the error in one line."""
     text = "".join(traceback.format_exception(error))
-    write_text(study.config.output / "failures" / f"{arm}-seed{seed}.txt", text)
+    write_text(_failure_file(study, arm, seed), text)
     return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def _failure_file(study: Study, arm: str, seed: int) -> Path:
+    return study.config.output / "failures" / f"{arm}-seed{seed}.txt"
 
 
 def run_folder(study: Study, arm_name: str, seed: int) -> Path:
@@ -259,7 +245,7 @@ def _train(
             "plots": False,
             "verbose": False,
             "seed": seed,
-            **arguments,
+            **followed(arguments),
         }
     else:
         model = YOLO(str(checkpoints.restore(folder, state)), task="pose")
@@ -267,6 +253,7 @@ def _train(
     follow(model, title, progress)
     kept.attach(model)
     model.add_callback("on_train_epoch_start", partial(close_noise, clean_epochs))
+    model.add_callback("on_train_batch_start", partial(keep_batch, arguments.get("batch", 16)))
     model.train(trainer=trainer, data=str(data_yaml), **how)
     return kept.seconds_before + time.monotonic() - kept.began
 

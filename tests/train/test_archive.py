@@ -1,13 +1,19 @@
 """From an archive to a checked dataset."""
 
+import json
 import shutil
 import zipfile
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from visaug.core.errors import InputError
 from visaug_train.archive import main, prepare_archive
+from visaug_train.geometry import Keypoints
+from visaug_train.speed import read_poses
 
 
 @pytest.fixture(scope="module")
@@ -62,8 +68,9 @@ def test_wrong_archives_end_with_one_line(archive, tmp_path, capsys):
 
 def test_member_outside_is_refused(tmp_path):
     with zipfile.ZipFile(tmp_path / "evil.zip", "w") as packed:
+        packed.writestr("set/camera.json", "{}")
         packed.writestr("../outside.txt", "x")
-    with pytest.raises(InputError, match="outside"):
+    with pytest.raises(InputError, match=r"holds \.\./outside\.txt"):
         prepare_archive(tmp_path / "evil.zip", tmp_path / "data")
     assert not (tmp_path / "outside.txt").exists()
 
@@ -108,3 +115,65 @@ def test_a_file_in_the_way_is_one_line(archive, tmp_path, capsys):
     (tmp_path / "data.partial").touch()
     assert main([archive, "-o", str(tmp_path / "data")]) == 2
     assert "Traceback" not in capsys.readouterr().err
+
+
+def test_an_archive_must_be_what_the_destination_was_made_of(archive, rendered, tmp_path):
+    data = prepare_archive(archive, tmp_path / "data")
+    with pytest.raises(InputError, match="no such file"):
+        prepare_archive(tmp_path / "none.zip", data)
+    other = tmp_path / "other.zip"
+    with zipfile.ZipFile(archive) as source, zipfile.ZipFile(other, "w") as packed:
+        for info in source.infolist():
+            packed.writestr(info, source.read(info))
+        packed.writestr("speedplusv2/lightbox/images/one_more.png", b"x")
+    with pytest.raises(InputError, match=r"is not what .*other\.zip holds: one_more\.png is missing"):
+        prepare_archive(other, data)
+    assert prepare_archive(archive, data) == data
+
+
+def test_an_archive_of_something_else_is_refused_before_it_is_unpacked(tmp_path):
+    with zipfile.ZipFile(tmp_path / "photos.zip", "w") as packed:
+        packed.writestr("photos/1.jpg", "x")
+    with pytest.raises(InputError, match="no SPEED or SPEED\\+ layout"):
+        prepare_archive(tmp_path / "photos.zip", tmp_path / "data")
+    assert not (tmp_path / "data.partial").exists()
+
+
+def test_sets_without_labels_serve_for_submissions(rendered, tmp_path, capsys):
+    """SPEED+ as it was before 2023: the laboratory's lists name the images alone."""
+    shutil.copytree(rendered, tmp_path / "old")
+    listing = tmp_path / "old" / "lightbox" / "test.json"
+    records = json.loads(listing.read_text())
+    listing.write_text(json.dumps([{"filename": record["filename"]} for record in records]))
+    assert main([str(tmp_path / "old"), "-o", str(tmp_path / "old")]) == 0
+    printed = capsys.readouterr().out
+    assert "lightbox/test: 4 images, no labels" in printed
+    assert "speedplusv2" in printed
+    with pytest.raises(InputError, match=r"lightbox/test\.json: the images have no poses"):
+        read_poses(tmp_path / "old", "lightbox")
+    assert not read_poses(tmp_path / "old", "lightbox", labels=False).labelled
+
+
+def test_coco_annotations_are_read_by_pycocotools_and_hold_the_projected_points(rendered, tmp_path):
+    coco = pytest.importorskip("pycocotools.coco")
+    data = shutil.copytree(rendered, tmp_path / "data")
+    assert main([str(data), "-o", str(data), "--coco"]) == 0
+    read = coco.COCO(str(tmp_path / "data-coco" / "lightbox-test.json"))
+    poses, tango = read_poses(data, "lightbox"), Keypoints.load()
+    assert read.cats[1]["keypoints"] == list(tango.names)
+    for i, file in enumerate(poses.files):
+        assert data / read.imgs[i + 1]["file_name"] == file
+        (found,) = read.imgToAnns[i + 1]
+        x, y, z, w = np.roll(poses.quaternions[i], -1)
+        turn = Rotation.from_quat([x, y, z, w]).as_rotvec()
+        camera = poses.camera
+        true = cv2.projectPoints(
+            tango.points_m, turn, poses.translations[i], camera.matrix, camera.distortion
+        )[0][:, 0]
+        points = np.reshape(found["keypoints"], (-1, 3))
+        inside = ((true >= 0) & (true <= [camera.width, camera.height])).all(axis=1)
+        assert (points[:, 2] == np.where(inside, 2, 0)).all()
+        np.testing.assert_allclose(points[inside, :2], true[inside], atol=2e-3)
+        assert found["num_keypoints"] == inside.sum()
+        low = np.clip(true.min(axis=0), 0, None)
+        np.testing.assert_allclose(found["bbox"][:2], low, atol=2e-3)

@@ -67,7 +67,7 @@ def test_a_config_on_top_of_another(tmp_path):
     (tmp_path / "top.yaml").write_text("extends: base.yaml\nname: m\ntraining: {epochs: 5}\n")
     config = load_config(tmp_path / "top.yaml")
     assert (config.name, config.output) == ("m", Path("o"))
-    assert config.training == {"epochs": 5, "batch": 4}
+    assert config.training == {"epochs": 5, "batch": 4, "augmentations": []}
     (tmp_path / "base.yaml").write_text("extends: top.yaml\n")
     with pytest.raises(InputError, match="extends: is"):
         load_config(tmp_path / "top.yaml")
@@ -128,7 +128,7 @@ def test_white_noise_that_is_there_already_is_taken_off():
 
 
 def test_unknown_training_argument_is_one_line_before_any_training(tmp_path, capfd):
-    from visaug_train.training import check_arms
+    from visaug_train.checks import check_arms
 
     config = check_config(minimal(output=str(tmp_path), training={"epoch": 3}))
     with pytest.raises(InputError, match=r"training: baseline: 'epoch' is not a valid") as caught:
@@ -139,7 +139,7 @@ def test_unknown_training_argument_is_one_line_before_any_training(tmp_path, cap
 
 @pytest.mark.parametrize("model", ["no_such.yaml", "no_such.pt"])
 def test_unknown_network_is_one_line_before_any_training(tmp_path, model):
-    from visaug_train.training import check_arms
+    from visaug_train.checks import check_arms
 
     with pytest.raises(InputError, match=f"model: no such network: {model}"):
         check_arms(check_config(minimal(output=str(tmp_path), model=model)))

@@ -10,7 +10,8 @@ import yaml
 
 import visaug
 from visaug.effects import catalogue
-from visaug_train import demo, laboratory
+from visaug_train import demo
+from visaug_train.studies import laboratory
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 

@@ -15,10 +15,10 @@ from visaug_train import scoring, training
 from visaug_train.ablation import ablate
 from visaug_train.config import check_config
 from visaug_train.geometry import Keypoints, project_targets
-from visaug_train.hidden import PLAIN, hidden_cameras, plan_of
 from visaug_train.metrics import Detections
-from visaug_train.proof import outcomes, proof_sections
 from visaug_train.report import write_report
+from visaug_train.studies.hidden import PLAIN, hidden_cameras, plan_of
+from visaug_train.studies.proof import outcomes, proof_sections
 
 CAMERA = {
     "resolution": [100, 160],

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import pytest
 
 import visaug
-from visaug_train import story
+from visaug_train.studies import story
 
 ANSWER = {
     "schema": 1,

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from visaug.core.errors import InputError
-from visaug_train import quiet, training
+from visaug_train import checks, quiet
 from visaug_train.config import check_config
 
 
@@ -50,7 +50,7 @@ def test_a_tool_that_is_not_installed_is_refused_before_training(rendered, tmp_p
     monkeypatch.setattr(quiet, "find_spec", lambda name: None)
     config = check_config(config_of(rendered, tmp_path / "out", ["mlflow"]))
     with pytest.raises(InputError, match=r"tracking.*pip install mlflow"):
-        training.check_arms(config)
+        checks.check_arms(config)
 
 
 def test_a_tracker_that_cannot_start_is_heard_of_and_the_rest_is_not(capsys):

@@ -1,4 +1,4 @@
-"""Commands of the pose harness: demo, train, ablate, evaluate."""
+"""Commands of the pose harness: demo, prepare, train, ablate, evaluate."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,7 +20,17 @@ from visaug.app.cli.tables import print_table
 from visaug.core.errors import InputError
 from visaug.core.progress import progress_bars
 
+ARGUMENTS = "CONFIG, or all of --predictions, --data and --domain"
 config_argument = click.argument("config_path", metavar="CONFIG", type=click.Path(path_type=Path))
+
+arm_option = click.option("--arm", metavar="NAME", help="Arm of CONFIG; the last one by default.")
+keypoints_option = click.option(
+    "--keypoints",
+    metavar="F.yaml",
+    default="tango",
+    show_default=True,
+    help="Points of the spacecraft: points_m (name: [x, y, z] in metres), and sigmas and flip_pairs if wanted.",
+)
 
 
 @contextmanager
@@ -47,12 +57,37 @@ def demo(output: Path, seed: int) -> None:
     click.echo(f"report: {report.resolve()}")
 
 
-@command("train", example="visaug train configs/demo.yaml")
+@command(
+    "prepare",
+    example="visaug prepare speedplusv2.zip -o datasets/speedplus\n"
+    "visaug prepare speed.zip -o datasets/speed --coco --size 640x400",
+)
+@click.argument("archive", metavar="ARCHIVE", type=click.Path(path_type=Path))
+@output_option("DIR", "Folder of the dataset.", required=True)
+@click.option(
+    "--size", metavar="WxH", help="Also write copies of this size with ultralytics labels, beside DIR."
+)
+@click.option("--coco", is_flag=True, help="Also write COCO keypoint annotations of every set, to DIR-coco.")
+@keypoints_option
+def prepare(archive: Path, output: Path, size: str | None, coco: bool, keypoints: str, seed: int) -> None:
+    """Unpack and check a SPEED or SPEED+ archive, or a folder.
+
+    If interrupted, the same command resumes. An archive that is not the one DIR was made of is refused.
+    """
+    with harness(), progress_bars() as progress:
+        from visaug_train.archive import prepare_dataset
+
+        said = prepare_dataset(archive, output, size, keypoints, coco, progress)
+    click.echo(said)
+
+
+@command("train", example="visaug train configs/demo.yaml --arm vis")
 @config_argument
+@arm_option
 @effects_option()
-def train(config_path: Path, seed: int) -> None:
+def train(config_path: Path, arm: str | None, seed: int) -> None:
     """Train one network as configured in CONFIG."""
-    run("train", config_path, seed)
+    run("train", config_path, seed, arm=arm)
 
 
 @command("ablate", example="visaug ablate configs/speedplus.yaml")
@@ -66,17 +101,18 @@ def ablate(config_path: Path, seed: int) -> None:
     run("ablate", config_path, seed)
 
 
-def run(what: str, config_path: Path, seed: int) -> None:
+def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
     with harness(), progress_bars() as progress:
         from visaug_train import commands
 
-        click.echo(getattr(commands, what)(config_path, seed=seed, progress=progress))
+        click.echo(getattr(commands, what)(config_path, seed=seed, progress=progress, **more))
 
 
 @command(
     "evaluate",
-    example="visaug evaluate configs/demo.yaml\n"
-    "visaug evaluate --predictions P.json --data speedplus/ --domain lightbox --json scores.json",
+    example="visaug evaluate configs/demo.yaml --arm vis\n"
+    "visaug evaluate --predictions P.json --data speedplus/ --domain lightbox --json scores.json\n"
+    "visaug evaluate configs/speed.yaml --data speed/ --domain real_test --poses submission.csv",
 )
 @click.argument("config_path", metavar="[CONFIG]", required=False, type=click.Path(path_type=Path))
 @click.option(
@@ -87,6 +123,11 @@ def run(what: str, config_path: Path, seed: int) -> None:
 )
 @click.option("--data", metavar="DIR", type=click.Path(path_type=Path), help="A SPEED or SPEED+ folder.")
 @click.option("--domain", metavar="NAME", help="Test set of that folder.")
+@click.option(
+    "--split", metavar="NAME", help="train, validation or test; by default the test split where there is one."
+)
+@keypoints_option
+@arm_option
 @effects_option()
 @click.option(
     "--images",
@@ -99,7 +140,7 @@ def run(what: str, config_path: Path, seed: int) -> None:
     "poses_csv",
     metavar="F.csv",
     type=click.Path(path_type=Path),
-    help="Write the poses computed from the keypoints of P: file, q1..q4, r1..r3.",
+    help="Write the poses computed from the keypoints: file, q1..q4, r1..r3. All there is for images without labels.",
 )
 @json_option
 def evaluate(
@@ -107,6 +148,9 @@ def evaluate(
     predictions: Path | None,
     data: Path | None,
     domain: str | None,
+    split: str | None,
+    keypoints: str,
+    arm: str | None,
     images: Path | None,
     poses_csv: Path | None,
     json_path: Path | None,
@@ -115,36 +159,41 @@ def evaluate(
     """Score a network on its test sets.
 
     The network is the one trained by CONFIG, or any other whose predictions P on a SPEED or SPEED+ folder are given.
-    P is in the COCO results format with `file_name` (or `image_id` and --images), or a CSV of poses in the format
-    of the Kelvins competition: file, q1..q4 (scalar first), r1..r3 in metres.
+    P is in the COCO results format with `file_name` (or `image_id` and --images), `bbox` may be absent; or it is a CSV of
+    poses in the format of the Kelvins competition: file, q1..q4 (scalar first), r1..r3 in metres. Another order of
+    quaternions, centimetres, millimetres and points of a common other scale are recognised and reported.
+
+    CONFIG with --data and --domain scores its network on that set. A set without labels gives the poses of a submission.
     """
-    given = {"--predictions": predictions, "--data": data, "--domain": domain}
-    absent = [name for name, value in given.items() if value is None]
-    if (config_path is None) == (len(absent) == 3) or (config_path is None and absent):
-        raise InputError(
-            "wrong arguments",
-            field="evaluate",
-            expected="CONFIG, or all of --predictions, --data and --domain",
-        )
-    if config_path is not None and (images or poses_csv):
-        raise InputError("go with --predictions", field="--images and --poses", expected="no CONFIG")
+    if (config_path is None) == (predictions is None) or (data is None) != (domain is None):
+        raise InputError("wrong arguments", field="evaluate", expected=ARGUMENTS)
+    if predictions is not None and data is None:
+        raise InputError("wrong arguments", field="evaluate", expected=ARGUMENTS)
+    if config_path is not None and (images or keypoints != "tango"):
+        raise InputError("go with --predictions", field="--images and --keypoints", expected="no CONFIG")
+    if config_path is not None and data is None and (poses_csv or split):
+        raise InputError("go with --data", field="--poses and --split", expected="--data and --domain")
     with harness(), progress_bars() as progress:
         from visaug_train import commands
 
         scores: dict[str, Any]
-        if config_path:
-            scores = commands.evaluate(config_path, seed=seed, progress=progress)
+        if config_path is not None:
+            elsewhere = None if data is None or domain is None else (data, domain, split)
+            scores = commands.evaluate(config_path, seed, progress, arm, elsewhere, poses_csv)
         else:
-            assert predictions is not None  # nothing is absent, see above
+            assert predictions is not None  # see above
             assert data is not None
             assert domain is not None
             scores = commands.evaluate_predictions(
-                predictions, data, domain, images=images, poses_csv=poses_csv
+                predictions, data, domain, keypoints, split, images, poses_csv
             )
+    for name, each in scores.items():
+        for note in each.get("notes", ()):
+            click.echo(f"note: {name}: {note}.", err=True)
     if not is_silent(False, json_path):
         print_scores(scores)
     write_result(json_path, scores)
-    written(json_path)
+    written(json_path, poses_csv)
 
 
 def print_scores(scores: dict[str, dict[str, Any]]) -> None:
@@ -162,9 +211,14 @@ def print_scores(scores: dict[str, dict[str, Any]]) -> None:
         "E_q, deg",
         "SPEC (floors)",
         "(no floors)",
+        "answered",
+        "SPEC of these",
     ]
     rows = []
     for domain, s in scores.items():
+        if "spec_score" not in s:
+            click.echo(f"{domain}: {s['images']} images without labels, poses of {s['poses_found']:.0%}")
+            continue
         values = (
             s["iou"],
             s["oks"]["paper"],
@@ -172,13 +226,16 @@ def print_scores(scores: dict[str, dict[str, Any]]) -> None:
             s["box_ap50_95"],
             s["keypoint_ap50_95"]["paper"],
             s["keypoint_ap50_95"]["coco"],
-            s.get("position_error_m"),
-            s.get("attitude_error_deg"),
-            s.get("spec_score_floored"),
-            s.get("spec_score_unfloored"),
+            s["position_error_m"],
+            s["attitude_error_deg"],
+            s["spec_score_floored"],
+            s["spec_score_unfloored"],
+            s["poses_found"],
+            s["answered"]["spec_score"],
         )
         rows.append([domain, str(s["images"]), *("" if v is None else f"{v:.4f}" for v in values)])
-    print_table(head, rows)
+    if rows:
+        print_table(head, rows)
 
 
-COMMANDS: list[click.Command] = [demo, train, ablate, evaluate]
+COMMANDS: list[click.Command] = [demo, prepare, train, ablate, evaluate]

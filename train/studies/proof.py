@@ -10,8 +10,8 @@ from visaug.report.html import Figure, Section, Table, Text, figure
 from visaug.report.plots.error import plot_error_steps
 from visaug.report.plots.images import plot_images
 from visaug_train import tables
-from visaug_train.hidden import PLAIN, HiddenEffect
 from visaug_train.plots import plot_scores, read_gray
+from visaug_train.studies.hidden import PLAIN, HiddenEffect
 
 if TYPE_CHECKING:
     from visaug_train.ablation import Ablation

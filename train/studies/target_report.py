@@ -11,9 +11,9 @@ from visaug.report.html import Figure, Section, Table, Text, figure
 from visaug.report.plots.images import plot_images
 from visaug_train import tables
 from visaug_train.noise import vis_noise
-from visaug_train.oracle import MEASURE, Gain, gain_table, target_sets
 from visaug_train.plots import plot_scores, read_gray
-from visaug_train.target import TargetCamera
+from visaug_train.studies.oracle import MEASURE, Gain, gain_table, target_sets
+from visaug_train.studies.target import TargetCamera
 
 if TYPE_CHECKING:
     from visaug_train.ablation import Ablation

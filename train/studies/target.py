@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import visaug
 from visaug.core.documents import read_json
@@ -17,6 +17,9 @@ from visaug_train.reduction import fitting, reduced_camera
 from visaug_train.render.dataset import DOMAINS
 from visaug_train.render.independent_camera import IndependentCamera
 from visaug_train.speed import PoseSet
+
+if TYPE_CHECKING:
+    from visaug_train.training import Study
 
 Progress = Callable[[str, int, int], None]
 MOST_PICTURES = 300  # of a source, evenly spaced
@@ -31,6 +34,7 @@ class TargetCamera:
         domain: whose pictures it took.
         file: its camera.yaml.
         pictures: of how many it was estimated; 0 for a true camera.
+        files: these pictures.
         answer: the estimate as `visaug characterize --json` has it; None for a true camera.
     """
 
@@ -39,6 +43,23 @@ class TargetCamera:
     file: Path
     pictures: int = 0
     answer: dict[str, Any] | None = None
+    files: tuple[Path, ...] = ()
+
+
+def transductive(study: "Study") -> dict[str, str]:
+    """The arms whose cameras were estimated from test images, each with a sentence on it."""
+    found = {}
+    for name in study.config.arms:
+        used = study.config.arm(name).camera_files
+        for camera in getattr(study, "cameras", ()):
+            for domain, poses in study.tests.items():
+                shared = {f.resolve() for f in camera.files} & {f.resolve() for f in poses.files}
+                if str(camera.file) in used and shared:
+                    found[name] = (
+                        f"its camera was estimated from {len(shared)} of the {len(poses)} test images of {domain}, without "
+                        "labels (transductive)"
+                    )
+    return found
 
 
 def check_cameras(config: Config) -> None:
@@ -113,7 +134,7 @@ def _estimated(config: Config, name: str, poses: PoseSet) -> TargetCamera:
             content = reduced_camera(content, (poses.camera.width, poses.camera.height), size, how)
         visaug.Camera.load(content).save(camera)
         write_json(answer, result.to_json())  # last: where it stands, the camera does
-    return TargetCamera(name, poses.domain, camera, len(files), read_json(answer))
+    return TargetCamera(name, poses.domain, camera, len(files), read_json(answer), tuple(files))
 
 
 def _seen_size(config: Config, name: str, poses: PoseSet) -> tuple[int, int] | None:

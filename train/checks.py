@@ -1,0 +1,69 @@
+"""What is refused, or settled, before a study makes any file."""
+
+import re
+from pathlib import Path
+
+from visaug.core.errors import InputError
+from visaug_train.config import Config
+from visaug_train.device import Say, check_device
+from visaug_train.noise import batch_noise
+from visaug_train.quiet import check_tracking, quiet_ultralytics
+from visaug_train.speed import PoseSet
+from visaug_train.studies.hidden import check_hidden
+from visaug_train.studies.target import check_cameras
+
+
+def check_apart(parts: dict[str, PoseSet], tests: dict[str, PoseSet]) -> None:
+    """Refuse test images that train the network, or that choose its weights."""
+    for part, poses in parts.items():
+        files = {file.resolve() for file in poses.files}
+        for name, test in tests.items():
+            if shared := files & {file.resolve() for file in test.files}:
+                does = "train the network" if part == "train" else "choose the weights `best`"
+                raise InputError(
+                    f"{len(shared)} of its {len(test)} images also {does}",
+                    field=f"data.test.{name}",
+                    expected="other images, for instance a `share` of the split: [0.9, 1.0]",
+                )
+
+
+def check_arms(config: Config, announce: Say | None = None) -> None:
+    """Refuse, before any training, what could not be trained; `announce` is told what this device does otherwise than asked.
+
+    Raises:
+        InputError: an invalid camera, or training arguments of an arm that are invalid or that this device cannot follow.
+    """
+    check_hidden(config)
+    check_cameras(config)
+    check_tracking(config.tracking)
+    quiet_ultralytics(config.output / "ultralytics-settings")
+    from ultralytics.cfg import get_cfg
+    from ultralytics.nn.tasks import yaml_model_load
+
+    if not (config.model.endswith(".pt") and Path(config.model).is_file()):
+        try:
+            yaml_model_load(config.model)
+        except (OSError, AssertionError):  # the latter for another suffix
+            raise InputError(
+                f"no such network: {config.model}",
+                field="model",
+                expected="a YAML such as yolov8n-pose.yaml, or the file of trained weights (NAME.pt)",
+            ) from None
+    given = {"start": {**config.training, **config.start.training}} if config.start else {}
+    for name in config.arms:
+        arm = config.arm(name)
+        if not set(arm.camera_files) & config.cameras.keys():  # else its noise is checked once they are made
+            batch_noise(arm)
+        given[name] = {**config.training, **arm.training}
+    for name, arguments in given.items():
+        try:
+            get_cfg(overrides=arguments)
+        except (SyntaxError, TypeError, ValueError) as error:  # how ultralytics refuses an argument
+            raise InputError(f"{name}: {_plain(error)}", field="training") from None
+    if config.cluster is None or config.cluster.address is None:  # else the nodes decide
+        check_device(list(given.values()), announce)
+
+
+def _plain(error: Exception) -> str:
+    """An error of ultralytics without colours and lists of all arguments."""
+    return re.sub(r"\x1b\[[0-9;]*m", "", str(error)).strip().split("\n")[0]

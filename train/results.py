@@ -1,0 +1,298 @@
+"""Finished runs of a study: means, differences with intervals, tables, files."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from visaug.core.files import write_json, write_text
+from visaug_train import tables
+from visaug_train.config import Config
+from visaug_train.evaluate import Evaluation
+from visaug_train.poses import save_poses
+from visaug_train.published import TABLES_2_3, WHICH_OKS
+from visaug_train.record import COMPARED
+from visaug_train.scoring import other_weights
+from visaug_train.statistics import holm, paired_interval, paired_p_value
+from visaug_train.strength import Strengths
+from visaug_train.studies import oracle, proof
+from visaug_train.studies.target import transductive
+from visaug_train.training import Run, Study
+
+
+@dataclass(frozen=True)
+class Difference:
+    """An arm's mean over seeds less the baseline's, on one domain, with its 95 % interval.
+
+    `p_value_in_family` is corrected for all differences of the study, by Holm's procedure.
+    """
+
+    arm: str
+    domain: str
+    measure: str
+    reference: float
+    difference: float
+    low: float
+    high: float
+    p_value_in_family: float = float("nan")
+
+    @property
+    def clear(self) -> bool:
+        """Whether its own interval leaves out 0."""
+        return self.low > 0 or self.high < 0
+
+    @property
+    def clear_in_family(self) -> bool:
+        """Whether it is clear among all differences of the study."""
+        return self.p_value_in_family < 0.05
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A run that did not end well."""
+
+    arm: str
+    seed: int
+    error: str
+
+
+@dataclass(frozen=True, eq=False)
+class Ablation:
+    """Finished runs and their scores.
+
+    `scored` is (arm, seed) -> (run, domain -> evaluation) of the config's weights, `others` the summaries by domain of the
+    same runs' other weights (best for last, last for best).
+    """
+
+    study: Study
+    scored: Mapping[tuple[str, int], tuple[Run, Mapping[str, Evaluation]]]
+    failures: tuple[Failure, ...]
+    noise: Strengths | None = None
+    others: Mapping[tuple[str, int], Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
+    _known: dict[tuple, np.ndarray] = field(
+        default_factory=dict, repr=False
+    )  # resampled scores, which cost most
+
+    @property
+    def config(self) -> Config:
+        """The config it was made by."""
+        return self.study.config
+
+    def seeds(self, arm: str) -> list[int]:
+        """The seeds of an arm that were finished."""
+        return [seed for name, seed in self.scored if name == arm]
+
+    @cached_property
+    def summaries(self) -> dict[tuple[str, int], dict[str, dict[str, Any]]]:
+        """(arm, seed) -> domain -> scores, as `visaug evaluate` gives them."""
+        return {key: {d: e.summary() for d, e in each.items()} for key, (_, each) in self.scored.items()}
+
+    @cached_property
+    def means(self) -> dict[str, dict[str, dict[str, float]]]:
+        """arm -> domain -> measure -> mean over seeds."""
+        return self._over_seeds(self.summaries, lambda values: float(np.mean(values)), 1)
+
+    @cached_property
+    def spreads(self) -> dict[str, dict[str, dict[str, float]]]:
+        """The same, the seeds' standard deviation; arms with one seed have none."""
+        return self._over_seeds(self.summaries, lambda values: float(np.std(values, ddof=1)), 2)
+
+    def _over_seeds(
+        self, summaries: Mapping[tuple[str, int], Any], statistic: Callable[[list[float]], float], least: int
+    ) -> dict[str, dict[str, dict[str, float]]]:
+        seeds = {arm: [s for s in self.seeds(arm) if (arm, s) in summaries] for arm in self.config.arms}
+
+        def of(arm: str, domain: str, measure: str) -> float:
+            return statistic([tables.value(summaries[arm, s][domain], measure) for s in seeds[arm]])
+
+        return {
+            arm: {
+                domain: {measure: of(arm, domain, measure) for measure in tables.MEASURES}
+                for domain in self.study.tests
+            }
+            for arm in self.config.arms
+            if len(seeds[arm]) >= least
+        }
+
+    @cached_property
+    def differences(self) -> list[Difference]:
+        """Every arm against the baseline, paired by seed and image."""
+        if not self.seeds(self.config.baseline):
+            return []
+        others = [arm for arm in self.means if arm != self.config.baseline]
+        found = [d for arm in others for domain in self.study.tests for d in self._compared(arm, domain)]
+        corrected = holm(np.array([d.p_value_in_family for d in found]))
+        return [replace(d, p_value_in_family=float(p)) for d, p in zip(found, corrected)]
+
+    @property
+    def mixed(self) -> str:
+        """What of versions and device differs between the runs; empty where nothing does."""
+        found: dict[str, dict[str, list[str]]] = {}
+        for (arm, seed), (run, _) in self.scored.items():
+            for key in COMPARED:
+                value = str(run.surroundings.get(key, "none"))
+                found.setdefault(key, {}).setdefault(value, []).append(f"{arm} seed {seed}")
+        several = [
+            f"{key} "
+            + ", ".join(f"{value} ({len(runs)} runs, such as {runs[0]})" for value, runs in by_value.items())
+            for key, by_value in found.items()
+            if len(by_value) > 1
+        ]
+        return f"The runs were not trained alike: {'; '.join(several)}." if several else ""
+
+    @cached_property
+    def gains(self) -> list[oracle.Gain]:
+        """Gains of the arms over the baseline, as shares of the oracle's gain; empty without an oracle."""
+        return oracle.gains(self)
+
+    @property
+    def interval_covers(self) -> str:
+        """The variation that the intervals cover."""
+        seeds = min((len(self.seeds(arm)) for arm in self.means), default=0)
+        shared = ", all of which start from one shared network" if self.config.start else ""
+        if seeds > 1:
+            return (
+                f"the intervals cover test images and {seeds} training seeds{shared}: paired differences, Student's t "
+                "with Satterthwaite's degrees of freedom"
+            )
+        return (
+            f"the intervals cover the choice of test images only{shared and ', and the training starts from one network'}"
+            ": with one seed, how training varies is not in them"
+        )
+
+    def _compared(self, arm: str, domain: str) -> Iterator[Difference]:
+        found = self.compare((arm, domain), (self.config.baseline, domain))
+        for measure, values in found.items():
+            yield Difference(arm, domain, measure, *values)
+
+    def compare(
+        self, own: tuple[str, str], other: tuple[str, str]
+    ) -> dict[str, tuple[float, float, float, float, float]]:
+        """One (arm, domain) less another, paired by seed and image: measure -> the other's mean over seeds, the
+        difference, its 95 % interval and the p-value of no difference (see `visaug_train.statistics`).
+
+        Domains of two cameras that took the same views are paired by view.
+        """
+        seeds = [s for s in self.seeds(own[0]) if s in self.seeds(other[0])]
+        if not seeds:
+            return {}
+        reference, resampled = self.scores(other, seeds)
+        scores, again = self.scores(own, seeds)
+        differences, pairs = scores - reference, again - resampled
+        by_images = (
+            pairs.mean(axis=1).var(axis=0, ddof=1)
+            if len(pairs) > 1
+            else np.full(len(tables.MEASURES), np.nan)
+        )
+        images = len(self.study.tests[own[1]])
+        low, high = paired_interval(differences, by_images, images)
+        p_values = paired_p_value(differences, by_images, images)
+        columns = np.array([reference.mean(axis=0), differences.mean(axis=0), low, high, p_values])
+        return {measure: tuple(column) for measure, column in zip(tables.MEASURES, columns.T.tolist())}
+
+    def scores(self, place: tuple[str, str], seeds: list[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Scores of an (arm, domain), (seeds, measures), and on resampled images, (bootstrap, seeds, measures)."""
+        return self._scores(place, seeds), self._resampled(place, seeds)
+
+    def _scores(
+        self, place: tuple[str, str], seeds: list[int], weights: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Scores of an (arm, domain), (seeds, measures); `weights` are how often each image counts."""
+        found = [self.scored[place[0], seed][1][place[1]].summary(weights) for seed in seeds]
+        return np.array([[tables.value(each, m) for m in tables.MEASURES] for each in found])
+
+    def _resampled(self, place: tuple[str, str], seeds: list[int]) -> np.ndarray:
+        """Scores for each resample of the images, (bootstrap, seeds, measures): the same images for all arms,
+        and for all domains with as many.
+        """
+        key = (*place, *seeds)
+        if key not in self._known:
+            count = len(self.study.tests[place[1]])
+            rng = np.random.default_rng([7, count])
+            shape = (self.config.bootstrap, len(seeds), len(tables.MEASURES))
+            self._known[key] = np.empty(shape)
+            for i in range(self.config.bootstrap):
+                weights = rng.multinomial(count, np.full(count, 1 / count)).astype(float)
+                self._known[key][i] = self._scores(place, seeds, weights)
+        return self._known[key]
+
+    def tables(self) -> dict[str, tables.Table]:
+        """The paper's table 2 (detection) and 3 (keypoints) for these arms, and the differences."""
+        made = {"overview": tables.overview_table(self.means, self.differences, self.config.baseline)}
+        if self.study.hidden:
+            made["effects"] = proof.effect_table(self)
+        if self.gains and self.config.oracle:
+            made["oracle"] = oracle.gain_table(self.gains, self.config.baseline, self.config.oracle)
+        published = TABLES_2_3 if self.config.published else {}
+        measured = ["keypoint_ap_paper", "oks_paper", "keypoint_ap_coco", "oks_coco"]
+        scores, spreads = self.means | published, self.spreads
+        made["detection"] = tables.score_table("Object detection", scores, ["box_ap", "iou"], spreads)
+        keypoints = tables.score_table("Keypoint regression", scores, measured, spreads)
+        made["keypoints"] = keypoints.with_note(WHICH_OKS) if published else keypoints
+        if published:
+            made["comparison"] = tables.comparison_table(self.means)
+        made["poses"] = tables.pose_table(
+            {
+                arm: {d: [self.summaries[arm, s][d] for s in self.seeds(arm)] for d in self.study.tests}
+                for arm in self.means
+            }
+        )
+        made["differences"] = tables.difference_table(self.differences, self.config.baseline)
+        if self.others:
+            others = self._over_seeds(self.others, lambda values: float(np.mean(values)), 1)
+            other = other_weights(self.config.weights)
+            made["weights"] = tables.weights_table(self.config.weights, self.means, other, others)
+        seen = transductive(self.study)
+        return {name: tables.marked(table, seen) for name, table in made.items()}
+
+    def to_json(self) -> dict[str, Any]:
+        """Scores of every run, differences, failures."""
+        return {
+            "schema": 1,
+            "name": self.config.name,
+            "runs": [
+                {
+                    "arm": arm,
+                    "seed": seed,
+                    "hash": run.folder.name.rsplit("-", 1)[-1],
+                    "seconds": run.seconds,
+                    "surroundings": run.surroundings,
+                    "weights": self.config.weights,
+                    "scores": self.summaries[arm, seed],
+                    other_weights(self.config.weights): self.others.get((arm, seed)),
+                }
+                for (arm, seed), (run, _) in self.scored.items()
+            ],
+            "differences": [d.__dict__ for d in self.differences],
+            "by_chance": tables.by_chance(self.differences),
+            "mixed": self.mixed,
+            "cameras_from_test_images": transductive(self.study),
+            "intervals": self.interval_covers,
+            "failures": [f.__dict__ for f in self.failures],
+            "oracle": [gain.to_json() for gain in self.gains],
+            "hidden_effects": [outcome.to_json() for outcome in proof.outcomes(self)],
+        }
+
+    def write(self, folder: str | Path) -> Path:
+        """Tables as Markdown, CSV and LaTeX, everything as JSON, CSVs of images and of poses by run and domain."""
+        folder = Path(folder)
+        made = self.tables()
+        for name, table in made.items():
+            write_text(folder / f"{name}.csv", table.to_csv())
+            write_text(folder / f"{name}.tex", table.to_latex())
+        notes = [f"Seeds: {', '.join(map(str, self.config.seeds))}; {self.interval_covers}."]
+        notes += [self.mixed] if self.mixed else []
+        notes += [f"Failed: {f.arm}, seed {f.seed}: {f.error}" for f in self.failures]
+        text = "\n".join([f"# {self.config.name}", "", *(t.to_markdown() for t in made.values()), *notes])
+        write_text(folder / "tables.md", text + "\n")
+        write_json(folder / "ablation.json", self.to_json())
+        for (arm, seed), (_, each) in self.scored.items():
+            for domain, evaluation in each.items():
+                evaluation.write_csv(folder / "images" / f"{arm}-seed{seed}-{domain}.csv")
+                save_poses(
+                    folder / "poses" / f"{arm}-seed{seed}-{domain}.csv", evaluation.poses, evaluation.found
+                )
+        return folder / "tables.md"
