@@ -8,6 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from visaug.core.errors import InputError
 from visaug.frames import fits, pixels
 from visaug.frames.limits import pillow_image
@@ -28,6 +30,8 @@ def frames_of(path: Path) -> list[tuple[str, Facts]]:
         return _tiff(path)
     if suffix in pixels.PHOTOS:
         return _photo(path)
+    if suffix == ".pgm":
+        return [("", {"bit_depth": pixels.bits_of_file(path)})]
     if suffix in pixels.PICTURES:
         return [("", _exif_of_picture(path))]
     if suffix in pixels.ARRAYS or suffix in pixels.HDF5:
@@ -49,16 +53,23 @@ def _tiff(path: Path) -> list[tuple[str, Facts]]:
             shape, axes = series.shape, series.axes
     except Exception as error:  # tifffile and its codecs raise many kinds
         raise InputError(f"cannot be read ({error}); truncated, or not a TIFF file", file=path) from None
-    # The last two axes but colour are the frame; a stack runs along one axis before them.
-    depth = len(shape) - (3 if axes.endswith("S") else 2)
-    count = 1
-    for n in shape[: max(depth, 0)]:
-        count *= n
-    if count == 1:
-        return [("", facts)]
-    if depth > 1:
+    # Rows, columns and colour are the frame; frames run along the other axes, of which channels (several cameras, or
+    # colours of the light) are no repetition.
+    outer = [(axis, n) for axis, n in zip(axes, shape, strict=True) if axis not in "YXS"]
+    if len(shape) - len(outer) - axes.count("S") != 2:
         raise InputError(f"has shape {shape}", file=path, expected="one frame, or one stack of frames")
-    return [(f"[{i}]", dict(facts)) for i in range(count)]
+    if all(n == 1 for _, n in outer):
+        return [("", facts)]
+    found = []
+    for index in np.ndindex(*(n for _, n in outer)):
+        channels = [
+            f"CHANNEL={i}" for i, (axis, n) in zip(index, outer, strict=True) if axis == "C" and n > 1
+        ]
+        setting = " ".join(filter(None, (facts.get("setting"), *channels)))
+        found.append(
+            (f"[{','.join(map(str, index))}]", {**facts, **({"setting": setting} if setting else {})})
+        )
+    return found
 
 
 def _end_of_pixels(series: Any) -> int:

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from math import prod
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 from visaug.core.errors import InputError
 
@@ -68,14 +68,19 @@ def lower_limit(pixels: int, expected: str) -> Iterator[None]:
 
 
 @contextmanager
-def pillow_image(path: Path, formats: tuple[str, ...] = PILLOW_FORMATS) -> Iterator[Image]:
-    """An opened picture of one of the formats, its size checked and its pixels not yet read."""
+def pillow_image(
+    path: Path, formats: tuple[str, ...] = PILLOW_FORMATS, content: IO[bytes] | None = None
+) -> Iterator[Image]:
+    """An opened picture of one of the formats, its size checked and its pixels not yet read.
+
+    `content` takes the place of the file's.
+    """
     from PIL import Image
 
     with _pillow:
         before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
         try:
-            image = Image.open(path, formats=formats)
+            image = Image.open(path if content is None else content, formats=formats)
         finally:
             Image.MAX_IMAGE_PIXELS = before
     with image:

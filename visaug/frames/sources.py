@@ -13,7 +13,14 @@ from visaug.frames.pixels import ARRAYS, FITS, HDF5, PHOTOS, PICTURES, SUFFIXES,
 from visaug.frames.record import FrameRecord
 from visaug.frames.survey import DESCRIPTOR, frame_files, survey
 
-_SAID = ("overscan", "combined", "setting", "order_assumed")  # notes of a survey that matter to who measures
+_ASKS = (
+    "kind",
+    "exposure_s",
+    "temperature_c",
+    "photons",
+    "bit_depth",
+    "descriptor",
+)  # notes that ask for what a table lacks
 
 
 def read_descriptor(path: Path) -> tuple[list[FrameRecord], int, tuple[int, int]]:
@@ -66,7 +73,7 @@ def read_fits_folder(folder: Path, files: list[Path], warnings: list[str]) -> li
     names where a header is silent, by DATE-OBS or name.
     """
     found = survey(folder, files=files)
-    warnings += [note for note in found.notes if note.split(":")[0] in _SAID]
+    warnings += [note for note in found.notes if note.split(":")[0] not in _ASKS]
     return found.records()
 
 
@@ -91,7 +98,7 @@ def read_named(folder: Path, files: list[Path], warnings: list[str]) -> list[Fra
     warnings.append(
         "read_from_names: kinds and exposures are taken from headers and file names; `visaug frames` shows them"
     )
-    warnings += [note for note in found.notes if note.split(":")[0] in _SAID]
+    warnings += [note for note in found.notes if note.split(":")[0] not in _ASKS]
     return records
 
 

@@ -18,6 +18,7 @@ from visaug.frames.record import FrameRecord
 
 _PROBED = 8  # frames looked at to find where the bits lie
 _CLEANS_KEPT = 8
+_WRAPPED_SHARE = 0.01  # of a dark frame's pixels: more than hot pixels that saturate
 
 
 class Store(Protocol):
@@ -62,7 +63,7 @@ class MemoryStore:
         if frame.ndim != 2:
             raise InputError(f"has shape {frame.shape}", file=name, expected="rows x columns")
         check_values(frame, self.bit_depth, name)
-        check_window(self._records[i], frame.shape)
+        check_frame(self._records[i], frame)
         return frame.astype(np.float32)
 
     def clean(self, i: int) -> np.ndarray:
@@ -126,6 +127,7 @@ class FileStore:
         if self._shift and pixels.dtype.kind == "u":
             pixels = pixels >> self._shift
         check_values(pixels, self._bit_depth, self._root / record.file)
+        check_frame(record, pixels)
         self._check_size(record, pixels.shape)
         self._shapes[i] = pixels.shape
         return pixels.astype(np.float32)
@@ -179,7 +181,6 @@ class FileStore:
         return r1 - r0, c1 - c0
 
     def _check_size(self, record: FrameRecord, shape: tuple[int, ...]) -> None:
-        check_window(record, shape)
         if record.window is not None or record.kind == "image":
             return
         if self._size is None:
@@ -226,7 +227,7 @@ class FileStore:
         if deep and (self._bits_at == "top" or (self._bits_at is None and unclear)):
             self._find_shift()
         if self._bit_depth is None:
-            self._bit_depth = _bits_of(dtype)
+            self._bit_depth = self._reader.bits(self._records[0].file) or _bits_of(dtype)
 
     def _guess(self, i: int) -> str:
         return guess_layout(self._root / self._records[i].file, self._shape_of_raw(self._records[i]))
@@ -281,6 +282,36 @@ def check_values(pixels: np.ndarray, bit_depth: int | None, file: str | Path) ->
             field="bit_depth",
             expected=f"at most {(1 << bit_depth) - 1} for {bit_depth} bits",
         )
+
+
+def check_frame(record: FrameRecord, pixels: np.ndarray) -> None:
+    """Refuse what is no frame of the record: another size than its window, a single line, and in frames of a laboratory
+    fractions of full scale or differences that wrapped around.
+    """
+    check_window(record, pixels.shape)
+    if record.kind not in ("bias", "dark", "flat"):
+        return
+    if min(pixels.shape) < 2:
+        raise InputError(
+            f"is {pixels.shape[0]} x {pixels.shape[1]}, a single line",
+            file=record.file,
+            expected="frames of two or more rows and columns; of a line camera, write successive lines as the rows of a frame",
+        )
+    if pixels.dtype.kind == "f" and 0 < pixels.max() <= 1 and np.any(pixels % 1 != 0):
+        raise InputError(
+            "holds fractions between 0 and 1, not DN",
+            file=record.file,
+            expected="the values of the converter: multiply by its full scale (65535 for 16 bits), or write whole numbers",
+        )
+    if record.kind != "flat" and pixels.dtype.kind == "u":
+        top = np.iinfo(pixels.dtype).max
+        high, low = (pixels > 0.75 * top).mean(), (pixels < 0.25 * top).mean()
+        if min(high, low) > _WRAPPED_SHARE and 1 - high - low < 0.1 * high:
+            raise InputError(
+                f"has {high:.0%} of its pixels near {top} and the others near 0: a subtraction below 0 wrapped around",
+                file=record.file,
+                expected="raw frames, nothing subtracted",
+            )
 
 
 def check_window(record: FrameRecord, shape: tuple[int, ...]) -> None:
