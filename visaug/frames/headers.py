@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from visaug.core.errors import InputError
-from visaug.frames import fits, pixels
+from visaug.frames import fits, pixels, ser, xisf
 from visaug.frames.limits import pillow_image
 
 Facts = dict[str, Any]
@@ -26,6 +26,10 @@ def frames_of(path: Path) -> list[tuple[str, Facts]]:
     suffix = pixels.suffix_of(path)
     if suffix in pixels.FITS:
         return fits.fits_frames(path)
+    if suffix == xisf.SUFFIX:
+        return xisf.xisf_frames(path)
+    if suffix == ser.SUFFIX:
+        return ser.ser_frames(path)
     if suffix in pixels.TIFFS:
         return _tiff(path)
     if suffix in pixels.PHOTOS:
@@ -176,7 +180,9 @@ def _arrays(path: Path) -> list[tuple[str, Facts]]:
     from visaug.frames.names import facts_of_name
 
     found: list[tuple[str, Facts]] = []
-    for key, shape, attributes in arrays_in(path):
+    arrays = arrays_in(path)
+    last = _time_is_last([shape for _, shape, _ in arrays])
+    for key, shape, attributes in arrays:
         facts = facts_of_name(key) if key else {}
         for name in _ATTRIBUTES:
             if (value := _ratio(attributes.get(name))) is not None:
@@ -188,6 +194,24 @@ def _arrays(path: Path) -> list[tuple[str, Facts]]:
             facts["kind"] = kind_of(str(attributes["kind"]))
         if len(shape) == 2:
             found.append((key, facts))
+        elif len(shape) == 3 and last:
+            facts["said"] = {"stack_axis_assumed": f"{path.name}#{key} of shape {shape}"}
+            found += [(f"{key}[:,:,{i}]", dict(facts)) for i in range(shape[2])]
         elif len(shape) == 3:
             found += [(f"{key}[{i}]", dict(facts)) for i in range(shape[0])]
     return found
+
+
+def _time_is_last(shapes: list[tuple[int, ...]]) -> bool:
+    """Whether stacks are (rows, columns, frames), as MATLAB has them.
+
+    Frames of one camera have one size: the arrays of a file, single frames among them, agree in two neighbouring axes. Where
+    they agree in both pairs, frames lie along the first axis unless the last is the shortest.
+    """
+    stacks = [s for s in shapes if len(s) == 3]
+    single = {s for s in shapes if len(s) == 2}
+    first = len({s[1:] for s in stacks} | single) == 1
+    last = len({s[:2] for s in stacks} | single) == 1
+    if not stacks or first != last:
+        return bool(stacks) and last
+    return all(s[2] < min(s[:2]) for s in stacks)

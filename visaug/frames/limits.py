@@ -43,6 +43,17 @@ def check_axes(shape: Sequence[int], file: Path | str) -> None:
         raise InputError(f"has shape {tuple(shape)}", file=file, expected="axes of 1 or more")
 
 
+Index = tuple[int | slice, ...]  # of an array, its leading axes first; a slice takes an axis whole
+
+
+def check_index(index: Index, shape: Sequence[int], file: Path | str, key: str | None) -> None:
+    """Refuse an index outside an array of this shape."""
+    wrong = any(isinstance(i, int) and not 0 <= i < n for i, n in zip(index, shape, strict=False))
+    if wrong or len(index) > len(shape):
+        said = [":" if isinstance(i, slice) else i for i in index]
+        raise InputError(f"index {said} is outside the array of shape {tuple(shape)}", file=file, field=key)
+
+
 def check_shape(shape: Sequence[int], file: Path | str) -> None:
     """Refuse a shape that is none, or has more values than `max_pixels`, or pixels than `lower_limit` allows."""
     check_axes(shape, file)

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from visaug.core.errors import InputError
-from visaug.frames import fits, hdf5, photo, portable
+from visaug.frames import fits, hdf5, photo, portable, ser, xisf
 from visaug.frames.arrays import ArrayStore
-from visaug.frames.limits import check_shape, pillow_image
+from visaug.frames.limits import Index, check_shape, pillow_image
 from visaug.frames.raw import read_raw
 
 ARRAYS = (".npy", ".npz")
@@ -19,12 +19,12 @@ TIFFS = (".tif", ".tiff")
 FITS = fits.SUFFIXES
 PHOTOS = photo.SUFFIXES
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
-SUFFIXES = (*ARRAYS, *HDF5, *TIFFS, *FITS, *PICTURES, *PHOTOS, ".raw")
-_FRAGMENT = re.compile(r"^(?P<key>[^\[\]]*)(\[(?P<index>\s*[0-9]{1,9}(\s*,\s*[0-9]{1,9})*\s*)\])?$")
+SUFFIXES = (*ARRAYS, *HDF5, *TIFFS, *FITS, xisf.SUFFIX, ser.SUFFIX, *PICTURES, *PHOTOS, ".raw")
+_FRAGMENT = re.compile(r"^(?P<key>[^\[\]]*)(\[(?P<index>\s*([0-9]{1,9}|:)(\s*,\s*([0-9]{1,9}|:))*\s*)\])?$")
 
 
-def split_name(name: str) -> tuple[str, str | None, tuple[int, ...]]:
-    """``file.npz#frames[3,0]`` as file, key and index; without ``#`` key None and index ()."""
+def split_name(name: str) -> tuple[str, str | None, Index]:
+    """``file.npz#frames[3,0]`` as file, key and index; without ``#`` key None and index (). ``[:,:,3]`` counts the last axis."""
     file, _, fragment = name.partition("#")
     match = _FRAGMENT.match(fragment)
     if match is None:
@@ -32,7 +32,8 @@ def split_name(name: str) -> tuple[str, str | None, tuple[int, ...]]:
             f"{fragment!r} picks no frame", file=name, expected="file.npz#key[3] or file.npz#key[3,0]"
         )
     index = match["index"]
-    return file, match["key"].strip() or None, tuple(int(i) for i in index.split(",")) if index else ()
+    parts = tuple(slice(None) if i.strip() == ":" else int(i) for i in index.split(",")) if index else ()
+    return file, match["key"].strip() or None, parts
 
 
 def suffix_of(path: Path) -> str:
@@ -81,9 +82,13 @@ class PixelReader:
         elif suffix == ".raw":
             pixels = read_raw(path, raw_shape, self.layout)
         elif suffix in TIFFS:
-            pixels, index = _read_tiff(path, index)
-        elif suffix in FITS:
-            pixels, index = fits.read_fits(path, key, index), ()
+            pixels, index = _read_tiff(path, _numbers(index, path))
+        elif suffix in FITS or suffix == ser.SUFFIX:
+            numbers = _numbers(index, path)
+            pixels = fits.read_fits(path, key, numbers) if suffix in FITS else ser.read_ser(path, numbers)
+            index = ()
+        elif suffix == xisf.SUFFIX:
+            pixels = xisf.read_xisf(path)
         elif suffix in PHOTOS:
             pixels = photo.read_photo(path)
         elif suffix in PICTURES:
@@ -127,6 +132,12 @@ class PixelReader:
         if suffix == ".raw":
             return np.dtype(np.uint8 if self.layout == "mono8" else np.uint16)
         return np.dtype(np.uint16) if suffix in PHOTOS else None
+
+
+def _numbers(index: Index, path: Path) -> tuple[int, ...]:
+    if not all(isinstance(i, int) for i in index):
+        raise InputError("an index with : is for arrays", file=path, expected="numbers, as #[3]")
+    return tuple(i for i in index if isinstance(i, int))
 
 
 def _is_file(path: Path) -> bool:
