@@ -125,10 +125,12 @@ def _aligned(
 def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits: int | None) -> None:
     """Bits of the converter: as told, as the files' type tells, or by where bright flats pile up."""
     depth = frames.bit_depth
-    if told_bits is not None or depth is None or depth < 16:
-        found.bit_depth = None if depth is None else min(told_bits or depth, depth, 16)
+    if told_bits is not None or (depth is not None and depth < 16):
+        found.bit_depth = min(told_bits or 16, depth or 16, 16)
         return
     largest = max(f.largest for f in facts)
+    if largest > (1 << 16) - 1:  # sums of frames, or a type of more than 16 bits
+        return
     piles = {f.largest for f in facts if f.at_largest > _PILE and f.largest == largest and f.noise < largest}
     tops = [n for n in _DEPTHS if piles and largest == (1 << n) - 1]
     if tops:
@@ -143,9 +145,14 @@ def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits:
 
 
 def _lossy(frames: FrameSet, found: Findings) -> None:
+    said = [w for w in frames.warnings if w.startswith("lossy_frames")]
     if any(r.file.lower().endswith(_LOSSY) for r in frames.records):
+        said.append(
+            "lossy_frames: JPEG compression removes noise and rounds coarsely; measure raw or lossless frames"
+        )
+    for text in said:
         found.warn(
-            "lossy_frames: JPEG compression removes noise and rounds coarsely; measure raw or lossless frames",
+            text,
             spoils=("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "read_noise.shape",
                     "prnu.*", "dsnu.*", "dark_current.*", "full_well_e", "emva.*", "emva4.*", "temporal.*"),
         )  # fmt: skip

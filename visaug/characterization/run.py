@@ -93,7 +93,7 @@ def characterize(
 
         procedure(found, measured, camera)
         return _result(found, ready, camera, measured, method)
-    mosaic = find_mosaic(ready, facts)
+    mosaic = find_mosaic(ready, facts, found)
     _measure(found, measured, camera, seed, mosaic)
     result = _result(found, ready, camera, measured, method)
     if mosaic is None:

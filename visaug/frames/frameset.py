@@ -95,14 +95,14 @@ class FrameSet:
         if kind == "table":
             records = read_table(files[0], warnings)
         elif kind == "descriptor":
-            records, bits, shape = sources.read_descriptor(files[0])
+            records, bits, shape = sources.read_descriptor(files[0], warnings)
             bit_depth, resolution = bit_depth or bits, resolution or shape
             warnings.append(
                 f"order_assumed: {files[0].name} does not state the order of acquisition; the order "
                 "of its list is used"
             )
         elif kind == "fits":
-            records = sources.read_fits_folder(root, files, warnings)
+            records = sources.read_headed(root, files, warnings)
         elif kind == "named" or path.is_dir():
             named = sources.read_named(root, files, warnings)
             if named is None and kind == "named":
@@ -110,6 +110,8 @@ class FrameSet:
             records = named or sources.read_pictures(root, files)
         else:
             records = sources.read_pictures(root, files)
+        if path.is_dir() and kind not in ("table", "descriptor"):
+            warnings += sources.left_out(root, records)
         bit_depth = bit_depth or _common_depth(records)
         store = FileStore(records, root, _pair(resolution), bit_depth, byte_order, bits_at, warnings)
         frames = cls(records, store)

@@ -73,19 +73,34 @@ def facts_of_name(name: str) -> dict[str, Any]:
 
 def read_name(name: str) -> Named:
     """The same with the words that gave the conditions, and those that gave none."""
-    *folders, file = [*PurePath(name).parent.parts, _stem(PurePath(name).name)]
+    parts = _parts(name)
     found = Named()
-    parts = [(part, False) for part in folders] + [(file, True)]
+    if kind := _kind(parts):
+        found.take("kind", *kind)
+    for part in parts:  # later ones, nearer to the file, replace
+        _read_part(found, part.lower(), part is parts[-1])
+    return found
+
+
+def kind_of_name(name: str) -> str | None:
+    """The kind alone."""
+    kind = _kind(_parts(name))
+    return kind[0] if kind else None
+
+
+def _parts(name: str) -> list[str]:
+    return [*PurePath(name).parent.parts, _stem(PurePath(name).name)]
+
+
+def _kind(parts: list[str]) -> tuple[str, str] | None:
     for offset_is_kind in (False, True):  # the word is a setting unless nothing else tells the kind
-        for part, _ in parts if "kind" not in found.facts else ():
+        for part in reversed(parts):
             if offset_is_kind and _settings(part.lower(), True).get("OFFSET"):
                 continue
             kind = kind_and_word(part, offset_is_kind)
             if kind is not None and kind[0] != "image":  # a folder "images" may contain frames of any kind
-                found.take("kind", kind[0], kind[1])
-    for part, is_file in parts:  # later ones, nearer to the file, replace
-        _read_part(found, part.lower(), is_file)
-    return found
+                return kind
+    return None
 
 
 def _stem(file: str) -> str:

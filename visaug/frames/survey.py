@@ -127,7 +127,7 @@ def survey(
         try:
             frames = frames_of(file)
         except InputError as error:
-            if named:
+            if named and file.parent == folder:
                 raise
             unreadable.append(error)
             continue

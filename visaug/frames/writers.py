@@ -142,6 +142,10 @@ def _places(frames: FrameSet) -> list[tuple[str, str | None, tuple[int, ...]]]:
             raise InputError(
                 f"{record.file!r} cannot be written", field="file", expected="a path inside the folder"
             )
+        if not all(isinstance(n, int) for n in index):
+            raise InputError(
+                f"{record.file!r} cannot be written", field="file", expected="frames along the first axis"
+            )
         archive = path.suffix.lower() == ".npz"
         if archive != bool(key):
             expected = "file.npz#key[index]" if archive else "a key in .npz alone"
