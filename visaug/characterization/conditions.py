@@ -13,6 +13,7 @@ from visaug.characterization.facts import Facts, look, temporal_variances
 from visaug.characterization.findings import Findings
 from visaug.characterization.views import at_bits, shifted
 from visaug.frames import FrameSet
+from visaug.frames.units import celsius
 
 _DEPTHS = (8, 10, 12, 14, 16)
 _PILE = 1e-3  # share of a flat's pixels at the converter's top that no signal piles up by itself
@@ -30,6 +31,7 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
         told_bits: bits of the converter where somebody told them.
     """
     frames = frames.subset([i for i, r in enumerate(frames.records) if r.kind in KINDS])
+    frames = _in_celsius(frames, found)
     frames = _one_setting(frames, found)
     frames = _without_told_masters(frames, found)
     facts = look(frames)
@@ -38,6 +40,25 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
     frames, facts = _without_masters(frames, facts, found)
     _bit_depth(frames, facts, found, told_bits)
     return at_bits(frames, found.bit_depth or frames.bit_depth), facts
+
+
+def _in_celsius(frames: FrameSet, found: Findings) -> FrameSet:
+    """Temperatures that can only be Kelvin converted, those that are none left out, and both said."""
+    made = [None if r.temperature_c is None else celsius(r.temperature_c) for r in frames.records]
+    for how, said in (
+        ("kelvin", "are read as Kelvin and converted"),
+        ("none", "are those of no sensor and are not used"),
+    ):
+        values = {f"{r.temperature_c:g}" for r, m in zip(frames.records, made) if m and m[1] == how}
+        if values:
+            found.warn(
+                f"temperature_{'kelvin' if how == 'kelvin' else 'unknown'}: temperatures of {', '.join(sorted(values))} {said}"
+            )
+    if all(m is None or not m[1] for m in made):
+        return frames
+    return frames.with_records(
+        [replace(r, temperature_c=m[0] if m else None) for r, m in zip(frames.records, made)]
+    )
 
 
 def _one_setting(frames: FrameSet, found: Findings) -> FrameSet:

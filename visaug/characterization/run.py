@@ -11,7 +11,8 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.characterization import dark, light, still
-from visaug.characterization.camera_content import CAMERA_KEYS
+from visaug.characterization.alike import degrees_apart
+from visaug.characterization.camera_content import CAMERA_KEYS, without_impossible
 from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
 from visaug.characterization.findings import Findings, Gain
@@ -27,6 +28,7 @@ _DOUBLING_C = (
     8.0  # of dark current in silicon near room temperature: 0.64 eV (half the band gap, diffusion aside)
 )
 _NO_TEMPERATURE_C = 20.0
+_OTHER_C = 2.0  # a fifth of the dark current, which doubles every 8 degrees
 _MOST_BEND = 0.15  # of the effect `nonlinearity`
 
 
@@ -88,6 +90,7 @@ def characterize(
     ready, facts = prepared(frames, found, told_bits)
     measured = measure_groups(ready, facts)
     _few_frames(found, measured)
+    _dark_temperature(found, measured)
     if method == "paper":
         from visaug.characterization.paper import procedure
 
@@ -112,6 +115,20 @@ def _few_frames(found: Findings, measured: Measured) -> None:
         found.warn(
             f"few_frames: frames {numbers} are single at their settings; temporal noise requires two or more"
         )
+
+
+def _dark_temperature(found: Findings, measured: Measured) -> None:
+    """Flats whose dark frames were taken at another temperature: another dark current is subtracted than theirs."""
+    far = [v for v in measured.levels if not v.exposure_gap_s and v.flat.group.exposure_s > 0
+           and degrees_apart(v.flat.group.temperature_c, v.dark.group.temperature_c) > _OTHER_C]  # fmt: skip
+    if far:
+        flat, dark = far[0].flat.group, far[0].dark.group
+        found.warn(
+            f"dark_temperature: flats were taken at {flat.temperature_c:g} degC, their dark frames at {dark.temperature_c:g} degC; "
+            "the dark current subtracted is not that of the flats",
+            spoils=("quantum_efficiency", "prnu.*", "full_well_e", "emva.quantum_efficiency", "emva.prnu_fraction", "emva4.prnu_*",
+                    "emva.linearity_error_*", "emva.saturation_*"),
+        )  # fmt: skip
 
 
 def _measure(
@@ -210,7 +227,7 @@ def _result(
         settings["bit_depth"] = camera.bit_depth
         for key in [k for k in found.open if k in settings]:
             found.open[key] += "; taken from the camera given"
-    return Characterization(
+    return without_impossible(Characterization(
         parameters=dict(sorted(found.parameters.items(), key=_order)),
         not_determined=found.open,
         warning_details=tuple(Warned(t.split(":")[0], t, found.spoiled_by(t)) for t in found.warnings),
@@ -222,7 +239,7 @@ def _result(
         base=base,
         resolution=resolution,
         method=method,
-    )
+    ))  # fmt: skip
 
 
 def _dark_rate(found: Findings, settings: dict[str, float]) -> None:
