@@ -55,6 +55,8 @@ def _tiff(path: Path) -> list[tuple[str, Facts]]:
             for text in (file.ome_metadata, file.micromanager_metadata):
                 facts.update(_microscope(text))
             shape, axes = series.shape, series.axes
+            if "S" in axes and shape[axes.index("S")] > 2:
+                facts["said"] = {"colour_planes": f"{shape[axes.index('S')]} samples a pixel"}
     except Exception as error:  # tifffile and its codecs raise many kinds
         raise InputError(f"cannot be read ({error}); truncated, or not a TIFF file", file=path) from None
     # Rows, columns and colour are the frame; frames run along the other axes, of which channels (several cameras, or

@@ -82,6 +82,16 @@ class Survey:
         way = Path(os.path.relpath(self.folder.resolve(), folder.resolve()))
         return rows_text([{**r, "file": (way / r["file"]).as_posix()} for r in self.rows])
 
+    def told_by(self) -> dict[tuple, list[str]]:
+        """Files by (kind, what gave it, exposure in s, what gave it, temperature in degC, what gave it)."""
+        found: dict[tuple, list[str]] = {}
+        for row in self.rows:
+            key = tuple(
+                v for n in ("kind", "exposure_s", "temperature_c") for v in (row[n], row["_from"].get(n, ""))
+            )
+            found.setdefault(key, []).append(row["file"])
+        return found
+
     def conditions(self) -> Counter:
         """Number of frames by kind, exposure, temperature, gain, setting, filter and photons."""
         names = ("kind", "exposure_s", "temperature_c", "gain_db", "setting", "filter", "photons")
