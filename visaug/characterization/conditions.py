@@ -34,7 +34,7 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
     frames = _in_celsius(frames, found)
     frames = _one_setting(frames, found)
     frames = _without_told_masters(frames, found)
-    facts = look(frames)
+    frames, facts = _without_copies(frames, look(frames))
     _lossy(frames, found)
     frames, facts = _aligned(frames, facts, found, told_bits)
     frames, facts = _without_masters(frames, facts, found)
@@ -76,6 +76,24 @@ def _one_setting(frames: FrameSet, found: Findings) -> FrameSet:
         f"the measured setting is {usual or 'the frames without a setting'}"
     )
     return frames.subset(kept)
+
+
+def _without_copies(frames: FrameSet, facts: list[Facts]) -> tuple[FrameSet, list[Facts]]:
+    """Each frame once: a copy beside its original has no noise of its own (`FrameSet.check` names it).
+
+    Equal sums over the four places of a 2 x 2, equal extremes and equal noise are a copy; a camera whose frames are mostly alike
+    has no noise, and stays as it is.
+    """
+    seen: set[tuple] = set()
+    kept = []
+    for i, (record, f) in enumerate(zip(frames.records, facts)):
+        key = (record.kind, f.mean, f.noise, f.largest, f.bits, f.phases)
+        if f.noise == 0 or key not in seen:
+            kept.append(i)
+        seen.add(key)
+    if len(kept) == len(frames) or 2 * len(kept) < len(frames):
+        return frames, facts
+    return frames.subset(kept), [facts[i] for i in kept]
 
 
 def _without_told_masters(frames: FrameSet, found: Findings) -> FrameSet:

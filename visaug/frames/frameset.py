@@ -107,11 +107,9 @@ class FrameSet:
             named = sources.read_named(root, files, warnings)
             if named is None and kind == "named":
                 raise sources.nothing_here(path, len(files))
-            records = named or sources.read_pictures(root, files)
+            records = named or sources.read_pictures(root, files, warnings)
         else:
             records = sources.read_pictures(root, files)
-        if path.is_dir() and kind not in ("table", "descriptor"):
-            warnings += sources.left_out(root, records)
         bit_depth = bit_depth or _common_depth(records)
         store = FileStore(records, root, _pair(resolution), bit_depth, byte_order, bits_at, warnings)
         frames = cls(records, store)

@@ -132,8 +132,11 @@ def _surveyed(folder: Path, files: list[Path], warnings: list[str]) -> list[Fram
         for r in found.missing(name)
         if "/" in r["file"].partition("#")[0]
     ]
+    used = set(files)
     if len(unknown) < len(found.rows):
         found.rows = [r for r in found.rows if not any(r is u for u in unknown)]
+        used -= {folder / split_name(r["file"])[0] for r in unknown}
+    warnings += _left_out(folder, used)
     warnings += [note for note in found.notes if note.split(":")[0] not in _ASKS]
     return found.records()
 
@@ -166,14 +169,16 @@ def _is_laboratory(folder: Path, files: list[Path]) -> bool:
     return ({"bias"} <= set(kinds) or {"dark", "flat"} <= set(kinds)) and 2 * named > len(kinds)
 
 
-def read_pictures(folder: Path, files: list[Path]) -> list[FrameRecord]:
-    """Plain pictures, of which nothing is known, by name."""
+def read_pictures(folder: Path, files: list[Path], warnings: list[str] | None = None) -> list[FrameRecord]:
+    """Plain pictures, of which nothing is known, by name; those of subfolders are named in `warnings`."""
     records = []
     alone = files if len(files) == 1 else [f for f in files if f.parent == folder and suffix_of(f) in _PLAIN]
     for n, file in enumerate(sorted(alone)):
         facts = frames_of(file)[0][1] if suffix_of(file) in PHOTOS else {}
         known = {name: facts[name] for name in ("bayer", "bit_depth") if facts.get(name)}
         records.append(FrameRecord(n, file.relative_to(folder).as_posix(), "image", **known))
+    if warnings is not None:
+        warnings += _left_out(folder, set(alone))
     return records
 
 
@@ -224,9 +229,8 @@ def _is_of_its_own(file: Path, folder: Path) -> bool:
     )
 
 
-def left_out(folder: Path, records: list[FrameRecord]) -> list[str]:
-    """A warning that names the files in and below a folder that may hold frames and are not read; empty for none."""
-    used = {folder / split_name(r.file)[0] for r in records}
+def _left_out(folder: Path, used: set[Path]) -> list[str]:
+    """A warning that names the files in and below a folder that may hold frames and are not looked at; empty for none."""
     found = [f for f in frame_files(folder) if f not in used]
     foreign = [f for f in sorted(folder.rglob("*")) if f.suffix.lower() in _FOREIGN and f.is_file()]
     if not (found := [*found, *foreign]):
