@@ -12,13 +12,14 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.characterization import dark, light, still
 from visaug.characterization.alike import degrees_apart
-from visaug.characterization.camera_content import CAMERA_KEYS, without_impossible
+from visaug.characterization.camera_content import CAMERA_KEYS
 from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
 from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Measured, measure_groups
 from visaug.characterization.maps import add_maps
 from visaug.characterization.mosaic import PLACES, Mosaic, find_mosaic
+from visaug.characterization.possible import without_impossible
 from visaug.characterization.result import Characterization, Warned
 from visaug.characterization.views import colour_plane
 from visaug.core.errors import InputError

@@ -19,18 +19,11 @@ _LABORATORY = ("bias", "dark", "flat")
 _PLAIN = (*PICTURES, *TIFFS, *PHOTOS, ".npy", ".raw")  # formats of ordinary pictures
 _PREVIEWS = (".jpg", ".jpeg", ".bmp")
 _VIDEO = "frames as the sensor gave them: SER, FITS, TIFF or PNG of 16 bits; video is compressed and has a tone curve"
-_FOREIGN = {ending: _VIDEO for ending in (".avi", ".mp4", ".mov", ".mkv")} | {
-    ending: "TIFF, PNG or FITS"
-    for ending in (".heic", ".heif", ".webp", ".gif", ".jp2", ".czi", ".nd2", ".lif", ".sif", ".spe")
-}
-_ASKS = (
-    "kind",
-    "exposure_s",
-    "temperature_c",
-    "photons",
-    "bit_depth",
-    "descriptor",
-)  # notes that ask for what a table lacks
+_FOREIGN = dict.fromkeys((".avi", ".mp4", ".mov", ".mkv"), _VIDEO) | dict.fromkeys(
+    (".heic", ".heif", ".webp", ".gif", ".jp2", ".czi", ".nd2", ".lif", ".sif", ".spe"), "TIFF, PNG or FITS"
+)
+# Notes of a survey that ask for what a table lacks.
+_ASKS = ("kind", "exposure_s", "temperature_c", "photons", "bit_depth", "descriptor")
 
 
 def _is_number(text: str) -> bool:
@@ -237,10 +230,11 @@ def _left_out(folder: Path, used: set[Path]) -> list[str]:
         return []
     listed = ", ".join(f.relative_to(folder).as_posix() for f in found[:6])
     more = f" and {len(found) - 6} more" if len(found) > 6 else ""
-    return [
+    said = (
         f"files_left_out: {len(found)} files in or below the folder are not read ({listed}{more}); `visaug frames` lists what "
         "each tells, and a frames.csv decides"
-    ]
+    )
+    return [said]
 
 
 def nothing_here(folder: Path, below: int) -> InputError:
