@@ -108,6 +108,18 @@ def test_which_axis_is_time(tmp_path, shapes, count):
     assert frames.shape(0) == (6, 8)
 
 
+@pytest.mark.parametrize(("listed", "last"), [(range(5), True), (range(4), False)])
+def test_a_table_that_counts_along_the_last_axis(tmp_path, listed, last):
+    """All places of the last axis and no more of the first: the frames lie along the last."""
+    stack = values(6, 8, 5)
+    np.savez(tmp_path / "a.npz", dark=stack)
+    rows = [f"a.npz#dark[{i}],bias" for i in listed]
+    (tmp_path / "frames.csv").write_text("\n".join(["file,kind", *rows]) + "\n")
+    frames = FrameSet.load(tmp_path)
+    np.testing.assert_array_equal(frames.read(3), stack[..., 3] if last else stack[3])
+    assert ("stack_axis_assumed" in words(frames)) == last
+
+
 @pytest.mark.parametrize("top", [127, 255, 1023, 4095, 5000, 65535])
 @pytest.mark.parametrize("magic", ["P5", "P2"])
 def test_pgm_gives_the_stored_numbers(tmp_path, top, magic):

@@ -10,6 +10,7 @@ import numpy as np
 from visaug.core.errors import InputError
 from visaug.frames import sources
 from visaug.frames.record import FrameRecord, Group, group_records
+from visaug.frames.stacks import counted_along_the_last_axis
 from visaug.frames.stores import FileStore, MemoryStore, Store
 from visaug.frames.table import read_table
 
@@ -93,7 +94,7 @@ class FrameSet:
         kind, root, files = sources.find(path)
         warnings: list[str] = []
         if kind == "table":
-            records = read_table(files[0], warnings)
+            records = counted_along_the_last_axis(read_table(files[0], warnings), root, warnings)
         elif kind == "descriptor":
             records, bits, shape = sources.read_descriptor(files[0], warnings)
             bit_depth, resolution = bit_depth or bits, resolution or shape

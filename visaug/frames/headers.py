@@ -137,6 +137,13 @@ def _exif(tags: dict[str, Any]) -> Facts:
     iso = iso[0] if isinstance(iso, tuple) and iso else iso
     if isinstance(iso, int) and iso > 0:
         facts["setting"] = f"ISO={iso}"
+    body = [
+        f"{name.upper()}={'_'.join(str(tags[name]).split())}"
+        for name in ("Model", "BodySerialNumber")
+        if tags.get(name)
+    ]
+    if body:
+        facts["body"] = " ".join(body)
     text = str(tags.get("DateTimeOriginal", tags.get("DateTime", "")))
     try:
         moment = datetime.strptime(text[:19], "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC)
