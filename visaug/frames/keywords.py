@@ -158,7 +158,9 @@ def _setting(header, comments, text) -> str | None:
         for k in _SETTING
         if text(k) and not (k == "PEDESTAL" and not _number_or_none(header[k]))
     ]
-    found += [f"{k}={_plain(header[k])}" for k in ("XBINNING", "YBINNING") if text(k) not in ("", "1")]
+    found += [
+        f"{k}={_plain(header[k])}" for k in ("XBINNING", "YBINNING") if text(k) and _plain(header[k]) != "1"
+    ]
     return " ".join(found) or None
 
 
