@@ -202,13 +202,3 @@ def test_mosaic_at_the_frames_own_corner(tmp_path, rows, order, trim):
     frames = FrameSet.load(tmp_path)
     seen = "".join(chr(int(v)) for v in frames.read(0)[:2, :2].ravel())
     assert frames.records[0].bayer == seen
-
-
-@pytest.mark.parametrize(("step", "lossy"), [(1.0, True), (16.0, False)])
-def test_floats_compressed_in_coarse_steps_are_named(tmp_path, step, lossy):
-    """`quantize_level` q stores floats in steps of noise / q."""
-    pixels = RNG.normal(1000, 10, (64, 96)).astype(np.float32)
-    header = fits.Header([("IMAGETYP", "bias")])
-    unit = fits.CompImageHDU(pixels, header, compression_type="RICE_1", quantize_level=step)
-    unit.writeto(tmp_path / "a.fits.fz")
-    assert ("lossy_frames" in words(FrameSet.load(tmp_path))) == lossy

@@ -8,13 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from visaug.characterization.alike import KINDS, merged_groups
+from visaug.characterization.alike import KINDS, degrees_apart, merged_groups
 from visaug.characterization.facts import Facts, look, temporal_variances
 from visaug.characterization.findings import Findings
+from visaug.characterization.groups import Measured
 from visaug.characterization.views import at_bits, shifted
 from visaug.frames import FrameSet
 from visaug.frames.units import celsius
 
+_OTHER_C = 2.0  # a fifth of the dark current, which doubles every 8 degrees
 _DEPTHS = (8, 10, 12, 14, 16)
 _PILE = 1e-3  # share of a flat's pixels at the converter's top that no signal piles up by itself
 _MASTER = 0.55  # of the temporal variance of a raw frame: two or more frames averaged have half or less
@@ -34,9 +36,10 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
     frames = _in_celsius(frames, found)
     frames = _one_setting(frames, found)
     frames = _without_told_masters(frames, found)
-    frames, facts = _without_copies(frames, look(frames))
+    facts = look(frames)
     _lossy(frames, found)
     frames, facts = _aligned(frames, facts, found, told_bits)
+    frames, facts = _without_copies(frames, facts)
     frames, facts = _without_masters(frames, facts, found)
     _bit_depth(frames, facts, found, told_bits)
     return at_bits(frames, found.bit_depth or frames.bit_depth), facts
@@ -94,6 +97,20 @@ def _without_copies(frames: FrameSet, facts: list[Facts]) -> tuple[FrameSet, lis
     if len(kept) == len(frames) or 2 * len(kept) < len(frames):
         return frames, facts
     return frames.subset(kept), [facts[i] for i in kept]
+
+
+def dark_temperature(found: Findings, measured: Measured) -> None:
+    """Flats whose dark frames were taken at another temperature: another dark current is subtracted than theirs."""
+    far = [v for v in measured.levels if not v.exposure_gap_s and v.flat.group.exposure_s > 0
+           and degrees_apart(v.flat.group.temperature_c, v.dark.group.temperature_c) > _OTHER_C]  # fmt: skip
+    if far:
+        flat, dark = far[0].flat.group, far[0].dark.group
+        found.warn(
+            f"dark_temperature: flats were taken at {flat.temperature_c:g} degC, their dark frames at {dark.temperature_c:g} degC; "
+            "the dark current subtracted is not that of the flats",
+            spoils=("quantum_efficiency", "prnu.*", "full_well_e", "emva.quantum_efficiency", "emva.prnu_fraction", "emva4.prnu_*",
+                    "emva.linearity_error_*", "emva.saturation_*"),
+        )  # fmt: skip
 
 
 def _without_told_masters(frames: FrameSet, found: Findings) -> FrameSet:
@@ -184,14 +201,9 @@ def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits:
 
 
 def _lossy(frames: FrameSet, found: Findings) -> None:
-    said = [w for w in frames.warnings if w.startswith("lossy_frames")]
     if any(r.file.lower().endswith(_LOSSY) for r in frames.records):
-        said.append(
-            "lossy_frames: JPEG compression removes noise and rounds coarsely; measure raw or lossless frames"
-        )
-    for text in said:
         found.warn(
-            text,
+            "lossy_frames: JPEG compression removes noise and rounds coarsely; measure raw or lossless frames",
             spoils=("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "read_noise.shape",
                     "prnu.*", "dsnu.*", "dark_current.*", "full_well_e", "emva.*", "emva4.*", "temporal.*"),
         )  # fmt: skip

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.characterization.facts import Facts
-from visaug.characterization.findings import Findings
 from visaug.frames import FrameSet
 
 PLACES = ((0, 0), (0, 1), (1, 0), (1, 1))
@@ -27,6 +26,7 @@ class Mosaic:
 
     response: tuple[float, float, float, float]
     pattern: str | None
+    contradicted: str | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -50,11 +50,11 @@ class Mosaic:
         return np.tile(tile, ((shape[0] + 1) // 2, (shape[1] + 1) // 2))[: shape[0], : shape[1]]
 
 
-def find_mosaic(frames: FrameSet, facts: Sequence[Facts], found: Findings | None = None) -> Mosaic | None:
+def find_mosaic(frames: FrameSet, facts: Sequence[Facts]) -> Mosaic | None:
     """The mosaic that a header tells or bright flats show; None for a monochrome sensor.
 
-    Where the two places that a header calls green differ, and those of the other diagonal are alike, the flats are believed and
-    `found` gets a warning.
+    Where the two places that a header calls green differ, and those of the other diagonal are alike, the flats are believed, and
+    `contradicted` says so.
 
     Rows or columns that differ, odd from even, make no mosaic: there the sums of both diagonals are alike.
     """
@@ -72,17 +72,17 @@ def find_mosaic(frames: FrameSet, facts: Sequence[Facts], found: Findings | None
     response = np.median(signals[bright] / level[bright, None], axis=0)
     crossed = abs(response[0] + response[3] - response[1] - response[2]) / 4
     pattern = told.pop() if len(told) == 1 else None
+    contradicted = None
     if pattern is not None and _contradicted(pattern, response):
-        if found is not None:
-            found.warn(
-                f"mosaic_contradicted: the header's pattern {pattern} calls two pixels green that respond differently, while the "
-                "other two are alike; the greens are those that the flats show, red and blue are not told apart"
-            )
+        contradicted = (
+            f"mosaic_contradicted: the header's pattern {pattern} calls two pixels green that respond differently, while the "
+            "other two are alike; the greens are those that the flats show, red and blue are not told apart"
+        )
         pattern = None
-    if pattern is None and crossed < _PLAIN:
+    if pattern is None and contradicted is None and crossed < _PLAIN:
         return None
     a, b, c, d = map(float, response)
-    return Mosaic((a, b, c, d), pattern)
+    return Mosaic((a, b, c, d), pattern, contradicted)
 
 
 def _contradicted(pattern: str, response: np.ndarray) -> bool:

@@ -11,9 +11,8 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.characterization import dark, light, still
-from visaug.characterization.alike import degrees_apart
 from visaug.characterization.camera_content import CAMERA_KEYS
-from visaug.characterization.conditions import prepared
+from visaug.characterization.conditions import dark_temperature, prepared
 from visaug.characterization.emva import emva
 from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Measured, measure_groups
@@ -29,7 +28,6 @@ _DOUBLING_C = (
     8.0  # of dark current in silicon near room temperature: 0.64 eV (half the band gap, diffusion aside)
 )
 _NO_TEMPERATURE_C = 20.0
-_OTHER_C = 2.0  # a fifth of the dark current, which doubles every 8 degrees
 _MOST_BEND = 0.15  # of the effect `nonlinearity`
 
 
@@ -91,13 +89,12 @@ def characterize(
     ready, facts = prepared(frames, found, told_bits)
     measured = measure_groups(ready, facts)
     _few_frames(found, measured)
-    _dark_temperature(found, measured)
     if method == "paper":
         from visaug.characterization.paper import procedure
 
         procedure(found, measured, camera)
         return _result(found, ready, camera, measured, method)
-    mosaic = find_mosaic(ready, facts, found)
+    mosaic = find_mosaic(ready, facts)
     _measure(found, measured, camera, seed, mosaic)
     result = _result(found, ready, camera, measured, method)
     if mosaic is None:
@@ -118,20 +115,6 @@ def _few_frames(found: Findings, measured: Measured) -> None:
         )
 
 
-def _dark_temperature(found: Findings, measured: Measured) -> None:
-    """Flats whose dark frames were taken at another temperature: another dark current is subtracted than theirs."""
-    far = [v for v in measured.levels if not v.exposure_gap_s and v.flat.group.exposure_s > 0
-           and degrees_apart(v.flat.group.temperature_c, v.dark.group.temperature_c) > _OTHER_C]  # fmt: skip
-    if far:
-        flat, dark = far[0].flat.group, far[0].dark.group
-        found.warn(
-            f"dark_temperature: flats were taken at {flat.temperature_c:g} degC, their dark frames at {dark.temperature_c:g} degC; "
-            "the dark current subtracted is not that of the flats",
-            spoils=("quantum_efficiency", "prnu.*", "full_well_e", "emva.quantum_efficiency", "emva.prnu_fraction", "emva4.prnu_*",
-                    "emva.linearity_error_*", "emva.saturation_*"),
-        )  # fmt: skip
-
-
 def _measure(
     found: Findings, measured: Measured, camera: Camera | None, seed: int, mosaic: Mosaic | None
 ) -> None:
@@ -144,6 +127,7 @@ def _measure(
         )
     measured = measured.with_dark_signal() if dark_tells else measured
     transfer = light.gain_and_efficiency(found, measured, dark_tells)
+    dark_temperature(found, measured)
     if transfer is None and camera is not None:
         given = camera.gain_at(measured.gain_db)
         found.gain = Gain(1 / given, 0.0, measured=False)
@@ -159,6 +143,8 @@ def _measure(
         pattern = light.response_pattern(found, measured, transfer, mosaic)
         if mosaic is not None:
             light.colour_efficiency(found, mosaic)
+            if mosaic.contradicted is not None:
+                found.warn(mosaic.contradicted)
             found.warn(
                 f"mosaic: neighbouring pixels respond by {', '.join(f'{r:.3g}' for r in mosaic.response)} of "
                 f"their mean ({mosaic.pattern or 'a pattern that no header states'}); PRNU is that within a "

@@ -36,8 +36,6 @@ def fits_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
             header = _whole_header(units, unit)
             facts = header_facts(header, {c.keyword: c.comment for c in header.cards}, path)
             facts["colour"] = _colour(header, unit.shape)
-            if lossy := _step(path, unit):
-                facts["said"]["lossy_frames"] = lossy
             if key:
                 facts["setting"] = " ".join(filter(None, (facts.get("setting"), f"AMP={key}")))
                 facts["amplifier"] = key
@@ -147,25 +145,3 @@ def _colour(header: Any, shape: tuple[int, ...]) -> bool | None:
     if axis:
         return any(word in axis for word in ("RGB", "COLO", "BAND"))
     return None
-
-
-def _step(path: Path, unit: Any) -> str:
-    """What is lost where floats were rounded to steps before they were compressed (keywords of fpack); "" for little.
-
-    A step of half the noise adds a fiftieth to its variance (Pence et al., PASP 122 (2010) 1065).
-    """
-    from astropy.io import fits
-
-    if not isinstance(unit, fits.CompImageHDU) or unit.header.get("BITPIX", 0) > 0:
-        return ""
-    with fits.open(path, memmap=False, disable_image_compression=True) as units:
-        scales = [u.data["ZSCALE"] for u in units if u.header.get("ZIMAGE") and "ZSCALE" in u.columns.names]
-    step = float(np.median(np.concatenate(scales))) if scales else 0.0
-    pixels = np.asarray(unit.section[..., :200, :], np.float64)
-    difference = np.diff(pixels, axis=-1)
-    noise = 1.4826 * float(np.median(np.abs(difference - np.median(difference)))) / np.sqrt(2)
-    return (
-        f"compressed in steps of {step:.3g} DN where the noise is {noise:.3g} DN"
-        if step > 0.5 * noise > 0
-        else ""
-    )

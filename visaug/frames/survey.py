@@ -27,7 +27,6 @@ _SAID = {  # what was made of a header or a name
     "temperature_kelvin": "the temperature is converted from Kelvin",
     "exposure_unit": "the exposure is converted to seconds",
     "overscan": "columns or rows without light are cut off, where the header says which they are",
-    "lossy_frames": "compression has removed noise and rounds coarsely; measure raw or lossless frames",
     "colour_planes": "three colours of a picture are no three frames; green alone is used",
     "stack_axis_assumed": "frames lie along the last axis",
 }
