@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from visaug.characterization.alike import KINDS, degrees_apart, merged_groups
+from visaug.characterization.alike import KINDS, merged_groups
 from visaug.characterization.facts import Facts, look, temporal_variances
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
@@ -102,7 +102,7 @@ def _without_copies(frames: FrameSet, facts: list[Facts]) -> tuple[FrameSet, lis
 def dark_temperature(found: Findings, measured: Measured) -> None:
     """Flats whose dark frames were taken at another temperature: another dark current is subtracted than theirs."""
     far = [v for v in measured.levels if not v.exposure_gap_s and v.flat.group.exposure_s > 0
-           and degrees_apart(v.flat.group.temperature_c, v.dark.group.temperature_c) > _OTHER_C]  # fmt: skip
+           and v.degrees_apart > _OTHER_C]  # fmt: skip
     if far:
         flat, dark = far[0].flat.group, far[0].dark.group
         found.warn(

@@ -42,6 +42,11 @@ class Level:
         return 0.0 if abs(flat_s - dark_s) <= _SAME_GAP * max(flat_s, dark_s) else flat_s - dark_s
 
     @property
+    def degrees_apart(self) -> float:
+        """Between the flat and its dark frames; 0 where a temperature is not known."""
+        return degrees_apart(self.flat.group.temperature_c, self.dark.group.temperature_c)
+
+    @property
     def signal(self) -> float:
         """Mean above the dark frames, DN."""
         return self.flat.mean - self.dark.mean
