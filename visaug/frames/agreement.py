@@ -98,7 +98,10 @@ def _depth(rows: list[Row]) -> None:
 
 def _settings(rows: list[Row], notes: list[str]) -> None:
     """GAIN with a fraction that scatters is a measured gain; a setting that some frames lack and the others share is theirs."""
-    parts = [dict(p.partition("=")[::2] for p in (r["setting"] or "").split()) for r in rows]
+    parts = [
+        {word: value for word, _, value in (p.partition("=") for p in (r["setting"] or "").split())}
+        for r in rows
+    ]
     gains = [float(p["GAIN"]) for p in parts if _is_number(p.get("GAIN"))]
     if (
         any(g != int(g) for g in gains)

@@ -70,14 +70,15 @@ class ArrayFile:
             self._whole = flat.reshape(self.shape, order="F" if self._fortran else "C")
         if self._whole is not None:
             return self._whole[index]
-        if not all(isinstance(i, int) for i in index):
+        places = tuple(i for i in index if isinstance(i, int))
+        if len(places) < len(index):
             raise InputError(
                 "is too large to be read along its last axis",
                 file=self.path,
                 expected="an array that is not compressed",
             )
         count = prod(inner)
-        offset = int(np.ravel_multi_index(index, self.shape[: len(index)])) * count if index else 0
+        offset = int(np.ravel_multi_index(places, self.shape[: len(places)])) * count if places else 0
         return self._bytes(offset, count).reshape(inner)
 
     @property

@@ -19,8 +19,13 @@ _LABORATORY = ("bias", "dark", "flat")
 _PLAIN = (*PICTURES, *TIFFS, *PHOTOS, ".npy", ".raw")  # formats of ordinary pictures
 _PREVIEWS = (".jpg", ".jpeg", ".bmp")
 _VIDEO = "frames as the sensor gave them: SER, FITS, TIFF or PNG of 16 bits; video is compressed and has a tone curve"
-_FOREIGN = dict.fromkeys((".avi", ".mp4", ".mov", ".mkv"), _VIDEO) | dict.fromkeys(
-    (".heic", ".heif", ".webp", ".gif", ".jp2", ".czi", ".nd2", ".lif", ".sif", ".spe"), "TIFF, PNG or FITS"
+_FOREIGN: dict[str, str] = {}  # formats that are not read, and what to write instead
+_FOREIGN.update(dict.fromkeys((".avi", ".mp4", ".mov", ".mkv"), _VIDEO))
+_FOREIGN.update(
+    dict.fromkeys(
+        (".heic", ".heif", ".webp", ".gif", ".jp2", ".czi", ".nd2", ".lif", ".sif", ".spe"),
+        "TIFF, PNG or FITS",
+    )
 )
 # Notes of a survey that ask for what a table lacks.
 _ASKS = ("kind", "exposure_s", "temperature_c", "photons", "bit_depth", "descriptor")

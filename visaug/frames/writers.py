@@ -142,7 +142,8 @@ def _places(frames: FrameSet) -> list[tuple[str, str | None, tuple[int, ...]]]:
             raise InputError(
                 f"{record.file!r} cannot be written", field="file", expected="a path inside the folder"
             )
-        if not all(isinstance(n, int) for n in index):
+        numbers = tuple(n for n in index if isinstance(n, int))
+        if len(numbers) < len(index):
             raise InputError(
                 f"{record.file!r} cannot be written", field="file", expected="frames along the first axis"
             )
@@ -156,7 +157,7 @@ def _places(frames: FrameSet) -> list[tuple[str, str | None, tuple[int, ...]]]:
                 field="file",
                 expected="an index for each frame, or one file per frame",
             )
-        places.append((file, key, index))
+        places.append((file, key, numbers))
     seen: set[tuple] = set()
     for record, place in zip(frames.records, places, strict=True):
         if place in seen:
