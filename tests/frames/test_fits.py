@@ -127,7 +127,12 @@ def test_settings_filters_mosaics_masters_and_bits(tmp_path):
     master, flat, combined = FrameSet.load(tmp_path).records
     assert flat.setting == "GAIN=120 OFFSET=30 READOUTM=High_Gain XBINNING=2"
     assert (flat.filter, flat.bayer, flat.bit_depth, flat.combined) == ("Ha", "GRBG", 14, 1)
-    assert (master.combined, master.filter, master.setting) == (0, None, None)
+    # What the others do not state is taken for the one value that is stated, but for binning, which is 1 unless stated.
+    assert (master.combined, master.filter, master.setting) == (
+        0,
+        None,
+        "GAIN=120 OFFSET=30 READOUTM=High_Gain",
+    )
     assert combined.combined == 16
     assert combined.time_s - flat.time_s == 1.5
 

@@ -107,6 +107,18 @@ def test_what_is_missing_is_said_with_how_to_give_it(tmp_path):
     assert not survey(tmp_path, {"exposure_s": 1.0}).missing("exposure_s")
 
 
+def test_the_word_that_told_each_file(tmp_path):
+    put(tmp_path, "darks/3_2s.tif", "flat_1_100s_m10C_1.tif", "flat_1_100s_m10C_2.tif")
+    found = survey(tmp_path, {"exposure_s": 7.0})
+    assert found.told_by() == {
+        ("dark", "darks in the name", 7.0, "an option", None, ""): ["darks/3_2s.tif"],
+        ("flat", "flat in the name", 0.01, "1_100s in the name", -10.0, "m10c in the name"): [
+            "flat_1_100s_m10C_1.tif",
+            "flat_1_100s_m10C_2.tif",
+        ],
+    }
+
+
 @pytest.mark.parametrize("names", [["dark_alley.tif", "a.tif"], ["dark_1.tif", "dark_2.tif"], ["flat_1.tif"]])
 def test_pictures_stay_pictures_whatever_their_names(tmp_path, names):
     put(tmp_path, *names)

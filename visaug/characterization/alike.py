@@ -39,6 +39,11 @@ def merged_groups(frames: FrameSet, facts: Sequence[Facts]) -> list[Group]:
     return sorted(_rested(frames, groups), key=lambda g: g.indices[0])
 
 
+def degrees_apart(a: float | None, b: float | None) -> float:
+    """Difference of two temperatures in degrees; 0 where one is not known: it may be the same."""
+    return 0.0 if a is None or b is None else abs(a - b)
+
+
 def _same_exposure(a: float, b: float) -> bool:
     return b - a <= _SAME_EXPOSURE * b
 

@@ -43,6 +43,7 @@ def camera_content(result: Characterization) -> dict[str, Any]:
         InputError: the gain is neither measured nor given, so nothing can be said in electrons.
     """
     found = {**result.assumed, **{k: e.value for k, e in result.parameters.items() if k in CAMERA_KEYS}}
+    found = {k: v for k, v in found.items() if k not in result.left_out}
     if "gain_e_per_dn" not in found:
         raise InputError(
             "the frames do not tell the gain, so there is no camera in electrons",

@@ -11,9 +11,12 @@ import numpy as np
 from visaug.characterization.alike import KINDS, merged_groups
 from visaug.characterization.facts import Facts, look, temporal_variances
 from visaug.characterization.findings import Findings
+from visaug.characterization.groups import Measured
 from visaug.characterization.views import at_bits, shifted
 from visaug.frames import FrameSet
+from visaug.frames.units import celsius
 
+_OTHER_C = 2.0  # a fifth of the dark current, which doubles every 8 degrees
 _DEPTHS = (8, 10, 12, 14, 16)
 _PILE = 1e-3  # share of a flat's pixels at the converter's top that no signal piles up by itself
 _MASTER = 0.55  # of the temporal variance of a raw frame: two or more frames averaged have half or less
@@ -30,14 +33,35 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
         told_bits: bits of the converter where somebody told them.
     """
     frames = frames.subset([i for i, r in enumerate(frames.records) if r.kind in KINDS])
+    frames = _in_celsius(frames, found)
     frames = _one_setting(frames, found)
     frames = _without_told_masters(frames, found)
     facts = look(frames)
     _lossy(frames, found)
     frames, facts = _aligned(frames, facts, found, told_bits)
+    frames, facts = _without_copies(frames, facts)
     frames, facts = _without_masters(frames, facts, found)
     _bit_depth(frames, facts, found, told_bits)
     return at_bits(frames, found.bit_depth or frames.bit_depth), facts
+
+
+def _in_celsius(frames: FrameSet, found: Findings) -> FrameSet:
+    """Temperatures that can only be Kelvin converted, those that are none left out, and both said."""
+    made = [None if r.temperature_c is None else celsius(r.temperature_c) for r in frames.records]
+    for how, said in (
+        ("kelvin", "are read as Kelvin and converted"),
+        ("none", "are those of no sensor and are not used"),
+    ):
+        values = {f"{r.temperature_c:g}" for r, m in zip(frames.records, made) if m and m[1] == how}
+        if values:
+            found.warn(
+                f"temperature_{'kelvin' if how == 'kelvin' else 'unknown'}: temperatures of {', '.join(sorted(values))} {said}"
+            )
+    if all(m is None or not m[1] for m in made):
+        return frames
+    return frames.with_records(
+        [replace(r, temperature_c=m[0] if m else None) for r, m in zip(frames.records, made)]
+    )
 
 
 def _one_setting(frames: FrameSet, found: Findings) -> FrameSet:
@@ -55,6 +79,38 @@ def _one_setting(frames: FrameSet, found: Findings) -> FrameSet:
         f"the measured setting is {usual or 'the frames without a setting'}"
     )
     return frames.subset(kept)
+
+
+def _without_copies(frames: FrameSet, facts: list[Facts]) -> tuple[FrameSet, list[Facts]]:
+    """Each frame once: a copy beside its original has no noise of its own (`FrameSet.check` names it).
+
+    Equal sums over the four places of a 2 x 2, equal extremes and equal noise are a copy; a camera whose frames are mostly alike
+    has no noise, and stays as it is.
+    """
+    seen: set[tuple] = set()
+    kept = []
+    for i, (record, f) in enumerate(zip(frames.records, facts)):
+        key = (record.kind, f.mean, f.noise, f.largest, f.bits, f.phases)
+        if f.noise == 0 or key not in seen:
+            kept.append(i)
+        seen.add(key)
+    if len(kept) == len(frames) or 2 * len(kept) < len(frames):
+        return frames, facts
+    return frames.subset(kept), [facts[i] for i in kept]
+
+
+def dark_temperature(found: Findings, measured: Measured) -> None:
+    """Flats whose dark frames were taken at another temperature: another dark current is subtracted than theirs."""
+    far = [v for v in measured.levels if not v.exposure_gap_s and v.flat.group.exposure_s > 0
+           and v.degrees_apart > _OTHER_C]  # fmt: skip
+    if far:
+        flat, dark = far[0].flat.group, far[0].dark.group
+        found.warn(
+            f"dark_temperature: flats were taken at {flat.temperature_c:g} degC, their dark frames at {dark.temperature_c:g} degC; "
+            "the dark current subtracted is not that of the flats",
+            spoils=("quantum_efficiency", "prnu.*", "full_well_e", "emva.quantum_efficiency", "emva.prnu_fraction", "emva4.prnu_*",
+                    "emva.linearity_error_*", "emva.saturation_*"),
+        )  # fmt: skip
 
 
 def _without_told_masters(frames: FrameSet, found: Findings) -> FrameSet:
@@ -125,10 +181,12 @@ def _aligned(
 def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits: int | None) -> None:
     """Bits of the converter: as told, as the files' type tells, or by where bright flats pile up."""
     depth = frames.bit_depth
-    if told_bits is not None or depth is None or depth < 16:
-        found.bit_depth = None if depth is None else min(told_bits or depth, depth, 16)
+    if told_bits is not None or (depth is not None and depth < 16):
+        found.bit_depth = min(told_bits or 16, depth or 16, 16)
         return
     largest = max(f.largest for f in facts)
+    if largest > (1 << 16) - 1:  # sums of frames, or a type of more than 16 bits
+        return
     piles = {f.largest for f in facts if f.at_largest > _PILE and f.largest == largest and f.noise < largest}
     tops = [n for n in _DEPTHS if piles and largest == (1 << n) - 1]
     if tops:

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from visaug.characterization import emva4
+from visaug.characterization.alike import SAME_C, degrees_apart
 from visaug.characterization.dark_current import mean_points, slopes, variance_points
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Level, Measured
@@ -92,7 +93,8 @@ def _dark_ladder(measured: Measured) -> list[GroupMoments]:
     """The sweep of three or more exposures whose temperature is nearest to the flats'."""
     base = measured.temperature_c
     temperatures = sorted(
-        {m.group.temperature_c for m in measured.darks}, key=lambda t: abs((t or 0.0) - (base or 0.0))
+        {m.group.temperature_c for m in measured.darks},
+        key=lambda t: (degrees_apart(t, base), t is None, t or 0.0),
     )
     for t in (base, *temperatures):
         ladder = _dark_sweep(measured, t)
@@ -102,7 +104,7 @@ def _dark_ladder(measured: Measured) -> list[GroupMoments]:
 
 
 def _alike(a: float | None, b: float | None) -> bool:
-    return a is None or b is None or abs(a - b) < 0.6
+    return degrees_apart(a, b) <= SAME_C
 
 
 def _saturation(found: Findings, levels: tuple[Level, ...], saturation: int | None, efficiency) -> None:

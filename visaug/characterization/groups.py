@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from visaug.characterization.alike import SAME_C, merged_groups
+from visaug.characterization.alike import SAME_C, degrees_apart, merged_groups
 from visaug.characterization.dark_current import Slope, mean_points, slopes, wanders
 from visaug.characterization.facts import Facts
 from visaug.characterization.moments import GroupMoments, measure
@@ -40,6 +40,11 @@ class Level:
         """Exposure of the flat less that of its dark frames, as far as more than a log's rounding."""
         flat_s, dark_s = self.flat.group.exposure_s, self.dark.group.exposure_s
         return 0.0 if abs(flat_s - dark_s) <= _SAME_GAP * max(flat_s, dark_s) else flat_s - dark_s
+
+    @property
+    def degrees_apart(self) -> float:
+        """Between the flat and its dark frames; 0 where a temperature is not known."""
+        return degrees_apart(self.flat.group.temperature_c, self.dark.group.temperature_c)
 
     @property
     def signal(self) -> float:
@@ -160,7 +165,7 @@ def _with_rate(level: Level, lines: Sequence[Slope]) -> Level:
     here = level.flat.group.temperature_c
 
     def apart(line: Slope) -> float:
-        return 0.0 if here is None or line.temperature_c is None else abs(line.temperature_c - here)
+        return degrees_apart(here, line.temperature_c)
 
     line = min(lines, key=apart)
     if apart(line) > SAME_C or not level.exposure_gap_s:
@@ -173,7 +178,10 @@ def _of(moments, kind: str, gain_db: float) -> tuple[GroupMoments, ...]:
 
 
 def _pair(moments: list[GroupMoments]) -> tuple[Level, ...]:
-    """Each flat with the dark or bias frames of nearest exposure and temperature in the same window."""
+    """Each flat with the dark or bias frames of nearest temperature and exposure in the same window.
+
+    Of a flat of unknown temperature the exposure alone decides.
+    """
     levels = []
     for flat in (m for m in moments if m.group.kind == "flat"):
         dark = min(
@@ -183,7 +191,8 @@ def _pair(moments: list[GroupMoments]) -> tuple[Level, ...]:
                 if m.group.kind != "flat" and m.shape == flat.shape and m.group.window == flat.group.window
             ),
             key=lambda m: (
-                abs((m.group.temperature_c or 0.0) - (flat.group.temperature_c or 0.0)),
+                max(degrees_apart(m.group.temperature_c, flat.group.temperature_c) - SAME_C, 0.0),
+                m.group.temperature_c is None and flat.group.temperature_c is not None,
                 m.n < 2,
                 abs(m.group.exposure_s - flat.group.exposure_s),
                 m.group.kind == "bias",

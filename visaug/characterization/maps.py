@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from visaug.characterization.alike import SAME_C
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import surface, two_way
@@ -64,17 +65,23 @@ def _stands_out(values: np.ndarray) -> np.ndarray:
 
 
 def _warmest(measured: Measured) -> list[GroupMoments]:
-    """Dark groups at the highest temperature that has two exposures, on the largest window."""
+    """Dark groups at the highest temperature that has two exposures, on the largest window; unknown ones come last."""
     shapes = [m.shape for m in measured.darks]
     if not shapes:
         return []
     largest = max(shapes, key=lambda s: s[0] * s[1])
     groups = [m for m in (*measured.darks, *measured.biases) if m.shape == largest]
-    for t in sorted({m.group.temperature_c or 0.0 for m in groups}, reverse=True):
-        same = [m for m in groups if abs((m.group.temperature_c or 0.0) - t) < 0.6]
+    known = sorted({m.group.temperature_c for m in groups if m.group.temperature_c is not None}, reverse=True)
+    for t in (*known, None):
+        same = [m for m in groups if _at(m.group.temperature_c, t)]
         if len({m.group.exposure_s for m in same}) > 1:
             return same
     return []
+
+
+def _at(temperature_c: float | None, t: float | None) -> bool:
+    """Whether a group was taken at `t`; None is a temperature of its own."""
+    return temperature_c is t if temperature_c is None or t is None else abs(temperature_c - t) <= SAME_C
 
 
 def _rates(measured: Measured, groups: list[GroupMoments]) -> np.ndarray:

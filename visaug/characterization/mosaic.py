@@ -11,6 +11,9 @@ from visaug.characterization.facts import Facts
 from visaug.frames import FrameSet
 
 PLACES = ((0, 0), (0, 1), (1, 0), (1, 1))
+_UNLIKE_GREENS = (
+    0.08  # of the signal: crosstalk from red and blue parts the greens of one sensor by a few per cent
+)
 _PLAIN = 0.02  # of the signal: neighbours on a diagonal of a monochrome sensor differ by less
 
 
@@ -23,13 +26,14 @@ class Mosaic:
 
     response: tuple[float, float, float, float]
     pattern: str | None
+    contradicted: str | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
         if self.pattern is None:
             return tuple(f"{r}{c}" for r, c in PLACES)
-        greens = iter(("Gr", "Gb") if self.pattern[0] in "RG" else ("Gb", "Gr"))
-        return tuple(next(greens) if c == "G" else c for c in self.pattern)
+        rows = (self.pattern[:2], self.pattern[2:])
+        return tuple(f"G{'r' if 'R' in row else 'b'}" if c == "G" else c for row in rows for c in row)
 
     @property
     def green(self) -> tuple[int, int]:
@@ -49,6 +53,9 @@ class Mosaic:
 def find_mosaic(frames: FrameSet, facts: Sequence[Facts]) -> Mosaic | None:
     """The mosaic that a header tells or bright flats show; None for a monochrome sensor.
 
+    Where the two places that a header calls green differ, and those of the other diagonal are alike, the flats are believed, and
+    `contradicted` says so.
+
     Rows or columns that differ, odd from even, make no mosaic: there the sums of both diagonals are alike.
     """
     told = {r.bayer for r in frames.records if r.bayer is not None}
@@ -65,7 +72,21 @@ def find_mosaic(frames: FrameSet, facts: Sequence[Facts]) -> Mosaic | None:
     response = np.median(signals[bright] / level[bright, None], axis=0)
     crossed = abs(response[0] + response[3] - response[1] - response[2]) / 4
     pattern = told.pop() if len(told) == 1 else None
-    if pattern is None and crossed < _PLAIN:
+    contradicted = None
+    if pattern is not None and _contradicted(pattern, response):
+        contradicted = (
+            f"mosaic_contradicted: the header's pattern {pattern} calls two pixels green that respond differently, while the "
+            "other two are alike; the greens are those that the flats show, red and blue are not told apart"
+        )
+        pattern = None
+    if pattern is None and contradicted is None and crossed < _PLAIN:
         return None
     a, b, c, d = map(float, response)
-    return Mosaic((a, b, c, d), pattern)
+    return Mosaic((a, b, c, d), pattern, contradicted)
+
+
+def _contradicted(pattern: str, response: np.ndarray) -> bool:
+    """Whether the flats show the greens on the other diagonal than the pattern: a colour is no plain difference of two greens."""
+    greens = abs(float(np.subtract(*response[[i for i, c in enumerate(pattern) if c == "G"]])))
+    others = abs(float(np.subtract(*response[[i for i, c in enumerate(pattern) if c != "G"]])))
+    return greens > max(_UNLIKE_GREENS, others)

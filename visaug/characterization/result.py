@@ -72,6 +72,7 @@ class Characterization:
         not_measured: further paths of the camera file that are assumptions.
         effects: effects beyond the base chain that were measured, as a camera file has them.
         planes: the same for each colour of a mosaic, by its name or place.
+        left_out: keys of camera.yaml whose value lies outside of what a camera file can hold.
     """
 
     parameters: Mapping[str, Estimate]
@@ -86,6 +87,7 @@ class Characterization:
     effects: tuple[Mapping[str, Any], ...] = ()
     planes: Mapping[str, Characterization] = field(default_factory=dict, repr=False)
     method: str = "emva"
+    left_out: tuple[str, ...] = ()
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -12,12 +12,13 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.characterization import dark, light, still
 from visaug.characterization.camera_content import CAMERA_KEYS
-from visaug.characterization.conditions import prepared
+from visaug.characterization.conditions import dark_temperature, prepared
 from visaug.characterization.emva import emva
 from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Measured, measure_groups
 from visaug.characterization.maps import add_maps
 from visaug.characterization.mosaic import PLACES, Mosaic, find_mosaic
+from visaug.characterization.possible import without_impossible
 from visaug.characterization.result import Characterization, Warned
 from visaug.characterization.views import colour_plane
 from visaug.core.errors import InputError
@@ -126,6 +127,7 @@ def _measure(
         )
     measured = measured.with_dark_signal() if dark_tells else measured
     transfer = light.gain_and_efficiency(found, measured, dark_tells)
+    dark_temperature(found, measured)
     if transfer is None and camera is not None:
         given = camera.gain_at(measured.gain_db)
         found.gain = Gain(1 / given, 0.0, measured=False)
@@ -141,6 +143,8 @@ def _measure(
         pattern = light.response_pattern(found, measured, transfer, mosaic)
         if mosaic is not None:
             light.colour_efficiency(found, mosaic)
+            if mosaic.contradicted is not None:
+                found.warn(mosaic.contradicted)
             found.warn(
                 f"mosaic: neighbouring pixels respond by {', '.join(f'{r:.3g}' for r in mosaic.response)} of "
                 f"their mean ({mosaic.pattern or 'a pattern that no header states'}); PRNU is that within a "
@@ -210,7 +214,7 @@ def _result(
         settings["bit_depth"] = camera.bit_depth
         for key in [k for k in found.open if k in settings]:
             found.open[key] += "; taken from the camera given"
-    return Characterization(
+    return without_impossible(Characterization(
         parameters=dict(sorted(found.parameters.items(), key=_order)),
         not_determined=found.open,
         warning_details=tuple(Warned(t.split(":")[0], t, found.spoiled_by(t)) for t in found.warnings),
@@ -222,7 +226,7 @@ def _result(
         base=base,
         resolution=resolution,
         method=method,
-    )
+    ))  # fmt: skip
 
 
 def _dark_rate(found: Findings, settings: dict[str, float]) -> None:

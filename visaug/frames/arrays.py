@@ -1,10 +1,7 @@
 """Arrays in .npy and .npz files, one frame at a time, without loading the rest.
 
-A stored array is read at its offset. A compressed one is read whole where it is small and otherwise as a
-stream:
-frames in their order cost one pass, a step back starts it anew. Nothing is mapped into memory, so what a
-reader
-holds is one frame.
+A stored array is mapped into memory. A compressed one is read whole where it is small and otherwise as a stream: frames in
+their order cost one pass, a step back starts it anew.
 """
 
 from __future__ import annotations
@@ -21,7 +18,8 @@ import numpy as np
 from visaug.core.errors import InputError
 from visaug.frames import hdf5
 from visaug.frames.hdf5 import Hdf5File
-from visaug.frames.limits import check_axes, check_shape
+from visaug.frames.limits import Index, check_axes, check_index, check_shape
+from visaug.frames.matlab import MatFile, mat_arrays
 
 WHOLE_BYTES = 64 * 2**20  # a compressed array up to this size is decompressed at once and kept
 
@@ -42,6 +40,7 @@ class ArrayFile:
         self._handle: IO[bytes] | None = None
         self._archive: zipfile.ZipFile | None = None
         self._whole: np.ndarray | None = None
+        self._stored: np.ndarray | None = None
         self._data_start = 0
         self._compressed = False
         try:
@@ -59,26 +58,27 @@ class ArrayFile:
     def frame_shape(self) -> tuple[int, ...]:
         return self.shape[-2:]
 
-    def read(self, index: tuple[int, ...]) -> np.ndarray:
+    def read(self, index: Index) -> np.ndarray:
         """The sub-array at `index`, for instance one frame."""
         inner = self.shape[len(index) :]
-        if any(not 0 <= i < n for i, n in zip(index, self.shape, strict=False)) or len(index) > len(
-            self.shape
-        ):
-            raise InputError(
-                f"index {list(index)} is outside the array of shape {self.shape}",
-                file=self.path,
-                field=self.key,
-            )
-        if self._whole is not None:
-            return self._whole[index]
-        check_shape(inner, self.path)
-        count = prod(inner)
-        offset = int(np.ravel_multi_index(index, self.shape[: len(index)])) * count if index else 0
-        if self._fortran or (self._compressed and prod(self.shape) * self.dtype.itemsize <= WHOLE_BYTES):
+        check_index(index, self.shape, self.path, self.key)
+        check_shape(inner or (1,), self.path)
+        if self._stored is not None:
+            return np.array(self._stored[index])
+        if self._whole is None and (self._fortran or prod(self.shape) * self.dtype.itemsize <= WHOLE_BYTES):
             flat = self._bytes(0, prod(self.shape))
             self._whole = flat.reshape(self.shape, order="F" if self._fortran else "C")
+        if self._whole is not None:
             return self._whole[index]
+        places = tuple(i for i in index if isinstance(i, int))
+        if len(places) < len(index):
+            raise InputError(
+                "is too large to be read along its last axis",
+                file=self.path,
+                expected="an array that is not compressed",
+            )
+        count = prod(inner)
+        offset = int(np.ravel_multi_index(places, self.shape[: len(places)])) * count if places else 0
         return self._bytes(offset, count).reshape(inner)
 
     @property
@@ -135,6 +135,10 @@ class ArrayFile:
         check_shape(self.shape if self._fortran else self.frame_shape, self.path)
         if self._data_start + prod(self.shape) * self.dtype.itemsize > end:
             raise ValueError(f"its header claims the shape {self.shape}, which is more than it holds")
+        if not self._compressed:
+            order = "F" if self._fortran else "C"
+            self._stored = np.memmap(self.path, self.dtype, "r", self._data_start, self.shape, order)
+            self.close()
 
     def _bytes(self, offset: int, count: int) -> np.ndarray:
         assert self._handle is not None
@@ -160,9 +164,9 @@ class ArrayStore:
 
     def __init__(self, limit_bytes: int = 2 * WHOLE_BYTES, limit_open: int = 32) -> None:
         self.limit_bytes, self.limit_open = limit_bytes, limit_open
-        self._files: dict[tuple[Path, str | None], ArrayFile | Hdf5File] = {}
+        self._files: dict[tuple[Path, str | None], ArrayFile | Hdf5File | MatFile] = {}
 
-    def read(self, path: Path, key: str | None, index: tuple[int, ...]) -> np.ndarray:
+    def read(self, path: Path, key: str | None, index: Index) -> np.ndarray:
         return self._use(path, key, lambda f: f.read(index))
 
     def frame_shape(self, path: Path, key: str | None) -> tuple[int, ...]:
@@ -184,12 +188,16 @@ class ArrayStore:
         return result
 
 
-def _open(path: Path, key: str | None) -> ArrayFile | Hdf5File:
+def _open(path: Path, key: str | None) -> ArrayFile | Hdf5File | MatFile:
+    if path.suffix.lower() == ".mat":
+        return (Hdf5File if hdf5.is_hdf5(path) else MatFile)(path, key)
     return (Hdf5File if path.suffix.lower() in hdf5.SUFFIXES else ArrayFile)(path, key)
 
 
 def arrays_in(path: Path) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
     """Name, shape and attributes of every array of numbers in a .npy, .npz or HDF5 file."""
+    if path.suffix.lower() == ".mat" and not hdf5.is_hdf5(path):
+        return mat_arrays(path)
     if path.suffix.lower() in hdf5.SUFFIXES:
         return hdf5.data_sets(path)
     if path.suffix.lower() == ".npy":

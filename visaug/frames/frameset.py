@@ -10,6 +10,7 @@ import numpy as np
 from visaug.core.errors import InputError
 from visaug.frames import sources
 from visaug.frames.record import FrameRecord, Group, group_records
+from visaug.frames.stacks import counted_along_the_last_axis
 from visaug.frames.stores import FileStore, MemoryStore, Store
 from visaug.frames.table import read_table
 
@@ -93,21 +94,21 @@ class FrameSet:
         kind, root, files = sources.find(path)
         warnings: list[str] = []
         if kind == "table":
-            records = read_table(files[0], warnings)
+            records = counted_along_the_last_axis(read_table(files[0], warnings), root, warnings)
         elif kind == "descriptor":
-            records, bits, shape = sources.read_descriptor(files[0])
+            records, bits, shape = sources.read_descriptor(files[0], warnings)
             bit_depth, resolution = bit_depth or bits, resolution or shape
             warnings.append(
                 f"order_assumed: {files[0].name} does not state the order of acquisition; the order "
                 "of its list is used"
             )
         elif kind == "fits":
-            records = sources.read_fits_folder(root, files, warnings)
+            records = sources.read_headed(root, files, warnings)
         elif kind == "named" or path.is_dir():
             named = sources.read_named(root, files, warnings)
             if named is None and kind == "named":
                 raise sources.nothing_here(path, len(files))
-            records = named or sources.read_pictures(root, files)
+            records = named or sources.read_pictures(root, files, warnings)
         else:
             records = sources.read_pictures(root, files)
         bit_depth = bit_depth or _common_depth(records)

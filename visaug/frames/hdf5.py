@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from visaug.core.errors import InputError
-from visaug.frames.limits import check_shape
+from visaug.frames.limits import Index, check_index, check_shape
 
-SUFFIXES = (".h5", ".hdf5", ".hdf")
+SUFFIXES = (".h5", ".hdf5", ".hdf", ".mat")
+_MATLAB = "MATLAB_class"  # attribute of the arrays of MATLAB 7.3, whose axes HDF5 holds in reverse
 
 
 class Hdf5File:
@@ -30,7 +31,8 @@ class Hdf5File:
                 expected="one of " + ", ".join(sets[:20]) + " after a #",
             )
         self._set = self._file[name]
-        self.shape, self.dtype = tuple(self._set.shape), self._set.dtype
+        self._reversed = _MATLAB in self._set.attrs
+        self.shape, self.dtype = _shape(self._set), self._set.dtype
         if self.dtype.kind not in "uif":
             raise InputError(
                 f"holds {self.dtype}", file=path, field=name, expected="integers or floats in DN"
@@ -40,23 +42,31 @@ class Hdf5File:
     def frame_shape(self) -> tuple[int, ...]:
         return self.shape[-2:]
 
-    def read(self, index: tuple[int, ...]) -> np.ndarray:
-        if len(index) > len(self.shape) or any(
-            not 0 <= i < n for i, n in zip(index, self.shape, strict=False)
-        ):
-            raise InputError(
-                f"index {list(index)} is outside the array of shape {self.shape}",
-                file=self.path,
-                field=self.key,
-            )
-        check_shape([int(n) for n in self.shape[len(index) :]], self.path)
+    def read(self, index: Index) -> np.ndarray:
+        check_index(index, self.shape, self.path, self.key)
+        whole = (*index, *[slice(None)] * (len(self.shape) - len(index)))
+        check_shape([int(n) for i, n in zip(whole, self.shape) if isinstance(i, slice)], self.path)
         try:
-            return np.asarray(self._set[index])
+            return np.asarray(self._set[whole[::-1]]).T if self._reversed else np.asarray(self._set[index])
         except (OSError, RuntimeError) as error:
             raise InputError(f"cannot be read ({error}); truncated?", file=self.path) from None
 
     def close(self) -> None:
         self._file.close()
+
+
+def _shape(data_set: Any) -> tuple[int, ...]:
+    return tuple(data_set.shape)[:: -1 if _MATLAB in data_set.attrs else 1]
+
+
+def is_hdf5(path: Path) -> bool:
+    """Whether a file is HDF5, whose mark may follow a block of the user's own (MATLAB 7.3: 512 bytes)."""
+    try:
+        with open(path, "rb") as handle:
+            content = handle.read(520)
+    except OSError:
+        return False
+    return b"\x89HDF\r\n\x1a\n" in (content[:8], content[512:520])
 
 
 def open_hdf5(path: Path) -> Any:
@@ -89,7 +99,7 @@ def _data_sets(file: Any) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
             parts = name.split("/")
             for n in range(1, len(parts) + 1):
                 attributes.update(file["/".join(parts[:n])].attrs)
-            found.append((name, tuple(thing.shape), {k: _plain(v) for k, v in attributes.items()}))
+            found.append((name, _shape(thing), {k: _plain(v) for k, v in attributes.items()}))
 
     file.visititems(visit)
     return found

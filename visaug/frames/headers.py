@@ -8,8 +8,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from visaug.core.errors import InputError
-from visaug.frames import fits, pixels
+from visaug.frames import fits, pixels, ser, xisf
 from visaug.frames.limits import pillow_image
 
 Facts = dict[str, Any]
@@ -24,10 +26,16 @@ def frames_of(path: Path) -> list[tuple[str, Facts]]:
     suffix = pixels.suffix_of(path)
     if suffix in pixels.FITS:
         return fits.fits_frames(path)
+    if suffix == xisf.SUFFIX:
+        return xisf.xisf_frames(path)
+    if suffix == ser.SUFFIX:
+        return ser.ser_frames(path)
     if suffix in pixels.TIFFS:
         return _tiff(path)
     if suffix in pixels.PHOTOS:
         return _photo(path)
+    if suffix == ".pgm":
+        return [("", {"bit_depth": pixels.bits_of_file(path)})]
     if suffix in pixels.PICTURES:
         return [("", _exif_of_picture(path))]
     if suffix in pixels.ARRAYS or suffix in pixels.HDF5:
@@ -47,18 +55,27 @@ def _tiff(path: Path) -> list[tuple[str, Facts]]:
             for text in (file.ome_metadata, file.micromanager_metadata):
                 facts.update(_microscope(text))
             shape, axes = series.shape, series.axes
+            if "S" in axes and shape[axes.index("S")] > 2:
+                facts["said"] = {"colour_planes": f"{shape[axes.index('S')]} samples a pixel"}
     except Exception as error:  # tifffile and its codecs raise many kinds
         raise InputError(f"cannot be read ({error}); truncated, or not a TIFF file", file=path) from None
-    # The last two axes but colour are the frame; a stack runs along one axis before them.
-    depth = len(shape) - (3 if axes.endswith("S") else 2)
-    count = 1
-    for n in shape[: max(depth, 0)]:
-        count *= n
-    if count == 1:
-        return [("", facts)]
-    if depth > 1:
+    # Rows, columns and colour are the frame; frames run along the other axes, of which channels (several cameras, or
+    # colours of the light) are no repetition.
+    outer = [(axis, n) for axis, n in zip(axes, shape, strict=True) if axis not in "YXS"]
+    if len(shape) - len(outer) - axes.count("S") != 2:
         raise InputError(f"has shape {shape}", file=path, expected="one frame, or one stack of frames")
-    return [(f"[{i}]", dict(facts)) for i in range(count)]
+    if all(n == 1 for _, n in outer):
+        return [("", facts)]
+    found = []
+    for index in np.ndindex(*(n for _, n in outer)):
+        channels = [
+            f"CHANNEL={i}" for i, (axis, n) in zip(index, outer, strict=True) if axis == "C" and n > 1
+        ]
+        setting = " ".join(filter(None, (facts.get("setting"), *channels)))
+        found.append(
+            (f"[{','.join(map(str, index))}]", {**facts, **({"setting": setting} if setting else {})})
+        )
+    return found
 
 
 def _end_of_pixels(series: Any) -> int:
@@ -120,6 +137,13 @@ def _exif(tags: dict[str, Any]) -> Facts:
     iso = iso[0] if isinstance(iso, tuple) and iso else iso
     if isinstance(iso, int) and iso > 0:
         facts["setting"] = f"ISO={iso}"
+    body = [
+        f"{name.upper()}={'_'.join(str(tags[name]).split())}"
+        for name in ("Model", "BodySerialNumber")
+        if tags.get(name)
+    ]
+    if body:
+        facts["body"] = " ".join(body)
     text = str(tags.get("DateTimeOriginal", tags.get("DateTime", "")))
     try:
         moment = datetime.strptime(text[:19], "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC)
@@ -165,7 +189,9 @@ def _arrays(path: Path) -> list[tuple[str, Facts]]:
     from visaug.frames.names import facts_of_name
 
     found: list[tuple[str, Facts]] = []
-    for key, shape, attributes in arrays_in(path):
+    arrays = arrays_in(path)
+    last = _time_is_last([shape for _, shape, _ in arrays])
+    for key, shape, attributes in arrays:
         facts = facts_of_name(key) if key else {}
         for name in _ATTRIBUTES:
             if (value := _ratio(attributes.get(name))) is not None:
@@ -177,6 +203,24 @@ def _arrays(path: Path) -> list[tuple[str, Facts]]:
             facts["kind"] = kind_of(str(attributes["kind"]))
         if len(shape) == 2:
             found.append((key, facts))
+        elif len(shape) == 3 and last:
+            facts["said"] = {"stack_axis_assumed": f"{path.name}#{key} of shape {shape}"}
+            found += [(f"{key}[:,:,{i}]", dict(facts)) for i in range(shape[2])]
         elif len(shape) == 3:
             found += [(f"{key}[{i}]", dict(facts)) for i in range(shape[0])]
     return found
+
+
+def _time_is_last(shapes: list[tuple[int, ...]]) -> bool:
+    """Whether stacks are (rows, columns, frames), as MATLAB has them.
+
+    Frames of one camera have one size: the arrays of a file, single frames among them, agree in two neighbouring axes. Where
+    they agree in both pairs, frames lie along the first axis unless the last is the shortest.
+    """
+    stacks = [s for s in shapes if len(s) == 3]
+    single = {s for s in shapes if len(s) == 2}
+    first = len({s[1:] for s in stacks} | single) == 1
+    last = len({s[:2] for s in stacks} | single) == 1
+    if not stacks or first != last:
+        return bool(stacks) and last
+    return all(s[2] < min(s[:2]) for s in stacks)

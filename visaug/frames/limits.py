@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from math import prod
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 from visaug.core.errors import InputError
 
@@ -43,6 +43,17 @@ def check_axes(shape: Sequence[int], file: Path | str) -> None:
         raise InputError(f"has shape {tuple(shape)}", file=file, expected="axes of 1 or more")
 
 
+Index = tuple[int | slice, ...]  # of an array, its leading axes first; a slice takes an axis whole
+
+
+def check_index(index: Index, shape: Sequence[int], file: Path | str, key: str | None) -> None:
+    """Refuse an index outside an array of this shape."""
+    wrong = any(isinstance(i, int) and not 0 <= i < n for i, n in zip(index, shape, strict=False))
+    if wrong or len(index) > len(shape):
+        said = [":" if isinstance(i, slice) else i for i in index]
+        raise InputError(f"index {said} is outside the array of shape {tuple(shape)}", file=file, field=key)
+
+
 def check_shape(shape: Sequence[int], file: Path | str) -> None:
     """Refuse a shape that is none, or has more values than `max_pixels`, or pixels than `lower_limit` allows."""
     check_axes(shape, file)
@@ -68,14 +79,19 @@ def lower_limit(pixels: int, expected: str) -> Iterator[None]:
 
 
 @contextmanager
-def pillow_image(path: Path, formats: tuple[str, ...] = PILLOW_FORMATS) -> Iterator[Image]:
-    """An opened picture of one of the formats, its size checked and its pixels not yet read."""
+def pillow_image(
+    path: Path, formats: tuple[str, ...] = PILLOW_FORMATS, content: IO[bytes] | None = None
+) -> Iterator[Image]:
+    """An opened picture of one of the formats, its size checked and its pixels not yet read.
+
+    `content` takes the place of the file's.
+    """
     from PIL import Image
 
     with _pillow:
         before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
         try:
-            image = Image.open(path, formats=formats)
+            image = Image.open(path if content is None else content, formats=formats)
         finally:
             Image.MAX_IMAGE_PIXELS = before
     with image:

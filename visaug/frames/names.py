@@ -1,23 +1,60 @@
-"""Conditions of a frame from the names of its folders and file: ``darks/dark_2s_20C_003.tif``."""
+"""Conditions of a frame from the names of its folders and file: ``darks/dark_2s_20C_003.tif``.
+
+A number that can be read in two ways (``dark_3_2s``: 3.2 s, or frame 3 of 2 s) gives no condition and is named.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
 
-from visaug.frames.kinds import is_master, kind_of
+from visaug.frames.kinds import is_master, kind_and_word
 
-_NUMBER = r"(?<![\d.,])(?P<value>\d+(?:[.,p]\d+)?)"
 _END = r"(?![a-z0-9])"
-_UNITS = {"us": 1e-6, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "sec": 1.0, "min": 60.0}
-_EXPOSURE = re.compile(_NUMBER + r"\s?(?P<unit>us|µs|ms|sec|s|min)" + _END)
-_TEMPERATURE = re.compile(r"(?P<sign>-?)" + _NUMBER + r"\s?(?:degc|deg|°c|c)" + _END)
+_NUMBER = r"(?<![\d.,])(?P<value>\d+(?:[.,p]\d+)?(?:e[-+]?\d+)?)"
+_SECONDS = {"ns": 1e-9, "us": 1e-6, "usec": 1e-6, "µs": 1e-6, "μs": 1e-6, "ms": 1e-3, "msec": 1e-3, "s": 1.0, "sec": 1.0,
+            "secs": 1.0, "seconds": 1.0, "min": 60.0}  # fmt: skip
+_EXPOSURE = re.compile(_NUMBER + rf"\s?(?P<unit>{'|'.join(sorted(_SECONDS, key=len, reverse=True))})" + _END)
+_MINUTES = re.compile(r"(?<![a-z\d.,])(\d+)\s?m(?:in)?_?(\d+(?:[.,]\d+)?)\s?s(?:ec)?" + _END)
+_TEMPERATURE = re.compile(_NUMBER + r"\s?(?:degc|deg|°c|c)" + _END)
 _DECIBELS = re.compile(r"(?P<sign>-?)" + _NUMBER + r"\s?db" + _END)
 _PHOTONS = re.compile(_NUMBER + r"\s?(?:ph|photons?)" + _END)
 _BITS = re.compile(r"(?<![\d.,a-z])(\d{1,2})\s?-?bits?" + _END)
-_SETTING = re.compile(r"(?<![a-z])(gain|offset|iso)[_-]?(\d+)" + r"(?![\d.,]*\s?db)(?![\d])")
 _WAVELENGTH = re.compile(r"(?<![\d.,])(\d{3,4})\s?nm" + _END)
+_SETTING = re.compile(r"(?<![a-z])(gain|offset|iso)([_=.-]?)(\d+(?:[.,]\d+)?)(?!\d)(?!\s?db)")
+_DATE = re.compile(r"(?<!\d)(?:19|20)\d\d([-_.]?)[01]\d\1[0-3]\d(?!\d)")
+_TIME = re.compile(r"(?<!\d)t?(?:[01]\d|2[0-3])(?P<sep>[-_:.])[0-5]\d(?P=sep)[0-5]\d(?:\.\d+)?s?(?![\d.a-z])")
+# What may stand directly before a number with its unit; other letters make it part of a name (`A7s`, `QHY268C`).
+_KINDS = "darks?|flats?|lights?|bias|scenes?"
+_BEFORE_SECONDS = re.compile(rf"(?<![a-z])(?:{_KINDS}|t|tint|time|exp|exptime|exposure|shutter)$")
+_BEFORE_CELSIUS = re.compile(rf"(?<![a-z])(?:{_KINDS}|t|temp|temperature|ccd|ccdtemp|sensor)$")
+_FIRST_NUMBER = re.compile(
+    r"(?:(?<![a-z0-9.,])|(?<=[^a-z]m)|(?<=[^a-z]t)|(?<=minus)|(?<=neg)|(?<=plus)|(?<=exp)|(?<=temp))(\d{1,3})([_-])$"
+)
+_SIGN = re.compile(r"(?<![a-z])(?:minus|neg|plus|m)_?$|[-−+]$")
+_CAMERA = re.compile(r"(?:asi|zwo|qhy|qhyccd|altair|hypercam|atik|touptek|omegon|svbony|sv|playerone)[_ -]$")
+_COLDEST_C, _WARMEST_C = -200.0, 125.0  # of sensors that take pictures: liquid nitrogen, automotive grade 1
+
+
+@dataclass
+class Named:
+    """What a name tells.
+
+    Attributes:
+        facts: conditions by the fields of `FrameRecord`; unknown ones are absent.
+        words: the part of the name that gave a condition, by field.
+        unclear: parts that can be read in two ways.
+    """
+
+    facts: dict[str, Any] = field(default_factory=dict)
+    words: dict[str, str] = field(default_factory=dict)
+    unclear: list[str] = field(default_factory=list)
+
+    def take(self, name: str, value: Any, word: str) -> None:
+        self.facts[name], self.words[name] = value, word
 
 
 def facts_of_name(name: str) -> dict[str, Any]:
@@ -31,48 +68,160 @@ def facts_of_name(name: str) -> dict[str, Any]:
         >>> facts_of_name("darks/2s_-10C/003.fits")
         {'kind': 'dark', 'exposure_s': 2.0, 'temperature_c': -10.0}
     """
-    parts = [*PurePath(name).parent.parts, _stem(PurePath(name).name)]
-    found: dict[str, Any] = {}
+    return read_name(name).facts
+
+
+def read_name(name: str) -> Named:
+    """The same with the words that gave the conditions, and those that gave none."""
+    parts = _parts(name)
+    found = Named()
+    if kind := _kind(parts):
+        found.take("kind", *kind)
     for part in parts:  # later ones, nearer to the file, replace
-        found.update(_of_part(part.lower()))
+        _read_part(found, part.lower(), part is parts[-1])
     return found
+
+
+def kind_of_name(name: str) -> str | None:
+    """The kind alone."""
+    kind = _kind(_parts(name))
+    return kind[0] if kind else None
+
+
+def _parts(name: str) -> list[str]:
+    return [*PurePath(name).parent.parts, _stem(PurePath(name).name)]
+
+
+def _kind(parts: list[str]) -> tuple[str, str] | None:
+    for offset_is_kind in (False, True):  # the word is a setting unless nothing else tells the kind
+        for part in reversed(parts):
+            if offset_is_kind and _settings(part.lower(), True).get("OFFSET"):
+                continue
+            kind = kind_and_word(part, offset_is_kind)
+            if kind is not None and kind[0] != "image":  # a folder "images" may contain frames of any kind
+                return kind
+    return None
 
 
 def _stem(file: str) -> str:
     """``dark_0.5s`` of ``dark_0.5s.fits.fz``: known endings alone are cut, for a dot may be a decimal point."""
-    return re.sub(r"(\.(fits?|fts|fz|gz|tiff?|ome|npy|npz|png|jpe?g|raw|h5|hdf5?|dng|cr[23]|nef|arw|pgm|bmp))+$", "",
-                  file, flags=re.IGNORECASE)  # fmt: skip
+    return re.sub(r"(\.(fits?|fts|fz|gz|xisf|ser|tiff?|ome|npy|npz|mat|png|jpe?g|raw|h5|hdf5?|dng|cr[23]|nef|arw|pgm|bmp))+$",
+                  "", file, flags=re.IGNORECASE)  # fmt: skip
 
 
-def _of_part(part: str) -> dict[str, Any]:
-    facts: dict[str, Any] = {}
-    kind = kind_of(part)
-    if kind not in (None, "image"):  # a folder "images" may contain frames of any kind
-        facts["kind"] = kind
+def _read_part(found: Named, part: str, is_file: bool) -> None:
     if is_master(part):
-        facts["combined"] = 0
-    if match := _EXPOSURE.search(part):
-        facts["exposure_s"] = round(_value(match) * _UNITS[match["unit"]], 12)
-    for pattern, field in ((_TEMPERATURE, "temperature_c"), (_DECIBELS, "gain_db")):
-        if (match := pattern.search(part)) and (value := _signed(match, part)) is not None:
-            facts[field] = value
+        found.facts["combined"] = 0
+    part = _TIME.sub(_blank, _DATE.sub(_blank, part))
+    if match := _MINUTES.search(part):
+        seconds = 60.0 * int(match[1]) + float(match[2].replace(",", "."))
+        found.take("exposure_s", seconds, match[0])
+    else:
+        _first(found, "exposure_s", _EXPOSURE, part, _exposure)
+    _first(found, "temperature_c", _TEMPERATURE, part, _celsius)
+    _first(found, "gain_db", _DECIBELS, part, _decibels)
     if match := _PHOTONS.search(part):
-        facts["photons"] = _value(match)
+        found.take("photons", _plain(match), match[0])
     if match := _BITS.search(part):
-        facts["bit_depth"] = int(match[1])
+        found.take("bit_depth", int(match[1]), match[0])
     if match := _WAVELENGTH.search(part):
-        facts["filter"] = f"{match[1]} nm"
-    if settings := [f"{word.upper()}={value}" for word, value in _SETTING.findall(part)]:
-        facts["setting"] = " ".join(settings)
-    return facts
+        found.take("filter", f"{match[1]} nm", match[0])
+    if settings := _settings(part, is_file):
+        found.take("setting", " ".join(f"{k}={v}" for k, v in settings.items()), part)
 
 
-def _value(match: re.Match) -> float:
+def _first(
+    found: Named,
+    name: str,
+    pattern: re.Pattern,
+    part: str,
+    read: Callable[[re.Match], tuple[float | None, str]],
+) -> None:
+    """The first match that can be read; where there is none, those that could be read in two ways."""
+    unclear = []
+    for match in pattern.finditer(part):
+        value, word = read(match)
+        if value is not None:
+            found.take(name, round(value, 12), word)
+            return
+        unclear += [word] if word else []
+    if unclear:  # the nearer name does not say it, so the farther one's value is not sure either
+        found.facts.pop(name, None)
+        found.words.pop(name, None)
+        found.unclear += unclear
+
+
+def _blank(match: re.Match) -> str:
+    return "|" * len(match[0])
+
+
+def _plain(match: re.Match) -> float:
     return float(re.sub("[,p]", ".", match["value"]))
 
 
-def _signed(match: re.Match, part: str) -> float | None:
+def _number(match: re.Match, before: str) -> tuple[float | None, str, str]:
+    """Value, its text and what stands before it, of a number that another one may precede.
+
+    ``0_5`` and ``25_5`` are decimal numbers, ``1_100`` and ``1-100`` fractions; the value is None where the first may
+    be a running number as well. A first number of four digits, with leading zeros, or of a setting stands apart.
+    """
+    pair = _FIRST_NUMBER.search(before)
+    text = match[0]
+    if (
+        pair is None
+        or re.fullmatch(r"0\d+", pair[1])
+        or re.search(r"(?:gain|offset|iso|bin)[_=-]$", before[: pair.start()])
+    ):
+        return _plain(match), text, before
+    first, sign, second = pair[1], pair[2], match["value"]
+    text, before = pair[0] + text, before[: pair.start()]
+    if not second.isdigit():
+        return _plain(match), match[0], before + pair[0]
+    if first == "0" or (len(first) > 1 and sign == "_" and len(second) == 1):
+        return float(f"{first}.{second}"), text, before
+    if first == "1" and int(second) > 1 and match.groupdict().get("unit") in ("s", "sec"):
+        return 1 / int(second), text, before
+    return None, text, before
+
+
+def _exposure(match: re.Match) -> tuple[float | None, str]:
+    before = match.string[: match.start()]
+    value, text, before = _number(match, before)
+    if re.search("[a-zµμ]$", before) and not _BEFORE_SECONDS.search(before):
+        return None, ""
+    return None if value is None else value * _SECONDS[match["unit"]], text
+
+
+def _celsius(match: re.Match) -> tuple[float | None, str]:
+    value, text, before = _number(match, match.string[: match.start()])
+    sign = _SIGN.search(before)
+    if sign is not None:
+        text, before = sign[0] + text, before[: sign.start()]
+        if sign[0] == "-" and re.search("[a-z0-9]$", before) and not _BEFORE_CELSIUS.search(before):
+            return None, text  # a dash or a minus
+        if sign[0] == "-" and re.search(rf"(?:{_KINDS})$", before):
+            return None, text
+        if sign[0][0] in "-−mn" and value is not None:
+            value = -value
+    elif _CAMERA.search(before) or (re.search("[a-z]$", before) and not _BEFORE_CELSIUS.search(before)):
+        return None, ""
+    return (value, text) if value is not None and _COLDEST_C <= value <= _WARMEST_C else (None, text)
+
+
+def _decibels(match: re.Match) -> tuple[float | None, str]:
     if not match["sign"]:
-        return _value(match)
-    before = part[: match.start()]
-    return None if before and before[-1].isalnum() else -_value(match)
+        return _plain(match), match[0]
+    before = match.string[: match.start()]
+    return (None, match[0]) if before and before[-1].isalnum() else (-_plain(match), match[0])
+
+
+def _settings(part: str, is_file: bool) -> dict[str, str]:
+    """Values of gain, offset and ISO. A separate number at the end of a file's name, or with leading zeros, counts frames."""
+    found = {}
+    for match in _SETTING.finditer(part):
+        word, separator, value = match.groups()
+        padded = len(value) > 1 and value.startswith("0") and value.isdigit()
+        counts = separator in ("_", "-") and (padded or (is_file and match.end() == len(part)))
+        if not counts and not (word == "offset" and padded):
+            found[word.upper()] = f"{float(value.replace(',', '.')):g}"
+    return found

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-import struct
 from pathlib import Path
 
 import numpy as np
 
 from visaug.core.errors import InputError
-from visaug.frames import fits, hdf5, photo
+from visaug.frames import fits, hdf5, photo, portable, ser, xisf
 from visaug.frames.arrays import ArrayStore
-from visaug.frames.limits import check_shape, pillow_image
+from visaug.frames.limits import Index, check_shape, pillow_image
 from visaug.frames.raw import read_raw
 
 ARRAYS = (".npy", ".npz")
@@ -20,12 +19,12 @@ TIFFS = (".tif", ".tiff")
 FITS = fits.SUFFIXES
 PHOTOS = photo.SUFFIXES
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
-SUFFIXES = (*ARRAYS, *HDF5, *TIFFS, *FITS, *PICTURES, *PHOTOS, ".raw")
-_FRAGMENT = re.compile(r"^(?P<key>[^\[\]]*)(\[(?P<index>\s*[0-9]{1,9}(\s*,\s*[0-9]{1,9})*\s*)\])?$")
+SUFFIXES = (*ARRAYS, *HDF5, *TIFFS, *FITS, xisf.SUFFIX, ser.SUFFIX, *PICTURES, *PHOTOS, ".raw")
+_FRAGMENT = re.compile(r"^(?P<key>[^\[\]]*)(\[(?P<index>\s*([0-9]{1,9}|:)(\s*,\s*([0-9]{1,9}|:))*\s*)\])?$")
 
 
-def split_name(name: str) -> tuple[str, str | None, tuple[int, ...]]:
-    """``file.npz#frames[3,0]`` as file, key and index; without ``#`` key None and index ()."""
+def split_name(name: str) -> tuple[str, str | None, Index]:
+    """``file.npz#frames[3,0]`` as file, key and index; without ``#`` key None and index (). ``[:,:,3]`` counts the last axis."""
     file, _, fragment = name.partition("#")
     match = _FRAGMENT.match(fragment)
     if match is None:
@@ -33,13 +32,22 @@ def split_name(name: str) -> tuple[str, str | None, tuple[int, ...]]:
             f"{fragment!r} picks no frame", file=name, expected="file.npz#key[3] or file.npz#key[3,0]"
         )
     index = match["index"]
-    return file, match["key"].strip() or None, tuple(int(i) for i in index.split(",")) if index else ()
+    parts = tuple(slice(None) if i.strip() == ":" else int(i) for i in index.split(",")) if index else ()
+    return file, match["key"].strip() or None, parts
 
 
 def suffix_of(path: Path) -> str:
     """The file's ending in small letters; both parts of ``.fits.fz`` and ``.fits.gz``."""
     last = path.suffix.lower()
     return Path(path.stem).suffix.lower() + last if last in (".fz", ".gz") else last
+
+
+def bits_of_file(path: Path) -> int | None:
+    """Bits that a file itself states, None for those of its data type: the maximum of a PGM, where it is 2^n - 1."""
+    if suffix_of(path) != ".pgm":
+        return None
+    top = portable.pgm_maximum(path)
+    return None if top in (255, 65535) or top & (top + 1) else top.bit_length()
 
 
 class PixelReader:
@@ -74,9 +82,13 @@ class PixelReader:
         elif suffix == ".raw":
             pixels = read_raw(path, raw_shape, self.layout)
         elif suffix in TIFFS:
-            pixels, index = _read_tiff(path, index)
-        elif suffix in FITS:
-            pixels, index = fits.read_fits(path, key, index), ()
+            pixels, index = _read_tiff(path, _numbers(index, path))
+        elif suffix in FITS or suffix == ser.SUFFIX:
+            numbers = _numbers(index, path)
+            pixels = fits.read_fits(path, key, numbers) if suffix in FITS else ser.read_ser(path, numbers)
+            index = ()
+        elif suffix == xisf.SUFFIX:
+            pixels = xisf.read_xisf(path)
         elif suffix in PHOTOS:
             pixels = photo.read_photo(path)
         elif suffix in PICTURES:
@@ -105,6 +117,11 @@ class PixelReader:
             )
         return pixels
 
+    def bits(self, name: str) -> int | None:
+        """Bits that the file itself states, see `bits_of_file`."""
+        path = self.path(name)
+        return bits_of_file(path) if _is_file(path) else None
+
     def dtype(self, name: str) -> np.dtype | None:
         """Type of the stored pixels if the header of the file contains it, else None."""
         file, key, _ = split_name(name)
@@ -115,6 +132,12 @@ class PixelReader:
         if suffix == ".raw":
             return np.dtype(np.uint8 if self.layout == "mono8" else np.uint16)
         return np.dtype(np.uint16) if suffix in PHOTOS else None
+
+
+def _numbers(index: Index, path: Path) -> tuple[int, ...]:
+    if not all(isinstance(i, int) for i in index):
+        raise InputError("an index with : is for arrays", file=path, expected="numbers, as #[3]")
+    return tuple(i for i in index if isinstance(i, int))
 
 
 def _is_file(path: Path) -> bool:
@@ -139,7 +162,10 @@ def _read_tiff(path: Path, index: tuple[int, ...]) -> tuple[np.ndarray, tuple[in
                     check_shape([int(n) for n in page.shape], path)
                     return page.asarray(), ()
             check_shape([int(n) for n in series.shape], path)
-            return _gray(series.asarray(), path), index
+            pixels = series.asarray()
+            if "S" in series.axes[:-1]:  # planes of red, green and blue one behind the other
+                pixels = np.moveaxis(pixels, series.axes.index("S"), -1)
+            return _gray(pixels, path), index
     except InputError:
         raise
     except Exception as error:  # tifffile and its codecs raise many kinds
@@ -147,10 +173,15 @@ def _read_tiff(path: Path, index: tuple[int, ...]) -> tuple[np.ndarray, tuple[in
 
 
 def _read_picture(path: Path) -> np.ndarray:
-    if path.suffix.lower() == ".png":
-        _refuse_deep_colour(path)
+    suffix = path.suffix.lower()
+    depth, colour = portable.png_type(path) if suffix == ".png" else (0, 0)
+    if depth == 16 and colour in (2, 6):  # Pillow would silently cut it to 8 bits
+        raise InputError("is a 16-bit colour PNG", file=path, expected="a gray 16-bit PNG or a TIFF")
+    deep_gray = (depth, colour) == (16, 4)
+    if suffix == ".pgm":
+        return portable.read_pgm(path)
     try:
-        with pillow_image(path) as picture:
+        with pillow_image(path, content=portable.as_eight_bit_colour(path) if deep_gray else None) as picture:
             if picture.mode in ("P", "1", "CMYK", "YCbCr"):
                 picture = picture.convert("RGB")
             pixels = np.asarray(picture)
@@ -158,6 +189,8 @@ def _read_picture(path: Path) -> np.ndarray:
         raise
     except Exception as error:  # Pillow raises many kinds for damaged files
         raise InputError(f"cannot be read ({error}); truncated or no picture", file=path) from None
+    if deep_gray:
+        return pixels[..., 0].astype(np.uint16) << 8 | pixels[..., 1]
     return _gray(pixels, path)
 
 
@@ -166,12 +199,3 @@ def _gray(pixels: np.ndarray, path: Path) -> np.ndarray:
     if pixels.ndim == 3 and pixels.shape[-1] in (2, 3, 4):
         return pixels[..., 0] if pixels.shape[-1] == 2 else pixels[..., 1]
     return pixels
-
-
-def _refuse_deep_colour(path: Path) -> None:
-    with open(path, "rb") as handle:
-        head = handle.read(26)
-    if len(head) == 26 and head[:4] == b"\x89PNG":
-        depth, colour = struct.unpack("BB", head[24:26])
-        if depth == 16 and colour in (2, 6):  # Pillow would silently cut it to 8 bits
-            raise InputError("is a 16-bit colour PNG", file=path, expected="a gray 16-bit PNG or a TIFF")

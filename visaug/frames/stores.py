@@ -15,6 +15,7 @@ from visaug.core.errors import InputError
 from visaug.frames.pixels import PixelReader
 from visaug.frames.raw import BYTE_ORDERS, LAYOUTS, guess_layout, unused_low_bits
 from visaug.frames.record import FrameRecord
+from visaug.frames.values import check_frame, check_values
 
 _PROBED = 8  # frames looked at to find where the bits lie
 _CLEANS_KEPT = 8
@@ -62,7 +63,7 @@ class MemoryStore:
         if frame.ndim != 2:
             raise InputError(f"has shape {frame.shape}", file=name, expected="rows x columns")
         check_values(frame, self.bit_depth, name)
-        check_window(self._records[i], frame.shape)
+        check_frame(self._records[i], frame)
         return frame.astype(np.float32)
 
     def clean(self, i: int) -> np.ndarray:
@@ -126,6 +127,7 @@ class FileStore:
         if self._shift and pixels.dtype.kind == "u":
             pixels = pixels >> self._shift
         check_values(pixels, self._bit_depth, self._root / record.file)
+        check_frame(record, pixels)
         self._check_size(record, pixels.shape)
         self._shapes[i] = pixels.shape
         return pixels.astype(np.float32)
@@ -179,7 +181,6 @@ class FileStore:
         return r1 - r0, c1 - c0
 
     def _check_size(self, record: FrameRecord, shape: tuple[int, ...]) -> None:
-        check_window(record, shape)
         if record.window is not None or record.kind == "image":
             return
         if self._size is None:
@@ -226,7 +227,7 @@ class FileStore:
         if deep and (self._bits_at == "top" or (self._bits_at is None and unclear)):
             self._find_shift()
         if self._bit_depth is None:
-            self._bit_depth = _bits_of(dtype)
+            self._bit_depth = self._reader.bits(self._records[0].file) or _bits_of(dtype)
 
     def _guess(self, i: int) -> str:
         return guess_layout(self._root / self._records[i].file, self._shape_of_raw(self._records[i]))
@@ -256,44 +257,6 @@ class FileStore:
         return ("bias", "dark", "image", "scene", "flat").index(
             record.kind
         ), record.photons or record.exposure_s
-
-
-def check_values(pixels: np.ndarray, bit_depth: int | None, file: str | Path) -> None:
-    """Refuse NaN, negative DN and DN above the converter's range."""
-    if not pixels.size:
-        raise InputError("has no pixels", file=file)
-    low, high = pixels.min(), pixels.max()
-    if not (np.isfinite(low) and np.isfinite(high)):  # NaN wins in min and max
-        bad = int(np.count_nonzero(~np.isfinite(pixels)))
-        raise InputError(
-            f"{bad} of {pixels.size} pixels are NaN or infinite", file=file, expected="finite DN"
-        )
-    if high > np.finfo(np.float32).max:
-        raise InputError(f"the largest value is {high:g}", file=file, expected="at most 3.4e38")
-    if low < 0:
-        raise InputError(
-            f"the smallest value is {low:g}", file=file, expected="DN of 0 or more, nothing subtracted"
-        )
-    if bit_depth is not None and high > (1 << bit_depth) - 1:
-        raise InputError(
-            f"the largest value is {high:g}",
-            file=file,
-            field="bit_depth",
-            expected=f"at most {(1 << bit_depth) - 1} for {bit_depth} bits",
-        )
-
-
-def check_window(record: FrameRecord, shape: tuple[int, ...]) -> None:
-    if record.window is None:
-        return
-    r0, r1, c0, c1 = record.window
-    if shape != (r1 - r0, c1 - c0):
-        raise InputError(
-            f"is {shape[0]} x {shape[1]}",
-            file=record.file,
-            field="region",
-            expected=f"{r1 - r0} x {c1 - c0} as stated by its region",
-        )
 
 
 def _bits_of(dtype: np.dtype) -> int | None:

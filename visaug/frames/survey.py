@@ -12,14 +12,24 @@ from typing import Any
 
 from visaug.core.errors import InputError
 from visaug.frames import pixels
+from visaug.frames.agreement import agreed, names
 from visaug.frames.headers import Facts, frames_of
-from visaug.frames.names import facts_of_name
+from visaug.frames.names import Named, read_name
 from visaug.frames.record import FrameRecord, Window
 from visaug.frames.table import rows_text
 
 _FIELDS = tuple(f.name for f in fields(FrameRecord) if f.name not in ("sequence", "file", "clean"))
 DESCRIPTOR = "EMVA1288_Data.txt"
 _NAMED = 6  # files that a note lists
+_SAID = {  # what was made of a header or a name
+    "name_unclear": "no exposure or temperature is taken from a number of two meanings",
+    "temperature_unknown": "the temperature is not known",
+    "temperature_kelvin": "the temperature is converted from Kelvin",
+    "exposure_unit": "the exposure is converted to seconds",
+    "overscan": "columns or rows without light are cut off, where the header says which they are",
+    "colour_planes": "three colours of a picture are no three frames; green alone is used",
+    "stack_axis_assumed": "frames lie along the last axis",
+}
 
 
 @dataclass
@@ -56,7 +66,7 @@ class Survey:
         for name, what in (("kind", "bias, dark, flat or scene"), ("exposure_s", "seconds")):
             if lacking := self.missing(name):
                 raise InputError(
-                    f"the {name} of {_names(lacking)} is not known",
+                    f"the {name} of {names(lacking)} is not known",
                     file=self.folder,
                     field=name,
                     expected=f"{what}: write a table with `visaug frames {self.folder} -o "
@@ -70,6 +80,16 @@ class Survey:
             return rows_text(self.rows)
         way = Path(os.path.relpath(self.folder.resolve(), folder.resolve()))
         return rows_text([{**r, "file": (way / r["file"]).as_posix()} for r in self.rows])
+
+    def told_by(self) -> dict[tuple, list[str]]:
+        """Files by (kind, what gave it, exposure in s, what gave it, temperature in degC, what gave it)."""
+        found: dict[tuple, list[str]] = {}
+        for row in self.rows:
+            key = tuple(
+                v for n in ("kind", "exposure_s", "temperature_c") for v in (row[n], row["_from"].get(n, ""))
+            )
+            found.setdefault(key, []).append(row["file"])
+        return found
 
     def conditions(self) -> Counter:
         """Number of frames by kind, exposure, temperature, gain, setting, filter and photons."""
@@ -112,11 +132,11 @@ def survey(
     unreadable: list[InputError] = []
     for n, file in enumerate(files):
         name = file.relative_to(folder).as_posix()
-        by_name = facts_of_name(name)
+        by_name = read_name(name)
         try:
             frames = frames_of(file)
         except InputError as error:
-            if named:
+            if named and file.parent == folder:
                 raise
             unreadable.append(error)
             continue
@@ -128,7 +148,8 @@ def survey(
             progress("reading headers", n + 1, len(files))
     if not rows and unreadable:
         raise unreadable[0]
-    notes = _order(rows)
+    rows, notes = agreed(rows, folder)
+    notes += _order(rows)
     if unreadable:
         listed = "; ".join(str(error) for error in unreadable[:_NAMED])
         more = f" and {len(unreadable) - _NAMED} more" if len(unreadable) > _NAMED else ""
@@ -169,24 +190,35 @@ def natural(text: str) -> list[tuple[int, int, str]]:
     return [(1, int(p), "") if p.isdigit() else (0, 0, p) for p in parts]
 
 
-def _row(file: str, facts: Facts, by_name: Facts, given: Mapping[str, Any]) -> Facts:
+def _row(file: str, facts: Facts, by_name: Named, given: Mapping[str, Any]) -> Facts:
     row: Facts = {"sequence": 0, "file": file, "clean": None}
+    words = row["_from"] = {}
     for name in _FIELDS:
-        values = (facts.get(name), by_name.get(name), given.get(name))
-        row[name] = next((v for v in values if v is not None), None)
+        told = (
+            facts.get("words", {}).get(name, "the header"),
+            f"{by_name.words.get(name, '')} in the name",
+            "an option",
+        )
+        for values, word in zip((facts, by_name.facts, given), told, strict=True):
+            if row.setdefault(name, None) is None and values.get(name) is not None:
+                row[name], words[name] = values[name], word
     if (
-        facts.get("combined") == 1 and "combined" in by_name
+        facts.get("combined") == 1 and "combined" in by_name.facts
     ):  # headers rarely state that a frame is not a master
-        row["combined"] = by_name["combined"]
+        row["combined"] = by_name.facts["combined"]
     row["gain_db"] = row["gain_db"] or 0.0
     row["combined"] = 1 if row["combined"] is None else row["combined"]
     if row["kind"] == "bias":  # of the shortest exposure there is, whatever is given for the others
-        row["exposure_s"] = facts.get("exposure_s") or by_name.get("exposure_s") or 0.0
+        row["exposure_s"] = facts.get("exposure_s") or by_name.facts.get("exposure_s") or 0.0
     if row["kind"] in ("bias", "dark"):
         row["filter"] = row["photons"] = None
-    row["_header_kind"], row["_name_kind"] = facts.get("kind"), by_name.get("kind")
-    row["_overscan"] = facts.get("overscan", "")
+    row["_header_kind"], row["_name_kind"] = facts.get("kind"), by_name.facts.get("kind")
     row["_kind_text"] = facts.get("kind_text", "")
+    for name in ("colour", "plane", "calibrated", "ceiling", "body"):
+        row[f"_{name}"] = facts.get(name)
+    row["_said"] = dict(facts.get("said", {}))
+    if by_name.unclear and (row["exposure_s"] is None or row["temperature_c"] is None):
+        row["_said"]["name_unclear"] = f"{', '.join(by_name.unclear)} can be read in two ways"
     return row
 
 
@@ -215,25 +247,25 @@ def _notes(found: Survey) -> list[str]:
         )
     if lacking := found.missing("kind"):
         notes.append(
-            f"kind: not known for {_names(lacking)}; put them into folders named bias, dark or flat, or fill "
+            f"kind: not known for {names(lacking)}; put them into folders named bias, dark or flat, or fill "
             "in the column kind"
         )
     if lacking := found.missing("exposure_s"):
         notes.append(
-            f"exposure_s: the exposure of {_names(lacking)} is not known; put it into the names (dark_2s_003), give "
+            f"exposure_s: the exposure of {names(lacking)} is not known; put it into the names (dark_2s_003), give "
             "it with --exposure if it is the same for all, or fill in the column"
         )
     rows = found.rows
     cold = [r for r in rows if r["kind"] == "dark" and r["temperature_c"] is None]
     if cold:
         notes.append(
-            f"temperature_c: not known for {_names(cold)}; without it the dark current has no temperature law. Give "
+            f"temperature_c: not known for {names(cold)}; without it the dark current has no temperature law. Give "
             "--temperature, or fill in the column"
         )
     dim = [r for r in rows if r["kind"] == "flat" and r["photons"] is None]
     if dim:
         notes.append(
-            f"photons: not known for {_names(dim)}; without them the quantum efficiency is not determined. If the light was "
+            f"photons: not known for {names(dim)}; without them the quantum efficiency is not determined. If the light was "
             "measured, fill in the mean number of photons per pixel"
         )
     if any(r["bit_depth"] is None and not r["file"].lower().endswith((".png", ".jpg")) for r in rows):
@@ -244,34 +276,18 @@ def _notes(found: Survey) -> list[str]:
         r for r in rows if r["_header_kind"] and r["_name_kind"] and r["_header_kind"] != r["_name_kind"]
     ]
     if unlike:
-        notes.append(f"kind: header and name disagree for {_names(unlike)}; the header is used")
+        notes.append(f"kind: header and name disagree for {names(unlike)}; the header is used")
     if masters := [r for r in rows if r["combined"] != 1]:
         notes.append(
-            f"combined: {_names(masters)} are combined from several exposures; they are not raw frames and give no "
+            f"combined: {names(masters)} are combined from several exposures; they are not raw frames and give no "
             "temporal noise"
         )
-    notes += _of_settings(rows)
-    if cut := [r for r in rows if r["_overscan"]]:
-        sections = ", ".join(sorted({r["_overscan"] for r in cut}))
-        notes.append(f"overscan: columns or rows outside TRIMSEC are cut off (BIASSEC {sections})")
+    for word in dict.fromkeys(word for r in rows for word in r["_said"]):
+        those = [r for r in rows if word in r["_said"]]
+        details = sorted({r["_said"][word] for r in those})
+        more = f" and {len(details) - _NAMED} more" if len(details) > _NAMED else ""
+        notes.append(f"{word}: {_SAID[word]} ({'; '.join(details[:_NAMED])}{more}): {names(those)}")
     return notes
-
-
-def _of_settings(rows: Sequence[Facts]) -> list[str]:
-    settings = sorted({r["setting"] for r in rows if r["setting"]})
-    if len(settings) < 2:
-        return []
-    said = (
-        f"setting: frames of {len(settings)} settings ({'; '.join(settings[:_NAMED])}); each is a camera of its own, "
-        "and is measured apart"
-    )
-    return [said]
-
-
-def _names(rows: Sequence[Facts]) -> str:
-    names = [r["file"] for r in rows]
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return f"{len(names)} frames ({', '.join(names[:_NAMED])}{more})" if len(names) > 1 else names[0]
 
 
 def _record(row: Facts) -> FrameRecord:

@@ -15,6 +15,7 @@ from typing import Any
 from visaug.core.errors import InputError
 from visaug.frames.kinds import is_master, kind_of
 from visaug.frames.record import KINDS, FrameRecord, format_window, parse_window
+from visaug.frames.units import WARMEST_C, celsius, is_no_temperature
 
 COLUMNS = ("sequence", "file", "kind", "exposure_s", "temperature_c", "gain_db", "photons", "clean")
 FURTHER = ("region", "setting", "filter", "combined", "bayer", "bit_depth", "time_s")
@@ -39,8 +40,11 @@ def read_table(path: str | Path, warnings: list[str] | None = None) -> list[Fram
     ignored = _check_header(header, path)
     if ignored and warnings is not None:
         warnings.append(f"columns_ignored: {path.name} has further columns: {', '.join(ignored)}")
-    made = [(number, _record(_cells(header, row, path, number), decimal, path, number, order))
+    said: list[str] = []
+    made = [(number, _record(_cells(header, row, path, number), decimal, path, number, order, said))
             for order, (number, row) in enumerate(rows[1:])]  # fmt: skip
+    if said and warnings is not None:
+        warnings += [f"{word} ({path.name}, {said.count(word)} frames)" for word in dict.fromkeys(said)]
     if not made:
         raise InputError("lists no frames", file=path, expected="one row for each frame")
     records = [record for _, record in made]
@@ -163,7 +167,9 @@ def _cells(header: list[str], row: list[str], path: Path, number: int) -> dict[s
     return cells
 
 
-def _record(cells: dict[str, str], decimal: str, path: Path, number: int, order: int) -> FrameRecord:
+def _record(
+    cells: dict[str, str], decimal: str, path: Path, number: int, order: int, said: list[str]
+) -> FrameRecord:
     def wrong(column: str, problem: str, expected: str) -> InputError:
         return InputError(problem, file=path, field=f"row {number}, {column}", expected=expected)
 
@@ -202,7 +208,7 @@ def _record(cells: dict[str, str], decimal: str, path: Path, number: int, order:
             file=cells["file"],
             kind=kind,
             exposure_s=exposure_s or 0.0,
-            temperature_c=number_in("temperature_c"),
+            temperature_c=_celsius(number_in("temperature_c"), said),
             gain_db=number_in("gain_db") or 0.0,
             photons=number_in("photons"),
             clean=cells.get("clean") or None,
@@ -218,6 +224,19 @@ def _record(cells: dict[str, str], decimal: str, path: Path, number: int, order:
         if error.file is not None:
             raise
         raise wrong(str(error.field), error.problem, str(error.expected)) from None
+
+
+def _celsius(value: float | None, said: list[str]) -> float | None:
+    """Degrees Celsius: a thermometer that is not there is unknown, what can only be Kelvin is converted, and both are said."""
+    if value is None or value != value:
+        return value
+    degrees, made = celsius(value)
+    if made == "kelvin":
+        said.append(f"temperature_kelvin: temperatures above {WARMEST_C:g} are read as Kelvin and converted")
+    elif is_no_temperature(value):
+        said.append(f"temperature_unknown: {value:g} stands for no thermometer; the temperature is not known")
+        return None
+    return value if degrees is None else degrees
 
 
 def _time(text: str, number_in, wrong) -> float | None:

@@ -142,6 +142,11 @@ def _places(frames: FrameSet) -> list[tuple[str, str | None, tuple[int, ...]]]:
             raise InputError(
                 f"{record.file!r} cannot be written", field="file", expected="a path inside the folder"
             )
+        numbers = tuple(n for n in index if isinstance(n, int))
+        if len(numbers) < len(index):
+            raise InputError(
+                f"{record.file!r} cannot be written", field="file", expected="frames along the first axis"
+            )
         archive = path.suffix.lower() == ".npz"
         if archive != bool(key):
             expected = "file.npz#key[index]" if archive else "a key in .npz alone"
@@ -152,7 +157,7 @@ def _places(frames: FrameSet) -> list[tuple[str, str | None, tuple[int, ...]]]:
                 field="file",
                 expected="an index for each frame, or one file per frame",
             )
-        places.append((file, key, index))
+        places.append((file, key, numbers))
     seen: set[tuple] = set()
     for record, place in zip(frames.records, places, strict=True):
         if place in seen:

@@ -40,10 +40,19 @@ def print_survey(found: "Survey") -> None:
     print_table(
         ["kind", "frames", "exposure s", "temperature C", "gain dB", "setting", "filter", "photons"], rows
     )
+    told = [
+        [_files(files), *(_cell(v) if v is not None else "?" for v in key)]
+        for key, files in found.told_by().items()
+    ]
+    print_table(["files", "kind", "from", "exposure s", "from", "temperature C", "from"], told)
     for note in found.notes:
         click.echo(note)
     if not found.complete:
         click.echo("the table is not complete: fill in the blank cells before you use it")
+
+
+def _files(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
 
 def _cell(value: float | str | None) -> str:

@@ -1,0 +1,45 @@
+"""Tables that count the frames of a stack along its last axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from visaug.core.errors import InputError
+from visaug.frames.arrays import arrays_in
+from visaug.frames.pixels import ARRAYS, HDF5, split_name, suffix_of
+from visaug.frames.record import FrameRecord
+
+
+def counted_along_the_last_axis(
+    records: Sequence[FrameRecord], root: Path, warnings: list[str]
+) -> list[FrameRecord]:
+    """Records of a table whose indices are all those of a stack's last axis, and not of its first, pick along the last.
+
+    ``a.npz#dark[0]`` to ``[9]`` of an array (96, 128, 10) are ten frames of 96 x 128, not ten of 128 x 10.
+    """
+    stacks: dict[tuple[str, str | None], dict[int, list[int]]] = {}
+    for n, record in enumerate(records):
+        file, key, index = split_name(record.file)
+        if len(index) == 1 and isinstance(index[0], int) and suffix_of(root / file) in (*ARRAYS, *HDF5):
+            stacks.setdefault((file, key), {}).setdefault(index[0], []).append(n)
+    made = list(records)
+    shapes: dict[str, dict[str, tuple[int, ...]]] = {}
+    for (file, key), places in stacks.items():
+        try:
+            held = shapes.setdefault(file, {}) or {name: shape for name, shape, _ in arrays_in(root / file)}
+        except InputError:
+            continue  # a file that is not there, or damaged, is named when it is read
+        shapes[file] = held
+        shape = held.get(key or "") or (next(iter(held.values())) if len(held) == 1 else ())
+        if len(shape) != 3 or sorted(places) != list(range(shape[2])) or shape[0] <= shape[2]:
+            continue
+        for index, members in places.items():
+            for n in members:
+                made[n] = replace(records[n], file=f"{file}#{key or ''}[:,:,{index}]")
+        warnings.append(
+            f"stack_axis_assumed: {file}#{key or ''} of shape {shape}: the table lists one frame for each place of the last axis; "
+            "frames are read along it"
+        )
+    return made

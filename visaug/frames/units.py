@@ -1,0 +1,79 @@
+"""Numbers of headers and tables in seconds and degrees Celsius; None where they are no measurement."""
+
+from __future__ import annotations
+
+import math
+import re
+
+_SECONDS = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "millisec": 1e-3,
+            "millisecond": 1e-3, "milliseconds": 1e-3, "us": 1e-6, "usec": 1e-6, "µs": 1e-6, "μs": 1e-6, "microsec": 1e-6,
+            "microsecond": 1e-6, "microseconds": 1e-6, "ns": 1e-9, "nanoseconds": 1e-9, "min": 60.0, "minutes": 60.0,
+            "h": 3600.0, "d": 86400.0}  # fmt: skip
+ZERO_C_K = 273.15
+# Sensors that take pictures lie between liquid nitrogen and automotive grade 1 with a margin; a temperature above in
+# a header is one in Kelvin where that makes sense, else no measurement.
+COLDEST_C, WARMEST_C, WARMEST_K = -200.0, 150.0, 400.0
+_NONE_C = (
+    -ZERO_C_K,
+    -273.0,
+    -273.1,
+    -273.2,
+)  # drivers of cameras without a thermometer, beside 999 and its kin
+
+
+def unit_of(comment: str) -> float | None:
+    """Seconds in the time unit that a header's comment names, ``[ms] exposure`` or ``exposure in ms``; None for none."""
+    word = re.search(r"[\[(]\s*([a-zµμ]+)\s*[\])]", comment.lower())
+    if word is not None and word[1] in _SECONDS:
+        return _SECONDS[word[1]]
+    for name in re.findall("[a-zµμ]+", comment.lower()):
+        if (
+            len(name) > 1 and name in _SECONDS and name not in ("min", "minutes")
+        ):  # "min" is a minimum as well
+            return _SECONDS[name]
+    return None
+
+
+def seconds(value: object, comment: str = "", unit: str = "") -> float:
+    """Seconds of a header's value, a number or a text as ``500 ms`` or ``1/100``.
+
+    Args:
+        value: of the keyword.
+        comment: behind it, whose unit counts.
+        unit: of the keyword TIMEUNIT.
+
+    Raises:
+        ValueError: no number.
+    """
+    scale = unit_of(comment) or _SECONDS.get(unit.strip().lower(), 1.0)
+    if isinstance(value, str):
+        match = re.fullmatch(r"\s*([-+.\deE]+)\s*(?:/\s*(\d+))?\s*([a-zµμ]*)\s*", value)
+        if match is None or (match[3] and match[3] not in _SECONDS):
+            raise ValueError(value)
+        scale = _SECONDS[match[3]] if match[3] else scale
+        value = float(match[1]) / float(match[2] or 1)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(value)
+    return round(float(value) * scale, 12)
+
+
+def is_no_temperature(value: float) -> bool:
+    """Whether a number stands for a thermometer that is not there: -273.15, 999, -999, 9999, ..., NaN."""
+    return (
+        not math.isfinite(value) or value in _NONE_C or re.fullmatch("999+", f"{abs(value):.0f}") is not None
+    )
+
+
+def celsius(value: float, comment: str = "") -> tuple[float | None, str]:
+    """Degrees Celsius of a header's or table's value, and what was made of it: ``""``, ``kelvin`` or ``none``.
+
+    Examples:
+        >>> celsius(-10.0), celsius(263.15), celsius(-999.0)
+        ((-10.0, ''), (-10.0, 'kelvin'), (None, 'none'))
+    """
+    if is_no_temperature(value):
+        return None, "none"
+    kelvin = re.search(r"\bkelvin\b|[\[(]\s*k\s*[\])]", comment.lower()) is not None
+    if kelvin or WARMEST_C < value <= WARMEST_K:
+        value, kelvin = round(value - ZERO_C_K, 6), True
+    return (value, "kelvin" if kelvin else "") if COLDEST_C <= value <= WARMEST_C else (None, "none")
