@@ -14,20 +14,21 @@ from numba import njit
 
 from visaug.core.sampling.kernels import (
     ONE,
-    OPTIONS,
     SIXTH,
     SMALL_MEAN,
     ZERO,
+    compiled,
     counts,
     f32,
     i32,
     mix,
     normals,
     room_of,
+    rows_at_once,
     tukeys,
     u32,
     u64,
-    words_of_row,
+    words_of_rows,
 )
 
 # Columns of the table of numbers, one row an image. What a run of effects leaves out is neutral.
@@ -59,17 +60,19 @@ GILES_0, GILES_2, GILES_4 = f32(-8 / 405), f32(7 / 810), f32(1 / 270)
 TO_WHOLE = f32(1.5 * 2**23)  # to add and subtract it rounds to a whole number, halves to even, up to 2^22
 
 
-@njit(**OPTIONS)
-def _sum(one, row, pixels, out):
-    """One number of the row, one of each column, one of each pixel where there are any."""
-    for x in range(out.size):
-        out[x] = one + row[x]
-    if pixels.size:
-        for x in range(out.size):
-            out[x] += pixels[x]
+@compiled
+def _sum(by_row, by_column, by_pixel, out):
+    """One number of each row, one of each column, and one of each pixel where there are any."""
+    width = by_column.size
+    for r in range(by_row.size):
+        for x in range(width):
+            out[r * width + x] = by_row[r] + by_column[x]
+    if by_pixel.size:
+        for i in range(out.size):
+            out[i] += by_pixel[i]
 
 
-@njit(**OPTIONS)
+@compiled
 def _light(source, electrons, gains, least, light):
     for x in range(light.size):
         light[x] = max(source[x] * electrons * (ONE + gains[x]), least)
@@ -80,7 +83,7 @@ def _is_apart(m, faint, limit):
     return (m > faint) & (m < SMALL_MEAN) | (m > limit)
 
 
-@njit(**OPTIONS)
+@compiled
 def _count_apart(light, dark, faint, limit):
     apart = i32(0)
     for x in range(light.size):
@@ -88,15 +91,18 @@ def _count_apart(light, dark, faint, limit):
     return apart
 
 
-@njit(**OPTIONS)
-def _two_words(key, first, one, other):
-    """Twice 32 random bits for each column of the sensor."""
-    for x in range(one.size):
-        bits = mix(key + u64(first + x) * STEP)
-        one[x], other[x] = u32(bits), u32(bits >> u64(32))
+@compiled
+def _two_words(key, place, one, other):
+    """Twice 32 random bits for each pixel of a window."""
+    channel, row, first, rows, width = place
+    for r in range(rows):
+        of_row = mix(mix(key + u64(channel) * STEP) + u64(row + r))
+        for x in range(width):
+            bits = mix(of_row + u64(first + x) * STEP)
+            one[r * width + x], other[r * width + x] = u32(bits), u32(bits >> u64(32))
 
 
-@njit(**OPTIONS)
+@compiled
 def _add_quantiles(light, w, n, e):
     """Adds quantiles of count, gain and Gaussian offsets at normal quantiles w."""
     dark, prnu = n[DARK_E], n[PRNU_PIXEL]
@@ -113,61 +119,64 @@ def _add_quantiles(light, w, n, e):
         e[x] += count + m * r2 * r2 * (GILES_0 + w2 * (GILES_2 + w2 * GILES_4))
 
 
-@njit(**OPTIONS)
+@compiled
 def _add_scaled(scale, w, out):
     for x in range(out.size):
         out[x] += scale * w[x]
 
 
-@njit(**OPTIONS)
+@compiled
 def _added(a, b, most, out):
     for x in range(out.size):
         out[x] = min(a[x], most) + b[x]
 
 
-@njit(**OPTIONS)
-def _add_normals(key, channel, row, first, scale, words, w, out):
+@compiled
+def _add_normals(key, place, scale, words, w, out):
     if scale > ZERO:
-        words_of_row(key, channel, row, first, words)
-        normals(words[first % 4 : first % 4 + out.size], w)
+        words_of_rows(key, *place, words)
+        normals(words, w)
         _add_scaled(scale, w, out)
 
 
-@njit(**OPTIONS)
-def _apart(source, n, keys, place, gains, offsets, words, room, light, w, e):
-    """Electrons of a row, each part on its own."""
-    channel, row, first = place
-    own = words[first % 4 : first % 4 + e.size]
-    _add_normals(keys[PRNU], channel, row, first, n[PRNU_PIXEL], words, w, gains)
-    _add_normals(keys[DSNU], channel, row, first, n[DSNU_PIXEL_E], words, w, offsets)
-    _light(source, n[ELECTRONS], gains, n[LEAST_E], light)
-    for x in range(light.size):
-        light[x] += n[DARK_E]
+@compiled
+def _apart(source, n, keys, place, gains, offsets, words, room, mean, w, e):
+    """Electrons of a window, each part on its own."""
+    _add_normals(keys[PRNU], place, n[PRNU_PIXEL], words, w, gains)
+    _add_normals(keys[DSNU], place, n[DSNU_PIXEL_E], words, w, offsets)
+    _light(source, n[ELECTRONS], gains, n[LEAST_E], mean)
+    for x in range(mean.size):
+        mean[x] += n[DARK_E]
     if n[COUNTED] > ZERO:
-        words_of_row(keys[SHOT], channel, row, first, words)
-        counts(light, own, room, w)
+        words_of_rows(keys[SHOT], *place, words)
+        counts(mean, words, room, w)
         _added(w, offsets, n[FULL_WELL_E], e)
     else:
-        _added(light, offsets, n[FULL_WELL_E], e)
+        _added(mean, offsets, n[FULL_WELL_E], e)
     if n[READ_SCALE_E] > ZERO:
-        words_of_row(keys[READ], channel, row, first, words)
-        tukeys(own, n[READ_SHAPE], n[READ_SCALE_E], w)
+        words_of_rows(keys[READ], *place, words)
+        tukeys(words, n[READ_SHAPE], n[READ_SCALE_E], w)
         _add_scaled(ONE, w, e)
-    _add_normals(keys[AFTER_GAIN], channel, row, first, n[AFTER_GAIN_E], words, w, e)
+    _add_normals(keys[AFTER_GAIN], place, n[AFTER_GAIN_E], words, w, e)
 
 
-@njit(**OPTIONS)
+@compiled
 def _together(light, n, keys, place, offsets, one, other, w, e):
-    """Electrons of a row, count and pixel offsets as one."""
-    channel, row, first = place
-    _two_words(mix(mix(keys[TOGETHER] + u64(channel) * STEP) + u64(row)), first, one, other)
+    """Electrons of a window, count and pixel offsets as one."""
+    _two_words(keys[TOGETHER], place, one, other)
     tukeys(other, n[READ_SHAPE], n[READ_SCALE_E], e)
     _add_scaled(ONE, offsets, e)
     normals(one, w)
     _add_quantiles(light, w, n, e)
 
 
-@njit(**OPTIONS)
+@compiled
+def _choose(light, apart, dark, faint, limit, e):
+    for x in range(e.size):
+        e[x] = apart[x] if _is_apart(light[x] + dark, faint, limit) else e[x]
+
+
+@compiled
 def _convert(e, source, n, out):
     """Electrons to DN, and DN to the values that are wanted; what is missing in the source stays missing."""
     e_per_dn, black, top = n[E_PER_DN], n[BLACK_DN], n[MAX_DN]
@@ -182,10 +191,10 @@ def _convert(e, source, n, out):
             out[x] = e[x] / e_per_dn + black
 
 
-@njit(**OPTIONS)
+@compiled
 def expose(
     source, out, first_row, last_row, channels, numbers, keys, row_gain, row_offset, column_gain, column_offset,
-    gain_map, offset_map, origin,
+    gain_maps, offset_maps, origin,
 ):  # fmt: skip
     """Rows [first_row, last_row) of all planes of a batch, one after another.
 
@@ -194,40 +203,43 @@ def expose(
         channels: C.
         numbers: (B, NUMBERS) float32; keys: (B, KEYS) uint64.
         row_gain, row_offset: (B C or C, H) float32, fractions and electrons; column_...: the same by columns.
-        gain_map, offset_map: (B C or C, H, W) float32; (C, H, 0) where there is none.
+        gain_maps, offset_maps: (B C or C, H, W) float32; (C, H, 0) where there is none.
         origin: row and column of the sensor at which the images begin.
     """
     _, height, width = source.shape
-    words, room = np.empty((origin[1] % 4 + width + 3) // 4 * 4, np.uint32), room_of(width)
-    one, other = np.empty(width, np.uint32), np.empty(width, np.uint32)
-    floats = np.empty((7, width), np.float32)
-    gains, offsets, light, mean, w, e, result = (
-        floats[0],
-        floats[1],
-        floats[2],
-        floats[3],
-        floats[4],
-        floats[5],
-        floats[6],
-    )
-    for number in range(first_row, last_row):
+    at_once = rows_at_once(width)
+    size = at_once * width
+    floats, room = np.empty((7, size), np.float32), room_of(size)
+    one, other = np.empty(size + 3, np.uint32), np.empty(size, np.uint32)
+    number = first_row
+    while number < last_row:
         plane, y = number // height, number % height
+        rows = min(at_once, height - y, last_row - number)
+        number += rows
         image, channel = plane // channels, plane % channels
         own = plane if len(row_gain) > channels else channel  # patterns of each image, or of one camera
-        n, place = numbers[image], (channel, y + origin[0], origin[1])
-        gain_row = gain_map[plane if len(gain_map) > channels else channel, y]
-        offset_row = offset_map[plane if len(offset_map) > channels else channel, y]
-        _sum(row_gain[own, y], column_gain[own], gain_row, gains)
-        _sum(row_offset[own, y], column_offset[own], offset_row, offsets)
-        apart = width
+        n, place = numbers[image], (channel, y + origin[0], origin[1], rows, width)
+        pixels = rows * width
+        gains, offsets, light, mean = (
+            floats[0, :pixels],
+            floats[1, :pixels],
+            floats[2, :pixels],
+            floats[3, :pixels],
+        )
+        w, e, result = floats[4, :pixels], floats[5, :pixels], floats[6, :pixels]
+        gain_map = gain_maps[plane if len(gain_maps) > channels else channel, y : y + rows].reshape(-1)
+        offset_map = offset_maps[plane if len(offset_maps) > channels else channel, y : y + rows].reshape(-1)
+        _sum(row_gain[own, y : y + rows], column_gain[own], gain_map, gains)
+        _sum(row_offset[own, y : y + rows], column_offset[own], offset_map, offsets)
+        seen, to = source[plane, y : y + rows].reshape(-1), out[plane, y : y + rows].reshape(-1)
+        apart = seen.size
         if n[LIMIT_E] >= ZERO:
-            _light(source[plane, y], n[ELECTRONS], gains, n[LEAST_E], light)
+            _light(seen, n[ELECTRONS], gains, n[LEAST_E], light)
             apart = _count_apart(light, n[DARK_E], n[FAINT_E], n[LIMIT_E])
-        if apart < width:
+        if apart < seen.size:
             _together(light, n, keys[image], place, offsets, one, other, w, e)
         if apart > 0:
-            _apart(source[plane, y], n, keys[image], place, gains, offsets, words, room, mean, w, result)
-            for x in range(width):
-                is_apart = apart == width or _is_apart(light[x] + n[DARK_E], n[FAINT_E], n[LIMIT_E])
-                e[x] = result[x] if is_apart else e[x]
-        _convert(e, source[plane, y], n, out[plane, y])
+            _apart(seen, n, keys[image], place, gains, offsets, one, room, mean, w, result)
+            if apart < seen.size:
+                _choose(light, result, n[DARK_E], n[FAINT_E], n[LIMIT_E], e)
+        _convert(e if apart < seen.size else result, seen, n, to)

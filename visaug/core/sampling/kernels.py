@@ -5,11 +5,17 @@ processor takes many pixels at once; logarithm and exponential are float32 polyn
 back on torch where numba cannot be imported.
 """
 
+import hashlib
 import math
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import config, njit, types
 from numba.extending import intrinsic
 
 f32, f64, i32, u32, u64 = np.float32, np.float64, np.int32, np.uint32, np.uint64
@@ -21,7 +27,31 @@ GILES_0, GILES_2, GILES_4 = f32(-8 / 405), f32(7 / 810), f32(1 / 270)
 LOG_2, PER_LOG_2 = f32(math.log(2)), f32(1 / math.log(2))
 LOG_2_HIGH, LOG_2_LOW = f32(0.693359375), f32(-2.12194440e-4)  # their sum is log 2; the first has few digits
 
+settings: Any = config  # numba's own
 OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract", "nsz"}}
+
+
+@cache
+def _folder() -> str:
+    text = hashlib.blake2b(Path(__file__).read_bytes(), digest_size=8).hexdigest()
+    own = Path(__file__).parent / "__pycache__"
+    base = settings.CACHE_DIR or (
+        own if os.access(own.parent, os.W_OK) else Path.home() / ".cache" / "visaug"
+    )
+    return str(Path(base) / f"kernels-{text}")
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """The function compiled when it is first called, and kept on disk.
+
+    numba recompiles a function when the text of its own file changes. Other files take functions and constants from this one,
+    so the folder is named after its text: such files may import nothing else of visaug.
+    """
+    before, settings.CACHE_DIR = settings.CACHE_DIR, _folder()
+    try:
+        return njit(**OPTIONS)(function)
+    finally:
+        settings.CACHE_DIR = before
 
 
 @intrinsic
@@ -128,23 +158,36 @@ def _philox(c0, c1, c2, k0, k1):
     return c0, c1, c2, c3
 
 
-@njit(**OPTIONS)
-def words_of_row(key, channel, row, first, words):
-    """32 random bits for each pixel of a row from column 4 (first // 4) on; the counter is the place on the sensor."""
+@compiled
+def words_of_rows(key, channel, row, first, rows, width, words):
+    """32 random bits for each pixel of a window; the counter is the place on the sensor.
+
+    Args:
+        row, first: row and column of the sensor at which the window begins.
+        words: (rows width + 3,) uint32, written; the last three mean nothing.
+    """
     k0, k1 = key & u64(0xFFFFFFFF), key >> u64(32)
-    for block in range(words.size // 4):
-        w = _philox(u64(first // 4 + block), u64(row), u64(channel), k0, k1)
-        for j in range(4):
-            words[4 * block + j] = w[j]
+    before = first % 4  # pixels to the left that share the first counter
+    for r in range(rows):
+        start = r * width - before
+        w = _philox(u64(first // 4), u64(row + r), u64(channel), k0, k1)
+        for j in range(before, 4):
+            words[start + j] = w[j]
+        for block in range(
+            1, (before + width + 3) // 4
+        ):  # the last may write over the row's end: the next row follows
+            w = _philox(u64(first // 4 + block), u64(row + r), u64(channel), k0, k1)
+            for j in range(4):
+                words[start + 4 * block + j] = w[j]
 
 
-@njit(**OPTIONS)
+@compiled
 def normals(words, out):
     for i in range(out.size):
         out[i] = normal(words[i])
 
 
-@njit(**OPTIONS)
+@compiled
 def tukeys(words, shape, scale, out):
     """Tukey-lambda numbers times a scale."""
     shape = f32(1e-6) if abs(shape) < f32(1e-6) else shape
@@ -153,7 +196,7 @@ def tukeys(words, shape, scale, out):
         out[i] = tukey(words[i], shape, factor)
 
 
-@njit(**OPTIONS)
+@compiled
 def _many(mean, words, out):
     """Poisson counts of means from SMALL_MEAN on: Giles' expansion (see distributions.py)."""
     for i in range(out.size):
@@ -179,7 +222,7 @@ def _exp(x):
     return p
 
 
-@njit(**OPTIONS)
+@compiled
 def _few(mean, words, term, total, u, out):
     """Poisson counts of means up to SMALL_MEAN, by summing the distribution function; float64 keeps the upper tail."""
     for i in range(out.size):
@@ -199,13 +242,13 @@ def _few(mean, words, term, total, u, out):
             total[i] += term[i]
 
 
-@njit(**OPTIONS)
+@compiled
 def room_of(width):
     """What `counts` needs for its small means."""
     return np.empty(width, np.uint32), np.empty((2, width), np.float32), np.empty((3, width))
 
 
-@njit(**OPTIONS)
+@compiled
 def counts(mean, words, room, out):
     """Poisson counts of a row of pixels; room: of `room_of`."""
     small, lit = i32(0), i32(0)
@@ -233,7 +276,7 @@ def counts(mean, words, room, out):
             n += 1
 
 
-@njit(**OPTIONS)
+@compiled
 def forked(keys, names):
     """The keys of `Stream.fork` for one name after another, (B,) uint64."""
     out = np.empty(len(keys), np.uint64)
@@ -245,47 +288,59 @@ def forked(keys, names):
     return out
 
 
-@njit(**OPTIONS)
+@compiled
+def rows_at_once(width):
+    """Rows of a width that are worked on together: few enough to stay in the processor's cache, many enough for long loops."""
+    return max(1, 2048 // width)
+
+
+@compiled
+def _blocks(shape):
+    """Image, channel, first and last row of the blocks of a batch, (N, 4)."""
+    batch, channels, rows, width = shape
+    step = rows_at_once(width)
+    per_plane = (rows + step - 1) // step
+    out = np.empty((batch * channels * per_plane, 4), np.int64)
+    for i in range(len(out)):
+        plane, r = i // per_plane, i % per_plane * step
+        out[i] = plane // channels, plane % channels, r, min(rows, r + step)
+    return out
+
+
+@compiled
 def fill_bits(keys, r0, c0, out):
     """32 random bits for each pixel of windows (B, C, H, W) that begin at a row and a column of the sensor."""
-    batch, channels, rows, width = out.shape
-    words = np.empty((c0 % 4 + width + 3) // 4 * 4, np.uint32)
-    for b in range(batch):
-        for channel in range(channels):
-            for r in range(rows):
-                words_of_row(keys[b], channel, r0 + r, c0, words)
-                out[b, channel, r] = words[c0 % 4 : c0 % 4 + width]
+    width = out.shape[3]
+    words = np.empty(rows_at_once(width) * width + 3, np.uint32)
+    for b, channel, r, end in _blocks(out.shape):
+        words_of_rows(keys[b], channel, r0 + r, c0, end - r, width, words)
+        out[b, channel, r:end] = words[: (end - r) * width].reshape(end - r, width)
 
 
-@njit(**OPTIONS)
+@compiled
 def fill_normal(keys, r0, c0, out):
-    batch, channels, rows, width = out.shape
-    words = np.empty((c0 % 4 + width + 3) // 4 * 4, np.uint32)
-    for b in range(batch):
-        for channel in range(channels):
-            for r in range(rows):
-                words_of_row(keys[b], channel, r0 + r, c0, words)
-                normals(words[c0 % 4 : c0 % 4 + width], out[b, channel, r])
+    width = out.shape[3]
+    words = np.empty(rows_at_once(width) * width + 3, np.uint32)
+    for b, channel, r, end in _blocks(out.shape):
+        words_of_rows(keys[b], channel, r0 + r, c0, end - r, width, words)
+        normals(words, out[b, channel, r:end].reshape(-1))
 
 
-@njit(**OPTIONS)
+@compiled
 def fill_tukey(keys, r0, c0, shapes, scales, out):
-    batch, channels, rows, width = out.shape
-    words = np.empty((c0 % 4 + width + 3) // 4 * 4, np.uint32)
-    for b in range(batch):
-        for channel in range(channels):
-            for r in range(rows):
-                words_of_row(keys[b], channel, r0 + r, c0, words)
-                tukeys(words[c0 % 4 : c0 % 4 + width], f32(shapes[b]), f32(scales[b]), out[b, channel, r])
+    width = out.shape[3]
+    words = np.empty(rows_at_once(width) * width + 3, np.uint32)
+    for b, channel, r, end in _blocks(out.shape):
+        words_of_rows(keys[b], channel, r0 + r, c0, end - r, width, words)
+        tukeys(words, f32(shapes[b]), f32(scales[b]), out[b, channel, r:end].reshape(-1))
 
 
-@njit(**OPTIONS)
+@compiled
 def fill_poisson(keys, r0, c0, mean, out):
-    batch, channels, rows, width = out.shape
-    words, room = np.empty((c0 % 4 + width + 3) // 4 * 4, np.uint32), room_of(width)
-    for b in range(batch):
-        for channel in range(channels):
-            for r in range(rows):
-                words_of_row(keys[b], channel, r0 + r, c0, words)
-                own = words[c0 % 4 : c0 % 4 + width]
-                counts(mean[b, channel, r], own, room, out[b, channel, r])
+    width = out.shape[3]
+    size = rows_at_once(width) * width
+    words, room = np.empty(size + 3, np.uint32), room_of(size)
+    for b, channel, r, end in _blocks(out.shape):
+        words_of_rows(keys[b], channel, r0 + r, c0, end - r, width, words)
+        own = np.ascontiguousarray(mean[b, channel, r:end]).reshape(-1)
+        counts(own, words, room, out[b, channel, r:end].reshape(-1))
