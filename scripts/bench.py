@@ -354,6 +354,66 @@ def bandwidth(device: str) -> list[str]:
     return [f"32 images of 1920 x 1200: {share:.0%} of the measured copy bandwidth."]
 
 
+def simulation(rounds: int = 9) -> list[str]:
+    """Processor time a pixel of simulated frames, beside that of kornia's noise on as many pixels, in one thread."""
+    import kornia.augmentation
+
+    gaussian = kornia.augmentation.RandomGaussianNoise(0.0, 0.05, p=1.0)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    lines = ["| frames | ns a pixel and core | over kornia's | spread |", "| --- | --- | --- | --- |"]
+    for count, rows, columns in ((70, 200, 256), (60, 1000, 1000)):
+        camera = visaug.Camera.load(CAMERA | {"resolution": [rows, columns], "full_well_e": 12000})
+        images = torch.rand(count, 1, rows, columns)
+        for name, plan in plans(count, rows, columns).items():
+            times = measure_processor(
+                {
+                    "simulation": lambda c=camera, p=plan: visaug.simulate(c, p),
+                    BASE: lambda x=images: gaussian(x),
+                },
+                rounds,
+            )
+            low, middle, high = np.percentile(times["simulation"] / times[BASE], [25, 50, 75])
+            ns = 1e9 * np.median(times["simulation"]) / images.numel()
+            title = f"{count} of {rows} x {columns}, {name}"
+            lines.append(f"| {title} | {ns:.1f} | {middle:.2f} | {low:.2f} to {high:.2f} |")
+    torch.set_num_threads(threads)
+    return lines
+
+
+def plans(count: int, rows: int, columns: int) -> dict[str, visaug.FrameSet]:
+    """Frames of one kind, and a third of each: bias, darks of a few electrons, flats up to the full well."""
+    settings: dict[str, list[tuple[str, float, float | None]]] = {
+        "bias": [("bias", 0.0, None)] * count,
+        "dark": [("dark", 2.0, None)] * count,
+    }
+    settings["flat"] = [("flat", 0.01, 200.0 * (i + 1)) for i in range(count)]
+    settings["a third each"] = [settings[("bias", "dark", "flat")[3 * i // count]][i] for i in range(count)]
+    unread = np.broadcast_to(np.uint16(0), (count, rows, columns))
+    return {
+        name: visaug.FrameSet.from_arrays(
+            [
+                visaug.frames.FrameRecord(i, f"{i}", kind, t, 20.0, 0.0, light)
+                for i, (kind, t, light) in enumerate(own)
+            ],
+            unread,
+            bit_depth=16,
+        )
+        for name, own in settings.items()
+    }
+
+
+def measure_processor(contestants: dict[str, Rival], rounds: int) -> dict[str, np.ndarray]:
+    """Processor seconds of each rival in each round, the first round left out."""
+    times: dict[str, list[float]] = {name: [] for name in contestants}
+    for _ in range(rounds + 1):
+        for name, call in contestants.items():
+            start = time.process_time()
+            call()
+            times[name].append(time.process_time() - start)
+    return {name: np.array(values[1:]) for name, values in times.items()}
+
+
 def training_step() -> list[str]:
     """Share of a step of the small pose networks at 160 on the CPU, 16 images a batch."""
     try:
@@ -398,9 +458,13 @@ def main() -> None:
     parser.add_argument("--sizes", nargs="+", default=list(SIZES), choices=list(SIZES))
     parser.add_argument("--batches", type=int, nargs="+", default=[1, 8, 64])
     parser.add_argument("--rounds", type=int, default=15)
+    parser.add_argument("--only", choices=["simulation"], help="print one table alone")
     parser.add_argument("--threads", type=int, default=torch.get_num_threads())
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
+    if options.only:
+        print("\n".join(simulation()))
+        return
     devices = ["cpu", *(["cuda"] if torch.cuda.is_available() else [])]
     page = [
         "# Speed",
@@ -424,6 +488,8 @@ def main() -> None:
                 page += ["", "A colour camera on RGB images; Mpx counts the pixels of the sensor:", ""]
                 page += table(times, batch * size[0] * size[1] / 1e6)
                 publish(page, options.output)  # what is measured is kept, should the rest be interrupted
+    page += ["", "## Simulated frames", "", *simulation()]
+    publish(page, options.output)
     page += ["", "## Start", "", *start_up()]
     publish(page, options.output)
     memory = {name: peak_memory(name) for name in ("visaug, 8 bit", BASE, "visaug, exact chain")}

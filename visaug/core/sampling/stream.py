@@ -95,6 +95,11 @@ class Stream:
         return self._like(keys, camera_keys, self._is_fixed)
 
     @property
+    def keys(self) -> np.ndarray:
+        """The keys of the frames, (B,) uint64, on the CPU."""
+        return self._keys.cpu().numpy().view(np.uint64)
+
+    @property
     def fixed(self) -> "Stream":
         """The stream of the cameras instead of the frames: its numbers are the same in every frame of a camera.
 
@@ -210,7 +215,7 @@ class Stream:
         if self._native():
             keys, _, _, _ = self._native_arguments("frame")
             out = np.empty((len(keys), channels, len(rows), len(columns)), np.int64)
-            kernels.fill_bits(keys, rows.start, columns.start, out.view(np.uint64))
+            kernels.fill_bits(keys, rows.start, columns.start, out)
             return torch.from_numpy(out)
         return sensor_bits(self._keys, channels, rows, columns)
 
