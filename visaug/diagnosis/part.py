@@ -12,12 +12,14 @@ from visaug.camera import Camera
 from visaug.camera.history import DEEPEST
 from visaug.camera.simulation import has_clean, simulate
 from visaug.core.errors import InputError
+from visaug.diagnosis.kept import KeptSet
 from visaug.frames import FrameRecord, FrameSet
 from visaug.statistics import (
     IN_A_WINDOW,
     OF_FULL_FRAMES,
     VIEWS,
     Fingerprint,
+    Stacks,
     View,
     fingerprint,
     fingerprint_values,
@@ -82,30 +84,59 @@ class Part:
             return replace(find, values=(find.values + confirm.values) / 2)
         return fingerprint(self.frames, self.positions(use), self.views, self.place)
 
-    def simulated(self, camera: Camera, seed: int, uses: Sequence[str]) -> list[np.ndarray]:
-        """Fingerprint values of one simulated set, for each use of its frames."""
+    def simulated(
+        self, camera: Camera, seed: int, uses: Sequence[str], base: KeptSet | None = None
+    ) -> list[np.ndarray]:
+        """Fingerprint values of one simulated set, for each use of its frames.
+
+        Args:
+            base: a set of the same seed, of this camera or another, of which frames and sums are taken that stay the same. An
+                empty one is filled.
+        """
         if self.place and list(uses) == [FIND]:  # no view of these looks at the frame before
-            return fingerprint_values(self.take(camera, seed, self.folds.find), views=self.views)
-        own = [use for use in uses if use != WHOLE or not self.halves]
-        positions = [self.positions(use) for use in own]
-        values = dict(
-            zip(own, fingerprint_values(self.take(camera, seed), positions, self.views), strict=True)
-        )
+            wanted, own, positions = self.folds.find, [FIND], [None]
+        else:
+            wanted = range(len(self.frames))
+            own = [use for use in uses if use != WHOLE or not self.halves]
+            positions = [self.positions(use) for use in own]
+        frames, stacks = self._taken(camera, seed, wanted, base)
+        found = fingerprint_values(frames, positions, self.views, stacks)
+        if base is not None:
+            stacks.forget_images()
+        values = dict(zip(own, found, strict=True))
         if WHOLE in uses and self.halves:
             values[WHOLE] = (values[FIND] + values[CONFIRM]) / 2
         return [values[use] for use in uses]
 
+    def _taken(
+        self, camera: Camera, seed: int, wanted: Sequence[int], base: KeptSet | None
+    ) -> tuple[FrameSet, Stacks]:
+        """Simulated frames, and what is known of their sums."""
+        if base is None:
+            frames = self.take(camera, seed, wanted)
+            return frames, Stacks(frames)
+        keep, of = [self.keep[k] for k in wanted], tuple(wanted)
+        if not base.frames:
+            frames = self._shown(base.take(self.plan, seed, keep, self.deepest), wanted)
+            base.stacks[of] = Stacks(frames)
+            return frames, base.stacks[of]
+        taken, touched = base.changed(camera, self.plan, seed, keep, self.deepest)
+        frames = self._shown(taken, wanted)
+        there = [n for n, k in enumerate(keep) if k in touched]
+        return frames, Stacks(frames, base.stacks.get(of), there)
+
     def take(self, camera: Camera, seed: int, only: Iterable[int] | None = None) -> FrameSet:
         """The frames, or those of them at some positions, as a camera would take them."""
         wanted = list(range(len(self.frames)) if only is None else only)
-        taken = simulate(camera, self.plan, seed, keep=[self.keep[k] for k in wanted], deepest=self.deepest)
+        keep = [self.keep[k] for k in wanted]
+        return self._shown(simulate(camera, self.plan, seed, keep=keep, deepest=self.deepest), wanted)
+
+    def _shown(self, taken: FrameSet, wanted: Sequence[int]) -> FrameSet:
+        """Simulated frames without the margin around their windows."""
         records = [self.frames.records[k] for k in wanted]
         if all(a.window == b.window for a, b in zip(records, taken.records, strict=True)):
             return taken
-        pixels = [
-            _cut(taken.read(k), _window(taken, k), records[k].window).astype(np.uint16)
-            for k in range(len(wanted))
-        ]
+        pixels = [_cut(taken.stack([k])[0], _window(taken, k), records[k].window) for k in range(len(wanted))]
         return FrameSet.from_arrays(records, pixels, self._cleans(wanted), bit_depth=taken.bit_depth)
 
     def _cleans(self, positions: Iterable[int]) -> dict[str, np.ndarray]:
