@@ -53,7 +53,7 @@ class KeptSet:
         frames: (H, W) uint16 DN by position in the plan.
         signals: by the number of effects that have acted and by position, (H, W).
         reads: fields of `Context` that each effect reads.
-        stacks: sums of the frames, by the frames that were measured together.
+        stacks: sums of the frames.
         maps: random numbers of the camera itself.
         remembers: whether some effect depends on other frames; nothing else is kept then.
     """
@@ -64,7 +64,7 @@ class KeptSet:
         self.frames: dict[int, np.ndarray] = {}
         self.signals: dict[int, dict[int, np.ndarray]] = {}
         self.reads: Fields = {effect.name: set() for effect in self.effects}
-        self.stacks: dict[tuple[int, ...], Stacks] = {}
+        self.stacks: Stacks | None = None
         self.maps: dict[tuple, Tensor] = {}
         self.remembers = False
 
@@ -276,8 +276,10 @@ class KeptSets:
 
     def add(self, kept: KeptSet, number: int, part: int) -> None:
         with self._lock:
+            if kept.remembers:
+                self._sets.pop(kept.camera, None)
             mine = self._sets.get(kept.camera)
-            if mine is None or kept.remembers:
+            if mine is None:
                 return
             total = kept.size + sum(one.size for sets in self._sets.values() for one in sets.values())
             for camera, sets in self._sets.items():
@@ -334,7 +336,7 @@ def _apart(positions: Sequence[int], signal: Tensor, given: Tensor) -> tuple[lis
 def _compact(signal: Tensor) -> np.ndarray:
     """(B, H, W), uint16 where that holds every value exactly."""
     values = signal[:, 0].numpy()
-    if signal.numel() and 0 <= values.min() and values.max() < 2**16:
+    if signal.numel() and values.min() >= 0 and values.max() < 2**16:
         whole = values.astype(np.uint16)
         if np.array_equal(whole, values) and not np.signbit(values).any():
             return whole

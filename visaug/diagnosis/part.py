@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.camera.history import DEEPEST
+from visaug.camera.history import DEEPEST, Reach
 from visaug.camera.simulation import has_clean, simulate
 from visaug.core.errors import InputError
 from visaug.diagnosis.kept import KeptSet
@@ -29,6 +29,7 @@ from visaug.statistics.split import CONFIRM, FIND, WHOLE, Folds, share_out
 from visaug.statistics.subsample import MARGIN, Selection, Window
 
 Report = Callable[[str, int, int], None]
+NOTHING = Reach(False, 0)  # what a camera without memory remembers
 FULL_DEEPEST = 3  # full frames that are simulated before one that is used, at most: each costs as much as it
 
 
@@ -93,13 +94,9 @@ class Part:
             base: a set of the same seed, of this camera or another, of which frames and sums are taken that stay the same. An
                 empty one is filled.
         """
-        if self.place and list(uses) == [FIND]:  # no view of these looks at the frame before
-            wanted, own, positions = self.folds.find, [FIND], [None]
-        else:
-            wanted = range(len(self.frames))
-            own = [use for use in uses if use != WHOLE or not self.halves]
-            positions = [self.positions(use) for use in own]
-        frames, stacks = self._taken(camera, seed, wanted, base)
+        own = [use for use in uses if use != WHOLE or not self.halves]
+        positions = [self.positions(use) for use in own]
+        frames, stacks = self._taken(camera, seed, sorted(self._looked_at(own)), base)
         found = fingerprint_values(frames, positions, self.views, stacks)
         if base is not None:
             stacks.forget_images()
@@ -108,22 +105,44 @@ class Part:
             values[WHOLE] = (values[FIND] + values[CONFIRM]) / 2
         return [values[use] for use in uses]
 
+    def _looked_at(self, uses: Sequence[str]) -> frozenset[int]:
+        """Positions that statistics are taken from, and those before them under other conditions (see the view of memory)."""
+        used = frozenset().union(*(self.positions(use) for use in uses))
+        if self.place or len(used) == len(self.frames):  # no view of full frames looks at the frame before
+            return used
+        group = {i: k for k, g in enumerate(self.frames.groups()) for i in g.indices}
+        place = {record.sequence: i for i, record in enumerate(self.frames.records)}
+        before = {i: place.get(self.frames.records[i].sequence - 1) for i in used}
+        return used | {b for i, b in before.items() if b is not None and group[b] != group[i]}
+
     def _taken(
         self, camera: Camera, seed: int, wanted: Sequence[int], base: KeptSet | None
     ) -> tuple[FrameSet, Stacks]:
-        """Simulated frames, and what is known of their sums."""
+        """The set with simulated frames at some positions and no pixels at others, and what is known of their sums."""
+        every = range(len(self.frames))
+        if (base is not None or len(wanted) < len(every)) and Reach.of(camera) != NOTHING:
+            base, wanted = None, wanted if self.place else every  # frames depend on those before
         if base is None:
-            frames = self.take(camera, seed, wanted)
+            frames = self._filled(self.take(camera, seed, wanted), wanted)
             return frames, Stacks(frames)
-        keep, of = [self.keep[k] for k in wanted], tuple(wanted)
+        keep = [self.keep[k] for k in wanted]
         if not base.frames:
-            frames = self._shown(base.take(self.plan, seed, keep, self.deepest), wanted)
-            base.stacks[of] = Stacks(frames)
-            return frames, base.stacks[of]
+            frames = self._filled(self._shown(base.take(self.plan, seed, keep, self.deepest), wanted), wanted)
+            base.stacks = Stacks(frames)
+            return frames, base.stacks
         taken, touched = base.changed(camera, self.plan, seed, keep, self.deepest)
-        frames = self._shown(taken, wanted)
-        there = [n for n, k in enumerate(keep) if k in touched]
-        return frames, Stacks(frames, base.stacks.get(of), there)
+        frames = self._filled(self._shown(taken, wanted), wanted)
+        return frames, Stacks(frames, base.stacks, [k for k in wanted if self.keep[k] in touched])
+
+    def _filled(self, taken: FrameSet, wanted: Sequence[int]) -> FrameSet:
+        """The whole set, the other frames without pixels."""
+        if len(taken) == len(self.frames):
+            return taken
+        frames = [np.zeros((1, 1), np.uint16)] * len(self.frames)
+        for k, frame in zip(wanted, taken.stack(range(len(taken))), strict=True):
+            frames[k] = frame
+        cleans = self._cleans(range(len(self.frames)))
+        return FrameSet.from_arrays(self.frames.records, frames, cleans, bit_depth=taken.bit_depth)
 
     def take(self, camera: Camera, seed: int, only: Iterable[int] | None = None) -> FrameSet:
         """The frames, or those of them at some positions, as a camera would take them."""

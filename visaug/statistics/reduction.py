@@ -180,7 +180,9 @@ class Stacks:
         """Of the frames at these positions."""
         key = tuple(indices)
         if key not in self._noise and self._base is not None and self._touched.isdisjoint(key):
-            self._noise[key] = self._base.noise(key)
+            found = self._noise[key] = self._base.noise(key)
+            if len(found.stacks) == 1:
+                self._known[key] = found.stacks[0]
         if key not in self._noise:
             parts = self._parts(key)
             place = {i: k for k, i in enumerate(i for part in parts for i in part)}
@@ -199,17 +201,8 @@ class Stacks:
             for one, other in combinations(within, 2):
                 if len(one) + len(other) == len(key) and not set(one) & set(other):
                     return one, other
-            if self._base is not None and self._touched.isdisjoint(key):
-                self._known[key] = self._base.one(key)
-            else:
-                self._known[key] = Stack(partial(self._frames.stack, key))
-        return (key,)
-
-    def one(self, key: tuple[int, ...]) -> Stack:
-        """The frames at these positions as one stack."""
-        if key not in self._known:
             self._known[key] = Stack(partial(self._frames.stack, key))
-        return self._known[key]
+        return (key,)
 
     def forget_images(self) -> None:
         """Frees what is as large as a frame and can be made again."""
