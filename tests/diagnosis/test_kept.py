@@ -12,6 +12,7 @@ from visaug.diagnosis.candidates.trials import trials
 from visaug.diagnosis.fitting.parameters import base_coordinates, moved
 from visaug.diagnosis.kept import KeptSet
 from visaug.diagnosis.laboratory import Laboratory
+from visaug.diagnosis.part import Part
 from visaug.effects import Effect, Parameter, Stage, catalogue, register
 
 SEED = 11
@@ -19,7 +20,9 @@ SEED = 11
 
 @pytest.fixture(scope="module")
 def plan():
-    return Laboratory(frame_set(5), stated_camera()).parts_to_simulate[0].plan
+    (part,) = Laboratory(frame_set(5), stated_camera()).parts_to_simulate
+    assert isinstance(part, Part)
+    return part.plan
 
 
 @pytest.fixture(scope="module")

@@ -192,7 +192,7 @@ def parts_of(
     if selection.is_all:
         kept = tuple(range(len(frames)))
         shared = share_out(frames) if folds else Folds(kept, (), ())
-        return (Part(frames, shared, _plan(frames, kept, kept, None, 0), kept, VIEWS),)
+        return (Part(_held(frames, report), shared, _plan(frames, kept, kept, None, 0), kept, VIEWS),)
     sequence = _known(frames, selection)
     place = {i: k for k, i in enumerate(sequence)}
     keep = tuple(place[i] for i in selection.frames)
@@ -249,6 +249,26 @@ def _known(frames: FrameSet, selection: Selection) -> list[int]:
     ]
 
 
+def _held(frames: FrameSet, report: Report | None) -> FrameSet:
+    """All frames in memory, as they are looked at several times."""
+    pixels, cleans = [], {}
+    for i, record in enumerate(frames.records):
+        pixels.append(_compact(frames.stack([i])[0]))
+        if record.kind == "scene" and record.clean and record.clean not in cleans:
+            cleans[record.clean] = frames.clean(i)
+        if report is not None:
+            report("reading frames", i + 1, len(frames))
+    return FrameSet.from_arrays(frames.records, pixels, cleans, bit_depth=frames.bit_depth)
+
+
+def _compact(frame: np.ndarray) -> np.ndarray:
+    """The frame as uint16 where that holds every pixel exactly."""
+    if frame.dtype != np.uint16 and frame.max() < 2**16:
+        whole = frame.astype(np.uint16)
+        return whole if np.array_equal(whole, frame) else frame
+    return frame
+
+
 def _read(
     frames: FrameSet, positions: Sequence[int], window: Window | None, report: Report | None
 ) -> FrameSet:
@@ -257,7 +277,7 @@ def _read(
     records, pixels, cleans = [], [], {}
     word = "reading frames" if window is None else "reading windows of frames"
     for k, i in enumerate(positions):
-        record, frame = frames.records[i], frames.read(i)
+        record, frame = frames.records[i], _compact(frames.stack([i])[0])
         if report is not None:
             report(word, k + 1, len(positions))
         if frame.shape != size:

@@ -4,11 +4,13 @@ Temporal noise is written nowhere: each pass makes a row of it from the frames, 
 Rows are summed in float32 and added up in float64, so that sums agree with float64 to about 1e-6.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
-_exact = {"cache": True, "nogil": True}
-_fast = {**_exact, "fastmath": {"reassoc", "contract", "arcp", "nsz"}}
+_exact: dict[str, Any] = {"cache": True, "nogil": True}
+_fast: dict[str, Any] = {**_exact, "fastmath": {"reassoc", "contract", "arcp", "nsz"}}
 
 LAGS = ((0, 0), (0, 1), (1, 0), (1, 1), (0, 2), (2, 0))  # rows and columns between two pixels of `scatter`
 FAR_LAGS = ((0, 4), (0, 12), (4, 0))

@@ -108,8 +108,8 @@ class GroupData:
         slow = block_means(self.calm, *cut)
         slow -= np.add.outer(*(_part_means(x, e) for x, e in zip((rows, columns), cut, strict=True)))
         pixels = np.empty_like(self.pattern)
-        lines = rows.astype(np.float32), columns.astype(np.float32)
-        kernels.pixel_part(self.pattern, *lines, slow.astype(np.float32), *cut, pixels)
+        rows, columns, slow = (x.astype(np.float32) for x in (rows, columns, slow))
+        kernels.pixel_part(self.pattern, rows, columns, slow, cut[0], cut[1], pixels)
         return pixels
 
     @cached_property

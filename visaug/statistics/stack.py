@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,7 @@ class Noise:
         order: (n,) places among the frames of the stacks, one after the other, of the frames in their order.
     """
 
-    def __init__(self, stacks: Sequence[Stack], order: Sequence[int] | None = None):
+    def __init__(self, stacks: Sequence[Stack], order: Sequence[int] | np.ndarray | None = None):
         self.stacks = tuple(stacks)
         self.count = sum(stack.shape[0] for stack in stacks)
         self.shape = stacks[0].shape[1:]
@@ -109,7 +110,7 @@ class Noise:
     @cached_property
     def mean(self) -> np.ndarray:
         """Mean frame, (H, W) float32."""
-        return (sum(s.total for s in self.stacks) / self.count).astype(np.float32)
+        return (reduce(np.add, [s.total for s in self.stacks]) / self.count).astype(np.float32)
 
     @cached_property
     def level(self) -> float:
@@ -142,7 +143,7 @@ class Noise:
         columns = self._lines[1]
         return self.bessel * (columns - columns.mean(0))
 
-    def _passes(self) -> Iterator[tuple[np.ndarray, ...]]:
+    def _passes(self) -> Iterator[Any]:
         """What a pass over the noise of each stack begins with: its frames, the mean frame, what is taken off its lines."""
         rows, columns = (lines.mean(0) for lines in self._lines)
         for stack in self.stacks:
@@ -210,9 +211,9 @@ class Noise:
         """Robust standard deviation of the noise, DN, from every second row and third column."""
         height, width = self.shape
         sizes = []
-        for frames, *means in self._passes():
+        for frames, mean, rows, columns in self._passes():
             out = np.empty((len(frames), (height + 1) // 2, (width + 2) // 3), np.float32)
-            kernels.noise_sizes(frames, *means, out)
+            kernels.noise_sizes(frames, mean, rows, columns, out)
             sizes.append(out.ravel())
         sample = sizes[0] if len(sizes) == 1 else np.concatenate(sizes)
         return max(MAD * self.bessel * kernels.median_of_sizes(sample), LEAST_SCALE)
@@ -220,15 +221,17 @@ class Noise:
     @cached_property
     def tails(self) -> "Tails":
         sums, counts, often = np.zeros(2), np.zeros(7, np.int64), np.zeros(self.shape, np.uint16)
-        units = self.scale / self.bessel, self.variance**0.5 / self.bessel
-        for noise in self._passes():
-            kernels.tails(*noise, *units, sums, counts, often)
+        scale, spread = self.scale / self.bessel, self.variance**0.5 / self.bessel
+        for frames, mean, rows, columns in self._passes():
+            kernels.tails(frames, mean, rows, columns, scale, spread, sums, counts, often)
         pixels = self.count * self.mean.size
         return Tails(
             self.bessel * sums[0] / pixels,
             sums[1] / pixels,
             tuple(counts[:4].tolist()),
-            *counts[4:].tolist(),
+            int(counts[4]),
+            int(counts[5]),
+            int(counts[6]),
             int(np.count_nonzero(often >= 3)),
         )
 
@@ -236,8 +239,8 @@ class Noise:
         """(H, W) mean square of each pixel's noise; beyond so many standard deviations it counts as these."""
         found = np.zeros(self.shape, np.float32)
         limit = deviations * self.variance**0.5 / self.bessel
-        for noise in self._passes():
-            kernels.limited_squares(*noise, limit, found)
+        for frames, mean, rows, columns in self._passes():
+            kernels.limited_squares(frames, mean, rows, columns, limit, found)
         return found * np.float32(self._factor)
 
 

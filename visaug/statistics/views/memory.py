@@ -14,9 +14,9 @@ class Memory(View):
 
     def measure(self, data):
         pairs = self._pairs(data)
-        if pairs:
+        group = next((g for g in data.groups if g.kind == "dark"), data.bias)
+        if pairs and group is not None:
             slopes = [self._slope(data, i) for i in pairs]
-            group = next(g for g in data.groups if g.kind == "dark")
             yield (
                 group.statistic(self.name, "slope on a bright scene before", ["time"], "fraction"),
                 float(np.mean(slopes)),
@@ -61,8 +61,8 @@ class Memory(View):
         position = {record.sequence: k for k, record in enumerate(data.records)}
         before = data.stacks.frame(position[data.records[i].sequence - 1])
         frame = data.stacks.frame(i)
-        known = data.bias is not None and data.bias.mean.shape == frame.shape
-        both, square = response(frame, before, data.bias.mean if known else np.zeros((0, 0), np.float32))
+        dark = np.zeros((0, 0), np.float32) if data.bias is None else data.bias.mean
+        both, square = response(frame, before, dark if dark.shape == frame.shape else dark[:0, :0])
         return both / max(square, 1.0)
 
     def picture(self, data):
