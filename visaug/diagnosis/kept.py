@@ -272,7 +272,10 @@ class KeptSets:
         """The kept set of this number from which least is to be simulated."""
         with self._lock:
             there = [sets[number, part] for sets in self._sets.values() if (number, part) in sets]
-        return max(there, key=lambda kept: kept.shared(camera), default=None)
+            found = max(there, key=lambda kept: kept.shared(camera), default=None)
+            if found is not None:  # the last is given up last
+                self._sets[found.camera] = self._sets.pop(found.camera)
+        return found
 
     def add(self, kept: KeptSet, number: int, part: int) -> None:
         with self._lock:
