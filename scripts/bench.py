@@ -450,6 +450,10 @@ def publish(page: list[str], output: Path | None) -> None:
 
 
 def main() -> None:
+    if sys.argv[1:2] == ["diagnose"]:
+        import bench_diagnose
+
+        return bench_diagnose.main(sys.argv[2:])
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from visaug.statistics.kernels import response
 from visaug.statistics.view import Curve, Picture, View
 
 
@@ -13,10 +14,9 @@ class Memory(View):
 
     def measure(self, data):
         pairs = self._pairs(data)
-        if pairs:
+        group = next((g for g in data.groups if g.kind == "dark"), data.bias)
+        if pairs and group is not None:
             slopes = [self._slope(data, i) for i in pairs]
-            after = (g for g in data.groups if pairs[0] in g.group.indices)
-            group = next((g for g in data.groups if g.kind == "dark"), None) or next(after)
             yield (
                 group.statistic(self.name, "slope on a bright scene before", ["time"], "fraction"),
                 float(np.mean(slopes)),
@@ -59,12 +59,11 @@ class Memory(View):
     @staticmethod
     def _slope(data, i: int) -> float:
         position = {record.sequence: k for k, record in enumerate(data.records)}
-        before = data.frames.read(position[data.records[i].sequence - 1])
-        frame = data.frames.read(i)
-        if data.bias is not None and data.bias.mean.shape == frame.shape:
-            frame = frame - data.bias.mean
-        x = before - before.mean()
-        return float((x * (frame - frame.mean())).sum() / max(float((x * x).sum()), 1.0))
+        before = data.stacks.frame(position[data.records[i].sequence - 1])
+        frame = data.stacks.frame(i)
+        dark = np.zeros((0, 0), np.float32) if data.bias is None else data.bias.mean
+        both, square = response(frame, before, dark if dark.shape == frame.shape else dark[:0, :0])
+        return both / max(square, 1.0)
 
     def picture(self, data):
         pairs = self._pairs(data)
@@ -94,4 +93,4 @@ def _level(data, i: int) -> float:
     for g in data.groups:
         if i in g.group.indices:
             return float(g.frame_means[g.group.indices.index(i)])
-    return float(data.frames.read(i).mean(dtype=np.float64))
+    return float(data.stacks.frame(i).mean(dtype=np.float64))

@@ -1,0 +1,182 @@
+"""What a diagnosis costs, on sets of `benchmark/` and with kornia's Gaussian noise on as many pixels beside.
+
+    python scripts/bench.py diagnose [--only "47 of 64 x 80"] [--statistics]
+
+Times are processor seconds (user and system, all threads), so that a busy machine counts for little; ns are of one core.
+Every diagnosis runs in a process of its own with an empty cache, and once more with the cache of the first.
+"""
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import torch
+
+SETS = {  # frames and pixels of each: count, rows, columns
+    "47 of 64 x 80": (47, 64, 80),
+    "70 of 200 x 256": (70, 200, 256),
+    "150 of 200 x 256": (150, 200, 256),
+    "60 of 1000 x 1000": (60, 1000, 1000),
+}
+ROUNDS = 5
+
+
+def statistics_rows() -> list[str]:
+    """ns a pixel of a simulated set, of the statistics of its three uses and of discovery alone, and of Gaussian noise."""
+    from visaug.diagnosis.laboratory import Laboratory
+    from visaug.diagnosis.part import Part
+    from visaug.statistics import fingerprint_values
+    from visaug.statistics.split import CONFIRM, FIND, WHOLE
+
+    sys.path.insert(0, str(Path(__file__).parent))
+    import size_cost
+
+    torch.set_num_threads(1)
+    rows = [
+        "| set | simulation | three uses | discovery | kornia's Gaussian noise |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for name in ("47 of 64 x 80", "70 of 200 x 256"):
+        count, height, width = SETS[name]
+        camera = size_cost.camera(height, width)
+        (part,) = Laboratory(size_cost.frames(count, height, width), camera).parts_to_simulate
+        assert isinstance(part, Part)
+        taken, find = part.take(camera, 0), part.positions(FIND)
+        uses = [find, part.positions(CONFIRM), part.positions(WHOLE)]
+        pixels = count * height * width
+        calls = (
+            lambda part=part, camera=camera: part.take(camera, 0),
+            lambda part=part, taken=taken, uses=uses: fingerprint_values(taken, uses, part.views),
+            lambda part=part, taken=taken, find=find: fingerprint_values(taken, [find], part.views),
+            gaussian(pixels),
+        )
+        rows.append(f"| {name} | " + " | ".join(f"{1e9 * least(call) / pixels:.1f}" for call in calls) + " |")
+    return rows
+
+
+def gaussian(pixels: int):
+    """Adds kornia's Gaussian noise to as many pixels."""
+    from kornia.augmentation import RandomGaussianNoise
+
+    image, noise = torch.rand(1, 1, 1, pixels), RandomGaussianNoise(std=0.1, p=1.0)
+    return lambda: noise(image)
+
+
+def least(call) -> float:
+    """Least processor seconds of some calls, after one that is not timed."""
+    call()
+    times = []
+    for _ in range(ROUNDS):
+        start = time.process_time()
+        call()
+        times.append(time.process_time() - start)
+    return min(times)
+
+
+def write(folder: Path, count: int, rows: int, columns: int) -> None:
+    """A set with stripes that shift from row to row, on disk, by the cameras of `benchmark/`."""
+    from dataclasses import replace
+
+    from benchmark import cameras, effects
+    from benchmark.camera import Shot, take
+    from benchmark.sets import write_frames
+
+    sensor = replace(cameras.sensor(0), rows=rows, columns=columns)
+    settings = [("bias", 1e-5, None), ("dark", 0.2, None), ("dark", 2.0, None)]
+    settings += [("flat", 0.01, light) for light in (300.0, 1000.0, 3000.0, 5000.0, 8000.0)]
+    shots = [settings[i * len(settings) // count] for i in range(count)]
+    plan = [Shot(kind, seconds, sensor.celsius, photons=photons) for kind, seconds, photons in shots]
+    hidden = effects.in_order([effects.BY_NAME["row_noise"].at(3.0, "")])
+    write_frames(folder, take(sensor, plan, {}, 1, hidden), plan, {}, sensor)
+
+
+def diagnosed(folder: str, camera: str) -> None:
+    """One diagnosis in this process; prints seconds, memory, the sets simulated by phase, and the names found."""
+    import visaug
+    from visaug.diagnosis.laboratory import Laboratory
+
+    phases: Counter[str] = Counter()
+    running = ["start"]
+    ordinary = Laboratory._run
+
+    def counted(self, jobs, *rest):
+        phases[running[0]] += len(jobs)
+        return ordinary(self, jobs, *rest)
+
+    Laboratory._run = counted  # type: ignore[method-assign]
+
+    def progress(phase: str, done: int, total: int) -> None:
+        running[0] = " ".join(word for word in phase.split() if not word.isdigit())
+
+    start = time.process_time(), time.perf_counter()
+    result = visaug.diagnose(camera, folder, progress=progress)
+    print(
+        json.dumps(
+            {
+                "processor_s": time.process_time() - start[0],
+                "wall_s": time.perf_counter() - start[1],
+                "peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+                "phases": phases,
+                "found": str(result),
+            }
+        )
+    )
+
+
+def diagnosis_rows(only: list[str] | None) -> list[str]:
+    """Seconds and memory of a first and a second diagnosis of each set."""
+    rows = ["| set | first, s | second, s | peak MiB | Gaussian noise, s | sets by phase | result |"]
+    rows.append("| --- | --- | --- | --- | --- | --- | --- |")
+    for name, size in SETS.items():
+        if only and name not in only:
+            continue
+        with tempfile.TemporaryDirectory() as base:
+            folder = Path(base) / "set"
+            write(folder, *size)
+            environment = {**os.environ, "VISAUG_CACHE": str(Path(base) / "cache")}
+            call = [sys.executable, __file__, "--child", str(folder), str(folder / "camera.yaml")]
+            first, second = (
+                json.loads(
+                    subprocess.run(
+                        call, env=environment, check=True, stdout=subprocess.PIPE
+                    ).stdout.splitlines()[-1]
+                )
+                for _ in range(2)
+            )
+        noise = least(gaussian(int(np.prod(size))))
+        phases = ", ".join(f"{phase} {count}" for phase, count in first["phases"].items())
+        rows.append(
+            f"| {name} | {first['processor_s']:.0f} | {second['processor_s']:.1f} | {first['peak_mib']:.0f} | "
+            f"{noise:.3f} | {phases} | {first['found']} |"
+        )
+    return rows
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Prints the tables."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", nargs="+", choices=list(SETS), help="these sets alone")
+    parser.add_argument("--statistics", action="store_true", help="no diagnosis, only the ns a pixel")
+    parser.add_argument("--child", nargs=2, help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    if options.child:
+        return diagnosed(*options.child)
+    print("\n".join(["ns a pixel and core:", "", *statistics_rows()]), flush=True)
+    if not options.statistics:
+        print("\n".join(["", "Processor seconds of a diagnosis:", "", *diagnosis_rows(options.only)]))
+    return None
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    main()
