@@ -34,9 +34,13 @@ class Course:
 
     @property
     def deviates(self) -> bool:
-        """Whether the straight line is rejected."""
+        """Whether the straight line is rejected, as a whole or for one that is lifted."""
         value, df = self.straight
-        return df > 0 and float(stats.chi2.sf(value, df)) < _MISFIT
+        return self.is_lifted or (df > 0 and float(stats.chi2.sf(value, df)) < _MISFIT)
+
+    @property
+    def is_lifted(self) -> bool:
+        return abs(self.lift) > float(stats.norm.isf(_PEDESTAL / 2))
 
     @property
     def pedestal(self) -> bool:
@@ -45,7 +49,7 @@ class Course:
             self.deviates
             and self.bent is not None
             and self.lifted is not None
-            and abs(self.lift) > float(stats.norm.isf(_PEDESTAL / 2))
+            and self.is_lifted
             and self.bent[0] - self.lifted[0] > _TELLS
         )
 

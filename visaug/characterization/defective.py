@@ -41,8 +41,8 @@ class Extremes:
     Attributes:
         low, high: (H, W) least and greatest value of every pixel over all frames, DN.
         flat_low, flat_high: the same over flats.
-        at_the_end: (H, W) whether a pixel has, in all frames of some group of flats, that group's least or
-            greatest value, far from the group's other pixels.
+        at_the_end: (H, W) whether a pixel has, in all frames of some group of flats, the least or greatest value of
+            the group's first frame, far from the group's level.
         row_bits, column_bits: (H,), (W,) bits that ever change in a row or column; None where values are no whole DN.
     """
 
@@ -81,6 +81,7 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
         rows, columns, medians = np.zeros(shape[0]), np.zeros(shape[1]), []
         top, bottom = np.ones(shape, bool), np.ones(shape, bool)
         codes = np.zeros(0, np.int64)
+        ends_here: tuple[float, float] | None = None
         for i in group.indices:
             frame = frames.read(i)
             np.minimum(low, frame, out=low)
@@ -91,8 +92,9 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
             if group.kind == "flat":
                 np.minimum(flat_low, frame, out=flat_low)
                 np.maximum(flat_high, frame, out=flat_high)
-                top &= frame == frame.max()
-                bottom &= frame == frame.min()
+                ends_here = ends_here or (frame.max(), frame.min())
+                top &= frame == ends_here[0]
+                bottom &= frame == ends_here[1]
             if whole:
                 values = frame.astype(np.int64)
                 for axis in (0, 1):

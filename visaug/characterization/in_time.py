@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
-from scipy import ndimage, stats
+from scipy import ndimage, optimize, stats
 
 from visaug.characterization.defective import donors
 from visaug.characterization.facts import Facts
@@ -19,11 +20,9 @@ from visaug.frames import FrameSet, Group
 
 _STALE = 5e-4  # probability that one group of sound frames has such an outlier
 _FEWEST = 4
-_HIT, _TRACK, _EDGE = (
-    9.0,
-    6.0,
-    4.0,
-)  # noises: of a single pixel, of each of two neighbours, of what adjoins a hit
+_HIT = 1e-3  # probability that noise makes a hit somewhere in a set
+_EDGE = 3.0  # noises by which a pixel beside a hit stands out to be part of it
+_LINES = ((0, 1), (1, 0), (1, 1), (1, -1))  # directions in which pixels of a track adjoin
 _BANDS = 1e-3  # probability of a false alarm in one set
 _AROUND = np.ones((3, 3), bool)
 
@@ -77,14 +76,17 @@ class _Peaks:
 def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> FrameSet:
     """The frames with a neighbour's value where a pixel is far brighter in one frame than in the others of its group.
 
-    Noise has tails on both sides, but hits brighten: what no pixel of the set falls below its other values by is the least that a
-    hit must exceed. A pixel that is hit in two groups jumps by itself.
+    A hit is one pixel, or two or three in a line in one frame, whose greatest value is farther from the second greatest than
+    noise of the group's law would have it anywhere in the set (once in 1000 sets). Noise has tails on both sides, but hits
+    brighten: what no pixel of dark frames falls below its other values by is the least that a hit must exceed. A pixel that is
+    hit in more groups than chance allows jumps by itself.
     """
     several = [g for g in groups if len(g.indices) > 1]
     peaks = [_peaks(frames, g) for g in several]
     dips = [p.dip for g, p in zip(several, peaks) if g.kind != "flat" and len(g.indices) > 2]
     tail = 1.2 * max(dips, default=0.0)
     gain = _rough_gain(several, peaks)
+    quiet = min((p.noise for g, p in zip(several, peaks) if g.kind != "flat"), default=0.0)
     hits: list[tuple[int, np.ndarray]] = []
     seen: dict[tuple[int, int], np.ndarray] = {}
     for group, p in zip(several, peaks):
@@ -94,9 +96,8 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
         noise = np.sqrt(p.noise**2 + shot)
         apart = p.first - p.second
         excess = np.where(apart > tail, apart / noise, 0.0)
-        bright = excess > _TRACK
-        beside = ndimage.convolve(bright.astype(np.uint8), _AROUND.astype(np.uint8), mode="constant") > 1
-        hit = (excess > _HIT) | (bright & beside)
+        light = max(p.noise**2 - quiet**2, 0.0)
+        hit = _hits(excess, p.frame, len(group.indices), len(several), gain * light / p.noise**3)
         if not hit.any():
             continue
         near = ndimage.binary_dilation(hit, _AROUND) & (excess > _EDGE)
@@ -106,7 +107,8 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
             mine = (hit | near) & (p.frame == n)
             if mine.any():
                 hits.append((i, mine))
-    chosen = {i: m & (seen[m.shape] < 2) for i, m in hits}
+    most = {shape: _most_often(counts, len(several)) for shape, counts in seen.items()}
+    chosen = {i: m & (seen[m.shape] <= most[m.shape]) for i, m in hits}
     chosen = {i: m for i, m in chosen.items() if m.any()}
     if not chosen:
         return frames
@@ -126,6 +128,56 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
         return frame
 
     return repaired(frames, change)
+
+
+def _most_often(counts: np.ndarray, groups: int) -> int:
+    """In how many groups one pixel is hit at most, where hits fall by chance: more in one set of ten."""
+    share = float(counts.sum()) / counts.size / groups
+    return next(k for k in range(1, groups + 1) if counts.size * stats.binom.sf(k, groups, share) < 0.1)
+
+
+def _hits(excess: np.ndarray, frame: np.ndarray, n: int, groups: int, skewness: float) -> np.ndarray:
+    """(H, W) pixels whose gap to the second greatest of n values, in noises, is no noise's: alone, or two or three in a line."""
+    allowed = _HIT / groups / excess.size / 3  # of a pixel, for each length
+    hit = excess > _gap(allowed, n, skewness)
+    for length in (2, 3):
+        # Pixels in a line, all brightest in one frame: four directions, n frames.
+        chance = (allowed / len(_LINES) * n ** (length - 1)) ** (1 / length)
+        bright = excess > _gap(chance, n, skewness)
+        for down, across in _LINES:
+            line = bright.copy()
+            for k in range(1, length):
+                line &= _moved(bright, k * down, k * across) & (_moved(frame, k * down, k * across) == frame)
+            for k in range(length):
+                hit |= _moved(line, -k * down, -k * across)
+    return hit
+
+
+def _moved(values: np.ndarray, down: int, across: int) -> np.ndarray:
+    """At each pixel the value of the one `down` and `across` of it; 0 beyond the edge."""
+    padded = np.pad(values, [(abs(down),) * 2, (abs(across),) * 2])
+    height, width = values.shape
+    r, c = abs(down) + down, abs(across) + across
+    return padded[r : r + height, c : c + width]
+
+
+@lru_cache(maxsize=256)
+def _normal_gap(chance: float, n: int) -> float:
+    """Gap between the greatest and the second greatest of n normal values that is exceeded with probability `chance`."""
+    x = np.linspace(-4, 14, 4001)
+    log_density = stats.norm.logpdf(x) + math.log(n)
+
+    def excess(gap: float) -> float:
+        logs = log_density + (n - 1) * stats.norm.logcdf(x - gap)
+        return float(np.logaddexp.reduce(logs)) + math.log(x[1] - x[0]) - math.log(chance)
+
+    return float(optimize.brentq(excess, 0.0, 14.0))
+
+
+def _gap(chance: float, n: int, skewness: float) -> float:
+    """The same of a law with the skewness of few electrons, by the first term of Cornish and Fisher's expansion."""
+    gap = _normal_gap(float(f"{chance:.2e}"), n)
+    return gap + skewness * gap**2 / 6
 
 
 def _peaks(frames: FrameSet, group: Group) -> _Peaks:
@@ -187,7 +239,8 @@ def without_bands(measured: Measured, found: Findings) -> Measured:
 def _excess_p(flat: GroupMoments, dark: GroupMoments) -> float:
     """Of the rows' mean square in flats, where the pixels' noise and what rows share in dark frames are expected."""
     f, d = flat.temporal, dark.temporal
-    assert f is not None and d is not None
+    assert f is not None
+    assert d is not None
     expected = f.pixel + max(d.row - d.pixel, 0.0)
     return float(stats.f.sf(f.row / expected, f.row_df, d.row_df)) if expected > 0 else 1.0
 
