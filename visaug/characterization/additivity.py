@@ -1,4 +1,6 @@
-"""Whether flats are dark frames plus light, and variance proportional to the signal: what the photon transfer's course tells."""
+"""Whether flats are dark frames plus light, and variance proportional to the signal: what the photon
+transfer's course tells.
+"""
 
 from __future__ import annotations
 
@@ -100,8 +102,10 @@ def pedestal(measured: Measured, found: Findings) -> bool:
     if not chosen or not (of := course(chosen)).pedestal:
         return False
     found.warn(
-        f"flat_pedestal: the variance of the flats is that of {of.origin_dn:+.3g} DN less signal: their black level is not that of the "
-        "dark frames (calibrated already, another offset, or light in the dark frames); gain_e_per_dn, quantum_efficiency and PRNU "
+        f"flat_pedestal: the variance of the flats is that of {of.origin_dn:+.3g} DN less signal: their black "
+        "level is not that of the "
+        "dark frames (calibrated already, another offset, or light in the dark frames); gain_e_per_dn, "
+        "quantum_efficiency and PRNU "
         "are from flats alone",
         spoils=("black_level_dn", "dark_current.*", "full_well_e", "emva.*", "emva4.*", "emva4_corrected.*"),
     )

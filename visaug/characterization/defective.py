@@ -197,7 +197,8 @@ def stuck_pixels(seen: Extremes, found: Findings) -> np.ndarray | None:
     single[rows], single[:, columns] = False, False
     places = [f"({r}, {c})" for r, c in np.argwhere(single)]
     parts = [
-        f"{len(what)} {name}{'s' if len(what) > 1 else ''} ({', '.join(map(str, what[:5]))}{', ...' if len(what) > 5 else ''})"
+        f"{len(what)} {name}{'s' if len(what) > 1 else ''} "
+        f"({', '.join(map(str, what[:5]))}{', ...' if len(what) > 5 else ''})"
         for name, what in (("row", rows), ("column", columns), ("pixel", places))
         if len(what)
     ]

@@ -45,7 +45,8 @@ def without_stale(
         return frames, facts
     numbers = ", ".join(str(frames.records[i].sequence) for i in sorted(stale))
     found.warn(
-        f"stale_frame: the level of frames {numbers} is not that of the others of their setting (the first frame after a change "
+        f"stale_frame: the level of frames {numbers} is not that of the others of their setting (the first "
+        "frame after a change "
         "may have the old one); they are excluded"
     )
     kept = [i for i in range(len(frames)) if i not in stale]
@@ -114,7 +115,8 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
         return frames
     pixels = sum(int(m.sum()) for m in chosen.values())
     found.warn(
-        f"cosmic_rays: {pixels} values in {len(chosen)} frames are far brighter than the same pixels of the other frames of their "
+        f"cosmic_rays: {pixels} values in {len(chosen)} frames are far brighter than the same pixels of the "
+        "other frames of their "
         "setting and are excluded"
     )
     sources = {i: (np.nonzero(m), donors(m)) for i, m in chosen.items()}
@@ -137,7 +139,9 @@ def _most_often(counts: np.ndarray, groups: int) -> int:
 
 
 def _hits(excess: np.ndarray, frame: np.ndarray, n: int, groups: int, skewness: float) -> np.ndarray:
-    """(H, W) pixels whose gap to the second greatest of n values, in noises, is no noise's: alone, or two or three in a line."""
+    """(H, W) pixels whose gap to the second greatest of n values, in noises, is no noise's: alone, or two or
+    three in a line.
+    """
     allowed = _HIT / groups / excess.size / 3  # of a pixel, for each length
     hit = excess > _gap(allowed, n, skewness)
     for length in (2, 3):
@@ -226,8 +230,10 @@ def without_bands(measured: Measured, found: Findings) -> Measured:
         return measured
     share = max(math.sqrt(band_variance(v.flat, v.dark)) / v.signal for v in banded)
     found.warn(
-        f"lamp_band: in flats whole rows change together from frame to frame by {share:.2%} of the light, more than in dark "
-        "frames (a lamp that flickers while rows are exposed one after the other); what it adds to the variance is taken out of "
+        f"lamp_band: in flats whole rows change together from frame to frame by {share:.2%} of the light, more "
+        "than in dark "
+        "frames (a lamp that flickers while rows are exposed one after the other); what it adds to the "
+        "variance is taken out of "
         "gain_e_per_dn, not of the emva figures",
         spoils=("emva.system_gain_dn_per_e", "emva.quantum_efficiency", "emva.saturation_e", "emva.dark_noise_e",
                 "emva.dsnu_e", "emva4.*_e", "emva4.prnu_row", "emva4.snr_*"),

@@ -27,6 +27,8 @@ NEEDS_CLEAR_FLATS = (
     "clear of 0 and of the converter's top"
 )
 NEEDS_PHOTONS = "flats with known photons per pixel"
+_FROM_GAIN = ("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "dsnu.*", "dark_current.*", "full_well_e", "prnu.*",
+              "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
 _LEAST_EFFICIENCY = 1e-3  # e-/photon: below what silicon has anywhere between 300 and 1100 nm
 
 
@@ -58,15 +60,21 @@ def _curvature(found: Findings, result: PhotonTransfer, course: additivity.Cours
     if result.curvature_per_dn is None:
         if result.intercept_dn2 is None and course.deviates:
             found.warn(
-                f"photon_transfer_bent: the variance of {len(result.safe)} levels is not proportional to their signal, and so few do "
+                f"photon_transfer_bent: the variance of {len(result.safe)} levels is not proportional to their "
+                "signal, and so few do "
                 f"not tell why ({_causes(found, result, course)}): take four or more levels over a factor of three",
-                spoils=("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "dsnu.*", "dark_current.a_e_per_s",
-                        "full_well_e", "prnu.*", "emva.*", "emva4.*"),
-            )  # fmt: skip
+                spoils=_FROM_GAIN,
+            )
         return
     interval = symmetric(*result.curvature_per_dn, result.df)
     found.add("photon_transfer.curvature_per_dn", interval, "1/DN", "c of the variance K S (1 + c S)")
-    if result.bent:
+    if course.undecided and result.intercept_dn2 is None:
+        found.warn(
+            "photon_transfer_bent: the variance is not proportional to the signal, and the levels do not tell a bend from "
+            f"another black level of the flats ({_causes(found, result, course)}); gain_e_per_dn is right for a bend alone",
+            spoils=_FROM_GAIN,
+        )
+    elif result.bent:
         top = result.levels[result.safe[-1]].signal
         found.warn(
             f"photon_transfer_bent: at {top:.4g} DN the variance deviates by {interval[0] * top:+.1%} from the straight "
@@ -109,7 +117,8 @@ def _efficiency(found: Findings, result: PhotonTransfer) -> None:
     found.add("quantum_efficiency", symmetric(value, error, df), "e-/photon", "responsivity over gain", 1.0)
     if value < _LEAST_EFFICIENCY:
         found.warn(
-            f"photons_implausible: a quantum efficiency of {value:.2g} is that of no sensor; are the photons per pixel, not per cm2 "
+            f"photons_implausible: a quantum efficiency of {value:.2g} is that of no sensor; are the photons "
+            "per pixel, not per cm2 "
             "or of the whole frame?",
             spoils=(
                 "quantum_efficiency",
@@ -205,7 +214,8 @@ def response_pattern(
         pattern /= places
         noise = [(f * _noise_over(places, m, result), m) for f, m in noise]
         found.warn(
-            f"periodic_response: pixels respond by {places.min():.3g} to {places.max():.3g} of their mean in a mosaic of more than 2 x 2 "
+            f"periodic_response: pixels respond by {places.min():.3g} to {places.max():.3g} of their mean in a "
+            "mosaic of more than 2 x 2 "
             "(quad Bayer, X-Trans); PRNU is that within a place of the mosaic, quantum_efficiency the mean over colours",
             spoils=("quantum_efficiency", "emva.prnu_fraction", "emva4.prnu_*", "emva4_corrected.prnu_*", "emva.quantum_efficiency",
                     "emva.saturation_*", "full_well_e", "emva.linearity_error_*"),

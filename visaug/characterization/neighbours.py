@@ -95,14 +95,17 @@ def with_covariances(measured: Measured, found: Findings) -> Measured:
     if in_light:
         found.filtered = True
         found.warn(
-            f"correlated_noise: the noise of neighbours correlates, that of light by {_largest(light[0]):+.3f} and that of dark frames "
-            f"by {_largest(dark[0]):+.3f}: the frames were smoothed, demosaiced, resampled or filtered, so their variance is not "
+            f"correlated_noise: the noise of neighbours correlates, that of light by {_largest(light[0]):+.3f} "
+            "and that of dark frames "
+            f"by {_largest(dark[0]):+.3f}: the frames were smoothed, demosaiced, resampled or filtered, so "
+            "their variance is not "
             "that of pixels",
             spoils=_SPOILED,
         )
     elif in_dark:
         found.warn(
-            f"correlated_noise: the noise of neighbours in dark frames correlates by {_largest(dark[0]):+.3f} and that of light does "
+            f"correlated_noise: the noise of neighbours in dark frames correlates by {_largest(dark[0]):+.3f} "
+            "and that of light does "
             "not: read noise contains noise that neighbours share",
             spoils=("read_noise.*",),
         )
@@ -112,8 +115,10 @@ def with_covariances(measured: Measured, found: Findings) -> Measured:
 def _warn_shared(found: Findings, correlation: np.ndarray) -> None:
     beside = float(correlation[:2].mean())
     found.warn(
-        f"correlated_noise: the light's noise correlates by {beside:+.4f} with the next pixel and that of dark frames does not: pixels "
-        "share charge or are coupled; gain_e_per_dn is from variance plus covariances, the emva figures from the variance alone",
+        f"correlated_noise: the light's noise correlates by {beside:+.4f} with the next pixel and that of dark "
+        "frames does not: pixels "
+        "share charge or are coupled; gain_e_per_dn is from variance plus covariances, the emva figures from "
+        "the variance alone",
         spoils=_OF_THE_STANDARD,
     )
     share = _coupling(beside)

@@ -1,4 +1,6 @@
-"""Patterns of the response that are no white pattern of pixels: mosaics of any period, structured light, a header's wrong phase."""
+"""Patterns of the response that are no white pattern of pixels: mosaics of any period, structured light, a
+header's wrong phase.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +66,8 @@ def check_structure(pattern: np.ndarray, found: Findings) -> None:
     """Warns of light, or of a response, with structure that counts as PRNU."""
     if structured(pattern) < _STRUCTURE:
         found.warn(
-            "structured_light: the response varies from one part of the frame to another beyond a smooth surface (dust, a lens that falls "
+            "structured_light: the response varies from one part of the frame to another beyond a smooth "
+            "surface (dust, a lens that falls "
             "off steeply, an uneven source), which counts as PRNU",
             spoils=("prnu.*", "emva.prnu_fraction", "emva4.prnu_*", "emva4_corrected.prnu_*"),
         )
@@ -79,8 +82,10 @@ def check_header(mosaic: Mosaic | None, found: Findings) -> None:
     others = [i for i in range(4) if i not in (first, second)]
     if abs(r[first] - r[second]) > abs(r[others[0]] - r[others[1]]) + _PHASE:
         found.warn(
-            f"bayer_contradicted: the header gives {mosaic.pattern}, but the two greens of that pattern respond by {r[first]:.3g} and "
-            f"{r[second]:.3g} and the other two pixels by {r[others[0]]:.3g} and {r[others[1]]:.3g}: rows or columns are reversed, or "
+            f"bayer_contradicted: the header gives {mosaic.pattern}, but the two greens of that pattern respond "
+            f"by {r[first]:.3g} and "
+            f"{r[second]:.3g} and the other two pixels by {r[others[0]]:.3g} and {r[others[1]]:.3g}: rows or "
+            "columns are reversed, or "
             "the pattern is wrong",
             spoils=("quantum_efficiency",),
         )
