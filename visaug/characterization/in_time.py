@@ -21,6 +21,7 @@ from visaug.frames import FrameSet, Group
 _STALE = 5e-4  # probability that one group of sound frames has such an outlier
 _FEWEST = 4
 _HIT = 1e-3  # probability that noise makes a hit somewhere in a set
+_JUMPING = 0.1  # share of the pixels with a hit that have another
 _EDGE = 3.0  # noises by which a pixel beside a hit stands out to be part of it
 _LINES = ((0, 1), (1, 0), (1, 1), (1, -1))  # directions in which pixels of a track adjoin
 _BANDS = 1e-3  # probability of a false alarm in one set
@@ -133,8 +134,15 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
 
 
 def _most_often(counts: np.ndarray, groups: int) -> int:
-    """In how many groups one pixel is hit at most, where hits fall by chance: more in one set of ten."""
+    """In how many groups a pixel may be hit: where hits fall by chance, more happens in one set of ten; 0 for no hits at all.
+
+    Where more pixels than by chance (once in 1000 sets) are hit again, pixels jump by themselves; where they are a tenth of
+    those that were hit, the others may be such pixels too.
+    """
     share = float(counts.sum()) / counts.size / groups
+    again = int((counts > 1).sum())
+    if stats.poisson.sf(again - 1, counts.size * stats.binom.sf(1, groups, share)) < _HIT:
+        return 0 if again > _JUMPING * (counts > 0).sum() else 1
     return next(k for k in range(1, groups + 1) if counts.size * stats.binom.sf(k, groups, share) < 0.1)
 
 
