@@ -89,7 +89,7 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     tail = 1.2 * max(dips, default=0.0)
     gain = _rough_gain(several, peaks)
     quiet = min((p.noise for g, p in zip(several, peaks) if g.kind != "flat"), default=0.0)
-    hits: list[tuple[int, np.ndarray]] = []
+    hits: list[tuple[int, np.ndarray, np.ndarray]] = []
     seen: dict[tuple[int, int], np.ndarray] = {}
     for group, p in zip(several, peaks):
         if group.kind != "flat" and not dips:
@@ -102,16 +102,18 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
         hit = _hits(excess, p.frame, len(group.indices), len(several), gain * light / p.noise**3)
         if not hit.any():
             continue
-        near = ndimage.binary_dilation(hit, _AROUND) & (excess > _EDGE)
         before = seen.setdefault(hit.shape, np.zeros(hit.shape, np.uint8))
         before += hit
         for n, i in enumerate(group.indices):
-            mine = (hit | near) & (p.frame == n)
-            if mine.any():
-                hits.append((i, mine))
+            mine = p.frame == n
+            if (hit & mine).any():
+                hits.append((i, hit & mine, (excess > _EDGE) & mine))
     most = {shape: _most_often(counts, len(several)) for shape, counts in seen.items()}
-    chosen = {i: m & (seen[m.shape] <= most[m.shape]) for i, m in hits}
-    chosen = {i: m for i, m in chosen.items() if m.any()}
+    chosen = {}
+    for i, hit, bright in hits:
+        hit = hit & (seen[hit.shape] <= most[hit.shape])
+        if hit.any():
+            chosen[i] = hit | (ndimage.binary_dilation(hit, _AROUND) & bright)
     if not chosen:
         return frames
     pixels = sum(int(m.sum()) for m in chosen.values())
