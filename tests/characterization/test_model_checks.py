@@ -23,7 +23,7 @@ def taken(
     levels=LEVELS,
     n=4,
     biases=10,
-    light=1.0,
+    light: float | np.ndarray = 1.0,
     read=READ,
     gain=GAIN,
     black=BLACK,

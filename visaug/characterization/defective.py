@@ -217,7 +217,8 @@ def without(frames: FrameSet, bad: np.ndarray) -> FrameSet:
 
 def donors(bad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """For each bad pixel, in order, the nearest sound one of the same phase of a 2 x 2 that is not itself."""
-    rows, columns = np.indices(bad.shape)
+    place = np.indices(bad.shape)
+    rows, columns = place[0], place[1]
     for r in (0, 1):
         for c in (0, 1):
             part = bad[r::2, c::2]

@@ -185,7 +185,7 @@ def _normal_gap(chance: float, n: int) -> float:
         logs = log_density + (n - 1) * stats.norm.logcdf(x - gap)
         return float(np.logaddexp.reduce(logs)) + math.log(x[1] - x[0]) - math.log(chance)
 
-    return float(optimize.brentq(excess, 0.0, 14.0))
+    return float(optimize.root_scalar(excess, bracket=(0.0, 14.0)).root)
 
 
 def _gap(chance: float, n: int, skewness: float) -> float:

@@ -42,7 +42,7 @@ def _step(path: Path | None) -> float | None:
     from astropy.io import fits
 
     with fits.open(path, disable_image_compression=True) as file:
-        for part in file:
+        for part in (p for p in file if isinstance(p, fits.BinTableHDU)):
             if part.header.get("ZIMAGE") and "ZSCALE" in part.columns.names:
                 return float(np.median(np.abs(part.data["ZSCALE"])))
     return None

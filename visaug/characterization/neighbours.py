@@ -57,7 +57,7 @@ def covariances(frames: FrameSet, moments: GroupMoments) -> Covariances:
     part = slice(r0, r0 + _SIDE), slice(c0, c0 + _SIDE)
     indices = moments.group.indices
     mean = np.mean([frames.read(i)[part] for i in indices], axis=0, dtype=np.float64)
-    h, w = mean.shape
+    h, w = mean.shape[0], mean.shape[1]
     sums, square = np.zeros(len(LAGS)), 0.0
     for i in indices:
         r = frames.read(i)[part] - mean
