@@ -21,6 +21,8 @@ from visaug.frames import FrameSet, Group
 _STALE = 5e-4  # probability that one group of sound frames has such an outlier
 _FEWEST = 4
 _HIT = 1e-3  # probability that noise makes a hit somewhere in a set
+_TAIL = 3.0  # with tails of a power of 6.7 (Tukey-lambda of -0.15) as many values exceed their greatest dip so far once in 1000
+_HEAVY = 0.1  # probability that dips of normal noise count as heavy tails
 _JUMPING = 0.1  # share of the pixels with a hit that have another
 _EDGE = 3.0  # noises by which a pixel beside a hit stands out to be part of it
 _LINES = ((0, 1), (1, 0), (1, 1), (1, -1))  # directions in which pixels of a track adjoin
@@ -72,7 +74,7 @@ class _Peaks:
     second: np.ndarray
     frame: np.ndarray
     dip: float  # greatest distance of a pixel's least value from its second least, DN
-    noise: float  # robust, of single pixels, DN
+    noise: float  # of single pixels, DN
 
 
 def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> FrameSet:
@@ -80,13 +82,14 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
 
     A hit is one pixel, or two or three in a line in one frame, whose greatest value is farther from the second greatest than
     noise of the group's law would have it anywhere in the set (once in 1000 sets). Noise has tails on both sides, but hits
-    brighten: what no pixel of dark frames falls below its other values by is the least that a hit must exceed. A pixel that is
+    brighten: where pixels of dark frames fall
+    below their other values by more than normal noise, hits must exceed that by far. A pixel that is
     hit in more groups than chance allows jumps by itself.
     """
     several = [g for g in groups if len(g.indices) > 1]
     peaks = [_peaks(frames, g) for g in several]
-    dips = [p.dip for g, p in zip(several, peaks) if g.kind != "flat" and len(g.indices) > 2]
-    tail = 1.2 * max(dips, default=0.0)
+    dips = [(p, len(g.indices)) for g, p in zip(several, peaks) if g.kind != "flat" and len(g.indices) > 2]
+    tail = _tail(*min(dips, key=lambda d: d[0].noise)) if dips else 0.0
     gain = _rough_gain(several, peaks)
     quiet = min((p.noise for g, p in zip(several, peaks) if g.kind != "flat"), default=0.0)
     hits: list[tuple[int, np.ndarray, np.ndarray]] = []
@@ -96,7 +99,7 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
             continue
         shot = np.maximum(p.second - np.median(p.second), 0.0) * gain  # bright pixels have more of it
         noise = np.sqrt(p.noise**2 + shot)
-        apart = p.first - p.second
+        apart = np.maximum(p.first - p.second - found.step_dn, 0.0)  # rounding adds up to one step
         excess = np.where(apart > tail, apart / noise, 0.0)
         light = max(p.noise**2 - quiet**2, 0.0)
         hit = _hits(excess, p.frame, len(group.indices), len(several), gain * light / p.noise**3)
@@ -133,6 +136,12 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
         return frame
 
     return repaired(frames, change)
+
+
+def _tail(quiet: _Peaks, n: int) -> float:
+    """Least gap of a hit, DN, by the tails of the read noise in the quietest dark frames; 0 where these are normal."""
+    normal = _normal_gap(float(f"{_HEAVY / quiet.first.size:.2e}"), n) * quiet.noise + 1
+    return _TAIL * quiet.dip if quiet.dip > normal else 0.0
 
 
 def _most_often(counts: np.ndarray, groups: int) -> int:
@@ -213,9 +222,11 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
         below = frame < least
         next_least = np.where(below, least, np.minimum(next_least, frame))
         least = np.where(below, frame, least)
-        steps.append(float(np.median(np.abs(frame - before))))
+        steps.append(float(np.abs(frame - before).mean(dtype=np.float64)))
         before = frame
-    noise = 1.4826 * float(np.median(steps)) / math.sqrt(2)
+    noise = (
+        0.5 * math.sqrt(math.pi) * float(np.median(steps))
+    )  # of normal noise, from the mean absolute difference
     return _Peaks(first, second, which, float((next_least - least).max()), max(noise, 0.5))
 
 
