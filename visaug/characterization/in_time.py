@@ -82,9 +82,8 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
 
     A hit is one pixel, or two or three in a line in one frame, whose greatest value is farther from the second greatest than
     noise of the group's law would have it anywhere in the set (once in 1000 sets). Noise has tails on both sides, but hits
-    brighten: where pixels of dark frames fall
-    below their other values by more than normal noise, hits must exceed that by far. A pixel that is
-    hit in more groups than chance allows jumps by itself.
+    brighten: where pixels of dark frames fall below their other values by more than normal noise, hits must exceed that by
+    far. A pixel that is hit in more groups than chance allows jumps by itself.
     """
     several = [g for g in groups if len(g.indices) > 1]
     peaks = [_peaks(frames, g) for g in several]
