@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from visaug.characterization import lossy
 from visaug.characterization.alike import KINDS, merged_groups
 from visaug.characterization.facts import Facts, look, temporal_variances
 from visaug.characterization.findings import Findings
@@ -21,7 +22,6 @@ _DEPTHS = (8, 10, 12, 14, 16)
 _PILE = 1e-3  # share of a flat's pixels at the converter's top that no signal piles up by itself
 _MASTER = 0.55  # of the temporal variance of a raw frame: two or more frames averaged have half or less
 _TELLING = 0.2  # DN^2: below, rounding hides the noise of a single frame
-_LOSSY = (".jpg", ".jpeg")
 
 
 def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[FrameSet, list[Facts]]:
@@ -37,7 +37,7 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
     frames = _one_setting(frames, found)
     frames = _without_told_masters(frames, found)
     facts = look(frames)
-    _lossy(frames, found)
+    lossy.check(frames, facts, found)
     frames, facts = _aligned(frames, facts, found, told_bits)
     frames, facts = _without_copies(frames, facts)
     frames, facts = _without_masters(frames, facts, found)
@@ -198,12 +198,3 @@ def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits:
         f"{found.bit_depth} bits hold the largest value, {largest:g} DN (give --bit-depth, or take a saturated flat)",
         spoils=("bit_depth",),
     )
-
-
-def _lossy(frames: FrameSet, found: Findings) -> None:
-    if any(r.file.lower().endswith(_LOSSY) for r in frames.records):
-        found.warn(
-            "lossy_frames: JPEG compression removes noise and rounds coarsely; measure raw or lossless frames",
-            spoils=("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "read_noise.shape",
-                    "prnu.*", "dsnu.*", "dark_current.*", "full_well_e", "emva.*", "emva4.*", "temporal.*"),
-        )  # fmt: skip

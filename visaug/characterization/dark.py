@@ -59,7 +59,7 @@ def _of_frames(measured: Measured, groups: tuple[GroupMoments, ...]) -> dark_cur
     return dark_current.joint_law(*np.array(rows, float).reshape(-1, 3).T)
 
 
-def _add_law(found: Findings, law: dark_current.Law, source: str) -> None:
+def _add_law(found: Findings, law: dark_current.Law, source: str, assumes: str = "") -> None:
     """The law in electrons where the gain is known."""
     scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
     relative = 0.0 if found.gain is None else found.gain.relative_error
@@ -71,7 +71,8 @@ def _add_law(found: Findings, law: dark_current.Law, source: str) -> None:
     if found.gain is None:
         found.miss("dark_current.a_e_per_s", NEEDS_FLATS)
     half = t * math.sqrt(law.covariance[1, 1])
-    found.add("dark_current.b_per_c", (law.b_per_c, law.b_per_c - half, law.b_per_c + half), "1/degC", source)
+    interval = (law.b_per_c, law.b_per_c - half, law.b_per_c + half)
+    found.add("dark_current.b_per_c", interval, "1/degC", source, assumes=assumes)
 
 
 def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
@@ -90,7 +91,10 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
         "in_electrons": np.array(found.gain is not None),
     }
     if law is not None:
-        _add_law(found, law, f"mean dark signal against exposure at {len(lines)} temperatures")
+        untested = (
+            "dark current follows a exp(b T), which two temperatures do not test" if len(lines) == 2 else ""
+        )
+        _add_law(found, law, f"mean dark signal against exposure at {len(lines)} temperatures", untested)
         if law.misfit > stats.f.ppf(0.999, max(len(lines) - 2, 1), min(law.df, 1e6)):
             found.warn(
                 "dark_current_law: the dark current does not follow a exp(b T) within its uncertainty",

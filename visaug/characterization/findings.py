@@ -41,6 +41,11 @@ class Findings:
     bend_per_e: float | None = None  # c of the response e (1 + c e), where it bends beyond doubt
     effects: list[dict[str, Any]] = field(default_factory=list)  # of a camera.yaml, beyond the base chain
     assumed: list[str] = field(default_factory=list)  # paths of a camera.yaml that nothing measured
+    stuck: np.ndarray | None = None  # (H, W) pixels that do not answer to light
+    filtered: bool = (
+        False  # whether pixels were mixed after they were read: rows and columns then share noise too
+    )
+    step_dn: float = 1.0  # distance of neighbouring codes
 
     def add(
         self,

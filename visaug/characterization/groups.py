@@ -23,13 +23,18 @@ class Level:
     """A flat and the dark frames that belong to it.
 
     `dark_signal` is what dark current adds in the flat beyond its dark frames, whose exposure may differ
-    (DN); `dark_rate_error` the standard error of its rate (DN/s), None where the rate is not known.
+    (DN); `dark_rate_error` the standard error of its rate (DN/s), None where the rate is not known. `band_variance`
+    is what rows share in flats alone, `shared_variance` the sum of the covariances of the light's noise with the eight
+    neighbours (DN^2), `shared_error` its standard error.
     """
 
     flat: GroupMoments
     dark: GroupMoments
     dark_signal: float = 0.0
     dark_rate_error: float | None = None
+    band_variance: float = 0.0
+    shared_variance: float = 0.0
+    shared_error: float = 0.0
 
     @property
     def photons(self) -> float | None:
@@ -70,8 +75,8 @@ class Level:
         return float(rows.sum() / weights.sum()) - self.flat.frame_variance + self.dark.frame_variance
 
     def noise_of(self, weights: np.ndarray) -> float:
-        """The same without what a lamp that changes adds where the light is uneven."""
-        return self.variance_of(weights) - self.lamp_variance
+        """The same without what a lamp that changes adds, and with what neighbours share of it."""
+        return self.variance_of(weights) - self.lamp_variance - self.band_variance + self.shared_variance
 
     @property
     def lamp_variance(self) -> float:
@@ -136,9 +141,9 @@ class Measured:
         return max((m.shape for m in self.moments if m.group.kind != "image"), key=lambda s: s[0] * s[1])
 
 
-def measure_groups(frames: FrameSet, facts: Sequence[Facts]) -> Measured:
-    """Every group measured in one pass over the frames."""
-    moments = tuple(measure(frames, g) for g in merged_groups(frames, facts))
+def measure_groups(frames: FrameSet, facts: Sequence[Facts], step_dn: float = 1.0) -> Measured:
+    """Every group measured in one pass over the frames, whose codes are `step_dn` apart."""
+    moments = tuple(measure(frames, g, step_dn) for g in merged_groups(frames, facts))
     gains = Counter()
     for m in moments:
         gains[m.group.gain_db] += m.n * (1000 if m.group.kind == "flat" else 1)

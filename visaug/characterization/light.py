@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from visaug.characterization import additivity, spatial
 from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Level, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
@@ -26,6 +27,9 @@ NEEDS_CLEAR_FLATS = (
     "clear of 0 and of the converter's top"
 )
 NEEDS_PHOTONS = "flats with known photons per pixel"
+_FROM_GAIN = ("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "dsnu.*", "dark_current.*", "full_well_e", "prnu.*",
+              "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
+_LEAST_EFFICIENCY = 1e-3  # e-/photon: below what silicon has anywhere between 300 and 1100 nm
 
 
 def gain_and_efficiency(
@@ -46,26 +50,58 @@ def gain_and_efficiency(
     low, high = 1 / (gain + half), 1 / (gain - half) if gain > half else math.inf
     found.add("gain_e_per_dn", (1 / gain, low, high), "e-/DN", source)
     found.gain = Gain(gain, result.gain_error / gain, measured=True)
-    _curvature(found, result)
+    _curvature(found, result, additivity.course([result.levels[i] for i in result.safe]))
     _efficiency(found, result)
     _transfer_curves(found, result)
     return result
 
 
-def _curvature(found: Findings, result: PhotonTransfer) -> None:
+def _curvature(found: Findings, result: PhotonTransfer, course: additivity.Course) -> None:
     if result.curvature_per_dn is None:
+        if result.intercept_dn2 is None and course.deviates:
+            found.warn(
+                f"photon_transfer_bent: the variance of {len(result.safe)} levels is not proportional to their "
+                "signal, and so few do "
+                f"not tell why ({_causes(found, result, course)}): take four or more levels over a factor of three",
+                spoils=_FROM_GAIN,
+            )
         return
     interval = symmetric(*result.curvature_per_dn, result.df)
     found.add("photon_transfer.curvature_per_dn", interval, "1/DN", "c of the variance K S (1 + c S)")
-    if result.bent:
+    if course.undecided and result.intercept_dn2 is None:
+        found.warn(
+            "photon_transfer_bent: the variance is not proportional to the signal, and the levels do not tell a bend from "
+            f"another black level of the flats ({_causes(found, result, course)}); gain_e_per_dn is right for a bend alone",
+            spoils=_FROM_GAIN,
+        )
+    elif result.bent:
         top = result.levels[result.safe[-1]].signal
         found.warn(
             f"photon_transfer_bent: at {top:.4g} DN the variance deviates by {interval[0] * top:+.1%} from the straight "
-            "line (nonlinear response, or charge sharing); gain_e_per_dn is the slope at zero signal, "
+            f"line ({_causes(found, result, course)}); gain_e_per_dn is the slope at zero signal, "
             "the emva gain that of the straight line required by the standard",
             spoils=("emva.system_gain_dn_per_e", "emva.quantum_efficiency", "emva.saturation_e",
                     "emva.dark_noise_e", "emva.dsnu_e", "emva4.*_e"),
         )  # fmt: skip
+
+
+def _causes(found: Findings, result: PhotonTransfer, course: additivity.Course) -> str:
+    """What bends a photon transfer, by what the frames say of each cause."""
+    shared = any(w.startswith("correlated_noise") for w in found.warnings)
+    line = result.response
+    causes = {
+        "charge sharing": "neighbours correlate" if shared else "ruled out, neighbours do not correlate",
+        "nonlinear response": "photons are not known"
+        if line is None
+        else "the signal bends too"
+        if line.bent
+        else "not seen in the signal against photons",
+        "another black level than that of the dark frames": "possible"
+        if course.undecided
+        else "fits worse than a bend",
+        "a lamp that changes": "taken out",
+    }
+    return "; ".join(f"{cause}: {verdict}" for cause, verdict in causes.items())
 
 
 def _efficiency(found: Findings, result: PhotonTransfer) -> None:
@@ -79,6 +115,18 @@ def _efficiency(found: Findings, result: PhotonTransfer) -> None:
         [((value * result.gain_error / gain) ** 2, result.df), ((value * line.relative_error) ** 2, line.df)]
     )
     found.add("quantum_efficiency", symmetric(value, error, df), "e-/photon", "responsivity over gain", 1.0)
+    if value < _LEAST_EFFICIENCY:
+        found.warn(
+            f"photons_implausible: a quantum efficiency of {value:.2g} is that of no sensor; are the photons "
+            "per pixel, not per cm2 "
+            "or of the whole frame?",
+            spoils=(
+                "quantum_efficiency",
+                "emva.quantum_efficiency",
+                "emva.saturation_photons",
+                "emva4.absolute_sensitivity_*photons",
+            ),
+        )
     if value > 1:
         found.warn(
             "quantum_efficiency_above_one: the stated photons are too few, or the light is not uniform",
@@ -161,6 +209,19 @@ def response_pattern(
         colours = mosaic.map(shape)
         pattern /= colours
         noise = [(f * _noise_over(colours, m, result), m) for f, m in noise]
+    places = spatial.tile(pattern)
+    if places is not None:
+        pattern /= places
+        noise = [(f * _noise_over(places, m, result), m) for f, m in noise]
+        found.warn(
+            f"periodic_response: pixels respond by {places.min():.3g} to {places.max():.3g} of their mean in a "
+            "mosaic of more than 2 x 2 "
+            "(quad Bayer, X-Trans); PRNU is that within a place of the mosaic, quantum_efficiency the mean over colours",
+            spoils=("quantum_efficiency", "emva.prnu_fraction", "emva4.prnu_*", "emva4_corrected.prnu_*", "emva.quantum_efficiency",
+                    "emva.saturation_*", "full_well_e", "emva.linearity_error_*"),
+        )  # fmt: skip
+    if not found.filtered:
+        spatial.check_structure(pattern, found)
     split = parts(pattern, noise, detrend=True)
     source = f"analysis of variance of the pixels' slopes over {len(levels)} levels, smooth shading taken out"
     for name in ("row", "column", "pixel"):

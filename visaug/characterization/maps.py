@@ -48,6 +48,8 @@ def add_maps(found: Findings, measured: Measured) -> None:
     response = found.maps.get("response")
     if response is not None:
         mark(np.abs(_stands_out(response)) > _ODD, DEAD)
+    if found.stuck is not None:
+        mark(found.stuck, DEAD)
     if defects is not None:
         found.maps["defects"] = defects
         counts = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -46,6 +46,7 @@ class GroupMoments:
         spatial_variance: variance of the mean map (HW - 1 in it), DN^2.
         temporal: mean squares of the temporal noise, None for one frame.
         clipped_low, clipped_high: share of pixels at 0 and at the converter's top.
+        step_dn: distance of neighbouring codes, DN.
     """
 
     group: Group
@@ -61,6 +62,7 @@ class GroupMoments:
     clipped_high: float
     columns_by_frame: np.ndarray = field(repr=False)
     rows_by_frame: np.ndarray = field(repr=False)
+    step_dn: float = 1.0
 
     @property
     def mean(self) -> float:
@@ -76,9 +78,10 @@ class GroupMoments:
         return float(self.frame_means.var(ddof=1)) if self.n > 1 else 0.0
 
 
-def measure(frames: FrameSet, group: Group) -> GroupMoments:
+def measure(frames: FrameSet, group: Group, step_dn: float = 1.0) -> GroupMoments:
     """Moments of one group in one pass."""
-    return _finish(frames, group, *_accumulate(frames, group.indices, group.kind == "flat"))
+    found = _finish(frames, group, *_accumulate(frames, group.indices, group.kind == "flat"))
+    return replace(found, step_dn=step_dn)
 
 
 def mean_map(frames: FrameSet, indices: Iterable[int]) -> np.ndarray:

@@ -89,7 +89,7 @@ def transfer(levels: Sequence[Level], dark_tells: bool = True) -> PhotonTransfer
         else:
             x = np.array([(v.flat.row_means * rows).sum() / rows.sum() for v in chosen]) - pedestal
             y = np.array([(v.flat.row_variances * rows).sum() / rows.sum() - v.flat.frame_variance
-                          - v.lamp_variance for v in chosen])  # fmt: skip
+                          - v.lamp_variance - v.band_variance + v.shared_variance for v in chosen])  # fmt: skip
         basis = np.stack([x**p for p in powers], axis=1)
         fit = dict(zip(powers, np.linalg.lstsq(basis * weights[:, None], y * weights, rcond=None)[0]))
         return {"gain": fit[1], "curvature": fit.get(2, 0.0) / fit[1], "intercept": fit.get(0, 0.0)}
@@ -98,18 +98,32 @@ def transfer(levels: Sequence[Level], dark_tells: bool = True) -> PhotonTransfer
     value, error, df = found["gain"]
     if not value > 0:
         return None
+    added = _of_added(chosen, powers, weights, pedestal if not dark_tells else None)
+    error = math.hypot(error, added[1])
+    bend, bend_error, _ = found["curvature"]
     return PhotonTransfer(
         levels,
         value,
         error,
         df,
-        found["curvature"][:2] if 2 in powers else None,
+        (bend, math.hypot(bend_error, added.get(2, 0.0) / value)) if 2 in powers else None,
         found["intercept"][:2] if 0 in powers else None,
         pedestal,
         response(chosen, dark_tells),
         saturation,
         safe,
     )
+
+
+def _of_added(
+    levels: Sequence[Level], powers: tuple[int, ...], weights: np.ndarray, pedestal: float | None
+) -> dict[int, float]:
+    """Standard error of each coefficient by that of the covariances that were added to the variances."""
+    x = np.array([v.signal if pedestal is None else v.flat.mean - pedestal for v in levels])
+    basis = np.stack([x**p for p in powers], axis=1)
+    influence = np.linalg.pinv(basis * weights[:, None]) * weights
+    errors = np.array([v.shared_error for v in levels])
+    return {p: float(np.sqrt(((row * errors) ** 2).sum())) for p, row in zip(powers, influence)}
 
 
 def _powers(levels: Sequence[Level], dark_tells: bool) -> tuple[int, ...]:
@@ -150,7 +164,7 @@ def rounds_evenly(moments: GroupMoments) -> bool:
     For normal noise of s DN the variance is off by at most 4 (s^2 + 1/(4 pi^2)) exp(-2 pi^2 s^2), below 0.3 %
     from s = 0.6 on (W. F. Sheppard's corrections; B. Widrow, IRE Trans. Circuit Theory 3 (1956) 266).
     """
-    return moments.variance - 1 / 12 >= EVEN_DN**2
+    return moments.variance - moments.step_dn**2 / 12 >= (EVEN_DN * moments.step_dn) ** 2
 
 
 def last_fitted(levels: Sequence[Level], saturation: int | None) -> int:

@@ -118,6 +118,7 @@ class Characterization:
             "schema": 1,
             "parameters": {name: e.to_json() for name, e in self.parameters.items()},
             "not_determined": [{"parameter": p, "needs": n} for p, n in self.not_determined.items()],
+            **({"effects": [dict(e) for e in self.effects]} if self.effects else {}),
             "warnings": list(self.warnings),
             "warning_details": [w.to_json() for w in self.warning_details],
             **(

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.characterization import dark, light, still
+from visaug.characterization import additivity, codes, dark, light, model_checks, still
 from visaug.characterization.camera_content import CAMERA_KEYS
 from visaug.characterization.conditions import dark_temperature, prepared
 from visaug.characterization.emva import emva
@@ -87,7 +87,8 @@ def characterize(
             found.warn(warning)
     told_bits = frames.told_bits or (camera.bit_depth if camera is not None else None)
     ready, facts = prepared(frames, found, told_bits)
-    measured = measure_groups(ready, facts)
+    ready, facts = model_checks.screened(ready, facts, found)
+    measured = measure_groups(ready, facts, found.step_dn)
     _few_frames(found, measured)
     if method == "paper":
         from visaug.characterization.paper import procedure
@@ -95,6 +96,7 @@ def characterize(
         procedure(found, measured, camera)
         return _result(found, ready, camera, measured, method)
     mosaic = find_mosaic(ready, facts)
+    measured = model_checks.tested(measured, found, mosaic)
     _measure(found, measured, camera, seed, mosaic)
     result = _result(found, ready, camera, measured, method)
     if mosaic is None:
@@ -119,6 +121,8 @@ def _measure(
     found: Findings, measured: Measured, camera: Camera | None, seed: int, mosaic: Mosaic | None
 ) -> None:
     dark_tells = still.dark_frames_tell(measured)
+    if dark_tells and additivity.pedestal(measured, found):
+        dark_tells = False
     if still.flicker(measured):
         found.warn(
             "dark_frames_noisier: dark frames have more noise than brighter flats (image lag, "
@@ -168,7 +172,11 @@ def _without_light(found: Findings, measured: Measured, seed: int) -> None:
             found.miss(name, still.NEEDS_STILL)
         dark.dark_law(found, measured)
         return
-    if not still.tells(frames):
+    coarse_steps = found.step_dn > 1 and not still.tells(frames)
+    if coarse_steps:
+        for name in ("read_noise.sigma_e", "read_noise.shape"):
+            found.miss(name, codes.NEEDS_WHOLE_STEPS)
+    elif not still.tells(frames):
         from visaug.characterization.clipped import clipped_frames
 
         clipped_frames(found, measured, frames, seed)
@@ -176,8 +184,9 @@ def _without_light(found: Findings, measured: Measured, seed: int) -> None:
     signal = dark.dark_law(found, measured, frames)
     pattern = still.dark_pattern(found, measured, frames)
     still.black_level(found, frames, pattern, signal)
-    shot = 0.0 if found.gain is None else max(signal, 0.0) * found.gain.dn_per_e
-    still.noise_of_reading(found, measured, frames, shot)
+    if not coarse_steps:
+        shot = 0.0 if found.gain is None else max(signal, 0.0) * found.gain.dn_per_e
+        still.noise_of_reading(found, measured, frames, shot + (found.step_dn**2 - 1) / 12)
     still.temporal_parts(found, frames)
 
 

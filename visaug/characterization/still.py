@@ -139,7 +139,7 @@ def temporal_parts(found: Findings, still: GroupMoments) -> None:
     for name, ms, df, size in (("row", t.row, t.row_df, width), ("column", t.column, t.column_df, height)):
         terms = [(c / size, m, d) for c, m, d in ((1.0, ms, df), pixel)]
         add_in_electrons(found, f"temporal.{name}", root(variance_combination(terms)), source)
-        if read_noise.unsteady(ms, t.pixel, df):
+        if read_noise.unsteady(ms, t.pixel, df) and not found.filtered:
             found.warn(
                 f"{name}_noise: the offset of whole {name}s changes from frame to frame; read noise excludes it",
                 spoils=(

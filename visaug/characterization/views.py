@@ -41,6 +41,39 @@ class _View:
         return _View(self._frames, self._change, bit_depth)
 
 
+class _Repaired(_View):
+    """A store whose change of a frame depends on which frame it is."""
+
+    def __init__(self, frames: FrameSet, change: Callable[[np.ndarray, int], np.ndarray]) -> None:
+        super().__init__(frames, lambda frame: frame, frames.bit_depth)
+        self._of = change
+
+    def read(self, i: int) -> np.ndarray:
+        return self._of(self._frames.read(i), i)
+
+    def with_bits(self, bit_depth: int) -> _View:
+        return _View(FrameSet(self._frames.records, self), lambda frame: frame, bit_depth)
+
+
+def repaired(frames: FrameSet, change: Callable[[np.ndarray, int], np.ndarray]) -> FrameSet:
+    """The frames with values put in place by ``change(frame, position)``; shapes stay."""
+    return FrameSet(frames.records, _Repaired(frames, change))
+
+
+def cropped(frames: FrameSet, window: tuple[int, int, int, int]) -> FrameSet:
+    """Rows r0 to r1 and columns c0 to c1 of every frame; even r0 and c0 leave the phase of a mosaic as it is."""
+    r0, r1, c0, c1 = window
+
+    def record(r: FrameRecord) -> FrameRecord:
+        if r.window is None:
+            return r
+        top, _, left, _ = r.window
+        return replace(r, window=(top + r0, top + r1, left + c0, left + c1))
+
+    view = _View(frames, lambda frame: frame[r0:r1, c0:c1], frames.bit_depth)
+    return FrameSet([record(r) for r in frames.records], view)
+
+
 def shifted(frames: FrameSet, low: int) -> FrameSet:
     """Values without their lowest bits."""
     bits = None if frames.bit_depth is None else frames.bit_depth - low

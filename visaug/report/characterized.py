@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from visaug.core.wording import with_interval
+from visaug.report.headline import characterization_headline
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
 from visaug.report.next_step import Inputs, after_characterization
 from visaug.report.pages import described, next_text, unit_text
@@ -31,6 +32,9 @@ def write_characterization(
     blocks: list[Text | Table | Figure] = [*_parameter_tables(content["parameters"])]
     if not pictured or "gain_e_per_dn" in content["parameters"]:  # else there is no camera to write
         blocks.insert(0, next_text(after_characterization(inputs, pictured)))
+    headline = characterization_headline(content, camera_file.name if camera_file else None)
+    if headline:
+        blocks.insert(0, Text(headline))
     if content["not_determined"]:
         open_rows = [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]
         blocks.append(Table(["not determined", "needs"], open_rows, caption="What these frames cannot tell."))

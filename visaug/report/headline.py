@@ -8,6 +8,26 @@ from visaug.core.wording import p_text, probability_text, statistic_text, with_i
 Content = Mapping[str, Any]
 
 
+def characterization_headline(content: Content, written: str | None = None) -> str | None:
+    """What the frames show beyond the base chain, and where it was written; None where there is nothing.
+
+    Args:
+        written: the camera file that holds it.
+    """
+    if not content.get("effects"):
+        return None
+    named = [
+        f"{effect['name']} ({', '.join(f'{k} = {_short(v)}' for k, v in effect.items() if k != 'name')})"
+        for effect in content["effects"]
+    ]
+    where = f"written to {written}" if written else "-o camera.yaml writes them"
+    return f"Beyond the base chain the frames show {', '.join(named)}: {where}."
+
+
+def _short(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.3g}"
+
+
 def view_title(name: str) -> str:
     """The plain name of a view."""
     from visaug.statistics import VIEWS

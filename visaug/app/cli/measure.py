@@ -122,7 +122,8 @@ def characterize(
         result = visaug.characterize(frames, camera, seed=seed, method=method)
         progress("characterizing", 1, 1)
     if not is_silent(quiet, json_path):
-        summaries.print_characterization(result.to_json())
+        noiseless = result.is_noiseless
+        summaries.print_characterization(result.to_json(), str(output) if output and not noiseless else None)
     # The measurements are written before the camera, because writing a camera fails where none was determined.
     write_result(json_path, result.to_json())
     if output and result.is_noiseless:
@@ -232,7 +233,7 @@ def compare(
             raise SystemExit(MISFIT)
         return
     assert camera is not None
-    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
+    frames = _checked(visaug.FrameSet.load(frames_path, camera.resolution, bit_depth))
     with progress_bars(quiet=quiet) as progress, _warning_of_renders(json_path, fail_on_misfit):
         result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
     inputs = replace(Inputs.of(camera, frames), transfer=_told(transfer))
@@ -251,6 +252,14 @@ def compare(
         summaries.print_next(after_comparison(content, inputs))
     if fail_on_misfit and not result.adequate:
         raise SystemExit(MISFIT)
+
+
+def _checked(frames: "FrameSet") -> "FrameSet":
+    """The frames, with what the checks of the measurement model say of them among their warnings."""
+    from visaug.characterization.alarms import note_alarms
+
+    note_alarms(frames)
+    return frames
 
 
 @contextmanager
@@ -331,7 +340,7 @@ def diagnose(
     for name in without:
         find(name)
     camera = load_camera(camera_name)
-    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
+    frames = _checked(visaug.FrameSet.load(frames_path, camera.resolution, bit_depth))
     with progress_bars(single=True, quiet=quiet) as progress, _warning_of_renders(json_path):
         result = visaug.diagnose(
             camera,
@@ -406,7 +415,7 @@ def lab(
     may_write(output, force)
     own = [name for file in effects for name in load_own(file)]  # first: the camera may name one of them
     camera = load_camera(camera_name)
-    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
+    frames = _checked(visaug.FrameSet.load(frames_path, camera.resolution, bit_depth))
     bench = Bench(camera, frames, own, seed=seed, output=output, force=force)
     try:
         serve(bench, port, say=click.echo, ready=click.launch if browser else None)

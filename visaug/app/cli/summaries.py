@@ -6,15 +6,24 @@ import click
 
 from visaug.app.cli.tables import print_table
 from visaug.core.wording import share_text, statistic_text, with_interval
-from visaug.report.headline import comparison_headline, diagnosis_details, diagnosis_headline, view_title
+from visaug.report.headline import (
+    characterization_headline,
+    comparison_headline,
+    diagnosis_details,
+    diagnosis_headline,
+    view_title,
+)
 from visaug.report.next_step import NextStep
 
 if TYPE_CHECKING:
     from visaug.frames.survey import Survey
 
 
-def print_characterization(result: dict[str, Any]) -> None:
-    """A table of parameters with intervals, what stays open, and warnings."""
+def print_characterization(result: dict[str, Any], camera_file: str | None = None) -> None:
+    """What was found beyond the base chain, a table of parameters with intervals, what stays open, and warnings."""
+    headline = characterization_headline(result, camera_file)
+    if headline:
+        click.echo(headline)
     rows = [
         [
             name,

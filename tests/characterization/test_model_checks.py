@@ -1,0 +1,361 @@
+"""Checks of the measurement model: each fault is corrected or named with what it spoils; frames are plain NumPy."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from visaug.app.cli import main
+from visaug.characterization import characterize
+from visaug.characterization.alarms import note_alarms
+from visaug.characterization.codes import _step
+from visaug.characterization.in_time import _normal_gap
+from visaug.characterization.model_checks import CHECKS
+from visaug.frames import FrameRecord, FrameSet
+
+SHAPE = (72, 96)
+GAIN, READ, PRNU, BLACK = 0.4, 4.0, 0.01, 100.0  # e-/DN, e-, share, DN
+LEVELS = (100, 300, 600, 1000, 1400)  # e-
+ALARMS = {word for check in CHECKS for word in check.words}
+
+
+def taken(
+    seed=0,
+    levels=LEVELS,
+    n=4,
+    biases=10,
+    light: float | np.ndarray = 1.0,
+    read=READ,
+    gain=GAIN,
+    black=BLACK,
+    change=None,
+    charge=None,
+):
+    """Rows (kind, exposure, degC, photons, frame): bias frames and flats; `charge` acts on electrons, `change` on DN."""
+    rng = np.random.default_rng(seed)
+    prnu = rng.normal(0, PRNU, SHAPE)
+
+    def frame(kind, mean_e):
+        e = rng.poisson(mean_e * light * (1 + prnu)).astype(float)
+        e = e if charge is None else charge(e, kind, rng)
+        dn = np.clip(np.rint(black + (e + rng.normal(0, read, SHAPE)) / gain), 0, 4095)
+        return dn if change is None else np.clip(np.rint(change(dn, kind, rng)), 0, 65535)
+
+    rows = [("bias", 0.0, 20.0, None, frame("bias", 0)) for _ in range(biases)]
+    return rows + [("flat", 0.01, 20.0, e / 0.6, frame("flat", e)) for e in levels for _ in range(n)]
+
+
+def frame_set(rows, **told):
+    records = [FrameRecord(i, f"{i}", k, t, c, 0.0, p, **told) for i, (k, t, c, p, _) in enumerate(rows)]
+    return FrameSet.from_arrays(records, [np.asarray(r[-1], np.uint16) for r in rows])
+
+
+def measured(rows, **told):
+    return characterize(frame_set(rows, **told))
+
+
+def alarms(result):
+    return {w.word for w in result.warning_details} & ALARMS
+
+
+def spoiled(result, word):
+    return next(w.spoils for w in result.warning_details if w.word == word)
+
+
+def covers(result, **truth):
+    """An interval twice as wide as the 95 % one misses once in 10,000."""
+    for name, true in truth.items():
+        e = result[name.replace("__", ".")]
+        assert e.low - (e.value - e.low) <= true <= e.high + (e.high - e.value), f"{name}: {e} for {true}"
+
+
+RIGHT = {"gain_e_per_dn": GAIN, "read_noise__sigma_e": READ, "prnu__pixel": PRNU}
+
+
+def test_sound_frames_are_silent():
+    """The stated rates of all checks together are below 3 % for a set; the seed is fixed."""
+    result = measured(taken())
+    assert not alarms(result)
+    covers(result, **RIGHT)
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "kinds"),
+    [
+        ((40, 50), 4095, ("bias", "flat")),
+        ((40, 50), 4095, ("flat",)),
+        ((40, 50), 0, ("bias", "flat")),
+        ((33, slice(None)), 4095, ("bias", "flat")),
+        ((slice(20, 22), slice(None)), 0, ("bias", "flat")),
+        ((slice(None), 7), 512, ("bias", "flat")),
+    ],
+)
+def test_stuck_pixels_are_left_out_and_named(where, value, kinds):
+    """Fails where one saturated pixel makes a level unusable, or a row of zeros counts as a pattern."""
+
+    def stick(dn, kind, rng):
+        if kind in kinds:
+            dn[where] = value
+        return dn
+
+    result = measured(taken(1, change=stick))
+    assert alarms(result) == {"stuck_pixels"}
+    covers(result, **RIGHT, black_level_dn=BLACK)
+    assert (result.maps["defects"][where] & 2).all()
+
+
+def test_a_pixel_that_saturates_in_bright_flats_alone_leaves_the_levels_usable():
+    def hot(dn, kind, rng):
+        dn[10, 20] = min(dn[10, 20] + 2500, 4095)
+        return dn
+
+    result = measured(taken(2, change=hot))
+    covers(result, **RIGHT)
+    assert "5 levels" in result["gain_e_per_dn"].source
+
+
+def test_covered_columns_are_cut():
+    """Sixteen columns without light: a PRNU of columns of 0.3 where they count."""
+    result = measured(taken(3, light=np.where(np.arange(SHAPE[1]) < 80, 1.0, 0.0)))
+    assert alarms(result) == {"overscan"}
+    covers(result, **RIGHT)
+    assert result["prnu.column"].low < 0.001
+
+
+def test_light_that_falls_off_is_no_overscan():
+    y, x = np.linspace(-1, 1, SHAPE[0])[:, None], np.linspace(-1, 1, SHAPE[1])
+    assert "overscan" not in alarms(measured(taken(4, light=np.maximum(1 - 0.55 * (x**2 + y**2), 0))))
+
+
+@pytest.mark.parametrize("share", [0.005, 0.02])
+def test_charge_that_neighbours_share_is_counted_by_covariance(share):
+    """Variance alone makes the gain 4 % and 18 % too high (A. C. Moore et al. 2006)."""
+    kernel = np.array([[0, share, 0], [share, 1 - 4 * share, share], [0, share, 0]])
+    couple = lambda e, kind, rng: ndimage.convolve(e, kernel, mode="mirror")  # noqa: E731
+    result = measured(taken(5, n=8, charge=couple))
+    assert "correlated_noise" in alarms(result)
+    covers(result, gain_e_per_dn=GAIN, read_noise__sigma_e=READ)
+    assert "gain_e_per_dn" not in spoiled(result, "correlated_noise")
+    assert "emva.system_gain_dn_per_e" in spoiled(result, "correlated_noise")
+    (effect,) = (e for e in result.effects if e["name"] == "interpixel_crosstalk")
+    assert effect["share"] == pytest.approx(share, rel=0.25)
+
+
+@pytest.mark.parametrize(
+    "smooth",
+    [
+        lambda a: ndimage.median_filter(a, 3),
+        lambda a: ndimage.gaussian_filter(a, 0.6),
+        lambda a: ndimage.uniform_filter1d(a, 2, axis=1),
+    ],
+)
+def test_frames_that_were_smoothed_spoil_gain_and_read_noise_and_nothing_else_is_named(smooth):
+    result = measured(taken(6, change=lambda dn, kind, rng: smooth(dn)))
+    words = {w.word for w in result.warning_details}
+    assert {"gain_e_per_dn", "read_noise.sigma_e"} <= set(spoiled(result, "correlated_noise"))
+    assert not words & {"row_noise", "column_noise", "lamp_band", "structured_light"}
+
+
+@pytest.mark.parametrize("scale", [2, 3, 10, 65535 / 4095, 1.6])
+def test_scaled_codes_leave_read_noise_open_where_it_is_below_a_step(scale):
+    """0.45 steps of noise: as if every DN were a code the read noise comes out 17 % too high."""
+    rows = taken(
+        7,
+        (200, 600, 1200, 2400),
+        gain=1.0,
+        read=0.45,
+        black=100.3,
+        change=lambda a, *_: np.floor(a * scale + 1e-6),
+    )
+    result = measured(rows)
+    assert alarms(result) == {"code_gaps"}
+    covers(result, gain_e_per_dn=1 / scale)
+    assert "read_noise.sigma_e" in result.not_determined
+
+
+def test_scaled_codes_of_more_noise_than_a_step_count_with_their_own_rounding():
+    """1 step of noise: rounding by steps of 16 DN makes 4 % of the read noise."""
+    result = measured(taken(8, gain=1.0, read=1.0, black=100.0, change=lambda a, *_: a * 16 + 3))
+    covers(result, gain_e_per_dn=1 / 16, read_noise__sigma_e=1.0)
+
+
+def test_peaks_of_two_levels_are_no_gaps():
+    counts = np.zeros(400, int)
+    counts[[100, 101, 102, 130, 131, 132, 200, 201, 260, 261, 262]] = 50
+    assert _step(counts) is None
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_lines_that_lack_bits_are_named(axis):
+    def pack(dn, kind, rng):
+        part = (slice(None, None, 2),) if axis == 0 else (slice(None), slice(None, None, 2))
+        dn[part] = dn[part] // 16 * 16
+        return dn
+
+    result = measured(taken(9, change=pack))
+    assert {"read_noise.sigma_e", "dsnu.column_e", "gain_e_per_dn"} <= set(spoiled(result, "bits_missing"))
+
+
+@pytest.mark.parametrize("by", [-80, 30])
+def test_another_black_level_of_the_flats_is_found_from_the_variance(by):
+    result = measured(taken(10, n=6, change=lambda dn, kind, rng: dn + (by if kind == "flat" else 0)))
+    assert "flat_pedestal" in alarms(result)
+    covers(result, **RIGHT)
+
+
+def test_two_levels_with_another_black_level_do_not_tell_the_gain():
+    result = measured(
+        taken(11, (100, 1000), n=6, change=lambda dn, kind, rng: dn + (60 if kind == "flat" else 0))
+    )
+    assert "gain_e_per_dn" in spoiled(result, "photon_transfer_bent")
+
+
+def test_a_bend_lists_the_causes_and_what_the_frames_say_of_them():
+    result = measured(
+        taken(12, (300, 700, 1000, 1250, 1400), n=8, charge=lambda e, kind, rng: e - 6e-5 * e**2)
+    )
+    text = next(w.text for w in result.warning_details if w.word == "photon_transfer_bent")
+    assert "charge sharing: ruled out" in text
+    assert "nonlinear response: the signal bends too" in text
+
+
+@pytest.mark.parametrize(
+    "rows", [("RRGG", "RRGG", "GGBB", "GGBB"), ("GBGGRG", "RGRBGB", "GBGGRG", "GRGGBG", "BGBRGR", "GRGGBG")]
+)
+def test_mosaics_of_other_periods_are_no_prnu(rows):
+    tile = np.array([[{"R": 0.5, "G": 1.0, "B": 0.7}[c] for c in row] for row in rows])
+    light = np.tile(tile, (SHAPE[0] // len(tile), SHAPE[1] // len(tile)))
+    result = measured(taken(13, light=light))
+    assert alarms(result) == {"periodic_response"}
+    covers(result, gain_e_per_dn=GAIN, prnu__pixel=PRNU)
+
+
+def test_odd_and_even_columns_are_no_mosaic():
+    assert "periodic_response" not in alarms(measured(taken(14, light=1 + 0.1 * (np.arange(SHAPE[1]) % 2))))
+
+
+def test_structured_light_spoils_prnu():
+    y, x = np.indices(SHAPE)
+    dust = 1 - 0.04 * sum(
+        np.exp(-((y - r) ** 2 + (x - c) ** 2) / 18) for r, c in ((20, 30), (50, 70), (40, 12))
+    )
+    r4 = 1 - 0.3 * (((y - 36) / 48) ** 2 + ((x - 48) / 48) ** 2) ** 2
+    for light in (dust, r4):
+        result = measured(taken(15, light=light))
+        assert "prnu.pixel" in spoiled(result, "structured_light")
+        covers(result, gain_e_per_dn=GAIN)
+
+
+@pytest.mark.parametrize("n", [2, 4])
+def test_cosmic_rays_in_flats_are_left_out(n):
+    """A track of five pixels in every second frame; with them the gain is up to a third too low."""
+
+    def hit(dn, kind, rng):
+        if kind == "flat" and rng.random() < 0.6:
+            y, x = rng.integers(0, SHAPE[0]), rng.integers(0, SHAPE[1] - 5)
+            dn[y, x : x + 5] += 1500
+        return np.minimum(dn, 4095)
+
+    result = measured(taken(16, (100, 300, 600, 800, 1000), n=n, change=hit))
+    assert alarms(result) == {"cosmic_rays"}
+    covers(result, **RIGHT)
+
+
+def test_pixels_that_jump_by_themselves_are_no_cosmic_rays():
+    """Random telegraph pixels in the high state in a fifth of the frames: their noise is the camera's."""
+
+    def jump(dn, kind, rng):
+        dn[5::12, 5::12] += 300 * (rng.random(dn[5::12, 5::12].shape) < 0.2)
+        return dn
+
+    assert "cosmic_rays" not in alarms(measured(taken(17, change=jump)))
+
+
+@pytest.mark.parametrize("n", [2, 5])
+def test_law_of_the_gap_between_the_two_greatest(n):
+    """Against 200,000 draws: the share beyond the limit of 1 % is within five standard errors."""
+    draws = np.sort(np.random.default_rng(0).standard_normal((200_000, n)), axis=1)
+    share = float((draws[:, -1] - draws[:, -2] > _normal_gap(0.01, n)).mean())
+    assert abs(share - 0.01) < 5 * np.sqrt(0.01 / 200_000)
+
+
+def test_bands_of_a_lamp_are_taken_out_of_the_variance():
+    """4 % of the light, phase by chance: 15 % of the variance of the brightest level."""
+
+    def band(dn, kind, rng):
+        phase = rng.random()
+        wave = 1 + 0.04 * np.sin(2 * np.pi * (np.arange(SHAPE[0])[:, None] / 24 + phase))
+        return BLACK + (dn - BLACK) * (wave if kind == "flat" else 1.0)
+
+    result = measured(taken(18, n=8, change=band))
+    assert "lamp_band" in alarms(result)
+    covers(result, gain_e_per_dn=GAIN)
+
+
+def test_a_stale_frame_is_left_out():
+    rows = taken(19)
+    rng = np.random.default_rng(20)
+
+    def dark(mean_e):
+        return np.rint(BLACK + (rng.poisson(mean_e, SHAPE) + rng.normal(0, READ, SHAPE)) / GAIN)
+
+    for seconds, before in ((1.0, 0.4), (5.0, 40.0)):
+        rows += [("dark", seconds, 20.0, None, dark(40 * seconds if k else before)) for k in range(6)]
+    result = measured(rows)
+    assert "stale_frame" in alarms(result)
+    covers(result, emva__dark_current_mean_e_per_s=40.0, **RIGHT)
+
+
+def test_flats_of_another_temperature_than_their_dark_frames():
+    rows = [(k, 10.0, 20.0 if k == "flat" else -10.0, p, f) for k, _, _, p, f in taken(21)]
+    assert {"prnu.pixel", "quantum_efficiency"} <= set(spoiled(measured(rows), "dark_temperature"))
+
+
+def test_photons_per_area_are_said():
+    rows = [(k, t, c, p and p / 1.2e-7, f) for k, t, c, p, f in taken(22)]
+    assert "quantum_efficiency" in spoiled(measured(rows), "photons_implausible")
+
+
+@pytest.mark.parametrize(("told", "word"), [("GRBG", True), ("RGGB", False)])
+def test_a_pattern_that_the_flats_contradict(told, word):
+    light = np.tile([[0.5, 1.0], [1.0, 0.7]], (SHAPE[0] // 2, SHAPE[1] // 2))
+    assert ("bayer_contradicted" in alarms(measured(taken(23, light=light), bayer=told))) == word
+
+
+@pytest.mark.parametrize(("level", "warned"), [(1.0, True), (4.0, False)])
+def test_fits_compressed_with_coarse_steps(tmp_path, level, warned):
+    """Rounding at the noise adds a twelfth to the variance, at a quarter of it 0.5 %."""
+    from astropy.io import fits
+
+    for i, (kind, t, _, _, frame) in enumerate(taken(24, (300, 1000))):
+        header = fits.Header([("IMAGETYP", kind), ("EXPTIME", t)])
+        image = fits.CompImageHDU(
+            frame.astype(np.float32), header, compression_type="RICE_1", quantize_level=level
+        )
+        image.writeto(tmp_path / f"{i:02d}.fits.fz")
+    assert ("lossy_frames" in alarms(characterize(FrameSet.load(tmp_path)))) == warned
+
+
+def test_the_first_line_says_what_the_frames_show(tmp_path, capsys):
+    rows = taken(25, change=lambda dn, kind, rng: dn + rng.normal(0, 6, (SHAPE[0], 1)))
+    frame_set(rows).save(tmp_path / "frames")
+    page, camera = tmp_path / "r.html", tmp_path / "camera.yaml"
+    main(["characterize", str(tmp_path / "frames"), "-o", str(camera), "--report", str(page)])
+    first = capsys.readouterr().out.lstrip().splitlines()[0]
+    assert first.startswith("Beyond the base chain the frames show row_noise")
+    assert "written to " in first
+    assert "written to camera.yaml" in page.read_text()
+
+
+def test_those_who_compare_hear_the_same_alarms():
+    frames = frame_set(taken(26, change=lambda dn, *_: ndimage.gaussian_filter(dn, 0.6)))
+    note_alarms(frames)
+    note_alarms(frames)
+    assert [w.split(":")[0] for w in frames.warnings if w.startswith("correlated_noise")] == [
+        "correlated_noise"
+    ]
+
+
+def test_stated_rates():
+    """At most one sound set in a hundred for each check."""
+    assert all(0 < check.false_alarms <= 0.01 for check in CHECKS)
+    assert len(ALARMS) == sum(len(check.words) for check in CHECKS)

@@ -1,0 +1,131 @@
+"""Whether flats are dark frames plus light, and variance proportional to the signal: what the photon
+transfer's course tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from visaug.characterization.alike import SAME_C
+from visaug.characterization.findings import Findings
+from visaug.characterization.groups import Level, Measured
+from visaug.characterization.photon_transfer import safe_levels, saturated_level
+
+_MISFIT = 0.002  # probability that a sound set deviates from the straight line by so much
+_PEDESTAL = 1e-3  # probability that a sound set shows a pedestal
+_TELLS = (
+    10.0  # difference of chi square by which one of two courses of as many parameters is told from the other
+)
+
+
+@dataclass(frozen=True)
+class Course:
+    """Chi square of variance against signal with its degrees of freedom: a straight line through the origin, one that bends, and
+    one that is lifted, whose intercept is `lift` of its standard errors from 0 at the signal `origin_dn`.
+    """
+
+    straight: tuple[float, int]
+    bent: tuple[float, int] | None
+    lifted: tuple[float, int] | None
+    lift: float
+    origin_dn: float
+
+    @property
+    def deviates(self) -> bool:
+        """Whether the straight line is rejected, as a whole or for one that is lifted."""
+        value, df = self.straight
+        return self.is_lifted or (df > 0 and float(stats.chi2.sf(value, df)) < _MISFIT)
+
+    @property
+    def is_lifted(self) -> bool:
+        return abs(self.lift) > float(stats.norm.isf(_PEDESTAL / 2))
+
+    @property
+    def pedestal(self) -> bool:
+        """Whether flats have another black level than the dark frames: lifted, and told from bent."""
+        return (
+            self.deviates
+            and self.bent is not None
+            and self.lifted is not None
+            and self.is_lifted
+            and self.bent[0] - self.lifted[0] > _TELLS
+        )
+
+    @property
+    def undecided(self) -> bool:
+        """Whether a bend and a pedestal explain the course about equally well."""
+        if self.bent is None or self.lifted is None:
+            return self.deviates
+        return self.deviates and abs(self.bent[0] - self.lifted[0]) <= _TELLS
+
+
+def course(levels: Sequence[Level]) -> Course:
+    """Of levels clear of saturation."""
+    x = np.array([v.signal for v in levels])
+    y = np.array([v.variance_of_all for v in levels])
+    errors = np.array([variance_error(v) for v in levels])
+
+    def fit(powers: tuple[int, ...]) -> tuple[float, int, np.ndarray, np.ndarray]:
+        basis = np.stack([x**p for p in powers], axis=1) / errors[:, None]
+        inverse = np.linalg.pinv(basis)
+        value = inverse @ (y / errors)
+        misfit = float(((basis @ value - y / errors) ** 2).sum())
+        return misfit, len(x) - len(powers), value, np.sqrt((inverse**2).sum(1))
+
+    straight = fit((1,))
+    if len(x) < 3:
+        return Course(straight[:2], None, None, 0.0, 0.0)
+    bent, lifted = fit((1, 2)), fit((0, 1))
+    value, error = lifted[2], lifted[3]
+    origin = -value[0] / value[1] if value[1] > 0 else 0.0
+    return Course(straight[:2], bent[:2], lifted[:2], float(value[0] / error[0]), float(origin))
+
+
+def variance_error(level: Level) -> float:
+    """Standard error of a level's variance of white normal noise and of what was added to it, DN^2."""
+    parts = [
+        2 * m.variance**2 / max((m.n - 1) * m.shape[0] * m.shape[1], 1) for m in (level.flat, level.dark)
+    ]
+    return float(np.sqrt(sum(parts) + level.shared_error**2))
+
+
+def pedestal(measured: Measured, found: Findings) -> bool:
+    """Whether flats have another black level than their dark frames; warns of it."""
+    levels = measured.sweep
+    if not levels:
+        return False
+    chosen = [levels[i] for i in safe_levels(levels, saturated_level(levels))]
+    if not chosen or not (of := course(chosen)).pedestal:
+        return False
+    found.warn(
+        f"flat_pedestal: the variance of the flats is that of {of.origin_dn:+.3g} DN less signal: their black "
+        "level is not that of the "
+        "dark frames (calibrated already, another offset, or light in the dark frames); gain_e_per_dn, "
+        "quantum_efficiency and PRNU "
+        "are from flats alone",
+        spoils=("black_level_dn", "dark_current.*", "full_well_e", "emva.*", "emva4.*", "emva4_corrected.*"),
+    )
+    return True
+
+
+def check_temperature(measured: Measured, found: Findings) -> None:
+    """Flats whose dark frames are of another temperature contain a dark signal that is not taken off."""
+    apart = [v for v in measured.levels if _degrees(v) > SAME_C and v.flat.group.exposure_s > 0]
+    if not apart:
+        return
+    worst = max(apart, key=_degrees)
+    found.warn(
+        f"dark_temperature: flats at {worst.flat.group.temperature_c:g} degC have dark frames at "
+        f"{worst.dark.group.temperature_c:g} degC, so their dark current is counted as light",
+        spoils=("quantum_efficiency", "prnu.*", "full_well_e", "emva.quantum_efficiency", "emva.prnu_fraction", "emva4.prnu_*",
+                "emva.linearity_error_*", "emva.saturation_*", "emva.system_gain_dn_per_e"),
+    )  # fmt: skip
+
+
+def _degrees(level: Level) -> float:
+    flat, dark = level.flat.group.temperature_c, level.dark.group.temperature_c
+    return 0.0 if flat is None or dark is None else abs(flat - dark)

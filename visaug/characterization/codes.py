@@ -1,0 +1,66 @@
+"""Codes that the converter never gives: gaps between codes, and rows or columns that lack their lowest bits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from visaug.characterization.defective import Extremes
+from visaug.characterization.findings import Findings
+
+_CERTAIN = 20  # pixels at the codes on either side: an empty one between them has a probability of exp(-20)
+_REACH = 300  # DN, the widest gap that is looked for: 8 bits in a word of 16 stretch to 257
+_FEWEST = 4  # gaps: the peaks of a mosaic, or two levels, leave fewer
+_ALIKE = 1  # DN by which gaps of one stretched scale differ, by rounding
+NEEDS_WHOLE_STEPS = "frames whose steps are 1 DN: as the converter gave them, neither scaled nor multiplied"
+
+
+def check(seen: Extremes, found: Findings) -> None:
+    """Sets `found.step_dn` where codes have gaps; warns of it, and of lines with fewer bits than the others."""
+    step = step_dn(seen)
+    if step is not None:
+        found.step_dn = step
+        found.warn(
+            f"code_gaps: the values step by {step:.4g} DN in place of 1 (a digital gain, or values scaled to more bits); "
+            "rounding counts as that of this step",
+            spoils=("read_noise.shape",),
+        )
+    _lines(seen, found)
+
+
+def step_dn(seen: Extremes) -> float | None:
+    """Mean step of the codes that occur, DN; None where no code is left out."""
+    steps = [step for v in seen.levels if v.codes is not None and (step := _step(v.codes)) is not None]
+    return float(np.median(steps)) if steps else None
+
+
+def _step(counts: np.ndarray) -> float | None:
+    """Of one level: runs of empty codes between two codes that many pixels have, all of one length but for rounding."""
+    filled = np.flatnonzero(counts >= _CERTAIN)
+    if len(filled) < _FEWEST + 1:
+        return None
+    steps = np.diff(filled)
+    used = np.flatnonzero(counts)
+    between = np.searchsorted(used, filled[1:]) - np.searchsorted(used, filled[:-1]) - 1
+    gaps = (steps > 1) & (between == 0)
+    clean = steps[between == 0]
+    if gaps.sum() < _FEWEST or np.ptp(clean) > _ALIKE or clean.max() > _REACH:
+        return None
+    return float(clean.mean())
+
+
+def _lines(seen: Extremes, found: Findings) -> None:
+    for name, bits in (("row", seen.row_bits), ("column", seen.column_bits)):
+        if bits is None:
+            continue
+        moving = bits[bits != 0]  # the others are stuck
+        lowest = np.log2(np.maximum(moving & -moving, 1)).astype(int)
+        least = int(lowest.min()) if lowest.size else 0
+        short = lowest > least
+        if short.any():
+            found.warn(
+                f"bits_missing: in {short.sum()} of {len(bits)} {name}s the lowest "
+                f"{lowest[short].max() - least} bits never "
+                "change (a fault of packing or unpacking)",
+                spoils=("gain_e_per_dn", "quantum_efficiency", "read_noise.*", "dsnu.*", "prnu.*", "dark_current.*",
+                        "black_level_dn", "temporal.*", "full_well_e", "emva.*", "emva4.*", "emva4_corrected.*"),
+            )  # fmt: skip

@@ -1,0 +1,236 @@
+"""Pixels that answer to no light: stuck ones, whole rows and columns, overscan. Left out before anything is averaged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy import ndimage
+
+from visaug.characterization.facts import Facts
+from visaug.characterization.findings import Findings
+from visaug.characterization.views import cropped, repaired
+from visaug.frames import FrameSet, Group
+
+_APART = 8.0  # noise of single pixels: levels, or values, that differ by more differ by no chance
+_MOST = 0.1  # share of the pixels beyond which they are no defects of an otherwise sound sensor
+_NO_LIGHT = 0.02  # response over the median's: below, a line is covered
+_LIT = (
+    0.5  # response over the median's of the line beside a covered one: light that falls off has no such edge
+)
+_MOST_COVERED = 0.4  # share of the lines that may be covered at one edge
+
+
+@dataclass(frozen=True)
+class Level:
+    """One group: median level and noise (DN), mean of every row and column, histogram of whole DN."""
+
+    kind: str
+    median: float
+    noise: float
+    rows: np.ndarray
+    columns: np.ndarray
+    codes: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """What one pass over the frames of one window keeps.
+
+    Attributes:
+        low, high: (H, W) least and greatest value of every pixel over all frames, DN.
+        flat_low, flat_high: the same over flats.
+        at_the_end: (H, W) whether a pixel has, in all frames of some group of flats, the least or greatest value of
+            the group's first frame, far from the group's level.
+        row_bits, column_bits: (H,), (W,) bits that ever change in a row or column; None where values are no whole DN.
+    """
+
+    levels: tuple[Level, ...]
+    low: np.ndarray = field(repr=False)
+    high: np.ndarray = field(repr=False)
+    flat_low: np.ndarray = field(repr=False)
+    flat_high: np.ndarray = field(repr=False)
+    at_the_end: np.ndarray = field(repr=False)
+    row_bits: np.ndarray | None = field(repr=False)
+    column_bits: np.ndarray | None = field(repr=False)
+
+    def spans(self, flats_alone: bool) -> bool:
+        """Whether levels differ by so much that no sound pixel keeps its value."""
+        levels = [v for v in self.levels if v.kind == "flat" or not flats_alone]
+        if len(levels) < 2:
+            return False
+        middles, noise = [v.median for v in levels], max(v.noise for v in levels)
+        return max(middles) - min(middles) > _APART * max(noise, 1.0)
+
+
+def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) -> Extremes | None:
+    """One pass over all frames; None where they show different windows of the sensor or there are no flats."""
+    indices = [i for g in groups for i in g.indices]
+    kinds = {g.kind for g in groups}
+    if "flat" not in kinds or len({(frames.shape(i), frames.records[i].window) for i in indices}) != 1:
+        return None
+    shape = frames.shape(indices[0])
+    low, high = np.full(shape, np.inf, np.float32), np.full(shape, -np.inf, np.float32)
+    flat_low, flat_high = low.copy(), high.copy()
+    ends, levels = np.zeros(shape, bool), []
+    whole = all(f.bits is not None for f in facts)
+    ones = [np.zeros(n, np.int64) for n in shape]
+    zeros = [np.zeros(n, np.int64) for n in shape]
+    for group in groups:
+        rows, columns, medians = np.zeros(shape[0]), np.zeros(shape[1]), []
+        top, bottom = np.ones(shape, bool), np.ones(shape, bool)
+        codes = np.zeros(0, np.int64)
+        ends_here: tuple[float, float] | None = None
+        for i in group.indices:
+            frame = frames.read(i)
+            np.minimum(low, frame, out=low)
+            np.maximum(high, frame, out=high)
+            rows += np.median(frame, 1)
+            columns += np.median(frame, 0)
+            medians.append(float(np.median(frame)))
+            if group.kind == "flat":
+                np.minimum(flat_low, frame, out=flat_low)
+                np.maximum(flat_high, frame, out=flat_high)
+                ends_here = ends_here or (frame.max(), frame.min())
+                top &= frame == ends_here[0]
+                bottom &= frame == ends_here[1]
+            if whole:
+                values = frame.astype(np.int64)
+                for axis in (0, 1):
+                    ones[axis] |= np.bitwise_or.reduce(values, axis=1 - axis)
+                    zeros[axis] |= np.bitwise_or.reduce(~values, axis=1 - axis)
+                counts = np.bincount(values.ravel())
+                codes = _sum(codes, counts)
+        middle = float(np.median(medians))
+        noise = max(float(np.median([facts[i].noise for i in group.indices])), 1.0)
+        n = len(group.indices)
+        levels.append(Level(group.kind, middle, noise, rows / n, columns / n, codes if whole else None))
+        if group.kind == "flat" and n > 1:
+            far = np.abs(high - middle) > _APART * noise, np.abs(low - middle) > _APART * noise
+            ends |= (top & far[0]) | (bottom & far[1])
+    bits = [a & b for a, b in zip(ones, zeros)] if whole else [None, None]
+    return Extremes(tuple(levels), low, high, flat_low, flat_high, ends, bits[0], bits[1])
+
+
+def _sum(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    if len(a) < len(b):
+        a, b = b, a
+    total = a.copy()
+    total[: len(b)] += b
+    return total
+
+
+def lit_window(seen: Extremes, found: Findings) -> tuple[int, int, int, int] | None:
+    """Rows and columns that see light, where lines at an edge see none (overscan, optically black lines).
+
+    A covered line is at less than 2 % of the median response and its neighbour at more than half of it, in the
+    brightest flats: no light of a lens or a lamp falls off like that.
+    """
+    flats = [v for v in seen.levels if v.kind == "flat"]
+    darks = [v for v in seen.levels if v.kind != "flat"]
+    if not darks:
+        return None
+    bright = max(flats, key=lambda v: v.median)
+    dark = min(darks, key=lambda v: v.median)
+    if bright.median - dark.median < _APART * bright.noise:
+        return None
+    window, said = [], []
+    for name, lit, unlit in (("rows", bright.rows, dark.rows), ("columns", bright.columns, dark.columns)):
+        response = lit - unlit
+        response = response / np.median(response)
+        first, last = _covered(response), len(response) - _covered(response[::-1])
+        window += [first + first % 2, last]  # an even start leaves the phase of a mosaic as it is
+        said += [f"{name} {a} to {b - 1}" for a, b in ((0, first), (last, len(response))) if b > a]
+    if not said:
+        return None
+    found.warn(
+        f"overscan: {' and '.join(said)} see no light and are excluded; no header gives the part of the frame that is lit"
+    )
+    r0, r1, c0, c1 = window
+    return r0, r1, c0, c1
+
+
+def _covered(response: np.ndarray) -> int:
+    """Number of lines from the start that see no light, before one that is lit."""
+    lit = int(np.argmax(response > _NO_LIGHT))
+    if lit and response[lit] < _LIT and lit + 1 < len(response):
+        sharp = response[lit + 1] > _LIT  # one line may be covered in part
+    else:
+        sharp = response[lit] > _LIT
+    return lit if 0 < lit <= _MOST_COVERED * len(response) and sharp else 0
+
+
+def cut(frames: FrameSet, seen: Extremes, window: tuple[int, int, int, int]) -> tuple[FrameSet, Extremes]:
+    """The frames and their extremes inside a window."""
+    r0, r1, c0, c1 = window
+    maps = {
+        name: getattr(seen, name)[r0:r1, c0:c1]
+        for name in ("low", "high", "flat_low", "flat_high", "at_the_end")
+    }
+    return cropped(frames, window), replace(seen, **maps)
+
+
+def stuck_pixels(seen: Extremes, found: Findings) -> np.ndarray | None:
+    """(H, W) pixels that do not answer to light; None where there are none.
+
+    A pixel of one value in all flats (or all frames) whose levels are more than eight noises apart, or one that
+    is at the least or greatest value of all frames of a level, eight noises from that level.
+    """
+    stuck = seen.at_the_end.copy()
+    if seen.spans(flats_alone=True):
+        stuck |= seen.flat_low == seen.flat_high
+    if seen.spans(flats_alone=False):
+        stuck |= seen.low == seen.high
+    share = float(stuck.mean())
+    if not share:
+        return None
+    if share > _MOST:
+        found.warn(
+            f"stuck_pixels: {share:.0%} of the pixels do not answer to light; they are too many to be left out",
+            spoils=("*",),
+        )
+        return None
+    found.stuck = stuck
+    rows, columns = np.flatnonzero(stuck.all(1)), np.flatnonzero(stuck.all(0))
+    single = stuck.copy()
+    single[rows], single[:, columns] = False, False
+    places = [f"({r}, {c})" for r, c in np.argwhere(single)]
+    parts = [
+        f"{len(what)} {name}{'s' if len(what) > 1 else ''} "
+        f"({', '.join(map(str, what[:5]))}{', ...' if len(what) > 5 else ''})"
+        for name, what in (("row", rows), ("column", columns), ("pixel", places))
+        if len(what)
+    ]
+    found.warn(f"stuck_pixels: {', '.join(parts)} keep one value whatever the light and are excluded")
+    return stuck
+
+
+def without(frames: FrameSet, bad: np.ndarray) -> FrameSet:
+    """The frames with the value of the nearest sound pixel of the same colour in place of a bad one's.
+
+    A neighbour's value has the law of a sound pixel, which a mean or a constant does not.
+    """
+    at, source = np.nonzero(bad), donors(bad)
+    return repaired(frames, lambda frame, _: _put(frame, at, frame[source]))
+
+
+def donors(bad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For each bad pixel, in order, the nearest sound one of the same phase of a 2 x 2 that is not itself."""
+    place = np.indices(bad.shape)
+    rows, columns = place[0], place[1]
+    for r in (0, 1):
+        for c in (0, 1):
+            part = bad[r::2, c::2]
+            if part.size and part.any() and not part.all():
+                near = ndimage.distance_transform_edt(part, return_distances=False, return_indices=True)
+                assert near is not None
+                rows[r::2, c::2], columns[r::2, c::2] = 2 * near[0] + r, 2 * near[1] + c
+    at = np.nonzero(bad)
+    return rows[at], columns[at]
+
+
+def _put(frame: np.ndarray, at: tuple[np.ndarray, ...], values: np.ndarray) -> np.ndarray:
+    frame = frame.copy()
+    frame[at] = values
+    return frame

@@ -1,0 +1,279 @@
+"""Whether frames of a group differ by noise alone: stale frames, hits of cosmic rays, bands of a lamp."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from scipy import ndimage, optimize, stats
+
+from visaug.characterization.defective import donors
+from visaug.characterization.facts import Facts
+from visaug.characterization.findings import Findings
+from visaug.characterization.groups import Measured
+from visaug.characterization.moments import GroupMoments
+from visaug.characterization.views import repaired
+from visaug.frames import FrameSet, Group
+
+_STALE = 5e-4  # probability that one group of sound frames has such an outlier
+_FEWEST = 4
+_HIT = 1e-3  # probability that noise makes a hit somewhere in a set
+_TAIL = 3.0  # with tails of a power of 6.7 (Tukey-lambda of -0.15) as many values exceed their greatest dip so far once in 1000
+_HEAVY = 0.1  # probability that dips of normal noise count as heavy tails
+_JUMPING = 0.1  # share of the pixels with a hit that have another
+_EDGE = 3.0  # noises by which a pixel beside a hit stands out to be part of it
+_LINES = ((0, 1), (1, 0), (1, 1), (1, -1))  # directions in which pixels of a track adjoin
+_BANDS = 1e-3  # probability of a false alarm in one set
+_AROUND = np.ones((3, 3), bool)
+
+
+def without_stale(
+    frames: FrameSet, facts: list[Facts], groups: Sequence[Group], found: Findings
+) -> tuple[FrameSet, list[Facts]]:
+    """Without a dark or bias frame whose mean is apart from its group's, by Grubbs's test (F. E. Grubbs, Technometrics 11
+    (1969) 1). Flats of another level are a level of their own.
+    """
+    stale = []
+    for group in groups:
+        if group.kind == "flat" or len(group.indices) < _FEWEST:
+            continue
+        means = np.array([facts[i].mean for i in group.indices])
+        worst = int(np.abs(means - np.median(means)).argmax())
+        if _grubbs(means, worst) < _STALE:
+            stale.append(group.indices[worst])
+    if not stale:
+        return frames, facts
+    numbers = ", ".join(str(frames.records[i].sequence) for i in sorted(stale))
+    found.warn(
+        f"stale_frame: the level of frames {numbers} is not that of the others of their setting (the first "
+        "frame after a change "
+        "may have the old one); they are excluded"
+    )
+    kept = [i for i in range(len(frames)) if i not in stale]
+    return frames.subset(kept), [facts[i] for i in kept]
+
+
+def _grubbs(values: np.ndarray, worst: int) -> float:
+    """Probability of a value as far out among normal ones; two-sided, Bonferroni's bound."""
+    n = len(values)
+    others = np.delete(values, worst)
+    spread = float(others.std(ddof=1))
+    apart = abs(float(values[worst] - others.mean()))
+    t = apart / max(spread * math.sqrt(n / (n - 1)), 1e-12)
+    return min(2 * n * float(stats.t.sf(t, n - 2)), 1.0)
+
+
+@dataclass
+class _Peaks:
+    """Greatest and second greatest value of every pixel of a group, and the frame of the greatest."""
+
+    first: np.ndarray
+    second: np.ndarray
+    frame: np.ndarray
+    dip: float  # greatest distance of a pixel's least value from its second least, DN
+    noise: float  # of single pixels, DN
+
+
+def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> FrameSet:
+    """The frames with a neighbour's value where a pixel is far brighter in one frame than in the others of its group.
+
+    A hit is one pixel, or two or three in a line in one frame, whose greatest value is farther from the second greatest than
+    noise of the group's law would have it anywhere in the set (once in 1000 sets). Noise has tails on both sides, but hits
+    brighten: where pixels of dark frames fall below their other values by more than normal noise, hits must exceed that by
+    far. A pixel that is hit in more groups than chance allows jumps by itself.
+    """
+    several = [g for g in groups if len(g.indices) > 1]
+    peaks = [_peaks(frames, g) for g in several]
+    dips = [(p, len(g.indices)) for g, p in zip(several, peaks) if g.kind != "flat" and len(g.indices) > 2]
+    tail = _tail(*min(dips, key=lambda d: d[0].noise)) if dips else 0.0
+    gain = _rough_gain(several, peaks)
+    quiet = min((p.noise for g, p in zip(several, peaks) if g.kind != "flat"), default=0.0)
+    hits: list[tuple[int, np.ndarray, np.ndarray]] = []
+    seen: dict[tuple[int, int], np.ndarray] = {}
+    for group, p in zip(several, peaks):
+        if group.kind != "flat" and not dips:
+            continue
+        shot = np.maximum(p.second - np.median(p.second), 0.0) * gain  # bright pixels have more of it
+        noise = np.sqrt(p.noise**2 + shot)
+        apart = np.maximum(p.first - p.second - found.step_dn, 0.0)  # rounding adds up to one step
+        excess = np.where(apart > tail, apart / noise, 0.0)
+        light = max(p.noise**2 - quiet**2, 0.0)
+        hit = _hits(excess, p.frame, len(group.indices), len(several), gain * light / p.noise**3)
+        if not hit.any():
+            continue
+        before = seen.setdefault(hit.shape, np.zeros(hit.shape, np.uint8))
+        before += hit
+        for n, i in enumerate(group.indices):
+            mine = p.frame == n
+            if (hit & mine).any():
+                hits.append((i, hit & mine, (excess > _EDGE) & mine))
+    most = {shape: _most_often(counts, len(several)) for shape, counts in seen.items()}
+    chosen = {}
+    for i, hit, bright in hits:
+        hit = hit & (seen[hit.shape] <= most[hit.shape])
+        if hit.any():
+            chosen[i] = hit | (ndimage.binary_dilation(hit, _AROUND) & bright)
+    if not chosen:
+        return frames
+    pixels = sum(int(m.sum()) for m in chosen.values())
+    found.warn(
+        f"cosmic_rays: {pixels} values in {len(chosen)} frames are far brighter than the same pixels of the "
+        "other frames of their "
+        "setting and are excluded"
+    )
+    sources = {i: (np.nonzero(m), donors(m)) for i, m in chosen.items()}
+
+    def change(frame: np.ndarray, i: int) -> np.ndarray:
+        if i not in sources:
+            return frame
+        at, source = sources[i]
+        frame = frame.copy()
+        frame[at] = frame[source]
+        return frame
+
+    return repaired(frames, change)
+
+
+def _tail(quiet: _Peaks, n: int) -> float:
+    """Least gap of a hit, DN, by the tails of the read noise in the quietest dark frames; 0 where these are normal."""
+    normal = _normal_gap(float(f"{_HEAVY / quiet.first.size:.2e}"), n) * quiet.noise + 1
+    return _TAIL * quiet.dip if quiet.dip > normal else 0.0
+
+
+def _most_often(counts: np.ndarray, groups: int) -> int:
+    """In how many groups a pixel may be hit: where hits fall by chance, more happens in one set of ten; 0 for no hits at all.
+
+    Where more pixels than by chance (once in 1000 sets) are hit again, pixels jump by themselves; where they are a tenth of
+    those that were hit, the others may be such pixels too.
+    """
+    share = float(counts.sum()) / counts.size / groups
+    again = int((counts > 1).sum())
+    if stats.poisson.sf(again - 1, counts.size * stats.binom.sf(1, groups, share)) < _HIT:
+        return 0 if again > _JUMPING * (counts > 0).sum() else 1
+    return next(k for k in range(1, groups + 1) if counts.size * stats.binom.sf(k, groups, share) < 0.1)
+
+
+def _hits(excess: np.ndarray, frame: np.ndarray, n: int, groups: int, skewness: float) -> np.ndarray:
+    """(H, W) pixels whose gap to the second greatest of n values, in noises, is no noise's: alone, or two or
+    three in a line.
+    """
+    allowed = _HIT / groups / excess.size / 3  # of a pixel, for each length
+    hit = excess > _gap(allowed, n, skewness)
+    for length in (2, 3):
+        # Pixels in a line, all brightest in one frame: four directions, n frames.
+        chance = (allowed / len(_LINES) * n ** (length - 1)) ** (1 / length)
+        bright = excess > _gap(chance, n, skewness)
+        for down, across in _LINES:
+            line = bright.copy()
+            for k in range(1, length):
+                line &= _moved(bright, k * down, k * across) & (_moved(frame, k * down, k * across) == frame)
+            for k in range(length):
+                hit |= _moved(line, -k * down, -k * across)
+    return hit
+
+
+def _moved(values: np.ndarray, down: int, across: int) -> np.ndarray:
+    """At each pixel the value of the one `down` and `across` of it; 0 beyond the edge."""
+    padded = np.pad(values, [(abs(down),) * 2, (abs(across),) * 2])
+    height, width = values.shape
+    r, c = abs(down) + down, abs(across) + across
+    return padded[r : r + height, c : c + width]
+
+
+@lru_cache(maxsize=256)
+def _normal_gap(chance: float, n: int) -> float:
+    """Gap between the greatest and the second greatest of n normal values that is exceeded with probability `chance`."""
+    x = np.linspace(-4, 14, 4001)
+    log_density = stats.norm.logpdf(x) + math.log(n)
+
+    def excess(gap: float) -> float:
+        logs = log_density + (n - 1) * stats.norm.logcdf(x - gap)
+        return float(np.logaddexp.reduce(logs)) + math.log(x[1] - x[0]) - math.log(chance)
+
+    return float(optimize.root_scalar(excess, bracket=(0.0, 14.0)).root)
+
+
+def _gap(chance: float, n: int, skewness: float) -> float:
+    """The same of a law with the skewness of few electrons, by the first term of Cornish and Fisher's expansion."""
+    gap = _normal_gap(float(f"{chance:.2e}"), n)
+    return gap + skewness * gap**2 / 6
+
+
+def _peaks(frames: FrameSet, group: Group) -> _Peaks:
+    """In one pass; the change of whole frames is taken out."""
+    one = frames.read(group.indices[0])
+    level = float(np.median(one))
+    first = one.astype(np.float32)
+    second = np.full(one.shape, -np.inf, np.float32)
+    least, next_least = first.copy(), np.full(one.shape, np.inf, np.float32)
+    which = np.zeros(one.shape, np.uint16)
+    before, steps = first, []
+    for n, i in enumerate(group.indices[1:], start=1):
+        frame = frames.read(i)
+        frame = frame + np.float32(level - np.median(frame))
+        above = frame > first
+        second = np.where(above, first, np.maximum(second, frame))
+        first = np.where(above, frame, first)
+        which[above] = n
+        below = frame < least
+        next_least = np.where(below, least, np.minimum(next_least, frame))
+        least = np.where(below, frame, least)
+        steps.append(float(np.abs(frame - before).mean(dtype=np.float64)))
+        before = frame
+    noise = (
+        0.5 * math.sqrt(math.pi) * float(np.median(steps))
+    )  # of normal noise, from the mean absolute difference
+    return _Peaks(first, second, which, float((next_least - least).max()), max(noise, 0.5))
+
+
+def _rough_gain(groups: Sequence[Group], peaks: Sequence[_Peaks]) -> float:
+    """DN per electron from the noise of the brightest flats, without any care."""
+    flats = [p for g, p in zip(groups, peaks) if g.kind == "flat"]
+    darks = [p for g, p in zip(groups, peaks) if g.kind != "flat"]
+    if not flats:
+        return 0.0
+    bright = max(flats, key=lambda p: p.noise)
+    floor = min((float(np.median(p.second)) for p in darks), default=0.0)
+    quiet = min((p.noise for p in darks), default=0.0)
+    signal = float(np.median(bright.second)) - floor
+    return max(bright.noise**2 - quiet**2, 0.0) / signal if signal > 0 else 0.0
+
+
+def without_bands(measured: Measured, found: Findings) -> Measured:
+    """Levels that know what rows share in flats and not in dark frames, which light that changes within a frame adds."""
+    tested = [v for v in measured.levels if v.flat.n > 1 and v.dark.n > 1 and v.signal > 0]
+    banded = [v for v in tested if _excess_p(v.flat, v.dark) < _BANDS / max(len(tested), 1)]
+    if not banded:
+        return measured
+    share = max(math.sqrt(band_variance(v.flat, v.dark)) / v.signal for v in banded)
+    found.warn(
+        f"lamp_band: in flats whole rows change together from frame to frame by {share:.2%} of the light, more "
+        "than in dark "
+        "frames (a lamp that flickers while rows are exposed one after the other); what it adds to the "
+        "variance is taken out of "
+        "gain_e_per_dn, not of the emva figures",
+        spoils=("emva.system_gain_dn_per_e", "emva.quantum_efficiency", "emva.saturation_e", "emva.dark_noise_e",
+                "emva.dsnu_e", "emva4.*_e", "emva4.prnu_row", "emva4.snr_*"),
+    )  # fmt: skip
+    levels = tuple(replace(v, band_variance=band_variance(v.flat, v.dark)) for v in measured.levels)
+    return replace(measured, levels=levels)
+
+
+def _excess_p(flat: GroupMoments, dark: GroupMoments) -> float:
+    """Of the rows' mean square in flats, where the pixels' noise and what rows share in dark frames are expected."""
+    f, d = flat.temporal, dark.temporal
+    assert f is not None
+    assert d is not None
+    expected = f.pixel + max(d.row - d.pixel, 0.0)
+    return float(stats.f.sf(f.row / expected, f.row_df, d.row_df)) if expected > 0 else 1.0
+
+
+def band_variance(flat: GroupMoments, dark: GroupMoments) -> float:
+    """Variance of what rows share in flats above that in dark frames, DN^2."""
+    f, d = flat.temporal, dark.temporal
+    if f is None or d is None:
+        return 0.0
+    return max((f.row - f.pixel) - max(d.row - d.pixel, 0.0), 0.0) / flat.shape[1]

@@ -1,0 +1,91 @@
+"""Patterns of the response that are no white pattern of pixels: mosaics of any period, structured light, a
+header's wrong phase.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+
+from visaug.characterization.nonuniformity import surface, two_way
+
+if TYPE_CHECKING:
+    from visaug.characterization.findings import Findings
+    from visaug.characterization.mosaic import Mosaic
+
+_PERIODS = (4, 6)  # quad Bayer; Fujifilm's X-Trans
+_PLAIN = 0.02  # of the response: colours differ by more than the pixels of one colour do
+_STRUCTURE = 0.003  # probability that white pixels show structure
+_BLOCK = 8  # pixels, the side of the blocks over which structure is looked for
+_PHASE = 0.1  # by which the two greens of a header differ more than those of the other diagonal, of the mean response
+
+
+def tile(pattern: np.ndarray) -> np.ndarray | None:
+    """(H, W) mean response of each place of a mosaic of 4 x 4 or 6 x 6, 1 on average; None where there is none."""
+    height, width = pattern.shape
+    best, least = None, float(np.var(pattern))
+    for period in _PERIODS:
+        if min(height, width) < 4 * period:
+            continue
+        places = _places(pattern, period)
+        whole = np.tile(places, (height // period + 1, width // period + 1))[:height, :width]
+        # Rows and columns of a period alone are no colours: parity or taps.
+        crossed = places - places.mean(1, keepdims=True) - places.mean(0) + places.mean()
+        left = float(np.var(pattern - whole))
+        if math.sqrt(float((crossed**2).mean())) > _PLAIN * places.mean() and left < 0.9 * least:
+            best, least = whole / whole.mean(), left
+    return best
+
+
+def _places(pattern: np.ndarray, period: int) -> np.ndarray:
+    return np.array(
+        [[np.median(pattern[r::period, c::period]) for c in range(period)] for r in range(period)]
+    )
+
+
+def structured(pattern: np.ndarray) -> float:
+    """Probability of the variance of the means of 8 x 8 blocks among white pixels, rows, columns and a smooth surface taken out.
+
+    Light that is uneven (dust, a lens that falls off faster than by the square of the distance) makes blocks differ.
+    """
+    height, width = (n // _BLOCK for n in pattern.shape)
+    if min(height, width) < 4:
+        return 1.0
+    values = pattern[: height * _BLOCK, : width * _BLOCK]
+    _, _, residual, _ = two_way(values - surface(values))
+    blocks = residual.reshape(height, _BLOCK, width, _BLOCK).mean((1, 3))
+    df = (height - 1) * (width - 1) - 1
+    ratio = float((blocks**2).sum()) / df * _BLOCK**2 / float((residual**2).mean())
+    return float(stats.f.sf(ratio, df, residual.size))
+
+
+def check_structure(pattern: np.ndarray, found: Findings) -> None:
+    """Warns of light, or of a response, with structure that counts as PRNU."""
+    if structured(pattern) < _STRUCTURE:
+        found.warn(
+            "structured_light: the response varies from one part of the frame to another beyond a smooth "
+            "surface (dust, a lens that falls "
+            "off steeply, an uneven source), which counts as PRNU",
+            spoils=("prnu.*", "emva.prnu_fraction", "emva4.prnu_*", "emva4_corrected.prnu_*"),
+        )
+
+
+def check_header(mosaic: Mosaic | None, found: Findings) -> None:
+    """Warns where the greens that a header gives differ and the other diagonal's places are alike."""
+    if mosaic is None or mosaic.pattern is None:
+        return
+    r = mosaic.response
+    first, second = mosaic.green
+    others = [i for i in range(4) if i not in (first, second)]
+    if abs(r[first] - r[second]) > abs(r[others[0]] - r[others[1]]) + _PHASE:
+        found.warn(
+            f"bayer_contradicted: the header gives {mosaic.pattern}, but the two greens of that pattern respond "
+            f"by {r[first]:.3g} and "
+            f"{r[second]:.3g} and the other two pixels by {r[others[0]]:.3g} and {r[others[1]]:.3g}: rows or "
+            "columns are reversed, or "
+            "the pattern is wrong",
+            spoils=("quantum_efficiency",),
+        )
