@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from visaug.diagnosis.session import Session
     from visaug.effects.effect import Effect, Parameter, Stage
     from visaug.frames import FrameSet
+    from visaug.inspection import Inspection, inspect
 
 __version__ = "0.2.0"
 
@@ -28,6 +29,7 @@ _HOME = {
     "Effect": "visaug.effects.effect",
     "FrameSet": "visaug.frames",
     "InputError": "visaug.core.errors",
+    "Inspection": "visaug.inspection",
     "Parameter": "visaug.effects.parameter",
     "Session": "visaug.diagnosis.session",
     "Stage": "visaug.effects.effect",
@@ -35,6 +37,7 @@ _HOME = {
     "characterize": "visaug.characterization",
     "compare": "visaug.diagnosis",
     "diagnose": "visaug.diagnosis",
+    "inspect": "visaug.inspection",
     "simulate": "visaug.camera.simulation",
 }
 _ROOMS = frozenset(
@@ -46,6 +49,7 @@ _ROOMS = frozenset(
         "diagnosis",
         "effects",
         "frames",
+        "inspection",
         "report",
         "pictures",
         "statistics",
@@ -61,6 +65,7 @@ __all__ = [
     "Effect",
     "FrameSet",
     "InputError",
+    "Inspection",
     "Parameter",
     "Session",
     "Stage",
@@ -69,6 +74,7 @@ __all__ = [
     "characterize",
     "compare",
     "diagnose",
+    "inspect",
     "simulate",
 ]
 

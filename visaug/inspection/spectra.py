@@ -1,0 +1,159 @@
+"""The spectrum of line means: a white level, a rise towards low frequencies, and single lines above both."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize, stats
+
+EXPONENTS = (
+    0.7,
+    1.0,
+    1.4,
+    2.0,
+    3.0,
+)  # of the rise: 1 for flicker noise, 2 for a random walk or the tail of a bump
+_OUTLYING = 2e-3  # probability of a bin from which it is taken for a line and left out of the continuum
+_ROUNDS = 12
+
+
+@dataclass(frozen=True)
+class Continuum:
+    """S(j) = floor + white + rise j^-exponent at j cycles per frame, DN^2 of one line mean.
+
+    Attributes:
+        floor: variance that the pixels' own noise gives to a line mean.
+        white: further variance of the lines.
+        rise, exponent: of the part that falls with the frequency.
+        gain_white, gain_rise: twice the log likelihood ratio of either part.
+        bins: number of frequencies that were used.
+        shape: shape of the gamma law of a bin.
+    """
+
+    floor: float
+    white: float
+    rise: float
+    exponent: float
+    gain_white: float
+    gain_rise: float
+    bins: int
+    shape: float
+
+    def at(self, frequency: np.ndarray | float) -> np.ndarray:
+        """At frequencies in cycles per frame."""
+        return self.level + self.rise * np.maximum(frequency, 0.5) ** -self.exponent
+
+    @property
+    def level(self) -> float:
+        return self.floor + self.white
+
+
+def continuum(power: np.ndarray, shape: float, floor: float, first: int = 1) -> Continuum:
+    """Fit a continuum to a power spectrum by likelihood (P. Whittle, 1953); lines are left out.
+
+    Args:
+        power: (L/2,) mean power at 1, 2, ... cycles per frame, 1 for white noise of variance 1.
+        shape: frames that were averaged: the gamma shape of a bin.
+        floor: least level.
+        first: lowest frequency that is used.
+    """
+    j = np.arange(1, len(power) + 1)
+    use = j >= first
+    level = np.full(len(power), max(_median_level(power[use], shape), floor, 1e-12))
+    found = Continuum(floor, 0.0, 0.0, 1.0, 0.0, 0.0, 0, shape)
+    for _ in range(3):
+        usual = use & (stats.gamma.sf(power * shape / level, shape) > _OUTLYING)
+        found = _fit(j[usual], power[usual], shape, floor)
+        level = np.maximum(found.at(j), 1e-12)
+    return found
+
+
+def _median_level(power: np.ndarray, shape: float) -> float:
+    return float(np.median(power)) * shape / float(stats.gamma.median(shape))
+
+
+def _fit(j: np.ndarray, power: np.ndarray, shape: float, floor: float) -> Continuum:
+    ones = np.ones(len(j))
+    fits = {"floor": _fitted(power, np.zeros((len(j), 0)), floor, shape)}
+    fits["white"] = _fitted(power, ones[:, None], floor, shape)
+    risen = [(_fitted(power, np.stack([ones, j**-a], 1), floor, shape), a) for a in EXPONENTS]
+    (best, coefficients), exponent = max(risen, key=lambda fit: fit[0][0])
+    alone = _fitted(power, (j**-exponent)[:, None], floor, shape)[0]
+    gain_rise = 2 * (best - fits["white"][0])
+    if gain_rise < stats.chi2.isf(1e-3, 2):  # a white spectrum is enough
+        white = float(fits["white"][1][0])
+        gain = 2 * (fits["white"][0] - fits["floor"][0])
+        return Continuum(floor, white, 0.0, 1.0, gain, gain_rise, len(j), shape)
+    gain = 2 * (best - alone)
+    return Continuum(
+        floor, float(coefficients[0]), float(coefficients[1]), exponent, gain, gain_rise, len(j), shape
+    )
+
+
+def _fitted(power: np.ndarray, design: np.ndarray, floor: float, shape: float) -> tuple[float, np.ndarray]:
+    """Log likelihood and coefficients (not negative) of floor + design x, by reweighted least squares."""
+    least = max(floor, 1e-9 * float(power.mean()) + 1e-12)
+    level = np.full(len(power), max(float(power.mean()), least))
+    x = np.zeros(design.shape[1])
+    for _ in range(_ROUNDS if design.shape[1] else 0):
+        weight = 1 / level
+        x, _ = optimize.nnls(design * weight[:, None], (power - floor) * weight)
+        level = np.maximum(floor + design @ x, least)
+    if not design.shape[1]:
+        level = np.full(len(power), least)
+    return float(-shape * (np.log(level) + power / level).sum()), x
+
+
+def spectrum(lines: np.ndarray) -> np.ndarray:
+    """Mean power of profiles (n, L) at 1 .. L/2 cycles per frame, 1 for white noise of variance 1."""
+    from visaug.statistics.views.spectrum import power
+
+    return power(lines)
+
+
+FINER = (
+    2  # frequencies looked at for each that a frame resolves: an oscillation between two bins loses little
+)
+
+
+def fine_spectrum(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (cycles per frame) and mean power of profiles (n, L) on a grid FINER than its bins."""
+    length = lines.shape[-1]
+    about = lines - lines.mean(-1, keepdims=True)
+    power = (np.abs(np.fft.rfft(about, FINER * length, axis=-1)) ** 2).mean(0) / length
+    return np.arange(len(power)) / FINER, power
+
+
+def sharpened(lines: np.ndarray, frequency: float, length: int) -> float:
+    """The frequency near the given one, in cycles per frame, at which the sines explain most of all profiles (n, L)."""
+
+    def lost(f: float) -> float:
+        return -float((np.abs(phasors(lines, f)) ** 2).sum())
+
+    low, high = max(frequency - 0.8, 0.5), min(frequency + 0.8, length / 2)
+    coarse = np.linspace(low, high, 41)
+    start = coarse[int(np.argmin([lost(f) for f in coarse]))]
+    found = optimize.minimize_scalar(
+        lost,
+        bounds=(max(start - 0.05, low), min(start + 0.05, high)),
+        method="bounded",
+        options={"xatol": 1e-4},
+    )
+    return float(found.x)
+
+
+def phasors(lines: np.ndarray, frequency: float) -> np.ndarray:
+    """(n,) complex amplitudes of a sine of `frequency` cycles per frame in profiles (n, L), by least squares with a mean."""
+    length = lines.shape[-1]
+    angle = 2 * math.pi * frequency * np.arange(length) / length
+    design = np.stack([np.cos(angle), np.sin(angle), np.ones(length)], 1)
+    c, s, _ = np.linalg.lstsq(design, lines.T, rcond=None)[0]
+    return c - 1j * s
+
+
+def sines(amplitudes: np.ndarray, frequency: float, length: int) -> np.ndarray:
+    """(n, L) the sines of complex amplitudes, whose mean is not removed."""
+    angle = 2 * math.pi * frequency * np.arange(length) / length
+    return amplitudes.real[:, None] * np.cos(angle) - amplitudes.imag[:, None] * np.sin(angle)
