@@ -51,13 +51,14 @@ def glow(look: Look, rows: Lines, columns: Lines) -> Finding | None:
     place = _PLACES[tuple(0 if k == 0 else 2 if k == n - 1 else 1 for k, n in zip(top, apart.shape))]
     spread = deviation(float(blocks.var()), blocks.size - 1, variance)
     value, peak = spread["amplitude_dn"], float(blocks[top])
-    what, short = ("shading", "shading") if look.is_lit else ("glow", "a glow")
+    shaded = look.is_lit and (peak < 0 or not look.guessed)
+    what, short = ("shading", "shading") if shaded else ("glow", "a glow")
     return Finding(
         what,
         "fixed" if look.count > 1 else None,
         f"The level changes smoothly over the sensor: {place} lies {number(abs(peak))} DN {'above' if peak > 0 else 'below'} the "
         f"usual level; the standard deviation over the frame is {number(value)} DN.",
-        f"{short} {'towards' if peak > 0 or look.is_lit else 'away from'} {place}, {abs(peak):.2g} DN",
+        f"{short} {'towards' if peak > 0 or shaded else 'away from'} {place}, {abs(peak):.2g} DN",
         chi,
         amplitude_dn=value,
         low=min(math.sqrt(max(value**2 - 4 * value * error, 0.0)), value),

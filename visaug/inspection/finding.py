@@ -77,6 +77,11 @@ def needed(trials: float = 1.0, freedom: float = 1.0) -> float:
     return float(stats.chi2.isf(ALPHA / max(trials, 1.0), freedom))
 
 
+def needed_t(trials: float, freedom: float) -> float:
+    """Square of Student's t that clean frames exceed with probability ALPHA in any of `trials` places."""
+    return float(stats.t.isf(ALPHA / max(trials, 1.0) / 2, max(freedom, 4.0)) ** 2)
+
+
 def needed_z(trials: float = 1.0) -> float:
     """The same as a two-sided number of standard deviations."""
     return float(stats.norm.isf(ALPHA / max(trials, 1.0) / 2))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from visaug.frames import FrameSet
@@ -13,11 +11,8 @@ from visaug.statistics.reduction import block_means, edges
 _CELL = 4  # px
 _STRUCTURED = 12.0  # variance of means of cells over that of independent pixels; filters reach 9
 _MANY = 0.2  # of the blocks, that show a scene
-_LIT = 0.12  # of the largest code, from which uniform frames are taken for flats
+_LIT = 0.25  # of the largest code, from which uniform frames are taken for flats
 _BLOCK = 16  # px
-_DARK_NOISE = (
-    1.5  # ratio of noise over the square root of the level, in DN, above which shot noise cannot be all
-)
 
 
 def kinds_of(frames: FrameSet) -> tuple[list[str], str]:
@@ -78,8 +73,3 @@ def _same(one: np.ndarray, other: np.ndarray) -> bool:
     parts = [edges(n, max(n // 8, 2)) for n in one.shape]
     a, b = (block_means(frame, *parts).ravel() for frame in (one, other))
     return bool(np.corrcoef(a, b)[0, 1] > 0.98)
-
-
-def as_told(frames: FrameSet, kinds: list[str]) -> FrameSet:
-    """The same frames with these kinds."""
-    return frames.with_records([replace(r, kind=k) for r, k in zip(frames.records, kinds, strict=True)])

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from visaug.core.wording import number
-from visaug.inspection.finding import Finding, about, deviation, needed, needed_z
+from visaug.inspection.finding import Finding, about, deviation, needed, needed_t, needed_z
 from visaug.inspection.material import Look
 from visaug.inspection.spectra import (
     FINER,
@@ -20,10 +20,12 @@ from visaug.inspection.spectra import (
     sharpened,
     sines,
     spectrum,
+    tapered,
 )
 
 LEAST_PERIODS = 3  # in a frame, of a banding; slower changes are slopes
 _SHORTEST = 2.05  # lines; shorter periods are odd against even lines
+_ABOVE = 3.0  # times the power two cycles per frame lower: a line stands above both sides
 _MOST = 8  # regular parts taken off one after another
 _QUARTERS = (1, 2, 3)  # of the frame, at which another part of the readout may begin
 
@@ -87,18 +89,19 @@ class Lines:
         """(n, H) about it, scaled to the variance of one frame."""
         return (self.profiles - self.fixed) * math.sqrt(self.count / max(self.count - 1, 1))
 
-    def continua(self) -> tuple[Continuum, Continuum | None]:
+    def continua(self, windowed: bool = False) -> tuple[Continuum, Continuum | None]:
         """Of the fixed rows, and of those that change; None of one frame.
 
-        The fixed ones contain 1/n of what changes.
+        The fixed ones contain 1/n of what changes. `windowed` keeps oscillations that are still there apart.
         """
+        window = tapered if windowed else np.asarray
         look, pixel = self.look, self.look.noise_variance / self.breadth
         temporal = None
         floor = look.pattern_variance / self.breadth
         if self.count > 1:
-            temporal = continuum(spectrum(self.new), self.count - 1, pixel)
+            temporal = continuum(spectrum(window(self.new)), self.count - 1, pixel)
             floor += temporal.white / self.count
-        fixed = continuum(spectrum(smoothed_off(self.fixed)[None]), 1, floor, LEAST_PERIODS)
+        fixed = continuum(spectrum(window(smoothed_off(self.fixed)[None])), 1, floor, LEAST_PERIODS)
         return fixed, temporal
 
 
@@ -107,7 +110,7 @@ def rows_of(look: Look, axis: str) -> Lines:
     means = look.data.frames.mean(2, dtype=np.float64)
     found = Lines(look, axis, means - means.mean(1, keepdims=True))
     for _ in range(_MOST):
-        fixed, temporal = found.continua()
+        fixed, temporal = found.continua(windowed=True)
         options = [
             o for o in (*_steps(found, fixed), _parity(found, fixed), _wave(found, fixed, temporal)) if o
         ]
@@ -142,7 +145,7 @@ def _steps(lines: Lines, fixed: Continuum) -> Iterator:
         )
         variance = covariance[0, 0] * max(fixed.level, 1e-12)
         gain = float(solved[0] ** 2 / variance)
-        if place not in lines.steps and gain > needed(len(_QUARTERS)):
+        if place not in lines.steps and gain > needed_t(len(_QUARTERS), fixed.bins):
 
             def take(place=place, height=float(solved[0]), error=math.sqrt(variance), gain=gain) -> None:
                 lines.steps[place] = (height, error, gain)
@@ -157,7 +160,7 @@ def _parity(lines: Lines, fixed: Continuum):
     half = float((about_mean * sign).mean())
     variance = max(fixed.level, 1e-12) / lines.length
     gain = half**2 / variance
-    if lines.parity is not None or not lines.look.is_uniform or gain < needed():
+    if lines.parity is not None or not lines.look.is_uniform or gain < needed_t(1, fixed.bins):
         return None
 
     def take() -> None:
@@ -176,12 +179,15 @@ def _wave(lines: Lines, fixed: Continuum, temporal: Continuum | None):
     for profiles, level in spectra:
         frequency, power = fine_spectrum(profiles)
         allowed = (frequency >= LEAST_PERIODS) & (frequency <= length / _SHORTEST)
+        narrow = fine_spectrum(tapered(profiles))[1]
+        below = np.concatenate([np.zeros(2 * FINER), narrow[: -2 * FINER]])
+        allowed &= narrow > _ABOVE * below  # a smooth bump has more at lower frequencies
         relative = np.where(allowed, power / np.maximum(level.at(frequency), 1e-12), 0.0)
         top = int(relative.argmax())
         gain = 2 * level.shape * float(relative[top])
         clear = gain > needed(FINER * int(allowed.sum()), 2 * level.shape)
         if clear and (found is None or gain > found[0]):
-            found = gain, sharpened(profiles, float(frequency[top]), length)
+            found = gain, sharpened(profiles, float(frequency[top]), LEAST_PERIODS - 0.5)
     if found is None:
         return None
     gain, frequency = found
@@ -223,7 +229,9 @@ def _wave_findings(lines: Lines) -> Iterator[Finding]:
             < 0.5
         ]
         left = [w for w in rest if not any(w is h for h in harmonics)]
-        yield _banding(lines, first, harmonics)
+        found = _banding(lines, first, harmonics)
+        if found.amplitude_dn:
+            yield found
 
 
 def _banding(lines: Lines, wave: Wave, harmonics: list[Wave]) -> Finding:
@@ -304,7 +312,14 @@ def _offset_findings(lines: Lines, fixed: Continuum, temporal: Continuum | None)
     if temporal is not None and fixed.floor > 0:
         share = temporal.white / n / fixed.floor
         error = math.hypot(error, share * math.sqrt(1 / (temporal.bins * temporal.shape)))
-    z = math.log(max(fixed.level / fixed.floor, 1.0)) / error if fixed.floor > 0 else math.inf
+    # The window keeps the ends of smooth changes out; it has the information of 18/35 of the lines.
+    narrow, _ = lines.continua(windowed=True)
+    levels = (fixed.level, error), (narrow.level, error * math.sqrt(35 / 18))
+    z = (
+        min(math.log(max(level / fixed.floor, 1.0)) / e for level, e in levels)
+        if fixed.floor > 0
+        else math.inf
+    )
     if fixed.gain_white > needed() and z > needed_z():
         size = deviation(fixed.level, freedom, fixed.floor)
         how = "fixed" if n > 1 else "fixed or new cannot be told from one exposure"

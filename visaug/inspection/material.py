@@ -26,6 +26,7 @@ class Look:
         frames: (n, H, W) float32 DN, copies of one exposure left out.
         copies: number of frames left out as copies.
         bits: of the converter as the files state it, None where they do not.
+        guessed: whether the kind was told by the level.
     """
 
     kind: str
@@ -33,6 +34,7 @@ class Look:
     frames: np.ndarray
     copies: int = 0
     bits: int | None = None
+    guessed: bool = False
 
     @property
     def count(self) -> int:
@@ -111,11 +113,12 @@ def _beyond(pixels: np.ndarray) -> np.ndarray:
     return pixels - np.clip(pixels, -limit, limit)
 
 
-def looks(frames: FrameSet, kinds: list[str]) -> tuple[list[Look], list[str]]:
+def looks(frames: FrameSet, kinds: list[str], guessed: bool = False) -> tuple[list[Look], list[str]]:
     """The frames by kind, conditions, size and level, the largest group first; and notes on what was left out.
 
     Args:
         kinds: of each frame.
+        guessed: whether some were told by the level.
     """
     notes: list[str] = []
     records = [replace(r, kind=kind) for r, kind in zip(frames.records, kinds, strict=True)]
@@ -144,6 +147,7 @@ def looks(frames: FrameSet, kinds: list[str]) -> tuple[list[Look], list[str]]:
                         stack[part][distinct],
                         len(part) - len(distinct),
                         frames.told_bits,
+                        guessed,
                     )
                 )
     return sorted(found, key=lambda look: -look.count), notes

@@ -18,26 +18,23 @@ _STRONG = (
 _STRONG_LIT = 0.03  # of the level: photo response non-uniformity is below one or two per cent
 _LEAST_FRAMES = 6  # that tell a pixel of two levels from noise
 _QUIET = 0.05  # of the usual variance: a line with less follows no signal
-_STUCK = 1e-3  # of the usual variance: a pixel with less does not follow its noise
+_STUCK = 4  # frames in which a pixel has one value while the others have noise
 _DRAWS = 8  # times that the frames are dealt anew to the pixels
 _POOL = 200_000  # pixels that tell the law of what noise does
 
 
 def line_defects(look: Look, axis: str) -> tuple[Finding | None, np.ndarray]:
     """Rows far from their neighbours in the mean frame, or without noise of their own; and which they are."""
-    frames = look.frames
-    middle = np.median(frames.mean(0), axis=1).astype(np.float64)
-    around = np.stack([np.roll(middle, k) for k in (-2, -1, 1, 2)])
-    off = middle - np.median(around, axis=0)
+    middle = np.median(look.frames.mean(0), axis=1).astype(np.float64)
+    off = _apart(middle)
     height, width = look.shape
-    robust = 1.4826 * np.median(np.abs(off - np.median(off)))
-    scale = max(float(robust), look.noise_dn / math.sqrt(look.count * width), 0.02)
-    bad = np.abs(off) > FAR * scale
+    robust = 1.4826 * float(np.median(np.abs(off)))
+    scale = max(robust, look.noise_dn / math.sqrt(look.count * width), 0.02)
+    # A wave has tops that lie above both sides, but no higher than lines elsewhere differ.
+    bad = np.abs(off) > max(FAR * scale, 3 * float(np.quantile(np.abs(np.diff(middle)), 0.9)))
     if look.count > 1:
         own = (look.frames - look.frames.mean(0)).var((0, 2), dtype=np.float64)
         bad |= own < _QUIET * np.median(own)
-    neighbours = np.roll(bad, 1) | np.roll(bad, -1)
-    bad &= ~neighbours | (np.abs(off) >= np.maximum(np.abs(np.roll(off, 1)), np.abs(np.roll(off, -1))))
     if not 0 < bad.sum() <= height // 10:
         return None, np.zeros(height, bool)
     which = np.flatnonzero(bad)
@@ -67,6 +64,22 @@ def line_defects(look: Look, axis: str) -> tuple[Finding | None, np.ndarray]:
         ),
         bad,
     )
+
+
+def _apart(profile: np.ndarray) -> np.ndarray:
+    """How far each line lies from those on both sides, by the nearer side; 0 where it lies between them.
+
+    A step or a slope moves lines from one side only. Beyond the ends lines go on in a straight line.
+    """
+    x = np.arange(1, 5)
+    ends = [np.polyval(np.polyfit(x, part[1:5], 1), [-1, 0]) for part in (profile, profile[::-1])]
+    ahead = [float(np.polyval(np.polyfit(x, part[1:5], 1), 0)) for part in (profile, profile[::-1])]
+    padded = np.concatenate([ends[0], profile, ends[1][::-1]])
+    before = (padded[1:-3] + padded[:-4]) / 2
+    after = (padded[3:-1] + padded[4:]) / 2
+    before[0], after[-1] = ahead
+    low, high = profile - before, profile - after
+    return np.where(low * high > 0, np.where(np.abs(low) < np.abs(high), low, high), 0.0)
 
 
 def pixel_findings(look: Look) -> list[Finding]:
@@ -102,8 +115,7 @@ def _standing_out(look: Look) -> tuple[np.ndarray, np.ndarray]:
         far[far] = least > np.maximum(limit, 0.5 * np.abs(pattern[far]))
     still = np.zeros(look.shape, bool)
     if look.count > 1 and look.noise_variance > 0.5:
-        own = look.raw.residual.var(0)
-        still = own < _STUCK * look.noise_variance
+        still = np.ptp(look.frames, axis=0) == 0 if look.count >= _STUCK else still
         still &= pattern < -4 * math.sqrt(look.pattern_variance)
     return far & (pattern > 0), (far & (pattern < 0)) | still
 

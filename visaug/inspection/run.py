@@ -47,7 +47,7 @@ def inspect(frames: FrameSet | str | Path | np.ndarray) -> Inspection:
     """
     frames = _as_set(frames)
     kinds, told_by = kinds_of(frames)
-    groups, notes = looks(frames, kinds)
+    groups, notes = looks(frames, kinds, guessed="level" in told_by)
     if not groups:
         raise InputError(
             "no frame is large enough", file=frames.loaded_from, expected="frames of 16 x 16 pixels or more"
@@ -97,7 +97,7 @@ def _chosen(groups: list[Look]) -> list[Look]:
 def _findings_of(look: Look) -> list[Finding]:
     if look.kind == "image":  # scenes that change hide everything else
         return []
-    found: list[Finding] = []
+    found: list[Finding] = processing_findings(look)
     if look.is_uniform:
         for axis in ("row", "column"):
             turned = look if axis == "row" else look.transposed()
@@ -108,12 +108,7 @@ def _findings_of(look: Look) -> list[Finding]:
     if look.count == 1 and not look.is_uniform:
         return found
     rows, columns = rows_of(look, "row"), rows_of(look.transposed(), "column")
-    found += [
-        *line_findings(rows),
-        *line_findings(columns),
-        *pixel_findings(look),
-        *processing_findings(look),
-    ]
+    found += [*line_findings(rows), *line_findings(columns), *pixel_findings(look)]
     found += [f for f in (glow(look, rows, columns), frame_drift(look, rows, columns)) if f]
     return _explained(found)
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize, stats
 
+from visaug.inspection.finding import needed
+
 EXPONENTS = (
     0.7,
     1.0,
@@ -82,7 +84,7 @@ def _fit(j: np.ndarray, power: np.ndarray, shape: float, floor: float) -> Contin
     (best, coefficients), exponent = max(risen, key=lambda fit: fit[0][0])
     alone = _fitted(power, (j**-exponent)[:, None], floor, shape)[0]
     gain_rise = 2 * (best - fits["white"][0])
-    if gain_rise < stats.chi2.isf(1e-3, 2):  # a white spectrum is enough
+    if gain_rise < needed(len(EXPONENTS), 2):  # a white spectrum is enough
         white = float(fits["white"][1][0])
         gain = 2 * (fits["white"][0] - fits["floor"][0])
         return Continuum(floor, white, 0.0, 1.0, gain, gain_rise, len(j), shape)
@@ -106,11 +108,10 @@ def _fitted(power: np.ndarray, design: np.ndarray, floor: float, shape: float) -
     return float(-shape * (np.log(level) + power / level).sum()), x
 
 
-def spectrum(lines: np.ndarray) -> np.ndarray:
-    """Mean power of profiles (n, L) at 1 .. L/2 cycles per frame, 1 for white noise of variance 1."""
-    from visaug.statistics.views.spectrum import power
-
-    return power(lines)
+def tapered(lines: np.ndarray) -> np.ndarray:
+    """Profiles (n, L) under a Hann window of mean square 1: a sine between two frequencies stays a narrow line."""
+    window = np.hanning(lines.shape[-1] + 2)[1:-1]
+    return (lines - lines.mean(-1, keepdims=True)) * (window / math.sqrt(np.mean(window**2)))
 
 
 FINER = (
@@ -126,13 +127,14 @@ def fine_spectrum(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.arange(len(power)) / FINER, power
 
 
-def sharpened(lines: np.ndarray, frequency: float, length: int) -> float:
-    """The frequency near the given one, in cycles per frame, at which the sines explain most of all profiles (n, L)."""
+def sharpened(lines: np.ndarray, frequency: float, least: float) -> float:
+    """The frequency near the given one, `least` cycles per frame or more, at which sines explain most of profiles (n, L)."""
+    length = lines.shape[-1]
 
     def lost(f: float) -> float:
         return -float((np.abs(phasors(lines, f)) ** 2).sum())
 
-    low, high = max(frequency - 0.8, 0.5), min(frequency + 0.8, length / 2)
+    low, high = max(frequency - 0.8, least), min(frequency + 0.8, length / 2)
     coarse = np.linspace(low, high, 41)
     start = coarse[int(np.argmin([lost(f) for f in coarse]))]
     found = optimize.minimize_scalar(
