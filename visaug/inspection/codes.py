@@ -60,11 +60,11 @@ def codes_of(looks: list[Look], container: int | None) -> Codes:
     told = looks[0].bits
     shift = 0
     lost = int(math.log2(step))
-    if container == 16 and lost in (2, 4, 6) and highest >= 1 << (16 - lost):  # codes at the top of 16 bits
-        shift = lost
-    least = 10 if container == 16 else 8
+    if container == 16 and told is None and (lost in (4, 6) or (lost == 2 and highest >= 1 << 14)):
+        shift = lost  # 12, 10 or 14 bits at the top of 16; nobody loses four
+    least = 16 - shift if shift else 10 if container == 16 else 8
     bits = told or next(b for b in (*_DEPTHS, 24) if b >= least and highest >> shift < 1 << b)
-    return Codes(counts, step >> shift if shift else step, bits, shift, told is not None, whole)
+    return Codes(counts, step >> shift, bits, shift, told is not None, whole)
 
 
 def code_findings(codes: Codes, looks: list[Look]) -> list[Finding]:

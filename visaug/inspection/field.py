@@ -38,10 +38,12 @@ def glow(look: Look, rows: Lines, columns: Lines) -> Finding | None:
     blocks -= np.median(blocks)
     down, across = blocks.shape
     area = height * width / blocks.size
-    variance = look.pattern_variance / area
+    coarse = max(rows.look.colour[:down].max() * columns.look.colour[:across].max(), 1.0)
+    variance = look.pattern_variance / area * coarse
     for lines, count in ((rows, height / down), (columns, width / across)):
-        fixed, _ = lines.continua()
-        variance += max(fixed.level - look.pattern_variance / lines.breadth, 0.0) / count
+        fixed, temporal = lines.continua()
+        variance += fixed.white / count
+        variance += 0.0 if temporal is None else float(temporal.beyond(1.0)) / look.count / count
     error = math.sqrt(max(variance, 1e-12))
     apart = blocks / error
     top = tuple(int(k) for k in np.unravel_index(np.abs(apart).argmax(), apart.shape))
@@ -74,13 +76,14 @@ def frame_drift(look: Look, rows: Lines, columns: Lines) -> Finding | None:
     if n < 2 or look.kind in ("scene", "image"):
         return None
     height, width = look.shape
-    variance = look.noise_variance / (height * width)
+    coarse = rows.look.colour[0] * columns.look.colour[0]
+    variance = look.noise_variance / (height * width) * max(coarse, 1.0)
     means = look.data.frame_means - _sampled(rows) - _sampled(columns)
     means = means - means.mean()
     for lines, length in ((rows, height), (columns, width)):
         _, temporal = lines.continua()
         assert temporal is not None  # of two frames
-        variance += (temporal.white + (float(temporal.at(0.5)) - temporal.level)) / length
+        variance += float(temporal.beyond(0.5)) / length
     found = float((means**2).sum()) / (n - 1)
     gain = (n - 1) * found / variance
     if gain < needed(1, n - 1) or found < 4 * variance:

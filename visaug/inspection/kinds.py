@@ -32,12 +32,13 @@ def kinds_of(frames: FrameSet) -> tuple[list[str], str]:
 
 def _by_level(frames: FrameSet, unknown: list[int]) -> dict[int, str]:
     top = float((1 << (frames.bit_depth or 16)) - 1)
+    least = 1023.0 if frames.bit_depth == 16 else 255.0  # no converter of 8 bits fills 16
     found: dict[int, str] = {}
     before: np.ndarray | None = None
     for i in unknown:
         frame = frames.read(i)
         highest = max(float(np.quantile(frame, 0.9999)), 1.0)
-        scale = next((b for b in (255.0, 1023.0, 4095.0, 16383.0, 65535.0) if b >= highest), top)
+        scale = next((b for b in (255.0, 1023.0, 4095.0, 16383.0, 65535.0) if b >= max(highest, least)), top)
         if _shows_a_scene(frame):
             still = before is not None and before.shape == frame.shape and _same(before, frame)
             found[i] = "scene" if still else "image"

@@ -26,6 +26,7 @@ from visaug.inspection.spectra import (
 LEAST_PERIODS = 3  # in a frame, of a banding; slower changes are slopes
 _SHORTEST = 2.05  # lines; shorter periods are odd against even lines
 _ABOVE = 3.0  # times the power two cycles per frame lower: a line stands above both sides
+_SLOW = 4  # cycles per frame, whose power a step is held against
 _MOST = 8  # regular parts taken off one after another
 _QUARTERS = (1, 2, 3)  # of the frame, at which another part of the readout may begin
 
@@ -95,13 +96,15 @@ class Lines:
         The fixed ones contain 1/n of what changes. `windowed` keeps oscillations that are still there apart.
         """
         window = tapered if windowed else np.asarray
-        look, pixel = self.look, self.look.noise_variance / self.breadth
+        look = self.look
+        j = np.arange(1, self.length // 2 + 1)
         temporal = None
-        floor = look.pattern_variance / self.breadth
+        floors = look.pattern_variance / self.breadth * look.colour
         if self.count > 1:
+            pixel = look.noise_variance / self.breadth * look.colour
             temporal = continuum(spectrum(window(self.new)), self.count - 1, pixel)
-            floor += temporal.white / self.count
-        fixed = continuum(spectrum(window(smoothed_off(self.fixed)[None])), 1, floor, LEAST_PERIODS)
+            floors = floors + temporal.beyond(j) / self.count
+        fixed = continuum(spectrum(window(smoothed_off(self.fixed)[None])), 1, floors, LEAST_PERIODS)
         return fixed, temporal
 
 
@@ -143,7 +146,7 @@ def _steps(lines: Lines, fixed: Continuum) -> Iterator:
             np.linalg.lstsq(design, profile[here], rcond=None)[0],
             np.linalg.inv(design.T @ design),
         )
-        variance = covariance[0, 0] * max(fixed.level, 1e-12)
+        variance = covariance[0, 0] * max(float(fixed.floors[_SLOW - 1]) + fixed.white, 1e-12)
         gain = float(solved[0] ** 2 / variance)
         if place not in lines.steps and gain > needed_t(len(_QUARTERS), fixed.bins):
 
@@ -158,7 +161,7 @@ def _parity(lines: Lines, fixed: Continuum):
     sign = np.where(np.arange(lines.length) % 2, 1.0, -1.0)
     about_mean = smoothed_off(lines.fixed)
     half = float((about_mean * sign).mean())
-    variance = max(fixed.level, 1e-12) / lines.length
+    variance = max(float(fixed.at(lines.length / 2)), 1e-12) / lines.length
     gain = half**2 / variance
     if lines.parity is not None or not lines.look.is_uniform or gain < needed_t(1, fixed.bins):
         return None
@@ -290,7 +293,9 @@ def _offset_findings(lines: Lines, fixed: Continuum, temporal: Continuum | None)
     if temporal is not None:
         if temporal.rise > 0 and temporal.gain_rise > needed(5, 2):
             yield _flicker(lines, temporal)
-        alias = 0.5 * float(temporal.at(length / 2) - temporal.level)  # of 1/f noise faster than the rows
+        alias = 2 * float(
+            temporal.beyond(length / 2) - temporal.white
+        )  # bound on 1/f noise faster than the rows
         freedom = 2 * temporal.bins * temporal.shape
         if temporal.gain_white > needed() and temporal.white > alias:
             size = deviation(temporal.level, freedom, temporal.floor)
@@ -310,7 +315,7 @@ def _offset_findings(lines: Lines, fixed: Continuum, temporal: Continuum | None)
     freedom = 2 * fixed.bins
     error = math.sqrt(2 / freedom)
     if temporal is not None and fixed.floor > 0:
-        share = temporal.white / n / fixed.floor
+        share = float(temporal.beyond(length / 4)) / n / fixed.floor
         error = math.hypot(error, share * math.sqrt(1 / (temporal.bins * temporal.shape)))
     # The window keeps the ends of smooth changes out; it has the information of 18/35 of the lines.
     narrow, _ = lines.continua(windowed=True)
@@ -339,7 +344,7 @@ def _flicker(lines: Lines, temporal: Continuum) -> Finding:
     """1/f noise: what the spectrum of the rows, and that along the rows, has above its level at high frequencies."""
     look, axis = lines.look, lines.axis
     j = np.arange(1, lines.length // 2 + 1)
-    between = 2 * float((temporal.at(j) - temporal.level).sum()) / lines.length
+    between = 2 * float((temporal.beyond(j) - temporal.white).sum()) / lines.length
     noise = look.data.residual - look.data.residual.mean(2, keepdims=True)
     along = spectrum(noise.reshape(-1, noise.shape[2]))
     level = float(along[len(along) // 2 :].mean())

@@ -13,6 +13,7 @@ from visaug.statistics import GroupData
 FAR = 8.0  # robust standard deviations beyond which a pixel does not take part in the statistics of lines
 MOST_VALUES = 100_000_000  # pixels of all frames of a group held at once, 400 MB
 LEAST_SIDE = 16  # lines: fewer tell no spectrum
+_ACROSS = 8  # cycles across the frame, whose power stands for that of none
 BLOCK = 16  # px, of the slow part of the pattern
 
 
@@ -27,6 +28,7 @@ class Look:
         copies: number of frames left out as copies.
         bits: of the converter as the files state it, None where they do not.
         guessed: whether the kind was told by the level.
+        coloured: whether neighbours share noise, so that its spectrum is not white.
     """
 
     kind: str
@@ -35,6 +37,7 @@ class Look:
     copies: int = 0
     bits: int | None = None
     guessed: bool = False
+    coloured: bool = False
 
     @property
     def count(self) -> int:
@@ -86,10 +89,20 @@ class Look:
         return self.data.pattern_variance / (1 - 1 / height - 1 / width - slow)
 
     @cached_property
-    def drift(self) -> np.ndarray:
-        """(n,) mean of each frame less that of all, DN."""
-        means = self.data.frame_means
-        return means - means.mean()
+    def colour(self) -> np.ndarray:
+        """(H/2,) power of the pixels' noise at 1 .. H/2 cycles per frame down and few across, over that of white noise.
+
+        Row means have it too, but for what rows share, which has no cycles across.
+        """
+        half = self.shape[0] // 2
+        if not self.coloured:
+            return np.ones(half)
+        noise = self.data.noise_pixels if self.count > 1 else self.data.pattern_pixels[None]
+        power = np.abs(np.fft.fft(np.fft.rfft(noise, axis=2)[:, :, 2:_ACROSS], axis=1)) ** 2
+        found = power.mean((0, 2))[1 : half + 1] / noise[0].size / np.mean(noise**2, dtype=np.float64)
+        reach = max(half // 16, 2)
+        padded = np.pad(found, reach, mode="reflect")
+        return np.convolve(padded, np.full(2 * reach + 1, 1 / (2 * reach + 1)), mode="valid")
 
     def transposed(self) -> Look:
         """Columns in place of rows."""

@@ -30,8 +30,12 @@ def line_defects(look: Look, axis: str) -> tuple[Finding | None, np.ndarray]:
     height, width = look.shape
     robust = 1.4826 * float(np.median(np.abs(off)))
     scale = max(robust, look.noise_dn / math.sqrt(look.count * width), 0.02)
-    # A wave has tops that lie above both sides, but no higher than lines elsewhere differ.
-    bad = np.abs(off) > max(FAR * scale, 3 * float(np.quantile(np.abs(np.diff(middle)), 0.9)))
+    # A wave or a bump has tops above both sides, but no higher than lines elsewhere, or next to them, differ.
+    change = np.abs(np.diff(middle))
+    aside = np.maximum(
+        np.pad(change, (2, 0))[:-1], np.pad(change, (0, 2))[1:]
+    )  # of the two lines on either side
+    bad = np.abs(off) > np.maximum(max(FAR * scale, 3 * float(np.quantile(change, 0.9))), 3 * aside)
     if look.count > 1:
         own = (look.frames - look.frames.mean(0)).var((0, 2), dtype=np.float64)
         bad |= own < _QUIET * np.median(own)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy import fft
+from scipy import fft, stats
 
 from visaug.core.wording import number
 from visaug.frames import FrameSet
@@ -20,6 +20,8 @@ _STEPS = np.arange(2, 61)  # of JPEG's rounding, that pixels in whole DN can sho
 _MOST_BLOCKS = 1000
 _ROUNDED = 0.25  # of the characteristic function at 1/step, above which coefficients are multiples of it
 _COEFFICIENTS = 4  # of 63, that are so
+_TOLD = 0.5  # DN of noise, below which rounding hides its law
+_MANY = 0.05  # of the pixels: more are no defects
 _EQUAL = 1.6  # times as many equal neighbours as normal noise has
 
 
@@ -132,20 +134,23 @@ def _corrected(look: Look) -> Finding | None:
     inner = frames[:, 1:-1, 1:-1]
     left, right = frames[:, 1:-1, :-2], frames[:, 1:-1, 2:]
     up, down = frames[:, :-2, 1:-1], frames[:, 2:, 1:-1]
+    moves = np.ptp(inner, axis=0) > 0
     for name, guess in (
         ("of its neighbours in the row", (left + right) / 2),
         ("of its neighbours in the column", (up + down) / 2),
         ("of its four neighbours", (left + right + up + down) / 4),
     ):
-        hits = np.abs(inner - guess) <= 0.5
-        often = float(hits.mean())
-        if hits[0].size * often**look.count > ALPHA:
+        hits = (np.abs(inner - guess) <= 0.5).all(0) & moves
+        count = int(hits.sum())
+        # Without a correction as many pixels lie one or two DN beside the mean in every frame.
+        beside = max(int(((np.abs(inner - guess - d) <= 0.5).all(0) & moves).sum()) for d in (-2, -1, 1, 2))
+        if (
+            not 0 < count < _MANY * hits.size
+            or stats.poisson.sf(count - 1, beside + 3 * math.sqrt(beside) + 0.2) > ALPHA
+        ):
             continue
         where = np.zeros(look.shape, bool)
-        where[1:-1, 1:-1] = hits.all(0)
-        count = int(where.sum())
-        if not count:
-            continue
+        where[1:-1, 1:-1] = hits
         plural = "s are" if count > 1 else " is"
         rows, columns = np.nonzero(where)
         return Finding(
@@ -153,7 +158,7 @@ def _corrected(look: Look) -> Finding | None:
             "fixed",
             f"{count} pixel{plural} the mean {name} in every frame: defects were corrected before.",
             f"{count} corrected pixel{plural[:1].strip()}",
-            -2 * count * look.count * math.log(max(often, 1e-6)),
+            2 * (count * math.log(count / (beside + 0.2)) - count + beside + 0.2),
             share=count / where.size,
             details={"pixels": count},
             places=tuple((int(r), int(c), "corrected", 0.0) for r, c in zip(rows, columns)),
@@ -263,4 +268,6 @@ def noise_law(look: Look) -> dict[str, float | str]:
     error = math.sqrt(24 / (noise.size * (1 - 1 / n))) / mixing
     excess /= mixing
     law = "heavy tails" if excess > 4 * error else "normal"
+    if look.noise_dn < _TOLD:
+        law = "not told: the noise is below the step of the codes"
     return {"law": law, "excess_kurtosis": excess, "error": error, "text": f"{law} ({number(excess)})"}

@@ -75,13 +75,20 @@ class Inspection:
         if self.findings:
             said = "; ".join(f.short for f in self.findings[:_SAID])
             left = len(self.findings) - _SAID
-            return said + (f"; and {left} more" if left > 0 else "")
+            return said + (f"; and {left} more" if left > 0 else "") + self._doubt
         if not self.measured:
             return "nothing could be measured in these frames"
         first = self.measured[0]
         noise = first.temporal_noise_dn
         told = f"temporal noise of {noise['value']:.2g} DN ({first.law}), " if noise else ""
-        return f"no pattern found: {told}level {first.level_dn:.4g} DN"
+        return f"no pattern found: {told}level {first.level_dn:.4g} DN{self._doubt}"
+
+    @property
+    def _doubt(self) -> str:
+        """Where all frames are of one exposure."""
+        if len(self.frames) > 1 and all(m.temporal_noise_dn is None for m in self.measured):
+            return " (all frames are copies of one exposure, or single: fixed and new cannot be told apart)"
+        return ""
 
     @property
     def places(self) -> Iterator[tuple[int, int, str, float]]:

@@ -55,9 +55,9 @@ def inspect(frames: FrameSet | str | Path | np.ndarray) -> Inspection:
     chosen = _chosen(groups)
     container = 16 if frames.told_bits and frames.told_bits > 8 else frames.bit_depth
     codes = codes_of(chosen, container)
-    parts = [(look, _findings_of(look)) for look in chosen]
-    found = [*_merged(parts), *code_findings(codes, chosen)]
     packed = compression(chosen, frames)
+    parts = [_findings_of(replace(look, coloured=packed is not None)) for look in chosen]
+    found = [*_merged(parts), *code_findings(codes, [look for look, _ in parts])]
     found += [packed] if packed else []
     found.sort(key=lambda f: -f.evidence)
     return Inspection(
@@ -94,10 +94,12 @@ def _chosen(groups: list[Look]) -> list[Look]:
     return sorted(kept, key=lambda look: groups.index(look))
 
 
-def _findings_of(look: Look) -> list[Finding]:
-    if look.kind == "image":  # scenes that change hide everything else
-        return []
+def _findings_of(look: Look) -> tuple[Look, list[Finding]]:
+    """What one group of frames shows; and the group without defective lines."""
+    if look.kind == "image" or (look.count == 1 and not look.is_uniform):  # the scene hides everything else
+        return look, []
     found: list[Finding] = processing_findings(look)
+    look = replace(look, coloured=look.coloured or any(f.what in _COLOURED for f in found))
     if look.is_uniform:
         for axis in ("row", "column"):
             turned = look if axis == "row" else look.transposed()
@@ -105,12 +107,13 @@ def _findings_of(look: Look) -> list[Finding]:
             if defect:
                 found.append(defect)
                 look = turned.without_lines(bad) if axis == "row" else turned.without_lines(bad).transposed()
-    if look.count == 1 and not look.is_uniform:
-        return found
     rows, columns = rows_of(look, "row"), rows_of(look.transposed(), "column")
     found += [*line_findings(rows), *line_findings(columns), *pixel_findings(look)]
     found += [f for f in (glow(look, rows, columns), frame_drift(look, rows, columns)) if f]
-    return _explained(found)
+    return look, _explained(found)
+
+
+_COLOURED = ("correlated_noise", "denoising", "demosaicing")
 
 
 def _explained(found: list[Finding]) -> list[Finding]:
@@ -126,7 +129,7 @@ def _explained(found: list[Finding]) -> list[Finding]:
 
         found = [f for f in found if not is_part(f)]
     if any(f.what == "demosaicing" for f in found):
-        found = [f for f in found if f.what not in ("correlated_noise", "denoising")]
+        found = [f for f in found if f.what not in ("correlated_noise", "denoising", "defect_correction")]
     return found
 
 
@@ -146,7 +149,9 @@ def _merged(parts: list[tuple[Look, list[Finding]]]) -> list[Finding]:
 
 
 def _is_same(one: Finding, other: Finding) -> bool:
-    alike = (one.what, one.kind, one.axis) == (other.what, other.kind, other.axis)
+    names = ("at_row", "at_column", "end", "code_dn")
+    alike = all(one.details.get(name) == other.details.get(name) for name in names)
+    alike &= (one.what, one.kind, one.axis) == (other.what, other.kind, other.axis)
     if one.period is None or other.period is None:
         return alike
     return alike and abs(math.log(one.period / other.period)) < _SAME_PERIOD
@@ -179,13 +184,16 @@ def _with_nature(
 
 
 def _said_once(found: list[Finding]) -> list[Finding]:
-    """Lossy compression shares noise between neighbours and interpolates codes: said once."""
-    if not any(f.what == "compression" for f in found):
+    """Without what lossy compression makes: noise shared by neighbours, and patterns fainter than its rounding."""
+    packed = next((f for f in found if f.what == "compression"), None)
+    if packed is None:
         return found
+    made = ("correlated_noise", "denoising", "demosaicing", "defect_correction")
+    least = packed.amplitude_dn or 0.0
     return [
         f
         for f in found
-        if f.what not in ("correlated_noise", "denoising", "demosaicing", "defect_correction")
+        if f.what not in made and (f is packed or f.amplitude_dn is None or f.amplitude_dn > least)
     ]
 
 

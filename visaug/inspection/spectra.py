@@ -23,10 +23,10 @@ _ROUNDS = 12
 
 @dataclass(frozen=True)
 class Continuum:
-    """S(j) = floor + white + rise j^-exponent at j cycles per frame, DN^2 of one line mean.
+    """S(j) = floor(j) + white + rise j^-exponent at j cycles per frame, DN^2 of one line mean.
 
     Attributes:
-        floor: variance that the pixels' own noise gives to a line mean.
+        floors: (L/2,) what is expected at 1, 2, ... cycles: the pixels' own noise in a line mean, and known parts.
         white: further variance of the lines.
         rise, exponent: of the part that falls with the frequency.
         gain_white, gain_rise: twice the log likelihood ratio of either part.
@@ -34,7 +34,7 @@ class Continuum:
         shape: shape of the gamma law of a bin.
     """
 
-    floor: float
+    floors: np.ndarray
     white: float
     rise: float
     exponent: float
@@ -45,29 +45,40 @@ class Continuum:
 
     def at(self, frequency: np.ndarray | float) -> np.ndarray:
         """At frequencies in cycles per frame."""
-        return self.level + self.rise * np.maximum(frequency, 0.5) ** -self.exponent
+        floor = np.interp(frequency, np.arange(1, len(self.floors) + 1), self.floors)
+        return floor + self.beyond(frequency)
+
+    def beyond(self, frequency: np.ndarray | float) -> np.ndarray:
+        """What is above the floor."""
+        return self.white + self.rise * np.maximum(frequency, 0.5) ** -self.exponent
+
+    @property
+    def floor(self) -> float:
+        """Its mean."""
+        return float(self.floors.mean())
 
     @property
     def level(self) -> float:
+        """Mean of floor and white part."""
         return self.floor + self.white
 
 
-def continuum(power: np.ndarray, shape: float, floor: float, first: int = 1) -> Continuum:
+def continuum(power: np.ndarray, shape: float, floors: np.ndarray, first: int = 1) -> Continuum:
     """Fit a continuum to a power spectrum by likelihood (P. Whittle, 1953); lines are left out.
 
     Args:
         power: (L/2,) mean power at 1, 2, ... cycles per frame, 1 for white noise of variance 1.
         shape: frames that were averaged: the gamma shape of a bin.
-        floor: least level.
+        floors: (L/2,) least levels.
         first: lowest frequency that is used.
     """
     j = np.arange(1, len(power) + 1)
     use = j >= first
-    level = np.full(len(power), max(_median_level(power[use], shape), floor, 1e-12))
-    found = Continuum(floor, 0.0, 0.0, 1.0, 0.0, 0.0, 0, shape)
+    level = np.maximum(_median_level(power[use], shape), np.maximum(floors, 1e-12))
+    found = Continuum(floors, 0.0, 0.0, 1.0, 0.0, 0.0, 0, shape)
     for _ in range(3):
         usual = use & (stats.gamma.sf(power * shape / level, shape) > _OUTLYING)
-        found = _fit(j[usual], power[usual], shape, floor)
+        found = _fit(j[usual], power[usual], shape, floors, floors[usual])
         level = np.maximum(found.at(j), 1e-12)
     return found
 
@@ -76,7 +87,7 @@ def _median_level(power: np.ndarray, shape: float) -> float:
     return float(np.median(power)) * shape / float(stats.gamma.median(shape))
 
 
-def _fit(j: np.ndarray, power: np.ndarray, shape: float, floor: float) -> Continuum:
+def _fit(j: np.ndarray, power: np.ndarray, shape: float, floors: np.ndarray, floor: np.ndarray) -> Continuum:
     ones = np.ones(len(j))
     fits = {"floor": _fitted(power, np.zeros((len(j), 0)), floor, shape)}
     fits["white"] = _fitted(power, ones[:, None], floor, shape)
@@ -87,24 +98,26 @@ def _fit(j: np.ndarray, power: np.ndarray, shape: float, floor: float) -> Contin
     if gain_rise < needed(len(EXPONENTS), 2):  # a white spectrum is enough
         white = float(fits["white"][1][0])
         gain = 2 * (fits["white"][0] - fits["floor"][0])
-        return Continuum(floor, white, 0.0, 1.0, gain, gain_rise, len(j), shape)
+        return Continuum(floors, white, 0.0, 1.0, gain, gain_rise, len(j), shape)
     gain = 2 * (best - alone)
     return Continuum(
-        floor, float(coefficients[0]), float(coefficients[1]), exponent, gain, gain_rise, len(j), shape
+        floors, float(coefficients[0]), float(coefficients[1]), exponent, gain, gain_rise, len(j), shape
     )
 
 
-def _fitted(power: np.ndarray, design: np.ndarray, floor: float, shape: float) -> tuple[float, np.ndarray]:
+def _fitted(
+    power: np.ndarray, design: np.ndarray, floor: np.ndarray, shape: float
+) -> tuple[float, np.ndarray]:
     """Log likelihood and coefficients (not negative) of floor + design x, by reweighted least squares."""
-    least = max(floor, 1e-9 * float(power.mean()) + 1e-12)
-    level = np.full(len(power), max(float(power.mean()), least))
+    least = np.maximum(floor, 1e-9 * float(power.mean()) + 1e-12)
+    level = np.maximum(float(power.mean()), least)
     x = np.zeros(design.shape[1])
     for _ in range(_ROUNDS if design.shape[1] else 0):
         weight = 1 / level
         x, _ = optimize.nnls(design * weight[:, None], (power - floor) * weight)
         level = np.maximum(floor + design @ x, least)
     if not design.shape[1]:
-        level = np.full(len(power), least)
+        level = least
     return float(-shape * (np.log(level) + power / level).sum()), x
 
 
