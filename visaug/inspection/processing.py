@@ -140,14 +140,13 @@ def _corrected(look: Look) -> Finding | None:
         ("of its neighbours in the column", (up + down) / 2),
         ("of its four neighbours", (left + right + up + down) / 4),
     ):
-        hits = (np.abs(inner - guess) <= 0.5).all(0) & moves
+        near = np.abs(inner - guess) <= 0.5
+        hits = near.all(0) & moves
         count = int(hits.sum())
         # Without a correction as many pixels lie one or two DN beside the mean in every frame.
         beside = max(int(((np.abs(inner - guess - d) <= 0.5).all(0) & moves).sum()) for d in (-2, -1, 1, 2))
-        if (
-            not 0 < count < _MANY * hits.size
-            or stats.poisson.sf(count - 1, beside + 3 * math.sqrt(beside) + 0.2) > ALPHA
-        ):
+        chance = max(beside + 3 * math.sqrt(beside), hits.size * near.mean() ** look.count) + 0.2
+        if not 0 < count < _MANY * hits.size or stats.poisson.sf(count - 1, chance) > ALPHA:
             continue
         where = np.zeros(look.shape, bool)
         where[1:-1, 1:-1] = hits
@@ -158,7 +157,7 @@ def _corrected(look: Look) -> Finding | None:
             "fixed",
             f"{count} pixel{plural} the mean {name} in every frame: defects were corrected before.",
             f"{count} corrected pixel{plural[:1].strip()}",
-            2 * (count * math.log(count / (beside + 0.2)) - count + beside + 0.2),
+            2 * (count * math.log(count / chance) - count + chance),
             share=count / where.size,
             details={"pixels": count},
             places=tuple((int(r), int(c), "corrected", 0.0) for r, c in zip(rows, columns)),
