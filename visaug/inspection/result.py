@@ -129,7 +129,7 @@ class Inspection:
         """Write the page."""
         from importlib import import_module
 
-        return import_module("visaug.report.inspected").write_inspection(path, self)
+        return import_module("visaug.report").write_inspection(path, self)
 
 
 def _plain(value: Any) -> Any:

@@ -71,7 +71,7 @@ def inspect(frames: FrameSet | str | Path | np.ndarray) -> Inspection:
         tuple(_measurement(look) for look in chosen if look.kind != "image"),
         tuple(_ambiguous(groups, packed)),
         tuple(_more(groups)),
-        tuple([*notes, *frames.warnings]),
+        tuple([*notes, *(w for w in frames.warnings if not w.startswith("exposure_unknown"))]),
         _next(frames, kinds),
         tuple(chosen),
     )
@@ -271,5 +271,7 @@ def _next(frames: FrameSet, kinds: list[str]) -> str:
 
     folder = str(frames.loaded_from) if frames.loaded_from else "FRAMES"
     if set(kinds) <= {"image", "scene"} or not frames.is_pictures:
-        return shlex.join(("visaug", "characterize", folder, "-o", "camera.yaml"))
+        lit = set(kinds) - {"dark", "bias"}  # without light there is no gain, and no camera in electrons
+        words = ("-o", "camera.yaml") if lit else ("--report", "characterization.html")
+        return shlex.join(("visaug", "characterize", folder, *words))
     return shlex.join(("visaug", "frames", folder, "-o", f"{folder.rstrip('/')}/frames.csv"))
