@@ -49,7 +49,7 @@ def flicker(rng, n, size):
 
 def camera(name, rng, n):
     """Patterns and what is true of them."""
-    half = COLUMNS >= SHAPE[1] // 2
+    half = SHAPE[1] // 2 <= COLUMNS
     corner = np.exp(-np.hypot(ROWS, COLUMNS) / 40)
     match name:
         case "banding and columns":

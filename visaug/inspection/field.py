@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy import stats
 
 from visaug.core.wording import number
 from visaug.inspection.finding import Finding, deviation, needed, needed_z
@@ -50,7 +49,8 @@ def glow(look: Look, rows: Lines, columns: Lines) -> Finding | None:
     chi = float((apart**2).sum())
     if abs(apart[top]) < max(needed_z(apart.size), 5.0) or chi < needed(1, apart.size):
         return None
-    place = _PLACES[tuple(0 if k == 0 else 2 if k == n - 1 else 1 for k, n in zip(top, apart.shape))]
+    vertical, horizontal = (0 if k == 0 else 2 if k == n - 1 else 1 for k, n in zip(top, apart.shape))
+    place = _PLACES[vertical, horizontal]
     spread = deviation(float(blocks.var()), blocks.size - 1, variance)
     value, peak = spread["amplitude_dn"], float(blocks[top])
     shaded = look.is_lit and (peak < 0 or not look.guessed)
@@ -90,7 +90,7 @@ def frame_drift(look: Look, rows: Lines, columns: Lines) -> Finding | None:
         return None
     size = deviation(found, n - 1, variance)
     value = size["amplitude_dn"]
-    order = float(stats.spearmanr(np.arange(n), means).statistic) if n >= 5 else 0.0
+    order = float(np.corrcoef(np.arange(n), np.argsort(np.argsort(means)))[0, 1]) if n >= 5 else 0.0
     steady = abs(order) > 0.9
     how = (
         f"{'rises' if order > 0 else 'falls'} from first to last" if steady else "changes from frame to frame"

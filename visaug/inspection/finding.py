@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from scipy import stats
@@ -13,6 +13,14 @@ FAMILY = 0.01  # probability that any finding at all is named in frames without 
 TESTS = 40  # decisions about one group of frames, all detectors together
 ALPHA = FAMILY / TESTS  # of one decision; each divides it further by the places that it looks at
 _Z95 = float(stats.norm.ppf(0.975))
+
+
+class Size(TypedDict):
+    """An amplitude with its 95 % interval, DN."""
+
+    amplitude_dn: float
+    low: float
+    high: float
 
 
 @dataclass(frozen=True)
@@ -87,7 +95,7 @@ def needed_z(trials: float = 1.0) -> float:
     return float(stats.norm.isf(ALPHA / max(trials, 1.0) / 2))
 
 
-def about(value: float, error: float) -> dict[str, float]:
+def about(value: float, error: float) -> Size:
     """Amplitude and interval from a value and its standard error; an amplitude is not negative."""
     return {
         "amplitude_dn": value,
@@ -96,7 +104,7 @@ def about(value: float, error: float) -> dict[str, float]:
     }
 
 
-def deviation(mean_square: float, freedom: float, floor: float) -> dict[str, float]:
+def deviation(mean_square: float, freedom: float, floor: float) -> Size:
     """The same for the root of a mean square of chi-square spread less a known floor."""
     low, high = (freedom / stats.chi2.ppf(q, freedom) for q in (0.975, 0.025))
     low, value, high = (

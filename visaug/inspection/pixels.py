@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from visaug.core.wording import number
-from visaug.inspection.finding import ALPHA, Finding, deviation
+from visaug.inspection.finding import ALPHA, Finding, Size, deviation
 from visaug.inspection.material import FAR, Look
 
 MOST_PLACES = 20_000  # defects listed
@@ -220,7 +220,7 @@ def _jumps(look: Look, where: np.ndarray) -> Finding | None:
     )
 
 
-def pixel_pattern(look: Look) -> dict[str, float]:
+def pixel_pattern(look: Look) -> Size:
     """Standard deviation of the fixed pattern of the pixels, DN, with its interval; nothing for one frame."""
     temporal = look.noise_variance / look.count
     freedom = look.shape[0] * look.shape[1] / 1.5

@@ -189,8 +189,8 @@ def compression(looks: list[Look], frames: FrameSet) -> Finding | None:
     return Finding(
         "compression",
         None,
-        f"{count} of 63 coefficients of 8 x 8 blocks are rounded, to multiples of {step:.0f} DN in the median: the frames were JPEG "
-        "before; differences below that are hidden.",
+        f"{count} of 63 coefficients of 8 x 8 blocks are rounded, to multiples of {step:.0f} DN in the median: the frames were "
+        "JPEG before; differences below that are hidden.",
         "JPEG compression before",
         gain,
         amplitude_dn=step / math.sqrt(12),

@@ -14,7 +14,8 @@ from visaug.inspection.codes import code_findings, codes_of
 from visaug.inspection.field import frame_drift, glow
 from visaug.inspection.finding import Finding
 from visaug.inspection.kinds import kinds_of
-from visaug.inspection.lines import line_findings, rows_of
+from visaug.inspection.line_findings import line_findings
+from visaug.inspection.lines import rows_of
 from visaug.inspection.material import Look, looks
 from visaug.inspection.pixels import line_defects, pixel_findings, pixel_pattern
 from visaug.inspection.processing import compression, noise_law, processing_findings
@@ -71,7 +72,7 @@ def inspect(frames: FrameSet | str | Path | np.ndarray) -> Inspection:
         tuple(_measurement(look) for look in chosen if look.kind != "image"),
         tuple(_ambiguous(groups, packed)),
         tuple(_more(groups)),
-        tuple([*notes, *(w for w in frames.warnings if not w.startswith("exposure_unknown"))]),
+        (*notes, *(w for w in frames.warnings if not w.startswith("exposure_unknown"))),
         _next(frames, kinds),
         tuple(chosen),
     )
@@ -222,8 +223,8 @@ def _ambiguous(groups: list[Look], packed: Finding | None) -> list[str]:
     for look in groups:
         if look.copies:
             said.append(
-                f"{look.copies} of {look.count + look.copies} {look.kind} frames are copies of others to the last bit: one exposure "
-                "saved again cannot tell fixed from new"
+                f"{look.copies} of {look.count + look.copies} {look.kind} frames are copies of others to the last bit: one "
+                "exposure saved again cannot tell fixed from new"
             )
         elif look.count == 1 and look.kind != "image":
             said.append(f"of one {look.kind} frame fixed patterns and noise cannot be told apart")

@@ -171,4 +171,4 @@ def phasors(lines: np.ndarray, frequency: float) -> np.ndarray:
 def sines(amplitudes: np.ndarray, frequency: float, length: int) -> np.ndarray:
     """(n, L) the sines of complex amplitudes, whose mean is not removed."""
     angle = 2 * math.pi * frequency * np.arange(length) / length
-    return amplitudes.real[:, None] * np.cos(angle) - amplitudes.imag[:, None] * np.sin(angle)
+    return np.real(amplitudes[:, None] * np.exp(1j * angle))

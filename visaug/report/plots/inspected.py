@@ -53,7 +53,6 @@ def _lines(finding: Finding, lines: Any) -> Figure:
     if finding.what == "parity" and len(profiles[0]) > 60:
         left.set_xlim(0, 60)
     left.set(xlabel=lines.axis, ylabel=f"mean of the {lines.axis} / DN")
-    left.legend(fontsize=8, loc="upper right")
     from visaug.statistics.views.spectrum import power
 
     fixed = power(profiles.mean(0)[None])
@@ -69,7 +68,8 @@ def _lines(finding: Finding, lines: Any) -> Figure:
     right.set(xlabel=f"cycles per {lines.axis}", ylabel="power / DN²", yscale="log")
     if finding.what == "flicker_noise":
         right.set_xscale("log")
-    right.legend(fontsize=8)
+    handles, labels = (a + b for a, b in zip(*(axes.get_legend_handles_labels() for axes in (left, right))))
+    figure.legend(handles, labels, loc="outside upper center", ncols=6, fontsize=8)
     return figure
 
 
