@@ -74,12 +74,24 @@ def continuum(power: np.ndarray, shape: float, floors: np.ndarray, first: int = 
     """
     j = np.arange(1, len(power) + 1)
     use = j >= first
-    level = np.maximum(_median_level(power[use], shape), np.maximum(floors, 1e-12))
-    found = Continuum(floors, 0.0, 0.0, 1.0, 0.0, 0.0, 0, shape)
+    flat = np.maximum(_median_level(power[use], shape), np.maximum(floors, 1e-12))
+    risen = _fit(j[use], power[use], shape, floors, floors[use]).at(j)
+    # A rise hides from a start without one, and a line from a start with one: the start that leaves out less is right.
+    return max(
+        (_settled(start, j, power, shape, floors, use) for start in (flat, risen)), key=lambda fit: fit.bins
+    )
+
+
+def _settled(
+    level: np.ndarray, j: np.ndarray, power: np.ndarray, shape: float, floors: np.ndarray, use: np.ndarray
+) -> Continuum:
+    """The fit to the bins that are no lines above it."""
+    found = None
     for _ in range(3):
-        usual = use & (stats.gamma.sf(power * shape / level, shape) > _OUTLYING)
+        usual = use & (stats.gamma.sf(power * shape / np.maximum(level, 1e-12), shape) > _OUTLYING)
         found = _fit(j[usual], power[usual], shape, floors, floors[usual])
-        level = np.maximum(found.at(j), 1e-12)
+        level = found.at(j)
+    assert found is not None
     return found
 
 
