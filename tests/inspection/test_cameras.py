@@ -26,6 +26,7 @@ def is_right(result, truths):
     return len(result.findings) == len(truths)
 
 
+@pytest.mark.slow
 def test_eight_cameras_at_three_numbers_of_frames():
     """Right code fails about 1 of the 24 cases (2 of 120 with other seeds), and three or more with a probability of 1 %."""
     wrong = []

@@ -171,7 +171,8 @@ def _pile(look: Look, at_top: bool, codes: Codes) -> float:
     step = codes.step << codes.shift
     beside = max(np.count_nonzero(values == end + k * step) for k in (1, 2))
     share = here / values.size
-    is_limit = abs(end) in (0.0, float((1 << codes.bits) - 1 << codes.shift))
+    limit = float((1 << codes.bits) - 1 << codes.shift) if at_top else 0.0
+    is_limit = abs(end) == limit
     if here == values.size:
         return share if is_limit else 0.0
     steep = 1.0 if is_limit else 3.0

@@ -13,18 +13,20 @@ _LIT = 0.25  # of the largest code, from which uniform frames are taken for flat
 
 def kinds_of(frames: FrameSet) -> tuple[list[str], str]:
     """The kind of each frame, and by what it was told."""
-    if not frames.is_pictures:
-        by_name = any(w.startswith(("exposure_unknown", "read_from_names")) for w in frames.warnings)
-        return [r.kind for r in frames.records], "the file names" if by_name else "the table or headers"
+    told = [None if r.kind == "image" else r.kind for r in frames.records]
     named = named_kinds(frames.records)
-    unknown = [i for i, kind in enumerate(named) if kind is None]
-    if not unknown:
-        return [str(kind) for kind in named], "the file names"
+    kinds = [kind or name for kind, name in zip(told, named, strict=True)]
+    unknown = [i for i, kind in enumerate(kinds) if kind is None]
+    sources = []
+    if any(told):
+        agree = all(kind in (None, name) for kind, name in zip(told, named, strict=True))
+        sources.append("the file names" if agree else "the table or headers")
+    elif any(named):
+        sources.append("the file names")
+    if unknown:
+        sources.append("level and structure")
     by_level = _by_level(frames, unknown)
-    kinds = [str(kind or by_level[i]) for i, kind in enumerate(named)]
-    return kinds, "level and structure" if len(unknown) == len(
-        named
-    ) else "file names, else level and structure"
+    return [str(kind or by_level[i]) for i, kind in enumerate(kinds)], ", else ".join(sources)
 
 
 def _by_level(frames: FrameSet, unknown: list[int]) -> dict[int, str]:

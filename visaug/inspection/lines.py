@@ -24,6 +24,7 @@ from visaug.statistics.views.spectrum import power as spectrum
 
 LEAST_PERIODS = 3  # in a frame, of a banding; slower changes are slopes
 _SHORTEST = 2.05  # lines; shorter periods are odd against even lines
+_BESIDE = 1.25  # cycles per frame
 _ABOVE = 3.0  # times the power two cycles per frame lower: a line stands above both sides
 _SLOW = 4  # cycles per frame, whose power a step is held against
 _MOST = 8  # regular parts taken off one after another
@@ -204,6 +205,8 @@ def _wave(lines: Lines, fixed: Continuum, temporal: Continuum | None):
     for profiles, level in spectra:
         frequency, power = fine_spectrum(profiles)
         allowed = (frequency >= LEAST_PERIODS) & (frequency <= length / _SHORTEST)
+        for wave in lines.waves:  # what a sine leaves beside itself is no other one
+            allowed &= np.abs(frequency - wave.frequency) > _BESIDE
         narrow = fine_spectrum(tapered(profiles))[1]
         below = np.concatenate([np.zeros(2 * FINER), narrow[: -2 * FINER]])
         allowed &= narrow > _ABOVE * below  # a smooth bump has more at lower frequencies

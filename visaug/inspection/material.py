@@ -11,9 +11,12 @@ from visaug.frames import FrameSet, Group
 from visaug.statistics import GroupData
 
 FAR = 8.0  # robust standard deviations beyond which a pixel does not take part in the statistics of lines
-MOST_VALUES = 100_000_000  # pixels of all frames of a group held at once, 400 MB
+MOST_VALUES = (
+    40_000_000  # pixels of all frames of a group, of which up to twenty copies are held at once: 3 GB
+)
 LEAST_SIDE = 16  # lines: fewer tell no spectrum
 _ACROSS = 8  # cycles across the frame, whose power stands for that of none
+FULL_SCALE = 65535.0  # DN of 1.0 in frames of fractions: 16 bits
 BLOCK = 16  # px, of the slow part of the pattern
 
 
@@ -150,6 +153,11 @@ def looks(frames: FrameSet, kinds: list[str], guessed: bool = False) -> tuple[li
                 notes.append(f"part_of_the_frames: {most} of {len(indices)} {group.kind} frames are used")
                 indices = indices[:most]
             stack = told.read_many(indices)
+            if frames.bit_depth is None and 0 < stack.max() <= 1:
+                stack *= np.float32(FULL_SCALE)
+                notes.append(
+                    f"fractions: the frames hold fractions of 1; sizes are given for {FULL_SCALE:.0f} DN"
+                )
             for part in _levels(stack, group.kind):
                 members = [indices[k] for k in part]
                 distinct = _distinct(stack[part])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from visaug.core.errors import InputError
 from visaug.frames import FrameRecord, FrameSet
+from visaug.frames.pixels_alone import load_pixels
 from visaug.inspection.codes import code_findings, codes_of
 from visaug.inspection.field import frame_drift, glow
 from visaug.inspection.finding import Finding
@@ -27,11 +29,12 @@ _STEEPER = 1.5  # times as strong in light as in the dark, from which a pattern 
 _FEW = 8  # frames below which more tell more
 
 
-def inspect(frames: FrameSet | str | Path | np.ndarray) -> Inspection:
+def inspect(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -> Inspection:
     """What pattern is in these frames; no camera file, exposure or calibrated light is needed.
 
     Args:
-        frames: 2 to 200 frames of any kind: a frame set, the path of one, or an array (n, H, W) in DN.
+        frames: 2 to 200 frames of any kind: a frame set, the path of one, or an array (n, H, W) in DN. Fractions of 1 are
+            taken as such of 65535 DN.
 
     Returns:
         Patterns beyond temporal noise and ordinary pixel non-uniformity, each with its size in DN, its 95 % interval, and
@@ -78,13 +81,22 @@ def inspect(frames: FrameSet | str | Path | np.ndarray) -> Inspection:
     )
 
 
-def _as_set(frames: FrameSet | str | Path | np.ndarray) -> FrameSet:
-    if not isinstance(frames, np.ndarray):
-        return FrameSet.of(frames)
-    if frames.ndim != 3:
-        raise InputError(f"has shape {frames.shape}", field="frames", expected="(n, H, W)")
-    records = [FrameRecord(k, f"frame {k}", "image") for k in range(len(frames))]
-    return FrameSet.from_arrays(records, frames)
+def _as_set(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -> FrameSet:
+    if isinstance(frames, str | Path):
+        return load_pixels(frames)
+    if isinstance(frames, FrameSet):
+        return frames
+    stack = (
+        frames if isinstance(frames, np.ndarray) else list(frames) if isinstance(frames, list | tuple) else []
+    )
+    if not len(stack) or any(np.ndim(frame) != 2 for frame in stack):
+        raise InputError(
+            "is no set of frames",
+            field="frames",
+            expected="a FrameSet, the path of one, or an array (n, H, W)",
+        )
+    records = [FrameRecord(k, f"frame {k}", "image") for k in range(len(stack))]
+    return FrameSet.from_arrays(records, stack)
 
 
 def _chosen(groups: list[Look]) -> list[Look]:
@@ -221,7 +233,7 @@ def _measurement(look: Look) -> Measurement:
 def _ambiguous(groups: list[Look], packed: Finding | None) -> list[str]:
     said = []
     for look in groups:
-        if look.copies:
+        if look.copies and np.ptp(look.frames[0]) > 0:
             said.append(
                 f"{look.copies} of {look.count + look.copies} {look.kind} frames are copies of others to the last bit: one "
                 "exposure saved again cannot tell fixed from new"

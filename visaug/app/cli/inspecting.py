@@ -51,8 +51,9 @@ def inspect(
     Kinds are taken from a table or headers, else from names (dark_000.png, bias, flat), else from level and structure.
     """
     import visaug
+    from visaug.frames.pixels_alone import load_pixels
 
-    frames = visaug.FrameSet.load(frames_path, None, bit_depth)
+    frames = load_pixels(frames_path, bit_depth)
     with progress_bars(quiet=quiet or is_silent(quiet, json_path)) as progress:
         progress("inspecting", 0, 1)
         result = visaug.inspect(frames)
