@@ -14,6 +14,10 @@ from visaug.inspection.lines import Lines, Wave
 from visaug.inspection.spectra import Continuum
 from visaug.statistics.views.spectrum import power as spectrum
 
+_DIRECTED = (
+    9.21  # Rayleigh's 2 n R^2, that random directions exceed in 1 % (chi-square of 2 degrees of freedom)
+)
+
 
 def line_findings(lines: Lines) -> list[Finding]:
     """Everything that was found in the rows."""
@@ -85,12 +89,12 @@ def _phases(wave: Wave, n: int) -> tuple[str, float | None]:
     if not wave.new:
         return "the same phase in every frame", None
     unit = wave.amplitudes / np.maximum(np.abs(wave.amplitudes), 1e-12)
-    if n >= 5:
+    if n >= 6:
         turn = (unit[1:] * unit[:-1].conj()).mean()
-        if abs(turn) ** 2 * 2 * (n - 1) > needed(1, 2):  # Rayleigh's test of directions
+        if abs(turn) ** 2 * 2 * (n - 1) > _DIRECTED:
             advance = float(np.angle(turn) / (2 * math.pi))
             return f"its phase moves on by {advance:+.2g} periods per frame", advance
-        if abs(unit.mean()) ** 2 * 2 * n > needed(1, 2):
+        if abs(unit.mean()) ** 2 * 2 * n > _DIRECTED:
             return "changing in each frame, with a preferred phase", None
     return "new phase in each frame", None
 
@@ -180,6 +184,8 @@ def _step_findings(lines: Lines) -> Iterator[Finding]:
     if not lines.look.is_uniform:
         return
     for place, (height, error, gain) in lines.steps.items():
+        if height**2 < error**2 * needed(3):  # it was a part of what was found after it
+            continue
         half = place == lines.length // 2
         first, second = ("upper", "lower") if axis == "row" else ("left", "right")
         text = (

@@ -22,7 +22,8 @@ from visaug.inspection.spectra import (
 )
 from visaug.statistics.views.spectrum import power as spectrum
 
-LEAST_PERIODS = 3  # in a frame, of a banding; slower changes are slopes
+LEAST_PERIODS = 3  # in a frame, of a fixed banding; slower changes are slopes and bumps
+_LEAST_NEW = 1.5  # in a frame, of one that is new in each
 _SHORTEST = 2.05  # lines; shorter periods are odd against even lines
 _BESIDE = 1.25  # cycles per frame
 _ABOVE = 3.0  # times the power two cycles per frame lower: a line stands above both sides
@@ -204,7 +205,8 @@ def _wave(lines: Lines, fixed: Continuum, temporal: Continuum | None):
     found = None
     for profiles, level in spectra:
         frequency, power = fine_spectrum(profiles)
-        allowed = (frequency >= LEAST_PERIODS) & (frequency <= length / _SHORTEST)
+        least = LEAST_PERIODS if level is fixed else _LEAST_NEW
+        allowed = (frequency >= least) & (frequency <= length / _SHORTEST)
         for wave in lines.waves:  # what a sine leaves beside itself is no other one
             allowed &= np.abs(frequency - wave.frequency) > _BESIDE
         narrow = fine_spectrum(tapered(profiles))[1]
@@ -215,11 +217,13 @@ def _wave(lines: Lines, fixed: Continuum, temporal: Continuum | None):
         gain = 2 * level.shape * float(relative[top])
         clear = gain > needed(FINER * int(allowed.sum()), 2 * level.shape)
         if clear and (found is None or gain > found[0]):
-            found = gain, sharpened(profiles, float(frequency[top]), LEAST_PERIODS - 0.25)
+            degree = 3 if level is fixed else 0  # slopes and bumps are fixed
+            raw = lines.fixed[None] if level is fixed else profiles
+            found = gain, sharpened(raw, float(frequency[top]), least - 0.25, degree), degree
     if found is None:
         return None
-    gain, frequency = found
-    amplitudes = phasors(lines.profiles, frequency)
+    gain, frequency, degree = found
+    amplitudes = phasors(lines.profiles, frequency, degree)
     noise = 0.0 if temporal is None else float(temporal.at(frequency)) * 4 / length
     offsets = max(float(fixed.at(frequency)) * 4 / length - noise / n, 0.0)
     scatter = float((np.abs(amplitudes - amplitudes.mean()) ** 2).sum())

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from visaug.core.wording import number
 from visaug.inspection.finding import ALPHA, Finding, Size, deviation
@@ -19,6 +20,7 @@ _STRONG_LIT = 0.03  # of the level: photo response non-uniformity is below one o
 _LEAST_FRAMES = 6  # that tell a pixel of two levels from noise
 _QUIET = 0.05  # of the usual variance: a line with less follows no signal
 _STUCK = 4  # frames in which a pixel has one value while the others have noise
+_AROUND = 3  # px on either side, that a defect is compared with
 _DRAWS = 8  # times that the frames are dealt anew to the pixels
 _POOL = 200_000  # pixels that tell the law of what noise does
 
@@ -111,6 +113,8 @@ def _standing_out(look: Look) -> tuple[np.ndarray, np.ndarray]:
     pixels = np.abs(pattern.ravel())
     scale = max(1.4826 * float(np.median(pixels)), 0.3)
     far = np.abs(pattern) > FAR * scale
+    if far.any():
+        far[far] = _lone(look.raw.mean, far, FAR / 2 * scale)
     if look.count > 1 and far.any():
         limit = _reach(look)
         each = look.frames[:, far] - (look.raw.mean - pattern)[far]
@@ -122,6 +126,18 @@ def _standing_out(look: Look) -> tuple[np.ndarray, np.ndarray]:
         still = np.ptp(look.frames, axis=0) == 0 if look.count >= _STUCK else still
         still &= pattern < -4 * math.sqrt(look.pattern_variance)
     return far & (pattern > 0), (far & (pattern < 0)) | still
+
+
+def _lone(image: np.ndarray, where: np.ndarray, least: float) -> np.ndarray:
+    """Which of the chosen pixels are far from the pixels around them, which change less: a steep slope is no defect."""
+    padded = np.pad(
+        image, _AROUND, mode="reflect", reflect_type="odd"
+    )  # beyond an edge as steep as before it
+    around = sliding_window_view(padded, (2 * _AROUND + 1, 2 * _AROUND + 1))[where].reshape(
+        int(where.sum()), -1
+    )
+    low, middle, high = np.quantile(around, [0.25, 0.5, 0.75], axis=1)
+    return np.abs(image[where] - middle) > np.maximum(least, 3 * (high - low))
 
 
 def _reach(look: Look) -> float:

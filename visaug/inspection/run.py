@@ -137,13 +137,18 @@ def _explained(found: list[Finding]) -> list[Finding]:
         size = best.amplitude_dn or 0.0
 
         def is_part(f: Finding) -> bool:
-            small = (f.amplitude_dn or 0.0) < size
-            return f is not best and small and f.what in ("flicker_noise", "frame_drift", "correlated_noise")
+            small = (f.amplitude_dn or 0.0) < size and f.kind == "per_frame"
+            faint = f.evidence < _FAINT * best.evidence and f.what.endswith(("_banding", "_offset"))
+            return f is not best and small and (faint or f.what in _OF_FLICKER)
 
         found = [f for f in found if not is_part(f)]
     if any(f.what == "demosaicing" for f in found):
         found = [f for f in found if f.what not in ("correlated_noise", "denoising", "defect_correction")]
     return found
+
+
+_OF_FLICKER = ("flicker_noise", "frame_drift", "correlated_noise")
+_FAINT = 0.1  # of the evidence for 1/f noise, below which a pattern that changes may be its waves
 
 
 def _merged(parts: list[tuple[Look, list[Finding]]]) -> list[Finding]:

@@ -18,6 +18,8 @@ EXPONENTS = (
     3.0,
 )  # of the rise: 1 for flicker noise, 2 for a random walk or the tail of a bump
 _OUTLYING = 2e-3  # probability of a bin from which it is taken for a line and left out of the continuum
+_DECADES = 4  # of power, over which that of a line is spread evenly by its logarithm
+_RARE = 0.01  # share of the frequencies that are lines, beforehand
 _ROUNDS = 12
 
 
@@ -76,23 +78,25 @@ def continuum(power: np.ndarray, shape: float, floors: np.ndarray, first: int = 
     use = j >= first
     flat = np.maximum(_median_level(power[use], shape), np.maximum(floors, 1e-12))
     risen = _fit(j[use], power[use], shape, floors, floors[use]).at(j)
-    # A rise hides from a start without one, and a line from a start with one: the start that leaves out less is right.
+    # A rise hides from a start without one, and a line from a start with one.
     return max(
-        (_settled(start, j, power, shape, floors, use) for start in (flat, risen)), key=lambda fit: fit.bins
-    )
+        (_settled(start, j, power, shape, floors, use) for start in (flat, risen)), key=lambda fit: fit[0]
+    )[1]
 
 
 def _settled(
     level: np.ndarray, j: np.ndarray, power: np.ndarray, shape: float, floors: np.ndarray, use: np.ndarray
-) -> Continuum:
-    """The fit to the bins that are no lines above it."""
-    found = None
+) -> tuple[float, Continuum]:
+    """The fit to the bins that are no lines above it, and its log likelihood, in which lines may have any power."""
+    usual, found = use, None
     for _ in range(3):
         usual = use & (stats.gamma.sf(power * shape / np.maximum(level, 1e-12), shape) > _OUTLYING)
         found = _fit(j[usual], power[usual], shape, floors, floors[usual])
-        level = found.at(j)
+        level = np.maximum(found.at(j), 1e-12)
     assert found is not None
-    return found
+    told = stats.gamma.logpdf(power, shape, scale=level / shape)
+    lines = -np.log(np.maximum(power, 1e-12)) + math.log(_RARE / (_DECADES * math.log(10)))
+    return float(np.where(usual, told, lines)[use].sum()), found
 
 
 def _median_level(power: np.ndarray, shape: float) -> float:
@@ -152,32 +156,30 @@ def fine_spectrum(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.arange(len(power)) / FINER, power
 
 
-def sharpened(lines: np.ndarray, frequency: float, least: float) -> float:
+def sharpened(lines: np.ndarray, frequency: float, least: float, degree: int = 0) -> float:
     """The frequency near the given one, `least` cycles per frame or more, at which sines explain most of profiles (n, L)."""
     length = lines.shape[-1]
 
     def lost(f: float) -> float:
-        return -float((np.abs(phasors(lines, f)) ** 2).sum())
+        design = _design(f, length, degree)
+        return float(((lines.T - design @ np.linalg.lstsq(design, lines.T, rcond=None)[0]) ** 2).sum())
 
     low, high = max(frequency - 0.8, least), min(frequency + 0.8, length / 2)
     coarse = np.linspace(low, high, 41)
     start = coarse[int(np.argmin([lost(f) for f in coarse]))]
-    found = optimize.minimize_scalar(
-        lost,
-        bounds=(max(start - 0.05, low), min(start + 0.05, high)),
-        method="bounded",
-        options={"xatol": 1e-4},
-    )
-    return float(found.x)
+    bounds = max(start - 0.05, low), min(start + 0.05, high)
+    return float(optimize.minimize_scalar(lost, bounds=bounds, method="bounded", options={"xatol": 1e-5}).x)
 
 
-def phasors(lines: np.ndarray, frequency: float) -> np.ndarray:
-    """(n,) complex amplitudes of a sine of `frequency` cycles per frame in profiles (n, L), by least squares with a mean."""
-    length = lines.shape[-1]
-    angle = 2 * math.pi * frequency * np.arange(length) / length
-    design = np.stack([np.cos(angle), np.sin(angle), np.ones(length)], 1)
-    c, s, _ = np.linalg.lstsq(design, lines.T, rcond=None)[0]
+def phasors(lines: np.ndarray, frequency: float, degree: int = 0) -> np.ndarray:
+    """(n,) complex amplitudes of a sine of `frequency` cycles per frame in profiles (n, L), by least squares with a polynomial."""
+    c, s, *_ = np.linalg.lstsq(_design(frequency, lines.shape[-1], degree), lines.T, rcond=None)[0]
     return c - 1j * s
+
+
+def _design(frequency: float, length: int, degree: int) -> np.ndarray:
+    angle = 2 * math.pi * frequency * np.arange(length) / length
+    return np.column_stack([np.cos(angle), np.sin(angle), np.vander(np.linspace(-1, 1, length), degree + 1)])
 
 
 def sines(amplitudes: np.ndarray, frequency: float, length: int) -> np.ndarray:
