@@ -90,6 +90,11 @@ def needed_t(trials: float, freedom: float) -> float:
     return float(stats.t.isf(ALPHA / max(trials, 1.0) / 2, max(freedom, 4.0)) ** 2)
 
 
+def needed_f(trials: float, freedom: float, times: float) -> float:
+    """The same as `needed` for a power over a level that `times` as many others tell (R. Fisher, 1929)."""
+    return float(freedom * stats.f.isf(ALPHA / max(trials, 1.0), freedom, max(freedom * times, 4.0)))
+
+
 def needed_z(trials: float = 1.0) -> float:
     """The same as a two-sided number of standard deviations."""
     return float(stats.norm.isf(ALPHA / max(trials, 1.0) / 2))

@@ -11,7 +11,7 @@ import numpy as np
 from visaug.core.wording import number
 from visaug.inspection.finding import Finding, about, deviation, needed, needed_z
 from visaug.inspection.lines import Lines, Wave
-from visaug.inspection.spectra import Continuum
+from visaug.inspection.spectra import WINDOWED, Continuum
 from visaug.statistics.views.spectrum import power as spectrum
 
 _DIRECTED = (
@@ -128,9 +128,9 @@ def _offset_findings(lines: Lines, fixed: Continuum, temporal: Continuum | None)
     if temporal is not None and fixed.floor > 0:
         share = float(temporal.beyond(length / 4)) / n / fixed.floor
         error = math.hypot(error, share * math.sqrt(1 / (temporal.bins * temporal.shape)))
-    # The window keeps the ends of smooth changes out; it has the information of 18/35 of the lines.
+    # The window keeps the ends of smooth changes out.
     narrow, _ = lines.continua(windowed=True)
-    levels = (fixed.level, error), (narrow.level, error * math.sqrt(35 / 18))
+    levels = (fixed.level, error), (narrow.level, error * math.sqrt(1 / WINDOWED))
     z = (
         min(math.log(max(level / fixed.floor, 1.0)) / e for level, e in levels)
         if fixed.floor > 0

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from visaug.inspection.finding import needed, needed_t
+from visaug.inspection.finding import needed, needed_f, needed_t
 from visaug.inspection.material import Look
 from visaug.inspection.spectra import (
     FINER,
+    WINDOWED,
     Continuum,
     continuum,
     fine_spectrum,
@@ -197,6 +198,11 @@ def _parity(lines: Lines, fixed: Continuum):
     return gain, take
 
 
+def _first(degree: int) -> int:
+    """Lowest frequency of a spectrum from which a polynomial was taken off."""
+    return LEAST_PERIODS if degree else 1
+
+
 def _wave(lines: Lines, fixed: Continuum, temporal: Continuum | None):
     """The strongest sine, fixed or new in each frame, if clean rows have none as strong."""
     n, length = lines.count, lines.length
@@ -212,14 +218,23 @@ def _wave(lines: Lines, fixed: Continuum, temporal: Continuum | None):
         narrow = fine_spectrum(tapered(profiles))[1]
         below = np.concatenate([np.zeros(2 * FINER), narrow[: -2 * FINER]])
         allowed &= narrow > _ABOVE * below  # a smooth bump has more at lower frequencies
-        relative = np.where(allowed, power / np.maximum(level.at(frequency), 1e-12), 0.0)
-        top = int(relative.argmax())
-        gain = 2 * level.shape * float(relative[top])
-        clear = gain > needed(FINER * int(allowed.sum()), 2 * level.shape)
-        if clear and (found is None or gain > found[0]):
-            degree = 3 if level is fixed else 0  # slopes and bumps are fixed
-            raw = lines.fixed[None] if level is fixed else profiles
-            found = gain, sharpened(raw, float(frequency[top]), least - 0.25, degree), degree
+        degree = 3 if level is fixed else 0  # slopes and bumps are fixed
+        raw = lines.fixed[None] if level is fixed else profiles
+        for strength in (power / np.maximum(level.at(frequency), 1e-12), power):
+            top = int(np.where(allowed, strength, 0.0).argmax())
+            exact = sharpened(raw, float(frequency[top]), least - 0.25, degree)
+            # Judged against what is left without it, which its own power does not raise.
+            rest = raw - sines(phasors(raw, exact, degree), exact, length)
+            left = continuum(
+                spectrum(tapered(smoothed_off(rest.T).T if degree else rest)),
+                level.shape,
+                level.floors,
+                _first(degree),
+            )
+            gain = 2 * level.shape * float(power[top] / np.maximum(left.at(frequency[top]), 1e-12))
+            clear = gain > needed_f(FINER * int(allowed.sum()), 2 * level.shape, WINDOWED * left.bins)
+            if clear and (found is None or gain > found[0]):
+                found = gain, exact, degree
     if found is None:
         return None
     gain, frequency, degree = found
@@ -227,7 +242,8 @@ def _wave(lines: Lines, fixed: Continuum, temporal: Continuum | None):
     noise = 0.0 if temporal is None else float(temporal.at(frequency)) * 4 / length
     offsets = max(float(fixed.at(frequency)) * 4 / length - noise / n, 0.0)
     scatter = float((np.abs(amplitudes - amplitudes.mean()) ** 2).sum())
-    new = temporal is not None and 2 * scatter > noise * needed(1, 2 * (n - 1))
+    # What stands out of the differences between frames is new; of the mean frame it may be the mean of what is new.
+    new = temporal is not None and (degree == 0 or 2 * scatter > noise * needed(1, 2 * (n - 1)))
 
     def take() -> None:
         kept = amplitudes if new else np.full(n, amplitudes.mean())

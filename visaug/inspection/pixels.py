@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy import stats
 
 from visaug.core.wording import number
 from visaug.inspection.finding import ALPHA, Finding, Size, deviation
@@ -27,7 +28,9 @@ _POOL = 200_000  # pixels that tell the law of what noise does
 
 def line_defects(look: Look, axis: str) -> tuple[Finding | None, np.ndarray]:
     """Rows far from their neighbours in the mean frame, or without noise of their own; and which they are."""
-    middle = np.median(look.frames.mean(0), axis=1).astype(np.float64)
+    middle = np.asarray(
+        stats.trim_mean(look.frames.mean(0, dtype=np.float64), 0.1, axis=1)
+    )  # without single pixels
     off = _apart(middle)
     height, width = look.shape
     robust = 1.4826 * float(np.median(np.abs(off)))
