@@ -170,8 +170,8 @@ def sharpened(lines: np.ndarray, frequency: float, least: float, degree: int = 0
     low, high = max(frequency - 0.8, least), min(frequency + 0.8, length / 2)
     coarse = np.linspace(low, high, 41)
     start = coarse[int(np.argmin([lost(f) for f in coarse]))]
-    bounds = max(start - 0.05, low), min(start + 0.05, high)
-    return float(optimize.minimize_scalar(lost, bounds=bounds, method="bounded", options={"xatol": 1e-5}).x)
+    best = optimize.fminbound(lost, max(start - 0.05, low), min(start + 0.05, high), xtol=1e-5)
+    return float(np.asarray(best).flat[0])
 
 
 def phasors(lines: np.ndarray, frequency: float, degree: int = 0) -> np.ndarray:

@@ -33,10 +33,8 @@ def write_inspection(path: str | Path, result: "Inspection") -> Path:
     sections += [_pictured(finding) for finding in result.findings]
     told = [
         *(Text(f"These frames cannot tell: {line}.") for line in result.ambiguous),
-        *(
-            Text(f"More would be told by {line}. `visaug plan` lists frames and what each tells.")
-            for line in result.more
-        ),
+        *(Text(f"More would be told by {line}.") for line in result.more),
+        *([Text("Which frames to take, and what each tells:", command="visaug plan")] if result.more else []),
         *(Text(note, "note") for note in result.notes),
     ]
     sections.append(Section("What would tell more", told))

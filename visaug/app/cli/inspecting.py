@@ -71,7 +71,7 @@ def inspect(
                 click.echo(f"- {finding.text}")
         for title, lines in (
             ("cannot tell", result.ambiguous),
-            ("would tell more", result.more),
+            ("would tell more (see visaug plan)", result.more),
             ("note", result.notes),
         ):
             for line in lines:
