@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from visaug.diagnosis.session import Session
     from visaug.effects.effect import Effect, Parameter, Stage
     from visaug.frames import FrameSet
+    from visaug.inspection import Inspection, inspect
 
 __version__ = "0.2.0"
 
@@ -31,6 +32,7 @@ _HOME = {
     "Effect": "visaug.effects.effect",
     "FrameSet": "visaug.frames",
     "InputError": "visaug.core.errors",
+    "Inspection": "visaug.inspection",
     "Parameter": "visaug.effects.parameter",
     "Session": "visaug.diagnosis.session",
     "Stage": "visaug.effects.effect",
@@ -38,6 +40,7 @@ _HOME = {
     "characterize": "visaug.characterization",
     "compare": "visaug.diagnosis",
     "diagnose": "visaug.diagnosis",
+    "inspect": "visaug.inspection",
     "simulate": "visaug.camera.simulation",
 }
 _ROOMS = frozenset(
@@ -49,6 +52,7 @@ _ROOMS = frozenset(
         "diagnosis",
         "effects",
         "frames",
+        "inspection",
         "report",
         "pictures",
         "statistics",
@@ -64,6 +68,7 @@ __all__ = [
     "Effect",
     "FrameSet",
     "InputError",
+    "Inspection",
     "Parameter",
     "Session",
     "Stage",
@@ -72,6 +77,7 @@ __all__ = [
     "characterize",
     "compare",
     "diagnose",
+    "inspect",
     "simulate",
 ]
 

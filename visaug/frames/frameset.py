@@ -9,6 +9,7 @@ import numpy as np
 
 from visaug.core.errors import InputError
 from visaug.frames import sources
+from visaug.frames.dark_folder import as_dark
 from visaug.frames.record import FrameRecord, Group, group_records
 from visaug.frames.stacks import counted_along_the_last_axis
 from visaug.frames.stores import FileStore, MemoryStore, Store
@@ -114,6 +115,12 @@ class FrameSet:
         bit_depth = bit_depth or _common_depth(records)
         store = FileStore(records, root, _pair(resolution), bit_depth, byte_order, bits_at, warnings)
         frames = cls(records, store)
+        if kind == "pictures" and (dark := as_dark(frames.records, frames)):
+            frames = frames.with_records(dark)
+            warnings.append(
+                "exposure_unknown: the names say that these are dark frames, and nothing tells their exposure; what they "
+                "collect in it counts as black level and DSNU, and there is no dark current. `visaug frames --exposure` gives it"
+            )
         frames.loaded_from = path
         return frames
 

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from visaug.report.characterized import write_characterization
+from visaug.report.inspected import write_inspection
 from visaug.report.pages import write_comparison, write_diagnosis
 from visaug.report.pictures import write_picture_comparison
 from visaug.report.sheet import sheet_json, write_sheet
@@ -28,6 +29,7 @@ __all__ = [
     "write_characterization",
     "write_comparison",
     "write_diagnosis",
+    "write_inspection",
     "write_picture_comparison",
     "write_report",
     "write_sheet",

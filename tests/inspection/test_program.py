@@ -1,0 +1,87 @@
+"""The command and the kinds of frames: a folder of dark frames with banding, column offsets and a hot pixel."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import visaug
+from tests.inspection.cameras import SHAPE, camera, frames
+from visaug.app.cli import main
+
+
+@pytest.fixture
+def folder(tmp_path):
+    rng = np.random.default_rng(3)
+    patterns, _ = camera("banding and columns", rng, 8)
+    values = frames(rng, patterns, 8, 12, black=100)
+    values[:, 40, 77] += 600
+    (tmp_path / "frames").mkdir()
+    for k, frame in enumerate(values):
+        Image.fromarray(frame).save(tmp_path / "frames" / f"dark_{k:02d}.png")
+    return tmp_path / "frames"
+
+
+def test_the_first_line_is_the_answer(folder, tmp_path, capsys):
+    report, table, defects = (tmp_path / name for name in ("r.html", "r.json", "d.csv"))
+    main(["inspect", str(folder), "--report", str(report), "--json", str(table), "--defects", str(defects)])
+    said = capsys.readouterr()
+    first = said.out.splitlines()[0]
+    assert first == (
+        "row banding of 13 rows, 2.5 DN, new phase in each frame; column offsets of 1.5 DN, fixed; 1 hot pixel"
+    )
+    content = json.loads(table.read_text())
+    assert (content["schema"], content["answer"], content["frames"]) == (1, first, 8)
+    assert content["kinds"] == {"dark": 8}
+    assert [f["what"] for f in content["findings"]] == ["row_banding", "column_offset", "hot_pixels"]
+    keys = {"what", "kind", "amplitude_dn", "low", "high", "period", "share", "text"}
+    assert all(keys <= set(f) for f in content["findings"])
+    assert content["next"] in said.err
+    assert defects.read_text().splitlines()[1].startswith("40,77,hot,")
+    page = report.read_text()
+    assert page.count("<figure") == 3
+    assert content["answer"][1:] in page
+
+
+def test_json_on_standard_output_is_json_alone(folder, capsys):
+    main(["inspect", str(folder), "--json", "-"])
+    assert json.loads(capsys.readouterr().out)["findings"]
+
+
+def test_characterize_takes_them_for_dark_frames(folder):
+    result = visaug.characterize(folder)
+    assert result["black_level_dn"].value == pytest.approx(100, abs=0.3)
+    assert {r.kind for r in visaug.FrameSet.load(folder).records} == {"dark"}
+    assert any(w.startswith("exposure_unknown") for w in result.to_json()["warnings"])
+    assert "dark_current.a_e_per_s" not in result.parameters
+
+
+def test_pictures_named_dark_stay_pictures(tmp_path):
+    """Names alone do not make dark frames: these show a scene."""
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    scene = 120 + 60 * np.sin(x / 9.0) * np.cos(y / 7.0)
+    for k in range(3):
+        noise = np.random.default_rng(k).normal(0, 2, SHAPE)
+        Image.fromarray(np.rint(scene + noise).astype(np.uint8)).save(tmp_path / f"dark_{k}.png")
+    assert visaug.FrameSet.load(tmp_path).is_pictures
+
+
+def test_darks_and_flats_without_exposures_can_be_inspected(tmp_path):
+    """A measurement refuses them for lack of exposures; to look at them needs none. A stack in one file is read too."""
+    rng = np.random.default_rng(5)
+    for name, level in (("dark", 40), ("flat", 150)):
+        for k in range(3):
+            Image.fromarray(frames(rng, [], 1, 8, black=level)[0]).save(tmp_path / f"{name}_{k}.png")
+    with pytest.raises(visaug.InputError, match="exposure_s"):
+        visaug.FrameSet.load(tmp_path)
+    assert visaug.inspect(tmp_path).kinds == {"dark": 3, "flat": 3}
+    np.save(tmp_path / "stack.npy", frames(rng, [], 4, 12))
+    assert visaug.inspect(tmp_path / "stack.npy").kinds == {"dark": 4}
+
+
+def test_a_users_mistake_is_one_line(tmp_path, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["inspect", str(tmp_path / "nothing")])
+    assert end.value.code == 2
+    assert "no such file or folder" in capsys.readouterr().err

@@ -1,0 +1,153 @@
+"""What was done to frames before, defects, codes and what frames cannot tell; each by independent NumPy, SciPy or Pillow code.
+
+The family-wise false-alarm rate is below 1 % for a set, so a list of findings is compared as a whole. Fixed seeds.
+"""
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy import ndimage
+
+import visaug
+from tests.inspection.cameras import COLUMNS, ROWS, SHAPE, frames
+
+
+def whats(values):
+    return [f.what for f in visaug.inspect(values).findings]
+
+
+def through_jpeg(frame, quality):
+    file = io.BytesIO()
+    Image.fromarray(frame).save(file, "JPEG", quality=quality)
+    return np.asarray(Image.open(file))
+
+
+@pytest.mark.parametrize(("quality", "corner"), [(90, (0, 0)), (75, (3, 5))])
+def test_jpeg_is_told_from_the_pixels_alone(quality, corner):
+    """At the grid of the file and of a cropped one; the grid's place is that of the crop."""
+    rng = np.random.default_rng(1)
+    packed = np.stack([through_jpeg(f, quality) for f in frames(rng, [], 8, 8, black=60)])
+    result = visaug.inspect(packed[:, corner[0] :, corner[1] :])
+    assert [f.what for f in result.findings] == ["compression"]
+    grid = result.findings[0].details
+    assert (grid["grid_row"], grid["grid_column"]) == tuple(-k % 8 for k in corner)
+    assert any("JPEG hides" in line for line in result.ambiguous)
+
+
+def test_filters_and_demosaicing_are_told_apart():
+    rng = np.random.default_rng(2)
+    raw = 200 + rng.normal(0, 10, (8, *SHAPE))
+    median = np.stack([ndimage.median_filter(np.rint(f), 3) for f in raw])
+    smooth = np.stack([ndimage.gaussian_filter(f, 0.7) for f in raw])
+    green = (ROWS + COLUMNS) % 2 == 0
+    weights = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4
+    bilinear = np.stack([ndimage.convolve(f * green, weights, mode="mirror") for f in raw])
+    assert whats(median) == ["denoising"]
+    assert whats(np.rint(smooth)) == ["correlated_noise"]
+    assert whats(np.rint(bilinear)) == ["demosaicing"]
+
+
+def test_corrected_pixels_are_found_where_they_are():
+    rng = np.random.default_rng(3)
+    values = frames(rng, [], 8, 12).astype(float)
+    true = {(10, 20), (50, 60), (90, 140), (100, 30)}
+    for r, c in true:
+        values[:, r, c] = np.rint((values[:, r, c - 1] + values[:, r, c + 1]) / 2)
+    result = visaug.inspect(values)
+    assert [f.what for f in result.findings] == ["defect_correction"]
+    assert {(r, c) for r, c, _, _ in result.places} == true
+
+
+def test_hot_dead_and_unstable_pixels_have_their_places(tmp_path):
+    """Jumps of 30 DN in noise of 3 DN: both levels occur twice or more in 12 frames with probability 0.994."""
+    rng = np.random.default_rng(4)
+    values = frames(rng, [], 12, 12, black=100).astype(float)
+    values[:, 50, 60] += 800
+    values[:, 70, 80] = 0
+    values[:, 20, 30] += 30 * np.array([0, 1] * 6)
+    result = visaug.inspect(values)
+    assert {(r, c, kind) for r, c, kind, _ in result.places} == {
+        (50, 60, "hot"),
+        (70, 80, "dead"),
+        (20, 30, "unstable"),
+    }
+    assert len(result.findings) == 3
+    rows = result.save_defects(tmp_path / "defects.csv").read_text().splitlines()
+    assert rows[0] == "row,column,type,height_dn"
+    assert len(rows) == 4
+
+
+def test_defective_lines_are_no_pattern_of_all_lines():
+    rng = np.random.default_rng(5)
+    values = frames(rng, [], 8, 12, black=100)
+    values[:, :, 70] = 900  # stuck
+    values[:, 33, :] += 15
+    result = visaug.inspect(values)
+    assert {(f.what, f.axis) for f in result.findings} == {
+        ("line_defects", "row"),
+        ("line_defects", "column"),
+    }
+    assert {(r, c) for r, c, _, _ in result.places} == {(33, -1), (-1, 70)}
+
+
+def test_steps_elsewhere_than_in_the_middle():
+    """Four parts of 40 columns at 0, 2, -1 and 1 DN: three steps, within 5 % of 2, -3 and 2 DN (6 standard errors)."""
+    rng = np.random.default_rng(6)
+    levels = np.array([0, 2, -1, 1])[COLUMNS // 40]
+    found = visaug.inspect(frames(rng, [levels], 8, 12)).findings
+    steps = {f.details["at_column"]: f.details["difference_dn"] for f in found}
+    assert steps == {
+        40: pytest.approx(2, rel=0.05),
+        80: pytest.approx(-3, rel=0.05),
+        120: pytest.approx(2, rel=0.05),
+    }
+    assert {f.what for f in found} == {"halves", "step"}
+
+
+def test_codes():
+    """Lost bits, codes at the top of 16 bits, gaps of a digital gain, and clipping at 0."""
+    rng = np.random.default_rng(7)
+    values = frames(rng, [], 8, 12, sigma=6, black=200)
+    lost = visaug.inspect(values // 4 * 4)
+    assert [(f.what, f.details["lost_bits"]) for f in lost.findings] == [("code_gaps", 2)]
+    moved = visaug.inspect(values * 16)
+    assert (moved.findings, moved.bits, moved.shift) == ((), 12, 4)
+    [gaps] = visaug.inspect(values + values // 10).findings
+    assert (gaps.what, gaps.period) == ("code_gaps", 11)
+    [clipped] = visaug.inspect(frames(rng, [], 8, 12, black=2)).findings
+    assert clipped.what == "clipping"
+    assert clipped.share == pytest.approx(0.309, abs=0.01)  # of a normal law, (-inf, 0.5] about 2 with 3 DN
+
+
+def test_copies_of_one_exposure_are_said():
+    rng = np.random.default_rng(8)
+    one = frames(rng, [2.5 * np.sin(2 * np.pi * ROWS / 13)], 1, 12)
+    result = visaug.inspect(np.concatenate([one, one]))
+    assert [(f.what, f.kind) for f in result.findings] == [("row_banding", None)]
+    assert "copies" in result.answer
+    assert any("cannot tell fixed from new" in line for line in result.ambiguous)
+
+
+def test_scenes_tell_only_what_changes():
+    """A still scene with banding; and scenes that change, of which nothing is claimed."""
+    rng = np.random.default_rng(9)
+
+    def scene():
+        return 500 + 1800 * ndimage.gaussian_filter(rng.normal(size=SHAPE), 6)
+
+    banding = 3 * np.sin(2 * np.pi * (ROWS / 11 + rng.uniform(0, 1, (8, 1, 1))))
+    still = visaug.inspect(frames(rng, [scene(), banding], 8, 12))
+    assert still.kinds == {"scene": 8}
+    assert [(f.what, f.kind) for f in still.findings] == [("row_banding", "per_frame")]
+    moving = visaug.inspect(frames(rng, [np.stack([scene() for _ in range(5)])], 5, 12))
+    assert (moving.kinds, moving.findings) == ({"image": 5}, ())
+    assert moving.ambiguous
+
+
+def test_what_cannot_be_inspected_is_one_line():
+    with pytest.raises(visaug.InputError, match=r"array \(n, H, W\)"):
+        visaug.inspect(np.zeros((100, 120)))
+    with pytest.raises(visaug.InputError, match="16 x 16"):
+        visaug.inspect(np.zeros((4, 8, 8), np.uint8))

@@ -1,0 +1,89 @@
+"""The command that looks at a handful of frames: inspect."""
+
+from pathlib import Path
+
+import click
+
+from visaug.app.cli.options import (
+    bit_depth_option,
+    command,
+    frames_argument,
+    is_silent,
+    json_option,
+    quiet_option,
+    report_option,
+    write_result,
+    written,
+)
+from visaug.app.cli.summaries import print_next
+from visaug.app.cli.tables import print_table
+from visaug.core.progress import progress_bars
+from visaug.report.inspected import finding_row, measured_texts, next_step
+
+
+@command("inspect", example="visaug inspect dark/ --report inspection.html --defects defects.csv")
+@frames_argument
+@bit_depth_option
+@click.option(
+    "--defects",
+    "defects_path",
+    metavar="F.csv",
+    type=click.Path(path_type=Path),
+    help="Write the places of hot, dead and unstable pixels and of defective lines.",
+)
+@json_option
+@report_option
+@quiet_option
+def inspect(
+    frames_path: Path,
+    bit_depth: int | None,
+    defects_path: Path | None,
+    json_path: Path | None,
+    report_path: Path | None,
+    quiet: bool,
+    seed: int,
+) -> None:
+    """Find the patterns in a handful of frames.
+
+    2 to 200 frames of any kind; no camera file, exposure or calibrated light is needed. Each pattern is given in DN with a
+    95 % interval, and as fixed or new in each frame. The first line is the answer in one sentence.
+
+    Kinds are taken from a table or headers, else from names (dark_000.png, bias, flat), else from level and structure.
+    """
+    import visaug
+    from visaug.frames.pixels_alone import load_pixels
+
+    frames = load_pixels(frames_path, bit_depth)
+    with progress_bars(quiet=quiet or is_silent(quiet, json_path)) as progress:
+        progress("inspecting", 0, 1)
+        result = visaug.inspect(frames)
+        progress("inspecting", 1, 1)
+    silent = is_silent(quiet, json_path)
+    if not silent:
+        click.echo(result.answer)
+        for line in measured_texts(result):
+            click.echo(line)
+        if result.findings:
+            print_table(
+                ["finding", "kind", "size [95 % interval]", "period"], map(finding_row, result.findings)
+            )
+            for finding in result.findings:
+                click.echo(f"- {finding.text}")
+        for title, lines in (
+            ("cannot tell", result.ambiguous),
+            ("would tell more (see visaug plan)", result.more),
+            ("note", result.notes),
+        ):
+            for line in lines:
+                click.echo(f"{title}: {line}")
+    write_result(json_path, result.to_json())
+    if report_path:
+        result.report(report_path)
+    if defects_path:
+        result.save_defects(defects_path)
+    if not silent:
+        written(json_path, report_path, defects_path)
+        print_next(next_step(result))
+
+
+COMMANDS: list[click.Command] = [inspect]

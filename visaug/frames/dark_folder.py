@@ -1,0 +1,62 @@
+"""Folders of dark frames that nothing but their names tells: ``dark_00.png``, ``dark_01.png``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from visaug.frames.names import facts_of_name
+from visaug.frames.record import FrameRecord
+
+_CELL = 4  # px
+_BLOCK = 16  # px
+_STRUCTURED = 12.0  # variance of means of cells over that of independent pixels; filters of noise reach 9
+_MANY = 0.2  # of the blocks, that show a scene
+_LOOKED_AT = 3  # frames
+
+
+class _Readable(Protocol):
+    def read(self, i: int) -> np.ndarray: ...
+
+
+def named_kinds(records: Sequence[FrameRecord]) -> list[str | None]:
+    """The kind that each frame's path names, None where it names none."""
+    return [facts_of_name(record.file.partition("#")[0]).get("kind") for record in records]
+
+
+def as_dark(records: Sequence[FrameRecord], pixels: _Readable) -> list[FrameRecord] | None:
+    """Pictures as dark frames, where every name says so and no frame shows a scene; None elsewhere.
+
+    Their exposure is given as 0, which stands for the shortest one.
+    """
+    kinds = named_kinds(records)
+    if len(records) < 2 or not set(kinds) <= {"dark", "bias"} or any(r.kind != "image" for r in records):
+        return None
+    spread = np.unique(np.linspace(0, len(records) - 1, _LOOKED_AT).astype(int))
+    if any(shows_a_scene(pixels.read(int(i))) is not False for i in spread):
+        return None
+    return [replace(r, kind=str(kind)) for r, kind in zip(records, kinds, strict=True)]
+
+
+def shows_a_scene(frame: np.ndarray) -> bool | None:
+    """Whether many blocks have structure coarser than noise that is neither of a row nor of a column; None where the frame
+    (H, W) is smaller than two blocks.
+    """
+    rows, columns = (n // _BLOCK * _BLOCK for n in frame.shape)
+    if min(rows, columns) < 2 * _BLOCK:
+        return None
+    part = frame[:rows, :columns].astype(np.float64)
+    blocks = part.reshape(rows // _BLOCK, _BLOCK, columns // _BLOCK, _BLOCK).transpose(0, 2, 1, 3)
+    blocks = (
+        blocks
+        - blocks.mean(3, keepdims=True)
+        - blocks.mean(2, keepdims=True)
+        + blocks.mean((2, 3), keepdims=True)
+    )
+    cells = blocks.reshape(*blocks.shape[:2], _BLOCK // _CELL, _CELL, _BLOCK // _CELL, _CELL).mean((3, 5))
+    inner = blocks - np.repeat(np.repeat(cells, _CELL, 2), _CELL, 3)
+    coarse, fine = cells.var((2, 3)) * _CELL**2, inner.var((2, 3)) + 1 / 12
+    return bool((coarse > _STRUCTURED * fine).mean() > _MANY)

@@ -1,0 +1,180 @@
+"""Codes of the converter: bits in use, codes that never come, clipping."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from visaug.inspection.finding import Finding
+from visaug.inspection.material import Look
+from visaug.statistics.views.codes import NEIGHBOURS, SIDE
+
+_DEPTHS = (8, 10, 12, 14, 16)  # of usual converters
+_EXPECTED = 50.0  # pixels of a code that its neighbours predict, from which its absence tells
+_PILED = 1e-3  # share of the pixels at an end of the range from which it is clipped
+_FINEST = 6  # low bits that may be lost
+
+
+@dataclass(frozen=True)
+class Codes:
+    """How often each code comes.
+
+    Attributes:
+        counts: by code, of all frames.
+        step: difference of neighbouring codes in use, a power of 2 (1 where all come).
+        bits: of the converter, or the fewest usual ones that hold the largest code.
+        shift: by how many bits the codes are moved up in the file.
+        stated: whether the files state the bits.
+        whole: whether the frames hold integers.
+    """
+
+    counts: np.ndarray
+    step: int
+    bits: int
+    shift: int
+    stated: bool
+    whole: bool
+
+
+def codes_of(looks: list[Look], container: int | None) -> Codes:
+    """The codes of all frames.
+
+    Args:
+        container: bits of a value in the files, None where they hold floats.
+    """
+    whole = all(bool((look.frames[0] == np.rint(look.frames[0])).all()) for look in looks)
+    highest = int(max(float(look.frames.max()) for look in looks))
+    if not whole or highest > 1 << 20:
+        return Codes(np.zeros(0, np.int64), 1, container or 16, 0, False, whole)
+    counts = np.zeros(highest + 1, np.int64)
+    for look in looks:
+        for frame in look.frames:
+            found = np.bincount(frame.ravel().astype(np.intp))
+            counts[: len(found)] += found
+    used = np.flatnonzero(counts)
+    step = 1
+    while step < 1 << _FINEST and not (used % (2 * step)).any():
+        step *= 2
+    told = looks[0].bits
+    shift = 0
+    lost = int(math.log2(step))
+    if container == 16 and told is None and (lost in (4, 6) or (lost == 2 and highest >= 1 << 14)):
+        shift = lost  # 12, 10 or 14 bits at the top of 16; nobody loses four
+    least = 16 - shift if shift else 10 if container == 16 else 8
+    bits = told or next(b for b in (*_DEPTHS, 24) if b >= least and highest >> shift < 1 << b)
+    return Codes(counts, step >> shift, bits, shift, told is not None, whole)
+
+
+def code_findings(codes: Codes, looks: list[Look]) -> list[Finding]:
+    """Lost low bits, missing codes, clipping at either end."""
+    if not codes.whole or not codes.counts.any():
+        return []
+    found = [_lost_bits(codes), _gaps(codes)]
+    found += [_clipped(codes, looks, at_top) for at_top in (False, True)]
+    return [f for f in found if f is not None]
+
+
+def _lost_bits(codes: Codes) -> Finding | None:
+    used = np.flatnonzero(codes.counts)
+    step = codes.step
+    if step == 1 or len(used) < 3:
+        return None
+    bits = int(math.log2(step))
+    return Finding(
+        "code_gaps",
+        "fixed",
+        f"Only every {step}th code comes: the lowest {bits} bits are always 0; a step of {step} DN adds noise of "
+        f"{step / math.sqrt(12):.2g} DN.",
+        f"the lowest {bits} bits lost",
+        2 * float(codes.counts.sum()) * math.log(step),
+        amplitude_dn=step / math.sqrt(12),
+        low=step / math.sqrt(12),
+        high=step / math.sqrt(12),
+        share=1 - 1 / step,
+        details={"step_dn": step, "lost_bits": bits},
+        shown={"counts": codes.counts},
+    )
+
+
+def _gaps(codes: Codes) -> Finding | None:
+    """Codes that do not come although those around do, as after a digital gain or from a faulty converter."""
+    counts = codes.counts[:: codes.step << codes.shift].astype(np.float64)
+    expected = np.convolve(counts, NEIGHBOURS)[SIDE:-SIDE]
+    around = np.minimum(
+        _shifted(counts, 1) + _shifted(counts, 2), _shifted(counts, -1) + _shifted(counts, -2)
+    )
+    filled = (expected > _EXPECTED) & (around > _EXPECTED)
+    never = np.flatnonzero(filled & (counts < 0.02 * expected))
+    if not len(never):
+        return None
+    scale = codes.step << codes.shift
+    listed = ", ".join(str(int(c) * scale) for c in never[:5]) + (" ..." if len(never) > 5 else "")
+    share = len(never) / max(int(filled.sum()), 1)
+    gaps = np.diff(never)
+    period = float(np.median(gaps)) if len(never) > 3 and np.ptp(gaps) <= 1 else None
+    return Finding(
+        "code_gaps",
+        "fixed",
+        f"{len(never)} codes never come although their neighbours do: {listed}.",
+        f"{len(never)} missing codes",
+        2 * float(expected[never].sum()),
+        share=share,
+        period=period,
+        details={"codes": [int(c) * scale for c in never[:1000]]},
+        shown={"counts": codes.counts},
+    )
+
+
+def _shifted(counts: np.ndarray, by: int) -> np.ndarray:
+    moved = np.roll(counts, by)
+    if by > 0:
+        moved[:by] = 0
+    else:
+        moved[by:] = 0
+    return moved
+
+
+def _clipped(codes: Codes, looks: list[Look], at_top: bool) -> Finding | None:
+    """A pile at the lowest or the highest code, higher than the codes beside it lead to expect."""
+    shares = [_pile(look, at_top, codes) for look in looks]
+    share = max(shares, default=0.0)
+    if share < _PILED:
+        return None
+    look = looks[int(np.argmax(shares))]
+    code = int(look.frames.max() if at_top else look.frames.min())
+    end = "highest" if at_top else "lowest"
+    spoils = (
+        "saturated"
+        if at_top
+        else "the black level is too low; noise and offsets in the dark come out too small"
+    )
+    return Finding(
+        "clipping",
+        "fixed",
+        f"{share:.2%} of the pixels of the {look.kind} frames lie at the {end} code, {code}: {spoils}.",
+        f"{share:.1%} of the pixels clipped at {code} DN",
+        2 * share * look.frames.size,
+        share=share,
+        details={"code_dn": code, "end": end},
+        shown={"counts": codes.counts},
+    )
+
+
+def _pile(look: Look, at_top: bool, codes: Codes) -> float:
+    """Share of the pixels at the end code, 0 where they are no pile."""
+    sign = -1 if at_top else 1
+    values = sign * look.frames
+    end = float(values.min())
+    here = np.count_nonzero(values == end)
+    step = codes.step << codes.shift
+    beside = max(np.count_nonzero(values == end + k * step) for k in (1, 2))
+    share = here / values.size
+    limit = float((1 << codes.bits) - 1 << codes.shift) if at_top else 0.0
+    is_limit = abs(end) == limit
+    if here == values.size:
+        return share if is_limit else 0.0
+    steep = 1.0 if is_limit else 3.0
+    narrow = look.noise_dn < step and not is_limit
+    return share if here > steep * beside and not narrow else 0.0

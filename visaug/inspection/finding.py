@@ -1,0 +1,123 @@
+"""One pattern that was found in frames, and how improbable it is that clean frames show it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, TypedDict
+
+import numpy as np
+from scipy import stats
+
+FAMILY = 0.01  # probability that any finding at all is named in frames without patterns
+TESTS = 40  # decisions about one group of frames, all detectors together
+ALPHA = FAMILY / TESTS  # of one decision; each divides it further by the places that it looks at
+_Z95 = float(stats.norm.ppf(0.975))
+
+
+class Size(TypedDict):
+    """An amplitude with its 95 % interval, DN."""
+
+    amplitude_dn: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A pattern in the frames.
+
+    Attributes:
+        what: its name, as `row_banding`.
+        kind: `fixed` (the same in every frame), `per_frame` (new in each), None where the frames do not tell.
+        amplitude_dn: standard deviation, of a sine its peak, of defects their typical height; None for shares and codes.
+        low, high: its 95 % interval.
+        period: of a periodic pattern, in lines.
+        share: of the pixels, lines or codes concerned.
+        text: one sentence.
+        short: a few words for the answer.
+        evidence: twice the logarithm of a likelihood ratio; findings are in its order.
+        axis: `row` or `column`, None where it has no direction.
+        nature: `offset` or `gain`, None where only one level of light was seen.
+        details: further figures by name; the units are in the names.
+        places: of defects: (row, column, type, height in DN); -1 stands for a whole line.
+        shown: arrays of the picture by name.
+    """
+
+    what: str
+    kind: str | None
+    text: str
+    short: str
+    evidence: float
+    amplitude_dn: float | None = None
+    low: float | None = None
+    high: float | None = None
+    period: float | None = None
+    share: float | None = None
+    axis: str | None = None
+    nature: str | None = None
+    details: dict[str, Any] = field(default_factory=dict)
+    places: tuple[tuple[int, int, str, float], ...] = ()
+    shown: dict[str, Any] = field(default_factory=dict, compare=False)
+
+    def to_json(self) -> dict[str, Any]:
+        """The keys of the program's JSON; figures with six digits."""
+        values = {
+            name: getattr(self, name)
+            for name in ("what", "kind", "amplitude_dn", "low", "high", "period", "share", "axis", "nature")
+        }
+        values |= {"text": self.text, "details": self.details}
+        return {name: _rounded(value) for name, value in values.items()}
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _rounded(v) for name, v in value.items()}
+    if isinstance(value, float | np.floating):
+        return float(f"{value:.6g}") if math.isfinite(value) else None
+    if isinstance(value, list | tuple):
+        return [_rounded(v) for v in value]
+    return int(value) if isinstance(value, np.integer) else value
+
+
+def needed(trials: float = 1.0, freedom: float = 1.0) -> float:
+    """Twice the log likelihood ratio that clean frames exceed with probability ALPHA in any of `trials` places."""
+    return float(stats.chi2.isf(ALPHA / max(trials, 1.0), freedom))
+
+
+def needed_t(trials: float, freedom: float) -> float:
+    """Square of Student's t that clean frames exceed with probability ALPHA in any of `trials` places."""
+    return float(stats.t.isf(ALPHA / max(trials, 1.0) / 2, max(freedom, 4.0)) ** 2)
+
+
+def needed_f(trials: float, freedom: float, times: float) -> float:
+    """The same as `needed` for a power over a level that `times` as many others tell (R. Fisher, 1929)."""
+    return float(freedom * stats.f.isf(ALPHA / max(trials, 1.0), freedom, max(freedom * times, 4.0)))
+
+
+def needed_z(trials: float = 1.0) -> float:
+    """The same as a two-sided number of standard deviations."""
+    return float(stats.norm.isf(ALPHA / max(trials, 1.0) / 2))
+
+
+def about(value: float, error: float) -> Size:
+    """Amplitude and interval from a value and its standard error; an amplitude is not negative."""
+    return {
+        "amplitude_dn": value,
+        "low": max(value - _Z95 * error, 0.0),
+        "high": value + _Z95 * error,
+    }
+
+
+def deviation(mean_square: float, freedom: float, floor: float) -> Size:
+    """The same for the root of a mean square of chi-square spread less a known floor."""
+    low, high = (freedom / stats.chi2.ppf(q, freedom) for q in (0.975, 0.025))
+    low, value, high = (
+        math.sqrt(max(mean_square * k - floor, 0.0)) for k in (min(low, 1.0), 1.0, max(high, 1.0))
+    )
+    return {"amplitude_dn": value, "low": low, "high": high}
+
+
+def gain_of_ratio(ratio: float, shape: float) -> float:
+    """Twice the log likelihood ratio of mean squares of gamma shape `shape` that are `ratio` times what was expected."""
+    return 2 * shape * (ratio - 1 - math.log(ratio)) if ratio > 1 else 0.0

@@ -1,0 +1,259 @@
+"""Patterns of whole rows; columns are the rows of transposed frames."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from visaug.inspection.finding import needed, needed_f, needed_t
+from visaug.inspection.material import Look
+from visaug.inspection.spectra import (
+    FINER,
+    WINDOWED,
+    Continuum,
+    continuum,
+    fine_spectrum,
+    phasors,
+    sharpened,
+    sines,
+    tapered,
+)
+from visaug.statistics.views.spectrum import power as spectrum
+
+LEAST_PERIODS = 3  # in a frame, of a fixed banding; slower changes are slopes and bumps
+_LEAST_NEW = 1.5  # in a frame, of one that is new in each
+_SHORTEST = 2.05  # lines; shorter periods are odd against even lines
+_BESIDE = 1.25  # cycles per frame
+_ABOVE = 3.0  # times the power two cycles per frame lower: a line stands above both sides
+_SLOW = 4  # cycles per frame, whose power a step is held against
+_MOST = 8  # regular parts taken off one after another
+_QUARTERS = (1, 2, 3)  # of the frame, at which another part of the readout may begin
+
+
+@dataclass(frozen=True)
+class Wave:
+    """A sine of the row number.
+
+    Attributes:
+        frequency: cycles per frame.
+        amplitudes: (n,) complex, one for each frame.
+        new: whether it changes from frame to frame.
+        gain: twice the log likelihood ratio.
+        variance: of one frame's amplitude by the temporal noise of the rows, and by their fixed offsets, DN^2.
+    """
+
+    frequency: float
+    amplitudes: np.ndarray
+    new: bool
+    gain: float
+    variance: tuple[float, float]
+
+
+@dataclass
+class Lines:
+    """Row means of frames, and what was found in them.
+
+    Attributes:
+        look: the frames.
+        axis: `row`, or `column` where the frames are transposed.
+        profiles: (n, H) row means of each frame less the frame's, DN; regular parts are taken off as they are found.
+        waves, steps, parity: the regular parts.
+    """
+
+    look: Look
+    axis: str
+    profiles: np.ndarray
+    waves: list[Wave] = field(default_factory=list)
+    steps: dict[int, tuple[float, float, float]] = field(default_factory=dict)
+    parity: tuple[float, float, float] | None = None
+
+    @property
+    def count(self) -> int:
+        return len(self.profiles)
+
+    @property
+    def length(self) -> int:
+        return self.profiles.shape[1]
+
+    @property
+    def breadth(self) -> int:
+        return self.look.shape[1]
+
+    @property
+    def fixed(self) -> np.ndarray:
+        """(H,) of the mean frame."""
+        return self.profiles.mean(0)
+
+    @property
+    def new(self) -> np.ndarray:
+        """(n, H) about it, scaled to the variance of one frame."""
+        return (self.profiles - self.fixed) * math.sqrt(self.count / max(self.count - 1, 1))
+
+    def continua(self, windowed: bool = False) -> tuple[Continuum, Continuum | None]:
+        """Of the fixed rows, and of those that change; None of one frame.
+
+        The fixed ones contain 1/n of what changes. `windowed` keeps oscillations that are still there apart.
+        """
+        window = tapered if windowed else np.asarray
+        look = self.look
+        j = np.arange(1, self.length // 2 + 1)
+        temporal = None
+        floors = look.pattern_variance / self.breadth * look.colour
+        if self.count > 1:
+            pixel = look.noise_variance / self.breadth * look.colour
+            temporal = continuum(spectrum(window(self.new)), self.count - 1, pixel)
+            floors = floors + temporal.beyond(j) / self.count
+        fixed = continuum(spectrum(window(smoothed_off(self.fixed)[None])), 1, floors, LEAST_PERIODS)
+        return fixed, temporal
+
+
+def rows_of(look: Look, axis: str) -> Lines:
+    """The rows of frames, their regular parts taken off one after another, the clearest first."""
+    means = look.data.frames.mean(2, dtype=np.float64)
+    found = Lines(look, axis, means - means.mean(1, keepdims=True))
+    for _ in range(_MOST):
+        fixed, temporal = found.continua(windowed=True)
+        options = [
+            o for o in (*_steps(found, fixed), _parity(found, fixed), _wave(found, fixed, temporal)) if o
+        ]
+        if not options:
+            break
+        _, take = max(options, key=lambda option: option[0])
+        take()
+        _refine_steps(found)
+    return found
+
+
+def _refine_steps(lines: Lines) -> None:
+    """Steps by the means of the parts, which are more precise than steps beside a cubic, where nothing else is slow."""
+    if not lines.steps:
+        return
+    steps, profiles = dict(lines.steps), lines.profiles
+    at = np.arange(lines.length)
+    sides = np.stack([(at >= place) - 0.5 for place in steps] + [np.ones(len(at))], 1)
+    profile = lines.fixed + sides[:, :-1] @ [height for height, _, _ in steps.values()]
+    heights = np.linalg.lstsq(sides, profile, rcond=None)[0]
+    spread = np.diag(np.linalg.inv(sides.T @ sides))
+    for k, (place, (before, _, _)) in enumerate(steps.items()):
+        lines.profiles = lines.profiles - (heights[k] - before) * ((at >= place) - 1 + place / lines.length)
+    fixed, _ = lines.continua(windowed=True)
+    if fixed.rise > 0:
+        lines.profiles = profiles
+        return
+    for k, (place, (_, _, gain)) in enumerate(steps.items()):
+        lines.steps[place] = (float(heights[k]), math.sqrt(spread[k] * max(fixed.level, 1e-12)), gain)
+
+
+def smoothed_off(profile: np.ndarray) -> np.ndarray:
+    """Less the cubic that fits it best."""
+    from visaug.statistics.views.pattern import _detrended
+
+    return _detrended(profile)
+
+
+def _steps(lines: Lines, fixed: Continuum) -> Iterator:
+    """A step of the fixed rows at a quarter, beside a cubic about it."""
+    if not lines.look.is_uniform:
+        return
+    profile, length = lines.fixed, lines.length
+    for quarter in _QUARTERS:
+        place = length * quarter // 4
+        reach = min(length // 4, 96)
+        here = np.arange(place - reach, min(place + reach, length))
+        x = (here - place) / reach
+        design = np.stack([(here >= place) - 0.5, np.ones(len(x)), x, x**2, x**3], 1)
+        solved, covariance = (
+            np.linalg.lstsq(design, profile[here], rcond=None)[0],
+            np.linalg.inv(design.T @ design),
+        )
+        variance = covariance[0, 0] * max(float(fixed.floors[_SLOW - 1]) + fixed.white, 1e-12)
+        gain = float(solved[0] ** 2 / variance)
+        if place not in lines.steps and gain > needed_t(len(_QUARTERS), fixed.bins):
+            step = float(solved[0]), math.sqrt(variance), gain
+
+            def take(place=place, step=step) -> None:
+                height, lines.steps[place] = step[0], step
+                above = (np.arange(length) >= place) - 1 + place / length  # mean 0
+                lines.profiles = lines.profiles - height * above
+
+            yield gain, take
+
+
+def _parity(lines: Lines, fixed: Continuum):
+    sign = np.where(np.arange(lines.length) % 2, 1.0, -1.0)
+    about_mean = smoothed_off(lines.fixed)
+    half = float((about_mean * sign).mean())
+    variance = max(float(fixed.at(lines.length / 2)), 1e-12) / lines.length
+    gain = half**2 / variance
+    if lines.parity is not None or not lines.look.is_uniform or gain < needed_t(1, fixed.bins):
+        return None
+
+    def take() -> None:
+        lines.parity = (half, math.sqrt(variance), gain)
+        lines.profiles = lines.profiles - half * sign
+
+    return gain, take
+
+
+def _first(degree: int) -> int:
+    """Lowest frequency of a spectrum from which a polynomial was taken off."""
+    return LEAST_PERIODS if degree else 1
+
+
+def _wave(lines: Lines, fixed: Continuum, temporal: Continuum | None):
+    """The strongest sine, fixed or new in each frame, if clean rows have none as strong."""
+    n, length = lines.count, lines.length
+    spectra = [(smoothed_off(lines.fixed)[None], fixed)] if lines.look.is_uniform else []
+    spectra += [] if temporal is None else [(lines.new, temporal)]
+    found = None
+    for profiles, level in spectra:
+        frequency, power = fine_spectrum(profiles)
+        least = LEAST_PERIODS if level is fixed else _LEAST_NEW
+        allowed = (frequency >= least) & (frequency <= length / _SHORTEST)
+        for wave in lines.waves:  # what a sine leaves beside itself is no other one
+            allowed &= np.abs(frequency - wave.frequency) > _BESIDE
+        narrow = fine_spectrum(tapered(profiles))[1]
+        below = np.concatenate([np.zeros(2 * FINER), narrow[: -2 * FINER]])
+        allowed &= narrow > _ABOVE * below  # a smooth bump has more at lower frequencies
+        degree = 3 if level is fixed else 0  # slopes and bumps are fixed
+        raw = lines.fixed[None] if level is fixed else profiles
+        for strength in (power / np.maximum(level.at(frequency), 1e-12), power):
+            top = int(np.where(allowed, strength, 0.0).argmax())
+            exact = sharpened(raw, float(frequency[top]), least - 0.25, degree)
+            # Judged against what is left without it, which its own power does not raise.
+            rest = raw - sines(phasors(raw, exact, degree), exact, length)
+            left = continuum(
+                spectrum(tapered(smoothed_off(rest.T).T if degree else rest)),
+                level.shape,
+                level.floors,
+                _first(degree),
+            )
+            gain = 2 * level.shape * float(power[top] / np.maximum(left.at(frequency[top]), 1e-12))
+            clear = gain > needed_f(FINER * int(allowed.sum()), 2 * level.shape, WINDOWED * left.bins)
+            if clear and (found is None or gain > found[0]):
+                found = gain, exact, degree
+    if found is None:
+        return None
+    gain, frequency, degree = found
+    amplitudes = phasors(lines.profiles, frequency, degree)
+    noise = 0.0 if temporal is None else float(temporal.at(frequency)) * 4 / length
+    offsets = max(float(fixed.at(frequency)) * 4 / length - noise / n, 0.0)
+    scatter = float((np.abs(amplitudes - amplitudes.mean()) ** 2).sum())
+    # What stands out of the differences between frames is new; of the mean frame it may be the mean of what is new.
+    new = temporal is not None and (degree == 0 or 2 * scatter > noise * needed(1, 2 * (n - 1)))
+
+    def take() -> None:
+        kept = amplitudes if new else np.full(n, amplitudes.mean())
+        lines.waves.append(Wave(frequency, kept, new, gain, (noise, offsets)))
+        lines.profiles = lines.profiles - sines(kept, frequency, length)
+
+    return gain, take
+
+
+def regular(lines: Lines) -> np.ndarray:
+    """(H,) the fixed regular parts that were taken off the rows, DN."""
+    means = lines.look.data.frames.mean(2, dtype=np.float64)
+    return (means - means.mean(1, keepdims=True)).mean(0) - lines.fixed

@@ -1,0 +1,196 @@
+"""Frames of one kind and level, with far-out pixels drawn in, so that no single pixel can look like a line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from visaug.frames import FrameSet, Group
+from visaug.statistics import GroupData
+
+FAR = 8.0  # robust standard deviations beyond which a pixel does not take part in the statistics of lines
+MOST_VALUES = (
+    40_000_000  # pixels of all frames of a group, of which up to twenty copies are held at once: 3 GB
+)
+LEAST_SIDE = 16  # lines: fewer tell no spectrum
+_ACROSS = 8  # cycles across the frame, whose power stands for that of none
+FULL_SCALE = 65535.0  # DN of 1.0 in frames of fractions: 16 bits
+BLOCK = 16  # px, of the slow part of the pattern
+
+
+@dataclass(frozen=True)
+class Look:
+    """Frames of equal conditions, read as they are.
+
+    Attributes:
+        kind: `bias`, `dark`, `flat`, `scene` or `image`.
+        group: their conditions and positions in the set.
+        frames: (n, H, W) float32 DN, copies of one exposure left out.
+        copies: number of frames left out as copies.
+        bits: of the converter as the files state it, None where they do not.
+        guessed: whether the kind was told by the level.
+        coloured: whether neighbours share noise, so that its spectrum is not white.
+    """
+
+    kind: str
+    group: Group
+    frames: np.ndarray
+    copies: int = 0
+    bits: int | None = None
+    guessed: bool = False
+    coloured: bool = False
+
+    @property
+    def count(self) -> int:
+        return len(self.frames)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.frames.shape[1], self.frames.shape[2]
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether the frames show no scene, so that what is fixed belongs to the camera."""
+        return self.kind in ("bias", "dark", "flat")
+
+    @property
+    def is_lit(self) -> bool:
+        return self.kind not in ("bias", "dark")
+
+    @cached_property
+    def raw(self) -> GroupData:
+        """The frames as they are."""
+        return GroupData(self.group, self.frames, None)
+
+    @cached_property
+    def data(self) -> GroupData:
+        """The frames with pixels beyond FAR drawn in to it, in the mean frame and about it."""
+        frames = self.frames - _beyond(self.raw.pattern_pixels)
+        if self.count > 1:
+            frames -= _beyond(GroupData(self.group, frames, None).noise_pixels)
+        return GroupData(self.group, frames, None)
+
+    @cached_property
+    def noise_dn(self) -> float:
+        """Standard deviation of the temporal noise of a pixel; of one frame alone that of its pixels."""
+        return float(np.sqrt(self.noise_variance))
+
+    @cached_property
+    def noise_variance(self) -> float:
+        if self.count == 1:
+            return self.pattern_variance
+        height, width = self.shape
+        return self.data.noise_variance / ((1 - 1 / height) * (1 - 1 / width))
+
+    @cached_property
+    def pattern_variance(self) -> float:
+        """Variance of the pixels of the mean frame, their temporal noise included, lines and slow parts removed, DN^2."""
+        height, width = self.shape
+        slow = max(1, height // BLOCK) * max(1, width // BLOCK) / (height * width)
+        return self.data.pattern_variance / (1 - 1 / height - 1 / width - slow)
+
+    @cached_property
+    def colour(self) -> np.ndarray:
+        """(H/2,) power of the pixels' noise at 1 .. H/2 cycles per frame down and few across, over that of white noise.
+
+        Row means have it too, but for what rows share, which has no cycles across.
+        """
+        half = self.shape[0] // 2
+        if not self.coloured:
+            return np.ones(half)
+        noise = self.data.noise_pixels if self.count > 1 else self.data.pattern_pixels[None]
+        power = np.abs(np.fft.fft(np.fft.rfft(noise, axis=2)[:, :, 2:_ACROSS], axis=1)) ** 2
+        found = power.mean((0, 2))[1 : half + 1] / noise[0].size / np.mean(noise**2, dtype=np.float64)
+        reach = max(half // 16, 2)
+        padded = np.pad(found, reach, mode="reflect")
+        return np.convolve(padded, np.full(2 * reach + 1, 1 / (2 * reach + 1)), mode="valid")
+
+    def transposed(self) -> Look:
+        """Columns in place of rows."""
+        turned = replace(self, frames=np.ascontiguousarray(self.frames.transpose(0, 2, 1)))
+        if "data" in self.__dict__:
+            data = GroupData(self.group, np.ascontiguousarray(self.data.frames.transpose(0, 2, 1)), None)
+            turned.__dict__["data"] = data
+        return turned
+
+    def without_lines(self, bad: np.ndarray) -> Look:
+        """The same with the given rows replaced by their nearest good neighbours."""
+        good = np.flatnonzero(~bad)
+        nearest = good[np.abs(np.arange(len(bad))[:, None] - good[None, :]).argmin(1)]
+        return replace(self, frames=self.frames[:, nearest])
+
+
+def _beyond(pixels: np.ndarray) -> np.ndarray:
+    """How far pixels lie beyond FAR robust standard deviations."""
+    sample = np.abs(pixels.ravel()[:: max(1, pixels.size // 200_000)])
+    limit = np.float32(FAR * max(1.4826 * float(np.median(sample)), 0.3))
+    return pixels - np.clip(pixels, -limit, limit)
+
+
+def looks(frames: FrameSet, kinds: list[str], guessed: bool = False) -> tuple[list[Look], list[str]]:
+    """The frames by kind, conditions, size and level, the largest group first; and notes on what was left out.
+
+    Args:
+        kinds: of each frame.
+        guessed: whether some were told by the level.
+    """
+    notes: list[str] = []
+    records = [replace(r, kind=kind) for r, kind in zip(frames.records, kinds, strict=True)]
+    told = frames.with_records(records)
+    found: list[Look] = []
+    for group in told.groups():
+        by_shape: dict[tuple[int, int], list[int]] = {}
+        for i in group.indices:
+            by_shape.setdefault(told.shape(i), []).append(i)
+        for shape, indices in by_shape.items():
+            if min(shape) < LEAST_SIDE:
+                notes.append(f"small_frames: {len(indices)} frames of {shape[0]} x {shape[1]} are too small")
+                continue
+            most = max(MOST_VALUES // (shape[0] * shape[1]), 2)
+            if len(indices) > most:
+                notes.append(f"part_of_the_frames: {most} of {len(indices)} {group.kind} frames are used")
+                indices = indices[:most]
+            stack = told.read_many(indices)
+            if frames.bit_depth is None and 0 < stack.max() <= 1:
+                stack *= np.float32(FULL_SCALE)
+                notes.append(
+                    f"fractions: the frames hold fractions of 1; sizes are given for {FULL_SCALE:.0f} DN"
+                )
+            for part in _levels(stack, group.kind):
+                members = [indices[k] for k in part]
+                distinct = _distinct(stack[part])
+                found.append(
+                    Look(
+                        group.kind,
+                        replace(group, indices=tuple(members)),
+                        stack[part][distinct],
+                        len(part) - len(distinct),
+                        frames.told_bits,
+                        guessed,
+                    )
+                )
+    return sorted(found, key=lambda look: -look.count), notes
+
+
+def _levels(stack: np.ndarray, kind: str) -> list[list[int]]:
+    """Frames of one level of light each: flats part where the mean jumps by more than a drift of the lamp would."""
+    means = stack.mean((1, 2), dtype=np.float64)
+    if kind not in ("flat", "dark", "bias") or len(means) < 3:
+        return [list(range(len(means)))]
+    order = np.argsort(means)
+    spread = np.median(stack[0].std(dtype=np.float64))
+    jump = (
+        max(0.1 * float(np.median(means)), 3 * float(spread)) if kind == "flat" else 20 * float(spread) + 20
+    )
+    parts = np.split(order, np.flatnonzero(np.diff(means[order]) > jump) + 1)
+    return [sorted(int(k) for k in part) for part in parts]
+
+
+def _distinct(stack: np.ndarray) -> list[int]:
+    """Positions of frames that are no copies of an earlier one."""
+    seen: dict[bytes, int] = {}
+    for k, frame in enumerate(stack):
+        seen.setdefault(frame.tobytes(), k)
+    return sorted(seen.values())

@@ -1,0 +1,273 @@
+"""Single pixels and lines that stand out: hot, dead, unstable; and the fixed pattern of all pixels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy import stats
+
+from visaug.core.wording import number
+from visaug.inspection.finding import ALPHA, Finding, Size, deviation
+from visaug.inspection.material import FAR, Look
+
+MOST_PLACES = 20_000  # defects listed
+_STRONG = (
+    0.5  # of the variance of the temporal noise: more has the fixed pattern of no ordinary sensor in the dark
+)
+_STRONG_LIT = 0.03  # of the level: photo response non-uniformity is below one or two per cent
+_LEAST_FRAMES = 6  # that tell a pixel of two levels from noise
+_QUIET = 0.05  # of the usual variance: a line with less follows no signal
+_STUCK = 4  # frames in which a pixel has one value while the others have noise
+_AROUND = 3  # px on either side, that a defect is compared with
+_DRAWS = 8  # times that the frames are dealt anew to the pixels
+_POOL = 200_000  # pixels that tell the law of what noise does
+
+
+def line_defects(look: Look, axis: str) -> tuple[Finding | None, np.ndarray]:
+    """Rows far from their neighbours in the mean frame, or without noise of their own; and which they are."""
+    middle = np.asarray(
+        stats.trim_mean(look.frames.mean(0, dtype=np.float64), 0.1, axis=1)
+    )  # without single pixels
+    off = _apart(middle)
+    height, width = look.shape
+    robust = 1.4826 * float(np.median(np.abs(off)))
+    scale = max(robust, look.noise_dn / math.sqrt(look.count * width), 0.02)
+    # A wave or a bump has tops above both sides, but no higher than lines elsewhere, or next to them, differ.
+    change = np.abs(np.diff(middle))
+    aside = np.maximum(
+        np.pad(change, (2, 0))[:-1], np.pad(change, (0, 2))[1:]
+    )  # of the two lines on either side
+    bad = np.abs(off) > np.maximum(max(FAR * scale, 3 * float(np.quantile(change, 0.9))), 3 * aside)
+    if look.count > 1:
+        own = (look.frames - look.frames.mean(0)).var((0, 2), dtype=np.float64)
+        bad |= own < _QUIET * np.median(own)
+    if not 0 < bad.sum() <= height // 10:
+        return None, np.zeros(height, bool)
+    which = np.flatnonzero(bad)
+    heights = off[which]
+    listed = ", ".join(map(str, which[:5])) + (" ..." if len(which) > 5 else "")
+    plural = "s" if len(which) > 1 else ""
+    typical = float(np.median(np.abs(heights)))
+    error = scale / math.sqrt(len(which))
+    places = tuple(
+        (int(k), -1, "line", float(off[k])) if axis == "row" else (-1, int(k), "line", float(off[k]))
+        for k in which
+    )
+    return (
+        Finding(
+            "line_defects",
+            "fixed" if look.count > 1 else None,
+            f"{len(which)} {axis}{plural} ({listed}) stand{'' if plural else 's'} out from the neighbours by {number(typical)} DN.",
+            f"{len(which)} defective {axis}{plural} ({listed})",
+            look.count * width * float(np.log1p((heights / max(look.noise_dn, 0.3)) ** 2).sum()) + 50,
+            amplitude_dn=typical,
+            low=max(typical - 2 * error, 0.0),
+            high=typical + 2 * error,
+            share=len(which) / height,
+            axis=axis,
+            places=places,
+            shown={"image": look.frames.mean(0)},
+        ),
+        bad,
+    )
+
+
+def _apart(profile: np.ndarray) -> np.ndarray:
+    """How far each line lies from those on both sides, by the nearer side; 0 where it lies between them.
+
+    A step or a slope moves lines from one side only. Beyond the ends lines go on in a straight line.
+    """
+    x = np.arange(1, 5)
+    ends = [np.polyval(np.polyfit(x, part[1:5], 1), [-1, 0]) for part in (profile, profile[::-1])]
+    ahead = [float(np.polyval(np.polyfit(x, part[1:5], 1), 0)) for part in (profile, profile[::-1])]
+    padded = np.concatenate([ends[0], profile, ends[1][::-1]])
+    before = (padded[1:-3] + padded[:-4]) / 2
+    after = (padded[3:-1] + padded[4:]) / 2
+    before[0], after[-1] = ahead
+    low, high = profile - before, profile - after
+    return np.where(low * high > 0, np.where(np.abs(low) < np.abs(high), low, high), 0.0)
+
+
+def pixel_findings(look: Look) -> list[Finding]:
+    """Hot, dead and unstable pixels, and the fixed pattern of all of them where it is strong."""
+    if not look.is_uniform:
+        return []
+    bright, dim = _standing_out(look)
+    jumping = _unstable(look) & ~bright & ~dim
+    found = [
+        _defects(look, "hot_pixels", "hot", bright),
+        _defects(look, "dead_pixels", "dead", dim),
+        _jumps(look, jumping),
+        _pattern(look),
+    ]
+    return [f for f in found if f is not None]
+
+
+def _standing_out(look: Look) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels above, and below, all others in every frame.
+
+    Far from the robust scatter of the mean frame, and in each frame farther than temporal noise, with the tails that it
+    has, brings any pixel in all of them.
+    """
+    pattern = look.raw.pattern_pixels
+    pixels = np.abs(pattern.ravel())
+    scale = max(1.4826 * float(np.median(pixels)), 0.3)
+    far = np.abs(pattern) > FAR * scale
+    if far.any():
+        far[far] = _lone(look.raw.mean, far, FAR / 2 * scale)
+    if look.count > 1 and far.any():
+        limit = _reach(look)
+        each = look.frames[:, far] - (look.raw.mean - pattern)[far]
+        sign = np.sign(pattern[far])
+        least = (each * sign).min(0)
+        far[far] = least > np.maximum(limit, 0.5 * np.abs(pattern[far]))
+    still = np.zeros(look.shape, bool)
+    if look.count > 1 and look.noise_variance > 0.5:
+        still = np.ptp(look.frames, axis=0) == 0 if look.count >= _STUCK else still
+        still &= pattern < -4 * math.sqrt(look.pattern_variance)
+    return far & (pattern > 0), (far & (pattern < 0)) | still
+
+
+def _lone(image: np.ndarray, where: np.ndarray, least: float) -> np.ndarray:
+    """Which of the chosen pixels are far from the pixels around them, which change less: a steep slope is no defect."""
+    padded = np.pad(
+        image, _AROUND, mode="reflect", reflect_type="odd"
+    )  # beyond an edge as steep as before it
+    around = sliding_window_view(padded, (2 * _AROUND + 1, 2 * _AROUND + 1))[where].reshape(
+        int(where.sum()), -1
+    )
+    low, middle, high = np.quantile(around, [0.25, 0.5, 0.75], axis=1)
+    return np.abs(image[where] - middle) > np.maximum(least, 3 * (high - low))
+
+
+def _reach(look: Look) -> float:
+    """DN from which temporal noise alone is not found at one pixel in all frames."""
+    size = np.sort(np.abs(look.raw.noise_pixels.ravel()[:: max(1, look.frames.size // 2_000_000)]))
+    pixels = look.shape[0] * look.shape[1]
+    share = (ALPHA / pixels) ** (1 / look.count)
+    return float(size[int((1 - share) * (len(size) - 1))])
+
+
+def _unstable(look: Look) -> np.ndarray:
+    """Pixels whose frames part into levels: the range of their values without the extremes is wider than chance makes it.
+
+    Chance: the frames of other pixels, dealt anew, so that the tails of the noise are its own.
+    """
+    none = np.zeros(look.shape, bool)
+    n = look.count
+    if n < _LEAST_FRAMES:
+        return none
+    noise = look.raw.noise_pixels.reshape(n, -1)
+    cut = max(1, n // 8)
+    spread = _inner_range(noise, cut)
+    usual = np.flatnonzero(spread <= np.quantile(spread, 0.995))
+    pool = noise[:, usual[:: max(1, len(usual) // _POOL)]]
+    rng = np.random.default_rng(0)
+    chance = np.concatenate([_inner_range(rng.permuted(pool, axis=1), cut) for _ in range(_DRAWS)])
+    edge, top = np.quantile(chance, [0.999, 0.9999])
+    decay = max((top - edge) / math.log(10), 1e-6)  # exponential beyond
+    limit = edge + decay * math.log(1e-3 * spread.size / ALPHA)
+    return (spread > 1.1 * limit).reshape(look.shape)
+
+
+def _inner_range(noise: np.ndarray, cut: int) -> np.ndarray:
+    ordered = np.partition(noise, (cut, noise.shape[0] - 1 - cut), axis=0)
+    return ordered[noise.shape[0] - 1 - cut] - ordered[cut]
+
+
+def _defects(look: Look, what: str, word: str, where: np.ndarray) -> Finding | None:
+    rows, columns = np.nonzero(where)
+    if not len(rows):
+        return None
+    heights = look.raw.pattern_pixels[where].astype(np.float64)
+    typical = float(np.median(np.abs(heights)))
+    error = look.noise_dn / math.sqrt(look.count) / math.sqrt(len(rows))
+    listed = ", ".join(f"({r}, {c})" for r, c in list(zip(rows, columns))[:4]) + (
+        " ..." if len(rows) > 4 else ""
+    )
+    plural = "s" if len(rows) > 1 else ""
+    kind = "fixed" if look.count > 1 else None
+    side = "above" if word == "hot" else "below"
+    return Finding(
+        what,
+        kind,
+        f"{len(rows)} {word} pixel{plural} at (row, column) {listed}: {number(typical)} DN {side} the neighbours"
+        f"{' in every frame' if kind else ''}.",
+        f"{len(rows)} {word} pixel{plural}",
+        look.count * float(np.log1p((heights / max(look.noise_dn, 0.3)) ** 2).sum()),
+        amplitude_dn=typical,
+        low=max(typical - 2 * error, 0.0),
+        high=typical + 2 * error,
+        share=len(rows) / where.size,
+        details={"pixels": len(rows)},
+        places=tuple(
+            (int(r), int(c), word, float(h)) for r, c, h in list(zip(rows, columns, heights))[:MOST_PLACES]
+        ),
+        shown={"image": look.raw.mean, "where": where},
+    )
+
+
+def _jumps(look: Look, where: np.ndarray) -> Finding | None:
+    rows, columns = np.nonzero(where)
+    if not len(rows):
+        return None
+    noise = look.raw.noise_pixels[:, where]
+    cut = max(1, look.count // 8)
+    size = _inner_range(noise, cut)
+    typical = float(np.median(size))
+    error = 1.25 * float(np.std(size)) / math.sqrt(len(rows)) + look.noise_dn / math.sqrt(len(rows))
+    plural = "s" if len(rows) > 1 else ""
+    return Finding(
+        "unstable_pixels",
+        "per_frame",
+        f"{len(rows)} unstable pixel{plural}: {'they jump' if plural else 'it jumps'} between levels about {number(typical)} DN "
+        "apart from frame to frame.",
+        f"{len(rows)} unstable pixel{plural}",
+        float(np.log1p((noise / max(look.noise_dn, 0.3)) ** 2).sum()),
+        amplitude_dn=typical,
+        low=max(typical - 2 * error, 0.0),
+        high=typical + 2 * error,
+        share=len(rows) / where.size,
+        details={"pixels": len(rows)},
+        places=tuple(
+            (int(r), int(c), "unstable", float(h)) for r, c, h in list(zip(rows, columns, size))[:MOST_PLACES]
+        ),
+        shown={"frames": look.frames, "where": where},
+    )
+
+
+def pixel_pattern(look: Look) -> Size:
+    """Standard deviation of the fixed pattern of the pixels, DN, with its interval; nothing for one frame."""
+    temporal = look.noise_variance / look.count
+    freedom = look.shape[0] * look.shape[1] / 1.5
+    return deviation(look.pattern_variance, freedom, temporal)
+
+
+def _pattern(look: Look) -> Finding | None:
+    if look.count < 2:
+        return None
+    size = pixel_pattern(look)
+    level = float(look.data.level)
+    strong = size["low"] ** 2 > _STRONG * look.noise_variance
+    if not strong or (look.is_lit and size["low"] < _STRONG_LIT * level):
+        return None
+    value = size["amplitude_dn"]
+    return Finding(
+        "pixel_pattern",
+        "fixed",
+        f"Each pixel has its own offset with a standard deviation of {number(value)} DN, the same in every frame; the temporal "
+        f"noise is {number(look.noise_dn)} DN.",
+        f"pixel offsets of {value:.2g} DN, fixed",
+        look.shape[0] * look.shape[1] * math.log1p(look.count * value**2 / look.noise_variance),
+        **size,
+        shown={"image": look.data.mean},
+    )
+
+
+def places_of(findings: list[Finding]) -> Iterator[tuple[int, int, str, float]]:
+    """All places of defects."""
+    for finding in findings:
+        yield from finding.places

@@ -1,0 +1,272 @@
+"""What was done to the frames before: sharing between neighbours, denoising, demosaicing, defect correction, JPEG."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import fft, stats
+
+from visaug.core.wording import number
+from visaug.frames import FrameSet
+from visaug.inspection.finding import ALPHA, Finding, needed_z
+from visaug.inspection.material import Look
+from visaug.pictures.files import largest_group, quality_of
+from visaug.statistics.views.noise import correlation
+
+_FAR = 6  # px, at which noise of neighbours is not shared by optics, pixels or filters
+_SIDE = 8  # px, of a block of JPEG
+_STEPS = np.arange(2, 61)  # of JPEG's rounding, that pixels in whole DN can show
+_MOST_BLOCKS = 1000
+_ROUNDED = 0.25  # of the characteristic function at 1/step, above which coefficients are multiples of it
+_COEFFICIENTS = 4  # of 63, that are so
+_TOLD = 0.5  # DN of noise, below which rounding hides its law
+_MANY = 0.05  # of the pixels: more are no defects
+_EQUAL = 1.6  # times as many equal neighbours as normal noise has
+
+
+def processing_findings(look: Look) -> list[Finding]:
+    """Sharing between neighbours and its likely causes; needs frames of a still scene."""
+    noise = _noise(look)
+    if noise is None:
+        return []
+    found = [_demosaicing(look, noise), _correlated(look, noise), _corrected(look)]
+    return [f for f in found if f is not None]
+
+
+def _noise(look: Look) -> np.ndarray | None:
+    """(n, H, W) what neighbours may share: the temporal noise, of one uniform frame its pixels."""
+    if look.count > 1:
+        return look.data.noise_pixels
+    return look.data.pattern_pixels[None] if look.is_uniform else None
+
+
+def _correlated(look: Look, noise: np.ndarray) -> Finding | None:
+    variance = float(np.mean(noise**2, dtype=np.float64))
+    if variance < 1e-3:
+        return None
+    far = {(0, 1): (0, _FAR), (1, 0): (_FAR, 0), (1, 1): (_FAR, _FAR)}
+    shared = {
+        lag: (correlation(noise, lag) - correlation(noise, away)) / variance for lag, away in far.items()
+    }
+    independent = noise.size * (1 - 1 / look.count if look.count > 1 else 1)
+    error = math.sqrt(2 / independent)
+    across, down, diagonal = shared.values()
+    top = max(across, down, key=abs)
+    if abs(top) < needed_z(2) * error:
+        return None
+    equal = _equal_share(look)
+    denoised = equal > _EQUAL and top > 0.1
+    value = look.noise_dn * math.sqrt(abs(top))
+    text = (
+        f"Neighbours share noise: correlation {across:+.3f} along the row, {down:+.3f} along the column, {diagonal:+.3f} "
+        "along the diagonal; "
+    )
+    why = (
+        f"equal neighbours come {equal:.1f} times as often as in noise: a median or similar filter was applied"
+        if denoised
+        else "negative values come from sharpening"
+        if top < 0
+        else "crosstalk, interpolation, a smoothing filter or a slow amplifier do that"
+    )
+    low, high = (look.noise_dn * math.sqrt(max(abs(top) + k * 1.96 * error, 0.0)) for k in (-1, 1))
+    return Finding(
+        "denoising" if denoised else "correlated_noise",
+        "per_frame" if look.count > 1 else None,
+        text + why + ".",
+        f"noise shared by neighbours ({top:+.2f}{', denoised' if denoised else ''})",
+        (top / error) ** 2,
+        amplitude_dn=value,
+        low=low,
+        high=high,
+        share=abs(top),
+        details={"along_row": across, "along_column": down, "diagonal": diagonal},
+        shown={"noise": noise[0]},
+    )
+
+
+def _equal_share(look: Look) -> float:
+    """How often neighbours are equal, over how often normal differences of the same spread are."""
+    frame = look.frames[0]
+    difference = frame[:, 1:] - frame[:, :-1]
+    spread = 1.4826 * float(np.median(np.abs(difference[difference != 0]))) if difference.any() else 0.0
+    if spread < 1.0:
+        return 0.0
+    return float(np.mean(difference == 0)) * math.sqrt(2 * math.pi) * spread
+
+
+def _demosaicing(look: Look, noise: np.ndarray) -> Finding | None:
+    """Interpolated pixels have less noise than those that a colour filter left alone: a lattice of period 2, with sharing."""
+    height, width = (n // 2 * 2 for n in look.shape)
+    cells = noise[:, :height, :width].reshape(len(noise), height // 2, 2, width // 2, 2)
+    variances = (cells.astype(np.float64) ** 2).mean((0, 1, 3)).ravel()
+    total = float(variances.mean())
+    if total < 1e-3:
+        return None
+    independent = noise.size / 4 * (1 - 1 / look.count if look.count > 1 else 1)
+    kurtosis = float((noise.astype(np.float64) ** 4).mean()) / total**2
+    error = math.sqrt((kurtosis - 1) / independent)
+    spread = float(np.ptp(variances)) / total
+    shared = (correlation(noise, (0, 1)) + correlation(noise, (1, 0))) / 2 / total
+    if spread < max(needed_z(6) * 1.5 * error, 0.1) or shared < max(
+        needed_z() / math.sqrt(independent), 0.05
+    ):
+        return None
+    return Finding(
+        "demosaicing",
+        "per_frame" if look.count > 1 else None,
+        f"Noise differs between the four places of a 2 x 2 cell by {spread:.0%} and is shared by neighbours ({shared:+.2f}): the "
+        "frames were interpolated from a colour mosaic.",
+        "demosaiced frames",
+        (spread / error) ** 2 + (shared**2) * independent,
+        period=2.0,
+        share=spread,
+        details={"variances": [float(v / total) for v in variances]},
+        shown={"noise": noise[0]},
+    )
+
+
+def _corrected(look: Look) -> Finding | None:
+    """Pixels that are the mean of their neighbours in every frame."""
+    frames = look.frames
+    if look.count < 2 or look.noise_dn < 1.0:
+        return None
+    inner = frames[:, 1:-1, 1:-1]
+    left, right = frames[:, 1:-1, :-2], frames[:, 1:-1, 2:]
+    up, down = frames[:, :-2, 1:-1], frames[:, 2:, 1:-1]
+    moves = np.ptp(inner, axis=0) > 0
+    for name, guess in (
+        ("of its neighbours in the row", (left + right) / 2),
+        ("of its neighbours in the column", (up + down) / 2),
+        ("of its four neighbours", (left + right + up + down) / 4),
+    ):
+        near = np.abs(inner - guess) <= 0.5
+        hits = near.all(0) & moves
+        count = int(hits.sum())
+        # Without a correction as many pixels lie one or two DN beside the mean in every frame.
+        beside = max(int(((np.abs(inner - guess - d) <= 0.5).all(0) & moves).sum()) for d in (-2, -1, 1, 2))
+        chance = max(beside + 3 * math.sqrt(beside), hits.size * near.mean() ** look.count) + 0.2
+        if not 0 < count < _MANY * hits.size or stats.poisson.sf(count - 1, chance) > ALPHA:
+            continue
+        where = np.zeros(look.shape, bool)
+        where[1:-1, 1:-1] = hits
+        plural = "s are" if count > 1 else " is"
+        rows, columns = np.nonzero(where)
+        return Finding(
+            "defect_correction",
+            "fixed",
+            f"{count} pixel{plural} the mean {name} in every frame: defects were corrected before.",
+            f"{count} corrected pixel{plural[:1].strip()}",
+            2 * (count * math.log(count / chance) - count + chance),
+            share=count / where.size,
+            details={"pixels": count},
+            places=tuple((int(r), int(c), "corrected", 0.0) for r, c in zip(rows, columns)),
+            shown={"image": look.raw.mean, "where": where},
+        )
+    return None
+
+
+def compression(looks: list[Look], frames: FrameSet) -> Finding | None:
+    """JPEG, by the files themselves or by the rounding of block coefficients that it left in the pixels."""
+    of_file = _by_file(frames)
+    if of_file is not None:
+        quality, step = of_file
+        return Finding(
+            "compression",
+            None,
+            f"The files are JPEG of quality {quality:.0f}: differences below its steps ({step:.0f} DN and more) are hidden, and "
+            "single pixels cannot be trusted.",
+            f"JPEG of quality {quality:.0f}",
+            1e9,
+            amplitude_dn=step / math.sqrt(12),
+            details={"quality": quality, "step_dn": step},
+        )
+    look = max(looks, key=lambda k: k.frames.size)
+    found = _by_pixels(look)
+    if found is None:
+        return None
+    (down, across), step, count, gain = found
+    return Finding(
+        "compression",
+        None,
+        f"{count} of 63 coefficients of 8 x 8 blocks are rounded, to multiples of {step:.0f} DN in the median: the frames were "
+        "JPEG before; differences below that are hidden.",
+        "JPEG compression before",
+        gain,
+        amplitude_dn=step / math.sqrt(12),
+        period=float(_SIDE),
+        details={"step_dn": step, "grid_row": down, "grid_column": across},
+        shown={"noise": look.frames[0]},
+    )
+
+
+def _by_file(frames: FrameSet) -> tuple[float, float] | None:
+    path = frames.path(0)
+    if path is None or path.suffix.lower() not in (".jpg", ".jpeg"):
+        return None
+    pictures = largest_group(frames.with_records([_as_image(r) for r in frames.records]), lambda _: None)
+    return quality_of(pictures.steps)[0], float(np.min(pictures.steps))
+
+
+def _as_image(record):
+    from dataclasses import replace
+
+    return replace(record, kind="image")
+
+
+def _by_pixels(look: Look) -> tuple[tuple[int, int], float, int, float] | None:
+    """Place of the grid, median step, number of rounded coefficients, evidence.
+
+    The places with most coefficients of 0 are looked at, against others of the same frames.
+    """
+    if min(look.shape) < 4 * _SIDE:
+        return None
+    places = [(down, across) for down in range(_SIDE) for across in range(_SIDE)]
+    still = np.array([np.mean(np.abs(_coefficients(look, *place)) < 0.5) for place in places])
+    order = np.argsort(-still)
+    usual = np.median([_characteristic(look, *places[k]) for k in order[_SIDE :: _SIDE * 2]], axis=0)
+    for place in dict.fromkeys([(0, 0), places[order[0]]]):
+        excess = _characteristic(look, *place) - usual
+        which = np.flatnonzero(excess.max(1) > _ROUNDED)
+        if len(which) >= _COEFFICIENTS:
+            steps = _STEPS[excess[which].argmax(1)]
+            return place, float(np.median(steps)), len(which), 2e3 * len(which)
+    return None
+
+
+def _coefficients(look: Look, down: int, across: int) -> np.ndarray:
+    """(blocks, 63) coefficients of 8 x 8 blocks of the first frames on one place of the grid, without the mean."""
+    height, width = ((n - k) // _SIDE for n, k in zip(look.shape, (down, across)))
+    take = max(1, min(look.count, _MOST_BLOCKS // (height * width)))
+    part = look.frames[:take, down : down + height * _SIDE, across : across + width * _SIDE]
+    blocks = (
+        part.reshape(take, height, _SIDE, width, _SIDE).transpose(0, 1, 3, 2, 4).reshape(-1, _SIDE, _SIDE)
+    )
+    blocks = blocks[:: -(-len(blocks) // _MOST_BLOCKS)]
+    return np.asarray(fft.dctn(blocks, axes=(1, 2), norm="ortho")).reshape(len(blocks), -1)[:, 1:]
+
+
+def _characteristic(look: Look, down: int, across: int) -> np.ndarray:
+    """(63, steps) mean cosine of 2 pi c / step of block coefficients c; 0 where hardly any differs from 0."""
+    c = _coefficients(look, down, across)
+    moves = np.abs(c) >= 0.5  # a coefficient of 0 is a multiple of every step
+    count = moves.sum(0)
+    phi = np.stack([np.where(moves, np.cos(2 * math.pi / q * c), 0.0).sum(0) for q in _STEPS], 1)
+    return np.where(count > 50, 1 / np.maximum(count, 1), 0.0)[:, None] * phi
+
+
+def noise_law(look: Look) -> dict[str, float | str]:
+    """Excess kurtosis of the temporal noise of one frame, and whether its law is normal or has heavy tails."""
+    if look.count < 2:
+        return {}
+    noise = look.raw.noise_pixels
+    n = look.count
+    second = float((noise.astype(np.float64) ** 2).mean())
+    excess = float((noise.astype(np.float64) ** 4).mean()) / second**2 - 3
+    mixing = (1 - 1 / n) ** 2 + (n - 1) / n**4 / (1 - 1 / n) ** 2
+    error = math.sqrt(24 / (noise.size * (1 - 1 / n))) / mixing
+    excess /= mixing
+    law = "heavy tails" if excess > 4 * error else "normal"
+    if look.noise_dn < _TOLD:
+        law = "not told: the noise is below the step of the codes"
+    return {"law": law, "excess_kurtosis": excess, "error": error, "text": f"{law} ({number(excess)})"}
