@@ -7,6 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from visaug.core import __version__
 from visaug.core.reporting import set_writer
 
 if TYPE_CHECKING:
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from visaug.effects.effect import Effect, Parameter, Stage
     from visaug.frames import FrameSet
     from visaug.inspection import Inspection, inspect
-
-__version__ = "0.2.0"
 
 _HOME = {
     "Camera": "visaug.camera",

@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from visaug.core import __version__
 from visaug.core.documents import parse_json
 from visaug.core.errors import InputError
 from visaug.core.files import folder_lock
@@ -103,13 +104,12 @@ def settings_of(noise: "SensorNoise", seed: int, p: float, bits: int | None, opt
     """One hash of all that makes a copy but its name and original: options, cameras, measured maps, the code of visaug and
     of effects from files.
     """
-    import visaug
     from visaug.effects.catalogue import loaded_files
 
     digest = hashlib.blake2b(digest_size=16)
     words = [seed, p, bits, sorted((key, str(value)) for key, value in options.items())]
     words += [camera.to_yaml() for camera in noise.cameras]
-    digest.update(repr((visaug.__version__, words)).encode())
+    digest.update(repr((__version__, words)).encode())
     for camera in noise.cameras:
         for name, values in sorted(camera.maps.items()):
             digest.update(name.encode() + values.detach().cpu().numpy().tobytes())

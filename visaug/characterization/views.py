@@ -28,6 +28,9 @@ class _View:
     def read(self, i: int) -> np.ndarray:
         return self._change(self._frames.read(i))
 
+    def numbers(self, i: int) -> np.ndarray:
+        return self.read(i)
+
     def clean(self, i: int) -> np.ndarray:
         return self._change(self._frames.clean(i))
 
