@@ -7,7 +7,6 @@ import math
 import numpy as np
 from scipy import fft, stats
 
-from visaug.core.wording import number
 from visaug.frames import FrameSet
 from visaug.inspection.finding import ALPHA, Finding, needed_z
 from visaug.inspection.material import Look
@@ -255,18 +254,17 @@ def _characteristic(look: Look, down: int, across: int) -> np.ndarray:
     return np.where(count > 50, 1 / np.maximum(count, 1), 0.0)[:, None] * phi
 
 
-def noise_law(look: Look) -> dict[str, float | str]:
-    """Excess kurtosis of the temporal noise of one frame, and whether its law is normal or has heavy tails."""
+def noise_law(look: Look) -> tuple[str, float] | None:
+    """Whether the temporal noise is normal or has heavy tails, and its excess kurtosis in one frame; None of one frame."""
     if look.count < 2:
-        return {}
+        return None
+    if look.noise_dn < _TOLD:
+        return "law not told: below the step of the codes", 0.0
     noise = look.raw.noise_pixels
     n = look.count
     second = float((noise.astype(np.float64) ** 2).mean())
     excess = float((noise.astype(np.float64) ** 4).mean()) / second**2 - 3
-    mixing = (1 - 1 / n) ** 2 + (n - 1) / n**4 / (1 - 1 / n) ** 2
+    mixing = (1 - 1 / n) ** 2 + (n - 1) / n**4 / (1 - 1 / n) ** 2  # of a frame less the mean of all
     error = math.sqrt(24 / (noise.size * (1 - 1 / n))) / mixing
     excess /= mixing
-    law = "heavy tails" if excess > 4 * error else "normal"
-    if look.noise_dn < _TOLD:
-        law = "not told: the noise is below the step of the codes"
-    return {"law": law, "excess_kurtosis": excess, "error": error, "text": f"{law} ({number(excess)})"}
+    return "heavy tails" if excess > 4 * error else "normal", excess
