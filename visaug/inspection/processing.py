@@ -17,8 +17,11 @@ _FAR = 6  # px, at which noise of neighbours is not shared by optics, pixels or 
 _SIDE = 8  # px, of a block of JPEG
 _STEPS = np.arange(2, 61)  # of JPEG's rounding, that pixels in whole DN can show
 _MOST_BLOCKS = 1000
+_OF_NO_LINE = (np.arange(1, _SIDE**2) >= _SIDE) & (
+    np.arange(1, _SIDE**2) % _SIDE > 0
+)  # that rows and columns do not reach
 _ROUNDED = 0.25  # of the characteristic function at 1/step, above which coefficients are multiples of it
-_COEFFICIENTS = 4  # of 63, that are so
+_COEFFICIENTS = 4  # of 49, that are so
 _TOLD = 0.5  # DN of noise, below which rounding hides its law
 _MANY = 0.05  # of the pixels: more are no defects
 _EQUAL = 1.6  # times as many equal neighbours as normal noise has
@@ -188,7 +191,7 @@ def compression(looks: list[Look], frames: FrameSet) -> Finding | None:
     return Finding(
         "compression",
         None,
-        f"{count} of 63 coefficients of 8 x 8 blocks are rounded, to multiples of {step:.0f} DN in the median: the frames were "
+        f"{count} of 49 coefficients of 8 x 8 blocks are rounded, to multiples of {step:.0f} DN in the median: the frames were "
         "JPEG before; differences below that are hidden.",
         "JPEG compression before",
         gain,
@@ -226,7 +229,7 @@ def _by_pixels(look: Look) -> tuple[tuple[int, int], float, int, float] | None:
     usual = np.median([_characteristic(look, *places[k]) for k in order[_SIDE :: _SIDE * 2]], axis=0)
     for place in dict.fromkeys([(0, 0), places[order[0]]]):
         excess = _characteristic(look, *place) - usual
-        which = np.flatnonzero(excess.max(1) > _ROUNDED)
+        which = np.flatnonzero((excess.max(1) > _ROUNDED) & _OF_NO_LINE)
         if len(which) >= _COEFFICIENTS:
             steps = _STEPS[excess[which].argmax(1)]
             return place, float(np.median(steps)), len(which), 2e3 * len(which)
