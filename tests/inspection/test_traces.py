@@ -146,6 +146,14 @@ def test_scenes_tell_only_what_changes():
     assert moving.ambiguous
 
 
+@pytest.mark.parametrize("value", [0, 7, 255])
+def test_frames_of_one_value_have_no_pattern(value):
+    """Only that they lie at an end of the range is said; tiny frames and a slope without noise raise nothing."""
+    result = visaug.inspect(np.full((3, 64, 64), value, np.uint8))
+    assert [f.what for f in result.findings] == ([] if value == 7 else ["clipping"])
+    visaug.inspect(np.arange(3 * 17 * 19, dtype=np.uint16).reshape(3, 17, 19))
+
+
 def test_what_cannot_be_inspected_is_one_line():
     with pytest.raises(visaug.InputError, match=r"array \(n, H, W\)"):
         visaug.inspect(np.zeros((100, 120)))

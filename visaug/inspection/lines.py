@@ -26,6 +26,7 @@ from visaug.statistics.views.spectrum import power as spectrum
 LEAST_PERIODS = 3  # in a frame, of a fixed banding; slower changes are slopes and bumps
 _LEAST_NEW = 1.5  # in a frame, of one that is new in each
 _SHORTEST = 2.05  # lines; shorter periods are odd against even lines
+_NOTHING = 1e-12  # DN^2, below which frames are of one value
 _BESIDE = 1.25  # cycles per frame
 _ABOVE = 3.0  # times the power two cycles per frame lower: a line stands above both sides
 _SLOW = 4  # cycles per frame, whose power a step is held against
@@ -222,6 +223,8 @@ def _wave(lines: Lines, fixed: Continuum, temporal: Continuum | None):
         raw = lines.fixed[None] if level is fixed else profiles
         for strength in (power / np.maximum(level.at(frequency), 1e-12), power):
             top = int(np.where(allowed, strength, 0.0).argmax())
+            if not allowed[top] or power[top] <= _NOTHING:
+                continue
             exact = sharpened(raw, float(frequency[top]), least - 0.25, degree)
             # Judged against what is left without it, which its own power does not raise.
             rest = raw - sines(phasors(raw, exact, degree), exact, length)

@@ -7,7 +7,6 @@ import math
 import numpy as np
 from scipy import fft, stats
 
-from visaug.core.wording import number
 from visaug.frames import FrameSet
 from visaug.inspection.finding import ALPHA, Finding, needed_z
 from visaug.inspection.material import Look
@@ -18,8 +17,11 @@ _FAR = 6  # px, at which noise of neighbours is not shared by optics, pixels or 
 _SIDE = 8  # px, of a block of JPEG
 _STEPS = np.arange(2, 61)  # of JPEG's rounding, that pixels in whole DN can show
 _MOST_BLOCKS = 1000
+_OF_NO_LINE = (np.arange(1, _SIDE**2) >= _SIDE) & (
+    np.arange(1, _SIDE**2) % _SIDE > 0
+)  # that rows and columns do not reach
 _ROUNDED = 0.25  # of the characteristic function at 1/step, above which coefficients are multiples of it
-_COEFFICIENTS = 4  # of 63, that are so
+_COEFFICIENTS = 4  # of 49, that are so
 _TOLD = 0.5  # DN of noise, below which rounding hides its law
 _MANY = 0.05  # of the pixels: more are no defects
 _EQUAL = 1.6  # times as many equal neighbours as normal noise has
@@ -189,7 +191,7 @@ def compression(looks: list[Look], frames: FrameSet) -> Finding | None:
     return Finding(
         "compression",
         None,
-        f"{count} of 63 coefficients of 8 x 8 blocks are rounded, to multiples of {step:.0f} DN in the median: the frames were "
+        f"{count} of 49 coefficients of 8 x 8 blocks are rounded, to multiples of {step:.0f} DN in the median: the frames were "
         "JPEG before; differences below that are hidden.",
         "JPEG compression before",
         gain,
@@ -227,7 +229,7 @@ def _by_pixels(look: Look) -> tuple[tuple[int, int], float, int, float] | None:
     usual = np.median([_characteristic(look, *places[k]) for k in order[_SIDE :: _SIDE * 2]], axis=0)
     for place in dict.fromkeys([(0, 0), places[order[0]]]):
         excess = _characteristic(look, *place) - usual
-        which = np.flatnonzero(excess.max(1) > _ROUNDED)
+        which = np.flatnonzero((excess.max(1) > _ROUNDED) & _OF_NO_LINE)
         if len(which) >= _COEFFICIENTS:
             steps = _STEPS[excess[which].argmax(1)]
             return place, float(np.median(steps)), len(which), 2e3 * len(which)
@@ -255,18 +257,17 @@ def _characteristic(look: Look, down: int, across: int) -> np.ndarray:
     return np.where(count > 50, 1 / np.maximum(count, 1), 0.0)[:, None] * phi
 
 
-def noise_law(look: Look) -> dict[str, float | str]:
-    """Excess kurtosis of the temporal noise of one frame, and whether its law is normal or has heavy tails."""
+def noise_law(look: Look) -> tuple[str, float] | None:
+    """Whether the temporal noise is normal or has heavy tails, and its excess kurtosis in one frame; None of one frame."""
     if look.count < 2:
-        return {}
+        return None
+    if look.noise_dn < _TOLD:
+        return "law not told: below the step of the codes", 0.0
     noise = look.raw.noise_pixels
     n = look.count
     second = float((noise.astype(np.float64) ** 2).mean())
     excess = float((noise.astype(np.float64) ** 4).mean()) / second**2 - 3
-    mixing = (1 - 1 / n) ** 2 + (n - 1) / n**4 / (1 - 1 / n) ** 2
+    mixing = (1 - 1 / n) ** 2 + (n - 1) / n**4 / (1 - 1 / n) ** 2  # of a frame less the mean of all
     error = math.sqrt(24 / (noise.size * (1 - 1 / n))) / mixing
     excess /= mixing
-    law = "heavy tails" if excess > 4 * error else "normal"
-    if look.noise_dn < _TOLD:
-        law = "not told: the noise is below the step of the codes"
-    return {"law": law, "excess_kurtosis": excess, "error": error, "text": f"{law} ({number(excess)})"}
+    return "heavy tails" if excess > 4 * error else "normal", excess

@@ -217,22 +217,15 @@ def _said_once(found: list[Finding]) -> list[Finding]:
 
 def _measurement(look: Look) -> Measurement:
     noise = pattern = None
-    law = noise_law(look)
-    if look.count > 1:
-        error = 1.96 * math.sqrt((2 + max(float(law["excess_kurtosis"]), 0)) / 4 / look.frames.size)
+    law, excess = noise_law(look) or (None, None)
+    if excess is not None:
+        error = 1.96 * math.sqrt((2 + max(excess, 0)) / 4 / look.frames.size)
         value = look.noise_dn
         noise = {"value": value, "low": value * (1 - error), "high": value * (1 + error)}
         size = pixel_pattern(look)
         pattern = {"value": size["amplitude_dn"], "low": size["low"], "high": size["high"]}
-    return Measurement(
-        look.kind,
-        look.count + look.copies,
-        float(look.data.level),
-        noise,
-        pattern,
-        str(law["law"]) if law else None,
-        float(law["excess_kurtosis"]) if law else None,
-    )
+    level = float(look.data.level)
+    return Measurement(look.kind, look.count + look.copies, level, noise, pattern, law, excess)
 
 
 def _ambiguous(groups: list[Look], packed: Finding | None) -> list[str]:
