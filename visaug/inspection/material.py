@@ -62,15 +62,15 @@ class Look:
     @cached_property
     def raw(self) -> GroupData:
         """The frames as they are."""
-        return GroupData(self.group, self.frames, None)
+        return GroupData.of_frames(self.group, self.frames)
 
     @cached_property
     def data(self) -> GroupData:
         """The frames with pixels beyond FAR drawn in to it, in the mean frame and about it."""
         frames = self.frames - _beyond(self.raw.pattern_pixels)
         if self.count > 1:
-            frames -= _beyond(GroupData(self.group, frames, None).noise_pixels)
-        return GroupData(self.group, frames, None)
+            frames -= _beyond(GroupData.of_frames(self.group, frames).noise_pixels)
+        return GroupData.of_frames(self.group, frames)
 
     @cached_property
     def noise_dn(self) -> float:
@@ -111,7 +111,7 @@ class Look:
         """Columns in place of rows."""
         turned = replace(self, frames=np.ascontiguousarray(self.frames.transpose(0, 2, 1)))
         if "data" in self.__dict__:
-            data = GroupData(self.group, np.ascontiguousarray(self.data.frames.transpose(0, 2, 1)), None)
+            data = GroupData.of_frames(self.group, np.ascontiguousarray(self.data.frames.transpose(0, 2, 1)))
             turned.__dict__["data"] = data
         return turned
 

@@ -11,7 +11,6 @@ from visaug.frames import FrameSet
 from visaug.inspection.finding import ALPHA, Finding, needed_z
 from visaug.inspection.material import Look
 from visaug.pictures.files import largest_group, quality_of
-from visaug.statistics.views.noise import correlation
 
 _FAR = 6  # px, at which noise of neighbours is not shared by optics, pixels or filters
 _SIDE = 8  # px, of a block of JPEG
@@ -43,13 +42,21 @@ def _noise(look: Look) -> np.ndarray | None:
     return look.data.pattern_pixels[None] if look.is_uniform else None
 
 
+def _mean_product(images: np.ndarray, lag: tuple[int, int]) -> float:
+    """Mean product of images (n, H, W) and themselves shifted by `lag` rows and columns, DN^2."""
+    rows, columns = lag
+    height, width = images.shape[-2:]
+    here, there = images[..., : height - rows, : width - columns], images[..., rows:, columns:]
+    return float(np.einsum("nij,nij->", here, there, dtype=np.float64)) / here.size
+
+
 def _correlated(look: Look, noise: np.ndarray) -> Finding | None:
     variance = float(np.mean(noise**2, dtype=np.float64))
     if variance < 1e-3:
         return None
     far = {(0, 1): (0, _FAR), (1, 0): (_FAR, 0), (1, 1): (_FAR, _FAR)}
     shared = {
-        lag: (correlation(noise, lag) - correlation(noise, away)) / variance for lag, away in far.items()
+        lag: (_mean_product(noise, lag) - _mean_product(noise, away)) / variance for lag, away in far.items()
     }
     independent = noise.size * (1 - 1 / look.count if look.count > 1 else 1)
     error = math.sqrt(2 / independent)
@@ -109,7 +116,7 @@ def _demosaicing(look: Look, noise: np.ndarray) -> Finding | None:
     kurtosis = float((noise.astype(np.float64) ** 4).mean()) / total**2
     error = math.sqrt((kurtosis - 1) / independent)
     spread = float(np.ptp(variances)) / total
-    shared = (correlation(noise, (0, 1)) + correlation(noise, (1, 0))) / 2 / total
+    shared = (_mean_product(noise, (0, 1)) + _mean_product(noise, (1, 0))) / 2 / total
     if spread < max(needed_z(6) * 1.5 * error, 0.1) or shared < max(
         needed_z() / math.sqrt(independent), 0.05
     ):

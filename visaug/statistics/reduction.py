@@ -40,6 +40,11 @@ class GroupData:
         self.reference = reference
         self.count = noise.count
 
+    @classmethod
+    def of_frames(cls, group: Group, frames: np.ndarray) -> "GroupData":
+        """Of frames in memory, (n, H, W), without a bias group."""
+        return cls(group, Noise([Stack(lambda: frames)]), None)
+
     def statistic(self, view: str, name: str, axes: Iterable[str], unit: str = "1") -> Statistic:
         """The description of a statistic of these frames."""
         if not self.label:
@@ -159,6 +164,14 @@ class GroupData:
         residual = self.frames - self.mean
         residual *= np.float32(self.noise.bessel)
         return residual
+
+    @cached_property
+    def noise_pixels(self) -> np.ndarray:
+        """The temporal noise without its row and column means, (n, H, W) float32."""
+        rows, columns = (lines.astype(np.float32) for lines in (self.noise_rows, self.noise_columns))
+        lines = rows[:, :, None] + columns[:, None, :]
+        lines -= rows.mean(1)[:, None, None]
+        return self.residual - lines
 
 
 class Stacks:
