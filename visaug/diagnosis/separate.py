@@ -93,7 +93,8 @@ def _apart(
     least = np.maximum([s.least_spread for s in statistics], 1e-9)
     spread = np.maximum(np.sqrt(sets.var(1, ddof=1).mean(0)), least)
     free = base_coordinates(pair[0], lab.frames, calibrated=True)
-    slopes = differences(lab, pair[0], free, range(1), report)[0].mean(1).T
+    base = lab.simulated([(pair[0], k) for k in range(2)])
+    slopes = differences(lab, pair[0], free, range(2), base, report)[0].mean(1).T
     differ = sets[0].mean(0) - sets[1].mean(0)
     (steps,) = adjust(differ[None], slopes, spread, np.array([c.prior for c in free]))
     return (differ - slopes @ steps) / spread

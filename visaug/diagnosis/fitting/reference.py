@@ -12,12 +12,11 @@ from visaug.diagnosis.fitting.robust import adjust, drawn_to_zero, standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.statistics.distance import largest_of_each, least_spread, variance
 
-PAIRS, MORE_PAIRS = (
-    3,
-    8,
-)  # simulations with common random numbers for each side of a derivative, and of one that noise is much of:
+PAIRS = 2  # simulated steps of a derivative, on alternate sides and with the random numbers of a simulated set each
+MORE_PAIRS = 8  # of a derivative of which noise is much
 NOISY = 0.05  # share of noise in a derivative from which more simulations are used
 FAR = 6.0  # steps of a coordinate beyond which the reference is simulated anew
+STAGES = (60, 120, 200)  # simulated sets after each of which a test is asked whether it is decided
 
 Report = Callable[[str, int, int], None]
 
@@ -235,7 +234,7 @@ def make_reference(
         )
     taken = {} if known is None else {c.path: k for k, c in enumerate(known.coordinates) if c.path != WELL}
     new = [c for c in coordinates if c.path not in taken]
-    slopes = derivatives(lab, camera, new, report, np.sqrt(variance(values[0])))
+    slopes = derivatives(lab, camera, new, values, report)
     if known is not None:
         old = [c for c in coordinates if c.path in taken]
         kept = [taken[c.path] for c in old]
@@ -249,49 +248,63 @@ def make_reference(
 
 
 def derivatives(
-    lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], report: Report, scale: np.ndarray
+    lab: Laboratory,
+    camera: Camera,
+    coordinates: Sequence[Coordinate],
+    sets: Sequence[np.ndarray],
+    report: Report,
 ) -> list[np.ndarray]:
-    """Central differences of the mean statistics with common random numbers: (statistics, coordinates) of each use.
+    """Derivatives of the mean statistics with common random numbers: (statistics, coordinates) of each use.
 
-    Where few pairs leave a large standard error (an effect whose random numbers change with a step), more are simulated, and
+    Where few simulations leave a large standard error (an effect whose random numbers change with a step), more are made, and
     what is within the noise is shrunk to 0: a spurious derivative would fix the parameter.
 
     Args:
-        scale: (statistics,) standard deviations of the discovery frames.
+        sets: (R, statistics) of each use, simulated sets of the camera.
     """
     if not coordinates:
         return [np.zeros((len(f.values), 0)) for f in lab.measured]
-    pairs = differences(lab, camera, coordinates, range(PAIRS), report)
+    scale = np.sqrt(variance(sets[0]))
+    pairs = differences(lab, camera, coordinates, range(PAIRS), sets, report)
     answers = standardised(pairs[0].mean(1), scale)
     noise = standardised(pairs[0].std(1, ddof=1), scale) / np.sqrt(PAIRS)
     noisy = np.flatnonzero((noise**2).sum(-1) > NOISY * (answers**2).sum(-1)).tolist()
     slopes = [found.mean(1) for found in pairs]
     if noisy:
-        more = differences(lab, camera, [coordinates[k] for k in noisy], range(PAIRS, MORE_PAIRS), report)
+        last = min(MORE_PAIRS, len(sets[0]))
+        more = differences(lab, camera, [coordinates[k] for k in noisy], range(PAIRS, last), sets, report)
         for slope, first, further in zip(slopes, pairs, more, strict=True):
             of = np.concatenate([first[noisy], further], axis=1)
-            slope[noisy] = drawn_to_zero(of.mean(1), of.var(1, ddof=1) / MORE_PAIRS)
+            slope[noisy] = drawn_to_zero(of.mean(1), of.var(1, ddof=1) / last)
     return [slope.T for slope in slopes]
 
 
 def differences(
-    lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], numbers: range, report: Report
+    lab: Laboratory,
+    camera: Camera,
+    coordinates: Sequence[Coordinate],
+    numbers: range,
+    sets: Sequence[np.ndarray],
+    report: Report,
 ) -> list[np.ndarray]:
-    """(coordinates, pairs, statistics) difference quotients of each use of the frames, one pair of simulations per seed."""
+    """(coordinates, simulations, statistics) difference quotients of each use of the frames.
+
+    Each is between a simulated set and the same with a step of one coordinate, upwards for even numbers and downwards for odd
+    ones, so that a curvature cancels in their mean.
+    """
     at = [c.read(camera) for c in coordinates]
+    steps = np.array([[c.step * (1 - 2 * (k % 2)) for k in numbers] for c in coordinates])
     jobs = []
-    for j, coordinate in enumerate(coordinates):
-        for sign in (1, -1):
-            there = [x + sign * coordinate.step * (k == j) for k, x in enumerate(at)]
-            jobs += [(moved(camera, coordinates, there), number) for number in numbers]
-    steps = np.array([c.step for c in coordinates])[:, None, None]
-    found = []
-    for values in lab.simulated(
-        jobs, lambda n: report("how statistics answer the camera's numbers", n, len(jobs))
-    ):
-        sides = values.reshape(len(coordinates), 2, len(numbers), -1)
-        found.append((sides[:, 0] - sides[:, 1]) / (2 * steps))
-    return found
+    for j in range(len(coordinates)):
+        for place, number in enumerate(numbers):
+            there = [x + steps[j, place] * (k == j) for k, x in enumerate(at)]
+            jobs.append((moved(camera, coordinates, there), number))
+    word = "computing derivatives of the statistics"
+    found = lab.simulated(jobs, lambda n: report(word, n, len(jobs)))
+    return [
+        (values.reshape(*steps.shape, -1) - own[numbers.start : numbers.stop]) / steps[..., None]
+        for values, own in zip(found, sets, strict=True)
+    ]
 
 
 def is_far(reference: Reference, camera: Camera, steps: float = FAR) -> bool:
