@@ -10,6 +10,7 @@ from visaug.camera import Camera
 from visaug.core.cluster import connected
 from visaug.core.errors import InputError
 from visaug.diagnosis.adding import SETS_AFTER, Adding
+from visaug.diagnosis.camera_file import corrected
 from visaug.diagnosis.candidates import cache
 from visaug.diagnosis.candidates.selection import candidates
 from visaug.diagnosis.candidates.trials import looked, trials
@@ -99,8 +100,11 @@ def diagnose(
     with nullcontext() if cluster is None else connected(cluster) as ray:
         spread = None if cluster is None else by_ray(ray)
         lab = Laboratory(frames, camera, seed, spread=spread, report=report, **of_pictures)
-        found = diagnosed(lab, camera, frozenset(without), report, sets)
-    return replace(found, given=camera, frame_set=frames, seed=seed)
+        right, mistakes = corrected(camera, frames, lab)
+        if mistakes:
+            lab = Laboratory(frames, right, seed, spread=spread, report=report)
+        found = diagnosed(lab, right, frozenset(without), report, sets)
+    return replace(found, given=camera, frame_set=frames, seed=seed, camera_file=mistakes)
 
 
 def diagnosed(

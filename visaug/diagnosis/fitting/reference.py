@@ -13,8 +13,9 @@ from visaug.diagnosis.laboratory import Laboratory
 from visaug.statistics.distance import largest_of_each, least_spread, variance
 
 PAIRS = 2  # simulated steps of a derivative, on alternate sides and with the random numbers of a simulated set each
-MORE_PAIRS = 8  # of a derivative of which noise is much
-NOISY = 0.05  # share of noise in a derivative from which more simulations are used
+MORE_PAIRS = 4  # of a derivative of which noise is much even with a step so many times as wide:
+WIDER = 4.0
+NOISY = 0.1  # share of noise in a derivative from which more simulations are used
 FAR = 6.0  # steps of a coordinate beyond which the reference is simulated anew
 STAGES = (60, 120, 200)  # simulated sets after each of which a test is asked whether it is decided
 
@@ -256,8 +257,9 @@ def derivatives(
 ) -> list[np.ndarray]:
     """Derivatives of the mean statistics with common random numbers: (statistics, coordinates) of each use.
 
-    Where few simulations leave a large standard error (an effect whose random numbers change with a step), more are made, and
-    what is within the noise is shrunk to 0: a spurious derivative would fix the parameter.
+    Where few simulations leave a large standard error, they are made with a wider step, and where that does not help (an effect
+    whose random numbers change with a step) more of them. What is then within the noise is shrunk to 0: a spurious derivative
+    would fix the parameter.
 
     Args:
         sets: (R, statistics) of each use, simulated sets of the camera.
@@ -265,17 +267,27 @@ def derivatives(
     if not coordinates:
         return [np.zeros((len(f.values), 0)) for f in lab.measured]
     scale = np.sqrt(variance(sets[0]))
+
+    def noisy(pairs: np.ndarray) -> np.ndarray:
+        answers = standardised(pairs.mean(1), scale)
+        noise = standardised(pairs.std(1, ddof=1), scale) / np.sqrt(pairs.shape[1])
+        return (noise**2).sum(-1) > NOISY * (answers**2).sum(-1)
+
     pairs = differences(lab, camera, coordinates, range(PAIRS), sets, report)
-    answers = standardised(pairs[0].mean(1), scale)
-    noise = standardised(pairs[0].std(1, ddof=1), scale) / np.sqrt(PAIRS)
-    noisy = np.flatnonzero((noise**2).sum(-1) > NOISY * (answers**2).sum(-1)).tolist()
     slopes = [found.mean(1) for found in pairs]
-    if noisy:
+    unclear = np.flatnonzero(noisy(pairs[0])).tolist()
+    if unclear:
+        wide = [replace(coordinates[k], step=WIDER * coordinates[k].step) for k in unclear]
+        pairs = differences(lab, camera, wide, range(PAIRS), sets, report)
+        still = np.flatnonzero(noisy(pairs[0])).tolist()
+        for slope, found in zip(slopes, pairs, strict=True):
+            slope[unclear] = found.mean(1)
         last = min(MORE_PAIRS, len(sets[0]))
-        more = differences(lab, camera, [coordinates[k] for k in noisy], range(PAIRS, last), sets, report)
-        for slope, first, further in zip(slopes, pairs, more, strict=True):
-            of = np.concatenate([first[noisy], further], axis=1)
-            slope[noisy] = drawn_to_zero(of.mean(1), of.var(1, ddof=1) / last)
+        if still and last > PAIRS:
+            more = differences(lab, camera, [wide[k] for k in still], range(PAIRS, last), sets, report)
+            for slope, first, further in zip(slopes, pairs, more, strict=True):
+                of = np.concatenate([first[still], further], axis=1)
+                slope[[unclear[k] for k in still]] = drawn_to_zero(of.mean(1), of.var(1, ddof=1) / last)
     return [slope.T for slope in slopes]
 
 
