@@ -85,13 +85,12 @@ class Part:
     def simulated(self, camera: Camera, seed: int, uses: Sequence[str]) -> list[np.ndarray]:
         """Fingerprint values of one simulated set, for each use of its frames."""
         if self.place and list(uses) == [FIND]:  # no view of these looks at the frame before
-            return [fingerprint_values(self.take(camera, seed, self.folds.find), None, self.views)]
-        frames = self.take(camera, seed)
-        values = {
-            use: fingerprint_values(frames, self.positions(use), self.views)
-            for use in uses
-            if use != WHOLE or not self.halves
-        }
+            return fingerprint_values(self.take(camera, seed, self.folds.find), views=self.views)
+        own = [use for use in uses if use != WHOLE or not self.halves]
+        positions = [self.positions(use) for use in own]
+        values = dict(
+            zip(own, fingerprint_values(self.take(camera, seed), positions, self.views), strict=True)
+        )
         if WHOLE in uses and self.halves:
             values[WHOLE] = (values[FIND] + values[CONFIRM]) / 2
         return [values[use] for use in uses]

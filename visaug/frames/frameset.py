@@ -178,20 +178,26 @@ class FrameSet:
 
     def read_many(self, indices: Iterable[int]) -> np.ndarray:
         """Reads frames of one size as (n, H, W) float32 in DN."""
+        return self.stack(indices).astype(np.float32, copy=False)
+
+    def stack(self, indices: Iterable[int]) -> np.ndarray:
+        """The same; uint16 where frames are held in memory as uint16, of which no copy in float32 is made."""
         indices = list(indices)
         if not indices:
             raise InputError("no frames to read", field="indices")
-        first = self.read(indices[0])
-        stack = np.empty((len(indices), *first.shape), np.float32)
+        first = self._store.numbers(self._positions[indices[0]])
+        stack = np.empty((len(indices), *first.shape), first.dtype)
         stack[0] = first
         for n, i in enumerate(indices[1:], start=1):
-            frame = self.read(i)
+            frame = self._store.numbers(self._positions[i])
             if frame.shape != first.shape:
                 raise InputError(
                     f"is {frame.shape[0]} x {frame.shape[1]}",
                     file=self.records[i].file,
                     expected=f"{first.shape[0]} x {first.shape[1]} as {self.records[indices[0]].file}",
                 )
+            if frame.dtype != stack.dtype:
+                stack = stack.astype(np.float32)
             stack[n] = frame
         return stack
 

@@ -29,6 +29,7 @@ class Store(Protocol):
     @property
     def bit_depth(self) -> int | None: ...
     def read(self, i: int) -> np.ndarray: ...
+    def numbers(self, i: int) -> np.ndarray: ...
     def clean(self, i: int) -> np.ndarray: ...
     def shape(self, i: int) -> tuple[int, int]: ...
     def with_bits(self, bit_depth: int) -> Store: ...
@@ -57,13 +58,17 @@ class MemoryStore:
         return self._bit_depth
 
     def read(self, i: int) -> np.ndarray:
+        return self.numbers(i).astype(np.float32)
+
+    def numbers(self, i: int) -> np.ndarray:
+        """The frame as `read` gives it; uint16 where it is held as such, else float32."""
         frame = np.asarray(self._frames[i])
         name = self._records[i].file
         if frame.ndim != 2:
             raise InputError(f"has shape {frame.shape}", file=name, expected="rows x columns")
         check_values(frame, self.bit_depth, name)
         check_window(self._records[i], frame.shape)
-        return frame.astype(np.float32)
+        return frame if frame.dtype == np.uint16 else frame.astype(np.float32)
 
     def clean(self, i: int) -> np.ndarray:
         name = self._records[i].clean
@@ -129,6 +134,8 @@ class FileStore:
         self._check_size(record, pixels.shape)
         self._shapes[i] = pixels.shape
         return pixels.astype(np.float32)
+
+    numbers = read
 
     def clean(self, i: int) -> np.ndarray:
         name = self._records[i].clean

@@ -45,6 +45,8 @@ class _Residuals(MemoryStore):
     def read(self, i: int) -> np.ndarray:
         return self._frames[i]
 
+    numbers = read
+
 
 def with_a_well(camera: Camera) -> Camera:
     """The camera with the converter's end as its full well, marked as assumed, where the file has none: pictures tell no other."""
@@ -114,7 +116,7 @@ class PicturePart:
         for use in uses:
             chosen = self._chosen(use)
             here = [place[int(n)] for n in chosen]
-            values = fingerprint_values(self._frames(pictures[here], chosen), None, self.views)
+            (values,) = fingerprint_values(self._frames(pictures[here], chosen), views=self.views)
             lens = None if shaded is None else shaded[here]
             found.append(np.concatenate([values, self._moved(pictures[here], lens, chosen, seed)]))
         return found

@@ -1,12 +1,15 @@
 """What the views share: each group of frames reduced once to its mean frame, its noise, and their rows and columns."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
+from itertools import combinations
 
 import numpy as np
 
 from visaug.frames import FrameRecord, FrameSet, Group
+from visaug.statistics import kernels
+from visaug.statistics.stack import LAGS, LEAST_SCALE, LEAST_VARIANCE, MAD, Noise, Scatter, Stack
 from visaug.statistics.statistic import Statistic
 
 MAX_GROUPS = {"bias": 2, "dark": 8, "flat": 9, "scene": 6}  # of each kind, spread evenly over the conditions
@@ -15,6 +18,7 @@ MAX_GROUPS = {"bias": 2, "dark": 8, "flat": 9, "scene": 6}  # of each kind, spre
 ALONE = 8.0  # robust standard deviations from its neighbours from which a pixel is one by itself
 TOLD_BY = 100_000  # pixels of a large frame that tell that scale, to half a percent
 
+SLOW = 16  # px, of the blocks whose means are the slow part of a pattern
 UNNAMED = Statistic("", "", "", ())
 
 
@@ -23,18 +27,18 @@ class GroupData:
 
     Args:
         group: the conditions; its indices are the frames in use.
-        frames: (n, H, W) float32.
+        noise: of these frames.
         reference: the bias group, whose mean frame is taken off for `pattern`; None for the bias itself.
         label: of the conditions, in words; without one statistics have no descriptions, where only their values are wanted.
     """
 
-    def __init__(self, group: Group, frames: np.ndarray, reference: "GroupData | None", label: str = ""):
+    def __init__(self, group: Group, noise: Noise, reference: "GroupData | None", label: str = ""):
         self.label = label
         self.group = group
         self.kind = group.kind
-        self.frames = frames
+        self.noise = noise
         self.reference = reference
-        self.count = len(frames)
+        self.count = noise.count
 
     def statistic(self, view: str, name: str, axes: Iterable[str], unit: str = "1") -> Statistic:
         """The description of a statistic of these frames."""
@@ -53,14 +57,19 @@ class GroupData:
             self.signal,
         )
 
-    @cached_property
+    @property
+    def frames(self) -> np.ndarray:
+        """(n, H, W) float32."""
+        return self.noise.frames
+
+    @property
     def mean(self) -> np.ndarray:
         """Mean frame, (H, W)."""
-        return self.frames.mean(0)
+        return self.noise.mean
 
-    @cached_property
+    @property
     def level(self) -> float:
-        return float(self.mean.mean(dtype=np.float64))
+        return self.noise.level
 
     @property
     def signal(self) -> float:
@@ -79,68 +88,111 @@ class GroupData:
         return _centred(without_lone_pixels(self.pattern))
 
     @cached_property
+    def _calm_lines(self) -> tuple[np.ndarray, np.ndarray]:
+        return kernels.line_means(self.calm)
+
+    @property
     def pattern_rows(self) -> np.ndarray:
         """Of the calm pattern, (H,)."""
-        return self.calm.mean(1)
+        return self._calm_lines[0]
 
-    @cached_property
+    @property
     def pattern_columns(self) -> np.ndarray:
-        return self.calm.mean(0)
+        return self._calm_lines[1]
 
     @cached_property
     def pattern_pixels(self) -> np.ndarray:
         """The fixed pattern without its rows, columns and slow parts, (H, W); the pixels that stand alone are in it."""
-        lines = self.pattern_rows[:, None] + self.pattern_columns[None, :]
-        slow = _blocks_expanded(self.calm - lines)
-        flat = self.pattern - lines
-        flat -= slow
-        return _centred(flat)
+        cut = [edges(n, max(1, n // SLOW)) for n in self.calm.shape]
+        rows, columns = self._calm_lines
+        slow = block_means(self.calm, *cut)
+        slow -= np.add.outer(*(_part_means(x, e) for x, e in zip((rows, columns), cut, strict=True)))
+        pixels = np.empty_like(self.pattern)
+        lines = rows.astype(np.float32), columns.astype(np.float32)
+        kernels.pixel_part(self.pattern, *lines, slow.astype(np.float32), *cut, pixels)
+        return pixels
 
     @cached_property
-    def residual(self) -> np.ndarray:
-        """Temporal noise, (n, H, W), scaled so that its mean square is the variance of one frame. Needs n > 1."""
-        residual = self.frames - self.mean
-        residual *= np.float32(np.sqrt(self.count / (self.count - 1)))
-        return residual
-
-    @cached_property
-    def frame_means(self) -> np.ndarray:
-        return self.frames.mean((1, 2), dtype=np.float64)
-
-    @cached_property
-    def noise_rows(self) -> np.ndarray:
-        """Row means of the temporal noise, (n, H)."""
-        return self.residual.mean(2)
-
-    @cached_property
-    def noise_columns(self) -> np.ndarray:
-        return self.residual.mean(1)
-
-    @cached_property
-    def noise_pixels(self) -> np.ndarray:
-        """The temporal noise without its row and column means, (n, H, W)."""
-        whole = self.noise_rows.mean(1)[:, None, None]
-        noise = self.residual - self.noise_rows[:, :, None]
-        noise -= self.noise_columns[:, None, :]
-        noise += whole
-        return noise
-
-    @cached_property
-    def noise_variance(self) -> float:
-        """Variance of the pixel part of the temporal noise, DN^2; never below a hundredth of quantisation's."""
-        noise = self.noise_pixels.ravel()
-        return max(float(np.dot(noise, noise)) / noise.size, 1 / 1200)
+    def _pattern_scatter(self) -> Scatter:
+        found = Scatter.empty((0, 0))
+        off = np.zeros((1, self.pattern_pixels.shape[0]), np.float32)
+        across = np.zeros((1, self.pattern_pixels.shape[1]), np.float32)
+        found.add(self.pattern_pixels[None], np.zeros_like(self.pattern_pixels), off, across)
+        return found
 
     @cached_property
     def pattern_variance(self) -> float:
-        pattern = self.pattern_pixels.ravel()
-        return max(float(np.dot(pattern, pattern)) / pattern.size, 1 / 1200)
+        return max(float(self._pattern_scatter.products[0]) / self.pattern_pixels.size, LEAST_VARIANCE)
+
+    def pattern_correlation(self, lag: tuple[int, int]) -> float:
+        """Mean product of pixels of the fixed pattern so many rows and columns apart, over its variance."""
+        height, width = self.pattern_pixels.shape
+        product = self._pattern_scatter.products[LAGS[lag]]
+        return float(product / (height - lag[0]) / (width - lag[1]) / self.pattern_variance)
 
     @cached_property
     def pattern_scale(self) -> float:
         """Robust standard deviation of the pixel part of the fixed pattern, DN."""
         sample = np.abs(self.pattern_pixels.ravel()[::4])
-        return max(1.4826 * float(np.median(sample)), 0.03)
+        return max(MAD * kernels.median_of_sizes(sample), LEAST_SCALE)
+
+    @property
+    def noise_variance(self) -> float:
+        """Variance of the pixel part of the temporal noise, DN^2; never below a hundredth of quantisation's."""
+        return self.noise.variance
+
+    @property
+    def frame_means(self) -> np.ndarray:
+        return self.noise.frame_means
+
+    @property
+    def noise_rows(self) -> np.ndarray:
+        """Row means of the temporal noise, (n, H)."""
+        return self.noise.rows
+
+    @property
+    def noise_columns(self) -> np.ndarray:
+        return self.noise.columns
+
+    @cached_property
+    def residual(self) -> np.ndarray:
+        """Temporal noise, (n, H, W), scaled so that its mean square is the variance of one frame. Needs n > 1."""
+        residual = self.frames - self.mean
+        residual *= np.float32(self.noise.bessel)
+        return residual
+
+
+class Stacks:
+    """The frames of a set in groups, each reduced once: frames that find and frames that confirm together are all frames."""
+
+    def __init__(self, frames: FrameSet):
+        self._frames = frames
+        self._known: dict[tuple[int, ...], Stack] = {}
+        self._noise: dict[tuple[int, ...], Noise] = {}
+
+    def noise(self, indices: Sequence[int]) -> Noise:
+        """Of the frames at these positions."""
+        key = tuple(indices)
+        if key not in self._noise:
+            parts = self._parts(key)
+            place = {i: k for k, i in enumerate(i for part in parts for i in part)}
+            self._noise[key] = Noise([self._known[part] for part in parts], [place[i] for i in key])
+        return self._noise[key]
+
+    def frame(self, i: int) -> np.ndarray:
+        """One frame, (H, W)."""
+        return self._frames.stack([i])[0]
+
+    def _parts(self, key: tuple[int, ...]) -> tuple[tuple[int, ...], ...]:
+        """The known stacks that hold these frames, one or two; they are made into one where there are none."""
+        wanted = set(key)
+        if key not in self._known:
+            within = [part for part in self._known if wanted.issuperset(part)]
+            for one, other in combinations(within, 2):
+                if len(one) + len(other) == len(key) and not set(one) & set(other):
+                    return one, other
+            self._known[key] = Stack(self._frames.stack(key))
+        return (key,)
 
 
 class FrameData:
@@ -151,14 +203,21 @@ class FrameData:
         use: positions that the statistics may be taken from; all by default.
         named: False leaves statistics without their descriptions.
         place: what part of the sensor the frames show, in words, where a fingerprint has several; follows the conditions.
+        stacks: sums of the frames, where several uses share them.
     """
 
     def __init__(
-        self, frames: FrameSet, use: Iterable[int] | None = None, named: bool = True, place: str = ""
+        self,
+        frames: FrameSet,
+        use: Iterable[int] | None = None,
+        named: bool = True,
+        place: str = "",
+        stacks: "Stacks | None" = None,
     ):
         self.named = named
         self.place = place
         self.frames = frames
+        self.stacks = stacks or Stacks(frames)
         self.use = frozenset(range(len(frames)) if use is None else use)
         self.records: tuple[FrameRecord, ...] = frames.records
 
@@ -188,7 +247,7 @@ class FrameData:
     def unlit(self) -> "FrameData":
         """The bias and dark frames alone, with what was reduced of them."""
         dark = [i for i in self.use if self.records[i].kind in ("bias", "dark")]
-        data = FrameData(self.frames, dark, self.named, self.place)
+        data = FrameData(self.frames, dark, self.named, self.place, self.stacks)
         data.bias, data.groups = self.bias, [g for g in self.groups if g.kind in ("bias", "dark")]
         return data
 
@@ -206,10 +265,10 @@ class FrameData:
         return [g for g in self.groups if g.kind == kind and g.count >= at_least]
 
     def _load(self, group: Group, reference: GroupData | None) -> GroupData:
-        stack = self.frames.read_many(group.indices)
-        if reference is not None and reference.frames.shape[1:] != stack.shape[1:]:
+        noise = self.stacks.noise(group.indices)
+        if reference is not None and reference.mean.shape != noise.shape:
             reference = None
-        return GroupData(group, stack, reference, self._labels[_conditions(group)] if self.named else "")
+        return GroupData(group, noise, reference, self._labels[_conditions(group)] if self.named else "")
 
     @cached_property
     def _labels(self) -> dict[Group, str]:
@@ -300,26 +359,17 @@ def _centred(image: np.ndarray) -> np.ndarray:
 
 def without_lone_pixels(image: np.ndarray) -> np.ndarray:
     """An image (H, W) in which a pixel far from all its neighbours has the mean of the middle two of the four."""
-    around = np.empty((4, *image.shape), image.dtype)
-    around[0, 1:], around[0, 0] = (
-        image[:-1],
-        image[min(2, len(image) - 1)],
-    )  # beyond an edge: none that counts already
-    around[1, :-1], around[1, -1] = image[1:], image[max(-3, -len(image))]
-    across = image.T
-    around[2, :, 1:], around[2, :, 0] = image[:, :-1], across[min(2, len(across) - 1)]
-    around[3, :, :-1], around[3, :, -1] = image[:, 1:], across[max(-3, -len(across))]
-    middle = (around.sum(0) - around.max(0) - around.min(0)) / 2
-    off = np.abs(image - middle)
-    scale = max(1.4826 * float(np.median(off.ravel()[:: max(4, off.size // TOLD_BY)])), 0.03)
-    return np.where(off > ALONE * scale, middle, image)
+    step = max(4, image.size // TOLD_BY)
+    apart = np.empty((image.size + step - 1) // step, np.float32)
+    kernels.apart(image, step, apart)
+    scale = max(MAD * kernels.median_of_sizes(apart), LEAST_SCALE)
+    calm = np.empty_like(image)
+    kernels.without_apart(image, ALONE * scale, calm)
+    return calm
 
 
-def _blocks_expanded(image: np.ndarray, size: int = 16) -> np.ndarray:
-    """Means of blocks of about `size` pixels, as an image: the slow part of a pattern."""
-    row_edges, column_edges = (edges(n, max(1, n // size)) for n in image.shape)
-    means = block_means(image, row_edges, column_edges)
-    return np.repeat(np.repeat(means, np.diff(row_edges), 0), np.diff(column_edges), 1)
+def _part_means(profile: np.ndarray, part_edges: np.ndarray) -> np.ndarray:
+    return np.add.reduceat(profile, part_edges[:-1]) / np.diff(part_edges)
 
 
 @lru_cache(maxsize=64)
@@ -329,5 +379,6 @@ def edges(length: int, parts: int) -> np.ndarray:
 
 
 def block_means(image: np.ndarray, row_edges: np.ndarray, column_edges: np.ndarray) -> np.ndarray:
-    sums = np.add.reduceat(np.add.reduceat(image, row_edges[:-1], 0), column_edges[:-1], 1)
-    return (sums / np.outer(np.diff(row_edges), np.diff(column_edges))).astype(np.float32)
+    sums = np.zeros((len(row_edges) - 1, len(column_edges) - 1))
+    kernels.block_sums(image, row_edges, column_edges, sums)
+    return sums / np.outer(np.diff(row_edges), np.diff(column_edges))

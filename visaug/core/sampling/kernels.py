@@ -1,112 +1,229 @@
-"""The same generator and quantiles as `philox.py` and `distributions.py`, as numba loops for the CPU.
+"""The generator and quantiles of `philox.py` and `distributions.py` as numba loops for the CPU.
 
-They are about thirty times as fast as eager torch operators. Everything falls back on torch where numba cannot be imported.
+They are some hundred times as fast as eager torch operators: each step runs over a row of pixels and has no branch, so that the
+processor takes many pixels at once; logarithm and exponential are float32 polynomials for the same reason. Everything falls
+back on torch where numba cannot be imported.
 """
 
 import math
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
 
-from visaug.core.sampling.distributions import MOST_MEAN
+f32, f64, i32, u32, u64 = np.float32, np.float64, np.int32, np.uint32, np.uint64
+MOST_MEAN, SMALL_MEAN = f32(1e20), f32(25)  # as in distributions.py
+PER_BIT = f32(2.0**-32)
+ZERO, HALF, ONE, TWO = f32(0), f32(0.5), f32(1), f32(2)
+THIRD, SIXTH, PER_36, PER_72 = f32(1 / 3), f32(1 / 6), f32(1 / 36), f32(1 / 72)
+GILES_0, GILES_2, GILES_4 = f32(-8 / 405), f32(7 / 810), f32(1 / 270)
+LOG_2, PER_LOG_2 = f32(math.log(2)), f32(1 / math.log(2))
+LOG_2_HIGH, LOG_2_LOW = f32(0.693359375), f32(-2.12194440e-4)  # their sum is log 2; the first has few digits
 
-_fast = {"cache": True, "nogil": True, "fastmath": {"contract", "arcp"}}
+_fast = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract", "arcp", "nsz"}}
+
+
+@intrinsic
+def float_bits(_typing, _number):
+    """The bits of a float32."""
+
+    def generate(_context, builder, _signature, arguments):
+        return builder.bitcast(arguments[0], ir.IntType(32))
+
+    return types.int32(types.float32), generate
+
+
+@intrinsic
+def as_float(_typing, _number):
+    """The float32 of these bits."""
+
+    def generate(_context, builder, _signature, arguments):
+        return builder.bitcast(arguments[0], ir.FloatType())
+
+    return types.float32(types.int32), generate
 
 
 @njit(inline="always")
-def _philox(c0, c1, c2, k0, k1):
-    m0, m1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
-    mask, half = np.uint64(0xFFFFFFFF), np.uint64(32)
-    c3 = np.uint64(0)
-    for _ in range(10):
-        p0 = c0 * m0
-        p1 = c2 * m1
-        c0, c1, c2, c3 = (p1 >> half) ^ c1 ^ k0, p1 & mask, (p0 >> half) ^ c3 ^ k1, p0 & mask
-        k0 = (k0 + np.uint64(0x9E3779B9)) & mask
-        k1 = (k1 + np.uint64(0xBB67AE85)) & mask
-    return c0, c1, c2, c3
+def log(x):
+    """Natural logarithm of a positive float32, within 1e-7 of it or of 1 (Cephes, logf)."""
+    bits = float_bits(x)  # pyright: ignore[reportCallIssue]
+    exponent = (bits - i32(0x3F3504F3)) >> i32(23)  # so that the rest lies within a factor sqrt(2) of 1
+    t = as_float(bits - (exponent << i32(23))) - ONE  # pyright: ignore[reportCallIssue]
+    p = f32(7.0376836292e-2)
+    for c in (
+        -1.1514610310e-1, 1.1676998740e-1, -1.2420140846e-1, 1.4249322787e-1, -1.6668057665e-1, 2.0000714765e-1,
+        -2.4999993993e-1, 3.3333331174e-1,
+    ):  # fmt: skip
+        p = p * t + f32(c)
+    return t + (t * t) * (t * p - HALF) + f32(exponent) * LOG_2
 
 
 @njit(inline="always")
-def _tail(bits):
-    """Probability of the nearer tail, in (0, 0.5], and its side: keeps float precision down to 2^-33."""
-    if bits & np.uint64(0x80000000):
-        return (np.float64(np.uint64(0xFFFFFFFF) - bits) + 0.5) * 2.0**-32, 1.0
-    return (np.float64(bits) + 0.5) * 2.0**-32, -1.0
+def expm1(x):
+    """exp(x) - 1 of a float32 from -80 to 80, within 2e-7 of it or of exp(x) (Cephes, expf)."""
+    n = np.floor(x * PER_LOG_2 + HALF)
+    r = x - n * LOG_2_HIGH - n * LOG_2_LOW
+    p = f32(1.9875691500e-4)
+    for c in (1.3981999507e-3, 8.3334519073e-3, 4.1665795894e-2, 1.6666665459e-1, 5.0000001201e-1):
+        p = p * r + f32(c)
+    power = as_float((i32(n) + i32(127)) << i32(23))  # pyright: ignore[reportCallIssue]
+    return power * (r * r * p + r) + (power - ONE)
 
 
 @njit(inline="always")
-def _normal(bits):
+def tail(word):
+    """Probability of the nearer tail, in (0, 1/2], of 32 random bits; it is the upper one where the first bit is set."""
+    nearer = i32(word) ^ (i32(word) >> i32(31))
+    return (f32(nearer) + HALF) * PER_BIT
+
+
+@njit(inline="always")
+def sided(word, lower):
+    """A quantile in the lower tail, or its mirror image where the first bit is set."""
+    return -lower if i32(word) < i32(0) else lower
+
+
+@njit(inline="always")
+def normal(word):
     """Standard normal quantile, Wichura's AS 241 (PPND7, relative error 1e-7)."""
-    p, side = _tail(bits)
-    q = 0.5 - p
-    if q <= 0.425:
-        r = 0.180625 - q * q
-        x = q * (((59.109374720 * r + 159.29113202) * r + 50.434271938) * r + 3.3871327179)
-        x /= ((67.187563600 * r + 78.757757664) * r + 17.895169469) * r + 1.0
-    else:
-        r = math.sqrt(-math.log(p))
-        if r <= 5.0:
-            r -= 1.6
-            x = ((0.17023821103 * r + 1.3067284816) * r + 2.7568153900) * r + 1.4234372777
-            x /= (0.12021132975 * r + 0.73700164250) * r + 1.0
-        else:
-            r -= 5.0
-            x = ((0.017337203997 * r + 0.42868294337) * r + 3.0812263860) * r + 6.6579051150
-            x /= (0.012258202635 * r + 0.24197894225) * r + 1.0
-    return side * x
+    p = tail(word)
+    q = HALF - p
+    near = q <= f32(0.425)
+    a = f32(0.180625) - q * q
+    b = math.sqrt(-log(p)) - f32(1.6)
+    top_a = ((f32(59.109374720) * a + f32(159.29113202)) * a + f32(50.434271938)) * a + f32(3.3871327179)
+    low_a = ((f32(67.187563600) * a + f32(78.757757664)) * a + f32(17.895169469)) * a + ONE
+    top_b = ((f32(0.17023821103) * b + f32(1.3067284816)) * b + f32(2.7568153900)) * b + f32(1.4234372777)
+    low_b = (f32(0.12021132975) * b + f32(0.73700164250)) * b + ONE
+    return sided(word, -(q * top_a if near else top_b) / (low_a if near else low_b))
 
 
 @njit(inline="always")
-def _few(mean, bits):
-    """Poisson quantile of a mean below 25, summed."""
-    if not mean > 0.0:
-        return 0.0
-    p, side = _tail(bits)
-    u = p if side < 0 else 1.0 - p
-    if u <= 1.0 - mean:  # below exp(-mean) in any case: bias frames need no exponential
-        return 0.0
-    term = math.exp(-mean)
-    total = term
-    n = 0
-    while u > total and n < 128:
-        n += 1
-        term *= mean / n
-        total += term
-    return float(n)
-
-
-@njit(inline="always")
-def _many(mean, root, inverse, bits):
-    """Poisson quantile of a larger mean, its root and one over the root: Giles' expansion (see distributions.py)."""
-    w = _normal(bits)
-    w2 = w * w
-    x = mean + root * w + (1.0 / 3.0 + w2 * (1.0 / 6.0)) - w * (1.0 / 36.0 + w2 * (1.0 / 72.0)) * inverse
-    x += (-8.0 / 405.0 + w2 * (7.0 / 810.0 + w2 * (1.0 / 270.0))) * inverse * inverse
-    return max(0.0, np.floor(x))  # math.floor is a whole number of 64 bits, which a large mean passes
-
-
-@njit(inline="always")
-def _bits_row(out, key, channel, row, c0, width):
-    """Random bits of one row of the window; the counter is the place on the sensor."""
-    k0, k1 = key & np.uint64(0xFFFFFFFF), key >> np.uint64(32)
-    block = c0 // 4
-    i = 4 * block - c0
-    while i < width:
-        words = _philox(np.uint64(block), np.uint64(row), np.uint64(channel), k0, k1)
-        for j in range(4):
-            if 0 <= i + j < width:
-                out[i + j] = words[j]
-        i += 4
-        block += 1
+def tukey(word, shape, factor):
+    """Tukey-lambda quantile times a scale; factor: scale / shape, and a shape of 0 is to be given as 1e-6."""
+    p = tail(word)
+    return sided(word, factor * (expm1(shape * log(p)) - expm1(shape * log(ONE - p))))
 
 
 @njit(inline="always")
 def mix(x):
     """The same as in philox.py, of one number."""
-    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return x ^ (x >> np.uint64(31))
+    x = (x ^ (x >> u64(30))) * u64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> u64(27))) * u64(0x94D049BB133111EB)
+    return x ^ (x >> u64(31))
+
+
+@njit(inline="always")
+def _philox(c0, c1, c2, k0, k1):
+    m0, m1 = u64(0xD2511F53), u64(0xCD9E8D57)
+    mask, half = u64(0xFFFFFFFF), u64(32)
+    c3 = u64(0)
+    for _ in range(10):
+        p0 = c0 * m0
+        p1 = c2 * m1
+        c0, c1, c2, c3 = (p1 >> half) ^ c1 ^ k0, p1 & mask, (p0 >> half) ^ c3 ^ k1, p0 & mask
+        k0 = (k0 + u64(0x9E3779B9)) & mask
+        k1 = (k1 + u64(0xBB67AE85)) & mask
+    return c0, c1, c2, c3
+
+
+@njit(**_fast)
+def words_of_row(key, channel, row, first, words):
+    """32 random bits for each pixel of a row from column 4 (first // 4) on; the counter is the place on the sensor."""
+    k0, k1 = key & u64(0xFFFFFFFF), key >> u64(32)
+    for block in range(words.size // 4):
+        w = _philox(u64(first // 4 + block), u64(row), u64(channel), k0, k1)
+        for j in range(4):
+            words[4 * block + j] = w[j]
+
+
+@njit(**_fast)
+def normals(words, out):
+    for i in range(out.size):
+        out[i] = normal(words[i])
+
+
+@njit(**_fast)
+def tukeys(words, shape, scale, out):
+    """Tukey-lambda numbers times a scale."""
+    shape = f32(1e-6) if abs(shape) < f32(1e-6) else shape
+    factor = scale / shape
+    for i in range(out.size):
+        out[i] = tukey(words[i], shape, factor)
+
+
+@njit(**_fast)
+def _many(mean, words, out):
+    """Poisson counts of means from SMALL_MEAN on: Giles' expansion (see distributions.py)."""
+    for i in range(out.size):
+        m, w = min(max(mean[i], SMALL_MEAN), MOST_MEAN), normal(words[i])
+        root, w2 = math.sqrt(m), w * w
+        inverse, whole = ONE / root, np.floor(m)
+        x = root * w + (THIRD + w2 * SIXTH) - w * (PER_36 + w2 * PER_72) * inverse
+        x += (GILES_0 + w2 * (GILES_2 + w2 * GILES_4)) * inverse * inverse
+        out[i] = max(
+            ZERO, whole + np.floor((m - whole) + x)
+        )  # apart, so that a large mean does not round the rest
+
+
+@njit(inline="always")
+def _exp(x):
+    """exp(x) of a float64 from -25 to 0."""
+    r = x * (1 / 64)
+    p = 1.0
+    for k in (12.0, 11.0, 10.0, 9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0):
+        p = 1.0 + r * (1 / k) * p
+    for _ in range(6):
+        p = p * p
+    return p
+
+
+@njit(**_fast)
+def _few(mean, words, term, total, u, out):
+    """Poisson counts of means up to SMALL_MEAN, by summing the distribution function; float64 keeps the upper tail."""
+    for i in range(out.size):
+        p = f64(tail(words[i]))
+        u[i] = 1.0 - p if i32(words[i]) < i32(0) else p
+        term[i] = _exp(-f64(max(mean[i], ZERO)))
+        total[i], out[i] = term[i], ZERO
+    left, n = 1, 0
+    while left > 0 and n < 128:
+        n += 1
+        left, per_n = 0, 1.0 / n
+        for i in range(out.size):
+            beyond = u[i] > total[i]
+            left += i32(beyond)
+            out[i] += f32(beyond)
+            term[i] *= f64(mean[i]) * per_n
+            total[i] += term[i]
+
+
+@njit(**_fast)
+def counts(mean, words, small_mean, small_words, sums, small_counts, out):
+    """Poisson counts of a row of pixels; the arrays between are room: float32, uint32, 3 rows of float64, float32."""
+    small, lit = i32(0), i32(0)
+    for i in range(out.size):
+        small += i32(not mean[i] >= SMALL_MEAN)
+        lit += i32(mean[i] > ZERO)
+    if small < out.size:
+        _many(mean, words, out)
+    elif lit == 0:
+        out[:] = ZERO
+        return
+    if small == 0:
+        return
+    n = 0
+    for i in range(out.size):
+        if not mean[i] >= SMALL_MEAN:
+            small_mean[n], small_words[n] = mean[i] if mean[i] > ZERO else ZERO, words[i]
+            n += 1
+    _few(small_mean[:n], small_words[:n], sums[0, :n], sums[1, :n], sums[2, :n], small_counts[:n])
+    n = 0
+    for i in range(out.size):
+        if not mean[i] >= SMALL_MEAN:
+            out[i] = small_counts[n]
+            n += 1
 
 
 @njit(**_fast)
@@ -123,74 +240,50 @@ def forked(keys, names):
 
 @njit(**_fast)
 def fill_bits(keys, r0, c0, out):
+    """32 random bits for each pixel of windows (B, C, H, W) that begin at a row and a column of the sensor."""
     batch, channels, rows, width = out.shape
+    words = np.empty((c0 % 4 + width + 3) // 4 * 4, np.uint32)
     for b in range(batch):
         for channel in range(channels):
             for r in range(rows):
-                _bits_row(out[b, channel, r], keys[b], channel, r0 + r, c0, width)
+                words_of_row(keys[b], channel, r0 + r, c0, words)
+                out[b, channel, r] = words[c0 % 4 : c0 % 4 + width]
 
 
 @njit(**_fast)
 def fill_normal(keys, r0, c0, out):
     batch, channels, rows, width = out.shape
-    bits = np.empty(width, np.uint64)
+    words = np.empty((c0 % 4 + width + 3) // 4 * 4, np.uint32)
     for b in range(batch):
         for channel in range(channels):
             for r in range(rows):
-                _bits_row(bits, keys[b], channel, r0 + r, c0, width)
-                for i in range(width):
-                    out[b, channel, r, i] = _normal(bits[i])
-
-
-@njit(**_fast)
-def fill_poisson(keys, r0, c0, mean, out):
-    batch, channels, rows, width = out.shape
-    bits = np.empty(width, np.uint64)
-    last, root, inverse = 0.0, 0.0, 0.0  # neighbours of an even field share their roots
-    for b in range(batch):
-        for channel in range(channels):
-            for r in range(rows):
-                _bits_row(bits, keys[b], channel, r0 + r, c0, width)
-                for i in range(width):
-                    m = min(np.float64(mean[b, channel, r, i]), MOST_MEAN)
-                    if not m >= 25.0:
-                        out[b, channel, r, i] = _few(m, bits[i])
-                        continue
-                    if m != last:
-                        last, root = m, math.sqrt(m)
-                        inverse = 1.0 / root
-                    out[b, channel, r, i] = _many(m, root, inverse, bits[i])
-
-
-@njit(inline="always")
-def _tukey(p, shape):
-    if abs(shape) < 1e-6:
-        return math.log1p(-p) - math.log(p)
-    return (math.exp(shape * math.log1p(-p)) - math.exp(shape * math.log(p))) / shape
-
-
-NODES = 2048  # over p in [1/64, 1/2]; linear interpolation is then within 1e-4 of the quantile, the tails are exact
+                words_of_row(keys[b], channel, r0 + r, c0, words)
+                normals(words[c0 % 4 : c0 % 4 + width], out[b, channel, r])
 
 
 @njit(**_fast)
 def fill_tukey(keys, r0, c0, shapes, scales, out):
     batch, channels, rows, width = out.shape
-    bits = np.empty(width, np.uint64)
-    table = np.empty(NODES + 2)
-    low = 1.0 / 64.0
-    step = (0.5 - low) / NODES
+    words = np.empty((c0 % 4 + width + 3) // 4 * 4, np.uint32)
     for b in range(batch):
-        for i in range(NODES + 2):
-            table[i] = scales[b] * _tukey(low + i * step, shapes[b])
         for channel in range(channels):
             for r in range(rows):
-                _bits_row(bits, keys[b], channel, r0 + r, c0, width)
-                for i in range(width):
-                    p, side = _tail(bits[i])
-                    if p < low:
-                        x = scales[b] * _tukey(p, shapes[b])
-                    else:
-                        place = (p - low) / step
-                        k = int(place)
-                        x = table[k] + (place - k) * (table[k + 1] - table[k])
-                    out[b, channel, r, i] = side * x
+                words_of_row(keys[b], channel, r0 + r, c0, words)
+                tukeys(words[c0 % 4 : c0 % 4 + width], f32(shapes[b]), f32(scales[b]), out[b, channel, r])
+
+
+@njit(**_fast)
+def fill_poisson(keys, r0, c0, mean, out):
+    batch, channels, rows, width = out.shape
+    words = np.empty((c0 % 4 + width + 3) // 4 * 4, np.uint32)
+    small_words, small, sums = (
+        np.empty(width, np.uint32),
+        np.empty((2, width), np.float32),
+        np.empty((3, width)),
+    )
+    for b in range(batch):
+        for channel in range(channels):
+            for r in range(rows):
+                words_of_row(keys[b], channel, r0 + r, c0, words)
+                own = words[c0 % 4 : c0 % 4 + width]
+                counts(mean[b, channel, r], own, small[0], small_words, sums, small[1], out[b, channel, r])

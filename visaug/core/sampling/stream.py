@@ -210,7 +210,7 @@ class Stream:
         if self._native():
             keys, _, _, _ = self._native_arguments("frame")
             out = np.empty((len(keys), channels, len(rows), len(columns)), np.int64)
-            kernels.fill_bits(keys, rows.start, columns.start, out.view(np.uint64))
+            kernels.fill_bits(keys, rows.start, columns.start, out)
             return torch.from_numpy(out)
         return sensor_bits(self._keys, channels, rows, columns)
 

@@ -16,6 +16,7 @@ RIM = (
     64,
 )  # lines of an edge, and sides of a corner in px, whose temporal noise is compared with that of all pixels
 BLOCKS = 4  # along rows and along columns, over which noise is compared
+STRONGEST = 4.0  # standard deviations that a pixel counts as at most
 FINE = 32  # the same, for places that differ from those around them
 
 
@@ -85,8 +86,8 @@ def _standing_out(image: np.ndarray) -> tuple[float, float]:
 
 
 def _squares(pixels: np.ndarray, variance: float) -> np.ndarray:
-    """Squares; a pixel that stands alone counts as 4 standard deviations."""
-    near = np.clip(pixels, -4 * variance**0.5, 4 * variance**0.5)
+    """Squares; a pixel that stands alone counts as `STRONGEST` standard deviations."""
+    near = np.clip(pixels, -STRONGEST * variance**0.5, STRONGEST * variance**0.5)
     near *= near
     return near
 
@@ -105,7 +106,7 @@ def _blocks(squares: np.ndarray, variance: float) -> Iterator[tuple[str, float]]
 def _temporal(g: GroupData) -> Iterator[tuple[str, list[str], float]]:
     """Temporal noise of blocks, edges and corners, and of the row and column means near the edges, over that of all pixels."""
     variance = g.noise_variance
-    squares = _squares(g.noise_pixels, variance).mean(0)
+    squares = g.noise.limited_squares(STRONGEST)
     for name, value in _blocks(squares, variance):
         yield f"temporal noise of {name}", ["smooth"], value
     lines = {"row": (squares.mean(1), g.noise_rows), "column": (squares.mean(0), g.noise_columns)}

@@ -2,19 +2,11 @@
 
 import numpy as np
 
+from visaug.statistics.stack import added
 from visaug.statistics.view import Curve, Picture, View
 
 NEIGHBOURS = np.array([1, 2, 3, 0, 3, 2, 1]) / 12  # of a code: weights with which they predict its frequency
 SIDE = 3
-
-
-def histogram(groups) -> np.ndarray:
-    """Counts of DN codes over the frames of groups."""
-    found = [np.bincount(g.frames.ravel().astype(np.intp)) for g in groups]
-    counts = np.zeros(max(map(len, found)), np.int64)
-    for one in found:
-        counts[: len(one)] += one
-    return counts
 
 
 class Codes(View):
@@ -27,7 +19,7 @@ class Codes(View):
         for kind, groups in (("dark", data.darks), ("flat", data.of("flat"))):
             if not groups:
                 continue
-            counts = histogram(groups).astype(np.float64)
+            counts = added([g.noise.codes for g in groups]).astype(np.float64)
             first, size = groups[-1], counts.sum()
             for bit in range(4):
                 odd = counts.reshape(-1)[(np.arange(len(counts)) >> bit & 1).astype(bool)].sum() / size
@@ -61,8 +53,8 @@ class Codes(View):
         g = data.bias or next(iter(data.groups), None)
         if g is None:
             return None
-        counts = histogram([g])
-        middle = int(np.round(np.median(g.frames[0])))
+        counts = g.noise.codes
+        middle = int(np.searchsorted(counts.cumsum(), counts.sum() / 2))
         x = np.arange(max(0, middle - 60), min(len(counts), middle + 61))
         return Picture(
             self.title, "DN code", "pixels", (Curve(x, np.maximum(counts[x], 0.5), g.label),), log_y=True

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from visaug.statistics.kernels import response
 from visaug.statistics.view import Curve, Picture, View
 
 
@@ -58,12 +59,11 @@ class Memory(View):
     @staticmethod
     def _slope(data, i: int) -> float:
         position = {record.sequence: k for k, record in enumerate(data.records)}
-        before = data.frames.read(position[data.records[i].sequence - 1])
-        frame = data.frames.read(i)
-        if data.bias is not None and data.bias.mean.shape == frame.shape:
-            frame = frame - data.bias.mean
-        x = before - before.mean()
-        return float((x * (frame - frame.mean())).sum() / max(float((x * x).sum()), 1.0))
+        before = data.stacks.frame(position[data.records[i].sequence - 1])
+        frame = data.stacks.frame(i)
+        known = data.bias is not None and data.bias.mean.shape == frame.shape
+        both, square = response(frame, before, data.bias.mean if known else np.zeros((0, 0), np.float32))
+        return both / max(square, 1.0)
 
     def picture(self, data):
         pairs = self._pairs(data)
@@ -93,4 +93,4 @@ def _level(data, i: int) -> float:
     for g in data.groups:
         if i in g.group.indices:
             return float(g.frame_means[g.group.indices.index(i)])
-    return float(data.frames.read(i).mean(dtype=np.float64))
+    return float(data.stacks.frame(i).mean(dtype=np.float64))

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from visaug.statistics.kernels import median_of_sizes
 from visaug.statistics.view import Curve, Picture, View
 
 
@@ -73,14 +74,6 @@ LAGS = {
 FAR = {"4 columns on": (0, 4), "12 columns on": (0, 12), "4 rows on": (4, 0)}
 
 
-def correlation(image: np.ndarray, lag: tuple[int, int]) -> float:
-    """Mean product of an image stack (n, H, W) with itself shifted, over its mean square."""
-    rows, columns = lag
-    height, width = image.shape[-2:]
-    here, there = image[..., : height - rows, : width - columns], image[..., rows:, columns:]
-    return float(np.einsum("...ij,...ij->...", here, there).mean() / (height - rows) / (width - columns))
-
-
 class NoiseCovariance(View):
     """Whether neighbours share noise, and whether that grows with the signal."""
 
@@ -94,7 +87,7 @@ class NoiseCovariance(View):
             lags = LAGS | (FAR if g is data.bias else {})
             for name, lag in lags.items():
                 axes = ["time", "pixel"] + ["row" if lag[0] else "column"] * (0 in lag)
-                value = correlation(g.noise_pixels, lag) / g.noise_variance
+                value = g.noise.correlation(lag)
                 yield g.statistic(self.name, name, axes, "correlation"), value
 
     def picture(self, data):
@@ -103,8 +96,7 @@ class NoiseCovariance(View):
             return None
         x = np.array([max(g.signal, 1.0) if g.reference else 1.0 for g in groups])
         curves = [
-            Curve(x, np.array([correlation(g.noise_pixels, lag) / g.noise_variance for g in groups]), name)
-            for name, lag in LAGS.items()
+            Curve(x, np.array([g.noise.correlation(lag) for g in groups]), name) for name, lag in LAGS.items()
         ]
         return Picture(self.title, "mean above bias, DN", "correlation", tuple(curves), log_x=True)
 
@@ -120,37 +112,18 @@ class NoiseTails(View):
             :2
         ]
         for g in chosen:
-            noise = g.noise_pixels
-            size = np.abs(noise)
-            scale = max(1.4826 * float(np.median(size[:, ::2, ::3])), 0.03)
-            spread = np.sqrt(g.noise_variance)
-            yield (
-                g.statistic(self.name, "mean size to deviation", ["time", "pixel"]),
-                float(size.mean()) / spread,
-            )
-            yield g.statistic(self.name, "median to deviation", ["time", "pixel"]), scale / spread
-            near = np.clip(noise / np.float32(spread), -3, 3)  # beyond, tails add more noise than skewness
-            skewness = float((near * near * near).mean())  # of Poisson charge; read noise has none
-            yield g.statistic(self.name, "skewness within 3 deviations", ["time", "pixel"]), skewness
-            for limit in (3, 5, 8, 20):
-                far = np.count_nonzero(size > limit * scale)
-                yield (
-                    g.statistic(self.name, f"beyond {limit} scales", ["time", "pixel"], "sqrt count"),
-                    np.sqrt(far),
-                )
-            far_up = noise > 8 * scale
-            up, down = np.count_nonzero(far_up), np.count_nonzero(noise < -8 * scale)
-            yield (
-                g.statistic(self.name, "up against down", ["time", "pixel"], "sqrt count"),
-                np.sqrt(up) - np.sqrt(down),
-            )
-            touching = np.count_nonzero(far_up[:, :, 1:] & far_up[:, :, :-1]) + np.count_nonzero(
-                far_up[:, 1:] & far_up[:, :-1]
-            )
-            yield (
-                g.statistic(self.name, "far pixels that touch", ["time", "pixel"], "sqrt count"),
-                np.sqrt(touching),
-            )
+            tails, scale, spread = g.noise.tails, g.noise.scale, np.sqrt(g.noise_variance)
+            axes = ["time", "pixel"]
+            yield g.statistic(self.name, "mean size to deviation", axes), tails.mean_size / spread
+            yield g.statistic(self.name, "median to deviation", axes), scale / spread
+            # beyond 3 deviations tails add more noise than skewness, which Poisson charge has and read noise has not
+            yield g.statistic(self.name, "skewness within 3 deviations", axes), tails.skewness
+            for limit, far in zip((3, 5, 8, 20), tails.beyond, strict=True):
+                yield g.statistic(self.name, f"beyond {limit} scales", axes, "sqrt count"), np.sqrt(far)
+            uneven = np.sqrt(tails.up) - np.sqrt(tails.down)
+            yield g.statistic(self.name, "up against down", axes, "sqrt count"), uneven
+            touching = np.sqrt(tails.touching)
+            yield g.statistic(self.name, "far pixels that touch", axes, "sqrt count"), touching
 
     def picture(self, data):
         g = data.bias if data.bias is not None else next(iter(data.of("dark", 2)), None)
@@ -172,31 +145,19 @@ class PixelNoise(View):
         for g in data.groups:
             if g.count < 4 or g.kind not in ("bias", "dark"):
                 continue
-            ratio = np.einsum("nij,nij->ij", g.noise_pixels, g.noise_pixels) / g.count / g.noise_variance
+            ratio, axes = g.noise.pixel_ratios, ["time", "pixel"]
             for limit in (3, 6, 15):
                 count = np.count_nonzero(ratio > limit)
-                yield (
-                    g.statistic(self.name, f"beyond {limit} times", ["time", "pixel"], "sqrt count"),
-                    np.sqrt(count),
-                )
-            yield g.statistic(self.name, "median", ["time", "pixel"]), float(np.median(ratio))
-            recurring = self._recurring(g)
-            yield (
-                g.statistic(self.name, "far in many frames", ["time", "pixel"], "sqrt count"),
-                np.sqrt(recurring),
-            )
-
-    @staticmethod
-    def _recurring(g) -> int:
-        scale = 1.4826 * float(np.median(np.abs(g.noise_pixels[:, ::2, ::3])))
-        often = np.count_nonzero(np.abs(g.noise_pixels) > 3.5 * max(scale, 0.03), axis=0)
-        return int(np.count_nonzero(often >= 3))
+                yield g.statistic(self.name, f"beyond {limit} times", axes, "sqrt count"), np.sqrt(count)
+            yield g.statistic(self.name, "median", axes), median_of_sizes(ratio.ravel())
+            recurring = np.sqrt(g.noise.tails.recurring)
+            yield g.statistic(self.name, "far in many frames", axes, "sqrt count"), recurring
 
     def picture(self, data):
         g = next((g for g in data.groups if g.count >= 4 and g.kind in ("bias", "dark")), None)
         if g is None:
             return None
-        ratio = np.sort((g.noise_pixels**2).mean(0).ravel() / g.noise_variance)[::-1]
+        ratio = np.sort(g.noise.pixel_ratios.ravel())[::-1]
         rank = np.unique(np.geomspace(1, ratio.size, 200).astype(int))
         return Picture(
             self.title,

@@ -4,9 +4,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from visaug.statistics.kernels import far_pixels
 from visaug.statistics.reduction import block_means, edges, spread
 from visaug.statistics.view import Curve, Picture, View
-from visaug.statistics.views.noise import correlation
 
 
 def _detrended(profile: np.ndarray) -> np.ndarray:
@@ -36,12 +36,8 @@ class FixedPattern(View):
                 variance = float(np.mean(_detrended(profile.astype(np.float64)) ** 2))
                 yield g.statistic(self.name, f"{name}s", [name], "log DN^2"), np.log(variance + 1e-4)
             yield g.statistic(self.name, "pixels", ["pixel"], "log DN^2"), np.log(g.pattern_variance)
-            pixels = g.pattern_pixels[None]
             for name, lag in (("one column on", (0, 1)), ("one row on", (1, 0)), ("diagonal", (1, 1))):
-                yield (
-                    g.statistic(self.name, name, ["pixel"], "correlation"),
-                    correlation(pixels, lag) / g.pattern_variance,
-                )
+                yield g.statistic(self.name, name, ["pixel"], "correlation"), g.pattern_correlation(lag)
 
     def picture(self, data):
         maps = [(f"{g.label}, DN", g.pattern) for g in (*data.dark_ends, *data.of("flat")[-2:-1])]
@@ -130,15 +126,12 @@ class Seams(View):
                 parity = profile[1::2].mean() - profile[::2].mean()
                 yield g.statistic(self.name, f"odd against even {name}s", [name], word), parity
             if g.count >= 2:
-                noise = g.noise_pixels
-                height, width = g.mean.shape
-                for name, a, b in (
-                    ("columns", noise[:, :, : width // 2], noise[:, :, width // 2 :]),
-                    ("rows", noise[:, : height // 2], noise[:, height // 2 :]),
-                ):
+                left, right, upper, lower = g.noise.halves
+                for name, a, b in (("columns", left, right), ("rows", upper, lower)):
+                    ratio = float(np.log((b + 1e-4) / (a + 1e-4)))
                     yield (
                         g.statistic(self.name, f"noise of the halves, {name}", ["smooth"], "log ratio"),
-                        float(np.log((_mean_square(b) + 1e-4) / (_mean_square(a) + 1e-4))),
+                        ratio,
                     )
 
     def picture(self, data):
@@ -150,10 +143,6 @@ class Seams(View):
             for name, p in (("rows", g.pattern_rows), ("columns", g.pattern_columns))
         ]
         return Picture(self.title, "line", "mean of the line, DN", tuple(curves))
-
-
-def _mean_square(noise: np.ndarray) -> float:
-    return float(np.einsum("nij,nij->", noise, noise)) / noise.size
 
 
 def _steps(profile: np.ndarray, reach: int = 12) -> np.ndarray:
@@ -172,21 +161,18 @@ class Defects(View):
 
     def measure(self, data):
         for g in (*data.darks, *spread(data.of("flat"), 3)):
-            ratio = g.pattern_pixels / np.float32(g.pattern_scale)
-            for limit in (4, 7, 15, 50):
-                yield (
-                    g.statistic(self.name, f"above {limit} scales", ["pixel"], "sqrt count"),
-                    np.sqrt(np.count_nonzero(ratio > limit)),
-                )
-                if limit in (7, 15):
-                    low = np.count_nonzero(ratio < -limit)
-                    yield (
-                        g.statistic(self.name, f"below {limit} scales", ["pixel"], "sqrt count"),
-                        np.sqrt(low),
-                    )
-            near = np.clip(ratio, -4, 4)
-            cubes = near * near * near  # a power of 3 would cost twenty times as much
-            yield g.statistic(self.name, "skewness within 4 scales", ["pixel"]), float(cubes.mean())
+            counts = np.zeros(6, np.int64)
+            cubes = far_pixels(g.pattern_pixels, g.pattern_scale, counts) / g.pattern_pixels.size
+            above, below = (
+                dict(zip((4, 7, 15, 50), counts, strict=False)),
+                dict(zip((7, 15), counts[4:], strict=True)),
+            )
+            for limit, high in above.items():
+                yield g.statistic(self.name, f"above {limit} scales", ["pixel"], "sqrt count"), np.sqrt(high)
+                if limit in below:
+                    low = np.sqrt(below[limit])
+                    yield g.statistic(self.name, f"below {limit} scales", ["pixel"], "sqrt count"), low
+            yield g.statistic(self.name, "skewness within 4 scales", ["pixel"]), cubes
             yield (
                 g.statistic(self.name, "scale to deviation", ["pixel"]),
                 g.pattern_scale / np.sqrt(g.pattern_variance),
