@@ -66,9 +66,9 @@ class Adding:
         return self._added(state, candidate.effect, candidate.camera, candidate.coordinates, self._few)
 
     def grown(self, state: State, sets: int) -> State:
-        """A state by more simulated sets, refitted."""
+        """A state by more simulated sets, refitted; one whose strength is estimated from variance has all its sets."""
         known = state.fitted.reference
-        if len(known.sets) >= sets:
+        if len(known.sets) >= sets or state.scatters:
             return state
         reference = cache.reference(self.lab, known.camera, known.coordinates, sets, self.report, begun=known)
         return replace(state, fitted=refit(self.lab, reference, self.report, begin=state.fitted.camera))

@@ -64,7 +64,7 @@ class Chance:
     @property
     def is_decided(self) -> bool:
         """Whether more simulated sets would hardly change the verdict, see `visaug.statistics.tail.is_decided`."""
-        *others, own = -np.log(self._least)
+        *others, own = -np.log(np.maximum(self._least, 1e-300))
         return is_decided(own, np.array(others))
 
     @cached_property

@@ -9,6 +9,7 @@ from visaug.diagnosis.result import Diagnosis, Step
 from visaug.diagnosis.stage import History, Setting, Stage
 from visaug.diagnosis.state import State
 from visaug.diagnosis.telling import cannot_show, form, residue
+from visaug.diagnosis.verdicts import verdicts
 from visaug.statistics.distance import is_clear
 from visaug.statistics.places import places
 from visaug.statistics.tail import SIGNIFICANT
@@ -46,6 +47,7 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
         cannot_show=cannot_show(setting.signs, first),
         used=lab.selection,
         warnings=lab.warnings,
+        effects=() if lab.units else verdicts(setting, end),
     )
 
 

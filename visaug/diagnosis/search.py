@@ -37,7 +37,6 @@ SETS = 200  # largest number of simulated sets of the camera file
 FEWEST = 50  # of fewer no p-value is below the rate of false alarms
 MOST = 4  # largest number of steps that add an effect
 STANDS_OUT = 30.0  # deviation, in standard deviations, above which a second starting point is tried
-SUSPECT = 0.1  # p-value of the default forms below which the other forms of the effects are simulated too
 
 
 def diagnose(
@@ -143,9 +142,6 @@ def tested(
     adding = Adding(lab, null, signs.trials, report)
     test = chance(lab, signs, state)
     for stage in more:
-        if test.p_value < SUSPECT and len(signs.trials) == len(adding.trials):
-            signs += cache.signatures(lab, null, trials(camera, without, other_forms=True), report)
-            test = chance(lab, signs, state)
         if test.is_decided:
             break
         is_first = state.fitted.reference is null

@@ -46,17 +46,25 @@ class Signatures:
 def scanned(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:
     """Simulates every trial once or twice with the random numbers of the reference's first sets, which finds what may match.
 
-    A trial that changes no statistic much is tried at its effect's strongest trial value too.
+    Other forms of an effect that has no random numbers of its own are simulated once. A trial that changes no statistic much is
+    tried at its effect's strongest trial value too.
     """
-    if not tried:
-        return _nothing(reference)
-    moves = _moves(lab, reference, tried, range(FEW), report, "trying")
-    sizes = np.abs(standardised(moves.mean(1), reference.null_scale)).max(1)
-    faint = [i for i, size in enumerate(sizes) if size < SHOWN and _strongest(tried[i]) != tried[i]]
-    stronger = [trial for trial in (_strongest(tried[i]) for i in faint) if trial.fits(reference.camera)]
-    if stronger:
-        moves = np.concatenate([moves, _moves(lab, reference, stronger, range(FEW), report, "trying")])
-    return _signed(reference, [*tried, *stronger], moves)
+    plain = [trial for trial in tried if not trial.is_other_form]
+    moves = _moves(lab, reference, plain, range(FEW), report, "trying")
+    sizes = np.abs(standardised(moves.mean(1), reference.null_scale)).max(1, initial=0.0)
+    found = _signed(reference, plain, moves)
+    random = {t.effect for t, move in zip(plain, moves, strict=True) if is_random(move, reference.null_scale)}
+    faint = {t.kind for t, size in zip(plain, sizes, strict=True) if size < SHOWN}
+    others = [_strongest(t) for t in plain if t.kind in faint and _strongest(t) != t]
+    weak = {kind[0] for kind in faint}
+    others += [_strongest(t) if t.effect in weak else t for t in tried if t.is_other_form]
+    others = [trial for trial in others if trial.fits(reference.camera)]
+    for count, chosen in (
+        (FEW, [t for t in others if t.effect in random]),
+        (1, [t for t in others if t.effect not in random]),
+    ):
+        found += _signed(reference, chosen, _moves(lab, reference, chosen, range(count), report, "trying"))
+    return found
 
 
 def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:
@@ -99,6 +107,8 @@ def _signed(reference: Reference, tried: Sequence[Trial], moves: np.ndarray) -> 
     """Signatures from shifts (trials, simulations, statistics); trials without a finite one are left out."""
     finite = np.flatnonzero(np.isfinite(moves).all((1, 2)))
     moves, scale = moves[finite], reference.null_scale
+    if moves.shape[1] == 1:
+        return Signatures(tuple(tried[i] for i in finite), moves[:, 0], np.zeros_like(moves[:, 0]))
     random = np.array([is_random(move, scale) for move in moves], bool).reshape(-1, 1)
     variances = np.where(random, own_variance(moves, scale), 0.0)
     return Signatures(tuple(tried[i] for i in finite), cleared(moves, scale), variances)
@@ -164,6 +174,8 @@ def _moves(
     lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report, word: str
 ) -> np.ndarray:
     """(trials, simulations, statistics) shift of each of the reference's sets by each trial."""
+    if not tried:
+        return np.zeros((0, len(numbers), len(reference.scale)))
     cameras = [following(reference, trial.on(reference.camera), trial, 1.0) for trial in tried]
     jobs = [(camera, k) for camera in cameras for k in numbers]
 

@@ -43,6 +43,11 @@ class Trial:
         return tuple(pair for pair in self.values if pair[0] not in strengths)
 
     @property
+    def is_other_form(self) -> bool:
+        """Whether an effect beyond the base chain has another form than its default one."""
+        return not catalogue()[self.effect].base and bool(self.form)
+
+    @property
     def kind(self) -> tuple:
         """Common part of trials that differ in strength: effect, form, and which strengths are not zero."""
         absent = tuple(path for path, value in self.values if value == 0)
@@ -136,25 +141,18 @@ def is_proposed(effect: type[Effect]) -> bool:
 
 
 def trials(
-    camera: Camera,
-    without: frozenset[str] = frozenset(),
-    only: frozenset[str] = frozenset(),
-    other_forms: bool = False,
+    camera: Camera, without: frozenset[str] = frozenset(), only: frozenset[str] = frozenset()
 ) -> list[Trial]:
-    """Trials of effects that the camera lacks and a diagnosis proposes; of `only`, also of others.
-
-    Args:
-        other_forms: those of forms other than the default one, instead.
-    """
+    """Trials of effects that the camera lacks and a diagnosis proposes; of `only`, also of others."""
     found = []
-    for name in () if other_forms else missing_base(camera):
+    for name in missing_base(camera):
         if name not in without:
             found += base_trials(camera, name)
     for name, effect in catalogue().items():
         if effect.base or name in camera.effect_names or name in without:
             continue
         if is_proposed(effect) or (name in only and effect.stage < Stage.PICTURE):
-            found += form_trials(effect) if other_forms else effect_trials(effect)
+            found += effect_trials(effect) + form_trials(effect)
     return [trial for trial in found if trial.fits(camera)]
 
 

@@ -141,8 +141,7 @@ class Fits:
         """One more effect: its best trial, its numbers refined, then everything refitted together."""
         camera, only = before.fitted.reference.camera, frozenset({name})
         others = frozenset(catalogue()) - only
-        tried = trials(camera, others, only) + trials(camera, others, only, other_forms=True)
-        signs = scanned(self.lab, before.fitted.reference, tried, report)
+        signs = scanned(self.lab, before.fitted.reference, trials(camera, others, only), report)
         signs += signatures(self.lab, before.fitted.reference, looked(self.lab, camera, others), report)
         allowance, least = before.find.allowance, -math.inf
         (best, *_), _ = candidates(self.lab, signs, before.fitted, others, allowance, report, {}, least)

@@ -1,0 +1,289 @@
+"""The verdict on every effect of the catalogue, from the signatures and the simulated sets of a search.
+
+An effect of strength x shifts the statistics of all frames by s(x) and adds the variances v(x). Both are simulated at some
+strengths and follow a power law beyond them. The test of adequacy shows the effect with the probability P(x): that the match with
+its signature, or the largest residual, exceeds the 99 % quantile of simulated sets without it. The limit of an absent effect is the
+strength at which P is 95 % (a power-constrained limit: G. Cowan, K. Cranmer, E. Gross and O. Vitells, arXiv 1105.3166), or the
+upper limit of 95 % on its strength where that is larger.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.stats import norm
+
+from visaug.camera import Camera
+from visaug.camera.paths import path_of, place_of
+from visaug.diagnosis.candidates.signatures import Signatures, scanned
+from visaug.diagnosis.candidates.trials import Trial
+from visaug.diagnosis.chance import chance
+from visaug.diagnosis.fitting.law import law, scatter_along
+from visaug.diagnosis.fitting.reference import Null
+from visaug.diagnosis.fitting.robust import standardised
+from visaug.diagnosis.planned import Planned, frames_that_show
+from visaug.diagnosis.stage import Setting, Stage
+from visaug.diagnosis.verdict import Verdict
+from visaug.effects import catalogue
+
+ONE_SIDED = 1.645  # standard deviations of an upper limit of 95 %
+POWER = 0.95  # probability with which an effect at its limit is shown
+RARE = 0.99  # quantile of the null beyond which a residual is shown: two tests share the 2 % of false alarms
+FACTORS = np.geomspace(1e-3, 1e3, 241)  # of a simulated strength, among which a limit is sought
+NEAR = 1.6  # ratio of a limit and a simulated strength up to which the power law is trusted
+STEEPEST = 6.0  # exponent of a shift in the strength
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What the test of adequacy shows in all frames.
+
+    Attributes:
+        null: residuals of simulated sets of the camera.
+        views: (statistics,) the view of each.
+        residual, allowance: of the measurement, see `visaug.diagnosis.fitting.uses.Use`.
+        match, largest: quantiles of the null's largest match and largest residual.
+    """
+
+    null: Null
+    views: np.ndarray
+    residual: np.ndarray
+    allowance: np.ndarray
+    match: float
+    largest: float
+
+    def knowing(self, columns: Iterable[int]) -> "Sight":
+        """The same if some of the camera's parameters were known."""
+        kept = [k for k in range(len(self.null.priors)) if k not in set(columns)]
+        null = replace(self.null, slopes=self.null.slopes[:, kept], priors=self.null.priors[kept])
+        return replace(self, null=null)
+
+    @cached_property
+    def metric(self):
+        return law(self.null, self.allowance)
+
+    def widths(self, shifts: np.ndarray) -> np.ndarray:
+        """(n,) standard deviations of factors on shifts (n, statistics)."""
+        sizes = np.linalg.norm(self.metric.white(shifts), axis=-1)
+        return np.sqrt(scatter_along(self.null, self.allowance, shifts)) / np.maximum(sizes, 1e-9)
+
+    def factor(self, shift: np.ndarray) -> float:
+        """The factor on a shift that fits the residual best."""
+        white = self.metric.white(shift)
+        return float(white @ self.metric.white(self.residual) / max(white @ white, 1e-12))
+
+    def smallest(self, shift: np.ndarray, variance: np.ndarray, width: float, power: float) -> float:
+        """The factor on a strength at which its shift is shown with the probability `POWER`; infinite where none is."""
+        by = (FACTORS**power)[:, None]
+        z, added = self.null.beyond(shift), standardised(variance, self.null.scale**2)
+        sd = np.sqrt(1 + by**2 * added)
+        hidden = norm.cdf((self.largest - by * z) / sd) - norm.cdf((-self.largest - by * z) / sd)
+        each = [hidden[:, self.views == view].min(1) for view in dict.fromkeys(self.views)]
+        shown = np.maximum(norm.cdf(by[:, 0] / width - self.match), 1 - np.prod(each, axis=0))
+        return float(FACTORS[np.argmax(shown >= POWER)]) if (shown >= POWER).any() else np.inf
+
+
+@dataclass(frozen=True)
+class Course:
+    """An effect over the strength of its first parameter.
+
+    Attributes:
+        path: of the strength.
+        strengths: (n,) ascending; distances from the value without the effect.
+        shifts, variances: (n, statistics) of all frames.
+        is_stepwise: whether only these strengths exist.
+    """
+
+    path: str
+    strengths: np.ndarray
+    shifts: np.ndarray
+    variances: np.ndarray
+    is_stepwise: bool
+
+    def limit(self, sight: Sight) -> tuple[float, int]:
+        """The smallest strength that is shown, and the place of the simulated strength from which it follows."""
+        widths = sight.widths(self.shifts)
+        power = 1.0
+        if len(widths) > 1:
+            ratios = np.log(widths[:-1] / widths[1:]) / np.diff(np.log(self.strengths))
+            power = float(np.clip(ratios.mean(), 0.5, STEEPEST))
+        factors = np.array(
+            [sight.smallest(*one, power) for one in zip(self.shifts, self.variances, widths, strict=True)]
+        )
+        if self.is_stepwise:
+            k = int(np.argmax(factors <= 1)) if (factors <= 1).any() else len(factors) - 1
+            return (float(self.strengths[k]) if factors[k] <= 1 else np.inf), k
+        k = int(np.abs(np.log(factors)).argmin())
+        return float(factors[k] * self.strengths[k]), k
+
+
+def verdicts(setting: Setting, end: Stage) -> tuple[Verdict, ...]:
+    """The verdict on every effect that was considered, in the order of the catalogue."""
+    sight = sight_of(setting, end)
+    considered = {t.effect for t in setting.signs.trials if not t.looked} | set(end.state.accepted)
+    found = {name: _named(name, end) for name in end.state.accepted}
+    courses = {
+        name: course
+        for name in sorted(considered - set(found))
+        if (course := _course(setting, setting.signs, name)) is not None
+    }
+    courses = _completed(setting, sight, courses)
+    for name, course in courses.items():
+        found[name] = _rival(name, course, end) or _judged(setting, end, sight, name, course)
+    known = setting.first.camera
+    open_ = [
+        v.effect for v in found.values() if v.verdict in ("not separable", "not testable") and not v.frames
+    ]
+    strong = {name: _strong(known, name, setting) for name in open_}
+    shown = frames_that_show(strong, Planned(known, setting.report))
+    return tuple(replace(found[n], frames=shown.get(n, found[n].frames)) for n in catalogue() if n in found)
+
+
+def sight_of(setting: Setting, end: Stage) -> Sight:
+    state, lab = end.state, setting.lab
+    test = chance(lab, setting.signs, state)
+    views = np.array([s.view for s in lab.measured[2].statistics])
+    match, largest = (float(np.quantile(of, RARE)) for of in (test.matches, test.largests))
+    null = state.fitted.reference.whole_null
+    return Sight(null, views, state.fitted.whole_residual, state.whole.allowance, match, largest)
+
+
+def strength_of(camera: Camera, trial: Trial) -> tuple[str, float]:
+    """Path of the first strength of a trial, and its distance from the camera without the effect."""
+    path, value = next((path, value) for path, value in trial.values if not isinstance(value, str))
+    without = camera.values().get(path, 0.0)
+    return path, abs(value - without) if np.isfinite(without) else 1 / value
+
+
+def _course(setting: Setting, signs: Signatures, name: str) -> Course | None:
+    """Of the first strength alone, in the default form."""
+    chosen: dict[float, int] = {}
+    path = ""
+    for i, trial in enumerate(signs.trials):
+        if trial.effect != name or trial.looked or trial.is_other_form or trial.following:
+            continue
+        here, strength = strength_of(setting.first.camera, trial)
+        if (not path or here == path) and strength > 0 and trial.values[0][1] != 0:
+            path = here
+            chosen[strength] = i
+    if not chosen:
+        return None
+    places = [chosen[x] for x in sorted(chosen)]
+    stepwise = signs.trials[places[0]].is_fixed or path == path_of("saturation", "full_well_e")
+    return Course(
+        path,
+        np.array(sorted(chosen)),
+        setting.lab.whole_of(signs.values[places]),
+        setting.lab.whole_of(signs.variances[places]),
+        stepwise,
+    )
+
+
+def _completed(setting: Setting, sight: Sight, courses: dict[str, Course]) -> dict[str, Course]:
+    """With a simulation at the limit of each effect, where that is far from every strength that was simulated."""
+    further = []
+    for name, course in courses.items():
+        limit, k = course.limit(sight)
+        far = abs(np.log(limit / course.strengths[k])) > np.log(NEAR)
+        plain = [t for t in setting.signs.trials if t.effect == name and not t.looked and not t.is_other_form]
+        if not course.is_stepwise and np.isfinite(limit) and far and not catalogue()[name].base and plain:
+            trial = plain[0].times(limit / strength_of(setting.first.camera, plain[0])[1])
+            further += [trial] if trial.fits(setting.first.camera) else []
+    signs = setting.signs + scanned(setting.lab, setting.first, further, setting.report)
+    return {name: _course(setting, signs, name) or course for name, course in courses.items()}
+
+
+def _judged(setting: Setting, end: Stage, sight: Sight, name: str, course: Course) -> Verdict:
+    limit, k = course.limit(sight)
+    unit = place_of(course.path).parameter.unit
+    plausible = _plausible(name, course)
+    without = setting.first.camera.values().get(course.path, 0.0)
+
+    def stated(strength: float) -> float | None:
+        """The parameter at a distance from the camera without the effect."""
+        if not np.isfinite(strength):
+            return None
+        return 1 / strength if not np.isfinite(without) else without - strength if without else strength
+
+    words = (name, course.path, unit)
+    width = float(sight.widths(course.shifts[[k]])[0])
+    factor = sight.factor(course.shifts[k])
+    if factor > sight.match * width and end.is_missing:
+        return Verdict(words[0], "not separable", *words[1:], others=("unexplained",))
+    limit = max(limit, -np.log(1 - POWER) / places_of_events(setting, unit))
+    upper = (max(factor, 0.0) + ONE_SIDED * width) * course.strengths[k]
+    if limit <= plausible:
+        most = limit if course.is_stepwise else max(limit, min(upper, plausible))
+        return Verdict(words[0], "absent", *words[1:], limit=stated(most))
+    others = _absorbing(end, sight, course, plausible)
+    if others:
+        return Verdict(words[0], "not separable", *words[1:], others=others)
+    return Verdict(words[0], "not testable", *words[1:], limit=stated(limit))
+
+
+def places_of_events(setting: Setting, unit: str) -> float:
+    """How often an effect that is a number of single events happens in these frames at strength 1; infinite for others.
+
+    Whatever the size of an event, there is none with the probability exp(-n) where n are expected.
+    """
+    frames = setting.lab.parts[-1].frames
+    rows, columns = frames.shape(0)
+    if unit == "share of pixels":
+        return rows * columns
+    if unit == "1/(Mpx s)":
+        return 1e-6 * rows * columns * sum(r.exposure_s for r in frames.records)
+    if unit == "share of codes":
+        return len(set().union(*(np.unique(frames.read(i)).tolist() for i in range(len(frames)))))
+    return np.inf
+
+
+def _plausible(name: str, course: Course) -> float:
+    """The largest strength at which an effect is tried."""
+    parameter = place_of(course.path).parameter
+    values = [abs(v) for v in parameter.trials if not isinstance(v, str)] if parameter.strength else []
+    return max(values, default=float(course.strengths[-1])) * (1 + 1e-9)
+
+
+def _absorbing(end: Stage, sight: Sight, course: Course, plausible: float) -> tuple[str, ...]:
+    """Parameters of the camera that explain what the effect would change, if these frames would show it with them known."""
+    paths = [c.path for c in end.state.fitted.reference.coordinates]
+    if not paths or course.limit(sight.knowing(range(len(paths))))[0] > plausible:
+        return ()
+    names = [path.split(".")[0] if path.split(".")[0] in end.state.accepted else path for path in paths]
+    limits = {
+        name: course.limit(sight.knowing([k for k, own in enumerate(names) if own == name]))[0]
+        for name in dict.fromkeys(names)
+    }
+    alone = [name for name, limit in limits.items() if limit <= plausible]
+    return tuple(alone or [min(limits, key=limits.__getitem__)])
+
+
+def _named(name: str, end: Stage) -> Verdict:
+    entry = end.ranked[name]
+    strengths = [key for key in catalogue()[name].strengths() if key in entry.parameters]
+    key = next(iter(strengths or entry.parameters), None)
+    if key is None:
+        return Verdict(name, "named")
+    of = entry.parameters[key]
+    return Verdict(name, "named", path_of(name, key), of.unit, of.value, of.low, of.high)
+
+
+def _rival(name: str, course: Course, end: Stage) -> Verdict | None:
+    """The verdict on an effect that these frames do not distinguish from an accepted one."""
+    for pair in end.ambiguous:
+        own = [other for other in pair["effects"] if other in end.state.accepted]
+        if name in pair["effects"] and own:
+            unit = place_of(course.path).parameter.unit
+            return Verdict(
+                name, "not separable", course.path, unit, others=tuple(own), frames=(pair["measure"],)
+            )
+    return None
+
+
+def _strong(camera: Camera, name: str, setting: Setting) -> Camera:
+    """The camera with an effect at the strongest of its trials."""
+    trials: Sequence[Trial] = [
+        t for t in setting.signs.trials if t.effect == name and not t.looked and not t.is_other_form
+    ]
+    return max(trials, key=lambda t: strength_of(camera, t)[1]).on(camera)
