@@ -16,7 +16,7 @@ from scipy.stats import norm
 
 from visaug.camera import Camera
 from visaug.camera.paths import path_of, place_of
-from visaug.diagnosis.candidates.signatures import Signatures, scanned
+from visaug.diagnosis.candidates.signatures import FEW, Signatures, simulated
 from visaug.diagnosis.candidates.trials import Trial
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.fitting.law import law, scatter_along
@@ -32,6 +32,7 @@ POWER = 0.95  # probability with which an effect at its limit is shown
 RARE = 0.99  # quantile of the null beyond which a residual is shown: two tests share the 2 % of false alarms
 FACTORS = np.geomspace(1e-3, 1e3, 241)  # of a simulated strength, among which a limit is sought
 NEAR = 1.6  # ratio of a limit and a simulated strength up to which the power law is trusted
+ROUNDS = 3  # of simulations near a limit
 STEEPEST = 6.0  # exponent of a shift in the strength
 
 
@@ -63,24 +64,23 @@ class Sight:
     def metric(self):
         return law(self.null, self.allowance)
 
-    def widths(self, shifts: np.ndarray) -> np.ndarray:
-        """(n,) standard deviations of factors on shifts (n, statistics)."""
-        sizes = np.linalg.norm(self.metric.white(shifts), axis=-1)
-        return np.sqrt(scatter_along(self.null, self.allowance, shifts)) / np.maximum(sizes, 1e-9)
+    def directions(self, shifts: np.ndarray) -> np.ndarray:
+        """(n, statistics used) unit vectors of the match with shifts (n, statistics), in standard deviations of simulated sets."""
+        white = self.metric.white(shifts)
+        sizes = np.maximum(np.linalg.norm(white, axis=-1, keepdims=True), 1e-9)
+        return white / sizes / np.sqrt(scatter_along(self.null, self.allowance, shifts))[:, None]
 
-    def factor(self, shift: np.ndarray) -> float:
-        """The factor on a shift that fits the residual best."""
-        white = self.metric.white(shift)
-        return float(white @ self.metric.white(self.residual) / max(white @ white, 1e-12))
+    def smallest(self, match: float, shift: np.ndarray, variance: np.ndarray, power: float) -> float:
+        """The factor on a strength at which it is shown with the probability `POWER`; infinite where none is.
 
-    def smallest(self, shift: np.ndarray, variance: np.ndarray, width: float, power: float) -> float:
-        """The factor on a strength at which its shift is shown with the probability `POWER`; infinite where none is."""
+        Args:
+            match: of its shift with the signatures, in standard deviations.
+        """
         by = (FACTORS**power)[:, None]
         z, added = self.null.beyond(shift), standardised(variance, self.null.scale**2)
         sd = np.sqrt(1 + by**2 * added)
         hidden = norm.cdf((self.largest - by * z) / sd) - norm.cdf((-self.largest - by * z) / sd)
-        each = [hidden[:, self.views == view].min(1) for view in dict.fromkeys(self.views)]
-        shown = np.maximum(norm.cdf(by[:, 0] / width - self.match), 1 - np.prod(each, axis=0))
+        shown = np.maximum(norm.cdf(by[:, 0] * match - self.match), 1 - hidden.min(1))
         return float(FACTORS[np.argmax(shown >= POWER)]) if (shown >= POWER).any() else np.inf
 
 
@@ -92,6 +92,7 @@ class Course:
         path: of the strength.
         strengths: (n,) ascending; distances from the value without the effect.
         shifts, variances: (n, statistics) of all frames.
+        signs: (m, statistics) signatures of the search with which the measurement is matched.
         is_stepwise: whether only these strengths exist.
     """
 
@@ -99,22 +100,28 @@ class Course:
     strengths: np.ndarray
     shifts: np.ndarray
     variances: np.ndarray
+    signs: np.ndarray
     is_stepwise: bool
+
+    def matches(self, sight: Sight) -> np.ndarray:
+        """(n,) the match of each shift with the signatures of the search: those of other random numbers."""
+        of_signs = sight.directions(self.signs)
+        return (sight.metric.white(self.shifts) @ of_signs.T).max(1, initial=0.0)
 
     def limit(self, sight: Sight) -> tuple[float, int]:
         """The smallest strength that is shown, and the place of the simulated strength from which it follows."""
-        widths = sight.widths(self.shifts)
+        matches = np.maximum(self.matches(sight), 1e-3)
         power = 1.0
-        if len(widths) > 1:
-            ratios = np.log(widths[:-1] / widths[1:]) / np.diff(np.log(self.strengths))
-            power = float(np.clip(ratios.mean(), 0.5, STEEPEST))
+        if len(matches) > 1:
+            ratios = np.diff(np.log(matches)) / np.diff(np.log(self.strengths))
+            power = float(np.clip(np.median(ratios), 0.5, STEEPEST))
         factors = np.array(
-            [sight.smallest(*one, power) for one in zip(self.shifts, self.variances, widths, strict=True)]
+            [sight.smallest(*one, power) for one in zip(matches, self.shifts, self.variances, strict=True)]
         )
         if self.is_stepwise:
             k = int(np.argmax(factors <= 1)) if (factors <= 1).any() else len(factors) - 1
             return (float(self.strengths[k]) if factors[k] <= 1 else np.inf), k
-        k = int(np.abs(np.log(factors)).argmin())
+        k = len(factors) - 1 - int(np.abs(np.log(factors))[::-1].argmin())
         return float(factors[k] * self.strengths[k]), k
 
 
@@ -176,22 +183,50 @@ def _course(setting: Setting, signs: Signatures, name: str) -> Course | None:
         np.array(sorted(chosen)),
         setting.lab.whole_of(signs.values[places]),
         setting.lab.whole_of(signs.variances[places]),
+        setting.lab.whole_of(signs.values[places]),
         stepwise,
     )
 
 
 def _completed(setting: Setting, sight: Sight, courses: dict[str, Course]) -> dict[str, Course]:
-    """With a simulation at the limit of each effect, where that is far from every strength that was simulated."""
-    further = []
-    for name, course in courses.items():
-        limit, k = course.limit(sight)
-        far = abs(np.log(limit / course.strengths[k])) > np.log(NEAR)
-        plain = [t for t in setting.signs.trials if t.effect == name and not t.looked and not t.is_other_form]
-        if not course.is_stepwise and np.isfinite(limit) and far and not catalogue()[name].base and plain:
-            trial = plain[0].times(limit / strength_of(setting.first.camera, plain[0])[1])
-            further += [trial] if trial.fits(setting.first.camera) else []
-    signs = setting.signs + scanned(setting.lab, setting.first, further, setting.report)
-    return {name: _course(setting, signs, name) or course for name, course in courses.items()}
+    """Each effect simulated near its limit, with random numbers that its signatures do not have, until it is near.
+
+    A signature of few simulations contains their noise, with which only they match.
+    """
+    camera, lab = setting.first.camera, setting.lab
+    open_ = {name for name, course in courses.items() if not course.is_stepwise}
+    plain: dict[str, Trial] = {}
+    for trial in setting.signs.trials:
+        if trial.effect in open_ and not trial.looked and not trial.is_other_form:
+            plain.setdefault(trial.effect, trial)
+    for round_ in range(ROUNDS):
+        numbers = range(FEW * (round_ + 1), FEW * (round_ + 2))
+        at = {}
+        for name in sorted(open_):
+            limit = courses[name].limit(sight)[0]
+            limit = min(limit, 3 * _plausible(name, courses[name])) if limit > 0 else limit
+            trial = plain[name].times(limit / strength_of(camera, plain[name])[1])
+            at |= {name: trial} if np.isfinite(limit) and trial.fits(camera) else {}
+        signed = simulated(lab, setting.first, list(at.values()), numbers, setting.report)
+        open_ = set()
+        for k, trial in enumerate(signed.trials):
+            old, x = courses[trial.effect], strength_of(camera, trial)[1]
+            shift, variance = lab.whole_of(signed.values[[k]]), lab.whole_of(signed.variances[[k]])
+            known = [] if round_ == 0 else range(len(old.strengths))
+            strengths = np.array([*old.strengths[known], x])
+            order = np.argsort(strengths)
+            new = replace(
+                old,
+                strengths=strengths[order],
+                shifts=np.vstack([old.shifts[known], shift])[order],
+                variances=np.vstack([old.variances[known], variance])[order],
+            )
+            courses = {**courses, trial.effect: new}
+            if abs(np.log(new.limit(sight)[0] / x)) > np.log(NEAR):
+                open_.add(trial.effect)
+        if not open_:
+            break
+    return courses
 
 
 def _judged(setting: Setting, end: Stage, sight: Sight, name: str, course: Course) -> Verdict:
@@ -207,8 +242,10 @@ def _judged(setting: Setting, end: Stage, sight: Sight, name: str, course: Cours
         return 1 / strength if not np.isfinite(without) else without - strength if without else strength
 
     words = (name, course.path, unit)
-    width = float(sight.widths(course.shifts[[k]])[0])
-    factor = sight.factor(course.shifts[k])
+    directions = sight.directions(course.signs)
+    way = directions[(directions @ sight.metric.white(course.shifts[k])).argmax()]
+    width = 1 / max(float(way @ sight.metric.white(course.shifts[k])), 1e-9)
+    factor = width * float(way @ sight.metric.white(sight.residual))
     if factor > sight.match * width and end.is_missing:
         return Verdict(words[0], "not separable", *words[1:], others=("unexplained",))
     limit = max(limit, -np.log(1 - POWER) / places_of_events(setting, unit))

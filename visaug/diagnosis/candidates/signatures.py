@@ -89,6 +89,14 @@ def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], re
     return signed
 
 
+def simulated(
+    lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report
+) -> Signatures:
+    """Signatures from simulations with these numbers."""
+    moves = _moves(lab, reference, tried, numbers, report, "trying")
+    return _signed(reference, tried, moves) if tried else _nothing(reference)
+
+
 def _nothing(reference: Reference) -> Signatures:
     nothing = np.zeros((0, len(reference.scale)))
     return Signatures((), nothing, nothing)
