@@ -11,7 +11,7 @@ import pytest
 import torch
 from scipy import special, stats
 
-from visaug.camera import Camera, fast, tables
+from visaug.camera import Camera, fast
 from visaug.camera.scale import Scale
 from visaug.core.sampling import Stream
 
@@ -165,44 +165,12 @@ def test_rows_and_threads_do_not_change_a_pixel():
     assert torch.equal(crop, taken[0][1:2])
 
 
-@pytest.mark.parametrize("shape", [-0.4, -0.1, 0.14, 1.0])
-def test_quantile_tables(shape):
-    p = stats.uniform.rvs(size=2000, random_state=1) * 0.5
-    p = np.concatenate([p, 10.0 ** -np.linspace(1, 9, 200)])
-    place = np.float32(p).view(np.uint32)
-    node, fraction = (place >> tables.FRACTION_BITS) - tables.FIRST, place & (2**tables.FRACTION_BITS - 1)
-    for table, exact in (
-        (tables.normal_table(), stats.norm.ppf(p)),
-        (
-            tables.tukey_tables(np.array([shape]))[0],
-            stats.tukeylambda.ppf(p, shape) / stats.tukeylambda.std(shape),
-        ),
-    ):
-        found = table[node, 0] + table[node, 1] * fraction
-        assert np.abs(found - exact)[p >= 0.3].max() < 1e-4
-        assert np.abs(found / exact - 1)[p < 0.3].max() < 3e-4
-
-
-@pytest.mark.parametrize("mean", [0.0, 0.02, 1.0, 9.0, 24.0])
-def test_poisson_table(mean):
-    row = round(mean**0.5 * tables.MEANS_PER_ROOT)
-    exact_mean = (row / tables.MEANS_PER_ROOT) ** 2
-    nodes = tables.nodes()
-    p = nodes[:-2] + 0.37 * np.diff(nodes)[:-1]
-    entry = tables.poisson_table()[row]
-    count, threshold = entry >> (tables.FRACTION_BITS + 1), entry & (2 ** (tables.FRACTION_BITS + 1) - 1)
-    passed = (threshold < 0.37 * 2**tables.FRACTION_BITS).astype(int)
-    below, above = (count + passed)[: tables.SIDE][: len(p)], (count - passed)[tables.SIDE :][: len(p)]
-    assert np.array_equal(below, stats.poisson.ppf(p, exact_mean))
-    assert np.array_equal(above, stats.poisson.isf(p, exact_mean))
-
-
 def test_comb_is_the_characteristic_function():
     u = (np.arange(400_000) + 0.5) / 400_000
     q = stats.tukeylambda.ppf(u, -0.2) / stats.tukeylambda.std(-0.2)
     for sigma, gaussian in ((0.2, 0.0), (0.5, 0.1), (1.5, 0.2)):
         expected = 2 * abs(np.cos(2 * np.pi * sigma * q).mean()) * np.exp(-2 * (np.pi * gaussian) ** 2)
-        found = tables.comb(np.array([sigma]), np.array([-0.2]), np.array([gaussian]))[0]
+        found = fast.comb(sigma, -0.2, gaussian)
         assert found == pytest.approx(expected, abs=1e-3)
 
 
@@ -246,3 +214,45 @@ def test_gains_of_pixels_near_the_end_of_the_poisson_table(level, prnu):
     cam = camera(prnu={"pixel": prnu}, dsnu={"pixel_e": 0.25}, gain_e_per_dn=0.02,
                  read_noise={"sigma_e": 0.3, "shape": 0.14})  # fmt: skip
     assert chi_square(shoot(cam, level), *law(cam, level)) > ALARM
+
+
+def test_the_place_decides_a_pixels_number():
+    cam = camera(dsnu={"pixel_e": 1.3}, prnu={"pixel": 0.007})
+    values = {path: np.array([value]) for path, value in cam.values().items()}
+    image, keys = torch.rand(1, 1, 9, 40), (torch.tensor([5]), torch.tensor([6]))
+    image[..., 5, 7] = 0.001  # a mean that is drawn on its own
+    whole = fast.take(cam, image, plain(cam, 9000.0), values, *keys)
+    for row, column in ((0, 3), (2, 8)):
+        part = fast.take(
+            cam, image[..., row:, column:], plain(cam, 9000.0), values, *keys, origin=(row, column)
+        )
+        assert torch.equal(part, whole[..., row:, column:])
+
+
+def test_neighbours_and_rows_are_independent():
+    cam = camera(dsnu={"pixel_e": 1.3}, prnu={"pixel": 0.007})
+    drawn = torch.from_numpy(shoot(cam, 2700.0).reshape(1024, 1024)).double()
+    drawn = (drawn - drawn.mean()) / drawn.std()
+    for pair in ((drawn[:, 1:], drawn[:, :-1]), (drawn[:, 2:], drawn[:, :-2]), (drawn[1:], drawn[:-1])):
+        assert abs((pair[0] * pair[1]).mean().item()) < 4.5 / pair[0].numel() ** 0.5
+        squares = ((pair[0] ** 2 - 1) * (pair[1] ** 2 - 1)).mean().item()
+        assert abs(squares) < 4.5 * 2.1 / pair[0].numel() ** 0.5
+
+
+@pytest.mark.parametrize("level", [0.0, 7.0, 40.0, 3990.0])
+def test_parts_on_their_own_are_the_exact_chains_numbers(level):
+    """Without pixel offsets there is no short cut: image and frame agree in every pixel, but for rounding near a half."""
+    cam = camera(
+        prnu={"pixel": 0.006, "row": 0.01},
+        dsnu={"column_e": 2.0},
+        full_well_e=4000.0,
+        read_noise={"sigma_e": 2.0, "shape": -0.2, "after_gain_dn": 0.0},
+    )
+    stream = Stream([5, 6], [7, 8], 1, (range(3, 67), range(6, 86)))
+    exact = cam.expose(torch.full((2, 1, 64, 80), level), stream)
+    values = {path: np.array([value]) for path, value in cam.values().items()}
+    image, keys = torch.full((2, 1, 64, 80), level / 5000), (torch.tensor([5, 6]), torch.tensor([7, 8]))
+    quick = fast.take(cam, image, plain(cam, 5000.0), values, *keys, origin=(3, 6)) * 65535
+    apart = (exact - quick.round()).abs()
+    assert apart.max() <= 1
+    assert (apart > 0).double().mean() < 1e-3

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 import torch
 from torch import Tensor
 
+from visaug.camera import fused
 from visaug.camera.paths import path_of
 from visaug.core.sampling import Stream
 from visaug.effects import Context, Effect, Stage
@@ -51,14 +52,22 @@ def expose(
         (B, C, H, W) float32, DN; of stage PICTURE nothing is applied.
     """
     signal = photons
-    for effect in effects:
-        if effect.stage == Stage.PICTURE:
-            continue
-        if mosaic is not None and effect.stage != Stage.OPTICS:
+    effects = [effect for effect in effects if effect.stage != Stage.PICTURE]
+    if watch is None:
+        acting = [effect for effect in effects if not _vanishes(effect, values, context)]
+        runs = fused.runs(acting, signal, values, context)
+    else:
+        runs = [[effect] for effect in effects]
+    for run in runs:
+        if mosaic is not None and run[0].stage != Stage.OPTICS:
             signal, mosaic = mosaic(signal), None
-        signal = _applied(effect, signal, values, choices, stream, context)
+        if len(run) > 1:
+            own = {effect.name: parameters_of(effect, values, choices) for effect in run}
+            signal = fused.expose(own, signal, stream, context)
+        else:
+            signal = _applied(run[0], signal, values, choices, stream, context)
         if watch is not None:
-            watch(effect, signal)
+            watch(run[0], signal)
     return signal
 
 
@@ -85,11 +94,16 @@ def _applied(
     stream: Stream,
     context: Context,
 ) -> Tensor:
-    own = parameters_of(effect, values, choices)
-    strengths = [] if effect.name in context.maps else [getattr(own, name) for name in effect.strengths()]
-    if strengths and all(_is_zero(value) for value in strengths):
+    if _vanishes(effect, values, context):
         return signal
+    own = parameters_of(effect, values, choices)
     return output_of(effect, signal, own, stream.fork(effect.name), context)
+
+
+def _vanishes(effect: Effect, values: Mapping[str, Tensor], context: Context) -> bool:
+    """Whether an effect has no strength at these values."""
+    strengths = [] if effect.name in context.maps else effect.strengths()
+    return bool(strengths) and all(_is_zero(values[path_of(effect.name, name)]) for name in strengths)
 
 
 def parameters_of(effect: Effect, values: Mapping[str, Tensor], choices: Mapping[str, str]) -> Values:

@@ -1,24 +1,26 @@
-"""The base chain's fast path on a CPU: the law of `Camera.expose`, other random numbers, no gradients.
+"""The base chain on images: the law of `Camera.expose` on a CPU without gradients.
 
-Row and column patterns are the exact chain's own numbers, and so are pixel patterns that are kept.
+Row and column patterns are the exact chain's own numbers, and so are pixel patterns that are kept; so is everything else where
+`fast_kernel` draws each part on its own.
 """
 
 import logging
+import math
 from collections.abc import Mapping
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from scipy.special import expit
 from torch import Tensor
 
-from visaug.camera import coarse, tables
+from visaug.camera import fused
 from visaug.camera.scale import Scale, gain_of
-from visaug.camera.threads import in_threads
-from visaug.core.sampling import Stream, derive_key
+from visaug.core.sampling import Stream
 from visaug.core.sampling.stream import kernels
-from visaug.core.sampling.tukey_lambda import standard_deviation
+from visaug.core.sampling.tukey_lambda import quantile, standard_deviation
 
 if TYPE_CHECKING:
     from visaug.camera.camera import Camera
@@ -30,6 +32,7 @@ MOST_E = (
     1e18  # electrons of which float32 still holds the squares; with more than that the exact chain is taken
 )
 FAINT_SKEWNESS, FAINT_FIFTH = 0.1, 0.025
+WIDEST_PRNU = 0.1  # of pixels drawn anew; beyond it the expansion of the count's quantile is not exact
 
 
 def suits(camera: "Camera", values: Values, kept: bool) -> bool:
@@ -43,10 +46,7 @@ def suits(camera: "Camera", values: Values, kept: bool) -> bool:
         return False
     if (gain_of(camera, values) * 2**camera.bit_depth > MOST_E).any():
         return False
-    pixel = values["prnu.pixel"]
-    if kept:
-        return pixel.size == values["dsnu.pixel_e"].size == 1
-    return bool((pixel <= tables.WIDEST_PRNU).all())
+    return not kept or values["prnu.pixel"].size == values["dsnu.pixel_e"].size == 1
 
 
 def take(
@@ -93,28 +93,9 @@ def take(
         for i, path in enumerate(("prnu.pixel", "dsnu.pixel_e")):
             if sigma := float(values[path][0]):
                 maps[i] = _kept_map(int(pattern_keys[0]), path.partition(".")[0], sigma, channels, window)
-    numbers = _numbers(camera, batch, scale, values, kept)
-    tukey = _tukey_tables(values["read_noise.shape"])
-    numbers[:, kernel().COARSE] = _coarse(numbers, tukey)
-    source = images.detach().contiguous()
-    out = torch.empty_like(source)
-    arguments = (
-        channels,
-        frames,
-        numbers,
-        *lines,
-        *maps,
-        coarse.normal_table(),
-        tables.normal_table(),
-        tukey,
-        tables.poisson_table().reshape(-1),
-        origin,
-    )
-    source_rows, out_rows = (x.numpy().reshape(-1, height, width) for x in (source, out))
-    expose = kernel().expose
-    in_threads(
-        lambda first, last: expose(source_rows, out_rows, first, last, *arguments), batch * channels * height
-    )
+    out = torch.empty(images.shape)
+    numbers, table = _numbers(camera, batch, scale, values, kept), fused.keys_of(frames, cameras)
+    fused.in_kernel(images.contiguous(), out, numbers, table, lines, maps, origin)
     return out
 
 
@@ -131,13 +112,8 @@ def _lines(
     if not sigma.any():
         return np.zeros((1, channels, len(rows) * len(columns)), np.float32)
     normal = np.empty((len(keys), channels, len(rows), len(columns)), np.float32)
-    kernels.fill_normal(kernels.forked(keys, _fork_names(names)), rows.start, columns.start, normal)
+    kernels.fill_normal(kernels.forked(keys, fused.fork_names(names)), rows.start, columns.start, normal)
     return sigma.astype(np.float32)[:, None, None] * normal.reshape(len(keys), channels, -1)
-
-
-@cache
-def _fork_names(names: tuple[str, ...]) -> np.ndarray:
-    return np.array([derive_key(name) for name in names], np.uint64)
 
 
 @lru_cache(maxsize=4)
@@ -148,80 +124,79 @@ def _kept_map(key: int, effect: str, sigma: float, channels: int, window: tuple[
     return (sigma * fixed.fork("pixel").normal("pixel"))[0].numpy()
 
 
-def _tukey_tables(shapes: np.ndarray) -> np.ndarray:
-    if shapes.size == 1:
-        return _tukey_table(float(shapes[0]))
-    return tables.tukey_tables(shapes)
-
-
-@lru_cache(maxsize=16)
-def _tukey_table(shape: float) -> np.ndarray:
-    return tables.tukey_tables(np.array([shape]))
-
-
 def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: bool) -> np.ndarray:
     """The kernel's table, one row an image."""
-    k = kernel()
-    n = np.zeros((batch, k.NUMBERS), np.float32)
+    k, n = fused.kernel(), fused.neutral(batch)
     sigma, shape = values["read_noise.sigma_e"], values["read_noise.shape"]
-    if camera.spec.read_noise.meaning == "scale":
-        sigma = sigma * standard_deviation(shape)
+    deviation = standard_deviation(shape)
+    own_scale = camera.spec.read_noise.meaning == "scale"
     heat = np.exp(values["dark_current.b_per_c"] * values["temperature_c"])
-    dark_e = values["exposure_s"] * values["dark_current.a_e_per_s"] * heat
-    well = values["full_well_e"]
     gain = gain_of(camera, values)
-    prnu, dsnu = (0.0, 0.0) if kept else (values["prnu.pixel"], values["dsnu.pixel_e"])
-    gaussian_e = np.hypot(
-        dsnu, values["read_noise.after_gain_dn"] * gain
-    )  # Gaussian offsets, drawn anew, are one
     n[:, k.ELECTRONS], n[:, k.LESS_DN], n[:, k.PER_DN] = scale
-    n[:, k.DARK_E] = np.minimum(dark_e, MOST_E)
-    n[:, k.PRNU_PIXEL], n[:, k.GAUSSIAN_E] = prnu, gaussian_e
-    n[:, k.READ_SIGMA_E] = sigma
-    n[:, k.DN_PER_E] = 1 / gain
-    n[:, k.OFFSET_DN] = values["black_level_dn"]
-    n[:, k.FULL_WELL_E] = well
-    n[:, k.MAX_DN] = 2**camera.bit_depth - 1
-    # Where pixel offsets are Gaussian and drawn anew, they share the count's draw unless it is near the full well
-    # or its whole numbers would show.
-    gaussian = n[:, k.GAUSSIAN_E]
-    n[:, k.LATTICE] = gaussian == 0
-    finite = np.minimum(well, 1e9)
-    below = finite - 6 * np.sqrt(finite + (finite * prnu) ** 2)
-    n[:, k.LIMIT_E] = np.where((gaussian == 0) | np.isinf(well), np.inf, np.maximum(below, 0))
-    # A faint count that shares the draw adds the skewness m / (m + sigma^2)^(3/2); up to 0.1 the expansion has it, and
-    # of the fifth cumulant, which it has not, read noise must hide most.
-    wide = gaussian.astype(np.float64)
-    hidden = FAINT_FIFTH * np.hypot(wide, n[:, k.READ_SIGMA_E]) ** 5
-    faint = np.minimum(np.minimum(FAINT_SKEWNESS * wide**3, hidden), MOST_E)
-    n[:, k.FAINT_E] = np.where(gaussian > 0, faint, -1)
-    few = np.flatnonzero((gaussian > 0) & (gaussian < 1))
-    if few.size:
-        wide_sigma, wide_shape = (np.broadcast_to(x, batch)[few] for x in (sigma, shape))
-        visible = few[tables.comb(wide_sigma, wide_shape, gaussian[few]) > VISIBLE_COMB]
-        n[visible, k.LIMIT_E] = n[visible, k.FAINT_E] = -1
+    n[:, k.LEAST_E], n[:, k.COUNTED], n[:, k.LEAST_OUT], n[:, k.MOST_OUT] = 0, 1, 0, 1
+    n[:, k.DARK_E] = np.minimum(values["exposure_s"] * values["dark_current.a_e_per_s"] * heat, MOST_E)
+    n[:, k.FULL_WELL_E] = values["full_well_e"]
+    n[:, k.READ_SCALE_E], n[:, k.READ_SHAPE] = sigma if own_scale else sigma / deviation, shape
+    n[:, k.AFTER_GAIN_E] = values["read_noise.after_gain_dn"] * gain
+    n[:, k.E_PER_DN], n[:, k.BLACK_DN], n[:, k.MAX_DN] = (
+        gain,
+        values["black_level_dn"],
+        2**camera.bit_depth - 1,
+    )
+    if not kept:
+        n[:, k.PRNU_PIXEL], n[:, k.DSNU_PIXEL_E] = values["prnu.pixel"], values["dsnu.pixel_e"]
+        _set_short_cut(n, shape, np.asarray(deviation, np.float32))
     return n
 
 
-def _coarse(n: np.ndarray, tukey: np.ndarray) -> np.ndarray:
-    """Whether numbers of few bits do for each image's pixels up to the value 1."""
-    k = kernel()
-    most = n[:, k.ELECTRONS]
-    gaussian = n[:, k.GAUSSIAN_E]
-    deviation = np.sqrt(most + n[:, k.DARK_E] + (most * n[:, k.PRNU_PIXEL]) ** 2 + gaussian**2)
-    enough = coarse.suffices(deviation, gaussian, n[:, k.READ_SIGMA_E], tukey)
-    return enough & (n[:, k.LATTICE] == 0)
+def _set_short_cut(n: np.ndarray, shape: np.ndarray, deviation: np.ndarray) -> None:
+    """Which pixels may draw their count together with Gaussian offsets: not where the full well is near or whole electrons
+    would show.
+    """
+    k = fused.kernel()
+    gaussian = np.hypot(n[:, k.DSNU_PIXEL_E], n[:, k.AFTER_GAIN_E]).astype(np.float64)
+    prnu, well, read_e = n[:, k.PRNU_PIXEL], n[:, k.FULL_WELL_E], n[:, k.READ_SCALE_E] * deviation
+    finite = np.minimum(well, 1e9)
+    below = finite - 6 * np.sqrt(finite + (finite * prnu) ** 2)
+    n[:, k.LIMIT_E] = np.where(np.isinf(well), np.inf, np.maximum(below, 0))
+    # A faint count that shares the draw adds the skewness m / (m + sigma^2)^(3/2); up to 0.1 the expansion has it, and
+    # of the fifth cumulant, which it has not, read noise must hide most.
+    hidden = FAINT_FIFTH * np.hypot(gaussian, read_e) ** 5
+    n[:, k.FAINT_E] = np.minimum(np.minimum(FAINT_SKEWNESS * gaussian**3, hidden), MOST_E)
+    shows = (gaussian == 0) | (prnu > WIDEST_PRNU)
+    for i in np.flatnonzero((gaussian > 0) & (gaussian < 1)):
+        shows[i] = comb(float(read_e[i]), float(shape[i % len(shape)]), float(gaussian[i])) > VISIBLE_COMB
+    n[shows, k.LIMIT_E] = -1
 
 
-@cache
-def kernel() -> Any:
-    """The compiled loop's module, or None where numba cannot be imported."""
-    try:
-        from visaug.camera import fast_kernel
-    except ImportError:
-        return None
-    folder = Path(str(fast_kernel.expose.stats.cache_path))
+def comb(sigma_e: float, shape: float, gaussian_e: float) -> float:
+    """How much of the electrons' being whole numbers is left in the density after read noise: relative, 0 to 2.
+
+    That is twice the characteristic function of the added noise at one cycle an electron.
+
+    Args:
+        sigma_e, shape: of Tukey-lambda read noise; gaussian_e: of further Gaussian noise.
+    """
+    left = 2 * math.exp(-2 * (math.pi * gaussian_e) ** 2)
+    if left < VISIBLE_COMB:
+        return left
+    logit = np.linspace(-24, 24, 481)  # evenly in the logit of the probability, the steps suit both tails
+    u, v = expit(logit), expit(-logit)
+    phase = 2 * math.pi * sigma_e * quantile(u, v, shape) / standard_deviation(shape)
+    return left * abs(float(np.sum(np.cos(phase) * u * v) * (logit[1] - logit[0])))
+
+
+def kernel():
+    """The compiled loop's module, or None where numba cannot be imported; says so before it is compiled."""
+    module = fused.kernel()
+    if module is not None:
+        _announce()
+    return module
+
+
+@lru_cache(maxsize=1)
+def _announce() -> None:
+    folder = Path(str(fused.kernel().expose.stats.cache_path))
     if not any(folder.glob("fast_kernel.expose-*.nbi")):
         message = "compiling the fast sensor chain: once, about 10 s; kept in %s"
         logging.getLogger("visaug").warning(message, folder)
-    return fast_kernel

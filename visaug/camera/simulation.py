@@ -76,7 +76,7 @@ def with_chart(camera: Camera, plan: FrameSet) -> FrameSet:
     records = list(plan.records)
     cleans = {r.clean: plan.clean(i) for i, r in enumerate(records) if r.kind == "scene" and r.clean}
     for i in open_scenes:
-        r0, r1, c0, c1 = _window(camera, records[i])
+        r0, r1, c0, c1 = window_of(camera, records[i])
         name = f"chart_{r1 - r0}x{c1 - c0}.npy"
         cleans.setdefault(name, _chart(r1 - r0, c1 - c0) * np.float32(_saturation_photons(camera)))
         records[i] = replace(records[i], clean=name)
@@ -142,16 +142,15 @@ def exposures(
     memory: dict[str, Tensor] = {}
     maps: dict[tuple, Tensor] = {}
     shown, done = None, 0
-    for positions in _batches(camera, plan, reach.simulated(wanted, deepest), reach.whole_frames):
+    for positions in batches(camera, plan, reach.simulated(wanted, deepest), reach.whole_frames):
         if reach.whole_frames:
             memory = _stepped(camera, plan, seed, memory, range(done, positions[0]))
         done = positions[-1] + 1
-        window = _window(camera, plan.records[positions[0]])
+        window = window_of(camera, plan.records[positions[0]])
         if shown not in (None, window):  # the charge in the pixels of another window is unknown
             memory = {name: state for name, state in memory.items() if is_of_whole_frame(state)}
         shown = window
-        shape = (window[1] - window[0], window[3] - window[2])
-        photons = torch.stack([_photons(plan, i, shape) for i in positions])
+        photons = light(plan, positions, window)
         block = _exposed(camera, plan, positions, photons, seed, window, memory, maps)
         got = [k for k, i in enumerate(positions) if i in wanted]
         if got:
@@ -169,17 +168,39 @@ def _exposed(
     maps: dict[tuple, Tensor] | None = None,
 ) -> Tensor:
     """Frames of the plan; `memory` and `maps`, the camera's own random numbers, are carried from batch to batch."""
+    stream, values = conditions(camera, plan, positions, seed, window, maps)
+    return camera.expose(photons, stream, values, sequence=True, memory=memory)
+
+
+def conditions(
+    camera: Camera,
+    plan: FrameSet,
+    positions: Sequence[int],
+    seed: int,
+    window: tuple[int, int, int, int],
+    maps: dict[tuple, Tensor] | None = None,
+) -> tuple[Stream, dict[str, Tensor]]:
+    """Random numbers and operating conditions of frames of the plan.
+
+    Args:
+        maps: keeps the camera's own random numbers, see `Stream`.
+    """
     records = [plan.records[i] for i in positions]
     r0, r1, c0, c1 = window
     keys = [derive_key(seed, "frame", record.sequence) for record in records]
     camera_key = derive_key(seed, "camera")
     stream = Stream(keys, [camera_key] * len(records), 1, (range(r0, r1), range(c0, c1)), drawn=maps)
-    values = {
+    return stream, {
         "exposure_s": torch.tensor([record.exposure_s for record in records]),
         "gain_db": torch.tensor([float(record.gain_db) for record in records]),
         "temperature_c": torch.tensor([_temperature(camera, record) for record in records]),
     }
-    return camera.expose(photons, stream, values, sequence=True, memory=memory)
+
+
+def light(plan: FrameSet, positions: Sequence[int], window: tuple[int, int, int, int]) -> Tensor:
+    """Mean photons of frames that show a window of the sensor, (n, 1, H, W)."""
+    shape = (window[1] - window[0], window[3] - window[2])
+    return torch.stack([_photons(plan, i, shape) for i in positions])
 
 
 def _stepped(
@@ -189,8 +210,8 @@ def _stepped(
     state = {name: value for name, value in memory.items() if is_of_whole_frame(value)}
     for first in range(skipped.start, skipped.stop, STEPPED):
         positions = range(first, min(first + STEPPED, skipped.stop))
-        light = [_mean_photons(plan, i) for i in positions]
-        photons = torch.tensor(light).view(-1, 1, 1, 1).expand(-1, 1, SMALL, SMALL)
+        levels = [_mean_photons(plan, i) for i in positions]
+        photons = torch.tensor(levels).view(-1, 1, 1, 1).expand(-1, 1, SMALL, SMALL)
         _exposed(camera, plan, positions, photons, seed, (0, SMALL, 0, SMALL), state)
         state = {name: value for name, value in state.items() if is_of_whole_frame(value)}
     return with_states_of(memory, state)
@@ -212,16 +233,16 @@ def has_clean(plan: FrameSet, i: int) -> bool:
     return True
 
 
-def _batches(
+def batches(
     camera: Camera, plan: FrameSet, positions: Sequence[int], consecutive: bool = False
 ) -> Iterator[list[int]]:
     """Positions that are taken together; `consecutive`: without any that are left out between them."""
     batch: list[int] = []
     for i in positions:
-        r0, r1, c0, c1 = _window(camera, plan.records[i])
+        r0, r1, c0, c1 = window_of(camera, plan.records[i])
         size = max(1, BATCH_PIXELS // ((r1 - r0) * (c1 - c0)))
         full = len(batch) >= size or (consecutive and batch and i > batch[-1] + 1)
-        if batch and (full or _window(camera, plan.records[batch[0]]) != (r0, r1, c0, c1)):
+        if batch and (full or window_of(camera, plan.records[batch[0]]) != (r0, r1, c0, c1)):
             yield batch
             batch = []
         batch.append(i)
@@ -229,7 +250,7 @@ def _batches(
         yield batch
 
 
-def _window(camera: Camera, record: FrameRecord) -> tuple[int, int, int, int]:
+def window_of(camera: Camera, record: FrameRecord) -> tuple[int, int, int, int]:
     rows, columns = camera.resolution
     window = record.window or (0, rows, 0, columns)
     if window[1] > rows or window[3] > columns:

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from visaug.camera import Camera
+from visaug.diagnosis.kept import KeptSet, KeptSets
 from visaug.diagnosis.part import Part, parts_of
 from visaug.frames import FrameSet
 from visaug.pictures.part import PicturePart, picture_part
@@ -136,13 +137,23 @@ class Laboratory:
         """The same for the discovery frames only, in half the time: (n, statistics)."""
         return np.array([a for (a,) in self._run(cameras, report, (FIND,))])
 
-    def _run(self, cameras, report, uses) -> list[tuple[np.ndarray, ...]]:
+    def _run(
+        self, cameras: Sequence[Job], report: Callable[[int], None] | None, uses: Sequence[str]
+    ) -> list[tuple[np.ndarray, ...]]:
+        distinct = {camera for camera, _ in cameras}
+        if len(distinct) == 1:  # a reference, from which others will differ little
+            self._kept.announce(*distinct)
+        work = partial(fingerprints, self.parts_to_simulate, self.seed, uses, kept=self._kept)
         results = []
-        for result in self.spread(partial(fingerprints, self.parts_to_simulate, self.seed, uses), cameras):
+        for result in self.spread(work, cameras):
             results.append(result)
             if report is not None:
                 report(len(results))
         return results
+
+    @cached_property
+    def _kept(self) -> KeptSets:
+        return KeptSets()
 
     @cached_property
     def parts_to_simulate(self) -> tuple[Part | PicturePart, ...]:
@@ -165,11 +176,31 @@ def _places(statistics: Sequence[Statistic]) -> dict[tuple[str, str, str], int]:
 
 
 def fingerprints(
-    parts: Sequence[Part | PicturePart], seed: int, uses: Sequence[str], job: tuple[Camera, int]
+    parts: Sequence[Part | PicturePart],
+    seed: int,
+    uses: Sequence[str],
+    job: Job,
+    kept: KeptSets | None = None,
 ) -> tuple[np.ndarray, ...]:
-    """Of one simulated set: one array of values for each use of its frames."""
+    """Of one simulated set: one array of values for each use of its frames.
+
+    Args:
+        kept: sets of similar cameras; this one may be added.
+    """
     camera, number = job
-    found = [part.simulated(camera, seed * 1_000_003 + number, uses) for part in parts]
+    own = seed * 1_000_003 + number
+    found = []
+    for k, part in enumerate(parts):
+        if kept is None or isinstance(part, PicturePart):
+            found.append(part.simulated(camera, own, uses))
+            continue
+        base = kept.nearest(camera, number, k)
+        if (base is None or base.camera is not camera) and kept.wants(camera, number):
+            base = KeptSet(camera)
+            found.append(part.simulated(camera, own, uses, base))
+            kept.add(base, number, k)
+        else:
+            found.append(part.simulated(camera, own, uses, base))
     return tuple(np.concatenate(values) for values in zip(*found, strict=True))
 
 

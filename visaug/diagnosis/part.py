@@ -9,15 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.camera.history import DEEPEST
+from visaug.camera.history import DEEPEST, Reach
 from visaug.camera.simulation import has_clean, simulate
 from visaug.core.errors import InputError
+from visaug.diagnosis.kept import KeptSet
 from visaug.frames import FrameRecord, FrameSet
 from visaug.statistics import (
     IN_A_WINDOW,
     OF_FULL_FRAMES,
     VIEWS,
     Fingerprint,
+    Stacks,
     View,
     fingerprint,
     fingerprint_values,
@@ -27,6 +29,7 @@ from visaug.statistics.split import CONFIRM, FIND, WHOLE, Folds, share_out
 from visaug.statistics.subsample import MARGIN, Selection, Window
 
 Report = Callable[[str, int, int], None]
+NOTHING = Reach(False, 0)  # what a camera without memory remembers
 FULL_DEEPEST = 3  # full frames that are simulated before one that is used, at most: each costs as much as it
 
 
@@ -82,30 +85,77 @@ class Part:
             return replace(find, values=(find.values + confirm.values) / 2)
         return fingerprint(self.frames, self.positions(use), self.views, self.place)
 
-    def simulated(self, camera: Camera, seed: int, uses: Sequence[str]) -> list[np.ndarray]:
-        """Fingerprint values of one simulated set, for each use of its frames."""
-        if self.place and list(uses) == [FIND]:  # no view of these looks at the frame before
-            return fingerprint_values(self.take(camera, seed, self.folds.find), views=self.views)
+    def simulated(
+        self, camera: Camera, seed: int, uses: Sequence[str], base: KeptSet | None = None
+    ) -> list[np.ndarray]:
+        """Fingerprint values of one simulated set, for each use of its frames.
+
+        Args:
+            base: a set of the same seed, of this camera or another, of which frames and sums are taken that stay the same. An
+                empty one is filled.
+        """
         own = [use for use in uses if use != WHOLE or not self.halves]
         positions = [self.positions(use) for use in own]
-        values = dict(
-            zip(own, fingerprint_values(self.take(camera, seed), positions, self.views), strict=True)
-        )
+        frames, stacks = self._taken(camera, seed, sorted(self._looked_at(own)), base)
+        found = fingerprint_values(frames, positions, self.views, stacks)
+        if base is not None:
+            stacks.forget_images()
+        values = dict(zip(own, found, strict=True))
         if WHOLE in uses and self.halves:
             values[WHOLE] = (values[FIND] + values[CONFIRM]) / 2
         return [values[use] for use in uses]
 
+    def _looked_at(self, uses: Sequence[str]) -> frozenset[int]:
+        """Positions that statistics are taken from, and those before them under other conditions (see the view of memory)."""
+        used = frozenset().union(*(self.positions(use) for use in uses))
+        if self.place or len(used) == len(self.frames):  # no view of full frames looks at the frame before
+            return used
+        group = {i: k for k, g in enumerate(self.frames.groups()) for i in g.indices}
+        place = {record.sequence: i for i, record in enumerate(self.frames.records)}
+        before = {i: place.get(self.frames.records[i].sequence - 1) for i in used}
+        return used | {b for i, b in before.items() if b is not None and group[b] != group[i]}
+
+    def _taken(
+        self, camera: Camera, seed: int, wanted: Sequence[int], base: KeptSet | None
+    ) -> tuple[FrameSet, Stacks]:
+        """The set with simulated frames at some positions and no pixels at others, and what is known of their sums."""
+        every = range(len(self.frames))
+        if (base is not None or len(wanted) < len(every)) and Reach.of(camera) != NOTHING:
+            base, wanted = None, wanted if self.place else every  # frames depend on those before
+        if base is None:
+            frames = self._filled(self.take(camera, seed, wanted), wanted)
+            return frames, Stacks(frames)
+        keep = [self.keep[k] for k in wanted]
+        if not base.frames:
+            frames = self._filled(self._shown(base.take(self.plan, seed, keep, self.deepest), wanted), wanted)
+            base.stacks = Stacks(frames)
+            return frames, base.stacks
+        taken, touched = base.changed(camera, self.plan, seed, keep, self.deepest)
+        frames = self._filled(self._shown(taken, wanted), wanted)
+        return frames, Stacks(frames, base.stacks, [k for k in wanted if self.keep[k] in touched])
+
+    def _filled(self, taken: FrameSet, wanted: Sequence[int]) -> FrameSet:
+        """The whole set, the other frames without pixels."""
+        if len(taken) == len(self.frames):
+            return taken
+        frames = [np.zeros((1, 1), np.uint16)] * len(self.frames)
+        for k, frame in zip(wanted, taken.stack(range(len(taken))), strict=True):
+            frames[k] = frame
+        cleans = self._cleans(range(len(self.frames)))
+        return FrameSet.from_arrays(self.frames.records, frames, cleans, bit_depth=taken.bit_depth)
+
     def take(self, camera: Camera, seed: int, only: Iterable[int] | None = None) -> FrameSet:
         """The frames, or those of them at some positions, as a camera would take them."""
         wanted = list(range(len(self.frames)) if only is None else only)
-        taken = simulate(camera, self.plan, seed, keep=[self.keep[k] for k in wanted], deepest=self.deepest)
+        keep = [self.keep[k] for k in wanted]
+        return self._shown(simulate(camera, self.plan, seed, keep=keep, deepest=self.deepest), wanted)
+
+    def _shown(self, taken: FrameSet, wanted: Sequence[int]) -> FrameSet:
+        """Simulated frames without the margin around their windows."""
         records = [self.frames.records[k] for k in wanted]
         if all(a.window == b.window for a, b in zip(records, taken.records, strict=True)):
             return taken
-        pixels = [
-            _cut(taken.read(k), _window(taken, k), records[k].window).astype(np.uint16)
-            for k in range(len(wanted))
-        ]
+        pixels = [_cut(taken.stack([k])[0], _window(taken, k), records[k].window) for k in range(len(wanted))]
         return FrameSet.from_arrays(records, pixels, self._cleans(wanted), bit_depth=taken.bit_depth)
 
     def _cleans(self, positions: Iterable[int]) -> dict[str, np.ndarray]:

@@ -21,6 +21,7 @@ __all__ = [
     "FrameData",
     "GroupData",
     "Picture",
+    "Stacks",
     "Statistic",
     "View",
     "fingerprint",
@@ -40,13 +41,17 @@ def fingerprint(
 
 
 def fingerprint_values(
-    frames: FrameSet, uses: Iterable[Iterable[int] | None] = (None,), views: Sequence[View] = VIEWS
+    frames: FrameSet,
+    uses: Iterable[Iterable[int] | None] = (None,),
+    views: Sequence[View] = VIEWS,
+    stacks: Stacks | None = None,
 ) -> list[np.ndarray]:
     """The values of `fingerprint` alone, (n,) float64, for each use of the frames: positions, or None for all.
 
-    Where the frames of one use are those of two before it, no pixel is gone through again for sums.
+    Where the frames of one use are those of two before it, no pixel is gone through again for sums. `stacks` holds what is
+    known of the frames already.
     """
-    stacks = Stacks(frames)
+    stacks = stacks or Stacks(frames)
     found = []
     for use in uses:
         data = FrameData(frames, use, named=False, stacks=stacks)

@@ -2,14 +2,14 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import combinations
 
 import numpy as np
 
 from visaug.frames import FrameRecord, FrameSet, Group
 from visaug.statistics import kernels
-from visaug.statistics.stack import LAGS, LEAST_SCALE, LEAST_VARIANCE, MAD, Noise, Scatter, Stack
+from visaug.statistics.stack import LEAST_SCALE, LEAST_VARIANCE, MAD, Noise, Scatter, Stack, correlations
 from visaug.statistics.statistic import Statistic
 
 MAX_GROUPS = {"bias": 2, "dark": 8, "flat": 9, "scene": 6}  # of each kind, spread evenly over the conditions
@@ -124,11 +124,10 @@ class GroupData:
     def pattern_variance(self) -> float:
         return max(float(self._pattern_scatter.products[0]) / self.pattern_pixels.size, LEAST_VARIANCE)
 
-    def pattern_correlation(self, lag: tuple[int, int]) -> float:
+    @cached_property
+    def pattern_correlations(self) -> dict[tuple[int, int], float]:
         """Mean product of pixels of the fixed pattern so many rows and columns apart, over its variance."""
-        height, width = self.pattern_pixels.shape
-        product = self._pattern_scatter.products[LAGS[lag]]
-        return float(product / (height - lag[0]) / (width - lag[1]) / self.pattern_variance)
+        return correlations(self._pattern_scatter.products, self.pattern_pixels.shape, self.pattern_variance)
 
     @cached_property
     def pattern_scale(self) -> float:
@@ -163,16 +162,27 @@ class GroupData:
 
 
 class Stacks:
-    """The frames of a set in groups, each reduced once: frames that find and frames that confirm together are all frames."""
+    """The frames of a set in groups, each reduced once: frames that find and frames that confirm together are all frames.
 
-    def __init__(self, frames: FrameSet):
+    Args:
+        frames: the set.
+        base: of a set of the same plan whose frames are the same but for some.
+        touched: positions of these.
+    """
+
+    def __init__(self, frames: FrameSet, base: "Stacks | None" = None, touched: Iterable[int] = ()):
         self._frames = frames
+        self._base, self._touched = base, frozenset(touched)
         self._known: dict[tuple[int, ...], Stack] = {}
         self._noise: dict[tuple[int, ...], Noise] = {}
 
     def noise(self, indices: Sequence[int]) -> Noise:
         """Of the frames at these positions."""
         key = tuple(indices)
+        if key not in self._noise and self._base is not None and self._touched.isdisjoint(key):
+            found = self._noise[key] = self._base.noise(key)
+            if len(found.stacks) == 1:
+                self._known[key] = found.stacks[0]
         if key not in self._noise:
             parts = self._parts(key)
             place = {i: k for k, i in enumerate(i for part in parts for i in part)}
@@ -191,8 +201,13 @@ class Stacks:
             for one, other in combinations(within, 2):
                 if len(one) + len(other) == len(key) and not set(one) & set(other):
                     return one, other
-            self._known[key] = Stack(self._frames.stack(key))
+            self._known[key] = Stack(partial(self._frames.stack, key))
         return (key,)
+
+    def forget_images(self) -> None:
+        """Frees what is as large as a frame and can be made again."""
+        for noise in list(self._noise.values()):
+            noise.forget_images()
 
 
 class FrameData:

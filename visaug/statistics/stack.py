@@ -1,6 +1,6 @@
 """Frames of equal conditions, reduced to what statistics of temporal noise need: sums that several uses of the frames share."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,25 +11,34 @@ from visaug.statistics import kernels
 LEAST_VARIANCE = 1 / 1200  # DN^2: a hundredth of quantisation's
 LEAST_SCALE = 0.03  # DN
 MAD = 1.4826  # standard deviation of a normal distribution over the median of its sizes
+RATIOS = (3, 6, 15)  # of a pixel's variance over that of all, beyond which pixels are counted
 LAGS = {lag: k for k, lag in enumerate((*kernels.LAGS, *kernels.FAR_LAGS))}
 
 
 class Stack:
-    """Frames (n, H, W) of equal conditions, uint16 or float32, with their sums.
+    """Frames of equal conditions with their sums.
+
+    Args:
+        read: gives the frames, (n, H, W) uint16 or float32.
 
     Attributes:
         total: (H, W) sum of the frames, exact for uint16.
         rows, columns: (n, H) and (n, W) float64 means of their rows and columns.
     """
 
-    def __init__(self, frames: np.ndarray):
-        self.frames = frames
+    def __init__(self, read: Callable[[], np.ndarray]):
+        self._read = read
+        frames = self.frames
         count, height, width = self.shape = frames.shape
         kind = np.uint32 if frames.dtype == np.uint16 else np.float64
         self.total = np.zeros((height, width), kind)
         rows, columns = np.zeros((count, height), kind), np.zeros((count, width), kind)
         kernels.add_up(frames, self.total, rows, columns)
         self.rows, self.columns = rows / width, columns / height
+
+    @cached_property
+    def frames(self) -> np.ndarray:
+        return self._read()
 
     @cached_property
     def codes(self) -> np.ndarray:
@@ -44,8 +53,8 @@ class Stack:
     def scatter(self) -> "Scatter":
         """Products of the noise about the mean of these frames alone."""
         found = Scatter.empty(self.shape[1:])
-        if len(self.frames) > 1:
-            mean = (self.total / len(self.frames)).astype(np.float32)
+        if self.shape[0] > 1:
+            mean = (self.total / self.shape[0]).astype(np.float32)
             found.add(self.frames, mean, *_lines(self, self.rows.mean(0), self.columns.mean(0)))
         return found
 
@@ -82,6 +91,15 @@ class Noise:
         self.count = sum(stack.shape[0] for stack in stacks)
         self.shape = stacks[0].shape[1:]
         self.order = np.arange(self.count) if order is None else np.asarray(order)
+
+    def forget_images(self) -> None:
+        """Frees what is as large as a frame and can be made again."""
+        for owner, names in (
+            (self, ("pixel_ratios", "_scatter", "mean")),
+            *((s, ("frames", "scatter")) for s in self.stacks),
+        ):
+            for name in names:
+                vars(owner).pop(name, None)
 
     @property
     def frames(self) -> np.ndarray:
@@ -163,11 +181,10 @@ class Noise:
         height, width = self.shape
         return max(self._factor * self._scatter.products[0] / height / width, LEAST_VARIANCE)
 
-    def correlation(self, lag: tuple[int, int]) -> float:
+    @cached_property
+    def correlations(self) -> dict[tuple[int, int], float]:
         """Mean product of the noise of pixels so many rows and columns apart, over its variance."""
-        height, width = self.shape
-        product = self._factor * self._scatter.products[LAGS[lag]]
-        return float(product / (height - lag[0]) / (width - lag[1]) / self.variance)
+        return correlations(self._factor * self._scatter.products, self.shape, self.variance)
 
     @cached_property
     def halves(self) -> np.ndarray:
@@ -176,6 +193,12 @@ class Noise:
         across, down = width // 2, height // 2
         sizes = [height * across, height * (width - across), down * width, (height - down) * width]
         return self._factor * self._scatter.halves / sizes
+
+    @cached_property
+    def noisy_pixels(self) -> tuple[list[int], float]:
+        """Pixels whose ratio is beyond each of `RATIOS`, and the median of the ratios."""
+        ratios = self.pixel_ratios.ravel()
+        return [int(np.count_nonzero(ratios > limit)) for limit in RATIOS], kernels.median_of_sizes(ratios)
 
     @cached_property
     def pixel_ratios(self) -> np.ndarray:
@@ -249,6 +272,17 @@ def _lines(stack: Stack, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndar
     off_rows, off_columns = stack.rows - rows, stack.columns - columns
     off_rows -= off_rows.mean(1, keepdims=True)
     return off_rows.astype(np.float32), off_columns.astype(np.float32)
+
+
+def correlations(
+    products: np.ndarray, shape: tuple[int, int], variance: float
+) -> dict[tuple[int, int], float]:
+    """Of sums of products over an image, their means over the variance, by `LAGS`."""
+    height, width = shape
+    return {
+        (r, c): float(products[k] / max(height - r, 1) / max(width - c, 1) / variance)
+        for (r, c), k in LAGS.items()
+    }
 
 
 def added(counts: Sequence[np.ndarray]) -> np.ndarray:

@@ -21,7 +21,7 @@ GILES_0, GILES_2, GILES_4 = f32(-8 / 405), f32(7 / 810), f32(1 / 270)
 LOG_2, PER_LOG_2 = f32(math.log(2)), f32(1 / math.log(2))
 LOG_2_HIGH, LOG_2_LOW = f32(0.693359375), f32(-2.12194440e-4)  # their sum is log 2; the first has few digits
 
-_fast = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract", "arcp", "nsz"}}
+OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract", "nsz"}}
 
 
 @intrinsic
@@ -128,7 +128,7 @@ def _philox(c0, c1, c2, k0, k1):
     return c0, c1, c2, c3
 
 
-@njit(**_fast)
+@njit(**OPTIONS)
 def words_of_row(key, channel, row, first, words):
     """32 random bits for each pixel of a row from column 4 (first // 4) on; the counter is the place on the sensor."""
     k0, k1 = key & u64(0xFFFFFFFF), key >> u64(32)
@@ -138,13 +138,13 @@ def words_of_row(key, channel, row, first, words):
             words[4 * block + j] = w[j]
 
 
-@njit(**_fast)
+@njit(**OPTIONS)
 def normals(words, out):
     for i in range(out.size):
         out[i] = normal(words[i])
 
 
-@njit(**_fast)
+@njit(**OPTIONS)
 def tukeys(words, shape, scale, out):
     """Tukey-lambda numbers times a scale."""
     shape = f32(1e-6) if abs(shape) < f32(1e-6) else shape
@@ -153,7 +153,7 @@ def tukeys(words, shape, scale, out):
         out[i] = tukey(words[i], shape, factor)
 
 
-@njit(**_fast)
+@njit(**OPTIONS)
 def _many(mean, words, out):
     """Poisson counts of means from SMALL_MEAN on: Giles' expansion (see distributions.py)."""
     for i in range(out.size):
@@ -179,7 +179,7 @@ def _exp(x):
     return p
 
 
-@njit(**_fast)
+@njit(**OPTIONS)
 def _few(mean, words, term, total, u, out):
     """Poisson counts of means up to SMALL_MEAN, by summing the distribution function; float64 keeps the upper tail."""
     for i in range(out.size):
@@ -199,9 +199,15 @@ def _few(mean, words, term, total, u, out):
             total[i] += term[i]
 
 
-@njit(**_fast)
-def counts(mean, words, small_mean, small_words, sums, small_counts, out):
-    """Poisson counts of a row of pixels; the arrays between are room: float32, uint32, 3 rows of float64, float32."""
+@njit(**OPTIONS)
+def room_of(width):
+    """What `counts` needs for its small means."""
+    return np.empty(width, np.uint32), np.empty((2, width), np.float32), np.empty((3, width))
+
+
+@njit(**OPTIONS)
+def counts(mean, words, room, out):
+    """Poisson counts of a row of pixels; room: of `room_of`."""
     small, lit = i32(0), i32(0)
     for i in range(out.size):
         small += i32(not mean[i] >= SMALL_MEAN)
@@ -213,20 +219,21 @@ def counts(mean, words, small_mean, small_words, sums, small_counts, out):
         return
     if small == 0:
         return
+    own, floats, sums = room
     n = 0
     for i in range(out.size):
         if not mean[i] >= SMALL_MEAN:
-            small_mean[n], small_words[n] = mean[i] if mean[i] > ZERO else ZERO, words[i]
+            own[n], floats[0, n] = words[i], mean[i] if mean[i] > ZERO else ZERO
             n += 1
-    _few(small_mean[:n], small_words[:n], sums[0, :n], sums[1, :n], sums[2, :n], small_counts[:n])
+    _few(floats[0, :n], own[:n], sums[0, :n], sums[1, :n], sums[2, :n], floats[1, :n])
     n = 0
     for i in range(out.size):
         if not mean[i] >= SMALL_MEAN:
-            out[i] = small_counts[n]
+            out[i] = floats[1, n]
             n += 1
 
 
-@njit(**_fast)
+@njit(**OPTIONS)
 def forked(keys, names):
     """The keys of `Stream.fork` for one name after another, (B,) uint64."""
     out = np.empty(len(keys), np.uint64)
@@ -238,7 +245,7 @@ def forked(keys, names):
     return out
 
 
-@njit(**_fast)
+@njit(**OPTIONS)
 def fill_bits(keys, r0, c0, out):
     """32 random bits for each pixel of windows (B, C, H, W) that begin at a row and a column of the sensor."""
     batch, channels, rows, width = out.shape
@@ -250,7 +257,7 @@ def fill_bits(keys, r0, c0, out):
                 out[b, channel, r] = words[c0 % 4 : c0 % 4 + width]
 
 
-@njit(**_fast)
+@njit(**OPTIONS)
 def fill_normal(keys, r0, c0, out):
     batch, channels, rows, width = out.shape
     words = np.empty((c0 % 4 + width + 3) // 4 * 4, np.uint32)
@@ -261,7 +268,7 @@ def fill_normal(keys, r0, c0, out):
                 normals(words[c0 % 4 : c0 % 4 + width], out[b, channel, r])
 
 
-@njit(**_fast)
+@njit(**OPTIONS)
 def fill_tukey(keys, r0, c0, shapes, scales, out):
     batch, channels, rows, width = out.shape
     words = np.empty((c0 % 4 + width + 3) // 4 * 4, np.uint32)
@@ -272,18 +279,13 @@ def fill_tukey(keys, r0, c0, shapes, scales, out):
                 tukeys(words[c0 % 4 : c0 % 4 + width], f32(shapes[b]), f32(scales[b]), out[b, channel, r])
 
 
-@njit(**_fast)
+@njit(**OPTIONS)
 def fill_poisson(keys, r0, c0, mean, out):
     batch, channels, rows, width = out.shape
-    words = np.empty((c0 % 4 + width + 3) // 4 * 4, np.uint32)
-    small_words, small, sums = (
-        np.empty(width, np.uint32),
-        np.empty((2, width), np.float32),
-        np.empty((3, width)),
-    )
+    words, room = np.empty((c0 % 4 + width + 3) // 4 * 4, np.uint32), room_of(width)
     for b in range(batch):
         for channel in range(channels):
             for r in range(rows):
                 words_of_row(keys[b], channel, r0 + r, c0, words)
                 own = words[c0 % 4 : c0 % 4 + width]
-                counts(mean[b, channel, r], own, small[0], small_words, sums, small[1], out[b, channel, r])
+                counts(mean[b, channel, r], own, room, out[b, channel, r])

@@ -95,6 +95,11 @@ class Stream:
         return self._like(keys, camera_keys, self._is_fixed)
 
     @property
+    def keys(self) -> np.ndarray:
+        """The keys of the frames, (B,) uint64, on the CPU."""
+        return self._keys.cpu().numpy().view(np.uint64)
+
+    @property
     def fixed(self) -> "Stream":
         """The stream of the cameras instead of the frames: its numbers are the same in every frame of a camera.
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from visaug.statistics.kernels import median_of_sizes
+from visaug.statistics.stack import RATIOS
 from visaug.statistics.view import Curve, Picture, View
 
 
@@ -87,7 +87,7 @@ class NoiseCovariance(View):
             lags = LAGS | (FAR if g is data.bias else {})
             for name, lag in lags.items():
                 axes = ["time", "pixel"] + ["row" if lag[0] else "column"] * (0 in lag)
-                value = g.noise.correlation(lag)
+                value = g.noise.correlations[lag]
                 yield g.statistic(self.name, name, axes, "correlation"), value
 
     def picture(self, data):
@@ -96,7 +96,8 @@ class NoiseCovariance(View):
             return None
         x = np.array([max(g.signal, 1.0) if g.reference else 1.0 for g in groups])
         curves = [
-            Curve(x, np.array([g.noise.correlation(lag) for g in groups]), name) for name, lag in LAGS.items()
+            Curve(x, np.array([g.noise.correlations[lag] for g in groups]), name)
+            for name, lag in LAGS.items()
         ]
         return Picture(self.title, "mean above bias, DN", "correlation", tuple(curves), log_x=True)
 
@@ -145,11 +146,10 @@ class PixelNoise(View):
         for g in data.groups:
             if g.count < 4 or g.kind not in ("bias", "dark"):
                 continue
-            ratio, axes = g.noise.pixel_ratios, ["time", "pixel"]
-            for limit in (3, 6, 15):
-                count = np.count_nonzero(ratio > limit)
+            axes, (counts, median) = ["time", "pixel"], g.noise.noisy_pixels
+            for limit, count in zip(RATIOS, counts, strict=True):
                 yield g.statistic(self.name, f"beyond {limit} times", axes, "sqrt count"), np.sqrt(count)
-            yield g.statistic(self.name, "median", axes), median_of_sizes(ratio.ravel())
+            yield g.statistic(self.name, "median", axes), median
             recurring = np.sqrt(g.noise.tails.recurring)
             yield g.statistic(self.name, "far in many frames", axes, "sqrt count"), recurring
 

@@ -37,7 +37,7 @@ class FixedPattern(View):
                 yield g.statistic(self.name, f"{name}s", [name], "log DN^2"), np.log(variance + 1e-4)
             yield g.statistic(self.name, "pixels", ["pixel"], "log DN^2"), np.log(g.pattern_variance)
             for name, lag in (("one column on", (0, 1)), ("one row on", (1, 0)), ("diagonal", (1, 1))):
-                yield g.statistic(self.name, name, ["pixel"], "correlation"), g.pattern_correlation(lag)
+                yield g.statistic(self.name, name, ["pixel"], "correlation"), g.pattern_correlations[lag]
 
     def picture(self, data):
         maps = [(f"{g.label}, DN", g.pattern) for g in (*data.dark_ends, *data.of("flat")[-2:-1])]

@@ -1,0 +1,139 @@
+"""A set of which a part is taken from a kept set of a similar camera equals one that is simulated whole, bit for bit."""
+
+import numpy as np
+import pytest
+import torch
+
+from tests.diagnosis.small import frame_set, stated_camera
+from visaug import Camera
+from visaug.camera.simulation import simulate
+from visaug.diagnosis import kept as kept_sets
+from visaug.diagnosis.candidates.trials import trials
+from visaug.diagnosis.fitting.parameters import base_coordinates, moved
+from visaug.diagnosis.kept import KeptSet
+from visaug.diagnosis.laboratory import Laboratory
+from visaug.effects import Effect, Parameter, Stage, catalogue, register
+
+SEED = 11
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return Laboratory(frame_set(5), stated_camera()).parts_to_simulate[0].plan
+
+
+@pytest.fixture(scope="module")
+def kept(plan):
+    found = KeptSet(stated_camera())
+    found.take(plan, SEED, range(len(plan)), 16)
+    return found
+
+
+def differing(camera: Camera, plan, kept: KeptSet) -> set[int]:
+    """Positions that a camera changes; all frames are checked against a simulation of the whole set."""
+    whole = simulate(camera, plan, SEED)
+    part, touched = kept.changed(camera, plan, SEED, range(len(plan)), 16)
+    for i in range(len(plan)):
+        np.testing.assert_array_equal(
+            part.read(i), whole.read(i), err_msg=f"{camera.effect_names}, frame {i}"
+        )
+        assert i in touched or np.array_equal(kept.frames[i], whole.read(i))
+    return touched
+
+
+def test_the_kept_set_is_the_simulated_one(plan, kept):
+    whole = simulate(kept.camera, plan, SEED)
+    for i in range(len(plan)):
+        np.testing.assert_array_equal(kept.frames[i], whole.read(i))
+
+
+@pytest.mark.parametrize("name", sorted({trial.effect for trial in trials(stated_camera())}))
+def test_every_effect_of_the_catalogue(plan, kept, name):
+    strongest = [trial for trial in trials(kept.camera) if trial.effect == name][-1]
+    differing(strongest.on(kept.camera), plan, kept)
+
+
+def test_every_number_of_the_camera(plan, kept):
+    coordinates = base_coordinates(kept.camera, frame_set(5), True)
+    at = [c.read(kept.camera) for c in coordinates]
+    for j, coordinate in enumerate(coordinates):
+        there = [x + coordinate.step * (k == j) for k, x in enumerate(at)]
+        differing(moved(kept.camera, coordinates, there), plan, kept)
+
+
+def test_an_effect_of_light_leaves_dark_frames_and_a_late_one_starts_late(plan, kept, monkeypatch):
+    kinds = [record.kind for record in plan.records]
+    touched = differing(kept.camera.with_effect("vignetting", corner_loss=0.3), plan, kept)
+    assert {kinds[i] for i in touched} == {"flat"}
+    applied: list[str] = []
+    for effect in kept.effects:
+        kind = type(effect)
+        ordinary = kind.apply
+
+        def noted(self, *rest, ordinary=ordinary):
+            applied.append(self.name)
+            return ordinary(self, *rest)
+
+        monkeypatch.setattr(kind, "apply", noted)
+    kept.changed(kept.camera.with_effect("bit_truncation", bits=2), plan, SEED, range(len(plan)), 16)
+    assert applied
+    assert "photon_shot_noise" not in applied
+    assert "read_noise" not in applied
+
+
+def test_a_users_own_effect(plan, kept, monkeypatch):
+    """It acts in exposures of a second or more alone, and on the gain that the conditions give it."""
+    loaded = dict(catalogue.__globals__["_loaded"])
+    monkeypatch.setitem(catalogue.__globals__, "_loaded", loaded)
+
+    class LongOnes(Effect):
+        name = "long_ones"
+        stage = Stage.READOUT
+        order = 99
+        offset_dn = Parameter(1.0, unit="DN", high=50.0, strength=True, trials=(1.0,))
+
+        def apply(self, signal, p, stream, context):
+            offset = p.offset_dn * context.gain_e_per_dn
+            return signal + torch.where(context.exposure_s >= 1, offset, 0 * offset)
+
+    register(LongOnes)
+    camera = kept.camera.with_effect("long_ones", offset_dn=3.0)
+    long = {i for i, record in enumerate(plan.records) if record.exposure_s >= 1}
+    assert differing(camera, plan, kept) == long
+    own = KeptSet(camera)
+    own.take(plan, SEED, range(len(plan)), 16)
+    other = camera.replace({"gain_e_per_dn": 1.1 * camera.spec.gain_e_per_dn})  # which this effect reads
+    differing(other, plan, own)
+
+
+def test_statistics_are_those_of_sets_simulated_whole():
+    camera, frames = stated_camera(), frame_set(5)
+    lab, fresh = Laboratory(frames, camera), Laboratory(frames, camera)
+    lab.simulated([(camera, k) for k in range(2)])
+    jobs = [(camera.with_effect(name), k) for name in ("vignetting", "smear", "row_parity") for k in range(2)]
+    for got, expected in zip(lab.simulated(jobs), fresh.simulated(jobs), strict=True):
+        np.testing.assert_array_equal(got, expected)
+    np.testing.assert_array_equal(lab.finding(jobs), fresh.simulated(jobs)[0])
+
+
+def test_kept_sets_stay_within_their_memory(monkeypatch):
+    camera, frames = stated_camera(), frame_set(5)
+    lab = Laboratory(frames, camera)
+    lab.simulated([(camera, 0)])
+    (one,) = [sets.values() for sets in lab._kept._sets.values()]
+    monkeypatch.setattr(kept_sets, "MEMORY", int(2.5 * next(iter(one)).size))
+    other = camera.replace({"black_level_dn": camera.spec.black_level_dn + 3})
+    lab.simulated([(other, k) for k in range(4)])
+    held = [kept for sets in lab._kept._sets.values() for kept in sets.values()]
+    assert sum(kept.size for kept in held) <= kept_sets.MEMORY
+    assert any(kept.camera is other for kept in held)
+
+
+def test_a_camera_that_remembers_is_simulated_whole(plan):
+    found = KeptSet(stated_camera().with_effect("image_lag", share=0.05))
+    frames = found.take(plan, SEED, range(len(plan)), 16)
+    assert found.remembers
+    assert not found.frames
+    whole = simulate(found.camera, plan, SEED)
+    for i in range(len(plan)):
+        np.testing.assert_array_equal(frames.read(i), whole.read(i))

@@ -1,0 +1,181 @@
+"""Runs of base effects as one compiled loop on a CPU: the random numbers and values of the effects one by one, but for rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from visaug.camera.threads import in_threads
+from visaug.core.sampling import Stream, derive_key
+from visaug.core.sampling.stream import kernels
+from visaug.core.sampling.tukey_lambda import standard_deviation
+from visaug.effects import Context, Effect
+from visaug.effects.effect import Values
+
+FUSED = {
+    "quantum_efficiency", "prnu", "dark_current", "photon_shot_noise", "saturation", "dsnu", "read_noise", "system_gain",
+    "quantization",
+}  # fmt: skip
+STREAMS = {  # of temporal noise, by column of the kernel's table of keys
+    "SHOT": ("photon_shot_noise",),
+    "READ": ("read_noise",),
+    "AFTER_GAIN": ("read_noise", "after gain"),
+    "TOGETHER": ("together",),
+}
+PATTERNS = {"PRNU": ("prnu", "pixel"), "DSNU": ("dsnu", "pixel")}
+
+
+@cache
+def kernel() -> Any:
+    """The compiled loop's module, or None where numba cannot be imported."""
+    try:
+        from visaug.camera import fast_kernel
+    except ImportError:
+        return None
+    return fast_kernel
+
+
+def keys_of(frames: np.ndarray, cameras: np.ndarray | None = None) -> np.ndarray:
+    """The kernel's table of keys, from those of frames and of cameras, (B,) uint64."""
+    k = kernel()
+    table = np.zeros((len(frames), k.KEYS), np.uint64)
+    for own, streams in ((frames, STREAMS), (cameras, PATTERNS)):
+        if own is not None:
+            for column, names in streams.items():
+                table[:, getattr(k, column)] = kernels.forked(own, fork_names(names))
+    return table
+
+
+@cache
+def fork_names(names: tuple[str, ...]) -> np.ndarray:
+    """The names of forks as `kernels.forked` takes them."""
+    return np.array([derive_key(name) for name in names], np.uint64)
+
+
+def neutral(batch: int) -> np.ndarray:
+    """The kernel's table of numbers for no effect at all, (B, NUMBERS) float32."""
+    k = kernel()
+    n = np.zeros((batch, k.NUMBERS), np.float32)
+    n[:, [k.ELECTRONS, k.E_PER_DN, k.PER_DN]] = 1
+    n[:, [k.LEAST_E, k.LEAST_OUT]] = -np.inf
+    n[:, [k.FULL_WELL_E, k.MAX_DN, k.MOST_OUT]] = np.inf
+    n[:, k.LIMIT_E] = -1
+    return n
+
+
+def runs(
+    effects: Sequence[Effect], signal: Tensor, values: Mapping[str, Tensor], context: Context
+) -> Iterator[list[Effect]]:
+    """The effects in order, those together that one loop can take."""
+    able = _able(signal, values, context)
+    run: list[Effect] = []
+    for effect in effects:
+        measured = effect.name == "read_noise" and effect.name in context.maps
+        fuses = able and effect.name in FUSED and not measured
+        if run and not (fuses and run[-1].name in FUSED):
+            yield run
+            run = []
+        run.append(effect)
+        if not fuses:
+            yield run
+            run = []
+    if run:
+        yield run
+
+
+def _able(signal: Tensor, values: Mapping[str, Tensor], context: Context) -> bool:
+    if torch.compiler.is_compiling() or signal.device.type != "cpu" or signal.dtype != torch.float32:
+        return False
+    if context.reading != "physical" or kernel() is None or kernels is None:
+        return False
+    return not torch.is_grad_enabled() or not any(x.requires_grad for x in (signal, *values.values()))
+
+
+def expose(run: Mapping[str, Values], signal: Tensor, stream: Stream, context: Context) -> Tensor:
+    """The signal after the effects of a run.
+
+    Args:
+        run: parameters of the effects by their names.
+        signal: (B, C, H, W) float32 on the CPU.
+        stream: of the chain, not of a single effect.
+    """
+    batch, channels, height, width = signal.shape
+    maps = [_pattern(name, run, signal, stream, context) for name in ("prnu", "dsnu")]
+    lines = [np.zeros((channels, size), np.float32) for size in (height, height, width, width)]
+    source, out = signal.contiguous(), torch.empty(signal.shape)
+    in_kernel(source, out, _numbers(run, batch, context), keys_of(stream.keys), lines, maps, _origin(stream))
+    return out
+
+
+def in_kernel(
+    source: Tensor,
+    out: Tensor,
+    numbers: np.ndarray,
+    keys: np.ndarray,
+    lines: Sequence[np.ndarray],
+    maps: Sequence[np.ndarray],
+    origin: tuple[int, int],
+) -> None:
+    """Calls the kernel, whose `expose` explains the arguments, in threads."""
+    channels, height, width = source.shape[1:]
+    rows = [x.detach().numpy().reshape(-1, height, width) for x in (source, out)]
+    work = kernel().expose
+    in_threads(
+        lambda first, last: work(*rows, first, last, channels, numbers, keys, *lines, *maps, origin),
+        len(rows[0]) * height,
+    )
+
+
+def _origin(stream: Stream) -> tuple[int, int]:
+    return stream.window[0].start, stream.window[1].start
+
+
+def _pattern(
+    name: str, run: Mapping[str, Values], signal: Tensor, stream: Stream, context: Context
+) -> np.ndarray:
+    """The pattern of every pixel, (C or B C, H, W) float32; (C, H, 0) where there is none."""
+    channels, height, width = signal.shape[1:]
+    if name not in run:
+        return np.zeros((channels, height, 0), np.float32)
+    pattern = context.measured_map(name, signal)
+    if pattern is None:
+        unit = "_e" if name == "dsnu" else ""
+        parts = (getattr(run[name], part + unit) for part in ("column", "row", "pixel"))
+        pattern = stream.fork(name).fixed.pattern(*parts)
+    full = pattern.float().expand(-1, channels, height, width).contiguous()
+    return full.numpy().reshape(-1, height, width)
+
+
+def _numbers(run: Mapping[str, Values], batch: int, context: Context) -> np.ndarray:
+    k, n = kernel(), neutral(batch)
+
+    def put(column: int, value: Any) -> None:
+        n[:, column] = np.asarray(value, np.float32).reshape(-1)
+
+    if "quantum_efficiency" in run:
+        put(k.ELECTRONS, run["quantum_efficiency"].value)
+    if "prnu" in run:
+        n[:, k.LEAST_E] = 0
+    if "dark_current" in run:
+        put(k.DARK_E, context.dark_current_e)
+    if "photon_shot_noise" in run:
+        n[:, k.COUNTED] = 1
+    if "saturation" in run:
+        put(k.FULL_WELL_E, run["saturation"].full_well_e)
+    if "read_noise" in run:
+        p = run["read_noise"]
+        shape, sigma = (x.double().numpy() for x in (p.shape, p.sigma_e))
+        put(k.READ_SHAPE, shape)
+        put(k.READ_SCALE_E, sigma if p.meaning == "scale" else sigma / standard_deviation(shape))
+        put(k.AFTER_GAIN_E, p.after_gain_dn * context.gain_e_per_dn)
+    if "system_gain" in run:
+        put(k.E_PER_DN, context.gain_e_per_dn)
+        put(k.BLACK_DN, context.black_level_dn)
+    if "quantization" in run:
+        n[:, k.MAX_DN] = context.max_dn
+    return n
