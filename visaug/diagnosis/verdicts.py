@@ -17,7 +17,7 @@ from scipy.stats import norm
 from visaug.camera import Camera
 from visaug.camera.paths import path_of, place_of
 from visaug.diagnosis.candidates.signatures import FEW, Signatures, simulated
-from visaug.diagnosis.candidates.trials import Trial
+from visaug.diagnosis.candidates.trials import Trial, strength_of
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.fitting.law import law, scatter_along
 from visaug.diagnosis.fitting.reference import Null
@@ -122,7 +122,10 @@ class Course:
             k = int(np.argmax(factors <= 1)) if (factors <= 1).any() else len(factors) - 1
             return (float(self.strengths[k]) if factors[k] <= 1 else np.inf), k
         k = len(factors) - 1 - int(np.abs(np.log(factors))[::-1].argmin())
-        return float(factors[k] * self.strengths[k]), k
+        # a strength that was simulated and is not shown is below the limit, whatever the power law says
+        low = self.strengths[factors > 1].max(initial=0.0)
+        high = self.strengths[(factors <= 1) & (self.strengths > low)].min(initial=np.inf)
+        return float(np.clip(factors[k] * self.strengths[k], low, high)), k
 
 
 def verdicts(setting: Setting, end: Stage) -> tuple[Verdict, ...]:
@@ -154,13 +157,6 @@ def sight_of(setting: Setting, end: Stage) -> Sight:
     match, largest = (float(np.quantile(of, RARE)) for of in (test.matches, test.largests))
     null = state.fitted.reference.whole_null
     return Sight(null, views, state.fitted.whole_residual, state.whole.allowance, match, largest)
-
-
-def strength_of(camera: Camera, trial: Trial) -> tuple[str, float]:
-    """Path of the first strength of a trial, and its distance from the camera without the effect."""
-    path, value = next((path, value) for path, value in trial.values if not isinstance(value, str))
-    without = camera.values().get(path, 0.0)
-    return path, abs(value - without) if np.isfinite(without) else 1 / value
 
 
 def _course(setting: Setting, signs: Signatures, name: str) -> Course | None:
@@ -248,7 +244,7 @@ def _judged(setting: Setting, end: Stage, sight: Sight, name: str, course: Cours
     factor = width * float(way @ sight.metric.white(sight.residual))
     if factor > sight.match * width and end.is_missing:
         return Verdict(words[0], "not separable", *words[1:], others=("unexplained",))
-    limit = max(limit, -np.log(1 - POWER) / places_of_events(setting, unit))
+    limit = max(limit, -np.log(1 - POWER) / places_of_events(setting, course.path, unit))
     upper = (max(factor, 0.0) + ONE_SIDED * width) * course.strengths[k]
     if limit <= plausible:
         most = limit if course.is_stepwise else max(limit, min(upper, plausible))
@@ -259,14 +255,14 @@ def _judged(setting: Setting, end: Stage, sight: Sight, name: str, course: Cours
     return Verdict(words[0], "not testable", *words[1:], limit=stated(limit))
 
 
-def places_of_events(setting: Setting, unit: str) -> float:
+def places_of_events(setting: Setting, path: str, unit: str) -> float:
     """How often an effect that is a number of single events happens in these frames at strength 1; infinite for others.
 
     Whatever the size of an event, there is none with the probability exp(-n) where n are expected.
     """
     frames = setting.lab.parts[-1].frames
     rows, columns = frames.shape(0)
-    if unit == "share of pixels":
+    if unit == "share of pixels" or (unit == "fraction" and path.endswith(".density")):
         return rows * columns
     if unit == "1/(Mpx s)":
         return 1e-6 * rows * columns * sum(r.exposure_s for r in frames.records)

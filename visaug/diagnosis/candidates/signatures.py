@@ -55,9 +55,9 @@ def scanned(lab: Laboratory, reference: Reference, tried: Sequence[Trial], repor
     found = _signed(reference, plain, moves)
     random = {t.effect for t, move in zip(plain, moves, strict=True) if is_random(move, reference.null_scale)}
     faint = {t.kind for t, size in zip(plain, sizes, strict=True) if size < SHOWN}
-    others = [_strongest(t) for t in plain if t.kind in faint and _strongest(t) != t]
+    others = [strongest(t) for t in plain if t.kind in faint and strongest(t) != t]
     weak = {kind[0] for kind in faint}
-    others += [_strongest(t) if t.effect in weak else t for t in tried if t.is_other_form]
+    others += [strongest(t) if t.effect in weak else t for t in tried if t.is_other_form]
     others = [trial for trial in others if trial.fits(reference.camera)]
     for count, chosen in (
         (FEW, [t for t in others if t.effect in random]),
@@ -102,7 +102,7 @@ def _nothing(reference: Reference) -> Signatures:
     return Signatures((), nothing, nothing)
 
 
-def _strongest(trial: Trial) -> Trial:
+def strongest(trial: Trial) -> Trial:
     """The trial with the strengths that it has at their last trial value."""
     effect = catalogue()[trial.effect]
     if effect.base or trial.is_fixed:

@@ -1,5 +1,6 @@
 """Effects that may be missing, and the trial values of each."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -264,6 +265,13 @@ def strengths_to_try(parameter: Parameter) -> tuple:
     values = parameter.trials or (parameter.default,)
     values = values if parameter.integer else values[:1]
     return values if any(values) else (min(max(1.0, parameter.low), parameter.high),)
+
+
+def strength_of(camera: Camera, trial: Trial) -> tuple[str, float]:
+    """Path of the first strength of a trial, and its distance from the camera without the effect."""
+    path, value = next((path, value) for path, value in trial.values if not isinstance(value, str))
+    without = camera.values().get(path, 0.0)
+    return path, abs(value - without) if math.isfinite(without) else 1 / value
 
 
 def exchanged(camera: Camera, own: str, other: Camera, rival: str) -> Camera:
