@@ -47,9 +47,16 @@ class Adding:
 
     def with_candidate(self, state: State, candidate: Refined) -> State:
         """The state with a candidate, simulated and refitted, by as many simulated sets as its evidence needs."""
-        after = self.sketched(state, candidate)
-        if self.is_hopeless(state, candidate, after):
-            return after
+        sketch = self.sketched(state, candidate)
+        if self.is_hopeless(state, candidate, sketch):
+            return sketch
+        return self.completed(state, candidate, sketch)
+
+    def completed(self, state: State, candidate: Refined, after: State) -> State:
+        """The state of a sketch by more simulated sets, until its evidence is decided.
+
+        The strength is estimated from the variance that the effect adds where its mean shift is not enough.
+        """
         told = self._told(state, after, candidate)
         if told is not None and not told.is_in_means:
             so = self._as_it_scatters(state, candidate, after, told)

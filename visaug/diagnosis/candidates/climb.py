@@ -18,7 +18,7 @@ from visaug.effects import catalogue
 NEAR = 3.0  # steps within which the derivatives of the camera's parameters are valid
 FOLLOWED = 3  # largest number of times that the camera's parameters are moved along
 HOPELESS = 1000.0  # log likelihood behind the best that the camera's parameters cannot make up for
-STRONGER, FARTHEST = 3.0, 2  # times a strength that is tried next at the start; how often
+STRONGER, FARTHEST = 3.0, 5  # times a strength that is tried next at the start; how often
 NOISY = 1.0  # loss of log likelihood that the noise of a few simulations may cause
 LEAST_SHARE = 0.02  # that a derivative's true size is taken to have of its noisy one
 

@@ -86,7 +86,7 @@ def refine(
     beaten: float = 0.0,
     least: float = -np.inf,
     also: Sequence[Camera] = (),
-    iterations: int = 6,
+    iterations: int = 8,
 ) -> Refined:
     """Fits the effect's parameters by damped Gauss-Newton with common random numbers, the camera's parameters left open.
 

@@ -20,10 +20,10 @@ from visaug.effects import catalogue
 SHARPENED = 3  # largest number of strengths at which the signature of a candidate is simulated,
 NEAR_ENOUGH = 0.4  # logarithm of the scale up to which a signature needs no other strength,
 FAR_STEP = 3.0  # and largest step of the logarithm of a strength
-TRIED = 3  # largest number of candidates that are refined in a step, if they gain
-SHARE = 0.4  # this share of the best gain
+TRIED = 4  # largest number of candidates that are refined in a step, if they gain
+SHARE = 0.2  # this share of the best gain
 ALIKE = 0.3  # share of the best gain within which two candidates, or two options of one, are equivalent
-OTHER_STARTS = 2  # further starts of the best candidate,
+OTHER_STARTS = 4  # further starts of the best candidate,
 OTHER = 0.05  # with forms whose signatures gain at least this share of the best form's,
 NOT_FAR = 0.3  # iterated if their start gains at least this share
 MUCH = 6.0  # standard deviations in some statistic from which further starts are tried
