@@ -59,7 +59,7 @@ def corrected(camera: Camera, frames: FrameSet, lab: Laboratory) -> tuple[Camera
     if frames.is_pictures:
         return camera, ()
     seen = tuple(_exposure(camera, frames))  # which no statistic of the frames depends on
-    camera = _fixed(camera, seen) or camera
+    camera = (_fixed(camera, seen) if seen else None) or camera
     found = suspects(camera, frames)
     if not found or not (better := _fixed(camera, found)):
         return camera, seen
@@ -80,7 +80,7 @@ def corrected(camera: Camera, frames: FrameSet, lab: Laboratory) -> tuple[Camera
         without = sets[0] if len(found) == 1 else lab.finding([(others or camera, k) for k in range(SETS)])
         if distance(without) - best > BETTER:
             kept.append(one)
-    return _fixed(camera, kept) or camera, (*seen, *kept)
+    return (_fixed(camera, kept) if kept else None) or camera, (*seen, *kept)
 
 
 def _fixed(camera: Camera, mistakes: Sequence[Mistake]) -> Camera | None:

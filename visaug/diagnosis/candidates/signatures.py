@@ -113,7 +113,7 @@ def strongest(trial: Trial) -> Trial:
 
 def _signed(reference: Reference, tried: Sequence[Trial], moves: np.ndarray) -> Signatures:
     """Signatures from shifts (trials, simulations, statistics); trials without a finite one are left out."""
-    finite = np.flatnonzero(np.isfinite(moves).all((1, 2)))
+    finite = np.flatnonzero(np.isfinite(moves).all((1, 2))).tolist()
     moves, scale = moves[finite], reference.null_scale
     if moves.shape[1] == 1:
         return Signatures(tuple(tried[i] for i in finite), moves[:, 0], np.zeros_like(moves[:, 0]))

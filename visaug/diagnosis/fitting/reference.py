@@ -8,13 +8,14 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.diagnosis.fitting.parameters import WELL, Coordinate, moved
-from visaug.diagnosis.fitting.robust import adjust, drawn_to_zero, standardised
+from visaug.diagnosis.fitting.robust import adjust, standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.statistics.distance import largest_of_each, least_spread, variance
 
 PAIRS = 2  # simulated steps of a derivative, on alternate sides and with the random numbers of a simulated set each
 MORE_PAIRS = 4  # of a derivative of which noise is much even with a step so many times as wide:
 WIDER = 4.0
+CERTAIN = 3.0  # standard errors by which a noisy derivative must differ from 0
 NOISY = 0.1  # share of noise in a derivative from which more simulations are used
 FAR = 6.0  # steps of a coordinate beyond which the reference is simulated anew
 STAGES = (60, 120, 200)  # simulated sets after each of which a test is asked whether it is decided
@@ -258,8 +259,7 @@ def derivatives(
     """Derivatives of the mean statistics with common random numbers: (statistics, coordinates) of each use.
 
     Where few simulations leave a large standard error, they are made with a wider step, and where that does not help (an effect
-    whose random numbers change with a step) more of them. What is then within the noise is shrunk to 0: a spurious derivative
-    would fix the parameter.
+    whose random numbers change with a step) more of them, and what is within their noise is 0.
 
     Args:
         sets: (R, statistics) of each use, simulated sets of the camera.
@@ -285,10 +285,24 @@ def derivatives(
         last = min(MORE_PAIRS, len(sets[0]))
         if still and last > PAIRS:
             more = differences(lab, camera, [wide[k] for k in still], range(PAIRS, last), sets, report)
-            for slope, first, further in zip(slopes, pairs, more, strict=True):
+            for slope, first, further, own in zip(slopes, pairs, more, sets, strict=True):
                 of = np.concatenate([first[still], further], axis=1)
-                slope[[unclear[k] for k in still]] = drawn_to_zero(of.mean(1), of.var(1, ddof=1) / last)
+                slope[[unclear[k] for k in still]] = _certain(of, variance(own))
     return [slope.T for slope in slopes]
+
+
+def _certain(pairs: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """Means of difference quotients (coordinates, simulations, statistics), 0 where they are within `CERTAIN` standard errors.
+
+    The noise of a thousand statistics would outweigh the few that answer, and would make refits of simulated sets, and so the
+    intervals, too narrow (regression dilution). Few simulations do not tell the noise of one statistic; all together do.
+
+    Args:
+        spread: (statistics,) variances of simulated sets.
+    """
+    mean, noise = pairs.mean(1), pairs.var(1, ddof=1) / pairs.shape[1]
+    share = np.divide(noise, spread, out=np.zeros_like(noise), where=spread > 0).mean(-1, keepdims=True)
+    return np.where(mean**2 > CERTAIN**2 * np.maximum(noise, share * spread), mean, 0.0)
 
 
 def differences(
