@@ -108,8 +108,13 @@ class Course:
         of_signs = sight.directions(self.signs)
         return (sight.metric.white(self.shifts) @ of_signs.T).max(1, initial=0.0)
 
-    def limit(self, sight: Sight) -> tuple[float, int]:
-        """The smallest strength that is shown, and the place of the simulated strength from which it follows."""
+    def limit(self, sight: Sight, is_final: bool = False) -> tuple[float, int]:
+        """The smallest strength that is shown, and the place of the simulated strength from which it follows.
+
+        Args:
+            is_final: far from every simulated strength the power law is not trusted; the smallest of these that is shown
+                is taken.
+        """
         matches = np.maximum(self.matches(sight), 1e-3)
         power = 1.0
         if len(matches) > 1:
@@ -125,7 +130,10 @@ class Course:
         # a strength that was simulated and is not shown is below the limit, whatever the power law says
         low = self.strengths[factors > 1].max(initial=0.0)
         high = self.strengths[(factors <= 1) & (self.strengths > low)].min(initial=np.inf)
-        return float(np.clip(factors[k] * self.strengths[k], low, high)), k
+        limit = float(np.clip(factors[k] * self.strengths[k], low, high))
+        if is_final and not abs(np.log(limit / self.strengths[k])) <= np.log(NEAR):
+            limit = float(high)
+        return limit, k
 
 
 def verdicts(setting: Setting, end: Stage) -> tuple[Verdict, ...]:
@@ -226,7 +234,7 @@ def _completed(setting: Setting, sight: Sight, courses: dict[str, Course]) -> di
 
 
 def _judged(setting: Setting, end: Stage, sight: Sight, name: str, course: Course) -> Verdict:
-    limit, k = course.limit(sight)
+    limit, k = course.limit(sight, is_final=True)
     unit = place_of(course.path).parameter.unit
     plausible = _plausible(name, course)
     without = setting.first.camera.values().get(course.path, 0.0)
@@ -235,7 +243,8 @@ def _judged(setting: Setting, end: Stage, sight: Sight, name: str, course: Cours
         """The parameter at a distance from the camera without the effect."""
         if not np.isfinite(strength):
             return None
-        return 1 / strength if not np.isfinite(without) else without - strength if without else strength
+        stated = 1 / strength if not np.isfinite(without) else without - strength if without else strength
+        return float(stated)
 
     words = (name, course.path, unit)
     directions = sight.directions(course.signs)
@@ -247,7 +256,8 @@ def _judged(setting: Setting, end: Stage, sight: Sight, name: str, course: Cours
     limit = max(limit, -np.log(1 - POWER) / places_of_events(setting, course.path, unit))
     upper = (max(factor, 0.0) + ONE_SIDED * width) * course.strengths[k]
     if limit <= plausible:
-        most = limit if course.is_stepwise else max(limit, min(upper, plausible))
+        is_matched = (sight.match + ONE_SIDED) * width * course.strengths[k] < NEAR * limit
+        most = max(limit, min(upper, plausible)) if is_matched and not course.is_stepwise else limit
         return Verdict(words[0], "absent", *words[1:], limit=stated(most))
     others = _absorbing(end, sight, course, plausible)
     if others:
