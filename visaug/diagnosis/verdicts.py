@@ -117,8 +117,9 @@ class Course:
         """
         matches = np.maximum(self.matches(sight), 1e-3)
         power = 1.0
-        if len(matches) > 1:
-            ratios = np.diff(np.log(matches)) / np.diff(np.log(self.strengths))
+        ways = np.diff(np.log(self.strengths))
+        if (ways > 0).any():
+            ratios = np.diff(np.log(matches))[ways > 0] / ways[ways > 0]
             power = float(np.clip(np.median(ratios), 0.5, STEEPEST))
         factors = np.array(
             [sight.smallest(*one, power) for one in zip(matches, self.shifts, self.variances, strict=True)]
