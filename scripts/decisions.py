@@ -30,7 +30,7 @@ from benchmark.sets import camera_yaml
 from benchmark.small import CHART, PLAN, SENSOR, chart
 from benchmark.strengths import scaled
 from visaug import Camera, FrameSet
-from visaug.diagnosis import choice, criterion, search
+from visaug.diagnosis import choice, criterion, search, stage
 from visaug.diagnosis.criterion import Evidence
 from visaug.diagnosis.state import State
 from visaug.frames import FrameRecord
@@ -129,7 +129,7 @@ def record(folder: Path, seeds: list[int]) -> None:
             continue
         camera = Camera.load(yaml.safe_load(camera_yaml(one.sensor)))
         # Of clean sets the search is made to go on, so that there are candidates to refuse.
-        level = patch.object(search, "SIGNIFICANT", 2.0 if one.kind == "clean" else search.SIGNIFICANT)
+        level = patch.object(stage, "SIGNIFICANT", 2.0 if one.kind == "clean" else stage.SIGNIFICANT)
         left_out = one.names if one.kind == "leave_out" else ()
         recorder = Recorder()
         with level, recorder.recording():

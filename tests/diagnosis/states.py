@@ -47,6 +47,10 @@ class Stated:
         return 1000 - self.score if self.score > ODDS else self.score
 
     @property
+    def is_decided(self) -> bool:
+        return True
+
+    @property
     def is_reached(self) -> bool:
         return self.share >= SHARE
 

@@ -92,21 +92,28 @@ def scattering(monkeypatch, *told: Scatter | None) -> None:
     monkeypatch.setattr(adding, "scatter", lambda *_: left.pop(0) if len(left) > 1 else left[0])
 
 
-@pytest.mark.parametrize(("far", "few", "many"), [(False, [30], [120]), (True, [30, 30], [120])])
-def test_few_sets_are_simulated_first_and_anew_where_the_fit_ends_far_from_them(
-    monkeypatch, stated, drift, begun, far, few, many
+@pytest.mark.parametrize(
+    ("far", "decided", "few", "many"),
+    [(False, True, [30], [60]), (False, False, [30], [60, 120]), (True, True, [30, 30], [60])],
+)
+def test_sets_are_simulated_until_the_evidence_is_decided_and_anew_where_the_fit_ends_far_from_them(
+    monkeypatch, stated, drift, begun, far, decided, few, many
 ):
     made = []
 
-    def reference(lab, camera, coordinates, count, report, known=None, first=None):
-        made.append((count, first))
-        return leaving([1.0], camera).fitted.reference
+    def reference(lab, camera, coordinates, count, report, known=None, begun=None):
+        made.append((count, begun))
+        made_here = leaving([1.0], camera).fitted.reference
+        made_here.sets = [0.0] * count
+        return made_here
 
-    def refitted(lab, reference, *_):
+    def refitted(lab, reference, *_, **__):
         return Fitted(reference, reference.camera, *np.ones((3, 1)))
 
     monkeypatch.setattr(adding.cache, "reference", reference)
     monkeypatch.setattr(adding.cache, "refit", refitted)
+    monkeypatch.setattr(adding, "refit", refitted)
+    monkeypatch.setattr(adding, "evidence", lambda *_: SimpleNamespace(is_decided=decided))
     monkeypatch.setattr(adding.cache, "is_far", lambda *_: far and len(made) == 1)
     monkeypatch.setattr(Adding, "_refitted", lambda self, reference, near: refitted(None, reference))
     scattering(monkeypatch, FITTED)
@@ -115,7 +122,7 @@ def test_few_sets_are_simulated_first_and_anew_where_the_fit_ends_far_from_them(
     assert [count for count, _ in made] == few
     after = begun.completed(before, drift, sketch)
     assert [count for count, _ in made] == few + many
-    assert made[-1][1] is sketch.fitted.reference  # its sets are reused
+    assert made[len(few)][1] is sketch.fitted.reference  # its sets are reused
     assert after.accepted == ("light_drift",)
 
 
@@ -156,7 +163,8 @@ def test_a_strength_is_estimated_from_variance_where_means_do_not_determine_it(
     states = {name: leaving([1.0], stated) for name in ("sketch", "variance", "means")}
     scattering(monkeypatch, told)
     monkeypatch.setattr(Adding, "_as_it_scatters", lambda *_: states["variance"] if reproduced else None)
-    monkeypatch.setattr(Adding, "_added", lambda *_, **__: states["means"])
+    monkeypatch.setattr(Adding, "grown", lambda *_: states["means"])
+    monkeypatch.setattr(adding, "evidence", lambda *_: SimpleNamespace(is_decided=True))
     after = begun.completed(leaving([9.0], stated), drift, states["sketch"])
     assert after is states["means" if by_means else "variance"]
 
@@ -209,7 +217,7 @@ def test_other_parameters_of_a_random_effect_are_tried_at_the_catalogues_values(
 
     def scatters(self, state, candidate, camera, of, sets, first=None):
         calls.append((sets, camera.values()["light_drift.correlation"]))
-        if sets == adding.SETS_BEFORE and strength.pop(0) is None:
+        if sets == adding.STAGES_AFTER[0] and strength.pop(0) is None:
             return None
         return SimpleNamespace(fitted=SimpleNamespace(reference=SimpleNamespace(camera=camera)))
 
@@ -220,4 +228,4 @@ def test_other_parameters_of_a_random_effect_are_tried_at_the_catalogues_values(
     after = begun._as_it_scatters(leaving([9.0], stated), drift, leaving([1.0], drift.camera), RANDOM)
     assert (after is None) == (taken is None)
     full = [] if taken is None else [(adding.SETS_AFTER, taken)]
-    assert calls == [(adding.SETS_BEFORE, c) for c in (0.0, 0.9)][:sketched] + full
+    assert calls == [(adding.STAGES_AFTER[0], c) for c in (0.0, 0.9)][:sketched] + full

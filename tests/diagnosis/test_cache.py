@@ -32,11 +32,11 @@ def test_one_effect_more_or_less_costs_no_other(stated, tmp_path, monkeypatch):
 
     def signs_of(without):
         tried = []
-        real = cache.simulated_signatures
+        real = cache.scanned
         with monkeypatch.context() as patch:
-            patch.setattr(cache, "simulated_signatures", lambda *a: (tried.extend(a[2]), real(*a))[1])
-            reference = search._Search(lab, stated, without, lambda *_: None, 20)._reference()
-            signs = cache.signatures(lab, reference, search.trials(stated, without), 20, lambda *_: None)
+            patch.setattr(cache, "scanned", lambda *a: (tried.extend(a[2]), real(*a))[1])
+            reference = search.given_reference(lab, stated, 20, lambda *_: None)
+            signs = cache.signatures(lab, reference, search.trials(stated, without), lambda *_: None)
             return signs, {trial.effect for trial in tried}
 
     _, first = signs_of(few | {"row_noise"})
@@ -52,33 +52,16 @@ def test_kept_signatures_are_those_of_their_own_trials(stated, tmp_path, monkeyp
     monkeypatch.setenv("VISAUG_CACHE", str(tmp_path))
     lab = Laboratory(frame_set(5), stated, 0)
     few = frozenset(search.catalogue()) - {"row_noise", "tap_mismatch"}
-    reference = search._Search(lab, stated, few, lambda *_: None, 20)._reference()
+    reference = search.given_reference(lab, stated, 20, lambda *_: None)
     tried = search.trials(stated, few)
-    cache.signatures(lab, reference, tried, 20, lambda *_: None)
-    kept = cache.signatures(lab, reference, tried, 20, lambda *_: None)
-    direct = cache.simulated_signatures(lab, reference, tried, lambda *_: None)
-    assert kept.trials == direct.trials
-    assert (kept.values == direct.values).all()
-
-
-def test_an_interrupted_diagnosis_goes_on_with_the_effect_it_was_at(stated, tmp_path, monkeypatch):
-    monkeypatch.setenv("VISAUG_CACHE", str(tmp_path))
-    lab = Laboratory(frame_set(5), stated, 0)
-    few = frozenset(search.catalogue()) - {"row_noise", "tap_mismatch"}
-    reference = search._Search(lab, stated, few, lambda *_: None, 20)._reference()
-    tried, real, seen = search.trials(stated, few), cache.simulated_signatures, []
-
-    def signatures(lab, reference, own, report):
-        seen.append(own[0].effect)
-        if len(seen) == 2:
-            raise KeyboardInterrupt
-        return real(lab, reference, own, report)
-
-    monkeypatch.setattr(cache, "simulated_signatures", signatures)
-    with pytest.raises(KeyboardInterrupt):
-        cache.signatures(lab, reference, tried, 20, lambda *_: None)
-    cache.signatures(lab, reference, tried, 20, lambda *_: None)
-    assert seen[2:] == seen[1:2]
+    cache.signatures(lab, reference, tried, lambda *_: None)
+    kept = cache.signatures(lab, reference, tried, lambda *_: None)
+    direct = cache.scanned(lab, reference, tried, lambda *_: None)
+    places = [
+        direct.trials.index(trial) for trial in kept.trials
+    ]  # by effect, where those at once are by strength
+    assert sorted(places) == list(range(len(direct.trials)))
+    assert (kept.values == direct.values[places]).all()
 
 
 def test_an_interrupted_reference_goes_on_with_the_stage_it_was_at(stated, tmp_path, monkeypatch):

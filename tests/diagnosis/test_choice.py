@@ -38,16 +38,12 @@ class Simulations:
     def name(camera: Camera, effect: str) -> str:
         return camera.choices().get(f"{effect}.pattern", effect)
 
-    def sketched(self, state, candidate: Refined):
-        self.sketches.append(self.name(candidate.camera, candidate.effect))
-        return leaving([1.0], candidate.camera, candidate.effect)
-
-    def is_hopeless(self, state, candidate: Refined, sketch) -> bool:
-        return self.name(candidate.camera, candidate.effect) in self._hopeless
-
-    def completed(self, state, candidate: Refined, sketch):
-        self.completions.append(self.name(candidate.camera, candidate.effect))
-        return leaving([0.0], candidate.camera, candidate.effect)
+    def with_candidate(self, state, candidate: Refined):
+        name = self.name(candidate.camera, candidate.effect)
+        self.sketches.append(name)
+        if name not in self._hopeless:
+            self.completions.append(name)
+        return leaving([1.0 if name in self._hopeless else 0.0], candidate.camera, candidate.effect)
 
     def _of(self, after) -> tuple[str, Stated]:
         name = self.name(after.fitted.camera, after.accepted[-1])

@@ -13,7 +13,7 @@ from visaug.diagnosis.candidates.matches import Match, best_of_each
 from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.candidates.selection import first_matches
 from visaug.diagnosis.candidates.signatures import Signatures, is_random, own_variance
-from visaug.diagnosis.candidates.trials import Trial, beside_words, effect_trials
+from visaug.diagnosis.candidates.trials import Trial, beside_words, effect_trials, form_trials
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.law import Metric, law, scatter_along, shrunk
 from visaug.diagnosis.fitting.reference import Null
@@ -233,36 +233,20 @@ def test_candidates_are_refined_from_the_numbers_of_an_earlier_step_too(stated, 
 
     monkeypatch.setattr(selection, "first_matches", lambda *_: ([match], [match]))
     monkeypatch.setattr(selection, "refine", refine)
+    monkeypatch.setattr(selection, "sharpened", lambda lab, signs, *_: signs)
     for earlier in ({}, {"vignetting": found}, {"smear": found}):
         selection.candidates(None, None, fitted.fitted, fitted, frozenset(), lambda *_: None, earlier)  # pyright: ignore[reportArgumentType]
     assert begun == [[], [pytest.approx(0.17)], []]
 
 
-def test_between_two_widths_the_one_whose_moves_are_as_large_as_what_is_left(stated):
-    """What a blur moves grows as the fourth power of its width or faster; 0.2 and 0.6 px are both far off 0.47."""
-    a, b = (stated.with_effect("point_spread", sigma_px=sigma) for sigma in (0.2, 0.6))
-
-    def wanted(camera: Camera) -> float:
-        sigma = camera.values()["point_spread.sigma_px"]
-        return 4 * np.log(0.47 / sigma) - 3 * (sigma - 0.47)
-
-    found = refinement._balanced(a, b, wanted(a), wanted(b), ["point_spread.sigma_px"], wanted)
-    assert found.values()["point_spread.sigma_px"] == pytest.approx(0.47, rel=0.01)
-
-
-def test_a_width_between_one_that_moves_nothing_and_one_that_moves_far_too_much(stated):
-    """0.04 px of blur is nothing at all, 0.2 px a hundredfold of what 0.13 px is."""
-    pattern = np.array([8.0, -3.0, 1.0])
-
-    def finding(jobs) -> np.ndarray:
-        sigma = [camera.values().get("point_spread.sigma_px", 0.0) for camera, _ in jobs]
-        return np.array([(s / 0.13) ** 10 * pattern * (s > 0.05) for s in sigma])
-
-    reference = SimpleNamespace(null_scale=np.ones(3), coordinates=())
-    fitted = SimpleNamespace(reference=reference, camera=stated, z=pattern)
-    beside = [Trial("point_spread", (("point_spread.sigma_px", sigma),)) for sigma in (0.04, 0.2, 0.6)]
-    starts = refinement._among(SimpleNamespace(finding=finding), fitted, beside)  # type: ignore[arg-type]
-    assert starts[-1].values()["point_spread.sigma_px"] == pytest.approx(0.13, rel=0.05)
+@pytest.mark.parametrize("power", [1.0, 2.0, 4.0])
+def test_the_strength_at_which_a_signature_needs_no_scale_is_found(power):
+    """A level is proportional to the strength, a variance to its square, a blur to no power: after four points within 5 %."""
+    wanted, past = 3.7, []
+    for _ in range(4):
+        at = selection._next(past) if past else 0.0
+        past.append((at, power * (np.log(wanted) - at)))
+    assert selection._next(past) == pytest.approx(np.log(wanted), abs=0.05)
 
 
 def test_what_is_rare_is_seen_to_bring_a_spread_of_its_own():
@@ -281,7 +265,7 @@ def test_what_is_rare_is_seen_to_bring_a_spread_of_its_own():
 def test_a_wide_range_of_numbers_is_tried_in_the_words_that_match_best():
     """A glow of few pixels may lie in every corner: its widths reach from a few pixels of a megapixel sensor to all of it."""
     glow = catalogue()["amplifier_glow"]
-    default, *others = (t for t in effect_trials(glow) if ("amplifier_glow.shape", 2.0) not in t.values)
+    (default,), others = effect_trials(glow), form_trials(glow)
     assert beside_words(default) == []
     corner = next(t for t in others if ("amplifier_glow.place", "top_left") in t.values)
     widths = sorted(dict(t.values)["amplifier_glow.width"] for t in beside_words(corner))

@@ -1,58 +1,36 @@
-"""The hold-out frames decide whether a refit without a new effect is kept."""
+"""The hold-out frames decide whether a refit without a new effect is kept; what the criterion accepted stays."""
 
 from types import SimpleNamespace
-from typing import cast
 
 import pytest
 
-from visaug.diagnosis import search
-from visaug.diagnosis.result import Step
-from visaug.diagnosis.state import State
+from tests.diagnosis.states import leaving
+from visaug.diagnosis import outcome
+from visaug.diagnosis.stage import Stage
 from visaug.statistics.distance import Error
 
 
 @pytest.mark.parametrize(
     ("error", "accepted", "keeps_file"),
     [(1.16, (), True), (0.97, (), False), (1.16, ("row_noise",), False)],
+    ids=["a refit that raises the error", "one that lowers it", "an accepted effect"],
 )
-def test_a_refit_that_raises_the_error_is_not_kept(monkeypatch, error, accepted, keeps_file):
-    monkeypatch.setattr(search.State, "plain", lambda fitted: SimpleNamespace(fitted=fitted, accepted=()))
-    found = SimpleNamespace(fitted="refitted", accepted=accepted)
-    one = object.__new__(search._Search)
-    vars(one).update(
-        walk=[found], steps=[Step("refit", Error(error, error - 0.1, error + 0.1))], _unfitted="given"
+def test_a_refit_that_raises_the_error_is_not_kept_and_an_accepted_effect_is(
+    stated, error, accepted, keeps_file
+):
+    """An effect is judged by the criterion that accepted it, not by one error, which may rise by chance."""
+    camera = stated.with_effect("row_noise") if accepted else stated
+    unfitted = leaving([9.0] * 4, stated).fitted
+    setting = SimpleNamespace(
+        unfitted=unfitted,
+        errors=SimpleNamespace(told=lambda fitted: Error(1.0, 0.9, 1.1) if fitted is unfitted else None),
     )
-    vars(one)["errors"] = SimpleNamespace(
-        told=lambda fitted: Error(1.0, 0.9, 1.1) if fitted == "given" else None
+    states = [leaving([1.0] * 4, camera, *accepted[:n]) for n in range(len(accepted) + 1)]
+    history = tuple(Stage(state, 0.01, Error(error, error - 0.1, error + 0.1)) for state in states)
+    end, steps = outcome.kept(setting, history, 0.5)  # pyright: ignore[reportArgumentType]
+    assert (end.state.fitted is unfitted) == keeps_file
+    assert end.state.accepted == accepted
+    assert end.p_value == (0.5 if keeps_file else 0.01)
+    assert [step.action for step in steps] == (
+        ["keep the camera file"] if keeps_file else ["refit", *(f"add {name}" for name in accepted)]
     )
-    state = one._no_worse(cast(State, found))
-    assert state.fitted == ("given" if keeps_file else "refitted")
-    told = one.steps[-1].error
-    assert told is not None
-    assert told.value == (1.0 if keeps_file else error)
-
-
-@pytest.mark.parametrize(
-    ("lows", "kept", "dropped"),
-    [
-        ((0.9, 0.3, 1.04), ("row_noise",), "image_lag"),
-        ((0.9, 1.02, 1.04), (), "row_noise"),
-        ((0.9, 0.3, 0.99), ("row_noise", "image_lag"), None),
-        ((0.9, 1.04, 0.3), ("row_noise", "image_lag"), None),
-    ],
-    ids=["the last raises it", "both raise it", "within its interval", "only the first, before the second"],
-)
-def test_last_effects_that_raise_the_error_are_dropped(monkeypatch, lows, kept, dropped):
-    """Errors of the refit and of one and two effects: an effect goes where the whole interval lies above the file's error of 1."""
-    names = ("row_noise", "image_lag")
-    walk = [SimpleNamespace(fitted=low, accepted=names[:n]) for n, low in enumerate(lows)]
-    one = object.__new__(search._Search)
-    vars(one).update(walk=list(walk), lab=None, signs=None)
-    vars(one)["errors"] = SimpleNamespace(told=lambda low: Error(low + 0.1, low, low + 0.2))
-    one.steps = [Step(f"state {n}", one.errors.told(low)) for n, low in enumerate(lows)]
-    monkeypatch.setattr(search, "chance", lambda lab, signs, state: SimpleNamespace(p_value=0.01))
-    state, p_value, last = one._without_idle_effects(cast(State, walk[-1]), 0.3)
-    assert (state.accepted, last) == (kept, dropped)
-    assert one.walk == walk[: len(kept) + 1]
-    assert len(one.steps) == len(kept) + 1
-    assert p_value == (0.3 if dropped is None else 0.01)

@@ -182,20 +182,14 @@ def test_trials_of_a_kind_have_the_same_free_numbers(stated):
     assert all(one == alike[0] for alike in kinds.values() for one in alike)
 
 
-def test_a_form_is_tried_in_both_signs_where_its_strength_has_two(stated):
-    """Scaling a rising slope never gives a falling one. A number that only one word uses is tried with that word."""
-    slopes = [
-        dict(t.values)
-        for t in trials(stated)
-        if ("fixed_pattern_structure.shape", "slope") in t.values and t.effect == "fixed_pattern_structure"
-    ]
-    found = {
-        (s["fixed_pattern_structure.amplitude_e"] > 0, s.get("fixed_pattern_structure.curvature", 0.0))
-        for s in slopes
-    }
-    assert found == {(True, 0.0), (False, 0.0), (True, 0.5), (False, 0.5)}
-    glows = [dict(t.values) for t in trials(stated) if t.effect == "amplifier_glow"]
-    assert all(g["amplifier_glow.rate_e_per_s"] >= 0 for g in glows)
+def test_a_signature_may_be_scaled_to_the_other_sign_only_where_its_strength_has_two(stated):
+    by_form = {(t.effect, dict(t.values).get("fixed_pattern_structure.shape")): t for t in trials(stated)}
+    slope = by_form["fixed_pattern_structure", "slope"]
+    assert slope.is_signed
+    assert dict(slope.times(-2.0).values)["fixed_pattern_structure.amplitude_e"] == -2.0
+    glow = by_form["amplifier_glow", None]
+    assert not glow.is_signed
+    assert dict(glow.times(-2.0).values)["amplifier_glow.rate_e_per_s"] == 0.0  # its lower bound
 
 
 def test_a_diagnosis_proposes_no_effect_that_frames_cannot_show():

@@ -8,11 +8,11 @@ import pytest
 from tests.diagnosis.small import frame_set
 from tests.diagnosis.states import judged, leaving, refined
 from visaug import Camera
-from visaug.diagnosis import adding, search
+from visaug.diagnosis import adding, search, swap
 from visaug.diagnosis.laboratory import Laboratory
-from visaug.diagnosis.ranking import Ranking
-from visaug.diagnosis.result import Ranked, Step
+from visaug.diagnosis.result import Ranked
 from visaug.diagnosis.session.fits import Fits
+from visaug.diagnosis.stage import History, Stage
 
 
 @pytest.fixture
@@ -26,31 +26,29 @@ def veiled(stated) -> dict[str, Camera]:
     }
 
 
-def searching(veiled) -> search._Search:
-    """After a flare and a charge transfer were accepted; a veil had been simulated beside the flare."""
-    begun = object.__new__(search._Search)
+def flare_and(veiled, last) -> History:
+    """A flare was accepted, with a veil as its rival, and then the last effect of a state."""
     flare = refined("lens_flare", veiled["flare"], 1660.0, 5.0)
     veil = refined("veiling_glare", veiled["veil"], 1480.0, 2.0)
     alone = leaving([2, 20, 0, 0], veiled["veil"], "veiling_glare")
     own = judged(flare, leaving([0, 0, 0, 30], veiled["flare"], "lens_flare"), cost=5.0)
-    begun.stood = [[own, judged(veil, alone, cost=2.0)], []]
-    begun.errors = SimpleNamespace(told=lambda fitted: None)  # pyright: ignore[reportAttributeAccessIssue]
-    begun.lab = SimpleNamespace(statistics=())  # pyright: ignore[reportAttributeAccessIssue]
-    begun.steps = [
-        Step(word, None) for word in ("refit", "add lens_flare", "add charge_transfer_inefficiency")
-    ]
-    begun.walk = [leaving([300, 200, 90, 40], veiled["trail"]), *(alone, alone)]
-    begun.adding = adding.Adding(None, None, (), None)  # pyright: ignore[reportArgumentType]
-    begun.ranking = Ranking(None, ())  # pyright: ignore[reportArgumentType]
-    begun.ranking._ranked = {
-        name: Ranked(name, probability, None, {})
-        for name, probability in (
-            ("lens_flare", 0.98),
-            ("veiling_glare", 0.02),
-            ("charge_transfer_inefficiency", 1.0),
-        )
-    }
-    return begun
+    probabilities = {"lens_flare": 0.98, "veiling_glare": 0.02, "charge_transfer_inefficiency": 1.0}
+    ranked = {name: Ranked(name, p, None, {}) for name, p in probabilities.items()}
+    plain = leaving([300, 200, 90, 40], veiled["trail"])
+    return (
+        Stage(plain, 0.01, None),
+        Stage(own.state, 0.01, None, (own, judged(veil, alone, cost=2.0)), ranked=ranked),
+        Stage(last, 0.01, None, ranked=ranked),
+    )
+
+
+def setting(swapped=None, adequate=()):
+    """Simulates nothing: an exchange gives `swapped`, and states of `adequate` are adequate."""
+    return SimpleNamespace(
+        adding=SimpleNamespace(swapped=lambda *_: swapped),
+        errors=SimpleNamespace(told=lambda fitted: None),
+        tested=lambda state: (state, 0.5 if any(state is one for one in adequate) else 0.01),
+    )
 
 
 @pytest.mark.parametrize(("odds", "first"), [(-2.0, "veiling_glare"), (-4.0, "lens_flare")])
@@ -58,51 +56,38 @@ def test_an_effect_gives_way_to_a_rival_that_is_more_probable_beside_a_later_eff
     veiled, monkeypatch, odds, first
 ):
     """Both are compared as missing in the camera without any effect. The rival has fewer parameters, which cost 3 less."""
-    begun = searching(veiled)
-    plain = leaving([300, 200, 90, 40], veiled["trail"])
     both = leaving([0, 0, 0, 25], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
     under = veiled["trail"].with_effect("veiling_glare", share=0.016)
     swapped = leaving([1, 0, 0, 0], under, "veiling_glare", "charge_transfer_inefficiency")
+    history = flare_and(veiled, both)
     compared = []
 
     def between(before, one, other):
-        compared.append((before is plain, one is swapped, other is both))
+        compared.append((before is history[0].state, one is swapped, other is both))
         return odds
 
-    monkeypatch.setattr(adding.Adding, "swapped", lambda *_: swapped)
-    monkeypatch.setattr(search, "between", between)
-    found = begun._reconsidered(plain, both)
-    assert found is (swapped if first == "veiling_glare" else both)
+    monkeypatch.setattr(swap, "between", between)
+    found = swap.reconsidered(setting(swapped), history)  # pyright: ignore[reportArgumentType]
+    assert found[-1].state is (swapped if first == "veiling_glare" else both)
     assert compared == [(True, True, True)]
-    assert [step.action for step in begun.steps] == [
-        "refit",
-        f"add {first}",
-        "add charge_transfer_inefficiency",
-    ]
-    assert {r.effect: r.probability for r in begun.ranking.ranked}[first] == 0.98
+    assert [stage.action for stage in found] == ["refit", f"add {first}", "add charge_transfer_inefficiency"]
+    assert found[-1].ranked[first].probability == 0.98
 
 
 @pytest.mark.parametrize("adequate", [True, False])
-def test_an_effect_is_dropped_if_the_later_one_alone_explains_everything(veiled, monkeypatch, adequate):
+def test_an_effect_is_dropped_if_the_later_one_alone_explains_everything(veiled, adequate):
     """Two effects of which neither alone is adequate both stay."""
-    begun = searching(veiled)
-    alone = begun.stood[0][1].state
-    begun.steps[2] = Step("add veiling_glare", None)
-    begun.signs = ()  # pyright: ignore[reportAttributeAccessIssue]
-    monkeypatch.setattr(
-        search,
-        "chance",
-        lambda lab, signs, state: SimpleNamespace(p_value=0.5 if adequate and state is alone else 0.01),
-    )
-    both = leaving([0, 0, 0, 1], veiled["flare"].with_effect("veiling_glare"), "lens_flare", "veiling_glare")
-    found = begun._reconsidered(leaving([300, 200, 90, 40], veiled["trail"]), both)
-    assert found is (alone if adequate else both)
+    camera = veiled["flare"].with_effect("veiling_glare")
+    both = leaving([0, 0, 0, 1], camera, "lens_flare", "veiling_glare")
+    history = flare_and(veiled, both)
+    alone = history[1].standing[1].state
+    found = swap.reconsidered(setting(adequate=[alone] * adequate), history)  # pyright: ignore[reportArgumentType]
+    assert found[-1].state is (alone if adequate else both)
     kept = ["refit", *([] if adequate else ["add lens_flare"]), "add veiling_glare"]
-    assert [step.action for step in begun.steps] == kept
+    assert [stage.action for stage in found] == kept
 
 
 def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
-    begun = searching(veiled)
     made = {}
 
     def reference(lab, camera, coordinates, *_, **__):
@@ -115,7 +100,8 @@ def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
     both = leaving([0, 0, 0, 25], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
     camera = veiled["veil"].replace({"veiling_glare.width_px": 14.0})
     alone = leaving([300, 200, 90, 40], camera, "veiling_glare")
-    state = begun.adding.swapped(both, "lens_flare", alone)
+    simulating = adding.Adding(None, None, (), None)  # pyright: ignore[reportArgumentType]
+    state = simulating.swapped(both, "lens_flare", alone)
     assert state.accepted == ("veiling_glare", "charge_transfer_inefficiency")
     assert set(made["camera"].effect_names) == {"charge_transfer_inefficiency", "veiling_glare"}
     assert made["camera"].values()["veiling_glare.width_px"] == 14.0
@@ -123,26 +109,6 @@ def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
     assert "charge_transfer_inefficiency.share_per_transfer" in made["paths"]
     assert "veiling_glare.share" in made["paths"]
     assert not any(path.startswith("lens_flare.") for path in made["paths"])
-
-
-def test_a_step_has_the_numbers_of_the_steps_before(veiled, monkeypatch):
-    begun = searching(veiled)
-    state = leaving([2, 20, 0, 0], veiled["veil"], "veiling_glare")
-    flare, veil = (j.refined for j in begun.stood[0])
-    begun.signs = begun._seen = ()  # pyright: ignore[reportAttributeAccessIssue]
-    begun.without, begun.report, begun.refined = frozenset(), lambda *_: None, {}
-    begun.ranking = SimpleNamespace(rank=lambda *_: None)  # pyright: ignore[reportAttributeAccessIssue]
-    monkeypatch.setattr(search, "accepted", lambda *_: None)
-    had: list[dict] = []
-
-    def candidates(*known):
-        had.append(dict(known[-1]))
-        return [flare] if len(had) == 1 else [veil]
-
-    monkeypatch.setattr(search, "candidates", candidates)
-    for _ in range(3):
-        begun._add(state)
-    assert had == [{}, {"lens_flare": flare}, {"lens_flare": flare, "veiling_glare": veil}]
 
 
 @pytest.mark.parametrize("calibrated", [True, False])
@@ -157,7 +123,7 @@ def test_quantum_efficiency_is_refitted_only_where_the_photons_of_flats_are_meas
     monkeypatch.setattr(
         search.cache, "reference", lambda lab, camera, coordinates, *_: given.append(coordinates)
     )
-    search._Search(Laboratory(frames, stated), stated, frozenset(), lambda *_: None, 20)._reference()
+    search.given_reference(Laboratory(frames, stated), stated, 20, lambda *_: None)
     Fits(stated, frames)._reference((), lambda *_: None)
     assert len(given) == 2
     for coordinates in given:

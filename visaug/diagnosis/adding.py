@@ -15,8 +15,12 @@ from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.scatter import Scatter, scatter
 from visaug.diagnosis.state import State
 
-SETS_AFTER = 120  # simulated sets of a camera with an effect added,
-SETS_BEFORE = 30  # and the first of them, which estimate a strength and exclude candidates
+SETS_AFTER = 120  # largest number of simulated sets of a camera with an effect added
+STAGES_AFTER = (
+    30,
+    60,
+    SETS_AFTER,
+)  # their number after each of which the evidence is asked whether it is decided
 FIRST = 0.5  # share of the least evidence from which few simulated sets do not exclude a candidate
 SCALED = 2  # iterations of a strength that is estimated from variance
 BENT = 5.0  # standard deviations between fit and camera file above which a second fit starts from the file
@@ -42,25 +46,39 @@ class Adding:
     sets: int = SETS_AFTER
 
     def with_candidate(self, state: State, candidate: Refined) -> State:
-        """The state with a candidate, simulated and refitted."""
-        return self.completed(state, candidate, self.sketched(state, candidate))
+        """The state with a candidate, simulated and refitted, by as many simulated sets as its evidence needs."""
+        sketch = self.sketched(state, candidate)
+        if self.is_hopeless(state, candidate, sketch):
+            return sketch
+        return self.completed(state, candidate, sketch)
 
-    def completed(self, state: State, candidate: Refined, sketch: State) -> State:
-        """The state of a sketch by all simulated sets.
+    def completed(self, state: State, candidate: Refined, after: State) -> State:
+        """The state of a sketch by more simulated sets, until its evidence is decided.
 
         The strength is estimated from the variance that the effect adds where its mean shift is not enough.
         """
-        told = self._told(state, sketch, candidate)
+        told = self._told(state, after, candidate)
         if told is not None and not told.is_in_means:
-            so = self._as_it_scatters(state, candidate, sketch, told)
+            so = self._as_it_scatters(state, candidate, after, told)
             if so is not None:
                 return so
-        effect, own, begun = candidate.effect, candidate.coordinates, sketch.fitted.reference
-        return self._added(state, effect, begun.camera, own, self.sets, begun, settle=False)
+        for sets in self._stages[1:]:
+            after = self.grown(after, sets)
+            if evidence(state, after, len(candidate.coordinates), self.effects).is_decided:
+                break
+        return after
 
     def sketched(self, state: State, candidate: Refined) -> State:
         """The state by the first of the simulated sets. Where the fit ended far from them, they are simulated anew."""
         return self._added(state, candidate.effect, candidate.camera, candidate.coordinates, self._few)
+
+    def grown(self, state: State, sets: int) -> State:
+        """A state by more simulated sets, refitted; one whose strength is estimated from variance has all its sets."""
+        known = state.fitted.reference
+        if len(known.sets) >= sets or state.scatters:
+            return state
+        reference = cache.reference(self.lab, known.camera, known.coordinates, sets, self.report, begun=known)
+        return replace(state, fitted=refit(self.lab, reference, self.report, begin=state.fitted.camera))
 
     def is_hopeless(self, state: State, candidate: Refined, sketch: State) -> bool:
         """Whether few simulated sets exclude a candidate: its strength is fitted, and it explains little."""
@@ -75,8 +93,12 @@ class Adding:
         return max(len({trial.effect for trial in self.trials}), 1)
 
     @property
+    def _stages(self) -> list[int]:
+        return sorted({min(stage, self.sets) for stage in STAGES_AFTER})
+
+    @property
     def _few(self) -> int:
-        return min(SETS_BEFORE, self.sets)
+        return self._stages[0]
 
     def _as_it_scatters(self, state: State, candidate: Refined, sketch: State, told: Scatter) -> State | None:
         """The state with a strength estimated from variance; None if that does not reproduce itself.

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from visaug.diagnosis.fitting.law import Metric, each_half
 from visaug.diagnosis.fitting.robust import standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.state import State
-from visaug.statistics.tail import tail_factor
+from visaug.statistics.tail import is_decided, tail_factor
 
 SOMEWHERE = 3.0  # times as unlikely must one large residual be as a match, to count as much: what no effect matches is seldom faint
 
@@ -58,9 +59,19 @@ class Chance:
 
         The smaller of both p-values is compared with the smaller of both of every simulated set.
         """
+        return float(np.mean(self._least <= self._least[-1]))
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether more simulated sets would hardly change the verdict, see `visaug.statistics.tail.is_decided`."""
+        *others, own = -np.log(np.maximum(self._least, 1e-300))
+        return is_decided(own, np.array(others))
+
+    @cached_property
+    def _least(self) -> np.ndarray:
+        """(R + 1,) the smaller p-value of each simulated set and, last, of the measurement."""
         somewhere = SOMEWHERE * _ranks(self.largest, self.largests)
-        least = np.minimum(_ranks(self.match, self.matches), somewhere)
-        return float(np.mean(least <= least[-1]))
+        return np.minimum(_ranks(self.match, self.matches), somewhere)
 
 
 def chance(lab: Laboratory, signed: Signatures, state: State) -> Chance:

@@ -33,7 +33,7 @@ class Accepted:
         others: all that were not.
     """
 
-    standing: list[Judged]
+    standing: tuple[Judged, ...]
     odds: list[float]
     others: list[Refined]
 
@@ -77,7 +77,7 @@ def _chosen(state: State, first: Judged, standing: list[Judged], found: Sequence
     order = sorted(range(len(standing)), key=lambda k: (-odds[k], standing[k] is not first))
     names = {one.refined.effect for one in standing}
     return Accepted(
-        [standing[k] for k in order],
+        tuple(standing[k] for k in order),
         [float(odds[k]) for k in order],
         [r for r in found if r.effect not in names],
     )
@@ -89,7 +89,5 @@ def odds_between(state: State, one: Judged, other: Judged) -> float:
 
 
 def _judged(state: State, candidate: Refined, adding: Adding) -> Judged:
-    after = adding.sketched(state, candidate)
-    if not adding.is_hopeless(state, candidate, after):
-        after = adding.completed(state, candidate, after)
+    after = adding.with_candidate(state, candidate)
     return Judged(candidate, after, evidence(state, after, len(candidate.coordinates), adding.effects))

@@ -16,7 +16,7 @@ accepted if the posterior odds that follow are large, and if L reaches that of s
 (D. R. Cox, Proc. 4th Berkeley Symp. 1 (1961) 105: tests of separate families of hypotheses).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -76,6 +76,12 @@ class Evidence:
     @property
     def accepts(self) -> bool:
         return self.odds > ODDS and self.is_reached
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether each half of the simulated sets alone decides alike."""
+        halves = (replace(self, of_sets=self.of_sets[k::2], of_null=self.of_null[k::2]) for k in (0, 1))
+        return len({one.accepts for one in (self, *halves)}) == 1
 
 
 def evidence(before: State, after: State, parameters: int, effects: int = 1) -> Evidence:

@@ -9,8 +9,10 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.camera.paths import place_of
 from visaug.core.reporting import Reported
+from visaug.diagnosis.camera_file import Mistake
 from visaug.diagnosis.fitting.parameters import Coordinate, intervals
 from visaug.diagnosis.residue import Residue
+from visaug.diagnosis.verdict import Verdict
 from visaug.frames import FrameSet
 from visaug.statistics.distance import Error
 from visaug.statistics.places import Places, data_frame
@@ -118,6 +120,8 @@ class Diagnosis(Reported):
         frames: sequence numbers of the frames used to fit, select and confirm.
         used: the frames and pixels that were used.
         warnings: assumptions, and properties of the set that make effects undetectable.
+        camera_file: mistakes in the camera file, which were corrected before anything else.
+        effects: the verdict on each effect of the catalogue that was considered.
     """
 
     camera: Camera
@@ -140,6 +144,8 @@ class Diagnosis(Reported):
     seed: int = 0
     used: Selection | None = None
     warnings: tuple[str, ...] = ()
+    camera_file: tuple[Mistake, ...] = ()
+    effects: tuple[Verdict, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The result as written by `visaug diagnose --json`."""
@@ -169,6 +175,8 @@ class Diagnosis(Reported):
             "cannot_show": list(self.cannot_show),
             "used": self.used.to_json() if self.used else None,
             "warnings": list(self.warnings),
+            "camera_file": [mistake.to_json() for mistake in self.camera_file],
+            "effects": [verdict.to_json() for verdict in self.effects],
         }
 
     def to_frame(self) -> Any:
@@ -203,7 +211,7 @@ class Diagnosis(Reported):
         return data_frame(rows, columns)
 
     def __repr__(self) -> str:
-        told = list(self.accepted)
+        told = [f"{m.key}: {m.mistake}" for m in self.camera_file] + list(self.accepted)
         if self.unexplained:
             told.append(f"unexplained along {', '.join(self.unexplained.axis)}")
         return f"Diagnosis({'; '.join(told) or 'nothing missing'})"

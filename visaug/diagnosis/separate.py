@@ -1,34 +1,18 @@
 """Which frames would distinguish two effects."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.camera.simulation import simulate, with_chart
 from visaug.diagnosis.candidates.trials import exchanged
-from visaug.diagnosis.fitting.parameters import base_coordinates
-from visaug.diagnosis.fitting.reference import Report, differences
-from visaug.diagnosis.fitting.robust import adjust
-from visaug.diagnosis.laboratory import Laboratory
-from visaug.diagnosis.part import Part
+from visaug.diagnosis.fitting.reference import Report
+from visaug.diagnosis.planned import SEEN, WORDS, Planned
 from visaug.effects import catalogue
-from visaug.frames import FrameSet
-from visaug.frames.plan import default_plan
-from visaug.statistics import Statistic, fingerprint
+from visaug.statistics import Statistic
 
-SETS = 6
-SEEN = 3.0  # standard deviations of one set above which two cameras differ; the standard error of a mean of six sets is half of one
-WINDOW = (128, 160)
 TAKEN = 0.5  # fraction of a plan's settings of one kind of frame that must be available,
 BRIGHT = 0.8  # and of its brightest level, for more such frames to add little information
-WORDS = {
-    "bias": "a stack of bias frames",
-    "dark": "a series of dark frames over exposure and temperature",
-    "flat": "flats over the whole range up to saturation, several at each level",
-    "scene": "a test chart with edges and a small spot above saturation, several times, each followed by a dark frame",
-}
 
 
 def measurement(cameras: Mapping[str, Camera], at_hand: Sequence[Statistic], report: Report) -> str:
@@ -40,13 +24,10 @@ def measurement(cameras: Mapping[str, Camera], at_hand: Sequence[Statistic], rep
     Args:
         at_hand: statistics of the frames that could not distinguish the two.
     """
-    pair = _on_one_base(cameras)
-    lab = Laboratory(_plan(pair[0]), pair[0], folds=False)
-    part = lab.parts[0]
-    assert isinstance(part, Part)  # the plan has no pictures of unknown scenes
-    statistics = fingerprint(simulate(pair[0], part.plan)).statistics
-    apart = np.abs(_apart(lab, pair, statistics, report))
-    kinds = np.array([s.kind for s in statistics])
+    first, second = _on_one_base(cameras)
+    planned = Planned(first, report)
+    statistics, kinds = planned.statistics, planned.kinds
+    (apart,) = np.abs(planned.apart([second]))
     known = taken(at_hand, statistics)
     squares = {kind: float((apart[(kinds == kind) & (apart > SEEN)] ** 2).sum()) for kind in WORDS}
     tell = [kind for kind in WORDS if squares[kind] > 0]
@@ -82,38 +63,3 @@ def taken(at_hand: Sequence[Statistic], plan: Sequence[Statistic]) -> frozenset[
     there = {k for k in WORDS if settings(at_hand, k) >= max(TAKEN * settings(plan, k), 1)}
     dim = brightest(at_hand) < BRIGHT * brightest(plan)
     return frozenset(there - {"flat"} if dim else there)
-
-
-def _apart(
-    lab: Laboratory, pair: Sequence[Camera], statistics: Sequence[Statistic], report: Report
-) -> np.ndarray:
-    """(statistics,) difference of two cameras in standard deviations of one set, after a refit of the first."""
-    label, jobs = "frames that would distinguish them", [(camera, k) for camera in pair for k in range(SETS)]
-    sets = lab.finding(jobs, lambda n: report(label, n, len(jobs))).reshape(2, SETS, -1)
-    least = np.maximum([s.least_spread for s in statistics], 1e-9)
-    spread = np.maximum(np.sqrt(sets.var(1, ddof=1).mean(0)), least)
-    free = base_coordinates(pair[0], lab.frames, calibrated=True)
-    slopes = differences(lab, pair[0], free, range(1), report)[0].mean(1).T
-    differ = sets[0].mean(0) - sets[1].mean(0)
-    (steps,) = adjust(differ[None], slopes, spread, np.array([c.prior for c in free]))
-    return (differ - slopes @ steps) / spread
-
-
-def _plan(camera: Camera) -> FrameSet:
-    """A full plan of frames in a central window of the sensor; its pixels are not used."""
-    rows, columns = camera.resolution
-    height, width = min(rows, WINDOW[0]), min(columns, WINDOW[1])
-    r0, c0 = (rows - height) // 2, (columns - width) // 2
-    full_well = camera.spec.full_well_e or camera.spec.gain_e_per_dn * 2**camera.bit_depth
-    records = [
-        replace(
-            record,
-            window=(r0, r0 + height, c0, c0 + width),
-            photons=record.photons and record.photons * share,
-        )
-        for share in [full_well / camera.spec.quantum_efficiency / 20000.0]
-        for record in default_plan()
-        if record.kind in WORDS and record.gain_db == 0
-    ]
-    plan = FrameSet.from_arrays(records, [np.zeros((height, width), np.uint16)] * len(records))
-    return with_chart(camera, plan)

@@ -4,17 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from visaug.diagnosis.candidates.signatures import Signatures
+from visaug.diagnosis.candidates.signatures import SHOWN, Signatures
 from visaug.diagnosis.fitting.reference import Reference
 from visaug.diagnosis.fitting.robust import standardised
 from visaug.diagnosis.residue import Residue, describe
 from visaug.diagnosis.state import State
 from visaug.statistics import Fingerprint, Statistic
 from visaug.statistics.tail import SIGNIFICANT
-
-SHOWN = (
-    3.0  # standard deviations by which an effect must change some statistic to be detectable in the frames
-)
 
 
 def residue(measured: Fingerprint, state: State, missing: bool, nearest: str | None) -> Residue | None:

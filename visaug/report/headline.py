@@ -85,7 +85,7 @@ def diagnosis_headline(content: Content) -> str:
 def diagnosis_details(content: Content) -> list[str]:
     """The error before and after, and what else is known."""
     error, fits = content["error"], content["fits"]
-    lines = []
+    lines = [f"Mistake in the camera file: {m['text']}" for m in content.get("camera_file", ())]
     if error["before"] is not None and content["accepted"]:
         low, high = error["interval_after"] or (None, None)
         lines.append(

@@ -22,6 +22,7 @@ from visaug.report.next_step import (
 from visaug.report.plots.error import plot_error_steps, plot_ranking
 from visaug.report.plots.used import plot_used
 from visaug.report.provenance import footer
+from visaug.report.verdict_text import verdict_row
 from visaug.report.views import ViewGallery, all_views
 
 if TYPE_CHECKING:
@@ -182,10 +183,18 @@ def diagnosis_sections(
     if content["unexplained"]:
         left.append(Text(content["unexplained"]["description"], "finding"))
         left.append(Text("visaug effects new NAME writes a file in which you can model it.", "note"))
-    if content.get("cannot_show"):
-        left.append(Text("These frames cannot show: " + ", ".join(content["cannot_show"]) + ".", "note"))
     if left:
         sections.append(Section("What is left", left))
+    if content.get("effects"):
+        head = [
+            "effect",
+            "verdict",
+            "strength [95 % interval] or limit",
+            "frames that would show or separate it",
+        ]
+        rows = [verdict_row(entry) for entry in content["effects"]]
+        table = Table(head, rows, caption="Of each effect, what these frames show. Limits are those of 95 %.")
+        sections.append(Section("What these frames show, and what they cannot", [table]))
     looked_at = used_section(content)
     return [*sections, looked_at] if looked_at.blocks else sections
 

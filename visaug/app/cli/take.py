@@ -18,6 +18,7 @@ from visaug.app.cli.options import (
     output_option,
     written,
 )
+from visaug.core.errors import InputError
 from visaug.core.progress import progress_bars
 
 
@@ -74,9 +75,18 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
 @click.option("--gains-db", metavar="DB,DB,...", help="Gain settings, in dB; all other frames use the first.")
 @click.option("--repeats", type=int, metavar="N", help="Frames per setting, 2 or more.")
 @click.option("--bias-frames", type=int, metavar="N", help="Bias frames, 2 or more.")
+@click.option("--for", "effects_for", metavar="EFFECT,...",
+              help="With --camera: what the frames would show of these effects, and what looks alike.")  # fmt: skip
 @output_option("frames.csv", "Write the plan as a frames.csv.")
 @force_option
-def plan(camera_name: str | None, output: Path | None, force: bool, seed: int, **given: Any) -> None:
+def plan(
+    camera_name: str | None,
+    effects_for: str | None,
+    output: Path | None,
+    force: bool,
+    seed: int,
+    **given: Any,
+) -> None:
     """List the frames to take of a camera, and why.
 
     With --camera, light levels, exposure times, temperature and gain are chosen for that camera. Other options
@@ -87,6 +97,19 @@ def plan(camera_name: str | None, output: Path | None, force: bool, seed: int, *
     from visaug.frames.table import write_table
 
     may_write(output, force)
+    if effects_for is not None:
+        if not camera_name:
+            raise InputError("needs a camera", field="--for", expected="--camera CAMERA")
+        names = list(dict.fromkeys(name.strip() for name in effects_for.split(",") if name.strip()))
+        with progress_bars(single=True) as progress:
+            from visaug.diagnosis.planned import before_frames
+            from visaug.report.verdict_text import planned_text
+
+            found = before_frames(load_camera(camera_name), names, progress)
+        for verdict in found:
+            click.echo(planned_text(verdict.to_json()))
+        if output is None:
+            return
     options: dict[str, Any] = {}
     if camera_name:
         from visaug.camera.simulation import plan_for

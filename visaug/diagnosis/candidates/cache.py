@@ -1,16 +1,15 @@
 """Caches simulated fingerprints for the next diagnosis with the same camera and plan; measured data are never cached."""
 
 import hashlib
+import json
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import FunctionType
 
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.diagnosis.candidates.signatures import Signatures
-from visaug.diagnosis.candidates.signatures import signatures as simulated_signatures
+from visaug.diagnosis.candidates.signatures import Signatures, scanned
 from visaug.diagnosis.candidates.trials import Trial
 from visaug.diagnosis.fitting.fit import Fitted, refit
 from visaug.diagnosis.fitting.parameters import Coordinate
@@ -19,7 +18,7 @@ from visaug.diagnosis.fitting.store import keep, load
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.effects import catalogue
 
-STAGE = 50  # sets that are simulated between two entries of a reference
+STAGE = 60  # sets that are simulated between two entries of a reference
 
 ROOT = Path(__file__).parents[2]  # of the package
 
@@ -86,42 +85,33 @@ def reference(
     return made
 
 
-def signatures(
-    lab: Laboratory, reference: Reference, tried: Sequence[Trial], sets: int, report: Report
-) -> Signatures:
-    """`simulated_signatures` of the trials, cached by effect, so that a change of one effect keeps the others.
-
-    Args:
-        sets: simulated sets of the reference.
-    """
+def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:
+    """`scanned` signatures of the trials, cached by effect, so that a change of one effect keeps the others."""
     of: dict[str, list[Trial]] = {}
     for trial in tried:
         of.setdefault(trial.effect, []).append(trial)
-    if not of:
-        return simulated_signatures(lab, reference, (), report)
-    prefix = key(lab, reference.camera, "signatures", sets)
+    prefix = key(lab, reference.camera, "signatures", len(reference.sets))
     names = {effect: f"{prefix}-{digest(source_of(effect), own)}" for effect, own in of.items()}
-    found = {effect: kept for effect, name in names.items() if (kept := load(name)) is not None}
-    paths = [c.path for c in reference.coordinates]
+    found = {
+        effect: signed for effect, name in names.items() if (signed := _loaded(effect, name)) is not None
+    }
     missing = [effect for effect in of if effect not in found]
-    for n, effect in enumerate(missing):  # one by one: an interrupted diagnosis goes on where it was
+    made = scanned(lab, reference, [t for effect in missing for t in of[effect]], report)
+    for effect in missing:
+        found[effect] = made.taken([i for i, t in enumerate(made.trials) if t.effect == effect])
+        values = [[list(pair) for pair in t.values] for t in found[effect].trials]
+        arrays = {"values": found[effect].values, "variances": found[effect].variances}
+        keep(names[effect], {**arrays, "trials": np.array(json.dumps(values))})
+    return sum((found[effect] for effect in of), made.taken([]))
 
-        def tick(word: str, *_: int, done: int = n) -> None:
-            report(word, done, len(missing))
 
-        made = simulated_signatures(lab, reference, of[effect], tick)
-        ways = [[dict(trial.following).get(path, 0.0) for path in paths] for trial in made.trials]
-        found[effect] = {"values": made.values, "variances": made.variances, "following": np.array(ways)}
-        keep(names[effect], found[effect])
-    followed = [
-        replace(trial, following=tuple(zip(paths, map(float, way), strict=True)) if np.any(way) else ())
-        for effect, own in of.items()
-        for trial, way in zip(own, found[effect]["following"], strict=True)
-    ]
-    values, variances = (
-        np.concatenate([found[effect][part] for effect in of]) for part in ("values", "variances")
-    )
-    return Signatures(tuple(followed), values, variances)
+def _loaded(effect: str, name: str) -> Signatures | None:
+    arrays = load(name)
+    if arrays is None:
+        return None
+    listed = json.loads(str(arrays["trials"]))
+    tried = tuple(Trial(effect, tuple((path, value) for path, value in values)) for values in listed)
+    return Signatures(tried, arrays["values"], arrays["variances"])
 
 
 def settled(lab: Laboratory, fitted: Fitted, sets: int, report: Report) -> Fitted:

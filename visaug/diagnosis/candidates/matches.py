@@ -23,7 +23,7 @@ class Match:
 
     Attributes:
         gain: log-likelihood gain, see `scatter_along`.
-        scale: factor on the signature that maximises it.
+        scale: factor on the signature that maximises it; negative only where the strength may be.
         variance: variance that the effect adds at that scale, per statistic.
     """
 
@@ -76,7 +76,7 @@ def best_of_each(found: Sequence[Match]) -> list[Match]:
 
 
 def extrapolation(match: Match) -> float:
-    return abs(np.log(max(match.scale, 1e-9)))
+    return abs(np.log(max(abs(match.scale), 1e-9)))
 
 
 def _match(
@@ -86,12 +86,13 @@ def _match(
     spread = variance[m.used] / m.scale**2
     if spread.max() < 2 and spread.mean() < 0.1:
         d = m.white(signature)
-        scale = 1.0 if fixed else max(float(d @ white_residual) / max(float(d @ d), 1e-12), 0.0)
+        scale = 1.0 if fixed else float(d @ white_residual) / max(float(d @ d), 1e-12)
+        scale = scale if trial.is_signed else max(scale, 0.0)
         gain = scale * float(d @ white_residual) - 0.5 * scale**2 * float(d @ d)
         return Match(trial, gain - CHANCE * (wide - 1), scale, np.zeros_like(variance))
     tried = [
         (m.widened_log_likelihood(residual - c * signature, c**2 * variance) - nothing, c)
-        for c in ((1.0,) if fixed else SCALES)
+        for c in ((1.0,) if fixed else SCALES + tuple(-c for c in SCALES) * trial.is_signed)
     ]
     gain, scale = max(tried)
     return Match(trial, gain, scale, scale**2 * variance)

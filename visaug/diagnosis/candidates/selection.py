@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.diagnosis.candidates.matches import Match, best_of_each, matches
+from visaug.diagnosis.candidates.matches import Match, best_of_each, extrapolation, matches
 from visaug.diagnosis.candidates.refinement import Refined, refine
 from visaug.diagnosis.candidates.signatures import Signatures, signatures
 from visaug.diagnosis.candidates.trials import Trial, beside_words
@@ -17,6 +17,9 @@ from visaug.diagnosis.fitting.robust import standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.effects import catalogue
 
+SHARPENED = 3  # largest number of strengths at which the signature of a candidate is simulated,
+NEAR_ENOUGH = 0.4  # logarithm of the scale up to which a signature needs no other strength,
+FAR_STEP = 3.0  # and largest step of the logarithm of a strength
 TRIED = 4  # largest number of candidates that are refined in a step, if they gain
 SHARE = 0.2  # this share of the best gain
 ALIKE = 0.3  # share of the best gain within which two candidates, or two options of one, are equivalent
@@ -38,26 +41,24 @@ def candidates(
     allowance: np.ndarray,
     report: Report,
     earlier: Mapping[str, Refined],
-) -> list[Refined]:
-    """The effects whose signatures best match the residuals, refined, the best first.
+    least: float = LEAST_GAIN,
+) -> tuple[list[Refined], Signatures]:
+    """The effects whose signatures best match the residuals, refined, the best first, and the signatures simulated by the way.
 
     Args:
         fitted: the camera from which they are tried: as refitted last, or as given.
         taken: effects that are not tried: left out, or added already.
         allowance: residual that may stay, see `visaug.diagnosis.fitting.uses.Use`.
         earlier: effects as refined before the last one was added; their values are further starts.
+        least: gain below which an effect is not refined.
     """
-    tried, chosen = first_matches(signs, fitted, taken, allowance)
-    further = _beside_words(tried)
-    if further:
-        signs += signatures(lab, fitted.reference, further, report)
-        tried, chosen = first_matches(signs, fitted, taken, allowance)
+    signs = sharpened(lab, signs, fitted, taken, allowance, report, least)
+    tried, chosen = first_matches(signs, fitted, taken, allowance, least)
     best: dict[str, Refined] = {}
     for m in chosen:
         beaten = max((r.gain for r in best.values()), default=0.0)
-        beside = [t.trial for t in tried if t.trial.kind == m.trial.kind]
         also = _as_earlier(fitted, m, earlier.get(m.trial.effect))
-        refined = refine(lab, fitted, m, report, allowance, beaten, beside=beside, also=also)
+        refined = refine(lab, fitted, m, report, allowance, beaten, also=also)
         best[refined.effect] = better(refined, best.get(refined.effect, refined))
     found = sorted(best.values(), key=lambda r: -r.gain)
     for k, r in enumerate(found):
@@ -72,13 +73,66 @@ def candidates(
             # An equivalent effect is tried with other options too, so that it is not ranked lower because of its options.
             others = [m for m in others if _reworded(fitted, r, m) is not None]
         found[k] = from_other_starts(lab, fitted, r, others, report, allowance)
-    return sorted(found, key=lambda r: -r.gain)
+    return sorted(found, key=lambda r: -r.gain), signs
 
 
-def _beside_words(tried: Sequence[Match]) -> list[Trial]:
-    """Of the best trial of each effect that matches at all, its other numbers beside its words."""
-    matched = [m.trial for m in best_of_each(tried) if m.gain > LEAST_GAIN and not m.trial.looked]
-    return [further for trial in matched for further in beside_words(trial)]
+def sharpened(
+    lab: Laboratory,
+    signs: Signatures,
+    fitted: Fitted,
+    taken: frozenset[str],
+    allowance: np.ndarray,
+    report: Report,
+    least: float = LEAST_GAIN,
+) -> Signatures:
+    """Adds signatures of the best candidates: beside their words, and at strengths at which these need no scale.
+
+    Shifts are not proportional to strengths: a variance grows with the square, a blur with no power at all. The strength is
+    sought by the secant rule in the logarithms of strength and scale.
+    """
+    further: list[Trial] = []
+    at: dict[
+        tuple, list[tuple[float, float]]
+    ] = {}  # log factor on the first trial's strength, log scale there
+    first: dict[tuple, Trial] = {}
+    for _ in range(SHARPENED):
+        _, chosen = first_matches(signs, fitted, taken, allowance, least)
+        if not at:
+            further = [t for m in chosen if not m.trial.looked for t in beside_words(m.trial)]
+        for m in chosen:
+            trial = m.trial
+            if trial.looked or extrapolation(m) < NEAR_ENOUGH or not m.scale:
+                continue
+            key = (trial.effect, trial.form)
+            start = first.setdefault(key, trial.times(np.sign(m.scale)))
+            past = at.setdefault(key, [])
+            past.append((_log_ratio(trial, start), float(np.log(abs(m.scale)))))
+            further.append(start.times(float(np.exp(_next(past)))))
+        known = {t.values for t in signs.trials}
+        further = [t for t in dict.fromkeys(further) if t.values not in known and t.fits(fitted.camera)]
+        if not further:
+            break
+        signs += signatures(lab, fitted.reference, further, report)
+        further = []
+    return signs
+
+
+def _log_ratio(trial: Trial, start: Trial) -> float:
+    """Logarithm of the ratio of two trials' strengths."""
+    ratios = [
+        float(np.log(abs(value / start.by_name[key])))
+        for key, value in trial.by_name.items()
+        if key in catalogue()[trial.effect].strengths() and value and start.by_name.get(key)
+    ]
+    return ratios[0] if ratios else 0.0
+
+
+def _next(past: Sequence[tuple[float, float]]) -> float:
+    """The log factor at which the log scale is expected to vanish, from the last two points or from one."""
+    (x, y), *before = reversed(past)
+    if before and abs(x - before[0][0]) > 1e-3 and (slope := (y - before[0][1]) / (x - before[0][0])) < 0:
+        return x - float(np.clip(y / slope, -FAR_STEP, FAR_STEP))
+    return x + float(np.clip(0.7 * y, -FAR_STEP, FAR_STEP))  # between a level and a variance
 
 
 def _as_earlier(fitted: Fitted, match: Match, earlier: Refined | None) -> list[Camera]:
@@ -97,7 +151,11 @@ def _as_earlier(fitted: Fitted, match: Match, earlier: Refined | None) -> list[C
 
 
 def first_matches(
-    signs: Signatures, fitted: Fitted, without: frozenset[str], allowance: np.ndarray | float
+    signs: Signatures,
+    fitted: Fitted,
+    without: frozenset[str],
+    allowance: np.ndarray | float,
+    least: float = LEAST_GAIN,
 ) -> tuple[list[Match], list[Match]]:
     """All matches, the best first, and for every effect that is worth refining its best one.
 
@@ -113,13 +171,13 @@ def first_matches(
         return [], []
     best = best_of_each(tried)
     most = {(m.trial.effect, m.trial.looked): m.gain for m in reversed(tried)}
-    least = max(LEAST_GAIN, SHARE * best[0].gain)
-    chosen = [m for m in best if most[m.trial.effect, m.trial.looked] > least][:TRIED]
+    enough = max(least, min(SHARE * best[0].gain, best[0].gain - 1e-9))
+    chosen = [m for m in best if most[m.trial.effect, m.trial.looked] > enough][:TRIED]
     far_out = np.abs(fitted.z).max() > FAR_OUT
     exact = matches(signs, fitted, without, allowance, form=FORM if far_out else 0.0)
     claim = [m for m in exact if far_out or not (m.variance.any() or m.trial.looked)][:1]
     names = [m.trial.effect for m in chosen]
-    chosen += [m for m in claim if m.gain > LEAST_GAIN and m.trial.effect not in names]
+    chosen += [m for m in claim if m.gain > least and m.trial.effect not in names]
     chosen += [m for m in tried if m.trial.looked and m.trial.is_fixed and m not in chosen]
     return tried, chosen
 

@@ -13,8 +13,12 @@ from visaug.diagnosis.fitting.parameters import BLACK, moved
 from visaug.diagnosis.fitting.reference import Reference, Report
 from visaug.diagnosis.fitting.robust import drawn_to_zero, standardised
 from visaug.diagnosis.laboratory import Laboratory
+from visaug.effects import catalogue
 
 FAR_DN = 0.3  # that the black level has to follow to be moved along
+SHOWN = (
+    3.0  # standard deviations by which an effect must change some statistic to be detectable in the frames
+)
 REDRAWN = 2.0  # variances of the null that a difference of two independent sets has
 FEW, MORE = 2, 6  # simulations of a trial whose effect has no random numbers of its own, and of one that has
 
@@ -34,6 +38,34 @@ class Signatures:
             np.concatenate([self.variances, other.variances]),
         )
 
+    def taken(self, places: Sequence[int]) -> "Signatures":
+        """Those of some trials."""
+        return Signatures(tuple(self.trials[i] for i in places), self.values[places], self.variances[places])
+
+
+def scanned(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:
+    """Simulates every trial once or twice with the random numbers of the reference's first sets, which finds what may match.
+
+    Other forms of an effect that has no random numbers of its own are simulated once. A trial that changes no statistic much is
+    tried at its effect's strongest trial value too.
+    """
+    plain = [trial for trial in tried if not trial.is_other_form]
+    moves = _moves(lab, reference, plain, range(FEW), report, "trying")
+    sizes = np.abs(standardised(moves.mean(1), reference.null_scale)).max(1, initial=0.0)
+    found = _signed(reference, plain, moves)
+    random = {t.effect for t, move in zip(plain, moves, strict=True) if is_random(move, reference.null_scale)}
+    faint = {t.kind for t, size in zip(plain, sizes, strict=True) if size < SHOWN}
+    others = [strongest(t) for t in plain if t.kind in faint and strongest(t) != t]
+    weak = {kind[0] for kind in faint}
+    others += [strongest(t) if t.effect in weak else t for t in tried if t.is_other_form]
+    others = [trial for trial in others if trial.fits(reference.camera)]
+    for count, chosen in (
+        (FEW, [t for t in others if t.effect in random]),
+        (1, [t for t in others if t.effect not in random]),
+    ):
+        found += _signed(reference, chosen, _moves(lab, reference, chosen, range(count), report, "trying"))
+    return found
+
 
 def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:
     """Simulates every trial with the random numbers of the reference's first sets.
@@ -42,22 +74,52 @@ def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], re
     that would follow far are moved along: derivatives do not hold over a long distance, and bits and codes have none.
     """
     if not tried:
-        nothing = np.zeros((0, len(reference.scale)))
-        return Signatures((), nothing, nothing)
+        return _nothing(reference)
     moves = _moves(lab, reference, tried, range(FEW), report, "trying")
     tried = _followed(lab, reference, tried, moves.mean(1))
     again = [i for i, trial in enumerate(tried) if trial.following]
     if again:
         moves[again] = _moves(lab, reference, [tried[i] for i in again], range(FEW), report, "following")
-    scale = reference.null_scale
-    random = [i for i in range(len(tried)) if is_random(moves[i], scale)]
-    means, variances = cleared(moves, scale), np.zeros_like(moves[:, 0])
+    random = [i for i in range(len(tried)) if is_random(moves[i], reference.null_scale)]
+    signed = _signed(reference, tried, moves)
     if random:
         again = _moves(lab, reference, [tried[i] for i in random], range(FEW, MORE), report, "trying again")
-        whole = np.concatenate([moves[random], again], 1)
-        means[random] = cleared(whole, scale)
-        variances[random] = own_variance(whole, scale)
-    return Signatures(tuple(tried), means, variances)
+        whole = _signed(reference, [tried[i] for i in random], np.concatenate([moves[random], again], 1))
+        signed.values[random], signed.variances[random] = whole.values, whole.variances
+    return signed
+
+
+def simulated(
+    lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report
+) -> Signatures:
+    """Signatures from simulations with these numbers."""
+    moves = _moves(lab, reference, tried, numbers, report, "trying")
+    return _signed(reference, tried, moves) if tried else _nothing(reference)
+
+
+def _nothing(reference: Reference) -> Signatures:
+    nothing = np.zeros((0, len(reference.scale)))
+    return Signatures((), nothing, nothing)
+
+
+def strongest(trial: Trial) -> Trial:
+    """The trial with the strengths that it has at their last trial value."""
+    effect = catalogue()[trial.effect]
+    if effect.base or trial.is_fixed:
+        return trial
+    strong = {key: effect.parameters[key].trials for key in effect.strengths() if trial.by_name.get(key)}
+    return trial.with_values({key: values[-1] for key, values in strong.items() if values})
+
+
+def _signed(reference: Reference, tried: Sequence[Trial], moves: np.ndarray) -> Signatures:
+    """Signatures from shifts (trials, simulations, statistics); trials without a finite one are left out."""
+    finite = np.flatnonzero(np.isfinite(moves).all((1, 2))).tolist()
+    moves, scale = moves[finite], reference.null_scale
+    if moves.shape[1] == 1:
+        return Signatures(tuple(tried[i] for i in finite), moves[:, 0], np.zeros_like(moves[:, 0]))
+    random = np.array([is_random(move, scale) for move in moves], bool).reshape(-1, 1)
+    variances = np.where(random, own_variance(moves, scale), 0.0)
+    return Signatures(tuple(tried[i] for i in finite), cleared(moves, scale), variances)
 
 
 def is_random(moves: np.ndarray, scale: np.ndarray) -> bool:
@@ -120,6 +182,8 @@ def _moves(
     lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report, word: str
 ) -> np.ndarray:
     """(trials, simulations, statistics) shift of each of the reference's sets by each trial."""
+    if not tried:
+        return np.zeros((0, len(numbers), len(reference.scale)))
     cameras = [following(reference, trial.on(reference.camera), trial, 1.0) for trial in tried]
     jobs = [(camera, k) for camera in cameras for k in numbers]
 

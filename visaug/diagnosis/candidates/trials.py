@@ -1,16 +1,18 @@
 """Effects that may be missing, and the trial values of each."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 from visaug.camera import Camera
+from visaug.core.errors import InputError
 from visaug.diagnosis.candidates.look import look
 from visaug.diagnosis.fitting.parameters import GAUSSIAN_SHAPE
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.effects import Effect, Parameter, Stage, catalogue
 
-LADDER = 3  # values of a number that is tried over a wide range
+LADDER = 3  # trial values from which a number counts as one of a wide range, over which no fit leads
 
 
 @dataclass(frozen=True)
@@ -42,10 +44,52 @@ class Trial:
         return tuple(pair for pair in self.values if pair[0] not in strengths)
 
     @property
+    def is_other_form(self) -> bool:
+        """Whether an effect beyond the base chain has another form than its default one."""
+        return not catalogue()[self.effect].base and bool(self.form)
+
+    @property
     def kind(self) -> tuple:
         """Common part of trials that differ in strength: effect, form, and which strengths are not zero."""
         absent = tuple(path for path, value in self.values if value == 0)
         return self.effect, self.form, absent
+
+    @property
+    def by_name(self) -> dict[str, Any]:
+        """The values by name of the parameter."""
+        return {path.split(".", 1)[-1]: value for path, value in self.values}
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether its strengths may have either sign."""
+        parameters = catalogue()[self.effect].parameters
+        strong = [parameters[key] for key in catalogue()[self.effect].strengths() if self.by_name.get(key)]
+        return bool(strong) and all(p.low < 0 < p.high for p in strong)
+
+    def with_values(self, values: Mapping[str, Any]) -> "Trial":
+        """The same with other values, by name of the parameter."""
+        changed = dict(self.values) | {f"{self.effect}.{key}": value for key, value in values.items()}
+        return replace(self, values=tuple(changed.items()))
+
+    def times(self, factor: float) -> "Trial":
+        """The same with its strengths multiplied, each within the range of its parameter; an integer stays."""
+        parameters = catalogue()[self.effect].parameters
+
+        def scaled(path: str, value: Any) -> Any:
+            p = parameters.get(path.split(".", 1)[-1])
+            if p is None or not p.strength or p.integer or not value:
+                return value
+            return min(max(value * factor, p.low), p.high)
+
+        return replace(self, values=tuple((path, scaled(path, value)) for path, value in self.values))
+
+    def fits(self, camera: Camera) -> bool:
+        """Whether a camera can have these values."""
+        try:
+            self.on(camera)
+        except InputError:
+            return False
+        return True
 
     def in_units(self, scale: Mapping[str, float]) -> "Trial":
         """The same with values of some units multiplied, each in the range of its parameter."""
@@ -100,7 +144,7 @@ def is_proposed(effect: type[Effect]) -> bool:
 def trials(
     camera: Camera, without: frozenset[str] = frozenset(), only: frozenset[str] = frozenset()
 ) -> list[Trial]:
-    """Trials of effects that the camera lacks and a diagnosis proposes, at several strengths and forms; of `only`, also others."""
+    """Trials of effects that the camera lacks and a diagnosis proposes; of `only`, also of others."""
     found = []
     for name in missing_base(camera):
         if name not in without:
@@ -109,8 +153,8 @@ def trials(
         if effect.base or name in camera.effect_names or name in without:
             continue
         if is_proposed(effect) or (name in only and effect.stage < Stage.PICTURE):
-            found += effect_trials(effect)
-    return found
+            found += effect_trials(effect) + form_trials(effect)
+    return [trial for trial in found if trial.fits(camera)]
 
 
 def base_trials(camera: Camera, name: str) -> list[Trial]:
@@ -132,54 +176,61 @@ def base_trials(camera: Camera, name: str) -> list[Trial]:
 
 
 def effect_trials(effect: type[Effect]) -> list[Trial]:
-    """Weak and strong trials, each strength alone and in both signs, then each other form at the strong end, in both signs."""
-    strengths = {key: p for key, p in effect.parameters.items() if p.strength}
-    points: list[dict[str, Any]] = []
-    for key, p in strengths.items():
-        others = dict.fromkeys(strengths, 0.0)
-        for value in strengths_to_try(p):
-            points.append({**others, key: value})
-    if len(strengths) > 1:
-        points.append({key: p.trials[-1] for key, p in strengths.items()})
-    first, parameter = next(iter(strengths.items()))
-    strongest = [s for s in strengths_to_try(parameter) if abs(s) == abs(parameter.trials[-1])]
-    for form in _forms(effect):
-        points += [{**dict.fromkeys(strengths, 0.0), first: strength, **form} for strength in strongest]
-    return [_trial(effect, point) for point in points]
+    """Each strength alone at its weakest trial value, in the default form; an integer at each of its trial values.
+
+    Other strengths follow from the scale of the signature (`Trial.times`), and negative ones from its sign.
+    """
+    strengths = effect.strengths()
+    return [
+        _trial(effect, {**dict.fromkeys(strengths, 0.0), key: value})
+        for key in strengths
+        for value in strengths_to_try(effect.parameters[key])
+    ]
 
 
-def _forms(effect: type[Effect]) -> list[dict[str, Any]]:
-    """Every other value of each parameter that is not a strength, one at a time, and beside each of them those of its options."""
-    words = {p.default for p in effect.parameters.values() if p.options}
-    forms: list[dict[str, Any]] = []
-    for key, p in effect.parameters.items():
-        others = [] if p.strength else [value for value in p.options or p.trials if value != p.default]
-        beside: list[dict[str, Any]] = [{}]
-        if p.of and not words & set(p.of):
-            beside = [{k: w} for k, c in effect.parameters.items() for w in p.of if w in c.options]
-        forms += [{**word, key: value} for value in others for word in beside]
-    return forms
+def form_trials(effect: type[Effect]) -> list[Trial]:
+    """The first strength in each other form that no fit leads to: every option, and numbers that are tried over a wide range."""
+    first = {t.values[0][0]: t for t in reversed(effect_trials(effect))}
+    plain = next(reversed(first.values()), None)
+    return [] if plain is None else [plain.with_values(form) for form in _forms(effect, least=LADDER)]
 
 
 def beside_words(trial: Trial) -> list[Trial]:
     """A trial in words that are not the default ones, with the other values of its numbers that are tried over a wide range.
 
-    `effect_trials` tries these beside the default words alone: a glow of few pixels in one corner, not in each. A number with one
+    `form_trials` tries these beside the default words alone: a glow of few pixels in one corner, not in each. A number with one
     or two values is within reach of a fit.
     """
-    effect = catalogue()[trial.effect]
-    own = {path.split(".", 1)[1]: value for path, value in trial.values}
+    effect, own = catalogue()[trial.effect], trial.by_name
     words = {key: own.get(key, p.default) for key, p in effect.parameters.items() if p.options}
     if effect.base or all(word == effect.parameters[key].default for key, word in words.items()):
         return []
     return [
-        _trial(effect, {**own, key: value})
+        trial.with_values({key: value})
         for key, p in effect.parameters.items()
         if not p.strength and not p.options and len(p.trials) >= LADDER
         if not p.of or set(p.of) & set(words.values())
         for value in p.trials
         if value != own.get(key, p.default)
     ]
+
+
+def _forms(effect: type[Effect], least: int) -> list[dict[str, Any]]:
+    """Every other value of each option and of each number with at least so many trial values, one at a time.
+
+    A number that is used with some options only is tried beside each of these.
+    """
+    words = {p.default for p in effect.parameters.values() if p.options}
+    forms: list[dict[str, Any]] = []
+    for key, p in effect.parameters.items():
+        if p.strength or not (p.options or len(p.trials) >= least):
+            continue
+        beside: list[dict[str, Any]] = [{}]
+        if p.of and not words & set(p.of):
+            beside = [{k: w} for k, c in effect.parameters.items() for w in p.of if w in c.options]
+        others = [value for value in p.options or p.trials if value != p.default]
+        forms += [{**word, key: value} for value in others for word in beside]
+    return forms
 
 
 def looked(lab: Laboratory, camera: Camera, without: frozenset[str] = frozenset()) -> list[Trial]:
@@ -210,13 +261,17 @@ def _trial(effect: type[Effect], point: dict[str, Any], looked: bool = False) ->
 
 
 def strengths_to_try(parameter: Parameter) -> tuple:
-    """A fifth of the weakest trial, the trials, and the same with the other sign if it may be negative."""
+    """The weakest trial value, and each of an integer; 1, or what the bounds allow, of a strength that states none."""
     values = parameter.trials or (parameter.default,)
-    if not parameter.integer:
-        values = (0.2 * values[0], *values)
-    if parameter.low < 0 < parameter.high:
-        values = (*values, *(-v for v in values))
-    return values
+    values = values if parameter.integer else values[:1]
+    return values if any(values) else (min(max(1.0, parameter.low), parameter.high),)
+
+
+def strength_of(camera: Camera, trial: Trial) -> tuple[str, float]:
+    """Path of the first strength of a trial, and its distance from the camera without the effect."""
+    path, value = next((path, value) for path, value in trial.values if not isinstance(value, str))
+    without = camera.values().get(path, 0.0)
+    return path, abs(value - without) if math.isfinite(without) else 1 / value
 
 
 def exchanged(camera: Camera, own: str, other: Camera, rival: str) -> Camera:

@@ -1,7 +1,5 @@
 """Errors of fitted cameras on the discovery and hold-out frames, and which of the two is reported."""
 
-import numpy as np
-
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.reference import Reference
 from visaug.diagnosis.laboratory import Laboratory
@@ -33,25 +31,15 @@ class Errors:
         known = [error for error in errors if error is not None and error.high - error.low <= VAGUE]
         return next((error for error in known if is_clear(error)), known[0] if known else None)
 
-    def found(
-        self, fitted: Fitted, beside: Fitted | None = None, asked: np.ndarray | None = None
-    ) -> Error | None:
-        """Error of the discovery frames.
+    def found(self, fitted: Fitted) -> Error | None:
+        """Error of the discovery frames."""
+        return self.distance.error(fitted.reference.sets, fitted.residual)
 
-        Args:
-            beside: a fitted camera to compare with, in the same units; otherwise an effect that adds variance where the
-                camera file deviated would seem to raise the error of all other statistics.
-            asked: (statistics,) whether each counts; all if omitted.
-        """
-        other = None if beside is None else beside.reference.sets
-        return self.distance.error(fitted.reference.sets, fitted.residual, beside=other, asked=asked)
-
-    def confirmed(self, fitted: Fitted, beside: Fitted | None = None) -> Error | None:
+    def confirmed(self, fitted: Fitted) -> Error | None:
         """The same on the hold-out frames."""
         if not len(self._confirming.measured):
             return None
-        other = None if beside is None else beside.reference.confirm.sets
-        return self._confirming.error(fitted.reference.confirm.sets, fitted.confirm_residual, beside=other)
+        return self._confirming.error(fitted.reference.confirm.sets, fitted.confirm_residual)
 
     def _is_confirming_clearer(self, fitted: Fitted) -> bool:
         """Whether errors are reported on the hold-out frames: always, unless the excess is less significant there."""

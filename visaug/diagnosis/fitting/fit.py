@@ -14,10 +14,8 @@ from visaug.diagnosis.fitting.robust import adjust, misfit, standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.statistics import Statistic
 
-STEPPED, TWINS = (
-    4,
-    8,
-)  # simulations with common random numbers that follow the mean on the way, and where it ends
+STEPPED = 4  # simulations with common random numbers that follow the mean on the way,
+TWINS = 6  # and where it ends
 FAR_BLACK = 3.0  # steps of the black level after which it is first set by the bias frames' mean
 OFF_BLACK = 5.0  # standard deviations of the bias frames' mean from which a fit begins again at their level
 

@@ -8,16 +8,17 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.diagnosis.fitting.parameters import WELL, Coordinate, moved
-from visaug.diagnosis.fitting.robust import adjust, drawn_to_zero, standardised
+from visaug.diagnosis.fitting.robust import adjust, standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.statistics.distance import largest_of_each, least_spread, variance
 
-PAIRS, MORE_PAIRS = (
-    3,
-    8,
-)  # simulations with common random numbers for each side of a derivative, and of one that noise is much of:
-NOISY = 0.05  # share of noise in a derivative from which more simulations are used
+PAIRS = 2  # simulated steps of a derivative, on alternate sides and with the random numbers of a simulated set each
+MORE_PAIRS = 4  # of a derivative of which noise is much even with a step so many times as wide:
+WIDER = 4.0
+CERTAIN = 3.0  # standard errors by which a noisy derivative must differ from 0
+NOISY = 0.1  # share of noise in a derivative from which more simulations are used
 FAR = 6.0  # steps of a coordinate beyond which the reference is simulated anew
+STAGES = (60, 120, 200)  # simulated sets after each of which a test is asked whether it is decided
 
 Report = Callable[[str, int, int], None]
 
@@ -235,7 +236,7 @@ def make_reference(
         )
     taken = {} if known is None else {c.path: k for k, c in enumerate(known.coordinates) if c.path != WELL}
     new = [c for c in coordinates if c.path not in taken]
-    slopes = derivatives(lab, camera, new, report, np.sqrt(variance(values[0])))
+    slopes = derivatives(lab, camera, new, values, report)
     if known is not None:
         old = [c for c in coordinates if c.path in taken]
         kept = [taken[c.path] for c in old]
@@ -249,49 +250,87 @@ def make_reference(
 
 
 def derivatives(
-    lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], report: Report, scale: np.ndarray
+    lab: Laboratory,
+    camera: Camera,
+    coordinates: Sequence[Coordinate],
+    sets: Sequence[np.ndarray],
+    report: Report,
 ) -> list[np.ndarray]:
-    """Central differences of the mean statistics with common random numbers: (statistics, coordinates) of each use.
+    """Derivatives of the mean statistics with common random numbers: (statistics, coordinates) of each use.
 
-    Where few pairs leave a large standard error (an effect whose random numbers change with a step), more are simulated, and
-    what is within the noise is shrunk to 0: a spurious derivative would fix the parameter.
+    Where few simulations leave a large standard error, they are made with a wider step, and where that does not help (an effect
+    whose random numbers change with a step) more of them, and what is within their noise is 0.
 
     Args:
-        scale: (statistics,) standard deviations of the discovery frames.
+        sets: (R, statistics) of each use, simulated sets of the camera.
     """
     if not coordinates:
         return [np.zeros((len(f.values), 0)) for f in lab.measured]
-    pairs = differences(lab, camera, coordinates, range(PAIRS), report)
-    answers = standardised(pairs[0].mean(1), scale)
-    noise = standardised(pairs[0].std(1, ddof=1), scale) / np.sqrt(PAIRS)
-    noisy = np.flatnonzero((noise**2).sum(-1) > NOISY * (answers**2).sum(-1)).tolist()
+    scale = np.sqrt(variance(sets[0]))
+
+    def noisy(pairs: np.ndarray) -> np.ndarray:
+        answers = standardised(pairs.mean(1), scale)
+        noise = standardised(pairs.std(1, ddof=1), scale) / np.sqrt(pairs.shape[1])
+        return (noise**2).sum(-1) > NOISY * (answers**2).sum(-1)
+
+    pairs = differences(lab, camera, coordinates, range(PAIRS), sets, report)
     slopes = [found.mean(1) for found in pairs]
-    if noisy:
-        more = differences(lab, camera, [coordinates[k] for k in noisy], range(PAIRS, MORE_PAIRS), report)
-        for slope, first, further in zip(slopes, pairs, more, strict=True):
-            of = np.concatenate([first[noisy], further], axis=1)
-            slope[noisy] = drawn_to_zero(of.mean(1), of.var(1, ddof=1) / MORE_PAIRS)
+    unclear = np.flatnonzero(noisy(pairs[0])).tolist()
+    if unclear:
+        wide = [replace(coordinates[k], step=WIDER * coordinates[k].step) for k in unclear]
+        pairs = differences(lab, camera, wide, range(PAIRS), sets, report)
+        still = np.flatnonzero(noisy(pairs[0])).tolist()
+        for slope, found in zip(slopes, pairs, strict=True):
+            slope[unclear] = found.mean(1)
+        last = min(MORE_PAIRS, len(sets[0]))
+        if still and last > PAIRS:
+            more = differences(lab, camera, [wide[k] for k in still], range(PAIRS, last), sets, report)
+            for slope, first, further, own in zip(slopes, pairs, more, sets, strict=True):
+                of = np.concatenate([first[still], further], axis=1)
+                slope[[unclear[k] for k in still]] = _certain(of, variance(own))
     return [slope.T for slope in slopes]
 
 
+def _certain(pairs: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """Means of difference quotients (coordinates, simulations, statistics), 0 where they are within `CERTAIN` standard errors.
+
+    The noise of a thousand statistics would outweigh the few that answer, and would make refits of simulated sets, and so the
+    intervals, too narrow (regression dilution). Few simulations do not tell the noise of one statistic; all together do.
+
+    Args:
+        spread: (statistics,) variances of simulated sets.
+    """
+    mean, noise = pairs.mean(1), pairs.var(1, ddof=1) / pairs.shape[1]
+    share = np.divide(noise, spread, out=np.zeros_like(noise), where=spread > 0).mean(-1, keepdims=True)
+    return np.where(mean**2 > CERTAIN**2 * np.maximum(noise, share * spread), mean, 0.0)
+
+
 def differences(
-    lab: Laboratory, camera: Camera, coordinates: Sequence[Coordinate], numbers: range, report: Report
+    lab: Laboratory,
+    camera: Camera,
+    coordinates: Sequence[Coordinate],
+    numbers: range,
+    sets: Sequence[np.ndarray],
+    report: Report,
 ) -> list[np.ndarray]:
-    """(coordinates, pairs, statistics) difference quotients of each use of the frames, one pair of simulations per seed."""
+    """(coordinates, simulations, statistics) difference quotients of each use of the frames.
+
+    Each is between a simulated set and the same with a step of one coordinate, upwards for even numbers and downwards for odd
+    ones, so that a curvature cancels in their mean.
+    """
     at = [c.read(camera) for c in coordinates]
+    steps = np.array([[c.step * (1 - 2 * (k % 2)) for k in numbers] for c in coordinates])
     jobs = []
-    for j, coordinate in enumerate(coordinates):
-        for sign in (1, -1):
-            there = [x + sign * coordinate.step * (k == j) for k, x in enumerate(at)]
-            jobs += [(moved(camera, coordinates, there), number) for number in numbers]
-    steps = np.array([c.step for c in coordinates])[:, None, None]
-    found = []
-    for values in lab.simulated(
-        jobs, lambda n: report("how statistics answer the camera's numbers", n, len(jobs))
-    ):
-        sides = values.reshape(len(coordinates), 2, len(numbers), -1)
-        found.append((sides[:, 0] - sides[:, 1]) / (2 * steps))
-    return found
+    for j in range(len(coordinates)):
+        for place, number in enumerate(numbers):
+            there = [x + steps[j, place] * (k == j) for k, x in enumerate(at)]
+            jobs.append((moved(camera, coordinates, there), number))
+    word = "computing derivatives of the statistics"
+    found = lab.simulated(jobs, lambda n: report(word, n, len(jobs)))
+    return [
+        (values.reshape(*steps.shape, -1) - own[numbers.start : numbers.stop]) / steps[..., None]
+        for values, own in zip(found, sets, strict=True)
+    ]
 
 
 def is_far(reference: Reference, camera: Camera, steps: float = FAR) -> bool:

@@ -4,22 +4,18 @@ import math
 from dataclasses import dataclass
 
 from visaug.camera import Camera
-from visaug.core.errors import InputError
 from visaug.diagnosis import Estimate
 from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.candidates import cache
-from visaug.diagnosis.candidates.matches import matches
-from visaug.diagnosis.candidates.refinement import refine
-from visaug.diagnosis.candidates.selection import from_other_starts
-from visaug.diagnosis.candidates.signatures import signatures
+from visaug.diagnosis.candidates.selection import candidates
+from visaug.diagnosis.candidates.signatures import scanned, signatures
 from visaug.diagnosis.candidates.trials import looked, trials
 from visaug.diagnosis.fitting.errors import Errors
 from visaug.diagnosis.fitting.fit import Fitted, refit
-from visaug.diagnosis.fitting.parameters import base_coordinates
 from visaug.diagnosis.fitting.reference import Reference, Report, make_reference
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.result import estimates
-from visaug.diagnosis.search import SETS
+from visaug.diagnosis.search import SETS, check_split, given_reference
 from visaug.diagnosis.state import State
 from visaug.effects import catalogue
 from visaug.frames import FrameSet
@@ -70,12 +66,7 @@ class Fits:
     def __init__(self, given: Camera, frames: FrameSet, seed: int = 0, sets: int = SETS):
         self.given, self.sets = given, sets
         self.lab = Laboratory(frames, given, seed)
-        if len(self.lab.folds.find) < 2:
-            raise InputError(
-                f"{len(frames)} frames are too few",
-                field="frames",
-                expected="at least 4 under some conditions",
-            )
+        check_split(self.lab)
         self._references: dict[Names, Reference] = {}
         self._states: dict[tuple[Names, Names], State] = {}
         self._given: Reference | None = None  # its sets alone, where nothing was fitted yet
@@ -148,18 +139,12 @@ class Fits:
 
     def _with(self, before: State, name: str, report: Report) -> State:
         """One more effect: its best trial, its numbers refined, then everything refitted together."""
-        known = before.fitted.reference
-        others = frozenset(catalogue()) - {name}
-        signs = signatures(
-            self.lab,
-            known,
-            trials(known.camera, others, only=frozenset({name})) + looked(self.lab, known.camera, others),
-            report,
-        )
-        tried = matches(signs, before.fitted, others, before.find.allowance)
-        best = refine(self.lab, before.fitted, tried[0], report, before.find.allowance)
-        starts = [m for m in tried if m.trial.form != tried[0].trial.form]
-        best = from_other_starts(self.lab, before.fitted, best, starts, report, before.find.allowance)
+        camera, only = before.fitted.reference.camera, frozenset({name})
+        others = frozenset(catalogue()) - only
+        signs = scanned(self.lab, before.fitted.reference, trials(camera, others, only), report)
+        signs += signatures(self.lab, before.fitted.reference, looked(self.lab, camera, others), report)
+        allowance, least = before.find.allowance, -math.inf
+        (best, *_), _ = candidates(self.lab, signs, before.fitted, others, allowance, report, {}, least)
         adding = Adding(self.lab, self._reference((), report), signs.trials, report, self._after)
         return adding.with_candidate(before, best)
 
@@ -173,7 +158,6 @@ class Fits:
             camera = self.given
             for name in without:
                 camera = camera.without_effect(name)
-            coordinates = base_coordinates(camera, self.lab.frames, self.lab.calibrated)
             sets = self._after if without else self.sets
-            self._references[without] = cache.reference(self.lab, camera, coordinates, sets, report)
+            self._references[without] = given_reference(self.lab, camera, sets, report)
         return self._references[without]

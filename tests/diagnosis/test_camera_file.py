@@ -1,0 +1,78 @@
+"""Mistakes in a camera file: each kind is named and corrected, none is found in a right file."""
+
+import math
+
+import pytest
+import yaml
+
+from benchmark.camera import take
+from benchmark.sets import camera_yaml
+from benchmark.small import CHART, PLAN, SENSOR, chart
+from visaug import Camera, FrameSet
+from visaug.diagnosis.camera_file import corrected
+from visaug.diagnosis.laboratory import Laboratory
+from visaug.frames import FrameRecord
+
+GAIN, READ_E, DARK_E, PER_C = SENSOR.e_per_dn, SENSOR.read_e, SENSOR.dark_e_per_s, SENSOR.dark_per_c
+
+
+@pytest.fixture(scope="module")
+def frames() -> FrameSet:
+    """By the benchmark's camera, which shares no code with the package."""
+    plan, targets = (*PLAN, *CHART), {"chart.npy": chart()}
+    records = [
+        FrameRecord(i, f"{i}.npy", s.kind, s.seconds, s.celsius, 0.0, s.photons, clean=s.target)
+        for i, s in enumerate(plan)
+    ]
+    taken = take(SENSOR, plan, targets, 7, [])
+    return FrameSet.from_arrays(records, list(taken), targets, bit_depth=SENSOR.bits)
+
+
+@pytest.fixture(scope="module")
+def right() -> dict:
+    return yaml.safe_load(camera_yaml(SENSOR))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "key", "mistake", "value"),
+    [
+        ({"gain_e_per_dn": 1 / GAIN}, "gain_e_per_dn", "inverse", GAIN),
+        ({"read_noise.sigma_e": READ_E / GAIN}, "read_noise.sigma_e", "unit", READ_E),
+        ({"read_noise.sigma_e": READ_E**2}, "read_noise.sigma_e", "variance", READ_E),
+        ({"dark_current.a_e_per_s": DARK_E / 1e3}, "dark_current.a_e_per_s", "time_unit", DARK_E),
+        ({"dark_current.a_e_per_s": DARK_E * 0.01}, "dark_current.a_e_per_s", "per_frame", DARK_E),
+        (
+            {"dark_current.a_e_per_s": DARK_E * math.exp(-273.15 * PER_C)},
+            "dark_current.a_e_per_s", "kelvin", DARK_E,
+        ),
+        ({"prnu.column": 100 * SENSOR.prnu[0]}, "prnu.column", "per_cent", SENSOR.prnu[0]),
+        ({"black_level_dn": 0.0}, "black_level_dn", "black_level", SENSOR.pedestal_dn),
+        ({"quantum_efficiency": SENSOR.efficiency / 5}, "quantum_efficiency", "photons", SENSOR.efficiency),
+        ({"exposure_s": 10.0}, "exposure_s", "time_unit", 0.01),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_named_and_corrected(frames, right, wrong, key, mistake, value):
+    camera = Camera.load(right).replace({k: v for k, v in wrong.items() if k != "exposure_s"})
+    if "exposure_s" in wrong:
+        camera = Camera.load({**right, "exposure_s": wrong["exposure_s"]})
+    better, found = corrected(camera, frames, Laboratory(frames, camera))
+    assert [(m.key, m.mistake) for m in found] == [(key, mistake)]
+    assert found[0].value == pytest.approx(value, rel=0.05)
+    assert better.to_dict().get(key.split(".")[0]) != camera.to_dict().get(key.split(".")[0])
+
+
+def test_another_bit_depth_changes_gain_and_black_level_alike(frames, right):
+    factor = 2.0 ** (16 - SENSOR.bits)
+    wrong = {"bit_depth": 16, "gain_e_per_dn": GAIN / factor, "black_level_dn": SENSOR.pedestal_dn * factor}
+    camera = Camera.load({**right, **wrong})
+    better, found = corrected(camera, frames, Laboratory(frames, camera))
+    assert [(m.key, m.mistake, m.value) for m in found] == [("bit_depth", "bit_depth", SENSOR.bits)]
+    assert better.bit_depth == SENSOR.bits
+    assert better.spec.gain_e_per_dn == pytest.approx(GAIN)
+
+
+def test_a_right_file_has_no_mistake(frames, right):
+    camera = Camera.load(right)
+    same, found = corrected(camera, frames, Laboratory(frames, camera))
+    assert found == ()
+    assert same is camera

@@ -1,0 +1,73 @@
+"""Limits of absent effects, from residuals whose law is known."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from visaug.diagnosis.fitting.reference import Null
+from visaug.diagnosis.verdicts import POWER, Course, Sight, _absorbing
+
+COUNT = 200  # simulated sets
+MATCH, LARGEST = 3.0, 50.0  # the largest residual shows nothing here
+
+
+def sight(slopes: np.ndarray, priors: np.ndarray, statistics: int = 6) -> Sight:
+    """Independent statistics of standard deviation 1."""
+    residuals = np.random.default_rng(3).standard_normal((COUNT, statistics))
+    null = Null(residuals, np.full(statistics, 0.1), slopes, priors)
+    nothing = np.zeros(statistics)
+    return Sight(null, np.array(["level"] * statistics), nothing, nothing, MATCH, LARGEST)
+
+
+def course(strengths, shifts, variances=None) -> Course:
+    shifts = np.array(shifts, float)
+    variances = np.zeros_like(shifts) if variances is None else variances
+    return Course("row_noise.sigma_e", np.array(strengths, float), shifts, variances, shifts, False)
+
+
+PLAIN = np.zeros((6, 0)), np.zeros(0)
+
+
+@pytest.mark.parametrize("power", [1.0, 2.0])
+def test_the_limit_is_where_the_match_is_shown_with_95_per_cent(power):
+    """A match of unit variance is shown from MATCH + 1.645; 200 sets tell a standard deviation to 5 %, here to three of these."""
+    one = np.array([0, 0, 4.0, 0, 0, 0])
+    limit, _ = course([1.0, 2.0], [one, 2**power * one]).limit(sight(*PLAIN))
+    expected = ((MATCH + norm.ppf(POWER)) / 4) ** (1 / power)
+    assert limit == pytest.approx(expected, rel=0.15)
+
+
+def test_a_strength_that_was_simulated_and_is_not_shown_is_below_the_limit():
+    """A shift that saturates: no power law leads from 1 to 4."""
+    one = np.array([0, 0, 4.0, 0, 0, 0])
+    limit, _ = course([1.0, 4.0], [0.5 * one, one]).limit(sight(*PLAIN))
+    assert limit >= 4.0
+
+
+def test_an_effect_of_variance_alone_is_shown_by_the_largest_residual():
+    """Residuals of variance 1 + v x^2 exceed the limit of 4 with 95 % where 4 / sd is the quantile of 52.5 %."""
+    known = Sight(**{**vars(sight(*PLAIN)), "largest": 4.0})
+    added = np.array([[0, 0, 100.0, 0, 0, 0]])
+    random = course([1.0], [np.zeros(6)], added)
+    limit, _ = random.limit(known)
+    sd = 4 / norm.ppf(1 - POWER / 2)
+    assert limit == pytest.approx(np.sqrt(sd**2 - 1) / 10, rel=0.15)
+
+
+def test_a_parameter_of_the_camera_that_does_the_same_is_what_it_cannot_be_separated_from():
+    """The shift lies along the slope of the first parameter, whose prior is wide, and not along that of the second."""
+    one = np.array([3.0, 0, 4.0, 0, 0, 0])
+    slopes = np.column_stack([one, [0, 0, 0, 0, 1.0, 0]])
+    wide = sight(slopes, np.array([100.0, 1.0]))
+    effect = course([1.0], [one])
+    assert effect.limit(wide)[0] > 10
+    coordinates = [SimpleNamespace(path=path) for path in ("black_level_dn", "gain_e_per_dn")]
+    end = SimpleNamespace(
+        state=SimpleNamespace(
+            accepted=(), fitted=SimpleNamespace(reference=SimpleNamespace(coordinates=coordinates))
+        )
+    )
+    assert _absorbing(end, wide, effect, 2.0) == ("black_level_dn",)  # pyright: ignore[reportArgumentType]
+    assert _absorbing(end, wide, effect, 0.1) == ()  # pyright: ignore[reportArgumentType]

@@ -1,0 +1,73 @@
+"""The end of a search: the camera that is kept, and all that is reported."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from visaug.diagnosis.fitting.robust import p_value, standardised
+from visaug.diagnosis.result import Diagnosis, Step
+from visaug.diagnosis.stage import History, Setting, Stage
+from visaug.diagnosis.state import State
+from visaug.diagnosis.telling import cannot_show, form, residue
+from visaug.diagnosis.verdicts import verdicts
+from visaug.statistics.distance import is_clear
+from visaug.statistics.places import places
+from visaug.statistics.tail import SIGNIFICANT
+
+
+def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosis:
+    """The diagnosis.
+
+    Args:
+        nearest: an effect that reduces the error but was not accepted.
+    """
+    lab, first = setting.lab, setting.first
+    z = standardised(lab.measured[0].values - first.mean, first.scale)
+    p_given = p_value(float(np.abs(z).max()), first.largest_as_given)
+    p_before = history[0].p_value
+    end, steps = kept(setting, history, p_given)
+    significant = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
+    excess = bool(end.state.accepted) or (significant and is_clear(end.error))
+    statistics = lab.measured[2].statistics
+    return Diagnosis(
+        camera=end.state.fitted.camera,
+        accepted=end.state.accepted,
+        error_after=end.error if excess else None,
+        p_value_before=p_before,
+        p_value_after=end.p_value,
+        adequate_before=p_before > SIGNIFICANT,
+        adequate_after=not end.is_missing,
+        where=places(setting.errors.distance, lab.statistics, z),
+        ranking=tuple(sorted(end.ranked.values(), key=lambda r: -r.probability)),
+        steps=steps if excess else (),
+        frames=_sequence_numbers(setting),
+        ambiguous=tuple(pair for pair in end.ambiguous if set(pair["effects"]) & set(end.state.accepted)),
+        unexplained=residue(lab.measured[2], end.state, end.is_missing, nearest),
+        form=form(statistics, end.state),
+        cannot_show=cannot_show(setting.signs, first),
+        used=lab.selection,
+        warnings=lab.warnings,
+        effects=() if lab.units else verdicts(setting, end),
+    )
+
+
+def kept(setting: Setting, history: History, p_given: float) -> tuple[Stage, tuple[Step, ...]]:
+    """The last stage; the camera file as given, where no effect was found and the frames are farther from the refitted file.
+
+    The file as given is not refitted, and is judged as it is.
+    """
+    end = history[-1]
+    steps = tuple(Step(stage.action, stage.error) for stage in history)
+    if end.state.accepted or end.error is None or end.error.value <= 1:
+        return end, steps
+    given = State.plain(setting.unfitted)
+    error = setting.errors.told(given.fitted)
+    return replace(end, state=given, p_value=p_given, error=error), (Step("keep the camera file", error),)
+
+
+def _sequence_numbers(setting: Setting) -> dict[str, list[int]]:
+    sequences, folds = setting.lab.sequences, setting.lab.folds
+    return {
+        name: list(dict.fromkeys(sequences[i] for i in getattr(folds, name)))
+        for name in ("fit", "select", "confirm")
+    }

@@ -1,0 +1,171 @@
+"""What a full plan of frames would show of effects, before any of its frames is taken."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from visaug.camera import Camera
+from visaug.camera.paths import place_of
+from visaug.camera.simulation import simulate, with_chart
+from visaug.core.errors import InputError
+from visaug.diagnosis.candidates.signatures import strongest
+from visaug.diagnosis.candidates.trials import Trial, strength_of, trials
+from visaug.diagnosis.fitting.parameters import base_coordinates
+from visaug.diagnosis.fitting.reference import Report, differences
+from visaug.diagnosis.fitting.robust import adjust
+from visaug.diagnosis.laboratory import Laboratory
+from visaug.diagnosis.part import Part
+from visaug.diagnosis.verdict import Verdict
+from visaug.frames import FrameSet
+from visaug.frames.plan import default_plan
+from visaug.statistics import Statistic, fingerprint
+
+SETS = 6  # simulated sets of a camera
+SEEN = 3.0  # standard deviations of one set above which two cameras differ; the standard error of a mean of six sets is half of one
+CLEAR = 2 * SEEN  # standard deviations from which an effect is shown
+ALIKE = 0.9  # cosine of the differences by two effects above which these frames do not separate them
+WINDOW = (128, 160)  # pixels of the sensor that are simulated
+WORDS = {  # kinds of frames, the cheapest first
+    "bias": "a stack of bias frames",
+    "dark": "a series of dark frames over exposure and temperature",
+    "flat": "flats over the whole range up to saturation, several at each level",
+    "scene": "a test chart with edges and a small spot above saturation, several times, each followed by a dark frame",
+}
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A camera and the statistics of a full plan of its frames.
+
+    Args:
+        camera: whose frames are planned.
+        report: progress.
+    """
+
+    camera: Camera
+    report: Report
+
+    @cached_property
+    def lab(self) -> Laboratory:
+        return Laboratory(_plan(self.camera), self.camera, folds=False)
+
+    @cached_property
+    def statistics(self) -> tuple[Statistic, ...]:
+        part = self.lab.parts[0]
+        assert isinstance(part, Part)  # the plan has no pictures of unknown scenes
+        return fingerprint(simulate(self.camera, part.plan)).statistics
+
+    @cached_property
+    def kinds(self) -> np.ndarray:
+        return np.array([s.kind for s in self.statistics])
+
+    @cached_property
+    def _sets(self) -> tuple[np.ndarray, ...]:
+        return self.lab.simulated([(self.camera, k) for k in range(SETS)])
+
+    @cached_property
+    def _slopes(self) -> tuple[np.ndarray, np.ndarray]:
+        free = base_coordinates(self.camera, self.lab.frames, calibrated=True)
+        slopes = differences(self.lab, self.camera, free, range(2), self._sets, self.report)[0].mean(1).T
+        return slopes, np.array([c.prior for c in free])
+
+    def apart(self, cameras: Sequence[Camera], count: int = SETS) -> np.ndarray:
+        """(cameras, statistics) differences from the camera in standard deviations of one set, after a refit of the camera."""
+        label, jobs = "frames that would show it", [(one, k) for one in cameras for k in range(count)]
+        sets = self.lab.finding(jobs, lambda n: self.report(label, n, len(jobs)))
+        sets = sets.reshape(len(cameras), count, -1)
+        own, (slopes, priors) = self._sets[0], self._slopes
+        least = np.maximum([s.least_spread for s in self.statistics], 1e-9)
+        found = []
+        for others in sets:
+            spread = np.maximum(np.sqrt((own.var(0, ddof=1) + others.var(0, ddof=1)) / 2), least)
+            differ = others.mean(0) - own[:count].mean(0)
+            (steps,) = adjust(differ[None], slopes, spread, priors)
+            found.append((differ - slopes @ steps) / spread)
+        return np.array(found)
+
+
+def frames_that_show(cameras: Mapping[str, Camera], planned: Planned) -> dict[str, tuple[str, ...]]:
+    """Of each camera with an effect, by name, the cheapest kind of frames in which it differs from the camera without it.
+
+    Empty for an effect that no frames of the plan show at the strength that its camera has.
+    """
+    if not cameras:
+        return {}
+    apart = planned.apart(list(cameras.values()))
+    return {name: _cheapest(planned, one) for name, one in zip(cameras, apart, strict=True)}
+
+
+def _cheapest(planned: Planned, apart: np.ndarray) -> tuple[str, ...]:
+    shown = {kind: np.abs(apart[planned.kinds == kind]).max(initial=0.0) > CLEAR for kind in WORDS}
+    kind = next((kind for kind in WORDS if shown[kind]), None)
+    return () if kind is None else (WORDS[kind],)
+
+
+def before_frames(camera: Camera, names: Sequence[str], report: Report) -> list[Verdict]:
+    """What a full plan of frames would show of effects: the smallest strength, the cheapest frames, and what looks alike.
+
+    Raises:
+        InputError: an effect that the camera has, or that a diagnosis does not try.
+    """
+    tried = trials(camera, only=frozenset(names))
+    strong: dict[str, Trial] = {}
+    for trial in tried:
+        if not trial.is_other_form:
+            strong.setdefault(trial.effect, strongest(trial))
+    for name in names:
+        if name not in strong:
+            expected = f"one of {', '.join(sorted(strong))}"
+            raise InputError(
+                f"{name} is not an effect that {camera.name} lacks", field="--for", expected=expected
+            )
+    planned = Planned(camera, report)
+    apart = dict(zip(strong, planned.apart([t.on(camera) for t in strong.values()], 2), strict=True))
+    weak = {name: next(t for t in tried if t.effect == name) for name in names}
+    faint = dict(zip(names, planned.apart([weak[name].on(camera) for name in names]), strict=True))
+    found = []
+    for name in names:
+        path, largest = strength_of(camera, strong[name])
+        _, smallest = strength_of(camera, weak[name])
+        unit = place_of(path).parameter.unit
+        high, low = (float(np.abs(one[name]).max()) for one in (apart, faint))
+        alike = tuple(
+            other for other in strong if other != name and _cosine(apart[name], apart[other]) > ALIKE
+        )
+        frames = _cheapest(planned, apart[name])
+        if high <= CLEAR:
+            found.append(Verdict(name, "not testable", path, unit))
+            continue
+        power = np.log(high / max(low, 1.0)) / np.log(largest / smallest) if largest > smallest else 1.0
+        limit = largest * (CLEAR / high) ** (1 / np.clip(power, 0.5, 6.0))
+        word = "not separable" if alike else "absent"
+        found.append(Verdict(name, word, path, unit, limit=float(limit), others=alike, frames=frames))
+    return found
+
+
+def _cosine(a: np.ndarray, b: np.ndarray) -> float:
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return abs(float(a @ b)) / size if size else 0.0
+
+
+def _plan(camera: Camera) -> FrameSet:
+    """A full plan of frames in a central window of the sensor; its pixels are not used."""
+    rows, columns = camera.resolution
+    height, width = min(rows, WINDOW[0]), min(columns, WINDOW[1])
+    r0, c0 = (rows - height) // 2, (columns - width) // 2
+    full_well = camera.spec.full_well_e or camera.spec.gain_e_per_dn * 2**camera.bit_depth
+    records = [
+        replace(
+            record,
+            window=(r0, r0 + height, c0, c0 + width),
+            photons=record.photons and record.photons * share,
+            gain_db=camera.spec.gain_db,
+        )
+        for share in [full_well / camera.spec.quantum_efficiency / 20000.0]
+        for record in default_plan()
+        if record.kind in WORDS and record.gain_db == 0
+    ]
+    plan = FrameSet.from_arrays(records, [np.zeros((height, width), np.uint16)] * len(records))
+    return with_chart(camera, plan)

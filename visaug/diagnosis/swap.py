@@ -1,0 +1,62 @@
+"""An accepted effect is compared with its rivals again beside the next one."""
+
+from dataclasses import replace
+
+from visaug.diagnosis.choice import Judged
+from visaug.diagnosis.criterion import between
+from visaug.diagnosis.ranking import accepted_rank, swapped_ranks
+from visaug.diagnosis.stage import History, Setting, Stage
+from visaug.diagnosis.state import State
+from visaug.effects import catalogue
+from visaug.statistics.tail import SIGNIFICANT
+
+
+def reconsidered(setting: Setting, history: History) -> History:
+    """The history with the effect before the last replaced by a rival that is more probable with the last, or explains all alone.
+
+    As long as a further effect is missing, a wrong effect can fit better. And if the last effect is that rival, it may
+    explain everything by itself.
+    """
+    *_, before, last = history
+    if len(last.state.accepted) < 2:
+        return history
+    own, *others = before.standing
+    earlier = history[: len(before.state.accepted)]
+    for rival in others:
+        effect = rival.refined.effect
+        if effect == last.state.accepted[-1]:
+            alone, p_value = setting.tested(rival.state)
+            if p_value > SIGNIFICANT:
+                return (*earlier, _stage(setting, last, (own, rival), alone, p_value, (rival, own)))
+        is_base = any(catalogue()[j.refined.effect].base for j in (own, rival))
+        if effect in last.state.accepted or is_base:
+            continue
+        swapped = setting.adding.swapped(last.state, own.refined.effect, rival.state)
+        odds = between(history[0].state, swapped, last.state)
+        if odds + own.evidence.cost > rival.evidence.cost:
+            swapped, p_value = setting.tested(swapped)
+            first = replace(
+                before,
+                state=rival.state,
+                error=setting.errors.told(rival.state.fitted),
+                standing=(rival, own),
+            )
+            second = _stage(setting, last, (own, rival), swapped, p_value, last.standing[:1])
+            return (*earlier, first, second)
+    return history
+
+
+def _stage(
+    setting: Setting,
+    last: Stage,
+    exchanged: tuple[Judged, Judged],
+    state: State,
+    p_value: float,
+    standing: tuple[Judged, ...],
+) -> Stage:
+    """The last stage with another state, in which one of two effects gave way to the other."""
+    error = setting.errors.told(state.fitted)
+    ranked = swapped_ranks(last.ranked, *exchanged)
+    for name in state.accepted[-2:]:
+        ranked = accepted_rank(ranked, state, name, error)
+    return replace(last, state=state, p_value=p_value, error=error, standing=standing, ranked=ranked)

@@ -1,0 +1,333 @@
+"""The verdict on every effect of the catalogue, from the signatures and the simulated sets of a search.
+
+An effect of strength x shifts the statistics of all frames by s(x) and adds the variances v(x). Both are simulated at some
+strengths and follow a power law beyond them. The test of adequacy shows the effect with the probability P(x): that the match with
+its signature, or the largest residual, exceeds the 99 % quantile of simulated sets without it. The limit of an absent effect is the
+strength at which P is 95 % (a power-constrained limit: G. Cowan, K. Cranmer, E. Gross and O. Vitells, arXiv 1105.3166), or the
+upper limit of 95 % on its strength where that is larger.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.stats import norm
+
+from visaug.camera import Camera
+from visaug.camera.paths import path_of, place_of
+from visaug.diagnosis.candidates.signatures import FEW, Signatures, simulated
+from visaug.diagnosis.candidates.trials import Trial, strength_of
+from visaug.diagnosis.chance import chance
+from visaug.diagnosis.fitting.law import law, scatter_along
+from visaug.diagnosis.fitting.reference import Null
+from visaug.diagnosis.fitting.robust import standardised
+from visaug.diagnosis.planned import Planned, frames_that_show
+from visaug.diagnosis.stage import Setting, Stage
+from visaug.diagnosis.verdict import Verdict
+from visaug.effects import catalogue
+
+ONE_SIDED = 1.645  # standard deviations of an upper limit of 95 %
+POWER = 0.95  # probability with which an effect at its limit is shown
+RARE = 0.99  # quantile of the null beyond which a residual is shown: two tests share the 2 % of false alarms
+FACTORS = np.geomspace(1e-3, 1e3, 241)  # of a simulated strength, among which a limit is sought
+NEAR = 1.6  # ratio of a limit and a simulated strength up to which the power law is trusted
+ROUNDS = 3  # of simulations near a limit
+STEEPEST = 6.0  # exponent of a shift in the strength
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What the test of adequacy shows in all frames.
+
+    Attributes:
+        null: residuals of simulated sets of the camera.
+        views: (statistics,) the view of each.
+        residual, allowance: of the measurement, see `visaug.diagnosis.fitting.uses.Use`.
+        match, largest: quantiles of the null's largest match and largest residual.
+    """
+
+    null: Null
+    views: np.ndarray
+    residual: np.ndarray
+    allowance: np.ndarray
+    match: float
+    largest: float
+
+    def knowing(self, columns: Iterable[int]) -> "Sight":
+        """The same if some of the camera's parameters were known."""
+        kept = [k for k in range(len(self.null.priors)) if k not in set(columns)]
+        null = replace(self.null, slopes=self.null.slopes[:, kept], priors=self.null.priors[kept])
+        return replace(self, null=null)
+
+    @cached_property
+    def metric(self):
+        return law(self.null, self.allowance)
+
+    def directions(self, shifts: np.ndarray) -> np.ndarray:
+        """(n, statistics used) unit vectors of the match with shifts (n, statistics), in standard deviations of simulated sets."""
+        white = self.metric.white(shifts)
+        sizes = np.maximum(np.linalg.norm(white, axis=-1, keepdims=True), 1e-9)
+        return white / sizes / np.sqrt(scatter_along(self.null, self.allowance, shifts))[:, None]
+
+    def smallest(self, match: float, shift: np.ndarray, variance: np.ndarray, power: float) -> float:
+        """The factor on a strength at which it is shown with the probability `POWER`; infinite where none is.
+
+        Args:
+            match: of its shift with the signatures, in standard deviations.
+        """
+        by = (FACTORS**power)[:, None]
+        z, added = self.null.beyond(shift), standardised(variance, self.null.scale**2)
+        sd = np.sqrt(1 + by**2 * added)
+        hidden = norm.cdf((self.largest - by * z) / sd) - norm.cdf((-self.largest - by * z) / sd)
+        shown = np.maximum(norm.cdf(by[:, 0] * match - self.match), 1 - hidden.min(1))
+        return float(FACTORS[np.argmax(shown >= POWER)]) if (shown >= POWER).any() else np.inf
+
+
+@dataclass(frozen=True)
+class Course:
+    """An effect over the strength of its first parameter.
+
+    Attributes:
+        path: of the strength.
+        strengths: (n,) ascending; distances from the value without the effect.
+        shifts, variances: (n, statistics) of all frames.
+        signs: (m, statistics) signatures of the search with which the measurement is matched.
+        is_stepwise: whether only these strengths exist.
+    """
+
+    path: str
+    strengths: np.ndarray
+    shifts: np.ndarray
+    variances: np.ndarray
+    signs: np.ndarray
+    is_stepwise: bool
+
+    def matches(self, sight: Sight) -> np.ndarray:
+        """(n,) the match of each shift with the signatures of the search: those of other random numbers."""
+        of_signs = sight.directions(self.signs)
+        return (sight.metric.white(self.shifts) @ of_signs.T).max(1, initial=0.0)
+
+    def limit(self, sight: Sight, is_final: bool = False) -> tuple[float, int]:
+        """The smallest strength that is shown, and the place of the simulated strength from which it follows.
+
+        Args:
+            is_final: far from every simulated strength the power law is not trusted; the smallest of these that is shown
+                is taken.
+        """
+        matches = np.maximum(self.matches(sight), 1e-3)
+        power = 1.0
+        ways = np.diff(np.log(self.strengths))
+        if (ways > 0).any():
+            ratios = np.diff(np.log(matches))[ways > 0] / ways[ways > 0]
+            power = float(np.clip(np.median(ratios), 0.5, STEEPEST))
+        factors = np.array(
+            [sight.smallest(*one, power) for one in zip(matches, self.shifts, self.variances, strict=True)]
+        )
+        if self.is_stepwise:
+            k = int(np.argmax(factors <= 1)) if (factors <= 1).any() else len(factors) - 1
+            return (float(self.strengths[k]) if factors[k] <= 1 else np.inf), k
+        k = len(factors) - 1 - int(np.abs(np.log(factors))[::-1].argmin())
+        # a strength that was simulated and is not shown is below the limit, whatever the power law says
+        low = self.strengths[factors > 1].max(initial=0.0)
+        high = self.strengths[(factors <= 1) & (self.strengths > low)].min(initial=np.inf)
+        limit = float(np.clip(factors[k] * self.strengths[k], low, high))
+        if is_final and not abs(np.log(limit / self.strengths[k])) <= np.log(NEAR):
+            limit = float(high)
+        return limit, k
+
+
+def verdicts(setting: Setting, end: Stage) -> tuple[Verdict, ...]:
+    """The verdict on every effect that was considered, in the order of the catalogue."""
+    sight = sight_of(setting, end)
+    considered = {t.effect for t in setting.signs.trials if not t.looked} | set(end.state.accepted)
+    found = {name: _named(name, end) for name in end.state.accepted}
+    courses = {
+        name: course
+        for name in sorted(considered - set(found))
+        if (course := _course(setting, setting.signs, name)) is not None
+    }
+    courses = _completed(setting, sight, courses)
+    for name, course in courses.items():
+        found[name] = _rival(name, course, end) or _judged(setting, end, sight, name, course)
+    known = setting.first.camera
+    open_ = [
+        v.effect for v in found.values() if v.verdict in ("not separable", "not testable") and not v.frames
+    ]
+    strong = {name: _strong(known, name, setting) for name in open_}
+    shown = frames_that_show(strong, Planned(known, setting.report))
+    return tuple(replace(found[n], frames=shown.get(n, found[n].frames)) for n in catalogue() if n in found)
+
+
+def sight_of(setting: Setting, end: Stage) -> Sight:
+    state, lab = end.state, setting.lab
+    test = chance(lab, setting.signs, state)
+    views = np.array([s.view for s in lab.measured[2].statistics])
+    match, largest = (float(np.quantile(of, RARE)) for of in (test.matches, test.largests))
+    null = state.fitted.reference.whole_null
+    return Sight(null, views, state.fitted.whole_residual, state.whole.allowance, match, largest)
+
+
+def _course(setting: Setting, signs: Signatures, name: str) -> Course | None:
+    """Of the first strength alone, in the default form."""
+    chosen: dict[float, int] = {}
+    path = ""
+    for i, trial in enumerate(signs.trials):
+        if trial.effect != name or trial.looked or trial.is_other_form or trial.following:
+            continue
+        here, strength = strength_of(setting.first.camera, trial)
+        if (not path or here == path) and strength > 0 and trial.values[0][1] != 0:
+            path = here
+            chosen[strength] = i
+    if not chosen:
+        return None
+    places = [chosen[x] for x in sorted(chosen)]
+    stepwise = signs.trials[places[0]].is_fixed or path == path_of("saturation", "full_well_e")
+    return Course(
+        path,
+        np.array(sorted(chosen)),
+        setting.lab.whole_of(signs.values[places]),
+        setting.lab.whole_of(signs.variances[places]),
+        setting.lab.whole_of(signs.values[places]),
+        stepwise,
+    )
+
+
+def _completed(setting: Setting, sight: Sight, courses: dict[str, Course]) -> dict[str, Course]:
+    """Each effect simulated near its limit, with random numbers that its signatures do not have, until it is near.
+
+    A signature of few simulations contains their noise, with which only they match.
+    """
+    camera, lab = setting.first.camera, setting.lab
+    open_ = {name for name, course in courses.items() if not course.is_stepwise}
+    plain: dict[str, Trial] = {}
+    for trial in setting.signs.trials:
+        if trial.effect in open_ and not trial.looked and not trial.is_other_form:
+            plain.setdefault(trial.effect, trial)
+    for round_ in range(ROUNDS):
+        numbers = range(FEW * (round_ + 1), FEW * (round_ + 2))
+        at = {}
+        for name in sorted(open_):
+            limit = courses[name].limit(sight)[0]
+            limit = min(limit, 3 * _plausible(name, courses[name])) if limit > 0 else limit
+            trial = plain[name].times(limit / strength_of(camera, plain[name])[1])
+            at |= {name: trial} if np.isfinite(limit) and trial.fits(camera) else {}
+        signed = simulated(lab, setting.first, list(at.values()), numbers, setting.report)
+        open_ = set()
+        for k, trial in enumerate(signed.trials):
+            old, x = courses[trial.effect], strength_of(camera, trial)[1]
+            shift, variance = lab.whole_of(signed.values[[k]]), lab.whole_of(signed.variances[[k]])
+            known = [] if round_ == 0 else range(len(old.strengths))
+            strengths = np.array([*old.strengths[known], x])
+            order = np.argsort(strengths)
+            new = replace(
+                old,
+                strengths=strengths[order],
+                shifts=np.vstack([old.shifts[known], shift])[order],
+                variances=np.vstack([old.variances[known], variance])[order],
+            )
+            courses = {**courses, trial.effect: new}
+            if abs(np.log(new.limit(sight)[0] / x)) > np.log(NEAR):
+                open_.add(trial.effect)
+        if not open_:
+            break
+    return courses
+
+
+def _judged(setting: Setting, end: Stage, sight: Sight, name: str, course: Course) -> Verdict:
+    limit, k = course.limit(sight, is_final=True)
+    unit = place_of(course.path).parameter.unit
+    plausible = _plausible(name, course)
+    without = setting.first.camera.values().get(course.path, 0.0)
+
+    def stated(strength: float) -> float | None:
+        """The parameter at a distance from the camera without the effect."""
+        if not np.isfinite(strength):
+            return None
+        stated = 1 / strength if not np.isfinite(without) else without - strength if without else strength
+        return float(stated)
+
+    words = (name, course.path, unit)
+    directions = sight.directions(course.signs)
+    way = directions[(directions @ sight.metric.white(course.shifts[k])).argmax()]
+    width = 1 / max(float(way @ sight.metric.white(course.shifts[k])), 1e-9)
+    factor = width * float(way @ sight.metric.white(sight.residual))
+    if factor > sight.match * width and end.is_missing:
+        return Verdict(words[0], "not separable", *words[1:], others=("unexplained",))
+    limit = max(limit, -np.log(1 - POWER) / places_of_events(setting, course.path, unit))
+    upper = (max(factor, 0.0) + ONE_SIDED * width) * course.strengths[k]
+    if limit <= plausible:
+        is_matched = (sight.match + ONE_SIDED) * width * course.strengths[k] < NEAR * limit
+        most = max(limit, min(upper, plausible)) if is_matched and not course.is_stepwise else limit
+        return Verdict(words[0], "absent", *words[1:], limit=stated(most))
+    others = _absorbing(end, sight, course, plausible)
+    if others:
+        return Verdict(words[0], "not separable", *words[1:], others=others)
+    return Verdict(words[0], "not testable", *words[1:], limit=stated(limit))
+
+
+def places_of_events(setting: Setting, path: str, unit: str) -> float:
+    """How often an effect that is a number of single events happens in these frames at strength 1; infinite for others.
+
+    Whatever the size of an event, there is none with the probability exp(-n) where n are expected.
+    """
+    frames = setting.lab.parts[-1].frames
+    rows, columns = frames.shape(0)
+    if unit == "share of pixels" or (unit == "fraction" and path.endswith(".density")):
+        return rows * columns
+    if unit == "1/(Mpx s)":
+        return 1e-6 * rows * columns * sum(r.exposure_s for r in frames.records)
+    if unit == "share of codes":
+        return len(set().union(*(np.unique(frames.read(i)).tolist() for i in range(len(frames)))))
+    return np.inf
+
+
+def _plausible(name: str, course: Course) -> float:
+    """The largest strength at which an effect is tried."""
+    parameter = place_of(course.path).parameter
+    values = [abs(v) for v in parameter.trials if not isinstance(v, str)] if parameter.strength else []
+    return max(values, default=float(course.strengths[-1])) * (1 + 1e-9)
+
+
+def _absorbing(end: Stage, sight: Sight, course: Course, plausible: float) -> tuple[str, ...]:
+    """Parameters of the camera that explain what the effect would change, if these frames would show it with them known."""
+    paths = [c.path for c in end.state.fitted.reference.coordinates]
+    if not paths or course.limit(sight.knowing(range(len(paths))))[0] > plausible:
+        return ()
+    names = [path.split(".")[0] if path.split(".")[0] in end.state.accepted else path for path in paths]
+    limits = {
+        name: course.limit(sight.knowing([k for k, own in enumerate(names) if own == name]))[0]
+        for name in dict.fromkeys(names)
+    }
+    alone = [name for name, limit in limits.items() if limit <= plausible]
+    return tuple(alone or [min(limits, key=limits.__getitem__)])
+
+
+def _named(name: str, end: Stage) -> Verdict:
+    entry = end.ranked[name]
+    strengths = [key for key in catalogue()[name].strengths() if key in entry.parameters]
+    key = next(iter(strengths or entry.parameters), None)
+    if key is None:
+        return Verdict(name, "named")
+    of = entry.parameters[key]
+    return Verdict(name, "named", path_of(name, key), of.unit, of.value, of.low, of.high)
+
+
+def _rival(name: str, course: Course, end: Stage) -> Verdict | None:
+    """The verdict on an effect that these frames do not distinguish from an accepted one."""
+    for pair in end.ambiguous:
+        own = [other for other in pair["effects"] if other in end.state.accepted]
+        if name in pair["effects"] and own:
+            unit = place_of(course.path).parameter.unit
+            return Verdict(
+                name, "not separable", course.path, unit, others=tuple(own), frames=(pair["measure"],)
+            )
+    return None
+
+
+def _strong(camera: Camera, name: str, setting: Setting) -> Camera:
+    """The camera with an effect at the strongest of its trials."""
+    trials: Sequence[Trial] = [
+        t for t in setting.signs.trials if t.effect == name and not t.looked and not t.is_other_form
+    ]
+    return max(trials, key=lambda t: strength_of(camera, t)[1]).on(camera)
