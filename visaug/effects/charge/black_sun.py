@@ -17,6 +17,7 @@ class BlackSun(Effect):
     name = "black_sun"
     stage = Stage.CHARGE
     order = 77  # what is beyond the full well is still known
+    aliases = ("eclipse", "sun spot", "black dot")
     summary = "The centre of a very bright source becomes dark."
     equation = "N <- max(0, min(N, W) - share max(0, N - onset W)), W: full well"
     source = "J. Ohta, Smart CMOS Image Sensors and Applications (CRC 2008), correlated double sampling and reset level"

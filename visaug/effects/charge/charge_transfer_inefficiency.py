@@ -24,6 +24,7 @@ class ChargeTransferInefficiency(Effect):
     stage = Stage.CHARGE
     order = 85  # the full wells are what is transferred
     local = False
+    aliases = ("CTI", "CTE", "deferred charge", "trailing", "smear", "radiation")
     summary = (
         "Each transfer leaves a fraction of the charge behind; trails grow with the number of transfers."
     )

@@ -20,6 +20,7 @@ class DarkCurrentRTS(Effect):
     name = "dark_current_rts"
     stage = Stage.GENERATION
     order = 32
+    aliases = ("DC-RTS", "random telegraph noise", "blinking pixels")
     summary = "The dark current of a few pixels jumps between two levels from frame to frame."
     equation = (
         "mu_e <- mu_e + t A_pixel exp(b (T - 20 C)) s, s in {0, 1} with P(1) = duty, s_k = s_(k-1) with probability kept, "

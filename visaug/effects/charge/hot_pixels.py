@@ -21,6 +21,7 @@ class HotPixels(Effect):
     name = "hot_pixels"
     stage = Stage.GENERATION
     order = 30
+    aliases = ("warm pixels", "hot spots", "defect pixels", "white spots")
     summary = "A few pixels have a much larger dark current, with their own temperature coefficient."
     equation = "mu_e <- mu_e + t rate h exp((b - s ln h) (T - 20 C)), h = (ln density/u)^tail / Gamma(1 + tail), where u < density"
     source = (

@@ -16,6 +16,7 @@ class ParasiticLight(Effect):
     name = "parasitic_light"
     stage = Stage.GENERATION
     order = 12  # light alone: after PRNU, before the dark current
+    aliases = ("PLS", "shutter efficiency", "global shutter leakage", "smear")
     summary = "The storage nodes of a global shutter collect light while the rows wait for readout."
     equation = "mu_e <- mu_e (1 + share wait / t), wait = readout row / rows, from the first row that is read"
     source = "S. Lauxtermann et al., Comparison of global shutter pixels for CMOS image sensors, IISW 2007"

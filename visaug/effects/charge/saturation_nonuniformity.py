@@ -18,6 +18,7 @@ class SaturationNonuniformity(Effect):
     name = "saturation_nonuniformity"
     stage = Stage.CHARGE
     order = 79  # just before the clipping at the camera's full well
+    aliases = ("full well non-uniformity", "fixed pattern noise", "FPN", "soft knee")
     summary = "The full well differs from pixel to pixel, and is reached along a soft knee."
     equation = (
         "N <- N - k ln(1 + exp((N - W_pixel) / k)), k = knee W; knee 0: min(N, W_pixel); W_pixel = W (1 - spread |z|), "

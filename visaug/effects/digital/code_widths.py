@@ -25,6 +25,7 @@ class CodeWidths(Effect):
     name = "code_widths"
     stage = Stage.DIGITAL
     order = 45  # before the rounding, order 50
+    aliases = ("DNL", "INL", "ADC nonlinearity", "differential nonlinearity")
     summary = "The codes of the converter are of unequal width, the same in every frame."
     equation = (
         "y <- k - 1/2 + (y - T_k) / (T_(k+1) - T_k) for T_k <= y < T_(k+1), T_k = k - 1/2 + e_k; thresholds: e_k = "

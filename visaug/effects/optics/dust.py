@@ -19,6 +19,7 @@ class Dust(Effect):
     name = "dust"
     stage = Stage.OPTICS
     order = 12
+    aliases = ("sensor dust", "dirt", "blemish", "dark spots")
     summary = "Specks on the cover glass cast soft dark shadows."
     equation = "mu_p <- mu_p prod_i (1 - depth d_i exp(-(r_i / (radius q_i))^4)), d_i ~ U(1/3, 1), q_i ~ U(2/3, 3/2) per camera"
     source = (

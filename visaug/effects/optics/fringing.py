@@ -17,6 +17,7 @@ class Fringing(Effect):
     name = "fringing"
     stage = Stage.OPTICS
     order = 14
+    aliases = ("etaloning", "interference fringes", "Newton rings")
     summary = "Narrow-band light shows interference fringes of the sensor's layers."
     equation = (
         "mu_p <- mu_p (1 + A cos(2 pi (fringes r^2 + phase))), r: distance to a point of the camera in units of the longer "

@@ -19,6 +19,7 @@ class LampFlicker(Effect):
     name = "lamp_flicker"
     stage = Stage.OPTICS
     order = 2
+    aliases = ("flicker", "banding", "PWM", "mains", "50 Hz", "60 Hz", "rolling shutter bands")
     summary = "The light oscillates over the rows of a rolling shutter, with a random phase in each frame."
     equation = (
         "mu_p <- mu_p (1 + depth sinc(f t) sin(2 pi (row / period + phase))), phase ~ U(0, 1) in every frame, "

@@ -24,6 +24,7 @@ class StarBurst(Effect):
     stage = Stage.OPTICS
     order = 39
     local = False
+    aliases = ("sun star", "diffraction spikes", "glare")
     summary = "The blades of the aperture produce spikes around bright sources."
     equation = (
         "mu_p <- (1 - share) mu_p + share (mu_p * k), k ~ sum over blades of exp(-u / length) / (1 + u^2), u along the spike in "

@@ -21,6 +21,7 @@ class Denoising(Effect):
     stage = Stage.PICTURE
     order = 16  # before the sharpening
     local = False
+    aliases = ("noise reduction", "NR", "despeckle", "smoothing", "star eater")
     summary = "A denoiser removes noise together with fine detail."
     equation = (
         "y <- y + amount (f(y) - y); median: f the median of 3 x 3; wavelet: f = y - sum_j clip(w_j, -t_j, t_j), w_1 and w_2 "

@@ -19,6 +19,7 @@ class FilmGrain(Effect):
     name = "film_grain"
     stage = Stage.PICTURE
     order = 14
+    aliases = ("grain", "correlated noise")
     summary = "Spatially correlated noise that is strongest in mid-grey."
     equation = (
         "y <- clip(y + 2 sigma sqrt(y (1 - y)) g, 0, 1), g white noise convolved with a Gaussian of standard deviation size, "

@@ -14,6 +14,7 @@ class CorrelatedRowNoise(Effect):
     name = "correlated_row_noise"
     stage = Stage.READOUT
     order = 42
+    aliases = ("horizontal stripes", "banding", "pink noise", "1/f noise", "supply noise", "EMI")
     summary = (
         "A random offset for each row and frame whose power rises towards low frequencies over the rows."
     )

@@ -16,6 +16,7 @@ class DualGain(Effect):
     name = "dual_gain"
     stage = Stage.READOUT
     order = 64  # the channel is chosen by what was read, noise included
+    aliases = ("HDR", "dual conversion gain", "DCG", "SNR dip", "stitching")
     summary = "Above a level the signal is read through a second channel with more noise and another gain and offset."
     equation = "where V > seam: V <- V + gain (V - seam) + offset + noise n, n ~ N(0, 1) in every frame"
     source = "B. Fowler et al., Proc. SPIE 7536 (2010) 753607 (dual-gain column amplifiers of sCMOS sensors)"

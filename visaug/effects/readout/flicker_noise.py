@@ -15,6 +15,7 @@ class FlickerNoise(Effect):
     name = "flicker_noise"
     stage = Stage.READOUT
     order = 48
+    aliases = ("1/f noise", "pink noise", "streaking")
     summary = "Noise along the readout whose power rises towards low frequencies."
     equation = (
         "V <- V + f_k, k the pixel's place in the readout; power spectrum ~ 1 / frequency^exponent, "

@@ -19,6 +19,7 @@ class LineDefects(Effect):
     name = "line_defects"
     stage = Stage.READOUT
     order = 35
+    aliases = ("dead column", "bright column", "bad rows", "defect clusters", "blinking line")
     summary = "A few columns, rows or clusters are dead, bright or unstable."
     equation = (
         "V <- 0 (dead), V + level e (bright), V + level n (unstable) in a share `density` of the lines; e ~ Exp(1) per camera, "

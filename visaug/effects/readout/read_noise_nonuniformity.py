@@ -16,6 +16,7 @@ class ReadNoiseNonuniformity(Effect):
     name = "read_noise_nonuniformity"
     stage = Stage.READOUT
     order = 58
+    aliases = ("noisy pixels", "sCMOS noise map", "pixel-dependent noise")
     summary = "Each pixel has its own read noise; few pixels have much more than the others."
     equation = "V <- V + s_pixel n, n ~ N(0, 1) in every frame, s = excess exp(spread z - spread^2), z ~ N(0, 1) per camera"
     source = (

@@ -17,6 +17,7 @@ class RTSNoise(Effect):
     name = "rts_noise"
     stage = Stage.READOUT
     order = 55
+    aliases = ("RTS", "RTN", "random telegraph noise", "blinking pixels", "salt and pepper", "popcorn noise")
     summary = "A few pixels jump between discrete levels from frame to frame."
     equation = (
         "V <- V + A_pixel s, s in {0, 1} with P(1) = duty, s_k = s_(k-1) with probability kept, else drawn anew; "

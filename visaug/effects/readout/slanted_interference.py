@@ -17,6 +17,7 @@ class SlantedInterference(Effect):
     name = "slanted_interference"
     stage = Stage.READOUT
     order = 52
+    aliases = ("EMI", "banding", "interference", "herringbone", "moving stripes", "pattern noise")
     summary = "A plane wave across rows and columns, with a random phase in each frame."
     equation = "V <- V + A sin(2 pi ((row cos angle + column sin angle) / period + phase)), phase ~ U(0, 1) in every frame"
     source = (
