@@ -32,12 +32,7 @@ class BlackSun(Effect):
         source="time between reset and its sample relative to the exposure: 1 us to 10 us of 1 ms",
     )
     onset = Parameter(
-        100.0,
-        unit="full wells",
-        low=1.0,
-        high=1e6,
-        trials=(2.0,),
-        source="charge from which the clamp no longer helps; assumed",
+        2.0, unit="full wells", low=1.0, high=1e6, source="charge from which a clamp no longer helps; assumed"
     )
 
     def apply(self, signal, p, stream, context):
