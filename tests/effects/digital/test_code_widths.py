@@ -54,6 +54,7 @@ def test_a_measured_table_replaces_the_pattern(tmp_path: Path):
     content = {
         "resolution": [1, 3000],
         "bit_depth": 8,
+        "gain_e_per_dn": 1.0,
         "effects": [{"name": "code_widths", "map": "widths.txt"}],
     }
     (tmp_path / "camera.yaml").write_text(yaml.safe_dump(content))

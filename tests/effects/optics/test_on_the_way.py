@@ -111,7 +111,7 @@ def test_spikes_keep_the_light_and_have_their_number(run_effect, blades, spikes)
     lit = ring > 0.3 * ring.max()
     rises = int(np.sum(lit & ~np.roll(lit, 1)))
     assert rises == spikes
-    # along the rows: exp(-u / 15) / (1 + u^2)
+    # along the rows: exp(-u / 15) / (1 + (u / 3)^2)
     along = out[60, 60 + np.array([10, 30])]
-    expected = np.exp(-20 / 15) * (1 + 10**2) / (1 + 30**2)
+    expected = np.exp(-20 / 15) * (1 + (10 / 3) ** 2) / (1 + 10**2)
     assert along[1] / along[0] == pytest.approx(expected, rel=0.05)

@@ -9,7 +9,7 @@ from visaug.effects.optics.spread import convolve, pixels_around
 from visaug.effects.parameter import Parameter
 
 REACH = 3.0  # decay lengths at which a spike is cut
-CORE_PX = 1.0  # within it a spike is as wide as the image of the point
+CORE_PX = 3.0  # within it, the finite size of the source hides the fall-off
 
 
 class StarBurst(Effect):
@@ -27,8 +27,8 @@ class StarBurst(Effect):
     aliases = ("sun star", "diffraction spikes", "glare")
     summary = "The blades of the aperture produce spikes around bright sources."
     equation = (
-        "mu_p <- (1 - share) mu_p + share (mu_p * k), k ~ sum over blades of exp(-u / length) / (1 + u^2), u along the spike in "
-        "px, a pixel wide"
+        "mu_p <- (1 - share) mu_p + share (mu_p * k), k ~ sum over blades of exp(-u / length) / (1 + (u / 3)^2), "
+        "u along the spike in px, a pixel wide"
     )
     source = (
         "J. W. Goodman, Introduction to Fourier Optics (4th ed. 2017), section 4.4, of a polygonal aperture; M. Hullin et al., "
