@@ -81,4 +81,7 @@ def _shrunk(signal, threshold):
 def _smoothed(signal, step, axis):
     reach, length = 2 * step, signal.shape[axis]
     padded = F.pad(signal, (reach, reach, 0, 0) if axis == -1 else (0, 0, reach, reach), mode="replicate")
-    return sum(weight * padded.narrow(axis, k * step, length) for k, weight in enumerate(SPLINE))
+    total = torch.zeros_like(signal)
+    for k, weight in enumerate(SPLINE):
+        total = total + weight * padded.narrow(axis, k * step, length)
+    return total
