@@ -54,9 +54,7 @@ class CodeWidths(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        off = self._errors(p, stream.fixed, context).to(
-            signal.dtype
-        )  # (B or 1, C or 1, codes + 1), the last one 0
+        off = self._errors(p, stream.fixed, context).to(signal)  # (B or 1, C or 1, codes + 1), the last one 0
         batch, channels = signal.shape[:2]
         off = off.expand(batch, channels, -1)
         ideal = torch.arange(off.shape[-1], device=signal.device, dtype=signal.dtype) - 0.5
