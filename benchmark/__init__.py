@@ -5,7 +5,7 @@
 Only `user_effects.py`, the file of a user, imports visaug: the package is judged by cameras that cannot share its mistakes.
 
 - `camera.py`, `light.py`, `charge.py`, `readout.py`: a camera in NumPy and SciPy, after EMVA 1288 and Janesick's *Photon
-  Transfer*; `effects.py`, `foreign.py`, `local.py` list the effects that can be hidden in it.
+  Transfer*; `effects.py`, `further.py`, `foreign.py`, `local.py` list the effects that can be hidden in it.
 - `textbook/`: a second camera, written without sight of the first. `getframes_sets.py`, `pyxel_sets.py`: cameras of other
   authors. `real.py`: effects added to real frames. `pictures.py`: cameras that take 8-bit pictures.
 - `recipes.py`, `strengths.py`, `calibrate.py`: which effect, on which camera, how strong. `sets.py`: frame sets on disk.

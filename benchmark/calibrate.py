@@ -22,7 +22,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from . import cameras, foreign, statistics
+from . import cameras, foreign, further, statistics
 from .camera import Hidden, Sensor, take
 from .effects import KINDS, Kind
 from .sets import Recipe
@@ -196,7 +196,7 @@ def calibrate(number: int, kinds: Sequence[Kind]) -> dict[str, dict[str, float |
 
 def update(numbers: Sequence[int], only: Sequence[str] = ()) -> None:
     """Calibrate the effects on these cameras, or `only` some of them, and add the strengths to strengths.json."""
-    kinds = [kind for kind in (*KINDS, *foreign.KINDS) if not only or kind.name in only]
+    kinds = [kind for kind in (*KINDS, *further.KINDS, *foreign.KINDS) if not only or kind.name in only]
     for number in numbers:
         table = calibrate(number, kinds)
         kept = json.loads(TABLE.read_text()) if TABLE.exists() else {"how": NOTE, "cameras": {}}

@@ -5,10 +5,10 @@
             -> + thermal electrons, Poisson of mean a exp(bT) t -> full well -> + DSNU + read noise
             -> / (e-/DN) + pedestal -> rounding -> clipping to the converter's range.
 
-Hidden effects hook in at five places, named for what the array holds there:
+Hidden effects hook in at six places, named for what the array holds there:
     light    photons per pixel, expected          yield     electrons per pixel, expected (light and dark)
     charge   electrons in the well, after chance  voltage   electrons, a real number on the way to the
-    converter code     whole DN
+    converter converter  real DN before the rounding           code     whole DN
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 
 from .randomness import stream, tukey_lambda
 
-STAGES = ("light", "yield", "charge", "voltage", "code")
+STAGES = ("light", "yield", "charge", "voltage", "converter", "code")
 
 
 @dataclass(frozen=True)
@@ -180,5 +180,5 @@ def _expose(
         stream(seed, "read", index), sensor.tail, sensor.read_e, sensor.shape
     )
 
-    dn = np.rint(voltage_e / sensor.e_per_dn + sensor.pedestal_dn)
+    dn = np.rint(meet("converter", voltage_e / sensor.e_per_dn + sensor.pedestal_dn))
     return meet("code", np.clip(dn, 0, 2**sensor.bits - 1)).astype(np.uint16)

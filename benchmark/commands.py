@@ -17,6 +17,7 @@ from . import (
     cameras,
     effects,
     foreign,
+    further,
     getframes_sets,
     judge,
     pictures_table,
@@ -112,7 +113,8 @@ def parser() -> argparse.ArgumentParser:
     command = commands.add_parser("effects", help="list what can be hidden, and the forms")
     command.set_defaults(
         go=lambda a: [
-            print(k.name, k.unit, k.other_form, sep=" | ") for k in (*effects.KINDS, *foreign.KINDS)
+            print(k.name, k.unit, k.other_form, sep=" | ")
+            for k in (*effects.KINDS, *further.KINDS, *foreign.KINDS)
         ]
     )
 

@@ -12,19 +12,6 @@ from .camera import Moment
 from .effects import Kind
 
 
-def slanted_pickup(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """A plane wave across rows and columns, `strength` e-, phase new in every frame.
-
-    Mains or a motor nearby.
-    """
-    rng = at.die()
-    slant, period = rng.uniform(0.5, 1.0), rng.uniform(7, 15)
-    y, x_index = np.ogrid[: x.shape[0], : x.shape[1]]
-    return x + strength * np.sin(
-        2 * np.pi * ((y * np.cos(slant) + x_index * np.sin(slant)) / period + at.now().random())
-    )
-
-
 def row_gain_noise(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     """The gain of each row wavers from frame to frame by a relative `strength`: a noisy reference voltage."""
     return x * (1 + strength * at.now().standard_normal((x.shape[0], 1)))
@@ -50,27 +37,6 @@ def electronic_ghost(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     return x + strength * echo
 
 
-def fringing(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """Rings of interference in a thin layer of uneven thickness, relative amplitude `strength`."""
-    rng = at.die()
-    rows, columns = light.shape
-    y, x = np.mgrid[0:rows, 0:columns] / max(rows, columns)
-    path = rng.uniform(4, 7) * np.hypot(y - rng.uniform(-0.3, 0.3), x - rng.uniform(-0.3, 0.3)) ** 2
-    return light * (1 + strength * np.cos(2 * np.pi * (path + rng.random())))
-
-
-def dust(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """Six specks on the window: dark discs of some pixels, `strength` deep, with a brighter middle."""
-    rng = at.die()
-    rows, columns = light.shape
-    y, x = np.mgrid[0:rows, 0:columns]
-    shade = np.ones_like(light)
-    for _ in range(6):
-        r = np.hypot(y - rng.uniform(0, rows), x - rng.uniform(0, columns)) / rng.uniform(4, 9)
-        shade *= 1 - strength * (np.exp(-(r**4)) - 0.6 * np.exp(-((2.5 * r) ** 2)))
-    return light * shade
-
-
 def bit_flips(code: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     """A share `strength` of the pixels of every frame arrives with one of its eight lowest bits flipped: a noisy link."""
     rng = at.now()
@@ -90,11 +56,6 @@ def converter_step(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     return x + strength * (x > 0.2 * at.sensor.well_e)
 
 
-def column_parity_gain(x: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """Odd columns have a gain that is higher by a relative `strength`: two amplifiers take turns."""
-    return x * (1 + strength * (np.arange(x.shape[1]) % 2))
-
-
 def despeckle(code: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     """A pixel that differs from the median of its neighbours by more than 1 / `strength` read noises gets that median."""
     middle = median_filter(code, 3)
@@ -103,7 +64,6 @@ def despeckle(code: np.ndarray, strength: float, at: Moment) -> np.ndarray:
 
 
 KINDS: tuple[Kind, ...] = (
-    Kind("slanted_pickup", "voltage", slanted_pickup, "e-", 0.2, 100, None, ("time",)),
     Kind(
         "row_gain_noise",
         "voltage",
@@ -128,32 +88,9 @@ KINDS: tuple[Kind, ...] = (
         ("row", "column", "pixel", "smooth"),
         ("signal",),
     ),
-    Kind(
-        "fringing",
-        "light",
-        fringing,
-        "fraction",
-        1e-3,
-        0.5,
-        None,
-        ("smooth", "row", "column", "pixel"),
-        ("signal",),
-    ),
-    Kind("dust", "light", dust, "fraction", 1e-2, 0.9, None, ("smooth", "pixel"), ("signal",)),
     Kind("bit_flips", "code", bit_flips, "share of pixels", 1e-5, 0.1, None, ("time", "pixel")),
     Kind("checkerboard", "voltage", checkerboard, "e-", 0.1, 100, None, ("pixel",)),
     Kind("converter_step", "voltage", converter_step, "e-", 1, 1000, None, ("level",), ("signal",)),
-    Kind(
-        "column_parity_gain",
-        "voltage",
-        column_parity_gain,
-        "fraction",
-        1e-4,
-        0.2,
-        None,
-        ("column",),
-        ("signal",),
-    ),
     Kind(
         "despeckle",
         "code",

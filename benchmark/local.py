@@ -65,6 +65,6 @@ KINDS: tuple[Kind, ...] = (
 CATALOGUE = {
     "corner_glow": ("amplifier_glow",),
     "edge_columns": ("fixed_pattern_structure",),
-    "quarter_taps": (),
+    "quarter_taps": ("column_parity",),
 }
 """Names of the catalogue that describe a kind; none where no catalogue has it."""

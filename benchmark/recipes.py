@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from . import cameras, effects, foreign, local
+from . import cameras, effects, foreign, further, local
 from .randomness import stream
 from .sets import Recipe
 from .strengths import FACTOR, scaled
@@ -20,9 +20,14 @@ def _hidden(camera: int, kind: effects.Kind, form: str, word: str) -> tuple[str,
 
 
 def _one(
-    seed: int, camera: int, word: str, of: str, form_of: Callable[[effects.Kind], str | None]
+    seed: int,
+    camera: int,
+    word: str,
+    of: str,
+    form_of: Callable[[effects.Kind], str | None],
+    kinds: tuple[effects.Kind, ...] = effects.KINDS,
 ) -> Iterator[Recipe]:
-    for kind in effects.KINDS:
+    for kind in kinds:
         form = form_of(kind)
         hidden = form and _hidden(camera, kind, form, word)
         if not hidden:
@@ -42,6 +47,16 @@ def single(seed: int, camera: int, word: str) -> Iterator[Recipe]:
 def other_form(seed: int, camera: int, word: str) -> Iterator[Recipe]:
     """Every effect alone, in its second form."""
     yield from _one(seed, camera, word, "other_form", lambda kind: kind.other_form)
+
+
+def further_single(seed: int, camera: int, word: str) -> Iterator[Recipe]:
+    """As `single`, of the effects in `further`."""
+    yield from _one(seed, camera, word, "further", lambda kind: "default", further.KINDS)
+
+
+def further_other_form(seed: int, camera: int, word: str) -> Iterator[Recipe]:
+    """As `other_form`, of the effects in `further`."""
+    yield from _one(seed, camera, word, "further_other_form", lambda kind: kind.other_form, further.KINDS)
 
 
 def leave_out(seed: int, camera: int, word: str) -> Iterator[Recipe]:
@@ -162,6 +177,8 @@ KINDS: dict[str, Callable[[int, int, str], Iterator[Recipe]]] = {
     "other_form": other_form,
     "base_left_out": base_left_out,
     "off_parameters": off_parameters,
+    "further": further_single,
+    "further_other_form": further_other_form,
     "leave_out": leave_out,
     "foreign": unlisted,
     "mixed": mixed,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import cameras, effects, foreign, local
+from . import cameras, effects, foreign, further, local
 from .camera import Sensor, Shot, take
 
 COLUMNS = ("sequence", "file", "kind", "exposure_s", "temperature_c", "gain_db", "photons", "clean")
@@ -116,7 +116,7 @@ def write_set(recipe: Recipe, folder: Path, answers: Path) -> None:
     nominal = cameras.sensor(recipe.camera)
     sensor = with_changes(nominal, recipe.actual)
     targets = cameras.targets(recipe.camera)
-    known = effects.BY_NAME | {kind.name: kind for kind in (*foreign.KINDS, *local.KINDS)}
+    known = effects.BY_NAME | {kind.name: kind for kind in (*further.KINDS, *foreign.KINDS, *local.KINDS)}
     hidden = effects.in_order([known[n].at(s, f) for n, s, f in recipe.hidden])
     plan = plan_of(recipe)
     frames = take(sensor, plan, targets, recipe.seed, hidden)

@@ -10,7 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from statistics import median
 
-from . import cameras, effects, foreign, local
+from . import cameras, effects, foreign, further, local
 
 TABLE = Path(__file__).with_name("strengths.json")
 FACTOR = {"strong": 4.0, "plain": 1.0, "half": 0.5, "quarter": 0.25, "tenth": 0.1}
@@ -22,13 +22,16 @@ TYPICAL = {
     "charge_transfer_inefficiency": 1e-4, "interpixel_crosstalk": 0.01, "dead_pixels": 0.003, "nonlinearity": 0.02,
     "rts_noise": 0.02, "fixed_pattern_structure": 3, "row_parity": 2, "row_noise": 1, "column_noise": 1,
     "flicker_noise": 1, "periodic_banding": 1, "black_level_drift": 1, "tap_mismatch": 3, "bit_truncation": 2,
-    "missing_codes": 0.02, "slanted_pickup": 3, "row_gain_noise": 0.01, "patchwork": 3,
-    "row_loading": 0.01, "electronic_ghost": 0.01, "fringing": 0.01, "dust": 0.05, "bit_flips": 1e-3, "checkerboard": 1,
-    "converter_step": 30, "column_parity_gain": 0.005, "despeckle": 0.2,
+    "missing_codes": 0.02, "row_gain_noise": 0.01, "patchwork": 3,
+    "row_loading": 0.01, "electronic_ghost": 0.01, "bit_flips": 1e-3, "checkerboard": 1,
+    "converter_step": 30, "despeckle": 0.2,
+    "lamp_flicker": 0.01, "fringing": 0.01, "dust": 0.05, "parasitic_light": 0.02, "dark_current_rts": 0.01,
+    "saturation_nonuniformity": 0.02, "column_parity": 1.5, "read_noise_nonuniformity": 1.5, "line_defects": 0.03,
+    "correlated_row_noise": 1, "slanted_interference": 2, "dual_gain": 20, "code_widths": 0.4,
     "corner_glow": 200, "edge_columns": 4, "quarter_taps": 2,
 }  # fmt: skip
 WORDS = (*FACTOR, "typical")
-KNOWN = effects.BY_NAME | {kind.name: kind for kind in (*foreign.KINDS, *local.KINDS)}
+KNOWN = effects.BY_NAME | {kind.name: kind for kind in (*further.KINDS, *foreign.KINDS, *local.KINDS)}
 
 
 @lru_cache

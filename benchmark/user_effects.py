@@ -5,27 +5,9 @@
 They are the benchmark's `foreign` effects (foreign.py simulates them in NumPy).
 """
 
-import math
-
 import torch
 
 from visaug.effects import Effect, Parameter, Stage
-
-
-class SlantedPickup(Effect):
-    """A plane wave across rows and columns whose phase changes from frame to frame: mains or a motor nearby."""
-
-    name = "slanted_pickup"
-    stage = Stage.READOUT
-    amplitude_e = Parameter(0.5, unit="e-", strength=True, trials=(0.3, 1.5))
-    period_px = Parameter(10.0, unit="px", low=4.0, high=40.0, trials=(7.0, 8.5, 12.0, 14.5))
-    slant = Parameter(0.75, unit="rad", high=math.pi / 2, trials=(0.5, 1.0))
-
-    def apply(self, signal, p, stream, context):
-        across = context.rows(signal) * torch.cos(p.slant) + context.columns(signal) * torch.sin(p.slant)
-        return signal + p.amplitude_e * torch.sin(
-            2 * math.pi * (across / p.period_px + stream.uniform("frame"))
-        )
 
 
 class RowGainNoise(Effect):
@@ -78,17 +60,6 @@ class ElectronicGhost(Effect):
         part = (late - late.floor()).expand(signal.shape)
         echo = signal.gather(-1, index) * (1 - part) + signal.gather(-1, index + 1) * part
         return signal + p.share * torch.where(late >= 0, echo, 0.0)
-
-
-class ColumnParityGain(Effect):
-    """Odd columns have a higher gain: two amplifiers take turns."""
-
-    name = "column_parity_gain"
-    stage = Stage.READOUT
-    step = Parameter(0.005, unit="fraction", low=-0.2, high=0.2, strength=True, trials=(0.001, 0.005))
-
-    def apply(self, signal, p, stream, context):
-        return signal * (1 + p.step * (context.columns(signal) % 2))
 
 
 class Checkerboard(Effect):

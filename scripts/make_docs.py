@@ -48,6 +48,7 @@ def page(effect: type[Effect], span: str) -> str:
         "",
         effect.summary,
         "",
+        *([f"Also called: {', '.join(effect.aliases)}.", ""] if effect.aliases else []),
         f"Stage: {effect.stage.name.lower()} ({STAGES[effect.stage.name]}), order {effect.order}"
         + (", a term of the base chain." if effect.base else "."),
         "",
@@ -124,6 +125,7 @@ def index(effects: list[type[Effect]]) -> str:
         "# Effects",
         "",
         "The effects in the order in which they act ([the chain](../chain.md) explains the order).",
+        "`visaug effects --search banding` finds effects by the words of the field.",
         "`scripts/make_docs.py` generates these pages and pictures from the code.",
     ]
     for stage, unit in STAGES.items():

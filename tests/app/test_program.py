@@ -99,6 +99,8 @@ MISTAKES = [
     (["lab", "nowhere", "--camera", "camera.yaml"], "nowhere"),
     (["diagnose", ".", "--camera", "camera.yaml", "--without", "row_nois"], "row_noise"),
     (["effects", "row_nois"], "row_noise"),
+    (["effects", "--search", "xyzzy"], "--search: no effect is described by 'xyzzy'"),
+    (["effects", "row_noise", "--search", "banding"], "--search"),
     (["effects", "new", "Not-A-Name"], "Not-A-Name"),
     (["effects", "new", "row_noise"], "row_noise"),
     (["effects", "new"], "NAME"),
@@ -225,6 +227,25 @@ def test_new_effect_runs_as_it_is(program_run, tmp_path):
     assert 8 < float(run.stdout) < 34
 
 
+@pytest.mark.parametrize(
+    ("words", "found", "other"),
+    [
+        ("banding", {"periodic_banding", "lamp_flicker"}, {"smear"}),
+        ("EMI", {"slanted_interference", "periodic_banding"}, {"dust"}),  # no part of another word
+        ("ghosting", {"lens_flare", "image_lag"}, {"row_noise"}),
+        ("prnu", {"prnu"}, {"row_noise"}),
+        ("fixed pattern noise", {"prnu", "dsnu", "row_parity"}, {"row_noise"}),  # all words, in any case
+        ("flicker", {"lamp_flicker", "flicker_noise", "light_drift"}, {"dust"}),
+    ],
+)
+def test_effects_are_found_by_the_words_of_the_field(program_run, words, found, other):
+    status, out, _ = program_run("effects", "--search", words)
+    names = {line.split()[0] for line in out.splitlines() if line.strip()}
+    assert status == 0
+    assert found <= names
+    assert not other & names
+
+
 def test_several_files_after_one_option(program_run):
     for name in ("one", "two"):
         program_run("effects", "new", name)
@@ -238,6 +259,12 @@ def test_lists(program_run):
     status, out, _ = program_run("effects")
     assert status == 0
     assert "row_noise" in out
+    places = [
+        out.index(f"\n{stage}: ")
+        for stage in ("optics", "generation", "charge", "readout", "digital", "picture")
+    ]
+    assert places == sorted(places)
+    assert places[3] < out.index(" row_noise ") < places[4]
     status, out, _ = program_run("cameras")
     assert status == 0
     status, out, _ = program_run("plan", "-o", "mine.csv")

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from benchmark import cameras, effects, foreign
+from benchmark import cameras, effects, foreign, further
 from benchmark.camera import Moment, Sensor, Shot, take
 from benchmark.randomness import coloured, stream, tukey_lambda, tukey_lambda_std
 
-EVERY = [(kind, form) for kind in effects.KINDS for form in ("default", kind.other_form)]
+LISTED = (*effects.KINDS, *further.KINDS)
+EVERY = [(kind, form) for kind in LISTED for form in ("default", kind.other_form) if form]
 EVERY += [(kind, "default") for kind in foreign.KINDS]
 NAMES = [f"{kind.name}, {form}" for kind, form in EVERY]
 
@@ -130,7 +131,7 @@ def test_zero_strength_is_identity_and_start_strength_is_not(small, kind, form):
     assert np.array_equal(changed, take(sensor, plan, targets, 8, [kind.at(strength, form)]))
 
 
-@pytest.mark.parametrize("kind", effects.KINDS, ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", [k for k in LISTED if k.other_form], ids=lambda kind: kind.name)
 def test_forms_differ(small, kind):
     sensor, plan, targets, _ = small
     strength = min(kind.start * 4, kind.largest)
@@ -244,3 +245,45 @@ def test_catalogue_names_and_order():
     assert len(effects.KINDS) == 29
     pair = [effects.BY_NAME["row_noise"].at(1.0), effects.BY_NAME["vignetting"].at(0.1)]
     assert [effect.name for effect in effects.in_order(pair)] == ["vignetting", "row_noise"]
+
+
+def further_act(name, image, strength, form="default", **given):
+    kind = next(kind for kind in further.KINDS if kind.name == name)
+    return kind.act(image, strength, moment(name, form, **given))
+
+
+def test_widths_of_codes_have_their_size_and_keep_the_gain():
+    """A ramp of ten values a code: shares of the codes are widths; 4 standard errors of 3000 of them are 5 %."""
+    ramp = (np.arange(200_000) / 40 + 0.0125)[None]
+    found = further_act("code_widths", ramp, 0.3)
+    assert np.array_equal(found, np.sort(found))
+    widths = np.bincount(found[0].astype(int))[1:4500] / 40
+    assert widths.mean() == pytest.approx(1, abs=1e-3)
+    assert widths.std() == pytest.approx(
+        0.3, rel=0.07
+    )  # a threshold reaches 0.49 at most, which takes a little off
+    even = np.bincount(further_act("code_widths", ramp, 0.3, "even and odd")[0].astype(int))[1:4500] / 40
+    assert abs(even[::2].mean() - even[1::2].mean()) == pytest.approx(0.6, abs=0.05)
+
+
+def test_further_noise_has_its_size():
+    rows = further_act("correlated_row_noise", np.zeros((40_000, 2)), 2.0, "autoregression")
+    assert rows.std() == pytest.approx(2.0, rel=0.1)
+    assert (rows[1:] * rows[:-1]).mean() / rows.var() == pytest.approx(0.9, abs=0.02)
+    for form in ("default", "few"):
+        own = further_act("read_noise_nonuniformity", np.zeros((400, 500)), 2.0, form)
+        assert own.var() == pytest.approx(4.0, rel=0.06)
+    channels = further_act("column_parity", np.zeros((4, 400)), 3.0)
+    assert channels.std() == pytest.approx(3.0, rel=0.01)
+    bright = further_act("dual_gain", np.full((300, 300), 100 + 5000 / 0.8), 20.0)
+    assert bright.std() * 0.8 == pytest.approx(20.0, rel=0.02)
+
+
+def test_parasitic_light_is_a_ramp_that_short_exposures_show_more():
+    lit = 1000.0
+    for seconds in (0.01, 0.02):
+        shot = Shot("flat", seconds, 20, photons=1000)
+        mean = np.full((64, 8), lit + PLAIN.thermal_e(seconds, 20))
+        more = further_act("parasitic_light", mean, 0.02, shot=shot) - mean
+        assert more[0, 0] == 0
+        assert more[-1, 0] == pytest.approx(0.02 * lit * 0.01 / seconds)

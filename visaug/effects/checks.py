@@ -36,6 +36,8 @@ def check_definition(effect: type[Effect]) -> None:
     for key in TEXTS:
         if not isinstance(getattr(effect, key), str):
             raise InputError(f"{where}: {key}: {getattr(effect, key)!r} is not text")
+    if not isinstance(effect.aliases, tuple) or not all(isinstance(word, str) for word in effect.aliases):
+        raise InputError(f"{where}: aliases: {effect.aliases!r} is not a tuple of words")
     for key in ("differentiable", "base", "proposed", "map_is_table", "local", "stepwise"):
         if not isinstance(getattr(effect, key), bool):
             raise InputError(f"{where}: {key}: expected True or False")

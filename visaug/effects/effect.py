@@ -171,6 +171,7 @@ class Effect:
     Class attributes:
         name: name in a camera file and in reports.
         stage, order: place in the chain; within a stage, effects act by increasing `order`.
+        aliases: other words of the field for it, for a search: "EMI", "ghosting".
         summary: one sentence; equation: the law, in plain text; source: its reference.
         differentiable: whether gradients reach the image and all continuous parameters; if not, `why_not` gives the reason.
         local: False if a pixel of the output depends on other pixels of the input, so that the edge of a window is another edge.
@@ -187,6 +188,7 @@ class Effect:
     name: ClassVar[str] = ""
     stage: ClassVar[Stage]
     order: ClassVar[int] = 50
+    aliases: ClassVar[tuple[str, ...]] = ()
     summary: ClassVar[str] = ""
     equation: ClassVar[str] = ""
     source: ClassVar[str] = ""

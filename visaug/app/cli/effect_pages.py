@@ -1,6 +1,7 @@
 """What `visaug effects` prints and writes."""
 
 import keyword
+import re
 from pathlib import Path
 
 import click
@@ -9,7 +10,7 @@ from visaug.app.cli.tables import print_table
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
 from visaug.effects.catalogue import catalogue, load_file
-from visaug.effects.effect import Effect, Parameter
+from visaug.effects.effect import Effect, Parameter, Stage
 
 TEMPLATE = '''"""{name}: describe in one sentence what it does to the signal, and cite the source of the law."""
 
@@ -38,17 +39,59 @@ class {class_name}(Effect):
 '''
 
 
-def print_catalogue() -> None:
-    """One line for each effect, in the order of the chain."""
-    rows = [[name, effect.stage.name.lower(), effect.summary] for name, effect in catalogue().items()]
-    print_table(["effect", "stage", "description"], rows)
+ACTS = {
+    Stage.OPTICS: "on the light before the sensor",
+    Stage.GENERATION: "on the mean electrons in the pixel, before shot noise",
+    Stage.CHARGE: "on the charge, stored, shared and transferred",
+    Stage.READOUT: "on the voltage before the converter",
+    Stage.DIGITAL: "in the converter and after it",
+    Stage.PICTURE: "on the developed picture",
+}
+
+
+def print_catalogue(search: str = "") -> None:
+    """One line for each effect, in the order of the chain, grouped by where they act.
+
+    Args:
+        search: only those that have all of these words in their name, their other names, or their description.
+
+    Raises:
+        InputError: no effect has them.
+    """
+    shown = catalogue().values()
+    if search:
+        shown = [effect for effect in shown if is_meant(effect, search)]
+    if not shown:
+        raise InputError(
+            f"no effect is described by {search!r}",
+            field="--search",
+            expected="a word such as banding, or none",
+        )
+    for stage, where in ACTS.items():
+        rows = [
+            [effect.name, effect.summary, ", ".join(effect.aliases)]
+            for effect in shown
+            if effect.stage == stage
+        ]
+        if rows:
+            click.echo(f"\n{stage.name.lower()}: {where}")
+            print_table(["effect", "description", "also called"], rows)
+
+
+def is_meant(effect: type[Effect], search: str) -> bool:
+    """Whether an effect's name, other names, or description hold every word, or words that begin so; case does not matter."""
+    text = " ".join([effect.name, *effect.aliases, effect.summary, effect.__doc__ or ""]).replace("_", " ")
+    return all(
+        re.search(rf"\b{re.escape(word)}", text, re.IGNORECASE) for word in search.replace("_", " ").split()
+    )
 
 
 def print_effect(name: str) -> None:
     """An effect in full: law, parameters with units and bounds, sources."""
     effect = find(name)
     click.echo(f"{name} ({effect.stage.name.lower()})")
-    for line in (effect.summary, effect.equation, effect.source and f"Source: {effect.source}"):
+    also = effect.aliases and f"Also called: {', '.join(effect.aliases)}"
+    for line in (effect.summary, also, effect.equation, effect.source and f"Source: {effect.source}"):
         if line:
             click.echo(line)
     if not effect.differentiable:

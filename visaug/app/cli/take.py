@@ -187,9 +187,15 @@ def frames(
 
 @command(
     "effects",
-    example="visaug effects row_noise\nvisaug effects new my_effect\nvisaug effects check my_effect.py",
+    example="visaug effects row_noise\nvisaug effects --search banding\n"
+    "visaug effects new my_effect\nvisaug effects check my_effect.py",
 )
 @click.argument("words", metavar="[NAME | new NAME | check FILE.py]", nargs=-1)
+@click.option(
+    "--search",
+    metavar="WORDS",
+    help="List the effects that are called or described so: banding, EMI, ghosting, PRNU.",
+)
 @output_option("FILE.py", "File that `new` writes.  [default: NAME.py]")
 @click.option(
     "--effects",
@@ -199,11 +205,14 @@ def frames(
     type=click.Path(path_type=Path),
     help="File with your own effects to include. May be repeated.",
 )
-def effects(words: tuple[str, ...], output: Path | None, files: tuple[Path, ...], seed: int) -> None:
+def effects(
+    words: tuple[str, ...], search: str | None, output: Path | None, files: tuple[Path, ...], seed: int
+) -> None:
     """List or describe effects, write a template, or check a file of your own.
 
-    Without arguments all effects are listed; NAME describes one; `new` writes a file with a working effect to edit; `check`
-    asks every effect in a file the laws that those of the package keep.
+    Without arguments all effects are listed, grouped by where they act; with --search those that match. NAME describes one;
+    `new` writes a file with a working effect to edit; `check` asks every effect in a file the laws that those of the package
+    keep.
     """
     from visaug.app.cli import effect_pages
     from visaug.core.errors import InputError
@@ -213,7 +222,11 @@ def effects(words: tuple[str, ...], output: Path | None, files: tuple[Path, ...]
         load_file(file)
     match words:
         case ():
-            effect_pages.print_catalogue()
+            effect_pages.print_catalogue(search or "")
+        case _ if search:
+            raise InputError(
+                "goes without a NAME", field="--search", expected="visaug effects --search WORDS"
+            )
         case ("new", name):
             written(effect_pages.write_new(name, output))
         case ("check", file):

@@ -28,6 +28,7 @@ class AmplifierGlow(Effect):
     name = "amplifier_glow"
     stage = Stage.GENERATION
     order = 40
+    aliases = ("amp glow", "electroluminescence")
     summary = "A smooth dark signal from an edge or corner grows with the exposure time."
     equation = "mu_e <- mu_e + t rate exp(b (T - 20 C)) exp(-(d / width)^shape), d: distance to the place"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on amplifier luminescence"

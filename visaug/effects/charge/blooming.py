@@ -21,6 +21,7 @@ class Blooming(Effect):
     stage = Stage.CHARGE
     order = 70  # before the clipping at full well, order 80
     local = False
+    aliases = ("overflow", "bleeding", "vertical streak")
     summary = "Charge above the full well spills to neighbours in the column."
     equation = "N_i <- N_i - share (N_i - full well)+ + what neighbours' overflow fills into N_i < full well"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on blooming"

@@ -21,6 +21,7 @@ class BrighterFatter(Effect):
     stage = Stage.CHARGE
     order = 40
     local = False
+    aliases = ("BFE", "charge repulsion", "dynamic charge deflection")
     summary = "Charge in a pixel deflects further charge to its neighbours, increasingly with the signal."
     equation = (
         "N_i <- N_i + sum over neighbours j of a (P_j - P_i), at most 0.2 |N_j - N_i|, and tail times the same over those after "

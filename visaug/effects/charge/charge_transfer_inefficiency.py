@@ -5,24 +5,32 @@ import torch.nn.functional as F
 
 from visaug.effects.effect import Effect, Parameter, Stage
 
+REFERENCE_E = 1000.0  # charge to which `share_per_transfer` refers
+MOST = 0.9  # share that a transfer may leave behind
+
 
 class ChargeTransferInefficiency(Effect):
     """Each transfer leaves a fraction of the charge behind, 1 - (1 - share)^n after n transfers, which forms a trail.
 
     The trail decays exponentially away from the register; what would trail beyond the last pixel goes to the overscan. First
     order: charge of the trail is not captured again, which holds if n share is well below 1.
+
+    A packet of N electrons fills a volume ~ N^beta and meets the traps in it, so it loses the share
+    share (N / 1000 e-)^(beta - 1): with `density_exponent` beta below 1 small packets lose relatively more, and a background
+    protects them. With 1 the share is the same for all.
     """
 
     name = "charge_transfer_inefficiency"
     stage = Stage.CHARGE
     order = 85  # the full wells are what is transferred
     local = False
+    aliases = ("CTI", "CTE", "deferred charge", "trailing", "smear", "radiation")
     summary = (
         "Each transfer leaves a fraction of the charge behind; trails grow with the number of transfers."
     )
     equation = (
         "N_i <- (1 - d_i) N_i + (1 - q) sum_k>0 q^(k-1) d_(i-k) N_(i-k), "
-        "d_i = 1 - (1 - share)^n_i, q = exp(-1 / trail)"
+        "d_i = 1 - (1 - share (N_i / 1000)^(beta - 1))^n_i, q = exp(-1 / trail)"
     )
     source = "J. Janesick, Scientific Charge-Coupled Devices (2001); R. Massey et al., MNRAS 401 (2010) 371"
     separates = (
@@ -40,6 +48,11 @@ class ChargeTransferInefficiency(Effect):
     trail_px = Parameter(
         0.5, unit="px", low=0.1, high=50.0, trials=(0.5, 3.0, 15.0), source="release time in transfers"
     )
+    density_exponent = Parameter(
+        1.0,
+        high=1.5,
+        source="beta; 1: proportional loss; 0.5 to 0.6 in CCDs (A. Short et al., MNRAS 430 (2013) 3078)",
+    )
     register = Parameter(
         "top",
         options=("top", "bottom", "left", "right"),
@@ -51,7 +64,9 @@ class ChargeTransferInefficiency(Effect):
         places = context.columns(signal) if sideways else context.rows(signal)
         length = context.resolution[1 if sideways else 0]
         transfers = length - places if far else places + 1
-        lost = -torch.expm1(transfers * torch.log1p(-p.share_per_transfer)) * signal
+        density = (signal.clamp_min(1) / REFERENCE_E) ** (p.density_exponent - 1)
+        share = (p.share_per_transfer * density).clamp_max(MOST)
+        lost = -torch.expm1(transfers * torch.log1p(-share)) * signal
         axis = -1 if sideways else -2
         late = _trail(lost.flip(axis) if far else lost, torch.exp(-1 / p.trail_px), axis)
         return signal + ((late.flip(axis) if far else late) - lost)

@@ -13,6 +13,7 @@ class ClockInducedCharge(Effect):
     name = "clock_induced_charge"
     stage = Stage.GENERATION
     order = 50
+    aliases = ("CIC", "spurious charge")
     summary = "Clocking adds Poisson electrons to every frame, independent of the exposure time."
     equation = "mu_e <- mu_e + mean (1 + gradient u), u from -1 at row 0 to 1 at the last row"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on spurious charge"

@@ -19,6 +19,7 @@ class CosmicRays(Effect):
     stage = Stage.CHARGE
     order = 20
     local = False
+    aliases = ("particle tracks", "single event transients", "SET", "radiation")
     summary = "Particles leave tracks of charge in single frames."
     equation = (
         "tracks ~ Poisson(rate (t + readout) per 10^6 px), charge per px ~ Exp(charge), length ~ Exp(length)"

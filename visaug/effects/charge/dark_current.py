@@ -13,6 +13,7 @@ class DarkCurrent(Effect):
     stage = Stage.GENERATION
     order = 20
     base = True
+    aliases = ("thermal signal", "leakage current")
     summary = "Thermal electrons are generated in every pixel in proportion to the exposure time."
     equation = "mu_e <- mu_e + t a exp(b T)"
     source = "the paper, eqs. 3 and 15; EMVA 1288 release 4 Linear, section 7"

@@ -15,6 +15,7 @@ class DarkCurrentNonuniformity(Effect):
     name = "dark_current_nonuniformity"
     stage = Stage.GENERATION
     order = 25
+    aliases = ("DCNU", "fixed pattern noise", "FPN", "dark fixed pattern")
     summary = "Dark current differs from pixel to pixel; the pattern grows with exposure and temperature."
     equation = "mu_e <- mu_e + D(T) t (K - 1), K lognormal of mean 1 and standard deviation spread"
     source = (

@@ -13,16 +13,21 @@ class HotPixels(Effect):
 
     One uniform random number u decides whether a pixel is hot (u < density) and how hot: the rate goes to 0 as u approaches
     the density, so the map is a continuous function of the density and has a gradient.
+
+    Hotter pixels have a lower activation energy (the Meyer-Neldel rule): with `softer_per_c` s the coefficient of a pixel is
+    b - s ln h, h its rate at 20 C relative to the mean.
     """
 
     name = "hot_pixels"
     stage = Stage.GENERATION
     order = 30
+    aliases = ("warm pixels", "hot spots", "defect pixels", "white spots")
     summary = "A few pixels have a much larger dark current, with their own temperature coefficient."
-    equation = (
-        "mu_e <- mu_e + t rate exp(b (T - 20 C)) (ln density/u)^tail / Gamma(1 + tail) where u < density"
+    equation = "mu_e <- mu_e + t rate h exp((b - s ln h) (T - 20 C)), h = (ln density/u)^tail / Gamma(1 + tail), where u < density"
+    source = (
+        "R. Widenhorn et al., Proc. SPIE 4669 (2002) 193 and J. Appl. Phys. 89 (2001) 8179; EMVA 1288 release 4 Linear, "
+        "defect pixels"
     )
-    source = "R. Widenhorn et al., Proc. SPIE 4669 (2002) 193; EMVA 1288 release 4 Linear, defect pixels"
     separates = (
         "take darks at two exposures: hot pixels grow with the exposure; in a long series, rts_noise pixels"
         " jump between levels"
@@ -48,11 +53,18 @@ class HotPixels(Effect):
         trials=(1.0, 2.0),
         source="near 0: all equal; 1: exponential; higher: heavier tails",
     )
+    softer_per_c = Parameter(
+        0.0,
+        unit="1/C",
+        high=0.1,
+        source="decrease of b for each factor e of the rate; 0.016: from 1.1 eV to 0.55 eV over two decades of the rate",
+    )
 
     def apply(self, signal, p, stream, context):
         heat = torch.log(p.density.clamp_min(1e-12)) - torch.log(stream.fixed.uniform())
-        heat = torch.where(heat > 0, heat.clamp_min(1e-6) ** p.tail, 0.0)
-        hot = self._mean_e(p, context) * heat / torch.exp(torch.lgamma(1 + p.tail))
+        power = self._power(p, context)
+        heat = torch.where(heat > 0, heat.clamp_min(1e-6) ** (p.tail * power), 0.0)
+        hot = self._mean_e(p, context) * heat / torch.exp(torch.lgamma(1 + p.tail) * power)
         return add_dark_electrons(signal, hot, stream, context)
 
     @staticmethod
@@ -60,7 +72,15 @@ class HotPixels(Effect):
         heating = torch.exp(p.b_per_c * (context.temperature_c - REFERENCE_C))
         return context.exposure_s * p.rate_e_per_s * heating
 
+    @staticmethod
+    def _power(p, context):
+        """Of a rate relative to the mean at 20 C: b_per_c - softer_per_c ln(rate) instead of b_per_c."""
+        return (1 - p.softer_per_c * (context.temperature_c - REFERENCE_C)).clamp_min(0)
+
     def moments(self, mean, p, context):
-        hot = self._mean_e(p, context)
-        second = torch.exp(torch.lgamma(1 + 2 * p.tail) - 2 * torch.lgamma(1 + p.tail))
-        return mean + p.density * hot, hot**2 * (p.density * second - p.density**2)
+        hot, power = self._mean_e(p, context), self._power(p, context)
+        first, second = (
+            torch.exp(torch.lgamma(1 + n * power * p.tail) - n * power * torch.lgamma(1 + p.tail))
+            for n in (1, 2)
+        )
+        return mean + p.density * hot * first, hot**2 * (p.density * second - (p.density * first) ** 2)

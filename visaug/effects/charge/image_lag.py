@@ -19,6 +19,7 @@ class ImageLag(Effect):
     stage = Stage.CHARGE
     order = 75  # what was collected is transferred
     stepwise = True
+    aliases = ("ghosting", "persistence", "residual image", "RBI", "after-image", "sticking")
     summary = "A fraction of the charge of a frame appears in the following frames."
     equation = (
         "W_k = min(N_k + (1 - decay) H_k, full well), L_k ~ Binomial(W_k, share), "

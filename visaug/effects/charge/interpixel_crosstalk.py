@@ -17,6 +17,7 @@ class InterpixelCrosstalk(Effect):
     stage = Stage.CHARGE
     order = 90  # at the nodes that are read: after everything that happens to the charge itself
     local = False
+    aliases = ("IPC", "interpixel capacitance", "crosstalk")
     summary = "Neighbouring pixels share signal linearly after the shot noise, so their noise is correlated."
     equation = (
         "N_i <- N_i + share sum over the 8 neighbours j of g_j (N_j - N_i), g: 1, aspect or diagonal, and tail times the same over "

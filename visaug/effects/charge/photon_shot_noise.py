@@ -14,6 +14,7 @@ class PhotonShotNoise(Effect):
     order = 100
     stepwise = True
     base = True
+    aliases = ("Poisson noise", "photon noise")
     summary = "The number of electrons in a pixel is Poisson distributed."
     equation = "N_e ~ Poisson(mu_e)"
     source = "EMVA 1288 release 4 Linear, eq. 5; the paper, eqs. 2 and 8"

@@ -13,6 +13,7 @@ class PRNU(Effect):
     stage = Stage.GENERATION
     order = 10
     base = True
+    aliases = ("PRNU", "fixed pattern noise", "FPN", "photo response non-uniformity", "gain FPN")
     summary = "Pixels, rows and columns differ in their response to light."
     equation = "mu_e <- mu_e (1 + K_column + K_row + K_pixel)"
     source = "EMVA 1288 release 4 Linear, section 4; the paper, eq. 10"

@@ -10,6 +10,7 @@ class QuantumEfficiency(Effect):
     stage = Stage.GENERATION
     order = 0
     base = True
+    aliases = ("QE", "responsivity")
     summary = "A photon generates an electron with a probability, the total quantum efficiency."
     equation = "mu_e = QE mu_p"
     source = "EMVA 1288 release 4 Linear, eq. 2; the paper, eq. 9"

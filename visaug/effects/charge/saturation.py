@@ -12,6 +12,7 @@ class Saturation(Effect):
     stage = Stage.CHARGE
     order = 80
     base = True
+    aliases = ("full well", "clipping", "saturation capacity")
     summary = "A pixel holds no more electrons than its full well."
     equation = "N_e <- min(N_e, full well)"
     source = "EMVA 1288 release 4 Linear, saturation capacity"

@@ -15,6 +15,7 @@ class Smear(Effect):
     stage = Stage.GENERATION
     order = 15  # light alone smears: after PRNU, before the dark current
     local = False
+    aliases = ("frame-transfer smear", "vertical stripes", "parasitic light")
     summary = "Charge is generated while a column is transferred, at any distance from the light source."
     equation = "mu_e <- mu_e + (transfer_s / exposure_s) mean of mu_e over the column"
     source = "J. Janesick, Scientific Charge-Coupled Devices (SPIE, 2001), on frame-transfer smear"

@@ -12,6 +12,7 @@ class BitTruncation(Effect):
     name = "bit_truncation"
     stage = Stage.DIGITAL
     order = 70
+    aliases = ("LSB loss", "bit shift", "comb histogram")
     summary = "The lowest bits are lost."
     equation = "y <- 2^bits floor(y / 2^bits); rounding: 2^bits floor(y / 2^bits + 1/2)"
     source = (

@@ -11,6 +11,7 @@ class DeadPixels(Effect):
     name = "dead_pixels"
     stage = Stage.DIGITAL
     order = 90
+    aliases = ("stuck pixels", "defect pixels", "cold pixels")
     summary = "A few pixels have a constant output at any light level."
     equation = (
         "y <- round(L), L = b + l (top - b), or b (1 + l) for l < 0, where the pixel is dead; "

@@ -14,6 +14,7 @@ class MissingCodes(Effect):
     name = "missing_codes"
     stage = Stage.DIGITAL
     order = 60
+    aliases = ("DNL", "gaps in the histogram", "comb histogram")
     summary = "Some output codes never occur; the set is fixed for a camera."
     equation = (
         "y <- max{k <= y: k exists}; a code is missing with probability density, or at every "

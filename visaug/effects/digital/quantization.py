@@ -16,6 +16,7 @@ class Quantization(Effect):
     order = 50
     stepwise = True
     base = True
+    aliases = ("ADC noise", "digitization")
     summary = "The converter rounds to whole numbers within its range."
     equation = "y <- clip(round(y), 0, 2^bits - 1); adds a variance of 1/12 DN^2"
     source = "EMVA 1288 release 4 Linear, eq. 8; the paper, eq. 13"

@@ -11,6 +11,7 @@ class SystemGain(Effect):
     stage = Stage.DIGITAL
     order = 0
     base = True
+    aliases = ("conversion gain", "K")
     summary = "The converter has a gain and a black level."
     equation = "y = V / G(dB) + black level, G(dB) = G 10^((dB_0 - dB) / 20)"
     source = "EMVA 1288 release 4 Linear, eq. 7 (K = 1/G); the paper, eq. 12"

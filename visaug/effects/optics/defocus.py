@@ -22,6 +22,7 @@ class Defocus(Effect):
     stage = Stage.OPTICS
     order = 34
     local = False
+    aliases = ("blur", "bokeh")
     summary = "The image of a point is a uniform disc."
     equation = "mu_p convolved with a disc of the radius, integrated over each pixel"
     source = "J. W. Goodman, Introduction to Fourier Optics (4th ed. 2017), section 7.4; geometrical limit"

@@ -24,6 +24,7 @@ class Diffraction(Effect):
     stage = Stage.OPTICS
     order = 38
     local = False
+    aliases = ("Airy disc", "blur", "MTF")
     summary = "The aperture spreads a point into an Airy pattern."
     equation = (
         "mu_p convolved with (2 J1(v) / v)^2, v = 3.832 r / radius, integrated over each pixel; "

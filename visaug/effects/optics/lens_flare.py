@@ -21,6 +21,7 @@ class LensFlare(Effect):
     stage = Stage.OPTICS
     order = 20
     local = False
+    aliases = ("ghosting", "ghosts", "flare", "stray light", "glare")
     summary = "Reflections between lens surfaces produce ghosts and a halo around bright sources."
     equation = (
         "mu_p <- mu_p - (g + h) s + g ghost(s) + h halo(s), s = max(0, mu_p - threshold), "

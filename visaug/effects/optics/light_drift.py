@@ -15,6 +15,7 @@ class LightDrift(Effect):
     name = "light_drift"
     stage = Stage.OPTICS
     order = 0
+    aliases = ("flicker", "lamp drift", "source instability")
     summary = "The level of the light source changes from frame to frame."
     equation = "mu_p <- mu_p (1 + sigma x_k), x_k = c x_(k-1) + sqrt(1 - c^2) z_k, z_k ~ N(0, 1)"
     source = "a first-order autoregression; EMVA 1288 asks for a source that is stable over a series"

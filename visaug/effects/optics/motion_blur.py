@@ -23,6 +23,7 @@ class MotionBlur(Effect):
     stage = Stage.OPTICS
     order = 36
     local = False
+    aliases = ("smear", "motion smear", "camera shake")
     summary = "The image moves along a straight line during the exposure."
     equation = (
         "mu_p <- integral of mu_p(x - v t, y - w t) dt / T: a line of length L at the angle, counter-clockwise from the rows, "

@@ -11,6 +11,7 @@ class PointSpread(Effect):
     stage = Stage.OPTICS
     order = 40
     local = False
+    aliases = ("PSF", "MTF", "blur")
     summary = "The optics blur the image before the pixels sample it."
     equation = (
         "mu_p convolved with a Gaussian of standard deviation sigma along rows, aspect sigma along columns, "

@@ -11,6 +11,7 @@ class VeilingGlare(Effect):
     stage = Stage.OPTICS
     order = 30
     local = False
+    aliases = ("stray light", "haze", "flare", "glare")
     summary = "A fraction of all light is scattered into a wide halo."
     equation = "mu_p <- (1 - share) mu_p + share (mu_p * k), k of unit volume and given width"
     source = "ISO 9358:1994, veiling glare index; E. Talvala et al., ACM TOG 26 (2007) 37"

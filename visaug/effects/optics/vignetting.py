@@ -16,6 +16,7 @@ class Vignetting(Effect):
     name = "vignetting"
     stage = Stage.OPTICS
     order = 10
+    aliases = ("shading", "lens shading", "corner fall-off", "flat field")
     summary = "Transmission decreases smoothly from the centre of the field to the corners."
     equation = (
         "mu_p <- mu_p max(0, 1 - corner_loss (r / r_corner)^power); cos4: mu_p <- mu_p cos^4 a, "

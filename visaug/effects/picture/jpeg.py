@@ -37,6 +37,7 @@ class JPEG(Effect):
     stage = Stage.PICTURE
     order = 40
     local = False
+    aliases = ("compression", "block artefacts")
     summary = "The picture is compressed as JPEG."
     equation = (
         "c <- q round(c / q), c the DCT of 8 x 8 blocks of 255 y - 128, q = clip(floor((s t + 50) / 100), 1, 255), "

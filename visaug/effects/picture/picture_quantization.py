@@ -11,6 +11,7 @@ class PictureQuantization(Effect):
     name = "picture_quantization"
     stage = Stage.PICTURE
     order = 30
+    aliases = ("posterization", "contouring", "colour banding")
     summary = "The picture is stored with a small number of bits."
     equation = "y <- round(y (2^bits - 1)) / (2^bits - 1)"
     source = "B. Widrow and I. Kollar, Quantization Noise (Cambridge 2008)"

@@ -15,6 +15,7 @@ class Sharpening(Effect):
     stage = Stage.PICTURE
     order = 20
     local = False
+    aliases = ("unsharp mask", "halo", "edge enhancement")
     summary = "An unsharp mask amplifies edges and noise."
     equation = "y <- clip(y + amount (y - y * G), 0, 1), G a Gaussian of standard deviation radius, integrated over each pixel"
     source = "A. Polesel et al., IEEE Trans. Image Processing 9 (2000) 505, linear unsharp masking"

@@ -19,6 +19,7 @@ class ToneCurve(Effect):
     name = "tone_curve"
     stage = Stage.PICTURE
     order = 10
+    aliases = ("gamma", "contrast")
     summary = "A curve such as gamma changes the contrast of the picture."
     equation = "y <- y^(1 / gamma); srgb: 12.92 y up to 0.0031308, then 1.055 y^(1 / 2.4) - 0.055"
     source = "IEC 61966-2-1 (sRGB); ITU-R BT.709"

@@ -15,6 +15,7 @@ class BlackLevelDrift(Effect):
     name = "black_level_drift"
     stage = Stage.READOUT
     order = 70
+    aliases = ("offset drift", "bias drift", "pedestal drift", "clamp noise")
     summary = "The offset of the whole frame changes from frame to frame."
     equation = "V <- V + d_t, d_t = r d_(t-1) + sigma sqrt(1 - r^2) n_t, n_t ~ N(0, 1)"
     source = (

@@ -12,6 +12,7 @@ class ColumnNoise(Effect):
     name = "column_noise"
     stage = Stage.READOUT
     order = 45
+    aliases = ("vertical stripes", "temporal column noise", "line noise", "banding")
     summary = "An independent random offset for each column and frame."
     equation = "V <- V + c_column, c ~ N(0, sigma^2), new in every frame"
     source = "EMVA 1288 release 4 Linear, temporal column noise; J. Janesick, Photon Transfer (SPIE 2007)"

@@ -13,6 +13,7 @@ class DSNU(Effect):
     stage = Stage.READOUT
     order = 10
     base = True
+    aliases = ("DSNU", "fixed pattern noise", "FPN", "offset FPN", "bias pattern")
     summary = "Pixels, rows and columns differ in their offset, with and without light."
     equation = "V <- V + D_column + D_row + D_pixel"
     source = "EMVA 1288 release 4 Linear, section 4; the paper, eq. 11"

@@ -27,6 +27,7 @@ class FixedPatternStructure(Effect):
     name = "fixed_pattern_structure"
     stage = Stage.READOUT
     order = 15
+    aliases = ("fixed pattern noise", "FPN", "banding", "vertical stripes", "bias structure")
     summary = "An additive pattern with bands, steps, slope or period, constant over the frames of a camera."
     equation = (
         "V <- V + A f(x): bands, levels, sin(2 pi (x / period + phase)), slope u + curvature (u^2 "

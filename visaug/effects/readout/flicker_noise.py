@@ -1,8 +1,7 @@
 """1/f noise."""
 
-import torch
-
 from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.readout.coloured import coloured
 
 
 class FlickerNoise(Effect):
@@ -16,6 +15,7 @@ class FlickerNoise(Effect):
     name = "flicker_noise"
     stage = Stage.READOUT
     order = 48
+    aliases = ("1/f noise", "pink noise", "streaking")
     summary = "Noise along the readout whose power rises towards low frequencies."
     equation = (
         "V <- V + f_k, k the pixel's place in the readout; power spectrum ~ 1 / frequency^exponent, "
@@ -53,14 +53,7 @@ class FlickerNoise(Effect):
         along = (rows, columns) if p.direction == "rows" else (columns, rows)
         lines = along[0] + along[0] % 2 if p.clamp == "frame" else 2 * along[0]  # an even number of pixels
         white = stream.over(range(lines), range(along[1])).normal()
-        white = torch.view_as_complex(white.reshape(*white.shape[:2], -1, 2))  # one number for each frequency
-        frequency = torch.arange(1, white.shape[-1] + 1, device=signal.device)
-        shape = torch.exp(-p.exponent / 2 * torch.log(frequency)).flatten(2)  # (B or 1, 1, frequencies)
-        variance = 4 * shape.square().sum(-1, keepdim=True) - 3 * shape[..., -1:].square()
-        spectrum = torch.nn.functional.pad(
-            white * (shape / variance.sqrt()), (1, 0)
-        )  # no constant: that is drift
-        noise = torch.fft.irfft(spectrum, norm="forward").view(*spectrum.shape[:2], lines, along[1])
+        noise = coloured(white.flatten(2), p.exponent).unflatten(-1, (lines, along[1]))
         if p.direction == "columns":
             noise = noise.transpose(-1, -2)
         r, c = context.window

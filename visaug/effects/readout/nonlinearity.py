@@ -15,6 +15,7 @@ class Nonlinearity(Effect):
     name = "nonlinearity"
     stage = Stage.READOUT
     order = 0
+    aliases = ("linearity error", "INL", "gamma", "compression")
     summary = "The response is not proportional to the signal."
     equation = "V <- V + S (quadratic x^2 + cubic x^3), x = V / S in [0, 1], S the full scale; linear outside"
     source = (

@@ -19,6 +19,7 @@ class PeriodicBanding(Effect):
     name = "periodic_banding"
     stage = Stage.READOUT
     order = 50
+    aliases = ("banding", "EMI", "mains hum", "interference", "pattern noise", "horizontal stripes")
     summary = "A sinusoidal offset over the rows, with a random phase in each frame."
     equation = (
         "V <- V + A (sin theta + h sin 2 theta), theta = 2 pi (row / period + phase), phase ~ U(0, 1) "

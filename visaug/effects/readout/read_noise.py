@@ -24,6 +24,7 @@ class ReadNoise(Effect):
     stage = Stage.READOUT
     order = 60
     base = True
+    aliases = ("temporal dark noise", "readout noise", "kTC noise")
     summary = "Reading a pixel adds signal-independent noise; its tails may be heavier than Gaussian."
     equation = "V <- V + sigma TL(shape) + G(dB) sigma_after N, TL normalised to standard deviation 1"
     source = "the paper, eq. 4; K. Wei et al., IEEE TPAMI 44 (2022) 8520; after the gain: EMVA 1288 release 4 Linear, eq. 8"

@@ -9,6 +9,7 @@ class RowNoise(Effect):
     name = "row_noise"
     stage = Stage.READOUT
     order = 40
+    aliases = ("horizontal stripes", "horizontal noise", "line noise", "temporal row noise", "banding")
     summary = "An independent random offset for each row and frame."
     equation = "V <- V + r_row, r ~ N(0, sigma^2), new in every frame"
     source = "EMVA 1288 release 4 Linear, temporal row noise; K. Wei et al., IEEE TPAMI 44 (2022) 8520, eq. 7"

@@ -14,6 +14,7 @@ class RowParity(Effect):
     name = "row_parity"
     stage = Stage.READOUT
     order = 30
+    aliases = ("odd-even rows", "fixed pattern noise", "FPN", "horizontal stripes")
     summary = "Odd and even rows have a constant difference in offset and gain."
     equation = "V <- V (1 + s gain / 2) + s offset / 2, s = +1 on rows 1, 3, 5 ..., -1 on rows 0, 2, 4 ..."
     source = (

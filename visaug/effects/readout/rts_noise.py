@@ -3,6 +3,7 @@
 import torch
 
 from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.telegraph import kept_states
 
 
 class RTSNoise(Effect):
@@ -16,6 +17,7 @@ class RTSNoise(Effect):
     name = "rts_noise"
     stage = Stage.READOUT
     order = 55
+    aliases = ("RTS", "RTN", "random telegraph noise", "blinking pixels", "salt and pepper", "popcorn noise")
     summary = "A few pixels jump between discrete levels from frame to frame."
     equation = (
         "V <- V + A_pixel s, s in {0, 1} with P(1) = duty, s_k = s_(k-1) with probability kept, else drawn anew; "
@@ -75,17 +77,8 @@ class RTSNoise(Effect):
         if p.levels == "three":
             state = state - (stream.fork("second sample").uniform() < p.duty).to(signal.dtype)
         elif context.sequence:
-            state = self._kept(state, stream.fork("kept").uniform() < p.kept, context)
+            state = kept_states(self.name, state, stream.fork("kept").uniform() < p.kept, context)
         return signal + amplitude * state
-
-    def _kept(self, state, keeps, context):
-        before = context.memory.get(self.name, state[:1])
-        frames = []
-        for fresh, keep in zip(state.split(1), keeps.split(1), strict=True):
-            before = torch.where(keep, before, fresh)
-            frames.append(before)
-        context.memory[self.name] = before
-        return torch.cat(frames)
 
     def moments(self, mean, p, context):
         square = p.amplitude_e**2 * (2 if p.amplitudes == "exponential" else 1)

@@ -16,6 +16,7 @@ class TapMismatch(Effect):
     name = "tap_mismatch"
     stage = Stage.READOUT
     order = 20
+    aliases = ("channel mismatch", "seam", "quadrant step", "amplifier step")
     summary = (
         "Two halves of the sensor are read with different gain and offset, which gives a step at the seam."
     )

@@ -1,0 +1,77 @@
+"""Random telegraph signal of the dark current."""
+
+import torch
+
+from visaug.effects.charge.dark_electrons import add_dark_electrons
+from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.telegraph import kept_states
+
+REFERENCE_C = 20.0
+
+
+class DarkCurrentRTS(Effect):
+    """A metastable defect in a few pixels has two configurations with different generation rates.
+
+    Amplitudes are exponential over the pixels and drawn once per camera. A defect keeps its configuration from frame to frame
+    with the probability `kept`; its time constants are seconds to days. Unlike `rts_noise`, the jump grows with the exposure
+    and the temperature.
+    """
+
+    name = "dark_current_rts"
+    stage = Stage.GENERATION
+    order = 32
+    aliases = ("DC-RTS", "random telegraph noise", "blinking pixels")
+    summary = "The dark current of a few pixels jumps between two levels from frame to frame."
+    equation = (
+        "mu_e <- mu_e + t A_pixel exp(b (T - 20 C)) s, s in {0, 1} with P(1) = duty, s_k = s_(k-1) with probability kept, "
+        "else drawn anew"
+    )
+    source = (
+        "I. H. Hopkins and G. R. Hopkinson, IEEE Trans. Nuclear Science 40 (1993) 1567; V. Goiffon et al., IEEE Electron "
+        "Device Letters 32 (2011) 773"
+    )
+    separates = (
+        "take long series of darks at two exposures: the jumps grow with the exposure; those of rts_noise do not, and "
+        "hot_pixels are constant"
+    )
+    differentiable = False
+    why_not = "whether a pixel has a defect, and its state in a frame, are discrete; image and amplitude have gradients"
+    density = Parameter(
+        0.002,
+        unit="share of pixels",
+        high=1.0,
+        strength=True,
+        trials=(0.002, 0.02),
+        source="1e-4 when new to 1e-1 after a mission",
+    )
+    amplitude_e_per_s = Parameter(
+        50.0,
+        unit="e-/s",
+        high=1e7,
+        trials=(20.0, 100.0),
+        source="mean at 20 C; exponential in Goiffon et al.",
+    )
+    b_per_c = Parameter(
+        0.077, unit="1/C", high=0.3, source="0.57 eV (Hopkins and Hopkinson): E / (k T^2) at 20 C"
+    )
+    duty = Parameter(0.5, high=1.0, trials=(0.25,), source="fraction of the time in the upper level")
+    kept = Parameter(0.8, high=0.999, trials=(0.0, 0.8), source="seconds to days (Hopkins and Hopkinson)")
+
+    def apply(self, signal, p, stream, context):
+        fixed = stream.fixed
+        has_defect = fixed.fork("where").uniform() < p.density
+        amplitude = -torch.log(fixed.fork("amplitude").uniform()) * has_defect
+        state = (stream.fork("state").uniform() < p.duty).to(signal.dtype)
+        if context.sequence:
+            state = kept_states(self.name, state, stream.fork("kept").uniform() < p.kept, context)
+        return add_dark_electrons(signal, self._mean_e(p, context) * amplitude * state, stream, context)
+
+    def moments(self, mean, p, context):
+        rate = self._mean_e(p, context)
+        shift = p.density * p.duty * rate
+        return mean + shift, 2 * p.density * p.duty * rate**2 - shift**2
+
+    @staticmethod
+    def _mean_e(p, context):
+        heating = torch.exp(p.b_per_c * (context.temperature_c - REFERENCE_C))
+        return context.exposure_s * p.amplitude_e_per_s * heating

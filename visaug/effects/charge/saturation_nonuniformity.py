@@ -1,0 +1,57 @@
+"""Full well that differs from pixel to pixel."""
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+DEEPEST_E = 1e9  # in place of an unlimited full well
+
+
+class SaturationNonuniformity(Effect):
+    """Pixels fill at different levels, and near the full well a part of the charge is lost before it is complete.
+
+    The full well of the camera is that of its deepest pixels; others have up to a few times `spread` less, half-normal and
+    drawn once per camera. A soft knee lets charge escape over the barrier as a diode does: within about `knee` of the full
+    well the response bends. Requires a camera with a full well.
+    """
+
+    name = "saturation_nonuniformity"
+    stage = Stage.CHARGE
+    order = 79  # just before the clipping at the camera's full well
+    aliases = ("full well non-uniformity", "fixed pattern noise", "FPN", "soft knee")
+    summary = "The full well differs from pixel to pixel, and is reached along a soft knee."
+    equation = (
+        "N <- N - k ln(1 + exp((N - W_pixel) / k)), k = knee W; knee 0: min(N, W_pixel); W_pixel = W (1 - spread |z|), "
+        "z ~ N(0, 1) per camera"
+    )
+    source = (
+        "A. Pelamatti et al., IEEE Electron Device Letters 34 (2013) 900 (full well of pinned photodiodes); J. Janesick, "
+        "Photon Transfer (SPIE 2007), full well"
+    )
+    separates = (
+        "take flats beyond saturation: a fixed pattern in fully saturated frames, and a variance that falls before the mean "
+        "stops; nonlinearity acts at all levels"
+    )
+    spread = Parameter(
+        0.02,
+        unit="fraction",
+        high=0.15,
+        strength=True,
+        trials=(0.01, 0.05),
+        source="1 to 5 % of the full well; assumed",
+    )
+    knee = Parameter(
+        0.0,
+        unit="fraction",
+        high=0.1,
+        strength=True,
+        trials=(0.01, 0.04),
+        source="width of the knee; kT / q over the swing of the diode: 25 mV / 1 V",
+    )
+
+    def apply(self, signal, p, stream, context):
+        well = context.full_well_e.clamp_max(DEEPEST_E)
+        over = signal - well * (1 - p.spread * stream.fixed.normal().abs()).clamp_min(0)
+        knee = (p.knee * well).clamp_min(1e-9)
+        escaped = over.clamp_min(0) + p.knee * well * torch.log1p(torch.exp(-over.abs() / knee))
+        return torch.where((p.spread > 0) | (p.knee > 0), signal - escaped, signal)

@@ -1,0 +1,56 @@
+"""Fringing."""
+
+import math
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+
+class Fringing(Effect):
+    """Narrow-band light interferes in a thin layer (the silicon of a back-illuminated sensor, or its cover glass).
+
+    The thickness varies over the sensor as a shallow paraboloid about a point that is drawn once per camera, so the fringes
+    are rings about it. Broad-band light averages them out.
+    """
+
+    name = "fringing"
+    stage = Stage.OPTICS
+    order = 14
+    aliases = ("etaloning", "interference fringes", "Newton rings")
+    summary = "Narrow-band light shows interference fringes of the sensor's layers."
+    equation = (
+        "mu_p <- mu_p (1 + A cos(2 pi (fringes r^2 + phase))), r: distance to a point of the camera in units of the longer "
+        "side, phase ~ U(0, 1) per camera"
+    )
+    source = (
+        "J. Janesick, Scientific Charge-Coupled Devices (SPIE 2001), fringing; E. M. Malumuth et al., Proc. SPIE 4854 "
+        "(2003) 567 (fringes as a function of the thickness of the detector)"
+    )
+    separates = "take flats in narrow-band and in white light: fringes disappear in white light; dust, vignetting and prnu do not"
+    amplitude = Parameter(
+        0.02,
+        unit="fraction",
+        high=1.0,
+        strength=True,
+        trials=(0.005, 0.02),
+        source="1 to 10 % above 750 nm in thinned CCDs",
+    )
+    fringes = Parameter(
+        5.0,
+        unit="1",
+        low=0.5,
+        high=1e3,
+        trials=(5.0, 15.0),
+        source="2 n times the change of thickness / wavelength",
+    )
+
+    def apply(self, signal, p, stream, context):
+        height, width = context.resolution
+        row, column, phase = (stream.fixed.fork(what).uniform("frame") for what in ("row", "column", "phase"))
+        y = (context.rows(signal) + 0.5 - height * (1.5 * row - 0.25)) / max(height, width)
+        x = (context.columns(signal) + 0.5 - width * (1.5 * column - 0.25)) / max(height, width)
+        return signal * (1 + p.amplitude * torch.cos(2 * math.pi * (p.fringes * (x**2 + y**2) + phase)))
+
+    def moments(self, mean, p, context):
+        return mean, (mean * p.amplitude) ** 2 / 2

@@ -1,0 +1,75 @@
+"""Diffraction spikes of the aperture."""
+
+import math
+
+import torch
+
+from visaug.effects.effect import Effect, Stage
+from visaug.effects.optics.spread import convolve, pixels_around
+from visaug.effects.parameter import Parameter
+
+REACH = 3.0  # decay lengths at which a spike is cut
+CORE_PX = 3.0  # within it, the finite size of the source hides the fall-off
+
+
+class StarBurst(Effect):
+    """The straight edges of an iris diffract light into spikes perpendicular to each blade, on both sides of the source.
+
+    An even number of blades gives as many spikes, an odd number twice as many. The intensity along a spike falls as the
+    inverse square of the distance and is cut off by the finite size of the source and the bandwidth of the light. A rotation
+    of the camera turns the spikes with it.
+    """
+
+    name = "star_burst"
+    stage = Stage.OPTICS
+    order = 39
+    local = False
+    aliases = ("sun star", "diffraction spikes", "glare")
+    summary = "The blades of the aperture produce spikes around bright sources."
+    equation = (
+        "mu_p <- (1 - share) mu_p + share (mu_p * k), k ~ sum over blades of exp(-u / length) / (1 + (u / 3)^2), "
+        "u along the spike in px, a pixel wide"
+    )
+    source = (
+        "J. W. Goodman, Introduction to Fourier Optics (4th ed. 2017), section 4.4, of a polygonal aperture; M. Hullin et al., "
+        "ACM TOG 30 (2011) 108"
+    )
+    separates = (
+        "image a bright point at two apertures: spikes turn with the camera and disappear at full aperture"
+    )
+    proposed = False  # frames of a laboratory contain no bright points on black
+    share = Parameter(
+        0.01,
+        unit="fraction",
+        high=0.5,
+        strength=True,
+        trials=(0.01, 0.1),
+        source="grows as the aperture is closed; 0.1 to 5 %",
+    )
+    blades = Parameter(6.0, unit="blades", low=3.0, high=20.0, integer=True, source="5 to 9 in most lenses")
+    length_px = Parameter(15.0, unit="px", low=1.0, high=100.0, source="decay length; assumed")
+    angle_deg = Parameter(
+        15.0, unit="deg", low=-180.0, high=180.0, source="of the first spike, from the rows"
+    )
+
+    def apply(self, signal, p, stream, context):
+        return signal + p.share * (convolve(signal, _spikes(p, signal.dtype)) - signal)
+
+    def moments(self, mean, p, context):
+        return mean, mean * 0
+
+
+def _spikes(p, dtype):
+    """Kernels (B, 1, K, K) of sum 1."""
+    length, angle = p.length_px.to(dtype), torch.deg2rad(p.angle_deg.to(dtype))
+    reach = (REACH * length.detach()).ceil()
+    x, y = pixels_around(int(reach.max()), length)
+    total = torch.zeros_like(length)
+    for blade in range(int(p.blades.detach().round().max())):
+        turned = angle + 2 * math.pi * blade / p.blades.round()
+        along = x * torch.cos(turned) - y * torch.sin(turned)  # rows are counted downwards
+        across = x * torch.sin(turned) + y * torch.cos(turned)
+        fall = torch.exp(-along.abs() / length) / (1 + (along / CORE_PX) ** 2)
+        total = total + fall * (1 - across.abs()).clamp_min(0) * (blade < p.blades.round())
+    total = total * (torch.maximum(x.abs(), y.abs()) <= reach)
+    return total / total.sum((2, 3), keepdim=True)

@@ -1,0 +1,88 @@
+"""Interleaved and side-by-side readout channels."""
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+MOST = 64  # channels; column-parallel sensors have 2 to 64 outputs
+
+
+class ColumnParity(Effect):
+    """Columns are read by several amplifiers or converters in turn, each with its own offset and gain.
+
+    `interleaved`: column c belongs to channel c mod n; with two channels odd and even columns differ. `blocks`: n taps of
+    equal width lie side by side. Offsets and gains of the channels have mean 0 and rms 1 over the channels, times `offset_e`
+    and `gain`, so the mean of the frame does not change; with two channels the difference is twice the parameter.
+    """
+
+    name = "column_parity"
+    stage = Stage.READOUT
+    order = 32
+    aliases = (
+        "odd-even columns",
+        "tap mismatch",
+        "channel mismatch",
+        "fixed pattern noise",
+        "FPN",
+        "vertical stripes",
+    )
+    summary = "Columns of several readout channels differ in offset and gain."
+    equation = (
+        "V <- V (1 + gain g_k) + offset o_k, k = column mod n, or floor(n column / columns); o and g of mean 0 and rms 1 over "
+        "the n channels, drawn once per camera"
+    )
+    source = (
+        "A. El Gamal et al., Proc. SPIE 3301 (1998) 168 (column FPN); J. Janesick, Scientific Charge-Coupled Devices "
+        "(SPIE 2001), multiple output amplifiers"
+    )
+    separates = (
+        "average many dark frames and compute the spectrum of the column means: lines at multiples of 1/n; the column part of "
+        "dsnu is white, tap_mismatch has one step"
+    )
+    offset_e = Parameter(
+        1.0, unit="e-", high=1e4, strength=True, trials=(0.3, 1.5), source="rms; a fraction of the read noise"
+    )
+    gain = Parameter(
+        0.0,
+        unit="fraction",
+        high=0.2,
+        strength=True,
+        trials=(0.002, 0.01),
+        source="rms; matched to 0.1 to 1 %",
+    )
+    channels = Parameter(
+        2.0,
+        unit="channels",
+        low=2.0,
+        high=MOST,
+        integer=True,
+        trials=(2, 4, 8),
+        source="2: odd and even columns",
+    )
+    layout = Parameter(
+        "interleaved", options=("interleaved", "blocks"), source="blocks: taps side by side, as in large CCDs"
+    )
+
+    def apply(self, signal, p, stream, context):
+        channels = p.channels.round()  # what a fit gives may lie between
+        columns = context.columns(signal)
+        if p.layout == "interleaved":
+            own = columns % channels
+        else:
+            own = torch.floor(columns * channels / context.resolution[1]).clamp_max(MOST - 1)
+        offset, gain = (
+            torch.take_along_dim(_levels(stream.fixed.fork(what), channels), own.long(), -1)
+            for what in ("offset", "gain")
+        )
+        return signal * (1 + p.gain * gain) + p.offset_e * offset
+
+    def moments(self, mean, p, context):
+        return mean, p.offset_e**2 + (p.gain * mean) ** 2
+
+
+def _levels(fixed, channels):
+    """Of each channel, (B or 1, C, 1, MOST), of mean 0 and rms 1 over those that there are."""
+    drawn = fixed.over(range(1), range(MOST)).normal("column")
+    there = torch.arange(MOST, device=drawn.device) < channels
+    apart = (drawn - (drawn * there).sum(-1, keepdim=True) / channels) * there
+    return apart / (apart.square().sum(-1, keepdim=True) / channels).sqrt().clamp_min(1e-6)
