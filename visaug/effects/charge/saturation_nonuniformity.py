@@ -16,6 +16,7 @@ class SaturationNonuniformity(Effect):
     """
 
     name = "saturation_nonuniformity"
+    proposed = False  # its confusion with similar effects has not been counted
     stage = Stage.CHARGE
     order = 79  # just before the clipping at the camera's full well
     aliases = ("full well non-uniformity", "fixed pattern noise", "FPN", "soft knee")

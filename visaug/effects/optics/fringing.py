@@ -15,6 +15,7 @@ class Fringing(Effect):
     """
 
     name = "fringing"
+    proposed = False  # its confusion with similar effects has not been counted
     stage = Stage.OPTICS
     order = 14
     aliases = ("etaloning", "interference fringes", "Newton rings")

@@ -17,6 +17,7 @@ class LineDefects(Effect):
     """
 
     name = "line_defects"
+    proposed = False  # its confusion with similar effects has not been counted
     stage = Stage.READOUT
     order = 35
     aliases = ("dead column", "bright column", "bad rows", "defect clusters", "blinking line")

@@ -14,6 +14,7 @@ class ReadNoiseNonuniformity(Effect):
     """
 
     name = "read_noise_nonuniformity"
+    proposed = False  # its confusion with similar effects has not been counted
     stage = Stage.READOUT
     order = 58
     aliases = ("noisy pixels", "sCMOS noise map", "pixel-dependent noise")
