@@ -79,6 +79,7 @@ def test_strength_words_scale_the_parameter():
     assert strengths.scaled(0, "row_noise", "default", "quarter") == pytest.approx(plain / 4)
 
 
+@pytest.mark.slow
 def test_plain_is_so_on_the_specimen_that_a_seed_draws(monkeypatch):
     """A band may lie where it shows well or badly: eight standard deviations on either, to the tolerance of the search."""
     monkeypatch.setattr(calibrate, "BASE_SETS", 10)  # enough to tell that the strength follows the specimen

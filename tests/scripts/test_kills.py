@@ -2,11 +2,8 @@
 
 import multiprocessing
 import sys
-from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 
 import kills
 
