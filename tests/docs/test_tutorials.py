@@ -3,7 +3,6 @@
 import re
 
 import pytest
-
 import tutorials
 
 FILES = sorted(tutorials.FOLDER.glob("*.py"))

@@ -3,9 +3,8 @@
 import multiprocessing
 import sys
 
-import pytest
-
 import kills
+import pytest
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="forks servers")
