@@ -65,7 +65,9 @@ def test_every_kind_gives_recipes_and_repeats_them(name):
 
 
 def test_left_out_base_terms_are_hidden_from_the_file(tmp_path):
-    for recipe in recipes.base_left_out(3, 2, "plain"):
+    left_out = list(recipes.base_left_out(3, 2, "plain"))
+    assert left_out
+    for recipe in left_out:
         write_set(recipe, tmp_path / "sets", tmp_path / "answers")
         told = (tmp_path / "sets" / recipe.identity / "camera.yaml").read_text()
         gone = "shape: 0.14" if recipe.expect == ("read_noise",) else recipe.expect[0]

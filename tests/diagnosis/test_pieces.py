@@ -195,6 +195,7 @@ def test_a_form_is_tried_in_both_signs_where_its_strength_has_two(stated):
     }
     assert found == {(True, 0.0), (False, 0.0), (True, 0.5), (False, 0.5)}
     glows = [dict(t.values) for t in trials(stated) if t.effect == "amplifier_glow"]
+    assert glows
     assert all(g["amplifier_glow.rate_e_per_s"] >= 0 for g in glows)
 
 

@@ -210,6 +210,7 @@ def test_differences_are_means_over_seeds_and_lie_in_their_intervals(rendered):
 
 def test_equal_arms_do_not_differ(rendered):
     ablation = constructed(rendered, {"baseline": [2.0, 2.0], "better": [2.0, 2.0]})
+    assert ablation.differences
     assert all(d.difference == d.low == d.high == 0 for d in ablation.differences)
 
 
