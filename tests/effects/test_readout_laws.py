@@ -122,3 +122,9 @@ def test_a_drift_with_memory_keeps_its_variance(run_effect, name):
     out = run_effect(name, frames, sequence=True, correlation=0.5, **{strength: 0.1}).flatten().numpy() - 1
     assert out.var() / 0.01 == pytest.approx(1, abs=0.15)
     assert np.corrcoef(out[1:], out[:-1])[0, 1] == pytest.approx(0.5, abs=0.07)
+
+
+def test_noise_after_the_gain_is_in_dn(run_effect):
+    """3 DN at 0.2 e-/DN are 0.6 e-. 40 000 pixels tell a standard deviation to 0.35 %: 2 % are more than 5 standard errors."""
+    out = run_effect("read_noise", torch.zeros(1, 1, 200, 200), sigma_e=0.0, shape=0.14, after_gain_dn=3.0)
+    assert float(out.std()) == pytest.approx(3.0 * E_PER_DN, rel=0.02)
