@@ -51,9 +51,12 @@ def test_import_costs_next_to_nothing_beyond_torch():
         "import visaug; c = time.process_time()\n"
         "visaug.Camera, visaug.VISNoise; print(b - a, c - b, time.process_time() - c)"
     )
-    runs = [tuple(map(float, python(code).split())) for _ in range(3)]
-    assert min(package for _, package, _ in runs) < 0.2, runs
-    assert any(names < 2 * torch_alone for torch_alone, _, names in runs), runs
+    runs: list[tuple[float, ...]] = []
+    for _ in range(3):  # a busy machine may spoil a run
+        runs.append(tuple(map(float, python(code).split())))
+        if min(run[1] for run in runs) < 0.2 and any(names < 2 * alone for alone, _, names in runs):
+            return
+    pytest.fail(f"seconds of torch, of visaug and of its names, of three runs: {runs}")
 
 
 @pytest.mark.parametrize("name", visaug.__all__)

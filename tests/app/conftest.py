@@ -1,13 +1,13 @@
 """A bench with small frames, whose comparison is done, and a cache of its own."""
 
 import os
-import sys
 
 import pytest
 
 from tests.diagnosis.small import PLAN, frame_set, row_noise, stated_camera
 from visaug.app.lab import Bench
 from visaug.diagnosis.session import session as session_module
+from visaug.effects import registered
 
 FEW = 60  # simulated sets
 
@@ -22,8 +22,7 @@ def own_cache(tmp_path_factory):
 @pytest.fixture(scope="module", autouse=True)
 def shipped_effects_alone():
     """Effects that other tests load from files are not offered here."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys.modules["visaug.effects.catalogue"], "_loaded", {})
+    with registered(alone=True):
         yield
 
 

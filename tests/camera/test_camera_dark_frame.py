@@ -1,11 +1,9 @@
 """The paper's dark frame, 0.5 s at 30 C, against densities convolved by quadrature: theory that shares no code."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
+from paper_model import dark_law
 
 from visaug.camera import Camera
 from visaug.core.sampling import Stream, derive_key
@@ -13,19 +11,9 @@ from visaug.core.sampling import Stream, derive_key
 SENSORS, ROWS, COLUMNS = 64, 32, 640
 
 
-@pytest.fixture(scope="module")
-def dark_law():
-    sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-    try:
-        from paper_model import dark_law
-    finally:
-        sys.path.pop(0)
-    return dark_law
-
-
 @pytest.mark.parametrize("meaning", ["standard_deviation", "scale"])
 @pytest.mark.parametrize("reading", ["physical", "paper"])
-def test_mean_and_deviation_of_the_clipped_dark_frame(dark_law, meaning, reading):
+def test_mean_and_deviation_of_the_clipped_dark_frame(meaning, reading):
     """64 sensors of 640 columns. The columns' scatter, 2.82 e-, rules the mean's error: 5 standard errors.
 
     Heavy tails (a Tukey-lambda of shape -0.23 has an excess kurtosis of 58) rule the deviation's: 3 %.
@@ -43,7 +31,7 @@ def test_mean_and_deviation_of_the_clipped_dark_frame(dark_law, meaning, reading
     assert electrons.std() == pytest.approx(law.deviation_e, rel=0.03)
 
 
-def test_the_ratio_that_table_1_speaks_to(dark_law):
+def test_the_ratio_that_table_1_speaks_to():
     """Mean over deviation needs no gain: 65.4 / sqrt(3736.9) = 1.07 lies between the two meanings of sigma_read."""
     as_deviation, as_scale = (dark_law(False, meaning) for meaning in ("standard_deviation", "scale"))
     published = 65.4 / np.sqrt(3736.9)

@@ -234,6 +234,7 @@ def test_trial_sets_come_close_to_their_cameras(shared_data):
     """Gain and black level, which the effects hidden there hardly touch."""
     import yaml
 
+    assert list((shared_data / "trial_sets").glob("set_*"))
     for folder in sorted((shared_data / "trial_sets").glob("set_*"))[:2]:
         result = characterize(FrameSet.load(folder))
         camera = yaml.safe_load((folder / "camera.yaml").read_text())

@@ -176,3 +176,33 @@ def test_the_sheet_holds_every_figure_and_plot(measured, tmp_path):
     (point,) = content["operating_points"]
     assert "emva4.snr_max" in point["parameters"]
     assert point["curves"]["emva4_sweep"]["photons"][:3] == list(PHOTONS[:3])
+
+
+def test_the_split_by_release_4_is_exact_for_a_sensor_that_is_not_square():
+    """Expected mean squares of independent rows, columns and pixels on 4 x 7 pixels, in 3 frames of white noise of 0.6 DN^2."""
+    from visaug.characterization.moments import GroupMoments
+    from visaug.characterization.nonuniformity import release_4
+    from visaug.frames import Group
+
+    height, width, row, column, pixel, left = 4, 7, 0.5, 0.3, 2.0, 0.6 / 3
+    lines = {
+        n: np.sqrt(variance * n / 2) * np.eye(n)[:2].T @ [1, -1]  # of this variance about a mean of 0
+        for n, variance in ((height, row + (pixel + left) / width), (width, column + (pixel + left) / height))
+    }
+    moments = GroupMoments(
+        group=Group("flat", 0.01, 20.0, 0.0, None, None, None, (0, 1, 2)),
+        n=3,
+        shape=(height, width),
+        frame_means=np.zeros(3),
+        row_means=lines[height],
+        column_means=lines[width],
+        row_variances=np.full(height, 0.6),
+        spatial_variance=row + column + pixel + left,
+        temporal=None,
+        clipped_low=0.0,
+        clipped_high=0.0,
+        columns_by_frame=np.zeros((3, width)),
+        rows_by_frame=np.zeros((3, height)),
+    )
+    expected = {"total": row + column + pixel, "row": row, "column": column, "pixel": pixel}
+    assert release_4(moments) == pytest.approx(expected)

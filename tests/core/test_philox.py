@@ -46,8 +46,8 @@ def test_implementations_are_bit_equal(columns):
     assert np.array_equal(torch_bits.numpy().astype(np.uint64), out)
 
 
-def test_keys_are_stable_and_differ():
-    assert derive_key(0, "frame", 1) == derive_key(0, "frame", 1)
+def test_keys_differ():
+    """That they are the same in every process is shown by tests/test_same_bytes.py."""
     names = [(0, "frame", 1), (0, "frame", 2), (1, "frame", 1), (0, "camera"), ("0", "camera")]
     assert len({derive_key(*name) for name in names}) == len(names)
 

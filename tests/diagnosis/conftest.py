@@ -1,12 +1,12 @@
 """The small camera as its maker tells it, and a cache of its own."""
 
 import os
-import sys
 
 import pytest
 
 from tests.diagnosis.small import stated_camera
 from visaug import Camera
+from visaug.effects import registered
 
 
 @pytest.fixture(scope="session")
@@ -25,6 +25,5 @@ def own_cache(tmp_path_factory):
 @pytest.fixture(scope="module", autouse=True)
 def shipped_effects_alone():
     """Effects that other tests load from files are no candidates here."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys.modules["visaug.effects.catalogue"], "_loaded", {})
+    with registered(alone=True):
         yield

@@ -13,7 +13,7 @@ from visaug.diagnosis.fitting.parameters import base_coordinates, moved
 from visaug.diagnosis.kept import KeptSet
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.part import Part
-from visaug.effects import Effect, Parameter, Stage, catalogue, register
+from visaug.effects import Effect, Parameter, Stage, registered
 
 SEED = 11
 
@@ -82,10 +82,8 @@ def test_an_effect_of_light_leaves_dark_frames_and_a_late_one_starts_late(plan, 
     assert "read_noise" not in applied
 
 
-def test_a_users_own_effect(plan, kept, monkeypatch):
+def test_a_users_own_effect(plan, kept):
     """It acts in exposures of a second or more alone, and on the gain that the conditions give it."""
-    loaded = dict(catalogue.__globals__["_loaded"])
-    monkeypatch.setitem(catalogue.__globals__, "_loaded", loaded)
 
     class LongOnes(Effect):
         name = "long_ones"
@@ -97,14 +95,14 @@ def test_a_users_own_effect(plan, kept, monkeypatch):
             offset = p.offset_dn * context.gain_e_per_dn
             return signal + torch.where(context.exposure_s >= 1, offset, 0 * offset)
 
-    register(LongOnes)
-    camera = kept.camera.with_effect("long_ones", offset_dn=3.0)
     long = {i for i, record in enumerate(plan.records) if record.exposure_s >= 1}
-    assert differing(camera, plan, kept) == long
-    own = KeptSet(camera)
-    own.take(plan, SEED, range(len(plan)), 16)
-    other = camera.replace({"gain_e_per_dn": 1.1 * camera.spec.gain_e_per_dn})  # which this effect reads
-    differing(other, plan, own)
+    with registered(LongOnes):
+        camera = kept.camera.with_effect("long_ones", offset_dn=3.0)
+        assert differing(camera, plan, kept) == long
+        own = KeptSet(camera)
+        own.take(plan, SEED, range(len(plan)), 16)
+        other = camera.replace({"gain_e_per_dn": 1.1 * camera.spec.gain_e_per_dn})  # which this effect reads
+        differing(other, plan, own)
 
 
 def test_statistics_are_those_of_sets_simulated_whole():

@@ -1,7 +1,5 @@
 """Simulations on Ray are the ones of this machine's threads."""
 
-import sys
-
 import numpy as np
 import pytest
 
@@ -10,7 +8,7 @@ from visaug import InputError
 from visaug.core.cluster import connected
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.ray_executor import by_ray
-from visaug.effects import Effect, Parameter, Stage, register
+from visaug.effects import Effect, Parameter, Stage, registered
 
 
 class Hum(Effect):
@@ -27,15 +25,12 @@ class Hum(Effect):
 Hum.__module__ = "a_file_of_the_users"
 
 
-def test_ray_gives_the_same_numbers(monkeypatch):
+def test_ray_gives_the_same_numbers():
     pytest.importorskip("ray")
-    monkeypatch.setattr(sys.modules["visaug.effects.catalogue"], "_loaded", {})
-    register(Hum)
-    camera = stated_camera()
-    jobs = [(camera, k) for k in range(5)] + [(camera.with_effect("hum_of_a_test"), 0)]
-    frames = frame_set(1)
-    here = Laboratory(frames, camera).simulated(jobs)
-    with connected("local") as ray:
+    camera, frames = stated_camera(), frame_set(1)
+    with registered(Hum, alone=True), connected("local") as ray:
+        jobs = [(camera, k) for k in range(5)] + [(camera.with_effect("hum_of_a_test"), 0)]
+        here = Laboratory(frames, camera).simulated(jobs)
         there = Laboratory(frames, camera, spread=by_ray(ray)).simulated(jobs)
     for one, other in zip(here, there, strict=True):
         np.testing.assert_array_equal(one, other)

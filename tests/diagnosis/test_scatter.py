@@ -106,6 +106,7 @@ def wandering(light: np.ndarray, strength: float, moment) -> np.ndarray:
     return light * (1 + strength * moment.now().standard_normal())
 
 
+@pytest.mark.slow
 def test_the_strength_of_a_drifting_lamp_is_told(stated):
     """Simulated by the NumPy camera, 0.5 % from frame to frame; the 95 % interval covers it."""
     found = diagnose(stated, frame_set(12, [Hidden("lamp", "light", wandering, 0.005)]), sets=120)

@@ -1,13 +1,8 @@
 """The tutorials run, and their pages show their code."""
 
 import re
-import sys
-from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
-
 import tutorials
 
 FILES = sorted(tutorials.FOLDER.glob("*.py"))

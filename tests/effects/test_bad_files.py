@@ -4,7 +4,7 @@ import pytest
 
 from visaug.app.cli import main
 from visaug.core.errors import InputError
-from visaug.effects import Effect, Parameter, Stage, catalogue, load_file, register
+from visaug.effects import Effect, Parameter, Stage, catalogue, load_file, register, registered
 
 HEAD = "from visaug import Effect, Parameter, Stage\n"
 GOOD = HEAD + (
@@ -89,10 +89,8 @@ def test_an_effect_of_a_place_that_small_frames_lack_is_loaded(tmp_path):
     text = GOOD.replace("fine_one", "fine_five").replace("strength=True", "strength=True, trials=(1.0,)")
     body = "signal = signal.clone(); signal[..., 900] = 0; return signal"
     (tmp_path / "mine.py").write_text(text.replace("return signal", body))
-    try:
+    with registered():
         assert [effect.name for effect in load_file(tmp_path / "mine.py")] == ["fine_five"]
-    finally:
-        catalogue.__globals__["_loaded"].pop("fine_five", None)
 
 
 def test_a_registered_class_is_checked_too():
@@ -106,7 +104,7 @@ def test_the_program_goes_on_after_a_bad_file(tmp_path, capsys):
     good.write_text(
         GOOD.replace("fine_one", "fine_three") + "    summary = '[/b] [red]as it is[/] \\x1b[2J'\n"
     )
-    try:
+    with registered():
         with pytest.raises(SystemExit) as end:
             main(["effects", "--effects", str(bad)])
         assert end.value.code == 2
@@ -114,8 +112,6 @@ def test_the_program_goes_on_after_a_bad_file(tmp_path, capsys):
         main(["effects", "--effects", str(good)])
         said = capsys.readouterr().out
         assert "[/b] [red]as it is[/] \\x1b[2J" in said
-    finally:
-        catalogue.__globals__["_loaded"].pop("fine_three", None)
 
 
 def test_an_effect_that_fails_is_told_by_file_and_line(tmp_path, capsys, monkeypatch):
@@ -127,11 +123,9 @@ def test_an_effect_that_fails_is_told_by_file_and_line(tmp_path, capsys, monkeyp
         "{resolution: [8, 8], gain_e_per_dn: 1.0, effects: [{name: fine_four, sigma_e: 1.0}]}"
     )
     (tmp_path / "plan.csv").write_text("sequence,file,kind\n0,a.npy,bias\n")
-    load_file(tmp_path / "mine.py")
-    try:
+    with registered():
+        load_file(tmp_path / "mine.py")
         with pytest.raises(SystemExit) as end:
             main(["simulate", "plan.csv", "--camera", "camera.yaml", "-o", "out"])
         assert end.value.code == 2
         assert "mine.py: line 7: AttributeError" in capsys.readouterr().err
-    finally:
-        catalogue.__globals__["_loaded"].pop("fine_four", None)

@@ -340,6 +340,7 @@ def test_real_descriptor_set(shared_data):
 
 
 def test_trial_sets_have_what_their_tables_say(shared_data):
+    assert list((shared_data / "trial_sets").glob("set_*"))
     for folder in sorted((shared_data / "trial_sets").glob("set_*")):
         fs = FrameSet.load(folder)
         rows = (folder / "frames.csv").read_text().splitlines()[1:]

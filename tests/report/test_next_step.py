@@ -2,7 +2,6 @@
 
 import dataclasses
 import shlex
-import sys
 
 import numpy as np
 import pytest
@@ -111,9 +110,9 @@ def test_objects_that_no_file_holds_have_no_file():
 
 
 def test_own_effects_are_passed_on(tmp_path, monkeypatch):
-    monkeypatch.setattr(sys.modules["visaug.effects.catalogue"], "_loaded", {})
     monkeypatch.chdir(tmp_path)
     assert CliRunner().invoke(program, ["effects", "new", "my_lines"]).exit_code == 0
-    visaug.effects.load_file("my_lines.py")
-    command = Inputs.of(None, None).augmenting("c.yaml")
+    with visaug.effects.registered(alone=True):
+        visaug.effects.load_file("my_lines.py")
+        command = Inputs.of(None, None).augmenting("c.yaml")
     assert command.endswith("--effects my_lines.py")

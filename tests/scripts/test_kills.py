@@ -2,13 +2,9 @@
 
 import multiprocessing
 import sys
-from pathlib import Path
-
-import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 
 import kills
+import pytest
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="forks servers")

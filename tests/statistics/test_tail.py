@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from visaug.diagnosis.comparison import _tested
-from visaug.statistics.tail import tail_factor
+from visaug.statistics.tail import is_decided, tail_factor
 
 STATISTICS = 6
 
@@ -48,3 +48,12 @@ def test_a_tail_is_extrapolated_by_its_mean_excess():
     assert tail_factor(float(null.max()) - 0.1, null) == 1
     assert np.log(tail_factor(float(null.max()) + 2.0, null)) == pytest.approx(-1, abs=0.3)
     assert tail_factor(1.0, np.zeros(10)) == 0
+
+
+@pytest.mark.parametrize(
+    ("beyond", "decided"), [(5, True), (10, True), (15, False), (20, False), (25, False), (50, True)]
+)
+def test_a_verdict_is_open_where_the_interval_of_its_share_holds_2_percent(beyond, decided):
+    """Of 1000 sets. Clopper-Pearson, from beta quantiles: 10 have 0.48 to 1.83 %, 15 0.84 to 2.46 %, 50 3.73 to 6.54 %."""
+    null = np.arange(1000.0)
+    assert is_decided(1000.0 - beyond, null) is decided

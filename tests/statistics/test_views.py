@@ -96,6 +96,20 @@ def test_memory_is_the_share_of_the_frame_before():
     assert f["memory/slope on a bright scene before/dark 0.01 s 20 C"] == pytest.approx(0.02, abs=0.001)
 
 
+def test_a_step_between_flats_leaves_its_share_in_the_next_frame():
+    """Ten flats of 500 DN, ten of 2000 DN, of which the first keeps 3 % of the step; a mean is known to 0.05 DN."""
+    rng, levels = np.random.default_rng(4), [500.0] * 10 + [2000.0] * 10
+    records = [
+        FrameRecord(i, f"{i}.npy", "flat", 0.01, 20.0, 0.0, photons=2 * level)
+        for i, level in enumerate(levels)
+    ]
+    frames = [rng.normal(level, 3, (ROWS, COLUMNS)) for level in levels]
+    frames[10] += 0.03 * (500 - 2000)
+    f = fingerprint(FrameSet.from_arrays(records, [frame.astype(np.float32) for frame in frames]))
+    (name,) = (name for name in f.labels if name.startswith("memory/share of a step between flats"))
+    assert f[name] == pytest.approx(0.03, abs=0.0005)
+
+
 @pytest.mark.parametrize("codes", [1, 2, 5])
 def test_statistics_depend_on_the_plan_alone(codes):
     """Not on the pixels: a camera whose bias frames hold hardly a code besides 0 has them all."""

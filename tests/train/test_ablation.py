@@ -107,7 +107,30 @@ def test_a_study_goes_on_where_it_was_and_outlives_a_failing_arm(rendered, tmp_p
     assert len((tmp_path / "tables" / "images" / "vis-seed0-lightbox.csv").read_text().splitlines()) == 5
 
 
-@pytest.mark.slow
+def test_a_failing_arm_is_told_and_what_is_trained_is_kept(rendered, tmp_path, monkeypatch):
+    real = training.batch_noise
+    monkeypatch.setattr(
+        training,
+        "batch_noise",
+        lambda arm: Broken() if arm.gaussian and arm.gaussian.p == 0.123 else real(arm),
+    )
+    arms = {"broken": {"gaussian": {"p": 0.123}}, "baseline": {"gaussian": {}}}
+    config = study_config(rendered, tmp_path / "out", arms=arms)
+    config.training["epochs"] = 1
+    ablation = ablate(config)
+    assert {arm for arm, _ in ablation.scored} == {"baseline"}
+    assert [(f.arm, "this arm fails" in f.error) for f in ablation.failures] == [("broken", True)]
+
+    stamps = {f: f.stat().st_mtime_ns for f in (tmp_path / "out" / "runs").glob("baseline-*/weights/*.pt")}
+    again = ablate(config)
+    assert stamps
+    assert stamps == {f: f.stat().st_mtime_ns for f in stamps}
+    assert again.to_json()["runs"] == ablation.to_json()["runs"]
+    written = again.write(tmp_path / "tables").read_text()
+    assert "| baseline |" in written
+    assert "Failed: broken, seed 0" in written
+
+
 def test_a_training_stopped_after_its_last_epoch_is_finished_not_repeated(rendered, tmp_path, monkeypatch):
     config = study_config(rendered, tmp_path / "out", arms={"baseline": {"gaussian": {}}})
     config.training["epochs"] = 1
@@ -187,6 +210,7 @@ def test_differences_are_means_over_seeds_and_lie_in_their_intervals(rendered):
 
 def test_equal_arms_do_not_differ(rendered):
     ablation = constructed(rendered, {"baseline": [2.0, 2.0], "better": [2.0, 2.0]})
+    assert ablation.differences
     assert all(d.difference == d.low == d.high == 0 for d in ablation.differences)
 
 

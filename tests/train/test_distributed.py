@@ -30,13 +30,16 @@ IMAGES = torch.full((2, 3, 32, 32), 60, dtype=torch.uint8)
 
 
 def ultralytics_trainer(base: type):
-    """A trainer as far as the preprocessing of batches goes."""
-    trainer = object.__new__(base)
-    trainer.device = torch.device("cpu")
-    trainer.args = SimpleNamespace(multi_scale=0.0, hsv_v=0.0)
-    trainer.train_loader = SimpleNamespace(dataset=())  # as of a classifier: no padding is known
-    trainer.build_dataset, trainer.save_dir = None, tempfile.mkdtemp()
-    return trainer
+    """A trainer as far as the preprocessing of batches goes: it has no data and no network."""
+
+    class Preprocessing(base):
+        def __init__(self):
+            self.device = torch.device("cpu")
+            self.args = SimpleNamespace(multi_scale=0.0, hsv_v=0.0)
+            self.train_loader = SimpleNamespace(dataset=())  # as of a classifier: no padding is known
+            self.build_dataset, self.save_dir = None, tempfile.mkdtemp()
+
+    return Preprocessing()
 
 
 def through_trainer() -> Tensor:

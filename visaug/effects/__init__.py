@@ -3,11 +3,21 @@
 Every class of the catalogue can be imported from here: `visaug.effects.RowNoise(sigma_e=1.5)(electrons, seed=0)`.
 """
 
-from visaug.effects.catalogue import catalogue, load_file, register
+from visaug.effects.catalogue import catalogue, load_file, register, registered
 from visaug.effects.effect import Context, Effect, Look, Stage
 from visaug.effects.parameter import Parameter
 
-__all__ = ["Context", "Effect", "Look", "Parameter", "Stage", "catalogue", "load_file", "register"]
+__all__ = [
+    "Context",
+    "Effect",
+    "Look",
+    "Parameter",
+    "Stage",
+    "catalogue",
+    "load_file",
+    "register",
+    "registered",
+]
 
 
 def __getattr__(name: str) -> type[Effect]:

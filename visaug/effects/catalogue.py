@@ -4,6 +4,8 @@ import hashlib
 import importlib
 import importlib.util
 import pkgutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -44,6 +46,32 @@ def register(effect: type[Effect]) -> type[Effect]:
     _check(effect)
     _loaded[effect.name] = effect
     return effect
+
+
+@contextmanager
+def registered(*effects: type[Effect], alone: bool = False) -> Iterator[None]:
+    """Registers effect classes for the length of a `with` block.
+
+    After the block the catalogue is as it was before it: effects that were registered or loaded from files inside the block
+    are no longer in it.
+
+    Args:
+        effects: the classes to register.
+        alone: whether effects that were registered or loaded before are hidden inside the block.
+
+    Raises:
+        InputError: as for `register`.
+    """
+    before = dict(_loaded)
+    if alone:
+        _loaded.clear()
+    try:
+        for effect in effects:
+            register(effect)
+        yield
+    finally:
+        _loaded.clear()
+        _loaded.update(before)
 
 
 def _check(effect: type[Effect]) -> None:

@@ -319,3 +319,13 @@ def test_crosstalk_of_a_point_is_the_kernel(run_effect):
     out = run_effect("interpixel_crosstalk", point, share=0.02, aspect=0.5, tail=0.5)[0, 0]
     assert out[2].tolist() == pytest.approx([10, 20, 910, 20, 10])
     assert out[:, 2].tolist() == pytest.approx([5, 10, 910, 10, 5])
+
+
+def test_brighter_fatter_is_aspect_times_as_strong_between_rows(run_effect):
+    """Light that changes down the columns alone, and the same along the rows: what pixels gain has the ratio of the strengths."""
+    light = 1000 + 500 * torch.sin(torch.linspace(0, 9, 40, dtype=torch.float64)).expand(1, 1, 40, 40)
+    settings = {"share_per_ke": 0.002, "aspect": 1.7}
+    along = run_effect("brighter_fatter", light, **settings) - light
+    down = run_effect("brighter_fatter", light.mT.contiguous(), **settings) - light.mT
+    assert along.abs().max() > 0.1
+    torch.testing.assert_close(down.mT, 1.7 * along, rtol=1e-6, atol=1e-9)
