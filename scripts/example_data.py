@@ -61,7 +61,9 @@ def main(folder: Path) -> None:
     np.savez_compressed(folder / "frames" / "frames.npz", frames=np.array(frames))
     with (folder / "frames" / "frames.csv").open("w", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
-        table.writerow("sequence,file,kind,exposure_s,temperature_c,gain_db,photons,clean".split(","))
+        table.writerow(
+            ["sequence", "file", "kind", "exposure_s", "temperature_c", "gain_db", "photons", "clean"]
+        )
         table.writerows(rows)
     (folder / "data_sheet.yaml").write_text(DATA_SHEET)
     render(folder / "render.png")

@@ -13,7 +13,13 @@ from PIL import Image, ImageDraw, ImageFont
 
 import visaug
 
-ZOOM, ROWS, COLUMNS, GAP, HEAD = 4, 84, 104, 12, 44  # ROWS and COLUMNS of the picture, the rest in pixels of the output
+ZOOM, ROWS, COLUMNS, GAP, HEAD = (
+    4,
+    84,
+    104,
+    12,
+    44,
+)  # ROWS and COLUMNS of the picture, the rest in pixels of the output
 TOP, LEFT = 32, 78  # of the window: the lit corner of the body
 CAMERA = "sony_imx174"
 BANDING = {"amplitude_e": 25.0, "period_rows": 9.0}  # 4 times the read noise at this gain: a strong case

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from visaug.core.errors import InputError
+from visaug.core.extras import extra
 from visaug.frames import fits, pixels, ser, xisf
 from visaug.frames.limits import pillow_image
 
@@ -44,7 +45,8 @@ def frames_of(path: Path) -> list[tuple[str, Facts]]:
 
 
 def _tiff(path: Path) -> list[tuple[str, Facts]]:
-    import tifffile
+    with extra(path):
+        import tifffile
 
     try:
         with tifffile.TiffFile(path) as file:
@@ -102,7 +104,8 @@ def _photo(path: Path) -> list[tuple[str, Facts]]:
 
     facts: Facts = {}
     try:
-        import tifffile
+        with extra(path):
+            import tifffile
 
         with tifffile.TiffFile(path) as file:
             facts = _exif(_tags(file.pages[0]))

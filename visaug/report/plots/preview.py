@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from visaug.augment.preview import LEVELS, Sample
+from visaug.core.extras import extra
 from visaug.report.plots.style import plain, styled
 
 if TYPE_CHECKING:
@@ -24,8 +25,9 @@ def plot_preview(title: str, given: "np.ndarray", samples: Sequence[Sample]) -> 
 
     To be saved at the figure's own resolution (`figure.dpi`), so that a pixel of the picture is one of the sheet.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    with extra():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
 
     height, width = given.shape[:2]
     cell = max(width, 330)
