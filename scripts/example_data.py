@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 ROWS, COLUMNS = 64, 80
 EFFICIENCY = 0.6  # electrons per photon
@@ -70,14 +71,18 @@ def main(folder: Path) -> None:
 
 
 def render(path: Path) -> None:
-    """One picture of the pose harness's spacecraft, without noise."""
+    """One picture of the pose harness's spacecraft, without noise, encoded as sRGB."""
     from visaug_train.render.dataset import RenderSettings, render_dataset
 
     with tempfile.TemporaryDirectory() as folder:
         settings = RenderSettings(320, 200, {"synthetic": {"test": 16}}, (3.2, 4.0), samples=2, seed=1)
         made = render_dataset(folder, settings)
         last = sorted((made / "synthetic").rglob("*.*g"))[-1]  # the one that shows the whole body, evenly lit
-        Image.open(last).save(path, optimize=True)
+        light = np.asarray(Image.open(last)) / 255
+        tag = PngInfo()
+        tag.add(b"sRGB", b"\0")  # the encoding (IEC 61966-2-1), with perceptual intent
+        encoded = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+        Image.fromarray(np.rint(255 * encoded).astype(np.uint8)).save(path, optimize=True, pnginfo=tag)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ __all__ = ["copy_example", "example_camera", "example_frames", "example_picture"
 
 
 def example_picture() -> Path:
-    """A clean rendered picture of a spacecraft: PNG, 320 x 200, 8 bit, monochrome.
+    """A clean rendered picture of a spacecraft: PNG, 320 x 200, 8 bit, monochrome, sRGB.
 
     Examples:
         >>> from visaug.data import example_picture
