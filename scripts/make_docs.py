@@ -127,13 +127,16 @@ def index(effects: list[type[Effect]]) -> str:
         "`scripts/make_docs.py` generates these pages and pictures from the code.",
     ]
     for stage, unit in STAGES.items():
-        lines += ["", f"## {stage.capitalize()}: {unit}", "", "| effect | description |", "| --- | --- |"]
+        lines += ["", f"## {stage.capitalize()}: {unit}", "", '<div class="gallery" markdown>']
         for effect in effects:
             if effect.stage.name == stage:
                 star = " (base chain)" if effect.base else ""
-                lines.append(
-                    f"| [{effect.name}]({effect.name}.md){star} | {re.sub(r'[|]', '/', effect.summary)} |"
-                )
+                lines += [
+                    "",
+                    f"[![{effect.name}]({effect.name}.png)]({effect.name}.md)",
+                    f"**[{effect.name}]({effect.name}.md)**{star}: {effect.summary}",
+                ]
+        lines += ["", "</div>"]
     return "\n".join([*lines, ""])
 
 
