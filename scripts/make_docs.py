@@ -5,7 +5,6 @@ Usage: python scripts/make_docs.py [NAME ...]     without names: every page
 """
 
 import inspect
-import re
 import sys
 from pathlib import Path
 

@@ -7,8 +7,6 @@ differences of bias frames, falls as 1/n where pixels are independent; a noise o
 import sys
 from pathlib import Path
 
-import numpy as np
-
 import visaug
 from visaug.report.plots.style import MEASURED, MODELLED, THIRD, blank, styled
 
@@ -22,7 +20,8 @@ def variances_e2(frames: visaug.FrameSet, gain_e_per_dn: float) -> list[float]:
     differences = stack[0::2] - stack[1::2]
     count, rows, columns = differences.shape
     return [
-        float(differences.reshape(count, rows // n, n, columns).mean(2).var() / 2) * gain_e_per_dn**2 for n in COUNTS
+        float(differences.reshape(count, rows // n, n, columns).mean(2).var() / 2) * gain_e_per_dn**2
+        for n in COUNTS
     ]
 
 
@@ -34,7 +33,9 @@ def main(better: Path, output: Path) -> None:
         figure = blank(6.4, 3.6)
         axes = figure.subplots()
         for camera, name, colour in ((sheet, "data sheet", MODELLED), (found, "with column_noise", THIRD)):
-            axes.loglog(COUNTS, variances_e2(visaug.simulate(camera, frames, seed=0), gain), color=colour, label=name)
+            axes.loglog(
+                COUNTS, variances_e2(visaug.simulate(camera, frames, seed=0), gain), color=colour, label=name
+            )
         axes.loglog(COUNTS, variances_e2(frames, gain), "o", color=MEASURED, label="measured")
         axes.set(
             xlabel="pixels of a column in the mean",

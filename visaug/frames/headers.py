@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -149,7 +149,7 @@ def _exif(tags: dict[str, Any]) -> Facts:
         facts["body"] = " ".join(body)
     text = str(tags.get("DateTimeOriginal", tags.get("DateTime", "")))
     try:
-        moment = datetime.strptime(text[:19], "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC)
+        moment = datetime.strptime(text[:19], "%Y:%m:%d %H:%M:%S").replace(tzinfo=timezone.utc)
         fraction = re.sub(r"\D", "", str(tags.get("SubsecTimeOriginal", "")))
         facts["time_s"] = moment.timestamp() + (float(f"0.{fraction}") if fraction else 0.0)
     except ValueError:

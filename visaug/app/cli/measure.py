@@ -169,7 +169,7 @@ transfer_option = click.option(
     type=click.Choice(["linear", "srgb"]),
     default="linear",
     show_default=True,
-    help="Of ordinary pictures with a camera: how their values follow from light.",
+    help="Encoding of ordinary pictures: linear or sRGB.",
 )
 
 

@@ -286,8 +286,15 @@ def cameras(name: str | None, seed: int) -> None:
         spec = Camera.load(shipped_name).spec
         size = "{} x {}".format(*spec.resolution)
         gain, noise = f"{spec.gain_e_per_dn:.3g}", f"{spec.read_noise.sigma_e:.3g}"
-        rows.append([shipped_name, spec.name, size, str(spec.bit_depth), gain, noise])
-    print_table(["name", "camera", "rows x columns", "bit", "e-/DN", "read noise e-"], rows)
+        values = (
+            "preset" if "kind" in spec.source else "measured"
+        )  # a preset names a kind of camera as its source
+        values += f", {len(spec.assumed)} assumed" if spec.assumed else ""
+        colour = "colour" if spec.colour else "mono"
+        rows.append([shipped_name, spec.name, values, colour, size, str(spec.bit_depth), gain, noise])
+    print_table(
+        ["name", "camera", "values", "colour", "rows x columns", "bit", "e-/DN", "read noise e-"], rows
+    )
 
 
 def _say(done: "Augmented", output: Path) -> None:
