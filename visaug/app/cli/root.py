@@ -52,7 +52,10 @@ def main(arguments: list[str] | None = None) -> None:
         program.main(args=arguments, prog_name="visaug", standalone_mode=False)
     except click.ClickException as mistake:
         # click's own mistakes (unknown option, missing file) already carry status 2 or 1.
-        click.echo(f"visaug: {said(mistake)}", err=True)
+        if isinstance(mistake, click.UsageError) and mistake.format_message().startswith("Usage:"):
+            mistake.show()  # no arguments at all: the help
+        else:
+            click.echo(f"visaug: {said(mistake)}", err=True)
         sys.exit(2)
     except (KeyboardInterrupt, click.exceptions.Abort) as stop:
         terminated = isinstance(stop, _Terminated) or isinstance(stop.__cause__, _Terminated)
