@@ -5,7 +5,6 @@ Usage: python scripts/make_docs.py [NAME ...]     without names: every page
 """
 
 import inspect
-import re
 import sys
 from pathlib import Path
 
@@ -129,13 +128,16 @@ def index(effects: list[type[Effect]]) -> str:
         "`scripts/make_docs.py` generates these pages and pictures from the code.",
     ]
     for stage, unit in STAGES.items():
-        lines += ["", f"## {stage.capitalize()}: {unit}", "", "| effect | description |", "| --- | --- |"]
+        lines += ["", f"## {stage.capitalize()}: {unit}", "", '<div class="gallery" markdown>']
         for effect in effects:
             if effect.stage.name == stage:
                 star = " (base chain)" if effect.base else ""
-                lines.append(
-                    f"| [{effect.name}]({effect.name}.md){star} | {re.sub(r'[|]', '/', effect.summary)} |"
-                )
+                lines += [
+                    "",
+                    f"[![{effect.name}]({effect.name}.png)]({effect.name}.md)",
+                    f"**[{effect.name}]({effect.name}.md)**{star}: {effect.summary}",
+                ]
+        lines += ["", "</div>"]
     return "\n".join([*lines, ""])
 
 

@@ -246,7 +246,8 @@ def check_config(content: Any, path: Path | None = None) -> Config:
     try:
         config = Config.model_validate(content)
     except ValidationError as error:
-        first = error.errors()[0]
+        errors = error.errors()  # a key that is not known explains one that is missing
+        first = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
         key = ".".join(str(part) for part in first["loc"])
         problems = {"extra_forbidden": "is not a key of a config", "missing": "is missing"}
         raise InputError(problems.get(first["type"], first["msg"]), file=path, field=key) from None

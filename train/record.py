@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import visaug
+from visaug.augment.journal import content_of
 from visaug.camera import Camera
 from visaug.core.documents import read_json
 from visaug_train.arms import Arm
@@ -111,5 +112,4 @@ def _file_digest(path: str) -> str | None:
 
 @lru_cache
 def _digest_at(file: Path, _changed: int) -> str:
-    with file.open("rb") as content:
-        return hashlib.file_digest(content, "sha256").hexdigest()
+    return content_of(file)

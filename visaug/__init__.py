@@ -48,6 +48,7 @@ _ROOMS = frozenset(
         "camera",
         "characterization",
         "core",
+        "data",
         "diagnosis",
         "effects",
         "frames",

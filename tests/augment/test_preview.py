@@ -6,7 +6,7 @@ import pytest
 from visaug import Camera
 from visaug.augment import SensorNoise
 from visaug.augment.image_io import Picture
-from visaug.augment.preview import LEVELS, middle, noise_by_level, shown
+from visaug.augment.preview import LEVELS, MIDDLE, VISIBLE, liveliest, middle, noise_by_level, shown, visible
 
 
 def test_noise_by_level_is_shot_and_read_noise():
@@ -21,6 +21,27 @@ def test_noise_by_level_is_shot_and_read_noise():
     measured = noise_by_level(picture, SensorNoise(camera), seed=3)
     assert measured[1:4] == pytest.approx(expected[1:4], rel=0.02)
     assert measured[0] == pytest.approx(expected[0], rel=0.05)
+
+
+def test_gain_and_exposure_are_chosen_where_noise_shows_and_kept_where_given():
+    """Shot noise alone at level 128 is 255 sqrt(0.5 / full) levels: 2.8 at 4095 e-, 11 at a sixteenth of that (24 dB)."""
+    camera = Camera.load({"resolution": [64, 64], "bit_depth": 12, "gain_e_per_dn": 1.0})
+    picture = Picture(np.zeros((10, 10, 1), np.uint8))
+    noise, words = visible(picture, camera, seed=0)
+    assert noise_by_level(picture, noise, 0, (MIDDLE,))[0] >= VISIBLE
+    assert (noise.gain_db, noise.exposure, words) == (
+        (24, 24), (1, 1), "gain 24 dB (chosen), exposure 1 (chosen)",
+    )  # fmt: skip
+    noise, words = visible(picture, camera, seed=0, gain_db=0, exposure=1.0)
+    assert noise_by_level(picture, noise, 0, (MIDDLE,))[0] < VISIBLE
+    assert words == "gain 0 dB, exposure 1"
+
+
+def test_the_magnified_part_lies_where_levels_are_middling():
+    crop = np.zeros((60, 80, 3), np.uint8)
+    crop[:30], crop[40:, 60:] = 255, 128
+    part = liveliest(crop, 20, 20)
+    assert (crop[part] == 128).all()
 
 
 def test_the_window_is_the_middle_and_shows_the_picture():

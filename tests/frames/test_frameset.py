@@ -121,7 +121,7 @@ def test_mixed_sizes_need_a_region(tmp_path):
     write_table(tmp_path / "frames.csv", records)
     fs = FrameSet.load(tmp_path)
     fs.read(0)
-    with pytest.raises(InputError, match=r"b.npy: region: is 3 x 4"):
+    with pytest.raises(InputError, match=r"b.npy: frames differ in size: this one is 3 x 4"):
         fs.read(1)
     with pytest.raises(InputError, match="expected 8 x 8 as the sensor"):
         FrameSet.load(tmp_path, resolution=(8, 8)).read(0)

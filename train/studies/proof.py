@@ -165,7 +165,10 @@ def proof_sections(ablation: "Ablation") -> list[Section]:
     if not ablation.study.hidden:
         return []
     return [
-        Section("What a hidden effect costs, and what naming it gives back", list(_outcome(ablation))),
+        Section(
+            "What a hidden effect costs, and how much accuracy the diagnosis recovers",
+            list(_outcome(ablation)),
+        ),
         Section("What the cameras see", [_views(ablation)]),
         Section("How the effects were found", list(_diagnoses(ablation))),
     ]

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from visaug.camera.randomize import Spreads
+from visaug.core.extras import extra
 from visaug.core.sampling import derive_key
 
 KEYS = ("keys", "pattern_keys")
@@ -84,7 +85,8 @@ def draws_from_json(plain: Any) -> Any:
     """
     if isinstance(plain, Mapping):
         return {name: _tensor(name, value) for name, value in plain.items()}
-    from kornia.augmentation.container.params import ParamItem
+    with extra(field="params"):
+        from kornia.augmentation.container.params import ParamItem
 
     return [
         ParamItem(item["name"], None if item["data"] is None else draws_from_json(item["data"]))

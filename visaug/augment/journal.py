@@ -96,8 +96,11 @@ class Journal:
 
 def content_of(path: Path) -> str:
     """Checksum of a file."""
+    digest = hashlib.sha256()
     with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        while block := file.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
 
 
 def settings_of(noise: "SensorNoise", seed: int, p: float, bits: int | None, options: dict[str, Any]) -> str:

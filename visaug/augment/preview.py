@@ -1,7 +1,8 @@
 """What a camera does to one picture: a crop with its noise, and the noise's standard deviation by level."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -9,11 +10,29 @@ import torch
 from visaug.augment.files import add_noise
 from visaug.augment.image_io import Picture
 from visaug.augment.light import linear_to_srgb
+from visaug.augment.options import Range
 
 if TYPE_CHECKING:
     from visaug.augment.sensor_noise import SensorNoise
+    from visaug.camera import Camera
 
 LEVELS = (13, 64, 128, 191, 242)  # of 255, in the picture's own encoding
+MIDDLE = LEVELS[2]
+VISIBLE = (
+    6.0  # 8-bit levels at MIDDLE: a contrast of 5 %, several times what the eye resolves in pixels at 4x
+)
+# Tried in this order until the noise is visible: dB above the camera's own gain, and share of the saturation exposure.
+CONDITIONS = (
+    (0, 1.0),
+    (12, 1.0),
+    (24, 1.0),
+    (24, 0.3),
+    (24, 0.1),
+    (24, 0.03),
+    (24, 0.01),
+    (24, 0.003),
+    (24, 0.001),
+)
 FLATS, SIDE = 16, 96  # as many draws of the camera, each on SIDE x SIDE pixels
 
 
@@ -24,32 +43,80 @@ class Sample:
     Attributes:
         name: the camera's.
         crop: (H, W, 3) uint8, to be shown pixel by pixel.
-        sigma: standard deviation at each of `LEVELS`, in steps of 8 bit.
+        sigma: standard deviation at each of `LEVELS`, in 8-bit levels (0 to 255).
+        conditions: gain and exposure, in words.
     """
 
     name: str
     crop: np.ndarray
     sigma: tuple[float, ...]
+    conditions: str = ""
 
 
 def sample(
-    picture: Picture, noise: "SensorNoise", seed: int, window: tuple[slice, slice], bits: int | None
+    picture: Picture,
+    noise: "SensorNoise",
+    seed: int,
+    window: tuple[slice, slice],
+    bits: int | None,
+    conditions: str = "",
 ) -> Sample:
     """The picture through a camera, and that camera's noise on even patches."""
     noisy = add_noise(picture, noise, seed, bits)
     name = " | ".join(camera.name for camera in noise.cameras)
-    return Sample(name, shown(noisy, window, bits), noise_by_level(picture, noise, seed))
+    return Sample(name, shown(noisy, window, bits), noise_by_level(picture, noise, seed), conditions)
 
 
-def noise_by_level(picture: Picture, noise: "SensorNoise", seed: int) -> tuple[float, ...]:
-    """Standard deviation of all noise, fixed patterns included, at each of `LEVELS` in steps of 8 bit.
+def visible(
+    picture: Picture,
+    camera: "Camera",
+    seed: int,
+    gain_db: Range = None,
+    exposure: Range = None,
+    **options: Any,
+) -> tuple["SensorNoise", str]:
+    """The camera's noise under conditions in which it can be seen, and these in words.
+
+    The first of `CONDITIONS` at which the noise at a middle level is at least `VISIBLE`; the last one if there is none. What
+    is given of gain and exposure stays as it is; with `strength` below 1 the noise may stay invisible.
+    """
+    from visaug.augment.sensor_noise import SensorNoise
+
+    noise, tried = None, None
+    for more_db, share in CONDITIONS:
+        condition = (
+            camera.spec.gain_db + more_db if gain_db is None else gain_db,
+            share if exposure is None else exposure,
+        )
+        if condition == tried:
+            continue
+        tried = condition
+        noise = SensorNoise(camera, gain_db=condition[0], exposure=condition[1], **options)
+        if noise_by_level(picture, noise, seed, (MIDDLE,))[0] >= VISIBLE:
+            break
+    assert noise is not None
+    assert tried is not None
+    gain, share = _words(tried[0]), _words(tried[1])
+    return noise, (
+        f"gain {gain} dB{' (chosen)' if gain_db is None else ''}, exposure {share}{' (chosen)' if exposure is None else ''}"
+    )
+
+
+def _words(given: Any) -> str:
+    return " to ".join(f"{end:g}" for end in given) if isinstance(given, tuple) else f"{given:g}"
+
+
+def noise_by_level(
+    picture: Picture, noise: "SensorNoise", seed: int, levels: Sequence[int] = LEVELS
+) -> tuple[float, ...]:
+    """Standard deviation of all noise, fixed patterns included, at each of `levels`, in 8-bit levels (0 to 255).
 
     Root mean square over draws of the camera; near black and white a part of the noise is clipped.
     """
     sigma = []
     with torch.random.fork_rng(devices=[]), torch.no_grad():
         torch.manual_seed(seed)
-        for level in LEVELS:
+        for level in levels:
             flat = torch.full((FLATS, picture.colours, SIDE, SIDE), level / 255)
             noisy = noise.apply_draws(flat, noise.draw(FLATS), transfer=picture.transfer)
             sigma.append(255 * float(noisy.double().var(dim=(2, 3)).mean()) ** 0.5)
@@ -62,6 +129,21 @@ def middle(picture: Picture, rows: int, columns: int) -> tuple[slice, slice]:
     rows, columns = min(rows, height), min(columns, width)
     top, left = (height - rows) // 2, (width - columns) // 2
     return slice(top, top + rows), slice(left, left + columns)
+
+
+def liveliest(crop: np.ndarray, rows: int, columns: int) -> tuple[slice, slice]:
+    """The window of this size with the most middle levels, in which noise is neither cut at black nor at white."""
+    height, width = crop.shape[:2]
+    rows, columns = min(rows, height), min(columns, width)
+    grey = crop.mean(axis=2)
+    middling = grey * (255 - grey)
+    tops = np.unique(np.linspace(0, height - rows, 9).astype(int))
+    lefts = np.unique(np.linspace(0, width - columns, 9).astype(int))
+    top, left = max(
+        ((t, e) for t in tops for e in lefts),
+        key=lambda at: middling[at[0] : at[0] + rows, at[1] : at[1] + columns].sum(),
+    )
+    return slice(int(top), int(top) + rows), slice(int(left), int(left) + columns)
 
 
 def shown(picture: Picture, window: tuple[slice, slice], bits: int | None = None) -> np.ndarray:

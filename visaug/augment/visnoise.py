@@ -1,23 +1,32 @@
-"""VISNoise: the noise of a camera as a kornia augmentation."""
+"""VISNoise: the noise of a camera as a module of torch, and as a kornia augmentation where kornia is installed."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
-from kornia.augmentation import AugmentationSequential, IntensityAugmentationBase2D
 from torch import Tensor
 
 from visaug.augment.draws import nth_frame, of_frames
 from visaug.augment.options import Range, check_images, check_number
 from visaug.augment.sensor_noise import SensorNoise, Source
 
+if TYPE_CHECKING:
+    from kornia.augmentation import AugmentationSequential, IntensityAugmentationBase2D
+else:
+    try:
+        from kornia.augmentation import AugmentationSequential, IntensityAugmentationBase2D
+    except ModuleNotFoundError:
+        from visaug.augment.without_kornia import Augmentation as IntensityAugmentationBase2D
+
+        AugmentationSequential = None
+
 IMAGES = ("input", "image")  # kornia's data keys of images; in a dict further words may follow
 
 
 class VISNoise(IntensityAugmentationBase2D):
-    """Noise of an image sensor for visible light, as a kornia augmentation.
+    """Noise of an image sensor for visible light: an `nn.Module`, and a kornia augmentation where kornia is installed.
 
     It works in `kornia.augmentation.AugmentationSequential` with keypoints, boxes and masks, and a call can be repeated with
     `params=noise._params`. Several images of one call (`data_keys=["input", "input"]`, a stereo pair for example) share the
@@ -132,7 +141,7 @@ def _counting(forward: Callable[..., Any]) -> Callable[..., Any]:
     """kornia's `AugmentationSequential.forward`, which applies one draw to every image of a call: here they are counted."""
 
     @wraps(forward)
-    def counted(container: AugmentationSequential, *args: Any, **kwargs: Any) -> Any:
+    def counted(container: "AugmentationSequential", *args: Any, **kwargs: Any) -> Any:
         given = args[0] if len(args) == 1 and isinstance(args[0], dict) else kwargs.get("data_keys")
         keys = container.data_keys if given is None else given
         images = sum(str(getattr(key, "name", key)).lower().startswith(IMAGES) for key in keys or ())
@@ -150,4 +159,5 @@ def _counting(forward: Callable[..., Any]) -> Callable[..., Any]:
     return counted
 
 
-AugmentationSequential.forward = _counting(AugmentationSequential.forward)
+if AugmentationSequential is not None:
+    AugmentationSequential.forward = _counting(AugmentationSequential.forward)

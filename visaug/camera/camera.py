@@ -2,7 +2,6 @@
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from visaug.camera.maps import load_maps, moved, named_maps
 from visaug.camera.spec import CameraSpec, check_spec, read_spec
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
+from visaug.core.nearest import did_you_mean
 from visaug.core.sampling import Stream
 from visaug.core.sampling.distributions import MOST_MEAN
 from visaug.effects import Context, Effect, Stage, catalogue
@@ -46,8 +46,7 @@ def camera_file(source: str | Path) -> Path:
     name = path.name.removesuffix(".yaml").lower().replace(" ", "_").replace("-", "_")
     if path.parent == Path() and name in known:
         return known[name]
-    near = " or ".join(get_close_matches(name, known, n=3))
-    problem = "no such camera" + (f"; did you mean {near}?" if near else "")
+    problem = "no such camera" + did_you_mean(name, known)
     raise InputError(problem, file=source, expected="a camera.yaml, or a name that `visaug cameras` lists")
 
 

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from visaug.core.documents import read_yaml
 from visaug.core.errors import InputError
+from visaug.core.nearest import did_you_mean
 from visaug.effects import Parameter, catalogue
 from visaug.effects.parameter import bounds_text, check_value
 from visaug.effects.readout.read_noise import LEAST_SHAPE
@@ -137,6 +138,19 @@ class CameraSpec(_Part):
         return value
 
 
+_KEYS = sorted(
+    {
+        *CameraSpec.model_fields,
+        *(
+            key
+            for field in CameraSpec.model_fields.values()
+            for part in (field.annotation, *getattr(field.annotation, "__args__", ()))
+            for key in getattr(part, "model_fields", ())
+        ),
+    }
+)
+
+
 def read_spec(path: Path) -> CameraSpec:
     """The checked content of a camera file."""
     content = read_yaml(path, "a camera.yaml")
@@ -153,9 +167,14 @@ def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
     try:
         spec = CameraSpec.model_validate(content)
     except ValidationError as error:
-        first = error.errors()[0]
+        errors = error.errors()  # a key that is not known explains one that is missing
+        first = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
         path = ".".join(str(part) for part in first["loc"])
         problem = "is not a key of a camera" if first["type"] == "extra_forbidden" else first["msg"]
+        if first["type"] == "extra_forbidden":
+            problem += did_you_mean(str(first["loc"][-1]), _KEYS)
+        elif first["type"] == "missing":
+            problem = "is missing"
         given = "" if first["type"] in ("extra_forbidden", "missing") else f" (got {first['input']!r})"
         raise InputError(problem + given, file=file, field=path) from error
     for i, entry in enumerate(spec.effects):

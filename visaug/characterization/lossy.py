@@ -9,6 +9,7 @@ import numpy as np
 
 from visaug.characterization.facts import Facts
 from visaug.characterization.findings import Findings
+from visaug.core.extras import extra
 from visaug.frames import FrameSet
 
 _JPEG = (".jpg", ".jpeg")
@@ -39,7 +40,8 @@ def _step(path: Path | None) -> float | None:
     """Median step of the tiles of a compressed FITS image of floats (ZSCALE of the FITS standard 4.0, section 10.2), DN."""
     if path is None or not path.name.lower().endswith(".fz"):
         return None
-    from astropy.io import fits
+    with extra(path):
+        from astropy.io import fits
 
     with fits.open(path, disable_image_compression=True) as file:
         for part in (p for p in file if isinstance(p, fits.BinTableHDU)):

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from visaug.core.extras import extra
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -16,8 +18,9 @@ _POINT, _LINE, _SOFT = "#c2410c", "#0b5cad", "#7a8594"
 
 
 def _figure(width: float = 6.4, height: float = 4.0, columns: int = 1):
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    with extra():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)  # belongs to no window

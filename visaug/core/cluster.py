@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from visaug.core.errors import InputError
+from visaug.core.extras import extra
 
 
 @contextmanager
@@ -19,14 +20,8 @@ def connected(address: str | None) -> Iterator[Any]:
     Raises:
         InputError: Ray is not installed, or nobody answers at the address.
     """
-    try:
+    with extra(field="cluster"):
         import ray  # pyright: ignore[reportMissingImports]
-    except ModuleNotFoundError:
-        raise InputError(
-            "Ray is not installed",
-            field="cluster",
-            expected="the extra `cluster`: pip install 'visaug[cluster]'",
-        ) from None
     ours = not ray.is_initialized()
     if ours:
         _connect(ray, None if address == "local" else address)

@@ -2,7 +2,14 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from time import monotonic
 
+EVERY_S = 30.0  # seconds between lines where there is no terminal: what a log of an hour can bear
+WORDS = {
+    "trying again": "refitting",
+    "trying": "trying",
+    "refining": "refining",
+}  # how a step begins: the name of its phase
 Progress = Callable[[str, int, int], None]
 
 
@@ -10,7 +17,8 @@ Progress = Callable[[str, int, int], None]
 def progress_bars(single: bool = False, quiet: bool = False) -> Iterator[Progress]:
     """A `progress(description, done, total)` that draws bars on standard error.
 
-    A bar whose `done` reaches `total` stays; without a terminal one line per phase is written.
+    A bar names the step, k of n, and the time left; one whose `done` reaches `total` stays. Without a terminal a line is written
+    at the start of a phase, and every `EVERY_S` seconds where it takes longer.
 
     Args:
         single: one bar for everything, which shows what is being done and how much of that is left; else one per description.
@@ -20,7 +28,15 @@ def progress_bars(single: bool = False, quiet: bool = False) -> Iterator[Progres
         yield lambda *_: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TaskID,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     console = Console(stderr=True)
     bars = Progress(
@@ -28,29 +44,52 @@ def progress_bars(single: bool = False, quiet: bool = False) -> Iterator[Progres
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
         console=console,
         disable=not console.is_terminal,
     )
     tasks: dict[str, TaskID] = {}
-    phases: set[str] = set()
+    started: dict[str, tuple[float, int]] = {}  # phase: when, and how much was done
+    told = 0.0
+
+    def write_line(phase: str, description: str, done: int, total: int) -> None:
+        nonlocal told
+        now, new = monotonic(), phase not in started
+        began, first = started.setdefault(phase, (now, done))
+        if new:
+            console.print(phase)
+        elif now - told >= EVERY_S and done < total:
+            left = (
+                f", about {clock((now - began) * (total - done) / (done - first))} left"
+                if done > first
+                else ""
+            )
+            console.print(f"{description} ({done} of {total}){left}")
+        else:
+            return
+        told = now
 
     def report(description: str, done: int, total: int) -> None:
         key = "" if single else description
         if key not in tasks:
             tasks[key] = bars.add_task(description, total=total)
-        phase = phase_of(description) if single else description
-        if not console.is_terminal and phase not in phases:
-            phases.add(phase)
-            console.print(phase)
+        if not console.is_terminal:
+            write_line(phase_of(description) if single else description, description, done, total)
         bars.update(tasks[key], description=description, completed=done, total=total)
 
     with bars:
         yield report
 
 
+def clock(seconds: float) -> str:
+    """A duration in words, in seconds below two minutes and in minutes beyond."""
+    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
+
+
 def phase_of(description: str) -> str:
     """One phase for all effects that are tried, one for all that are refined."""
-    for word in ("trying again", "trying", "refining"):
+    for word in WORDS:
         if description.startswith(f"{word} "):
-            return f"{word}, one effect after the other"
+            return f"{WORDS[word]}, one effect after the other"
     return description

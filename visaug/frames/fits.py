@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from visaug.core.errors import InputError
+from visaug.core.extras import extra
 from visaug.frames.keywords import header_facts
 from visaug.frames.layout import layout_of
 from visaug.frames.limits import check_shape
@@ -88,7 +89,8 @@ def read_fits(path: Path, key: str | None = None, index: tuple[int, ...] = ()) -
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    from astropy.io import fits
+    with extra(path):
+        from astropy.io import fits
 
     try:
         with warnings.catch_warnings():

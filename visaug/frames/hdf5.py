@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from visaug.core.errors import InputError
+from visaug.core.extras import extra
 from visaug.frames.limits import Index, check_index, check_shape
 
 SUFFIXES = (".h5", ".hdf5", ".hdf", ".mat")
@@ -70,12 +71,8 @@ def is_hdf5(path: Path) -> bool:
 
 
 def open_hdf5(path: Path) -> Any:
-    try:
+    with extra(path):
         import h5py
-    except ModuleNotFoundError:
-        raise InputError(
-            "HDF5 files need h5py", file=path, expected="the extra `raw`: pip install 'visaug[raw]'"
-        ) from None
     try:
         return h5py.File(path, "r")
     except FileNotFoundError:

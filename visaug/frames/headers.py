@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from visaug.core.errors import InputError
+from visaug.core.extras import extra
 from visaug.frames import fits, pixels, ser, xisf
 from visaug.frames.limits import pillow_image
 
@@ -44,7 +45,8 @@ def frames_of(path: Path) -> list[tuple[str, Facts]]:
 
 
 def _tiff(path: Path) -> list[tuple[str, Facts]]:
-    import tifffile
+    with extra(path):
+        import tifffile
 
     try:
         with tifffile.TiffFile(path) as file:
@@ -102,7 +104,8 @@ def _photo(path: Path) -> list[tuple[str, Facts]]:
 
     facts: Facts = {}
     try:
-        import tifffile
+        with extra(path):
+            import tifffile
 
         with tifffile.TiffFile(path) as file:
             facts = _exif(_tags(file.pages[0]))
@@ -146,7 +149,7 @@ def _exif(tags: dict[str, Any]) -> Facts:
         facts["body"] = " ".join(body)
     text = str(tags.get("DateTimeOriginal", tags.get("DateTime", "")))
     try:
-        moment = datetime.strptime(text[:19], "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC)
+        moment = datetime.strptime(text[:19], "%Y:%m:%d %H:%M:%S").replace(tzinfo=timezone.utc)
         fraction = re.sub(r"\D", "", str(tags.get("SubsecTimeOriginal", "")))
         facts["time_s"] = moment.timestamp() + (float(f"0.{fraction}") if fraction else 0.0)
     except ValueError:

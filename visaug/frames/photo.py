@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from visaug.core.errors import InputError
+from visaug.core.extras import extra
 from visaug.frames.limits import check_shape
 from visaug.frames.record import MOSAICS
 
@@ -34,12 +35,8 @@ def describe_photo(path: Path) -> dict[str, Any]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    try:
+    with extra(path):
         import rawpy
-    except ModuleNotFoundError:
-        raise InputError(
-            "raw photographs need rawpy", file=path, expected="the extra `raw`: pip install 'visaug[raw]'"
-        ) from None
     try:
         with rawpy.imread(str(path)) as raw:
             sizes = raw.sizes

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from visaug.core.errors import InputError
+from visaug.core.extras import extra
 from visaug.frames import fits, hdf5, photo, portable, ser, xisf
 from visaug.frames.arrays import ArrayStore
 from visaug.frames.limits import Index, check_shape, pillow_image
@@ -149,7 +150,8 @@ def _is_file(path: Path) -> bool:
 
 def _read_tiff(path: Path, index: tuple[int, ...]) -> tuple[np.ndarray, tuple[int, ...]]:
     """Pixels, and the part of `index` that is still to be taken; of a plain stack one page alone is read."""
-    import tifffile
+    with extra(path):
+        import tifffile
 
     try:
         with tifffile.TiffFile(path) as file:

@@ -196,9 +196,8 @@ class FileStore:
         size, whose = self._size
         if shape != size:
             raise InputError(
-                f"is {shape[0]} x {shape[1]}",
+                f"frames differ in size: this one is {shape[0]} x {shape[1]}",
                 file=self._root / record.file,
-                field="region",
                 expected=f"{size[0]} x {size[1]} as {whose}, or a region that states the window",
             )
 

@@ -8,7 +8,7 @@ import difflib
 import io
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -198,6 +198,13 @@ def _record(
     if kind is None:
         raise wrong("kind", f"{cells['kind']!r} is not a kind of frame", " or ".join(KINDS))
     exposure_s = number_in("exposure_s")
+    if "exposure_s" not in cells and kind not in _MAY_LACK_EXPOSURE:
+        raise InputError(
+            f"is no column of the table; {kind} frames need it",
+            file=path,
+            field="exposure_s",
+            expected="a column exposure_s: seconds, 0 or more",
+        )
     if exposure_s is None and kind not in _MAY_LACK_EXPOSURE:
         raise wrong("exposure_s", "is blank", "seconds, 0 or more")
     parts = [f"{name.upper()}={cells[name]}" for name in SETTINGS if cells.get(name)]
@@ -258,7 +265,7 @@ def iso_seconds(text: str) -> float | None:
         return None
     if "-" not in text:  # 20260131 is a number of seconds as well
         return None
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+    return (moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)).timestamp()
 
 
 def _by_time(records: list[FrameRecord]) -> list[FrameRecord]:

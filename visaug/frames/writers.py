@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from visaug.core.errors import InputError
+from visaug.core.extras import extra
 from visaug.core.files import whole_folder
 from visaug.frames.pixels import split_name
 from visaug.frames.table import write_table
@@ -212,11 +213,13 @@ def write_frame(path: Path, pixels: np.ndarray, dtype: np.dtype | None = None) -
     if suffix == ".npy":
         np.save(path, stored)
     elif suffix in (".tif", ".tiff"):
-        import tifffile
+        with extra(path):
+            import tifffile
 
         tifffile.imwrite(path, stored, photometric="minisblack")
     elif suffix in (".fits", ".fit", ".fts"):
-        from astropy.io import fits
+        with extra(path):
+            from astropy.io import fits
 
         fits.PrimaryHDU(stored).writeto(path, overwrite=True)
     elif suffix == ".png" and stored.dtype.kind == "u":

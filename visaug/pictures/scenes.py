@@ -85,7 +85,9 @@ def scenes_of(
     pictures = largest_group(frames, warn)
     if len(pictures) < FEWEST:
         raise InputError(
-            f"{len(pictures)} pictures are too few", field="frames", expected=f"{FEWEST} or more of one size"
+            f"only {len(pictures)} picture{'s' * (len(pictures) != 1)} of this size",
+            field="frames",
+            expected=f"at least {FEWEST} of one size",
         )
     if pictures.top_dn >= 2**camera.bit_depth:
         raise InputError(

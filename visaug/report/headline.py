@@ -90,7 +90,7 @@ def diagnosis_details(content: Content) -> list[str]:
         low, high = error["interval_after"] or (None, None)
         lines.append(
             f"Error on hold-out frames: {error['before']:.2g} with the camera file, {with_interval(error['after'], low, high)} "
-            "with the added effects. 0 is as close as another specimen of that camera would be."
+            "with the added effects. 0 is as good as a second camera of the same type."
         )
     if content["accepted"]:
         lines.append(

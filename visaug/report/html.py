@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from visaug.core.extras import extra
 from visaug.core.wording import printable
 
 if TYPE_CHECKING:
@@ -107,7 +108,8 @@ def figure(
         mime = "image/png"
     else:
         # No date and fixed ids, so that the same data give the same bytes.
-        import matplotlib as mpl
+        with extra():
+            import matplotlib as mpl
 
         with mpl.rc_context({"svg.hashsalt": "visaug", "svg.fonttype": "path"}):
             drawn.savefig(
@@ -134,7 +136,8 @@ def template(name: str) -> "jinja2.Template":
 
 def templates(package: str) -> "jinja2.Environment":
     """The templates of a package. Values are text: markup in them is escaped, and so is what cannot be seen."""
-    import jinja2
+    with extra():
+        import jinja2
 
     return jinja2.Environment(
         loader=jinja2.PackageLoader(package),

@@ -35,14 +35,13 @@ def write_preview(
         seed: of the noise.
         bits: depth of the data in 16-bit words.
         force: replace a file that is no sheet.
-        options: passed to `SensorNoise`.
+        options: passed to `SensorNoise`; gain and exposure that are not given are chosen so that noise is visible.
 
     Raises:
         InputError: no picture, or a file in the output's place that is no sheet.
     """
     from visaug.augment.image_io import read_picture
-    from visaug.augment.preview import middle, sample, shown
-    from visaug.augment.sensor_noise import SensorNoise
+    from visaug.augment.preview import middle, sample, shown, visible
     from visaug.core.files import whole_file
     from visaug.report.plots.preview import plot_preview
 
@@ -58,12 +57,16 @@ def write_preview(
         raise InputError("no such file", file=picture)
     image = read_picture(picture)
     window = middle(image, ROWS, COLUMNS)
-    samples = [sample(image, SensorNoise(camera, **options), seed, window, bits) for camera in cameras]
+    samples = []
+    for camera in cameras:
+        noise, conditions = visible(image, camera, seed, **options)
+        samples.append(sample(image, noise, seed, window, bits, conditions))
     chosen = options.get("transfer", "auto")
     kind, reason = (chosen, "as given") if chosen != "auto" else (image.transfer, image.reason)
     transfer = f"{WORDS[kind]} ({reason})"
     title = (
-        f"{picture.name}: the middle at 1:1, taken as {transfer}. Noise: standard deviation in steps of 8 bit"
+        f"{picture.name}, taken as {transfer}: the middle at 1:1 and a part at 4x.\n"
+        "Noise: standard deviation in 8-bit levels (0 to 255). (chosen): so that the noise is visible"
     )
     figure = plot_preview(title, shown(image, window, bits), samples)
     with whole_file(output) as temporary:

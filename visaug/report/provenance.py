@@ -4,7 +4,7 @@ import hashlib
 import shlex
 import sys
 import time
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,7 +25,7 @@ def footer(camera: "Camera | None", frames: "FrameSet | None", seed: int | None 
     """
     from visaug import __version__
 
-    parts = [datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"), f"visaug {__version__}"]
+    parts = [datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC"), f"visaug {__version__}"]
     program = Path(sys.argv[0])
     if program.name == "visaug" or program.parts[-2:] == ("visaug", "__main__.py"):
         parts.append("visaug " + shlex.join(sys.argv[1:]))

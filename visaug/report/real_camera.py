@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from visaug.core.errors import InputError
 from visaug.report.html import Section, Table, Text, figure
 
 if TYPE_CHECKING:
@@ -88,10 +89,18 @@ def sensor_curves(frames: "FrameSet") -> SensorCurves:
 
 
 def load_real_camera() -> "tuple[Camera, FrameSet]":
-    """The 12-bit CCD's published parameters and its frames."""
+    """The 12-bit CCD's published parameters and its frames, which are in the source tree alone.
+
+    Raises:
+        InputError: visaug was installed from a wheel, which has no frames under a share-alike licence.
+    """
     from visaug.camera import Camera
     from visaug.frames import FrameSet
 
+    if not FOLDER.is_dir():
+        raise InputError(
+            "is not in the wheel: its licence is CC BY-SA 3.0", file=FOLDER, expected="a clone, or the source archive"
+        )
     camera = Camera.load(FOLDER / "camera.yaml")
     return camera, FrameSet.load(FOLDER, resolution=camera.resolution, bit_depth=camera.bit_depth)
 

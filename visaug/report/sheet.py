@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -98,7 +98,7 @@ def write_sheet(
     content = template("sheet.html").render(
         title=title,
         frames=described(frames) + (" of {} x {} pixels".format(*frames.shape(0)) if len(frames) else ""),
-        date=datetime.now(UTC).strftime("%Y-%m-%d"),
+        date=datetime.now(timezone.utc).strftime("%Y-%m-%d"),
         points=[_point(point) for point in points],
     )
     write_text(path, content)

@@ -1,7 +1,5 @@
 """Commands of the pose harness: demo, prepare, train, ablate, evaluate."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +16,7 @@ from visaug.app.cli.options import (
 )
 from visaug.app.cli.tables import print_table
 from visaug.core.errors import InputError
+from visaug.core.extras import extra
 from visaug.core.progress import progress_bars
 
 ARGUMENTS = "CONFIG, or all of --predictions, --data and --domain"
@@ -33,24 +32,11 @@ keypoints_option = click.option(
 )
 
 
-@contextmanager
-def harness() -> Iterator[None]:
-    """Says which extra is missing, where it is."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        if error.name and error.name.split(".")[0] in ("ultralytics", "cv2", "visaug_train"):
-            raise InputError(
-                f"{error.name} is not installed", expected="the extra `train`: pip install 'visaug[train]'"
-            ) from None
-        raise
-
-
 @command("demo", example="visaug demo -o demo/")
 @output_option("DIR", "Folder for data, runs and report.html.", default=Path("demo"), show_default=True)
 def demo(output: Path, seed: int) -> None:
     """Train, evaluate and report on embedded data. If interrupted, the same command resumes."""
-    with harness(), progress_bars() as progress:
+    with extra(), progress_bars() as progress:
         from visaug_train.demo import run_demo
 
         report = run_demo(output, seed=seed, progress=progress)
@@ -74,7 +60,7 @@ def prepare(archive: Path, output: Path, size: str | None, coco: bool, keypoints
 
     If interrupted, the same command resumes. An archive that is not the one DIR was made of is refused.
     """
-    with harness(), progress_bars() as progress:
+    with extra(), progress_bars() as progress:
         from visaug_train.archive import prepare_dataset
 
         said = prepare_dataset(archive, output, size, keypoints, coco, progress)
@@ -102,7 +88,7 @@ def ablate(config_path: Path, seed: int) -> None:
 
 
 def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
-    with harness(), progress_bars() as progress:
+    with extra(), progress_bars() as progress:
         from visaug_train import commands
 
         click.echo(getattr(commands, what)(config_path, seed=seed, progress=progress, **more))
@@ -173,7 +159,7 @@ def evaluate(
         raise InputError("go with --predictions", field="--images and --keypoints", expected="no CONFIG")
     if config_path is not None and data is None and (poses_csv or split):
         raise InputError("go with --data", field="--poses and --split", expected="--data and --domain")
-    with harness(), progress_bars() as progress:
+    with extra(), progress_bars() as progress:
         from visaug_train import commands
 
         scores: dict[str, Any]

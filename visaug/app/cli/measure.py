@@ -27,6 +27,7 @@ from visaug.app.cli.options import (
     written,
 )
 from visaug.core.errors import InputError, NoSensorNoise
+from visaug.core.extras import check_installed, extra
 from visaug.core.progress import progress_bars
 from visaug.report.next_step import (
     Inputs,
@@ -168,7 +169,7 @@ transfer_option = click.option(
     type=click.Choice(["linear", "srgb"]),
     default="linear",
     show_default=True,
-    help="Of ordinary pictures with a camera: how their values follow from light.",
+    help="Encoding of ordinary pictures: linear or sRGB.",
 )
 
 
@@ -404,14 +405,9 @@ def lab(
     """
     import visaug
 
-    try:
+    with extra():
         from visaug.app.lab import Bench, load_own, serve
-    except ModuleNotFoundError as error:
-        if error.name and error.name.split(".")[0] in ("starlette", "uvicorn"):
-            raise InputError(
-                f"{error.name} is not installed", expected="the extra `lab`: pip install 'visaug[lab]'"
-            ) from None
-        raise
+    check_installed("matplotlib", "jinja2")
     may_write(output, force)
     own = [name for file in effects for name in load_own(file)]  # first: the camera may name one of them
     camera = load_camera(camera_name)

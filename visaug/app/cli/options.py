@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from visaug.core.errors import InputError
+from visaug.core.extras import check_installed
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -58,6 +59,13 @@ def camera_option(required: bool = True) -> Decorator:
     )
 
 
+def _check_report(_: click.Context, __: click.Parameter, path: Path | None) -> Path | None:
+    """Before any work: what reports are drawn and set with is installed."""
+    if path is not None:
+        check_installed("matplotlib", "jinja2", file=path)
+    return path
+
+
 frames_argument = click.argument("frames_path", metavar="FRAMES", type=click.Path(path_type=Path))
 json_option = click.option(
     "--json",
@@ -74,6 +82,7 @@ report_option = click.option(
     "report_path",
     metavar="F.html",
     type=click.Path(path_type=Path),
+    callback=_check_report,
     help="Write a report as one HTML file.",
 )
 

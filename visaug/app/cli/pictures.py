@@ -1,4 +1,4 @@
-"""Commands on ordinary pictures: augment, preview; and the cameras that come with visaug."""
+"""Commands on ordinary pictures: augment, preview; and what comes with visaug: cameras and example data."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -230,7 +230,9 @@ def preview(
 ) -> None:
     """Write a contact sheet of one picture.
 
-    For each camera it shows a crop at 1:1 and the standard deviation of the noise at five levels, in 8-bit units.
+    For each camera it shows a crop at 1:1, a part of it at 4x, and the standard deviation of the noise at five levels,
+    in 8-bit levels (0 to 255). Gain and exposure that are not given are chosen so that the noise is visible, and
+    are printed on the sheet.
     """
     from visaug.report.preview import write_preview
 
@@ -248,6 +250,22 @@ def preview(
     )
     click.echo(f"transfer function: {said}")
     written(output)
+
+
+@command(
+    "example",
+    example="visaug example example/\nvisaug preview example/render.png --camera sony_imx174 -o sheet.png",
+)
+@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+def example(folder: Path, seed: int) -> None:
+    """Copy example data into DIR, a new or empty folder.
+
+    A clean rendered picture (render.png), frames of a simulated camera (frames/), and the data sheet of that camera
+    (data_sheet.yaml), which lacks one effect.
+    """
+    from visaug.data import copy_example
+
+    click.echo(f"wrote render.png, frames/ and data_sheet.yaml to {copy_example(folder)}")
 
 
 @command("cameras", example="visaug cameras\nvisaug cameras sony_imx174 > my_camera.yaml")
@@ -268,8 +286,15 @@ def cameras(name: str | None, seed: int) -> None:
         spec = Camera.load(shipped_name).spec
         size = "{} x {}".format(*spec.resolution)
         gain, noise = f"{spec.gain_e_per_dn:.3g}", f"{spec.read_noise.sigma_e:.3g}"
-        rows.append([shipped_name, spec.name, size, str(spec.bit_depth), gain, noise])
-    print_table(["name", "camera", "rows x columns", "bit", "e-/DN", "read noise e-"], rows)
+        values = (
+            "preset" if "kind" in spec.source else "measured"
+        )  # a preset names a kind of camera as its source
+        values += f", {len(spec.assumed)} assumed" if spec.assumed else ""
+        colour = "colour" if spec.colour else "mono"
+        rows.append([shipped_name, spec.name, values, colour, size, str(spec.bit_depth), gain, noise])
+    print_table(
+        ["name", "camera", "values", "colour", "rows x columns", "bit", "e-/DN", "read noise e-"], rows
+    )
 
 
 def _say(done: "Augmented", output: Path) -> None:
@@ -306,4 +331,4 @@ def _number(count: int, what: str) -> str:
     return f"{count} {what}" + ("" if count == 1 else "s")
 
 
-COMMANDS: list[click.Command] = [augment, preview, cameras]
+COMMANDS: list[click.Command] = [augment, preview, example, cameras]

@@ -52,7 +52,10 @@ def main(arguments: list[str] | None = None) -> None:
         program.main(args=arguments, prog_name="visaug", standalone_mode=False)
     except click.ClickException as mistake:
         # click's own mistakes (unknown option, missing file) already carry status 2 or 1.
-        mistake.show()
+        if isinstance(mistake, click.UsageError) and mistake.format_message().startswith("Usage:"):
+            mistake.show()  # no arguments at all: the help
+        else:
+            click.echo(f"visaug: {said(mistake)}", err=True)
         sys.exit(2)
     except (KeyboardInterrupt, click.exceptions.Abort) as stop:
         terminated = isinstance(stop, _Terminated) or isinstance(stop.__cause__, _Terminated)
@@ -81,6 +84,15 @@ def main(arguments: list[str] | None = None) -> None:
             raise
         click.echo(f"visaug: {fault}", err=True)
         sys.exit(2)
+
+
+def said(mistake: click.ClickException) -> str:
+    """click's message as one line like those of visaug, with where to look."""
+    text = " ".join(mistake.format_message().split()).rstrip(".")
+    if isinstance(mistake, click.MissingParameter) and "--camera" in getattr(mistake.param, "opts", ()):
+        text = "--camera is missing; expected for example --camera sony_imx174 (`visaug cameras` lists all)"
+    context = getattr(mistake, "ctx", None)
+    return printable(f"{text}; see `{context.command_path} --help`" if context else text)
 
 
 def one_line(mistake: BaseException) -> str:

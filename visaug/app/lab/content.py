@@ -99,7 +99,7 @@ def next_step(bench: Bench) -> NextStep | None:
     if bench.diagnosis:
         names = " and ".join(f"Add {name}" for name in bench.diagnosis.accepted)
         return NextStep(
-            f"Next: {names}, then Save camera. The camera on the bench is still the file as given.", ""
+            f"Next: {names}, then Save camera. The current camera is still the file as given.", ""
         )
     step = after_comparison(bench.comparison.to_json(), inputs)
     return (

@@ -132,7 +132,7 @@ class Pictures:
             bench.to_json(), bench.given, bench.camera, self.frames, self.seed, bench.inputs()
         )
         blocks = [Text(verdict, "finding"), *list(sections[0].blocks)[1:]]
-        sections[0] = replace(sections[0], title="The camera on the bench", blocks=blocks)
+        sections[0] = replace(sections[0], title="The current camera", blocks=blocks)
         return Page(
             "Diagnosis by hand",
             f"{described(self.frames)} against {bench.given.name}, with effects added and taken away by hand.",

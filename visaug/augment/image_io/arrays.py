@@ -8,6 +8,7 @@ import numpy as np
 from visaug.augment.image_io.picture import Picture, three_axes
 from visaug.augment.image_io.transfer import LINEAR
 from visaug.core.errors import InputError
+from visaug.core.extras import extra
 from visaug.frames.limits import check_shape
 
 COLOURS = (("R", "G", "B"), ("Y",))
@@ -86,10 +87,6 @@ def write_exr(path: Path, picture: Picture) -> None:
 
 
 def _openexr(path: Path) -> Any:
-    try:
+    with extra(path):
         import OpenEXR  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise InputError(
-            "needs the package OpenEXR", file=path, expected="`pip install visaug[exr]`"
-        ) from None
     return OpenEXR

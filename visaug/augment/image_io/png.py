@@ -10,6 +10,7 @@ import numpy as np
 from visaug.augment.image_io.picture import Picture, three_axes
 from visaug.augment.image_io.transfer import Hints, transfer_of
 from visaug.core.errors import InputError
+from visaug.core.extras import extra
 from visaug.frames.limits import check_shape, pillow_image
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -53,7 +54,8 @@ def read_png(path: Path) -> Picture:
 def write_png(path: Path, picture: Picture) -> None:
     pixels = picture.pixels
     if pixels.dtype == np.uint16 and pixels.shape[2] > 1:
-        import kornia_rs.io  # pyright: ignore[reportMissingModuleSource]
+        with extra(path):
+            import kornia_rs.io  # pyright: ignore[reportMissingModuleSource]
 
         kornia_rs.io.write_image_png_u16(
             str(path), np.ascontiguousarray(pixels), KORNIA_MODES[pixels.shape[2]]
@@ -75,7 +77,8 @@ def _pixels(path: Path, size: tuple[int, int], depth: int, colour_type: int) -> 
             "is a 16-bit gray PNG with alpha", file=path, expected="one without alpha, or in colour"
         )
     if depth == 16 and colour_type in (COLOUR, COLOUR_ALPHA):  # Pillow would cut these to 8 bit
-        import kornia_rs.io  # pyright: ignore[reportMissingModuleSource]
+        with extra(path):
+            import kornia_rs.io  # pyright: ignore[reportMissingModuleSource]
 
         check_shape(size, path)
         mode = "rgb" if colour_type == COLOUR else "rgba"

@@ -10,6 +10,7 @@ from visaug.augment.image_io.pillow import read_with_pillow
 from visaug.augment.image_io.png import KORNIA_MODES
 from visaug.augment.image_io.transfer import Hints, transfer_of
 from visaug.core.errors import InputError
+from visaug.core.extras import extra
 from visaug.frames.limits import check_shape
 
 PALETTE, WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, YCBCR = 3, 0, 1, 2, 6
@@ -33,7 +34,8 @@ OF_THE_FILE = {
 
 
 def read_tiff(path: Path) -> Picture:
-    import tifffile
+    with extra(path):
+        import tifffile
 
     with tifffile.TiffFile(path) as file:
         if len(file.pages) != 1:
@@ -78,7 +80,8 @@ def read_tiff(path: Path) -> Picture:
 
 
 def write_tiff(path: Path, picture: Picture) -> None:
-    import tifffile
+    with extra(path):
+        import tifffile
 
     extras = picture.extras
     pixels = _negative(picture.pixels) if extras.get("white_is_zero") else picture.pixels
@@ -124,7 +127,8 @@ def _by_other_decoders(path: Path, dtype: np.dtype | None, channels: int) -> np.
     if dtype == np.uint8:
         return read_with_pillow(path).pixels
     if dtype == np.uint16 and channels in (1, 3):
-        import kornia_rs.io  # pyright: ignore[reportMissingModuleSource]
+        with extra(path):
+            import kornia_rs.io  # pyright: ignore[reportMissingModuleSource]
 
         return np.asarray(kornia_rs.io.read_image_tiff_u16(str(path), KORNIA_MODES[channels]))
     raise InputError("has a compression that cannot be read", file=path, expected="none, or deflate")

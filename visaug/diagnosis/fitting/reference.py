@@ -325,7 +325,7 @@ def differences(
         for place, number in enumerate(numbers):
             there = [x + steps[j, place] * (k == j) for k, x in enumerate(at)]
             jobs.append((moved(camera, coordinates, there), number))
-    word = "computing derivatives of the statistics"
+    word = "computing sensitivities"
     found = lab.simulated(jobs, lambda n: report(word, n, len(jobs)))
     return [
         (values.reshape(*steps.shape, -1) - own[numbers.start : numbers.stop]) / steps[..., None]

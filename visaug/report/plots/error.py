@@ -41,7 +41,7 @@ def plot_error_steps(
                 color=MODELLED,
                 linestyle="--",
                 linewidth=1.2,
-                label="floor: another specimen of the accepted camera",
+                label="floor: a second camera of the accepted type",
             )
         axes.axhline(0, color=SOFT, linewidth=0.8)
         axes.set_xticks(list(x), [wrapped(point["action"]) for point in points])

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from visaug.augment.preview import LEVELS, Sample
+from visaug.augment.preview import LEVELS, Sample, liveliest
+from visaug.core.extras import extra
 from visaug.report.plots.style import plain, styled
 
 if TYPE_CHECKING:
@@ -11,11 +12,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI, COLUMNS = 100, 3
-GAP, HEAD, FOOT = 16, 24, 40  # pixels: between crops, above for a name, below for the noise
+TITLE, GAP, HEAD, FOOT = (
+    52,
+    16,
+    40,
+    40,
+)  # pixels: title; between crops; above for name and conditions, below for the noise
+ZOOM, PART_ROWS, PART_COLUMNS = 4, 45, 80  # of the magnified part
 
 
 def plot_preview(title: str, given: "np.ndarray", samples: Sequence[Sample]) -> "Figure":
-    """Crops at 1:1 with the noise's standard deviation at five levels below each.
+    """Crops at 1:1, a part of each at 4x, and the noise's standard deviation at five levels.
 
     Args:
         title: of the sheet.
@@ -24,29 +31,40 @@ def plot_preview(title: str, given: "np.ndarray", samples: Sequence[Sample]) -> 
 
     To be saved at the figure's own resolution (`figure.dpi`), so that a pixel of the picture is one of the sheet.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    with extra():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
 
+    part = liveliest(given, PART_ROWS, PART_COLUMNS)
     height, width = given.shape[:2]
-    cell = max(width, 330)
+    low = ZOOM * (part[0].stop - part[0].start)  # height of the magnified part
+    cell = max(width, ZOOM * PART_COLUMNS, 330)
     columns = 2 if len(samples) == 3 else min(COLUMNS, len(samples) + 1)
     rows = -(-(len(samples) + 1) // columns)
-    wide = GAP + columns * (cell + GAP)
-    high = 36 + rows * (HEAD + height + FOOT + GAP)
+    tile = HEAD + height + GAP // 2 + low + FOOT + GAP
+    wide, high = GAP + columns * (cell + GAP), TITLE + rows * tile
     with styled():
         figure = Figure(figsize=(wide / DPI, high / DPI), dpi=DPI)
         FigureCanvasAgg(figure)
-        figure.text(GAP / wide, 1 - 22 / high, plain(title), fontsize=9.5)
-        for number, (name, crop, sigma) in enumerate(
-            [("as given", given, None), *((one.name, one.crop, one.sigma) for one in samples)]
-        ):
+
+        def write(x: int, y: int, text: str, size: float, family: str = "DejaVu Sans") -> None:
+            figure.text(x / wide, 1 - y / high, text, fontsize=size, family=family)
+
+        for line, text in enumerate(title.splitlines()):
+            write(GAP, 20 + 17 * line, plain(text), 9.5)
+        tiles = [Sample("as given", given, ()), *samples]
+        for number, one in enumerate(tiles):
             left = GAP + number % columns * (cell + GAP)
-            top = 36 + number // columns * (HEAD + height + FOOT + GAP) + HEAD
-            figure.figimage(crop, left, high - top - height)
-            figure.text(left / wide, 1 - (top - 7) / high, plain(name), fontsize=9)
-            levels = "   ".join(f"{level:>5d}" for level in LEVELS)
-            noise = "   ".join(f"{value:5.2f}" for value in sigma) if sigma else ""
-            for line, (label, text) in enumerate([("level", levels), ("noise", noise)] if sigma else []):
-                y = 1 - (top + height + 15 + 14 * line) / high
-                figure.text(left / wide, y, f"{label}  {text}", fontsize=8.5, family="DejaVu Sans Mono")
+            top = TITLE + number // columns * tile + HEAD
+            write(left, top - 22, plain(one.name), 9)
+            write(left, top - 7, plain(one.conditions), 8)
+            figure.figimage(one.crop, left, high - top - height)
+            magnified = one.crop[part].repeat(ZOOM, 0).repeat(ZOOM, 1)
+            below = top + height + GAP // 2 + low
+            figure.figimage(magnified, left, high - below)
+            if one.sigma:
+                levels = "   ".join(f"{level:>5d}" for level in LEVELS)
+                noise = "   ".join(f"{value:5.2f}" for value in one.sigma)
+                write(left, below + 15, f"level  {levels}", 8.5, "DejaVu Sans Mono")
+                write(left, below + 29, f"noise  {noise}", 8.5, "DejaVu Sans Mono")
     return figure

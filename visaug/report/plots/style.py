@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from visaug.core.extras import extra
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -40,7 +42,8 @@ _STYLE = {
 @contextmanager
 def styled() -> Iterator[None]:
     """The look, for what is drawn inside; matplotlib's own settings are left as they were."""
-    import matplotlib as mpl
+    with extra():
+        import matplotlib as mpl
 
     with mpl.rc_context(_STYLE):  # pyright: ignore[reportArgumentType]
         yield
@@ -53,8 +56,9 @@ def plain(text: str) -> str:
 
 def blank(width: float = 8.0, height: float = 3.6) -> "Figure":
     """An empty figure (inches) that belongs to no window; axes find their place by themselves."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    with extra():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)

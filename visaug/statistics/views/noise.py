@@ -39,7 +39,7 @@ class TemporalLines(View):
     """Rows and columns that shift from frame to frame: their variance against that of white noise."""
 
     name = "temporal_lines"
-    title = "Row and column noise, fresh in every frame"
+    title = "Row and column noise that changes from frame to frame"
 
     def measure(self, data):
         for g in data.groups:

@@ -54,7 +54,7 @@ class TemporalSpectrum(View):
     """Power spectrum of the temporal row means."""
 
     name = "temporal_spectrum"
-    title = "Spectrum of row means, noise that is fresh in every frame"
+    title = "Spectrum of row means, noise that changes from frame to frame"
 
     def measure(self, data):
         for kind in ("bias", "dark", "flat"):

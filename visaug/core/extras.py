@@ -1,0 +1,65 @@
+"""Packages that only an extra of visaug installs: a missing one is one line that names the extra."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+
+from visaug.core.errors import InputError
+
+# Top-level module: the extra of pyproject.toml that installs it.
+EXTRAS = {
+    "kornia": "kornia",
+    "kornia_rs": "kornia",
+    "astropy": "measure",
+    "tifffile": "measure",
+    "matplotlib": "measure",
+    "jinja2": "measure",
+    "starlette": "lab",
+    "uvicorn": "lab",
+    "ultralytics": "train",
+    "cv2": "train",
+    "torchvision": "train",
+    "visaug_train": "train",
+    "ray": "cluster",
+    "rawpy": "raw",
+    "h5py": "raw",
+    "OpenEXR": "exr",
+}
+
+
+@contextmanager
+def extra(file: str | Path | None = None, field: str | None = None) -> Iterator[None]:
+    """Around imports: a missing package of an extra becomes an InputError; any other stays ModuleNotFoundError.
+
+    Args:
+        file, field: what needs the package, for the message.
+
+    Examples:
+        >>> with extra():
+        ...     import matplotlib
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        name = (error.name or "").split(".")[0]
+        if name not in EXTRAS:
+            raise
+        raise _missing(name, file, field) from None
+
+
+def check_installed(*modules: str, file: str | Path | None = None, field: str | None = None) -> None:
+    """Raise InputError where one of the modules is missing, without importing it: before long work that needs it."""
+    for name in modules:
+        try:
+            found = find_spec(name) is not None
+        except ValueError:  # no package, but an entry of sys.modules without a specification
+            found = False
+        if not found:
+            raise _missing(name, file, field)
+
+
+def _missing(name: str, file: str | Path | None, field: str | None) -> InputError:
+    return InputError(
+        f"{name} is not installed", file=file, field=field, expected=f"pip install 'visaug[{EXTRAS[name]}]'"
+    )
