@@ -318,7 +318,7 @@ def test_photons_per_area_are_said():
 @pytest.mark.parametrize(("told", "word"), [("GRBG", True), ("RGGB", False)])
 def test_a_pattern_that_the_flats_contradict(told, word):
     light = np.tile([[0.5, 1.0], [1.0, 0.7]], (SHAPE[0] // 2, SHAPE[1] // 2))
-    assert ("bayer_contradicted" in alarms(measured(taken(23, light=light), bayer=told))) == word
+    assert ("mosaic_contradicted" in alarms(measured(taken(23, light=light), bayer=told))) == word
 
 
 @pytest.mark.parametrize(("level", "warned"), [(1.0, True), (4.0, False)])

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from visaug.characterization.alike import SAME_C
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Level, Measured
 from visaug.characterization.photon_transfer import safe_levels, saturated_level
 
 _MISFIT = 0.002  # probability that a sound set deviates from the straight line by so much
 _PEDESTAL = 1e-3  # probability that a sound set shows a pedestal
+_OTHER_C = 2.0  # a fifth of the dark current, which doubles every 8 degrees
 _TELLS = (
     10.0  # difference of chi square by which one of two courses of as many parameters is told from the other
 )
@@ -96,7 +96,7 @@ def variance_error(level: Level) -> float:
 def pedestal(measured: Measured, found: Findings) -> bool:
     """Whether flats have another black level than their dark frames; warns of it."""
     levels = measured.sweep
-    if not levels:
+    if not levels or found.warned("bits_missing"):  # whole columns then step by more than their noise
         return False
     chosen = [levels[i] for i in safe_levels(levels, saturated_level(levels))]
     if not chosen or not (of := course(chosen)).pedestal:
@@ -114,18 +114,13 @@ def pedestal(measured: Measured, found: Findings) -> bool:
 
 def check_temperature(measured: Measured, found: Findings) -> None:
     """Flats whose dark frames are of another temperature contain a dark signal that is not taken off."""
-    apart = [v for v in measured.levels if _degrees(v) > SAME_C and v.flat.group.exposure_s > 0]
+    apart = [v for v in measured.levels if v.degrees_apart > _OTHER_C and v.flat.group.exposure_s > 0]
     if not apart:
         return
-    worst = max(apart, key=_degrees)
+    worst = max(apart, key=lambda v: v.degrees_apart)
     found.warn(
         f"dark_temperature: flats at {worst.flat.group.temperature_c:g} degC have dark frames at "
         f"{worst.dark.group.temperature_c:g} degC, so their dark current is counted as light",
         spoils=("quantum_efficiency", "prnu.*", "full_well_e", "emva.quantum_efficiency", "emva.prnu_fraction", "emva4.prnu_*",
                 "emva.linearity_error_*", "emva.saturation_*", "emva.system_gain_dn_per_e"),
     )  # fmt: skip
-
-
-def _degrees(level: Level) -> float:
-    flat, dark = level.flat.group.temperature_c, level.dark.group.temperature_c
-    return 0.0 if flat is None or dark is None else abs(flat - dark)

@@ -87,7 +87,7 @@ def _curvature(found: Findings, result: PhotonTransfer, course: additivity.Cours
 
 def _causes(found: Findings, result: PhotonTransfer, course: additivity.Course) -> str:
     """What bends a photon transfer, by what the frames say of each cause."""
-    shared = any(w.startswith("correlated_noise") for w in found.warnings)
+    shared = found.filtered or any(v.shared_variance for v in result.levels)
     line = result.response
     causes = {
         "charge sharing": "neighbours correlate" if shared else "ruled out, neighbours do not correlate",

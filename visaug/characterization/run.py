@@ -12,7 +12,7 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.characterization import additivity, codes, dark, light, model_checks, still
 from visaug.characterization.camera_content import CAMERA_KEYS
-from visaug.characterization.conditions import dark_temperature, prepared
+from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
 from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Measured, measure_groups
@@ -96,7 +96,7 @@ def characterize(
         procedure(found, measured, camera)
         return _result(found, ready, camera, measured, method)
     mosaic = find_mosaic(ready, facts)
-    measured = model_checks.tested(measured, found, mosaic)
+    measured = model_checks.tested(measured, found)
     _measure(found, measured, camera, seed, mosaic)
     result = _result(found, ready, camera, measured, method)
     if mosaic is None:
@@ -131,7 +131,6 @@ def _measure(
         )
     measured = measured.with_dark_signal() if dark_tells else measured
     transfer = light.gain_and_efficiency(found, measured, dark_tells)
-    dark_temperature(found, measured)
     if transfer is None and camera is not None:
         given = camera.gain_at(measured.gain_db)
         found.gain = Gain(1 / given, 0.0, measured=False)
