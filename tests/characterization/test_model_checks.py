@@ -5,11 +5,13 @@ import pytest
 from scipy import ndimage
 
 from visaug.app.cli import main
+from visaug.camera import Camera
 from visaug.characterization import characterize
-from visaug.characterization.alarms import note_alarms
+from visaug.characterization.alarms import all_warnings
 from visaug.characterization.codes import _step
 from visaug.characterization.in_time import _normal_gap
 from visaug.characterization.model_checks import CHECKS
+from visaug.diagnosis.laboratory import Laboratory
 from visaug.frames import FrameRecord, FrameSet
 
 SHAPE = (72, 96)
@@ -348,11 +350,30 @@ def test_the_first_line_says_what_the_frames_show(tmp_path, capsys):
 
 def test_those_who_compare_hear_the_same_alarms():
     frames = frame_set(taken(26, change=lambda dn, *_: ndimage.gaussian_filter(dn, 0.6)))
-    note_alarms(frames)
-    note_alarms(frames)
-    assert [w.split(":")[0] for w in frames.warnings if w.startswith("correlated_noise")] == [
-        "correlated_noise"
-    ]
+    assert [w.split(":")[0] for w in all_warnings(frames)].count("correlated_noise") == 1
+    assert not frames.warnings
+
+
+def test_python_users_hear_them_too():
+    """`visaug.compare` itself warns; wrong code leaves it to the command."""
+    frames = frame_set(taken(26, change=lambda dn, *_: ndimage.gaussian_filter(dn, 0.6)))
+    camera = Camera.load({"resolution": list(SHAPE), "gain_e_per_dn": 0.4, "black_level_dn": 100})
+    lab = Laboratory(frames, camera)
+    assert any(w.startswith("correlated_noise:") for w in lab.warnings)
+
+
+def test_full_flats_are_neither_stuck_nor_hit():
+    """Flats beyond the converter's top, of which some have most pixels full: no pixel is stuck, none is hit. No chance is in
+    it: nothing else reaches the top.
+    """
+    rows = taken(27)
+    rng = np.random.default_rng(27)
+    for mean, n in ((4096, 2), (5200, 2), (6000, 2)):
+        rows += [
+            ("flat", 0.01, 20.0, mean * GAIN / 0.6, np.clip(rng.normal(mean, 40, SHAPE).round(), 0, 4095))
+            for _ in range(n)
+        ]
+    assert not alarms(measured(rows)) & {"stuck_pixels", "cosmic_rays"}
 
 
 def test_stated_rates():
