@@ -376,6 +376,31 @@ def test_full_flats_are_neither_stuck_nor_hit():
     assert not alarms(measured(rows)) & {"stuck_pixels", "cosmic_rays"}
 
 
+def dark_ladder(seed, rate, steps):
+    """Dark frames of (degC, s), four of each, after flats; `rate` gives e-/s at a temperature."""
+    rng = np.random.default_rng(seed)
+    rows = taken(seed)
+    for celsius, exposure in steps:
+        e = rng.poisson(rate(celsius) * exposure, (4, *SHAPE)) + rng.normal(0, READ, (4, *SHAPE))
+        rows += [("dark", exposure, celsius, None, np.rint(BLACK + frame / GAIN)) for frame in e]
+    return [r for r in rows if r[0] != "bias"]
+
+
+@pytest.mark.parametrize(("leak", "named"), [(0.0, False), (5.0, True)])
+def test_a_light_leak_flattens_the_law_of_dark_current(leak, named):
+    """20 e-/s that double every 7 degrees, with light of 5 e-/s. Fixed seed; b is known to 1 %, and 40 % apart."""
+    result = measured(dark_ladder(28, lambda c: 20 * 2 ** ((c - 20) / 7) + leak,
+                                  [(t, s) for t in (20.0, 0.0) for s in (0.1, 2.0, 8.0)]))  # fmt: skip
+    spoils = [s for w in result.warning_details if w.word == "dark_current_flat" for s in w.spoils]
+    assert ("dark_current.b_per_c" in spoils) == named
+
+
+def test_two_settings_of_dark_frames_tell_no_law():
+    """Black level, rate and its course are three unknowns: two temperatures of one exposure each leave the law open."""
+    result = measured(dark_ladder(29, lambda c: 20 * 2 ** ((c - 20) / 7), [(20.0, 8.0), (0.0, 2.0)]))
+    assert {"dark_current.a_e_per_s", "dark_current.b_per_c"} <= set(result.not_determined)
+
+
 def test_stated_rates():
     """At most one sound set in a hundred for each check."""
     assert all(0 < check.false_alarms <= 0.01 for check in CHECKS)

@@ -14,7 +14,11 @@ from visaug.characterization.groups import Measured
 from visaug.characterization.light import NEEDS_FLATS
 from visaug.characterization.moments import GroupMoments
 from visaug.core.intervals import t_quantile, widen
+from visaug.frames.units import ZERO_C_K
 
+_LEAST_EV = 0.5  # eV, activation energy of dark current: half of silicon's band gap is 0.56, measured ones are 0.55 to 1.1
+# (R. Widenhorn et al., Proc. SPIE 4669 (2002) 193)
+_BOLTZMANN_EV_PER_K = 8.617e-5  # CODATA 2018
 _NEEDS_LADDER = "dark frames at two or more exposures and two or more temperatures"
 
 
@@ -105,6 +109,7 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
             "dark current follows a exp(b T), which two temperatures do not test" if len(lines) == 2 else ""
         )
         _add_law(found, law, f"mean dark signal against exposure at {len(lines)} temperatures", untested)
+        _too_flat(found, lines, law)
         if law.misfit > stats.f.ppf(0.999, max(len(lines) - 2, 1), min(law.df, 1e6)):
             found.warn(
                 "dark_current_law: the dark current does not follow a exp(b T) within its uncertainty",
@@ -115,6 +120,20 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
         needs = "dark frames at two or more known temperatures, warm or long enough for a dark signal"
         found.miss("dark_current.a_e_per_s", needs)
         found.miss("dark_current.b_per_c", needs)
+
+
+def _too_flat(found: Findings, lines: list[dark_current.Slope], law: dark_current.Law) -> None:
+    """Warns of a dark signal that grows less than that of silicon, d ln I / dT = E / k T^2: part of it does not depend on
+    temperature.
+    """
+    mean_k = float(np.mean([s.temperature_c for s in lines if s.temperature_c is not None])) + ZERO_C_K
+    least = _LEAST_EV / (_BOLTZMANN_EV_PER_K * mean_k**2)
+    if law.b_per_c + t_quantile(law.df) * math.sqrt(law.covariance[1, 1]) < least:
+        found.warn(
+            f"dark_current_flat: the dark signal grows by exp({law.b_per_c:.3g} T), that of silicon by exp({least:.3g} T) or "
+            "more at these temperatures: light leaks in, the sensor glows, or a temperature is wrong",
+            spoils=("dark_current.a_e_per_s", "dark_current.b_per_c"),
+        )
 
 
 def _one_temperature(found: Findings, lines: list[dark_current.Slope]) -> None:

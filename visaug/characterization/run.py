@@ -178,7 +178,8 @@ def _measure(
             found.warn(
                 f"mosaic: neighbouring pixels respond by {', '.join(f'{r:.3g}' for r in mosaic.response)} of "
                 f"their mean ({mosaic.pattern or 'a pattern that no header states'}); PRNU is that within a "
-                "colour, quantum_efficiency that of green, and `planes` contains each colour separately",
+                "colour, quantum_efficiency that of green, and `planes` contains each colour separately"
+                f"{'; red and blue are as the header names them, flats of unknown colour do not tell' if mosaic.pattern else ''}",
                 spoils=("emva.prnu_fraction", "emva4.prnu_*", "emva.quantum_efficiency",
                         "emva.saturation_*", "full_well_e", "emva.linearity_error_*"),
             )  # fmt: skip
