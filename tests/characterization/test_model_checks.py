@@ -401,6 +401,13 @@ def test_two_settings_of_dark_frames_tell_no_law():
     assert {"dark_current.a_e_per_s", "dark_current.b_per_c"} <= set(result.not_determined)
 
 
+def test_averaged_flats_beside_raw_dark_frames_spoil_the_gain():
+    """Averages of two have half the variance; the intercept tells them from raw ones at 10 standard errors."""
+    rows, more = taken(47), taken(48)
+    rows = [a if a[0] == "bias" else (*a[:4], (a[4] + b[4]) // 2) for a, b in zip(rows, more)]
+    assert {"gain_e_per_dn", "read_noise.sigma_e"} <= set(spoiled(measured(rows), "flat_pedestal"))
+
+
 def test_stated_rates():
     """At most one sound set in a hundred for each check."""
     assert all(0 < check.false_alarms <= 0.01 for check in CHECKS)
