@@ -5,11 +5,13 @@ import pytest
 from scipy import ndimage
 
 from visaug.app.cli import main
+from visaug.camera import Camera
 from visaug.characterization import characterize
-from visaug.characterization.alarms import note_alarms
+from visaug.characterization.alarms import all_warnings
 from visaug.characterization.codes import _step
 from visaug.characterization.in_time import _normal_gap
 from visaug.characterization.model_checks import CHECKS
+from visaug.diagnosis.laboratory import Laboratory
 from visaug.frames import FrameRecord, FrameSet
 
 SHAPE = (72, 96)
@@ -318,7 +320,7 @@ def test_photons_per_area_are_said():
 @pytest.mark.parametrize(("told", "word"), [("GRBG", True), ("RGGB", False)])
 def test_a_pattern_that_the_flats_contradict(told, word):
     light = np.tile([[0.5, 1.0], [1.0, 0.7]], (SHAPE[0] // 2, SHAPE[1] // 2))
-    assert ("bayer_contradicted" in alarms(measured(taken(23, light=light), bayer=told))) == word
+    assert ("mosaic_contradicted" in alarms(measured(taken(23, light=light), bayer=told))) == word
 
 
 @pytest.mark.parametrize(("level", "warned"), [(1.0, True), (4.0, False)])
@@ -348,11 +350,62 @@ def test_the_first_line_says_what_the_frames_show(tmp_path, capsys):
 
 def test_those_who_compare_hear_the_same_alarms():
     frames = frame_set(taken(26, change=lambda dn, *_: ndimage.gaussian_filter(dn, 0.6)))
-    note_alarms(frames)
-    note_alarms(frames)
-    assert [w.split(":")[0] for w in frames.warnings if w.startswith("correlated_noise")] == [
-        "correlated_noise"
-    ]
+    assert [w.split(":")[0] for w in all_warnings(frames)].count("correlated_noise") == 1
+    assert not frames.warnings
+
+
+def test_python_users_hear_them_too():
+    """`visaug.compare` itself warns; wrong code leaves it to the command."""
+    frames = frame_set(taken(26, change=lambda dn, *_: ndimage.gaussian_filter(dn, 0.6)))
+    camera = Camera.load({"resolution": list(SHAPE), "gain_e_per_dn": 0.4, "black_level_dn": 100})
+    lab = Laboratory(frames, camera)
+    assert any(w.startswith("correlated_noise:") for w in lab.warnings)
+
+
+def test_full_flats_are_neither_stuck_nor_hit():
+    """Flats beyond the converter's top, of which some have most pixels full: no pixel is stuck, none is hit. No chance is in
+    it: nothing else reaches the top.
+    """
+    rows = taken(27)
+    rng = np.random.default_rng(27)
+    for mean, n in ((4096, 2), (5200, 2), (6000, 2)):
+        rows += [
+            ("flat", 0.01, 20.0, mean * GAIN / 0.6, np.clip(rng.normal(mean, 40, SHAPE).round(), 0, 4095))
+            for _ in range(n)
+        ]
+    assert not alarms(measured(rows)) & {"stuck_pixels", "cosmic_rays"}
+
+
+def dark_ladder(seed, rate, steps):
+    """Dark frames of (degC, s), four of each, after flats; `rate` gives e-/s at a temperature."""
+    rng = np.random.default_rng(seed)
+    rows = taken(seed)
+    for celsius, exposure in steps:
+        e = rng.poisson(rate(celsius) * exposure, (4, *SHAPE)) + rng.normal(0, READ, (4, *SHAPE))
+        rows += [("dark", exposure, celsius, None, np.rint(BLACK + frame / GAIN)) for frame in e]
+    return [r for r in rows if r[0] != "bias"]
+
+
+@pytest.mark.parametrize(("leak", "named"), [(0.0, False), (5.0, True)])
+def test_a_light_leak_flattens_the_law_of_dark_current(leak, named):
+    """20 e-/s that double every 7 degrees, with light of 5 e-/s. Fixed seed; b is known to 1 %, and 40 % apart."""
+    result = measured(dark_ladder(28, lambda c: 20 * 2 ** ((c - 20) / 7) + leak,
+                                  [(t, s) for t in (20.0, 0.0) for s in (0.1, 2.0, 8.0)]))  # fmt: skip
+    spoils = [s for w in result.warning_details if w.word == "dark_current_flat" for s in w.spoils]
+    assert ("dark_current.b_per_c" in spoils) == named
+
+
+def test_two_settings_of_dark_frames_tell_no_law():
+    """Black level, rate and its course are three unknowns: two temperatures of one exposure each leave the law open."""
+    result = measured(dark_ladder(29, lambda c: 20 * 2 ** ((c - 20) / 7), [(20.0, 8.0), (0.0, 2.0)]))
+    assert {"dark_current.a_e_per_s", "dark_current.b_per_c"} <= set(result.not_determined)
+
+
+def test_averaged_flats_beside_raw_dark_frames_spoil_the_gain():
+    """Averages of two have half the variance; the intercept tells them from raw ones at 10 standard errors."""
+    rows, more = taken(47), taken(48)
+    rows = [a if a[0] == "bias" else (*a[:4], (a[4] + b[4]) // 2) for a, b in zip(rows, more)]
+    assert {"gain_e_per_dn", "read_noise.sigma_e"} <= set(spoiled(measured(rows), "flat_pedestal"))
 
 
 def test_stated_rates():

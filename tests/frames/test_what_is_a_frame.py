@@ -307,3 +307,17 @@ def test_new_lines_of_a_descriptor_are_named(tmp_path):
     assert [(r.file, r.kind) for r in frames.records] == [("0.png", "dark"), ("2.png", "flat")]
     (said,) = [w for w in frames.warnings if w.startswith("descriptor_lines_ignored")]
     assert "dc 2000000" in said
+
+
+def test_a_table_that_lists_part_of_a_stack_along_its_last_axis(tmp_path):
+    """A stack listed whole tells the axis of one of the same frames listed in part."""
+    rng = np.random.default_rng(5)
+    dark, flat = rng.integers(0, 4000, (24, 16, 10)), rng.integers(0, 4000, (24, 16, 8))
+    np.savez(tmp_path / "all.npz", dark=dark.astype(np.uint16), flat=flat.astype(np.uint16))
+    lines = [f"{i},all.npz#dark[{i}],dark,1" for i in range(10)] + [
+        f"{10 + i},all.npz#flat[{i}],flat,1" for i in range(6)
+    ]
+    (tmp_path / "frames.csv").write_text("\n".join(["sequence,file,kind,exposure_s", *lines]) + "\n")
+    frames = FrameSet.load(tmp_path)
+    assert np.array_equal(frames.read(12), flat[:, :, 2])
+    assert np.array_equal(frames.read(3), dark[:, :, 3])

@@ -10,13 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from visaug.characterization.alike import SAME_C
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Level, Measured
 from visaug.characterization.photon_transfer import safe_levels, saturated_level
 
+FROM_GAIN = ("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "dsnu.*", "dark_current.*", "full_well_e", "prnu.*",
+              "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
 _MISFIT = 0.002  # probability that a sound set deviates from the straight line by so much
 _PEDESTAL = 1e-3  # probability that a sound set shows a pedestal
+_WITHIN = 3.0  # standard errors of the intercept
+_OTHER_C = 2.0  # a fifth of the dark current, which doubles every 8 degrees
 _TELLS = (
     10.0  # difference of chi square by which one of two courses of as many parameters is told from the other
 )
@@ -33,6 +36,15 @@ class Course:
     lifted: tuple[float, int] | None
     lift: float
     origin_dn: float
+    intercept_dn2: float = 0.0
+
+    def of_averages(self, dark_dn2: float) -> bool:
+        """Whether flats that are averages of several frames, of raw dark frames' variance `dark_dn2`, explain the lift too.
+
+        Averages of m have 1/m of each variance, so that their line lies (1 - 1/m) of the dark variance too low.
+        """
+        slack = _WITHIN * abs(self.intercept_dn2 / self.lift) if self.lift else 0.0
+        return -dark_dn2 - slack <= self.intercept_dn2 <= -dark_dn2 / 2 + slack
 
     @property
     def deviates(self) -> bool:
@@ -82,7 +94,9 @@ def course(levels: Sequence[Level]) -> Course:
     bent, lifted = fit((1, 2)), fit((0, 1))
     value, error = lifted[2], lifted[3]
     origin = -value[0] / value[1] if value[1] > 0 else 0.0
-    return Course(straight[:2], bent[:2], lifted[:2], float(value[0] / error[0]), float(origin))
+    return Course(
+        straight[:2], bent[:2], lifted[:2], float(value[0] / error[0]), float(origin), float(value[0])
+    )
 
 
 def variance_error(level: Level) -> float:
@@ -96,36 +110,32 @@ def variance_error(level: Level) -> float:
 def pedestal(measured: Measured, found: Findings) -> bool:
     """Whether flats have another black level than their dark frames; warns of it."""
     levels = measured.sweep
-    if not levels:
+    if not levels or found.warned("bits_missing"):  # whole columns then step by more than their noise
         return False
     chosen = [levels[i] for i in safe_levels(levels, saturated_level(levels))]
     if not chosen or not (of := course(chosen)).pedestal:
         return False
+    averages = of.of_averages(float(np.median([v.dark.variance for v in chosen])))
     found.warn(
         f"flat_pedestal: the variance of the flats is that of {of.origin_dn:+.3g} DN less signal: their black "
-        "level is not that of the "
-        "dark frames (calibrated already, another offset, or light in the dark frames); gain_e_per_dn, "
-        "quantum_efficiency and PRNU "
-        "are from flats alone",
-        spoils=("black_level_dn", "dark_current.*", "full_well_e", "emva.*", "emva4.*", "emva4_corrected.*"),
-    )
+        "level is not that of the dark frames (calibrated already, another offset, or light in the dark frames); "
+        "gain_e_per_dn, quantum_efficiency and PRNU are from flats alone"
+        + ("; if the flats are averages of several frames, these are wrong too" if averages else ""),
+        spoils=("black_level_dn", "dark_current.*", "full_well_e", "emva.*", "emva4.*", "emva4_corrected.*",
+                *(FROM_GAIN if averages else ())),
+    )  # fmt: skip
     return True
 
 
 def check_temperature(measured: Measured, found: Findings) -> None:
     """Flats whose dark frames are of another temperature contain a dark signal that is not taken off."""
-    apart = [v for v in measured.levels if _degrees(v) > SAME_C and v.flat.group.exposure_s > 0]
+    apart = [v for v in measured.levels if v.degrees_apart > _OTHER_C and v.flat.group.exposure_s > 0]
     if not apart:
         return
-    worst = max(apart, key=_degrees)
+    worst = max(apart, key=lambda v: v.degrees_apart)
     found.warn(
         f"dark_temperature: flats at {worst.flat.group.temperature_c:g} degC have dark frames at "
         f"{worst.dark.group.temperature_c:g} degC, so their dark current is counted as light",
         spoils=("quantum_efficiency", "prnu.*", "full_well_e", "emva.quantum_efficiency", "emva.prnu_fraction", "emva4.prnu_*",
                 "emva.linearity_error_*", "emva.saturation_*", "emva.system_gain_dn_per_e"),
     )  # fmt: skip
-
-
-def _degrees(level: Level) -> float:
-    flat, dark = level.flat.group.temperature_c, level.dark.group.temperature_c
-    return 0.0 if flat is None or dark is None else abs(flat - dark)

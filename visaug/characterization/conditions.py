@@ -12,12 +12,10 @@ from visaug.characterization import lossy
 from visaug.characterization.alike import KINDS, merged_groups
 from visaug.characterization.facts import Facts, look, temporal_variances
 from visaug.characterization.findings import Findings
-from visaug.characterization.groups import Measured
 from visaug.characterization.views import at_bits, shifted
 from visaug.frames import FrameSet
 from visaug.frames.units import celsius
 
-_OTHER_C = 2.0  # a fifth of the dark current, which doubles every 8 degrees
 _DEPTHS = (8, 10, 12, 14, 16)
 _PILE = 1e-3  # share of a flat's pixels at the converter's top that no signal piles up by itself
 _MASTER = 0.55  # of the temporal variance of a raw frame: two or more frames averaged have half or less
@@ -97,20 +95,6 @@ def _without_copies(frames: FrameSet, facts: list[Facts]) -> tuple[FrameSet, lis
     if len(kept) == len(frames) or 2 * len(kept) < len(frames):
         return frames, facts
     return frames.subset(kept), [facts[i] for i in kept]
-
-
-def dark_temperature(found: Findings, measured: Measured) -> None:
-    """Flats whose dark frames were taken at another temperature: another dark current is subtracted than theirs."""
-    far = [v for v in measured.levels if not v.exposure_gap_s and v.flat.group.exposure_s > 0
-           and v.degrees_apart > _OTHER_C]  # fmt: skip
-    if far:
-        flat, dark = far[0].flat.group, far[0].dark.group
-        found.warn(
-            f"dark_temperature: flats were taken at {flat.temperature_c:g} degC, their dark frames at {dark.temperature_c:g} degC; "
-            "the dark current subtracted is not that of the flats",
-            spoils=("quantum_efficiency", "prnu.*", "full_well_e", "emva.quantum_efficiency", "emva.prnu_fraction", "emva4.prnu_*",
-                    "emva.linearity_error_*", "emva.saturation_*"),
-        )  # fmt: skip
 
 
 def _without_told_masters(frames: FrameSet, found: Findings) -> FrameSet:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 from scipy import stats
@@ -13,7 +14,11 @@ from visaug.characterization.groups import Measured
 from visaug.characterization.light import NEEDS_FLATS
 from visaug.characterization.moments import GroupMoments
 from visaug.core.intervals import t_quantile, widen
+from visaug.frames.units import ZERO_C_K
 
+_LEAST_EV = 0.5  # eV, activation energy of dark current: half of silicon's band gap is 0.56, measured ones are 0.55 to 1.1
+# (R. Widenhorn et al., Proc. SPIE 4669 (2002) 193)
+_BOLTZMANN_EV_PER_K = 8.617e-5  # CODATA 2018
 _NEEDS_LADDER = "dark frames at two or more exposures and two or more temperatures"
 
 
@@ -32,7 +37,7 @@ def dark_law(found: Findings, measured: Measured, frames: GroupMoments | None = 
             _add_law(found, law, "one fit over the temperatures and exposures of all dark frames")
             if frames is None or frames.group.temperature_c is None:
                 return 0.0
-            return math.exp(law.log_a + law.b_per_c * frames.group.temperature_c) * frames.group.exposure_s
+            return _exp(law.log_a + law.b_per_c * frames.group.temperature_c) * frames.group.exposure_s
     lines = dark_current.slopes(dark_current.mean_points(groups))
     found_law(found, lines)
     return _signal_of(frames, lines) if frames is not None and lines else 0.0
@@ -65,14 +70,23 @@ def _add_law(found: Findings, law: dark_current.Law, source: str, assumes: str =
     relative = 0.0 if found.gain is None else found.gain.relative_error
     t = t_quantile(law.df)
     error = math.hypot(math.sqrt(law.covariance[0, 0]), relative)
-    a = math.exp(law.log_a) * scale
+    a, low, high = (_exp(law.log_a + t * s) * scale for s in (0.0, -error, error))
+    if not math.isfinite(high):
+        for key in ("dark_current.a_e_per_s", "dark_current.b_per_c"):
+            found.miss(key, _NEEDS_LADDER)
+        return
     name, unit = ("a_e_per_s", "e-/s") if found.gain is not None else ("a_dn_per_s", "DN/s")
-    found.add(f"dark_current.{name}", (a, a * math.exp(-t * error), a * math.exp(t * error)), unit, source)
+    found.add(f"dark_current.{name}", (a, low, high), unit, source)
     if found.gain is None:
         found.miss("dark_current.a_e_per_s", NEEDS_FLATS)
     half = t * math.sqrt(law.covariance[1, 1])
     interval = (law.b_per_c, law.b_per_c - half, law.b_per_c + half)
     found.add("dark_current.b_per_c", interval, "1/degC", source, assumes=assumes)
+
+
+def _exp(logarithm: float) -> float:
+    """Infinite where a float cannot hold it: a law that its frames leave open."""
+    return math.exp(logarithm) if logarithm < math.log(sys.float_info.max) else math.inf
 
 
 def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
@@ -87,7 +101,7 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
         "temperature_c": np.array([math.nan if s.temperature_c is None else s.temperature_c for s in lines]),
         "slope": np.array([s.value * scale for s in lines]),
         "error": np.array([s.error * scale for s in lines]),
-        "law": np.array([] if law is None else [math.exp(law.log_a) * scale, law.b_per_c]),
+        "law": np.array([] if law is None else [_exp(law.log_a) * scale, law.b_per_c]),
         "in_electrons": np.array(found.gain is not None),
     }
     if law is not None:
@@ -95,6 +109,7 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
             "dark current follows a exp(b T), which two temperatures do not test" if len(lines) == 2 else ""
         )
         _add_law(found, law, f"mean dark signal against exposure at {len(lines)} temperatures", untested)
+        _too_flat(found, lines, law)
         if law.misfit > stats.f.ppf(0.999, max(len(lines) - 2, 1), min(law.df, 1e6)):
             found.warn(
                 "dark_current_law: the dark current does not follow a exp(b T) within its uncertainty",
@@ -105,6 +120,20 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
         needs = "dark frames at two or more known temperatures, warm or long enough for a dark signal"
         found.miss("dark_current.a_e_per_s", needs)
         found.miss("dark_current.b_per_c", needs)
+
+
+def _too_flat(found: Findings, lines: list[dark_current.Slope], law: dark_current.Law) -> None:
+    """Warns of a dark signal that grows less than that of silicon, d ln I / dT = E / k T^2: part of it does not depend on
+    temperature.
+    """
+    mean_k = float(np.mean([s.temperature_c for s in lines if s.temperature_c is not None])) + ZERO_C_K
+    least = _LEAST_EV / (_BOLTZMANN_EV_PER_K * mean_k**2)
+    if law.b_per_c + t_quantile(law.df) * math.sqrt(law.covariance[1, 1]) < least:
+        found.warn(
+            f"dark_current_flat: the dark signal grows by exp({law.b_per_c:.3g} T), that of silicon by exp({least:.3g} T) or "
+            "more at these temperatures: light leaks in, the sensor glows, or a temperature is wrong",
+            spoils=("dark_current.a_e_per_s", "dark_current.b_per_c"),
+        )
 
 
 def _one_temperature(found: Findings, lines: list[dark_current.Slope]) -> None:

@@ -106,9 +106,10 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
         noise = max(float(np.median([facts[i].noise for i in group.indices])), 1.0)
         n = len(group.indices)
         levels.append(Level(group.kind, middle, noise, rows / n, columns / n, codes if whole else None))
-        if group.kind == "flat" and n > 1:
-            far = np.abs(high - middle) > _APART * noise, np.abs(low - middle) > _APART * noise
-            ends |= (top & far[0]) | (bottom & far[1])
+        if ends_here is not None and n > 1:
+            for end, there in zip(ends_here, (top, bottom)):
+                if abs(end - middle) > _APART * noise:
+                    ends |= there
     bits = [a & b for a, b in zip(ones, zeros)] if whole else [None, None]
     return Extremes(tuple(levels), low, high, flat_low, flat_high, ends, bits[0], bits[1])
 

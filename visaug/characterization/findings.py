@@ -84,6 +84,13 @@ class Findings:
             self.warnings.append(text)
         self.spoils[text] = (*self.spoils.get(text, ()), *spoils)
 
+    def warn_of(self, texts: Iterable[str]) -> None:
+        for text in texts:
+            self.warn(text)
+
+    def warned(self, word: str) -> bool:
+        return any(w.startswith(f"{word}:") for w in self.warnings)
+
     def withdraw(self, word: str) -> None:
         """Take a warning back, for one that says more of the same."""
         self.warnings = [w for w in self.warnings if not w.startswith(f"{word}:")]

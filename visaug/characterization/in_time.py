@@ -26,6 +26,7 @@ _HEAVY = 0.1  # probability that dips of normal noise count as heavy tails
 _JUMPING = 0.1  # share of the pixels with a hit that have another
 _EDGE = 3.0  # noises by which a pixel beside a hit stands out to be part of it
 _LINES = ((0, 1), (1, 0), (1, 1), (1, -1))  # directions in which pixels of a track adjoin
+_PILE = 0.02  # share of the pixels that no noise has at its largest value
 _BANDS = 1e-3  # probability of a false alarm in one set
 _AROUND = np.ones((3, 3), bool)
 
@@ -76,6 +77,11 @@ class _Peaks:
     dip: float  # greatest distance of a pixel's least value from its second least, DN
     noise: float  # of single pixels, DN
 
+    @property
+    def full(self) -> bool:
+        """Whether pixels pile up at one value, the converter's top: what is left of their noise is not that of the others."""
+        return float((self.first == self.first.max()).mean()) > _PILE
+
 
 def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> FrameSet:
     """The frames with a neighbour's value where a pixel is far brighter in one frame than in the others of its group.
@@ -94,7 +100,7 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     hits: list[tuple[int, np.ndarray, np.ndarray]] = []
     seen: dict[tuple[int, int], np.ndarray] = {}
     for group, p in zip(several, peaks):
-        if group.kind != "flat" and not dips:
+        if p.full or (group.kind != "flat" and not dips):
             continue
         shot = np.maximum(p.second - np.median(p.second), 0.0) * gain  # bright pixels have more of it
         noise = np.sqrt(p.noise**2 + shot)

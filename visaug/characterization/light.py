@@ -27,8 +27,6 @@ NEEDS_CLEAR_FLATS = (
     "clear of 0 and of the converter's top"
 )
 NEEDS_PHOTONS = "flats with known photons per pixel"
-_FROM_GAIN = ("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "dsnu.*", "dark_current.*", "full_well_e", "prnu.*",
-              "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
 _LEAST_EFFICIENCY = 1e-3  # e-/photon: below what silicon has anywhere between 300 and 1100 nm
 
 
@@ -63,7 +61,7 @@ def _curvature(found: Findings, result: PhotonTransfer, course: additivity.Cours
                 f"photon_transfer_bent: the variance of {len(result.safe)} levels is not proportional to their "
                 "signal, and so few do "
                 f"not tell why ({_causes(found, result, course)}): take four or more levels over a factor of three",
-                spoils=_FROM_GAIN,
+                spoils=additivity.FROM_GAIN,
             )
         return
     interval = symmetric(*result.curvature_per_dn, result.df)
@@ -72,7 +70,7 @@ def _curvature(found: Findings, result: PhotonTransfer, course: additivity.Cours
         found.warn(
             "photon_transfer_bent: the variance is not proportional to the signal, and the levels do not tell a bend from "
             f"another black level of the flats ({_causes(found, result, course)}); gain_e_per_dn is right for a bend alone",
-            spoils=_FROM_GAIN,
+            spoils=additivity.FROM_GAIN,
         )
     elif result.bent:
         top = result.levels[result.safe[-1]].signal
@@ -87,7 +85,7 @@ def _curvature(found: Findings, result: PhotonTransfer, course: additivity.Cours
 
 def _causes(found: Findings, result: PhotonTransfer, course: additivity.Course) -> str:
     """What bends a photon transfer, by what the frames say of each cause."""
-    shared = any(w.startswith("correlated_noise") for w in found.warnings)
+    shared = found.filtered or any(v.shared_variance for v in result.levels)
     line = result.response
     causes = {
         "charge sharing": "neighbours correlate" if shared else "ruled out, neighbours do not correlate",

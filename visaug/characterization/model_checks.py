@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from visaug.characterization import additivity, codes, defective, in_time, neighbours, spatial
+from visaug.characterization import additivity, codes, defective, in_time, neighbours
 from visaug.characterization.alike import merged_groups
 from visaug.characterization.facts import Facts, look
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
-from visaug.characterization.mosaic import Mosaic
 from visaug.frames import FrameSet
 
 
@@ -37,7 +36,7 @@ CHECKS = (
     ModelCheck("flats are dark frames plus light", 0.001, ("flat_pedestal", "dark_temperature")),
     ModelCheck("the response is even or white", 0.005, ("periodic_response", "structured_light")),
     ModelCheck(
-        "headers agree with pixels", 0.001, ("bayer_contradicted", "photons_implausible", "lossy_frames")
+        "headers agree with pixels", 0.001, ("mosaic_contradicted", "photons_implausible", "lossy_frames")
     ),
 )
 
@@ -60,11 +59,10 @@ def screened(frames: FrameSet, facts: list[Facts], found: Findings) -> tuple[Fra
     return in_time.without_hits(frames, groups, found), facts
 
 
-def tested(measured: Measured, found: Findings, mosaic: Mosaic | None) -> Measured:
+def tested(measured: Measured, found: Findings) -> Measured:
     """The groups with what neighbours share and what a lamp's bands add; warnings of what spoils a figure."""
     measured = neighbours.with_covariances(measured, found)
     if not found.filtered:
         measured = in_time.without_bands(measured, found)
-    spatial.check_header(mosaic, found)
     additivity.check_temperature(measured, found)
     return measured

@@ -16,7 +16,7 @@ from scipy import stats
 
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Level, Measured
-from visaug.characterization.moments import GroupMoments
+from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.frames import FrameSet
 
 LAGS = ((0, 1), (1, 0), (1, 1), (1, -1))  # each with its mirror image: the eight neighbours
@@ -56,8 +56,8 @@ def covariances(frames: FrameSet, moments: GroupMoments) -> Covariances:
     r0, c0 = max((height - _SIDE) // 2, 0), max((width - _SIDE) // 2, 0)
     part = slice(r0, r0 + _SIDE), slice(c0, c0 + _SIDE)
     indices = moments.group.indices
-    mean = np.mean([frames.read(i)[part] for i in indices], axis=0, dtype=np.float64)
-    h, w = mean.shape[0], mean.shape[1]
+    mean = mean_map(frames, indices)[part]
+    h, w = min(height, _SIDE), min(width, _SIDE)
     sums, square = np.zeros(len(LAGS)), 0.0
     for i in indices:
         r = frames.read(i)[part] - mean

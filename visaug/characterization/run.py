@@ -12,12 +12,14 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.characterization import additivity, codes, dark, light, model_checks, still
 from visaug.characterization.camera_content import CAMERA_KEYS
-from visaug.characterization.conditions import dark_temperature, prepared
+from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
 from visaug.characterization.findings import Findings, Gain
 from visaug.characterization.groups import Measured, measure_groups
 from visaug.characterization.maps import add_maps
 from visaug.characterization.mosaic import PLACES, Mosaic, find_mosaic
+from visaug.characterization.nonuniformity import Parts
+from visaug.characterization.photon_transfer import PhotonTransfer
 from visaug.characterization.possible import without_impossible
 from visaug.characterization.result import Characterization, Warned
 from visaug.characterization.views import colour_plane
@@ -68,8 +70,7 @@ def characterize(
     camera = None if camera is None else Camera.load(camera)
     frames = FrameSet.of(frames, None if camera is None else camera.resolution)
     found = Findings()
-    for warning in frames.warnings:
-        found.warn(warning)
+    found.warn_of(frames.warnings)
     kinds = {r.kind for r in frames.records}
     if not kinds & {"bias", "dark", "flat"}:
         if "image" not in kinds:
@@ -82,9 +83,7 @@ def characterize(
         result = _result(found, frames, None, None, "pictures")
         bits = frames.bit_depth or 8
         return replace(result, assumed={"bit_depth": bits}, resolution=size, effects=tuple(found.effects))
-    for warning in frames.check():
-        if not warning.startswith("few_frames"):  # of groups as they are measured: below
-            found.warn(warning)
+    found.warn_of(w for w in frames.check() if not w.startswith("few_frames"))  # of groups as measured: below
     told_bits = frames.told_bits or (camera.bit_depth if camera is not None else None)
     ready, facts = prepared(frames, found, told_bits)
     ready, facts = model_checks.screened(ready, facts, found)
@@ -96,7 +95,7 @@ def characterize(
         procedure(found, measured, camera)
         return _result(found, ready, camera, measured, method)
     mosaic = find_mosaic(ready, facts)
-    measured = model_checks.tested(measured, found, mosaic)
+    measured = model_checks.tested(measured, found)
     _measure(found, measured, camera, seed, mosaic)
     result = _result(found, ready, camera, measured, method)
     if mosaic is None:
@@ -117,9 +116,24 @@ def _few_frames(found: Findings, measured: Measured) -> None:
         )
 
 
-def _measure(
-    found: Findings, measured: Measured, camera: Camera | None, seed: int, mosaic: Mosaic | None
-) -> None:
+def checked(frames: FrameSet) -> Findings:
+    """What the checks of the measurement model find, without the figures that no check needs.
+
+    Raises:
+        InputError: frames that cannot be read.
+    """
+    found = Findings()
+    ready, facts = prepared(frames, found, frames.told_bits)
+    ready, facts = model_checks.screened(ready, facts, found)
+    measured = model_checks.tested(measure_groups(ready, facts, found.step_dn), found)
+    measured, transfer, _ = _from_light(found, measured)
+    if transfer is not None:
+        _pattern(found, measured, transfer, find_mosaic(ready, facts))
+    return found
+
+
+def _from_light(found: Findings, measured: Measured) -> tuple[Measured, PhotonTransfer | None, bool]:
+    """Photon transfer, the groups with their dark signal, and whether dark frames tell mean and variance."""
     dark_tells = still.dark_frames_tell(measured)
     if dark_tells and additivity.pedestal(measured, found):
         dark_tells = False
@@ -130,8 +144,22 @@ def _measure(
             spoils=("read_noise.*", "dsnu.*", "dark_current.*", "emva.*", "emva4.*"),
         )
     measured = measured.with_dark_signal() if dark_tells else measured
-    transfer = light.gain_and_efficiency(found, measured, dark_tells)
-    dark_temperature(found, measured)
+    return measured, light.gain_and_efficiency(found, measured, dark_tells), dark_tells
+
+
+def _pattern(
+    found: Findings, measured: Measured, transfer: PhotonTransfer, mosaic: Mosaic | None
+) -> Parts | None:
+    pattern = light.response_pattern(found, measured, transfer, mosaic)
+    if mosaic is not None and mosaic.contradicted is not None:
+        found.warn(mosaic.contradicted)
+    return pattern
+
+
+def _measure(
+    found: Findings, measured: Measured, camera: Camera | None, seed: int, mosaic: Mosaic | None
+) -> None:
+    measured, transfer, dark_tells = _from_light(found, measured)
     if transfer is None and camera is not None:
         given = camera.gain_at(measured.gain_db)
         found.gain = Gain(1 / given, 0.0, measured=False)
@@ -144,15 +172,14 @@ def _measure(
             found.miss(f"prnu.{name}", light.NEEDS_FLATS)
         found.miss("full_well_e", "calibrated flats beyond saturation")
     else:
-        pattern = light.response_pattern(found, measured, transfer, mosaic)
+        pattern = _pattern(found, measured, transfer, mosaic)
         if mosaic is not None:
             light.colour_efficiency(found, mosaic)
-            if mosaic.contradicted is not None:
-                found.warn(mosaic.contradicted)
             found.warn(
                 f"mosaic: neighbouring pixels respond by {', '.join(f'{r:.3g}' for r in mosaic.response)} of "
                 f"their mean ({mosaic.pattern or 'a pattern that no header states'}); PRNU is that within a "
-                "colour, quantum_efficiency that of green, and `planes` contains each colour separately",
+                "colour, quantum_efficiency that of green, and `planes` contains each colour separately"
+                f"{'; red and blue are as the header names them, flats of unknown colour do not tell' if mosaic.pattern else ''}",
                 spoils=("emva.prnu_fraction", "emva4.prnu_*", "emva.quantum_efficiency",
                         "emva.saturation_*", "full_well_e", "emva.linearity_error_*"),
             )  # fmt: skip

@@ -1,6 +1,4 @@
-"""Patterns of the response that are no white pattern of pixels: mosaics of any period, structured light, a
-header's wrong phase.
-"""
+"""Patterns of the response that are no white pattern of pixels: mosaics of any period, structured light."""
 
 from __future__ import annotations
 
@@ -14,13 +12,11 @@ from visaug.characterization.nonuniformity import surface, two_way
 
 if TYPE_CHECKING:
     from visaug.characterization.findings import Findings
-    from visaug.characterization.mosaic import Mosaic
 
 _PERIODS = (4, 6)  # quad Bayer; Fujifilm's X-Trans
 _PLAIN = 0.02  # of the response: colours differ by more than the pixels of one colour do
 _STRUCTURE = 0.003  # probability that white pixels show structure
 _BLOCK = 8  # pixels, the side of the blocks over which structure is looked for
-_PHASE = 0.1  # by which the two greens of a header differ more than those of the other diagonal, of the mean response
 
 
 def tile(pattern: np.ndarray) -> np.ndarray | None:
@@ -70,22 +66,4 @@ def check_structure(pattern: np.ndarray, found: Findings) -> None:
             "surface (dust, a lens that falls "
             "off steeply, an uneven source), which counts as PRNU",
             spoils=("prnu.*", "emva.prnu_fraction", "emva4.prnu_*", "emva4_corrected.prnu_*"),
-        )
-
-
-def check_header(mosaic: Mosaic | None, found: Findings) -> None:
-    """Warns where the greens that a header gives differ and the other diagonal's places are alike."""
-    if mosaic is None or mosaic.pattern is None:
-        return
-    r = mosaic.response
-    first, second = mosaic.green
-    others = [i for i in range(4) if i not in (first, second)]
-    if abs(r[first] - r[second]) > abs(r[others[0]] - r[others[1]]) + _PHASE:
-        found.warn(
-            f"bayer_contradicted: the header gives {mosaic.pattern}, but the two greens of that pattern respond "
-            f"by {r[first]:.3g} and "
-            f"{r[second]:.3g} and the other two pixels by {r[others[0]]:.3g} and {r[others[1]]:.3g}: rows or "
-            "columns are reversed, or "
-            "the pattern is wrong",
-            spoils=("quantum_efficiency",),
         )

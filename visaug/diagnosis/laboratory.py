@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from visaug.camera import Camera
+from visaug.characterization.alarms import all_warnings
 from visaug.diagnosis.kept import KeptSet, KeptSets
 from visaug.diagnosis.part import Part, parts_of
 from visaug.frames import FrameSet
@@ -60,12 +61,14 @@ class Laboratory:
         self.spread = spread or by_threads
         self.sequences: tuple[int, ...]
         self.units: dict[str, float] = {}
+        self._given: FrameSet | None = None
+        self._of_reading: tuple[str, ...] = ()
         if frames.is_pictures:
             self._of_pictures(frames, camera, transfer, scenes)
             return
+        self._given = frames
         frames = frames.assuming_bits(camera.bit_depth)
         self.selection = select(frames)
-        self.warnings = (*frames.warnings, *self.selection.left_out, *history_warnings(frames.records))
         self.calibrated = all(r.photons is not None for r in frames.records if r.kind == "flat")
         lit = _with_photons(frames, camera, self.selection.frames)
         self.parts: tuple[Part | PicturePart, ...] = parts_of(lit, self.selection, folds, report)
@@ -77,12 +80,24 @@ class Laboratory:
     ) -> None:
         warnings = list(frames.warnings)
         part, self.selection = picture_part(frames, camera, transfer, scenes, warnings.append)
-        self.warnings, self.calibrated, self.parts = tuple(warnings), False, (part,)
+        self._of_reading = tuple(warnings)
+        self.calibrated, self.parts = False, (part,)
         self.frames, self.folds = part.frames, part.folds
         self.sequences = tuple(int(record.file) for record in self.frames.records)
         noise = max(camera.spec.read_noise.sigma_e / READ_NOISE_E, 1.0)
         second = 1 / max(camera.spec.exposure_s, 1e-6)
         self.units = {"e-": noise, "e-/s": second, "e-/px/s": second}
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Of reading the frames, of the checks of the measurement model, and of what was left out."""
+        if self._given is None:
+            return self._of_reading
+        return (
+            *all_warnings(self._given),
+            *self.selection.left_out,
+            *history_warnings(self._given.records),
+        )
 
     @cached_property
     def measured(self) -> tuple[Fingerprint, Fingerprint, Fingerprint]:

@@ -162,8 +162,8 @@ def _plain(match: re.Match) -> float:
 def _number(match: re.Match, before: str) -> tuple[float | None, str, str]:
     """Value, its text and what stands before it, of a number that another one may precede.
 
-    ``0_5`` and ``25_5`` are decimal numbers, ``1_100`` and ``1-100`` fractions; the value is None where the first may
-    be a running number as well. A first number of four digits, with leading zeros, or of a setting stands apart.
+    ``0_5`` and ``T25_5`` are decimal numbers, ``1_100`` and ``1-100`` fractions; the value is None where the first may be a
+    running number as well (``12_5``). A first number of four digits, with leading zeros, or of a setting stands apart.
     """
     pair = _FIRST_NUMBER.search(before)
     text = match[0]
@@ -174,10 +174,13 @@ def _number(match: re.Match, before: str) -> tuple[float | None, str, str]:
     ):
         return _plain(match), text, before
     first, sign, second = pair[1], pair[2], match["value"]
+    attached = (
+        re.search(r"[a-z+−-]$", before[: pair.start()]) is not None
+    )  # `T25_5C`, `m10_5C`: no running number
     text, before = pair[0] + text, before[: pair.start()]
     if not second.isdigit():
         return _plain(match), match[0], before + pair[0]
-    if first == "0" or (len(first) > 1 and sign == "_" and len(second) == 1):
+    if first == "0" or (attached and len(first) > 1 and sign == "_" and len(second) == 1):
         return float(f"{first}.{second}"), text, before
     if first == "1" and int(second) > 1 and match.groupdict().get("unit") in ("s", "sec"):
         return 1 / int(second), text, before

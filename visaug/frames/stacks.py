@@ -17,6 +17,8 @@ def counted_along_the_last_axis(
 ) -> list[FrameRecord]:
     """Records of a table whose indices are all those of a stack's last axis, and not of its first, pick along the last.
 
+    Others whose frames then have the same size follow, where the table lists a part of them.
+
     ``a.npz#dark[0]`` to ``[9]`` of an array (96, 128, 10) are ten frames of 96 x 128, not ten of 128 x 10.
     """
     stacks: dict[tuple[str, str | None], dict[int, list[int]]] = {}
@@ -25,6 +27,8 @@ def counted_along_the_last_axis(
         if len(index) == 1 and isinstance(index[0], int) and suffix_of(root / file) in (*ARRAYS, *HDF5):
             stacks.setdefault((file, key), {}).setdefault(index[0], []).append(n)
     made = list(records)
+    counted: list[tuple[str, str | None, tuple[int, ...], dict[int, list[int]]]] = []
+    sizes: set[tuple[int, ...]] = set()  # of frames along a last axis
     shapes: dict[str, dict[str, tuple[int, ...]]] = {}
     for (file, key), places in stacks.items():
         try:
@@ -33,7 +37,13 @@ def counted_along_the_last_axis(
             continue  # a file that is not there, or damaged, is named when it is read
         shapes[file] = held
         shape = held.get(key or "") or (next(iter(held.values())) if len(held) == 1 else ())
-        if len(shape) != 3 or sorted(places) != list(range(shape[2])) or shape[0] <= shape[2]:
+        if len(shape) != 3 or max(places) >= shape[2] or shape[0] <= shape[2]:
+            continue
+        if sorted(places) == list(range(shape[2])):
+            sizes.add(shape[:2])
+        counted.append((file, key, shape, places))
+    for file, key, shape, places in counted:
+        if shape[:2] not in sizes or shape[1:] in sizes:
             continue
         for index, members in places.items():
             for n in members:

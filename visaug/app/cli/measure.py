@@ -234,7 +234,7 @@ def compare(
             raise SystemExit(MISFIT)
         return
     assert camera is not None
-    frames = _checked(visaug.FrameSet.load(frames_path, camera.resolution, bit_depth))
+    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
     with progress_bars(quiet=quiet) as progress, _warning_of_renders(json_path, fail_on_misfit):
         result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
     inputs = replace(Inputs.of(camera, frames), transfer=_told(transfer))
@@ -253,14 +253,6 @@ def compare(
         summaries.print_next(after_comparison(content, inputs))
     if fail_on_misfit and not result.adequate:
         raise SystemExit(MISFIT)
-
-
-def _checked(frames: "FrameSet") -> "FrameSet":
-    """The frames, with what the checks of the measurement model say of them among their warnings."""
-    from visaug.characterization.alarms import note_alarms
-
-    note_alarms(frames)
-    return frames
 
 
 @contextmanager
@@ -341,7 +333,7 @@ def diagnose(
     for name in without:
         find(name)
     camera = load_camera(camera_name)
-    frames = _checked(visaug.FrameSet.load(frames_path, camera.resolution, bit_depth))
+    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
     with progress_bars(single=True, quiet=quiet) as progress, _warning_of_renders(json_path):
         result = visaug.diagnose(
             camera,
@@ -411,7 +403,7 @@ def lab(
     may_write(output, force)
     own = [name for file in effects for name in load_own(file)]  # first: the camera may name one of them
     camera = load_camera(camera_name)
-    frames = _checked(visaug.FrameSet.load(frames_path, camera.resolution, bit_depth))
+    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
     bench = Bench(camera, frames, own, seed=seed, output=output, force=force)
     try:
         serve(bench, port, say=click.echo, ready=click.launch if browser else None)

@@ -6,6 +6,7 @@ from typing import Any
 
 from visaug.app.lab.bench import Bench, summary
 from visaug.camera.paths import place_of
+from visaug.characterization.alarms import all_warnings
 from visaug.core.wording import number, p_text, share_text, statistic_text, with_interval
 from visaug.diagnosis import Diagnosis, Estimate
 from visaug.effects import Parameter
@@ -35,7 +36,7 @@ def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str
         "camera": bench.given.name,
         "frames": described(bench.frames),
         "part": _part(bench),
-        "warnings": bench.frames.warnings,
+        "warnings": list(all_warnings(bench.frames)),
         "output": str(bench.output) if bench.output else None,
         "error": _error(bench),
         "verdict": verdict(bench),
