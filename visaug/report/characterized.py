@@ -34,10 +34,12 @@ def write_characterization(
         blocks.insert(0, next_text(after_characterization(inputs, pictured)))
     headline = characterization_headline(content, camera_file.name if camera_file else None)
     if headline:
-        blocks.insert(0, Text(headline))
+        blocks.insert(0, Text(headline, "finding"))
     if content["not_determined"]:
         open_rows = [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]
-        blocks.append(Table(["not determined", "needs"], open_rows, caption="What these frames cannot tell."))
+        blocks.append(
+            Table(["not determined", "needs"], open_rows, caption="Not determined by these frames.")
+        )
     blocks += [Text(warning, "note") for warning in content["warnings"]]
     assumptions = [[name, e["assumes"]] for name, e in content["parameters"].items() if "assumes" in e]
     if assumptions:
@@ -59,7 +61,7 @@ def write_characterization(
 def _parameter_tables(parameters: dict[str, dict[str, Any]]) -> list[Table]:
     """One table for the camera file, one for each release of the standard."""
     groups = {
-        "": "Of the camera file, and what else was measured.",
+        "": "Parameters in the camera file, and further measurements.",
         "emva": "EMVA 1288, release 3.",
         "emva4": "EMVA 1288, release 4.",
         "emva4_corrected": "EMVA 1288, release 4, corrected for noise that the pixels of a row or column share.",

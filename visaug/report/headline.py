@@ -90,7 +90,7 @@ def diagnosis_details(content: Content) -> list[str]:
         low, high = error["interval_after"] or (None, None)
         lines.append(
             f"Error on hold-out frames: {error['before']:.2g} with the camera file, {with_interval(error['after'], low, high)} "
-            "with the added effects. 0 is as close as another specimen of that camera would be."
+            "with the added effects. 0 is as good as a second camera of the same type."
         )
     if content["accepted"]:
         lines.append(
@@ -124,6 +124,7 @@ def effect_texts(names: list[str]) -> list[str]:
     return texts
 
 
+AMONG = "among the effects that were tried"
 PROBABILITY = (
     "Probability: posterior probability among the effects that were tried, if one of them is right. It leaves out effects that "
     "are not in the catalogue. p-value: probability that a complete camera shows a difference at least as large."
@@ -136,5 +137,5 @@ def _named(name: str, entry: Content) -> str:
         for key, e in (entry.get("parameters") or {}).items()
     ]
     if entry.get("probability") is not None:
-        numbers.append(f"probability {probability_text(entry['probability'])}")
+        numbers.append(f"probability {probability_text(entry['probability'])} {AMONG}")
     return f"{name} ({'; '.join(numbers)})" if numbers else name

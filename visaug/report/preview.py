@@ -62,9 +62,7 @@ def write_preview(
     chosen = options.get("transfer", "auto")
     kind, reason = (chosen, "as given") if chosen != "auto" else (image.transfer, image.reason)
     transfer = f"{WORDS[kind]} ({reason})"
-    title = (
-        f"{picture.name}: the middle at 1:1, taken as {transfer}. Noise: standard deviation in steps of 8 bit"
-    )
+    title = f"{picture.name}: the middle at 1:1, taken as {transfer}. Noise: standard deviation in 8-bit levels (0 to 255)"
     figure = plot_preview(title, shown(image, window, bits), samples)
     with whole_file(output) as temporary:
         figure.savefig(temporary, dpi=figure.dpi, metadata={"Software": SOFTWARE})

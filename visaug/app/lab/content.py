@@ -99,7 +99,7 @@ def next_step(bench: Bench) -> NextStep | None:
     if bench.diagnosis:
         names = " and ".join(f"Add {name}" for name in bench.diagnosis.accepted)
         return NextStep(
-            f"Next: {names}, then Save camera. The camera on the bench is still the file as given.", ""
+            f"Next: {names}, then Save camera. The current camera is still the camera file as given.", ""
         )
     step = after_comparison(bench.comparison.to_json(), inputs)
     return (
@@ -153,7 +153,7 @@ def _error(bench: Bench) -> dict[str, Any]:
             "note": "the camera as given shows no excess over chance that could be lowered",
         }
     if not bench.now.fit:
-        return {"text": "1.00", "interval": None, "value": 1.0, "note": "1 is the camera file as given"}
+        return {"text": "1.00", "interval": None, "value": 1.0, "note": "lower is better"}
     error = bench.now.fit.error
     if error is None:
         return {"text": "–", "interval": None, "value": None, "note": "its own spread hides any difference"}

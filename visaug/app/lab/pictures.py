@@ -53,14 +53,14 @@ class Pictures:
                 self._galleries.popitem(last=False)
         return key
 
-    def view(self, key: str, name: str) -> dict[str, Any] | None:
-        """A view's curves and maps; None where the frames do not show it, or the camera is no longer at hand."""
+    def view(self, key: str, name: str, worst: str = "") -> dict[str, Any] | None:
+        """A view's curves and maps, of its worst statistic; None where the frames do not show it, or the camera is gone."""
         gallery = self._gallery(key)
-        found = gallery and gallery.pair(name)
-        if not found:
+        found = gallery and gallery.shown(name, worst)
+        if not found or found[1][0] is None:
             return None
-        view, measured, modelled = found
-        return view_data(view.title.rstrip("."), measured, modelled)
+        measured, modelled = found[1]
+        return view_data(measured.title.rstrip("."), measured, modelled)
 
     def frame(self, key: str, index: int) -> dict[str, Any] | None:
         """One measured frame and the same frame as the camera takes it, in DN; None where there is no such frame.
@@ -132,7 +132,7 @@ class Pictures:
             bench.to_json(), bench.given, bench.camera, self.frames, self.seed, bench.inputs()
         )
         blocks = [Text(verdict, "finding"), *list(sections[0].blocks)[1:]]
-        sections[0] = replace(sections[0], title="The camera on the bench", blocks=blocks)
+        sections[0] = replace(sections[0], title="The current camera", blocks=blocks)
         return Page(
             "Diagnosis by hand",
             f"{described(self.frames)} against {bench.given.name}, with effects added and taken away by hand.",
