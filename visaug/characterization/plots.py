@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,19 +30,17 @@ def _figure(width: float = 6.4, height: float = 4.0, columns: int = 1):
 
 
 def photon_transfer(result: Characterization) -> Figure:
-    """Temporal variance against mean signal, both above dark, with the gain's line."""
+    """Temporal variance against mean signal, both above dark, with the gain's line; without saturated flats."""
     c = result.curves["photon_transfer"]
     figure, axes = _figure()
     x, y, used = c["signal_dn"], c["variance_dn2"], c["used"].astype(bool)
-    axes.loglog(x[used], y[used], "o", color=_POINT, label="measured, used")
-    if (~used).any():
-        axes.loglog(
-            x[~used], np.maximum(y[~used], 1e-3), "o", color=_SOFT, mfc="none", label="measured, left out"
-        )
-    line = np.geomspace(max(x[x > 0].min(), 1e-3), x.max(), 50)
-    axes.loglog(
-        line, c["gain_dn_per_e"][0] * line, color=_LINE, label=f"{1 / c['gain_dn_per_e'][0]:.4g} e-/DN"
-    )
+    # EMVA 1288: saturation is the maximum of the variance
+    out = ~used & ~((x >= x[y.argmax()]) & (y < y.max()))
+    axes.plot(x[used], y[used], "o", color=_POINT, label="measured, used")
+    if out.any():
+        axes.plot(x[out], y[out], "o", color=_SOFT, mfc="none", label="measured, left out")
+    line = np.array([0.0, x[used | out].max(initial=0.0)])
+    axes.plot(line, c["gain_dn_per_e"][0] * line, color=_LINE, label=f"{1 / c['gain_dn_per_e'][0]:.4g} e-/DN")
     axes.set(xlabel="mean signal above dark (DN)", ylabel="temporal variance above dark (DN²)")
     axes.legend(frameon=False)
     return figure
@@ -52,7 +50,7 @@ def linearity(result: Characterization) -> Figure:
     """Relative deviation of the mean signal from a straight line in photons."""
     c = result.curves["linearity"]
     figure, axes = _figure()
-    axes.semilogx(c["photons"], 100 * c["deviation"], "o-", color=_POINT)
+    axes.plot(c["photons"], 100 * c["deviation"], "o-", color=_POINT)
     axes.axhline(0, color=_LINE, linewidth=1)
     axes.set(xlabel="photons per pixel", ylabel="deviation from a line (%)")
     return figure
@@ -129,6 +127,11 @@ def noise_level(result: Characterization) -> Figure:
     axes.errorbar(c["level_dn"], c["noise_dn"], 1.96 * c["error_dn"], fmt="o-", color=_POINT, capsize=3)
     axes.set(xlabel="level (DN)", ylabel="noise (DN)")
     return figure
+
+
+def tells(curve: Mapping[str, np.ndarray]) -> bool:
+    """Whether a figure has more than one place along its axis, which its first array holds."""
+    return len(np.unique(next(iter(curve.values())))) > 1
 
 
 FIGURES: dict[str, tuple[str, Callable[[Characterization], Figure]]] = {

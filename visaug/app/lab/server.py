@@ -130,7 +130,12 @@ class _Lab:
         return _JSON(self.jobs.as_json())
 
     def view(self, request: Request) -> Response:
-        return _kept(self.pictures.view(request.path_params["key"], request.path_params["view"]))
+        key, name = request.path_params["key"], request.path_params["view"]
+        compared = self.bench.comparison
+        worst = {} if compared is None else {place.view: place.worst for place in reversed(compared.where)}
+        shown = self.pictures.view(key, name, worst.get(name, ""))
+        # before the comparison nobody knows which statistic is the worst
+        return _JSON(shown) if compared is None and shown else _kept(shown)
 
     def frame(self, request: Request) -> Response:
         return _kept(self.pictures.frame(request.path_params["key"], request.path_params["index"]))
