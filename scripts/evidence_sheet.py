@@ -52,14 +52,20 @@ class Evidence:
     z: float
     without: list[Picture]
     given: Picture
+    again: Picture  # of a further set without the effect
 
     @property
     def distance(self) -> float:
-        """Root mean square of the difference in units of the scatter, over the tenth of the places where it is largest.
+        """Root mean square of the difference in units of the scatter, over the tenth of the places where it is largest."""
+        return self._from_without(self.given)
 
-        The same number of a further set without the effect, about 1.5 to 2, is not taken off.
-        """
-        drawn = [_drawn(p) for p in (self.given, *self.without)]
+    @property
+    def by_chance(self) -> float:
+        """The same of a further set without the effect."""
+        return self._from_without(self.again)
+
+    def _from_without(self, picture: Picture) -> float:
+        drawn = [_drawn(p) for p in (picture, *self.without)]
         return max(_distance(*curves) for curves in zip(*drawn, strict=True))
 
 
@@ -117,6 +123,11 @@ def without() -> list[tuple[FrameData, Fingerprint]]:
     return [(data, measured(data)) for data in sets]
 
 
+@cache
+def again() -> FrameData:
+    return taken(Camera.load(CAMERA), SETS)
+
+
 def effects() -> list[str]:
     """Those beyond the base chain that change what the converter gives."""
     return [name for name, e in catalogue().items() if not e.base and e.stage < Stage.PICTURE]
@@ -135,10 +146,10 @@ def evidence(effect: str) -> Evidence:
         statistic = found.statistics[place]
         view = next(v for v in VIEWS if v.name == statistic.view)
         worst = f"{statistic.name}, {statistic.frames}"
-        given = view.picture(data, worst)
+        given, chance = view.picture(data, worst), view.picture(again(), worst)
         pictures = [p for p in (view.picture(d, worst) for d, _ in sets) if p is not None]
-        if given is not None and len(pictures) == len(sets):
-            return Evidence(effect, view, worst, float(z[place]), pictures, given)
+        if given is not None and chance is not None and len(pictures) == len(sets):
+            return Evidence(effect, view, worst, float(z[place]), pictures, given, chance)
     raise ValueError(f"no picture of {effect}")
 
 
@@ -198,7 +209,7 @@ def main() -> None:
     for name in options.effects.split(",") if options.effects else effects():
         found.append(evidence(name))
         e = found[-1]
-        print(f"{name:32} {e.distance:8.1f}  z {e.z:8.1f}  {e.view.name}: {e.worst}", flush=True)
+        print(f"{name:32} {e.distance:8.1f} (chance {e.by_chance:.1f})  z {e.z:8.1f}  {e.view.name}: {e.worst}", flush=True)
     draw(found, options.output)
     print(
         f"{sum(e.distance >= 3 for e in found)} of {len(found)} differ by 3 or more; wrote {options.output}"

@@ -207,6 +207,16 @@ class Scene(View):
         residual, slope, _ = self._residual(g, target)
         if name.startswith("slope") or name == "square":
             return self._response(g, target, name, slope)
+        if name.startswith("top") and target.bright.any():
+            level = np.sort(g.pattern[target.bright]) + g.signal
+            rank = np.unique(np.linspace(0, len(level) - 1, 60).astype(int))
+            curve = Curve(100 * (rank + 0.5) / len(level), level[rank], g.label)
+            return Picture(
+                self.title,
+                "share of the pixels of bright spots, %",
+                "their level above bias, DN, or less",
+                (curve,),
+            )
         if "bright spots" in name and target.bright.any():
             return self._around(g, target, name, residual)
         limit = np.quantile(np.abs(residual), 0.98)
