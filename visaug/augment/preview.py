@@ -24,7 +24,7 @@ class Sample:
     Attributes:
         name: the camera's.
         crop: (H, W, 3) uint8, to be shown pixel by pixel.
-        sigma: standard deviation at each of `LEVELS`, in steps of 8 bit.
+        sigma: standard deviation at each of `LEVELS`, in 8-bit levels (0 to 255).
     """
 
     name: str
@@ -42,7 +42,7 @@ def sample(
 
 
 def noise_by_level(picture: Picture, noise: "SensorNoise", seed: int) -> tuple[float, ...]:
-    """Standard deviation of all noise, fixed patterns included, at each of `LEVELS` in steps of 8 bit.
+    """Standard deviation of all noise, fixed patterns included, at each of `LEVELS` in 8-bit levels (0 to 255).
 
     Root mean square over draws of the camera; near black and white a part of the noise is clipped.
     """

@@ -286,9 +286,7 @@ def differences(
             jobs += [(moved(camera, coordinates, there), number) for number in numbers]
     steps = np.array([c.step for c in coordinates])[:, None, None]
     found = []
-    for values in lab.simulated(
-        jobs, lambda n: report("how statistics answer the camera's numbers", n, len(jobs))
-    ):
+    for values in lab.simulated(jobs, lambda n: report("computing sensitivities", n, len(jobs))):
         sides = values.reshape(len(coordinates), 2, len(numbers), -1)
         found.append((sides[:, 0] - sides[:, 1]) / (2 * steps))
     return found

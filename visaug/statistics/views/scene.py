@@ -205,7 +205,7 @@ class Scene(View):
             return None
         target = _target(_Key(data.frames.clean(g.group.indices[0])))
         residual, slope, _ = self._residual(g, target)
-        if name.startswith("slope") or name == "square":
+        if name.startswith("slope") or name in ("square", "offset"):
             return self._response(g, target, name, slope)
         if name.startswith("top") and target.bright.any():
             level = np.sort(g.pattern[target.bright]) + g.signal
