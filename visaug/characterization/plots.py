@@ -29,6 +29,11 @@ def _figure(width: float = 6.4, height: float = 4.0, columns: int = 1):
     return figure, axes
 
 
+def _legend(figure: Figure) -> None:
+    """Above the axes, so that it covers no data."""
+    figure.legend(loc="outside upper left", ncols=3, frameon=False, fontsize=9)
+
+
 def photon_transfer(result: Characterization) -> Figure:
     """Temporal variance against mean signal, both above dark, with the gain's line; without saturated flats."""
     c = result.curves["photon_transfer"]
@@ -42,7 +47,7 @@ def photon_transfer(result: Characterization) -> Figure:
     line = np.array([0.0, x[used | out].max(initial=0.0)])
     axes.plot(line, c["gain_dn_per_e"][0] * line, color=_LINE, label=f"{1 / c['gain_dn_per_e'][0]:.4g} e-/DN")
     axes.set(xlabel="mean signal above dark (DN)", ylabel="temporal variance above dark (DN²)")
-    axes.legend(frameon=False)
+    _legend(figure)
     return figure
 
 
@@ -72,7 +77,7 @@ def read_noise(result: Characterization) -> Figure:
     likely = normal > 0.3
     axes.semilogy(x[likely], normal[likely], "--", color=_SOFT, label="normal of the same deviation")
     axes.set(xlabel="residual from the master bias (DN)", ylabel="pixels per bin")
-    axes.legend(frameon=False)
+    _legend(figure)
     return figure
 
 
@@ -86,7 +91,7 @@ def dark_current(result: Characterization) -> Figure:
         if len(c["law"]):
             line = np.linspace(t.min(), t.max(), 80)
             axes.plot(line, c["law"][0] * np.exp(c["law"][1] * line), color=_LINE, label="a exp(b T)")
-        axes.legend(frameon=False)
+        _legend(figure)
         axes.set_xlabel("sensor temperature (°C)")
     else:
         axes.errorbar(np.arange(len(y)), y, 1.96 * e, fmt="o", color=_POINT, capsize=3)
@@ -103,7 +108,7 @@ def nonuniformity(result: Characterization) -> Figure:
         axes[0].plot(c[f"{name}_profile_dn"], color=colour, linewidth=0.9, label=f"{name} means")
         axes[1].semilogy(c[f"{name}_frequency"][1:], c[f"{name}_power"][1:], color=colour, linewidth=0.9)
     axes[0].set(xlabel="row or column", ylabel="offset from the mean (DN)")
-    axes[0].legend(frameon=False)
+    _legend(figure)
     axes[1].set(xlabel="cycles per row or column", ylabel="power (DN²)")
     return figure
 
@@ -116,7 +121,7 @@ def gain_law(result: Characterization) -> Figure:
     line = np.array([c["gain_db"].min(), c["gain_db"].max()])
     axes.plot(line, line, color=_LINE, label="as set")
     axes.set(xlabel="gain setting (dB)", ylabel="gain measured (dB)")
-    axes.legend(frameon=False)
+    _legend(figure)
     return figure
 
 

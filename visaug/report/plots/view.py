@@ -47,7 +47,9 @@ def plot_view(
         figure = blank(width or (8.0 if len(panels) > 1 else 4.7), 3.5)
         grid = figure.subplots(1, len(panels), squeeze=False)[0]
         for axes, chosen in zip(grid, panels, strict=True):
-            _draw_panel(axes, measured, modelled, after, chosen, alone=len(panels) > 1)
+            _draw_panel(
+                axes, measured, modelled, after, chosen, alone=len(panels) > 1 or len(measured.curves) == 1
+            )
         grid[0].set_ylabel(textwrap.fill(measured.y_label, 28))
         _legend(figure, grid[0], len(measured.curves) if len(panels) == 1 else 1)
     return figure
@@ -98,7 +100,7 @@ def _draw_panel(
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "log":
             plain_decades(axis)
-    if alone:
+    if alone and measured.curves[chosen[0]].label:
         axes.set_title(textwrap.fill(label_text(measured.curves[chosen[0]].label), 40), fontsize=9)
     axes.set(xlabel=measured.x_label)
 
