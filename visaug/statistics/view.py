@@ -27,6 +27,7 @@ class Picture:
 
     Attributes:
         marks: along x, where the curves show what the picture is about.
+        box: the part of the maps that does so: top, bottom, left and right as shares of the height and the width.
     """
 
     title: str
@@ -37,6 +38,7 @@ class Picture:
     log_x: bool = False
     log_y: bool = False
     marks: tuple[Span, ...] = ()
+    box: tuple[float, float, float, float] | None = None
 
 
 class View:

@@ -166,67 +166,50 @@ def _draw_curves(
 def _plot_maps(
     measured: "Picture", modelled: "Picture | None", after: "Picture | None", width: float
 ) -> "Figure":
-    """Maps at one scale: measured, modelled and their difference; or measured, as given and corrected."""
-    if modelled is not None and after is not None:
-        return _plot_three(measured, modelled, after, width)
-    rows = [("measured", measured.maps)]
+    """Maps at one scale: measured, modelled and their difference; or measured, of the camera as given and of the corrected one."""
+    shown = [("measured", [image for _, image in measured.maps])]
     if modelled is not None:
-        pairs = zip(measured.maps, modelled.maps, strict=False)
-        rows += [
-            ("modelled", modelled.maps),
-            ("measured - modelled", tuple((t, a - b) for (t, a), (_, b) in pairs)),
-        ]
-    columns = len(measured.maps)
-    height, breadth = measured.maps[0][1].shape
-    cell = min(width / columns, 3.2)
-    with styled():
-        figure = blank(cell * columns, len(rows) * cell * 0.8 * height / breadth + 0.6)
-        grid = figure.subplots(len(rows), columns, squeeze=False)
-        for column in range(columns):
-            images = [maps[column][1] for _, maps in rows[:2] if column < len(maps)]
-            low, high = np.percentile(np.concatenate([image.ravel() for image in images]), [1, 99])
-            high = high if high > low else low + 1
-            shown = None
-            for row, (axes, (name, maps)) in enumerate(zip(grid[:, column], rows, strict=True)):
-                axes.set(xticks=[], yticks=[], ylabel=name if column == 0 else "")
-                axes.spines[:].set_visible(False)
-                if column < len(maps):
-                    title, image = maps[column]
-                    middle = (
-                        0.0 if row == 2 else (low + high) / 2
-                    )  # a difference is centred on 0, at the same scale
-                    half = (high - low) / 2
-                    shown = axes.imshow(image, cmap="cividis", vmin=middle - half, vmax=middle + half)
-                    if row == 0:
-                        axes.set_title(textwrap.fill(label_text(title), int(cell * 11)), fontsize=8.5)
-                    if row == 2:
-                        figure.colorbar(shown, ax=[axes], shrink=0.8, pad=0.03)
-                    elif row == min(1, len(rows) - 1):
-                        figure.colorbar(
-                            shown, ax=list(grid[:2, column]), label=measured.y_label, shrink=0.8, pad=0.03
-                        )
-    return figure
-
-
-def _plot_three(measured: "Picture", given: "Picture", after: "Picture", width: float) -> "Figure":
-    pictures = (("measured", measured), (GIVEN, given), (CORRECTED, after))
-    rows = len(measured.maps)
+        beside = [image for _, image in modelled.maps]
+        shown.append(("modelled" if after is None else GIVEN, beside))
+        if after is None:
+            apart = [a - b for a, b in zip(shown[0][1], beside, strict=True)]
+            shown.append(("measured - modelled", apart))
+        else:
+            shown.append((CORRECTED, [image for _, image in after.maps]))
+    rows, cell = len(measured.maps), width / 3
     height, breadth = measured.maps[0][1].shape
     with styled():
-        figure = blank(width, rows * (width / 3 * height / breadth + 0.5))
-        grid = figure.subplots(rows, 3, squeeze=False)
+        figure = blank(cell * len(shown) + 0.4, rows * (cell * height / breadth + 0.4))
+        grid = figure.subplots(rows, len(shown), squeeze=False)
         for row, line in enumerate(grid):
-            images = [picture.maps[row][1] for _, picture in pictures]
-            low, high = np.percentile(np.concatenate([image.ravel() for image in images]), [1, 99])
-            high = high if high > low else low + 1
-            for axes, image, (name, _) in zip(line, images, pictures, strict=True):
+            images = [maps[row].ravel() for _, maps in shown[:2]]
+            low, high = np.percentile(np.concatenate(images), [1, 99])
+            half = (high - low) / 2 or 0.5
+            drawn = None
+            for axes, (name, maps) in zip(line, shown, strict=True):
+                # a difference is centred on 0, at the same scale
+                middle = 0.0 if " - " in name else (low + high) / 2
+                image = axes.imshow(maps[row], cmap="cividis", vmin=middle - half, vmax=middle + half)
+                drawn = drawn or image
                 axes.set(xticks=[], yticks=[])
                 axes.spines[:].set_visible(False)
-                shown = axes.imshow(image, cmap="cividis", vmin=low, vmax=high)
                 axes.set_title(name, fontsize=9)
+                if measured.box is not None:
+                    _mark(axes, measured.box, maps[row].shape)
             label = textwrap.fill(label_text(measured.maps[row][0]), 34)
-            figure.colorbar(shown, ax=list(line), label=label, shrink=0.8, pad=0.02)
+            figure.colorbar(drawn, ax=list(line), label=label, shrink=0.8, pad=0.02)
     return figure
+
+
+def _mark(axes: Any, box: tuple[float, float, float, float], shape: tuple[int, ...]) -> None:
+    """A frame around a part of a map."""
+    from matplotlib.patches import Rectangle
+
+    top, bottom, left, right = (x * n for x, n in zip(box, (*shape[:1] * 2, *shape[1:] * 2), strict=True))
+    corner = (left - 0.5, top - 0.5)
+    axes.add_patch(
+        Rectangle(corner, right - left, bottom - top, fill=False, edgecolor=MEASURED, linewidth=1.8)
+    )
 
 
 def _all_positive(picture: "Picture", axis: str) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 
 from visaug.statistics.reduction import GroupData, block_means, edges
 from visaug.statistics.view import Curve, Picture, Span, View
-from visaug.statistics.views.drawn import chosen, direction, relative, spread_of_lines
+from visaug.statistics.views.drawn import block_box, chosen, direction, relative, spread_of_lines
 
 DEPTHS = (1, 2, 4, 8, 16, 32, 64)  # lines of an edge, and sides of a corner, in px
 SEAMS = (1, 2, 3)  # quarters of the rows, or columns, behind which another tap may begin
@@ -89,7 +89,9 @@ class Borders(View):
             blocks = np.sqrt(block_means(squares, *(edges(n, min(16, n)) for n in squares.shape)))
             kind = "temporal noise" if "temporal" in name else "fixed pattern"
             word = "DN" if "temporal" in name else word
-            return Picture(self.title, maps=((f"{kind} of blocks, {g.label}, {word}", blocks),))
+            return Picture(
+                self.title, maps=((f"{kind} of blocks, {g.label}, {word}", blocks),), box=block_box(name)
+            )
         if lines and "corner" not in name:
             profile = g.calm.mean(1 if lines == "row" else 0) * unit
             curve = Curve(np.arange(len(profile)), profile, f"{lines}s, {g.label}")

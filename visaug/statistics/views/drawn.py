@@ -1,5 +1,6 @@
 """What the pictures of the views share: the group that is shown, profiles, distributions, correlations with distance."""
 
+import re
 from collections.abc import Iterable
 
 import numpy as np
@@ -98,3 +99,12 @@ def spread_of_lines(g: GroupData, title: str, lines: str) -> Picture:
     noise /= np.sqrt(residual.size / len(noise))
     curve = Curve(np.arange(len(noise)), noise, f"{lines}s, {g.label}")
     return Picture(title, lines, f"temporal noise of the {lines}, DN", (curve,))
+
+
+def block_box(name: str) -> tuple[float, float, float, float] | None:
+    """The place of "block 1,2 of 4x4" as shares of the height and the width; None for other statistics."""
+    found = re.search(r"block (\d+),(\d+) of (\d+)x(\d+)", name)
+    if found is None:
+        return None
+    row, column, rows, columns = map(int, found.groups())
+    return (row - 1) / rows, row / rows, (column - 1) / columns, column / columns

@@ -9,6 +9,7 @@ from visaug.statistics.reduction import block_means, edges, spread
 from visaug.statistics.view import Curve, Picture, View
 from visaug.statistics.views.drawn import (
     NORMAL,
+    block_box,
     chosen,
     correlation,
     direction,
@@ -110,7 +111,7 @@ class SmoothMap(View):
             return None
         unit, word = relative(g)
         image = block_means(g.calm, *(edges(n, min(16, n)) for n in g.calm.shape)) * unit
-        return Picture(self.title, maps=((f"{g.label}, {word}", image),))
+        return Picture(self.title, maps=((f"{g.label}, {word}", image),), box=block_box(name))
 
 
 def _slope(profile: np.ndarray) -> float:
