@@ -50,7 +50,7 @@ def progress_bars(single: bool = False, quiet: bool = False) -> Iterator[Progres
 
 def phase_of(description: str) -> str:
     """One phase for all effects that are tried, one for all that are refined."""
-    for word in ("trying again", "trying", "refining"):
+    for word in ("refitting with", "trying again", "trying", "refining"):
         if description.startswith(f"{word} "):
-            return f"{word}, one effect after the other"
+            return f"{word} each effect"
     return description

@@ -41,8 +41,8 @@ class ViewGallery:
         ]
         self.sets: tuple[FrameSet, FrameSet] = (sets[0][0], sets[0][1])
 
-    def shown(self, name: str, worst: str = "") -> "tuple[View, list[Picture | None]] | None":
-        """What a view shows of the measured and of each modelled set; None where these frames do not show it.
+    def shown(self, name: str, worst: str = "") -> "tuple[Picture, list[Picture | None]] | None":
+        """What a view shows of the measured frames and of each modelled set; None where these frames do not show it.
 
         Args:
             worst: the statistic that is to be seen, "NAME, FRAMES" as in `Place.worst`.
@@ -50,9 +50,9 @@ class ViewGallery:
         parts = [(v, data) for views, data in self.parts for v in views if v.name == name]
         here = [(v, d) for v, d in parts if worst and d[0].place and worst.endswith(d[0].place)]
         for view, data in [*here, *parts]:
-            pictures = [view.picture(frames, worst) for frames in data]
-            if pictures[0] is not None and _tells(pictures[0]):
-                return view, pictures
+            measured, *modelled = (view.picture(frames, worst) for frames in data)
+            if measured is not None and _tells(measured):
+                return measured, modelled
         return None
 
     def figure(self, name: str, caption: str = "", focus: str = "") -> Figure | None:
@@ -60,9 +60,7 @@ class ViewGallery:
         found = self.shown(name, focus)
         if found is None:
             return None
-        _, (measured, modelled, *after) = found
-        if measured is None:
-            return None
+        measured, (modelled, *after) = found
         text = f"{measured.title}. {caption}".strip()
         drawn = plot_view(measured, modelled, focus=focus, after=after[0] if after else None)
         wide = bool(measured.maps) or drawn.get_figwidth() > 6

@@ -167,7 +167,7 @@ def _error(bench: Bench) -> dict[str, Any]:
 
 def _meaning(error: Error) -> str:
     if error.low <= 0:
-        return "as close as another set of this camera would come"
+        return "as good as a second camera of the same type"
     return "of the camera file's error is left" if error.value < 1 else "no better than the camera file"
 
 

@@ -57,9 +57,9 @@ class Pictures:
         """A view's curves and maps, of its worst statistic; None where the frames do not show it, or the camera is gone."""
         gallery = self._gallery(key)
         found = gallery and gallery.shown(name, worst)
-        if not found or found[1][0] is None:
+        if not found:
             return None
-        measured, modelled = found[1]
+        measured, (modelled,) = found
         return view_data(measured.title.rstrip("."), measured, modelled)
 
     def frame(self, key: str, index: int) -> dict[str, Any] | None:

@@ -48,7 +48,7 @@ def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], re
     tried = _followed(lab, reference, tried, moves.mean(1))
     again = [i for i, trial in enumerate(tried) if trial.following]
     if again:
-        moves[again] = _moves(lab, reference, [tried[i] for i in again], range(FEW), report, "following")
+        moves[again] = _moves(lab, reference, [tried[i] for i in again], range(FEW), report, "refitting with")
     scale = reference.null_scale
     random = [i for i in range(len(tried)) if is_random(moves[i], scale)]
     means, variances = cleared(moves, scale), np.zeros_like(moves[:, 0])

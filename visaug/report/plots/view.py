@@ -185,19 +185,18 @@ def _plot_maps(
             images = [maps[row].ravel() for _, maps in shown[:2]]
             low, high = np.percentile(np.concatenate(images), [1, 99])
             half = (high - low) / 2 or 0.5
-            drawn = None
+            drawn = []
             for axes, (name, maps) in zip(line, shown, strict=True):
                 # a difference is centred on 0, at the same scale
                 middle = 0.0 if " - " in name else (low + high) / 2
-                image = axes.imshow(maps[row], cmap="cividis", vmin=middle - half, vmax=middle + half)
-                drawn = drawn or image
+                drawn.append(axes.imshow(maps[row], cmap="cividis", vmin=middle - half, vmax=middle + half))
                 axes.set(xticks=[], yticks=[])
                 axes.spines[:].set_visible(False)
                 axes.set_title(name, fontsize=9)
                 if measured.box is not None:
                     _mark(axes, measured.box, maps[row].shape)
             label = textwrap.fill(label_text(measured.maps[row][0]), 34)
-            figure.colorbar(drawn, ax=list(line), label=label, shrink=0.8, pad=0.02)
+            figure.colorbar(drawn[0], ax=list(line), label=label, shrink=0.8, pad=0.02)
     return figure
 
 

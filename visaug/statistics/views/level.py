@@ -18,7 +18,7 @@ class Level(View):
                 yield g.statistic(self.name, "mean", ["level"], "DN"), g.signal
 
     def draw(self, data, name, group):
-        g = chosen(data, group)
+        g = chosen(data, group or next(iter(data.of("flat")), None))
         if g is None:
             return None
         groups = [o for o in data.of(g.kind) if o.group.gain_db == g.group.gain_db]

@@ -111,7 +111,7 @@ class NoiseCovariance(View):
         if g is None:
             return None
         lag = (LAGS | FAR).get(name, (0, 1))
-        step = tuple(int(d > 0) for d in lag)
+        step = (int(lag[0] > 0), int(lag[1] > 0))
         images = g.residual
         curve = correlation(images, step, g.label)
         way = {(0, 1): "columns", (1, 0): "rows", (1, 1): "rows and columns"}[step]

@@ -246,7 +246,7 @@ class Scene(View):
         lines = direction(name)
         step = (1, 0) if lines == "column" else (0, 1)
         x, y = np.arange(-AROUND, AROUND + 1), []
-        for distance in x:
+        for distance in x.tolist():
             reached = _shift(target.bright, step[0] * distance, step[1] * distance) & ~target.bright
             y.append(float(residual[reached].mean()) if reached.any() else np.nan)
         ends = [int(w) for w in name.split() if w.isdigit()][:2]
