@@ -52,7 +52,11 @@ class ViewGallery:
         for view, data in [*here, *parts]:
             measured, *modelled = (view.picture(frames, worst) for frames in data)
             if measured is not None and _tells(measured):
-                return measured, modelled
+                same = (measured.x_label, measured.y_label, len(measured.maps))
+                return measured, [
+                    p if p is not None and (p.x_label, p.y_label, len(p.maps)) == same else None
+                    for p in modelled  # other axes where flats of one set alone are saturated
+                ]
         return None
 
     def figure(self, name: str, caption: str = "", focus: str = "") -> Figure | None:
