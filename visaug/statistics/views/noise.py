@@ -71,10 +71,10 @@ class TemporalLines(View):
         means = g.noise_rows if lines == "row" else g.noise_columns
         means = means - means.mean(1, keepdims=True)
         most = means[int((means**2).mean(1).argmax())]
-        curve = Curve(np.arange(len(most)), most, f"{lines}s, {g.label}")
+        curve = Curve(np.arange(len(most)), most, f"{lines}s of the noisiest frame, {g.label}")
         return Picture(
             self.title,
-            f"{lines} of the frame in which they vary most",
+            lines,
             f"{lines} mean less the mean frame's, DN",
             (curve,),
         )
