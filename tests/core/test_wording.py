@@ -34,12 +34,13 @@ def test_headlines_hold_the_answer():
     place = {"view": "temporal_lines", "share": 0.62, "worst": "rows, bias", "z": 48.08}
     said = comparison_headline({"fits": fits, "where": [place]})
     assert said == (
-        "The model does not hold: the frames differ from it (p < 0.01). The largest difference: row and column noise, fresh in "
-        "every frame (rows in bias frames), 48 standard deviations above the model."
+        "The model does not hold: the frames differ from it (p < 0.01). The largest difference: row and column noise that "
+        "changes from frame to frame (rows in bias frames), 48 standard deviations above the model."
     )
     strength = {"sigma_e": {"value": 1.187, "low": 1.103, "high": 1.297, "unit": "e-"}}
     ranking = [{"effect": "row_noise", "probability": 0.9999, "parameters": strength}]
     found = {"accepted": ["row_noise"], "ranking": ranking, "fits": fits, "unexplained": None}
     assert diagnosis_headline(found) == (
-        "The missing effect is row_noise (sigma_e = 1.19 [1.10, 1.30] e-; probability > 0.99)."
+        "The missing effect is row_noise (sigma_e = 1.19 [1.10, 1.30] e-; probability > 0.99 among the effects that "
+        "were tried)."
     )

@@ -114,8 +114,8 @@ def test_diagnosis_page_tells_the_answer(camera, frames, tmp_path):
         "8 bias, 12 flat",
     ):
         assert piece in text
-    # the error falling, the ranking, and the worst view before and after
-    assert path.read_text().count("<img") == 4
+    # the error falling, the ranking, and the worst view, before and after in one picture
+    assert path.read_text().count("<img") == 3
 
 
 def test_diagnosis_page_of_a_camera_that_holds(camera, frames, tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,22 +32,25 @@ def _figure(width: float = 6.4, height: float = 4.0, columns: int = 1):
     return figure, axes
 
 
+def _legend(figure: Figure) -> None:
+    """Above the axes, so that it covers no data."""
+    figure.legend(loc="outside upper left", ncols=3, frameon=False, fontsize=9)
+
+
 def photon_transfer(result: Characterization) -> Figure:
-    """Temporal variance against mean signal, both above dark, with the gain's line."""
+    """Temporal variance against mean signal, both above dark, with the gain's line; without saturated flats."""
     c = result.curves["photon_transfer"]
     figure, axes = _figure()
     x, y, used = c["signal_dn"], c["variance_dn2"], c["used"].astype(bool)
-    axes.loglog(x[used], y[used], "o", color=_POINT, label="measured, used")
-    if (~used).any():
-        axes.loglog(
-            x[~used], np.maximum(y[~used], 1e-3), "o", color=_SOFT, mfc="none", label="measured, left out"
-        )
-    line = np.geomspace(max(x[x > 0].min(), 1e-3), x.max(), 50)
-    axes.loglog(
-        line, c["gain_dn_per_e"][0] * line, color=_LINE, label=f"{1 / c['gain_dn_per_e'][0]:.4g} e-/DN"
-    )
+    # EMVA 1288: saturation is the maximum of the variance
+    out = ~used & ~((x >= x[y.argmax()]) & (y < y.max()))
+    axes.plot(x[used], y[used], "o", color=_POINT, label="measured, used")
+    if out.any():
+        axes.plot(x[out], y[out], "o", color=_SOFT, mfc="none", label="measured, left out")
+    line = np.array([0.0, x[used | out].max(initial=0.0)])
+    axes.plot(line, c["gain_dn_per_e"][0] * line, color=_LINE, label=f"{1 / c['gain_dn_per_e'][0]:.4g} e-/DN")
     axes.set(xlabel="mean signal above dark (DN)", ylabel="temporal variance above dark (DN²)")
-    axes.legend(frameon=False)
+    _legend(figure)
     return figure
 
 
@@ -55,7 +58,7 @@ def linearity(result: Characterization) -> Figure:
     """Relative deviation of the mean signal from a straight line in photons."""
     c = result.curves["linearity"]
     figure, axes = _figure()
-    axes.semilogx(c["photons"], 100 * c["deviation"], "o-", color=_POINT)
+    axes.plot(c["photons"], 100 * c["deviation"], "o-", color=_POINT)
     axes.axhline(0, color=_LINE, linewidth=1)
     axes.set(xlabel="photons per pixel", ylabel="deviation from a line (%)")
     return figure
@@ -77,7 +80,7 @@ def read_noise(result: Characterization) -> Figure:
     likely = normal > 0.3
     axes.semilogy(x[likely], normal[likely], "--", color=_SOFT, label="normal of the same deviation")
     axes.set(xlabel="residual from the master bias (DN)", ylabel="pixels per bin")
-    axes.legend(frameon=False)
+    _legend(figure)
     return figure
 
 
@@ -91,7 +94,7 @@ def dark_current(result: Characterization) -> Figure:
         if len(c["law"]):
             line = np.linspace(t.min(), t.max(), 80)
             axes.plot(line, c["law"][0] * np.exp(c["law"][1] * line), color=_LINE, label="a exp(b T)")
-        axes.legend(frameon=False)
+        _legend(figure)
         axes.set_xlabel("sensor temperature (°C)")
     else:
         axes.errorbar(np.arange(len(y)), y, 1.96 * e, fmt="o", color=_POINT, capsize=3)
@@ -108,7 +111,7 @@ def nonuniformity(result: Characterization) -> Figure:
         axes[0].plot(c[f"{name}_profile_dn"], color=colour, linewidth=0.9, label=f"{name} means")
         axes[1].semilogy(c[f"{name}_frequency"][1:], c[f"{name}_power"][1:], color=colour, linewidth=0.9)
     axes[0].set(xlabel="row or column", ylabel="offset from the mean (DN)")
-    axes[0].legend(frameon=False)
+    _legend(figure)
     axes[1].set(xlabel="cycles per row or column", ylabel="power (DN²)")
     return figure
 
@@ -121,7 +124,7 @@ def gain_law(result: Characterization) -> Figure:
     line = np.array([c["gain_db"].min(), c["gain_db"].max()])
     axes.plot(line, line, color=_LINE, label="as set")
     axes.set(xlabel="gain setting (dB)", ylabel="gain measured (dB)")
-    axes.legend(frameon=False)
+    _legend(figure)
     return figure
 
 
@@ -132,6 +135,11 @@ def noise_level(result: Characterization) -> Figure:
     axes.errorbar(c["level_dn"], c["noise_dn"], 1.96 * c["error_dn"], fmt="o-", color=_POINT, capsize=3)
     axes.set(xlabel="level (DN)", ylabel="noise (DN)")
     return figure
+
+
+def tells(curve: Mapping[str, np.ndarray]) -> bool:
+    """Whether a figure has more than one place along its axis, which its first array holds."""
+    return len(np.unique(next(iter(curve.values())))) > 1
 
 
 FIGURES: dict[str, tuple[str, Callable[[Characterization], Figure]]] = {

@@ -218,10 +218,14 @@ class Characterization:
         return replace(fit_pattern(master), pixel_e=deviation).draw(master.shape, seed)
 
     def plots(self) -> dict[str, Figure]:
-        """Every figure for which there are curves, by name."""
+        """Every figure for which there are curves of more than one point, by name."""
         from visaug.characterization import plots
 
-        return {name: draw(self) for name, (needs, draw) in plots.FIGURES.items() if needs in self.curves}
+        return {
+            name: draw(self)
+            for name, (needs, draw) in plots.FIGURES.items()
+            if needs in self.curves and plots.tells(self.curves[needs])
+        }
 
     def plot_photon_transfer(self) -> Figure:
         return self._plot("photon_transfer")

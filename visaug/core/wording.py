@@ -5,6 +5,14 @@ import re
 
 _FRAMES = re.compile(r"(bias|dark|flat|scene \S*[^\s:])( [-+.\de]+ (ph|s|C|dB))*( \(\d+\))?")
 
+_KINDS = ("bias", "dark", "flat")
+_PLAINER = (
+    (r"\bband (\d)", r"frequency band \1"),
+    (r"^bit (\d) set$", r"how often bit \1 is set"),
+    (r"^one (row|column) on$", r"next \1"),
+    (r"^(two|[0-9]+) (rows|columns) on$", r"\1 \2 apart"),
+)
+
 
 def printable(text: str) -> str:
     """The text with an escape for every character that a reader cannot see: control characters, those that turn the direction of
@@ -92,13 +100,21 @@ def statistic_text(name: str) -> str:
 
     Examples:
         >>> statistic_text("rows, bias"), statistic_text("dark rows, band 6, dark 2 s 30 C")
-        ('rows in bias frames', 'dark rows, frequency band 6 in dark frames (2 s, 30 °C)')
+        ('rows in bias frames', 'rows, frequency band 6 in dark frames (2 s, 30 °C)')
+        >>> statistic_text("bias frames, bias"), statistic_text("dark: bit 3 set, dark 8 s")
+        ('level of bias frames', 'how often bit 3 is set in dark frames (8 s)')
     """
     what, _, frames = name.rpartition(", ")
     plain = frames_text(frames) if what else frames
     if plain == frames:
         what, plain = name, ""
-    what = re.sub(r"\bband (\d)", r"frequency band \1", what)
+    kind = plain.split(" ")[0]
+    if kind in _KINDS and what.startswith((f"{kind} ", f"{kind}: ")):  # the frames say it again
+        what = what[len(kind) :].lstrip(": ")
+    if what.startswith("frames"):
+        return f"{'relative ' * what.endswith('relative')}level of {plain}"
+    for pattern, words in _PLAINER:
+        what = re.sub(pattern, words, what)
     return f"{what} in {plain}" if plain else what
 
 

@@ -29,27 +29,37 @@ def write_characterization(
     content = result.to_json()
     pictured = all(record.kind == "image" for record in frames.records)
     inputs = replace(Inputs.of(None, frames, camera_file), transfer=result.transfer)
-    blocks: list[Text | Table | Figure] = [*_parameter_tables(content["parameters"])]
-    if not pictured or "gain_e_per_dn" in content["parameters"]:  # else there is no camera to write
-        blocks.insert(0, next_text(after_characterization(inputs, pictured)))
-    headline = characterization_headline(content, camera_file.name if camera_file else None)
-    if headline:
-        blocks.insert(0, Text(headline))
-    if content["not_determined"]:
-        open_rows = [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]
-        blocks.append(Table(["not determined", "needs"], open_rows, caption="What these frames cannot tell."))
-    blocks += [Text(warning, "note") for warning in content["warnings"]]
-    assumptions = [[name, e["assumes"]] for name, e in content["parameters"].items() if "assumes" in e]
-    if assumptions:
-        blocks.append(Table(["parameter", "assumes"], assumptions, caption="What the figures assume."))
     pictures = [
         figure(drawn, CAPTIONS.get(name, name.replace("_", " ")), wide=drawn.get_figwidth() > 8)
         for name, drawn in result.plots().items()
     ]
+    found: list[Text | Table | Figure] = []
+    if not pictured or "gain_e_per_dn" in content["parameters"]:  # else there is no camera to write
+        found.append(next_text(after_characterization(inputs, pictured)))
+    headline = characterization_headline(content, camera_file.name if camera_file else None)
+    if headline:
+        found.insert(0, Text(headline, "finding"))
+    first, *further = _parameter_tables(content["parameters"])
+    blocks: list[Text | Table | Figure] = [first]
+    if content["not_determined"]:
+        open_rows = [[entry["parameter"], entry["needs"]] for entry in content["not_determined"]]
+        blocks.append(
+            Table(["not determined", "needs"], open_rows, caption="Not determined by these frames.")
+        )
+    blocks += [Text(warning, "note") for warning in content["warnings"]]
+    assumptions = [[name, e["assumes"]] for name, e in content["parameters"].items() if "assumes" in e]
+    if assumptions:
+        blocks.append(Table(["parameter", "assumes"], assumptions, caption="What the figures assume."))
+    sections = [
+        Section("What was found", [*found, *pictures[:2]]),
+        Section("Parameters", blocks),
+        Section("Measurements", pictures[2:]),
+        Section("EMVA 1288", further),
+    ]
     page = Page(
         "Camera characterization",
         f"What {described(frames)} tell of the camera that took them. {INTERVALS}",
-        [Section("Parameters", blocks), Section("Measurements", pictures)],
+        [section for section in sections if section.blocks],
         facts=_headline(content["parameters"]),
         footer=footer(None, frames),
     )
@@ -59,7 +69,7 @@ def write_characterization(
 def _parameter_tables(parameters: dict[str, dict[str, Any]]) -> list[Table]:
     """One table for the camera file, one for each release of the standard."""
     groups = {
-        "": "Of the camera file, and what else was measured.",
+        "": "Parameters in the camera file, and further measurements.",
         "emva": "EMVA 1288, release 3.",
         "emva4": "EMVA 1288, release 4.",
         "emva4_corrected": "EMVA 1288, release 4, corrected for noise that the pixels of a row or column share.",
@@ -95,7 +105,7 @@ CAPTIONS = {
     "photon_transfer": "Photon transfer: temporal variance against the mean; its slope is the gain.",
     "linearity": "Linearity: how far the response departs from a straight line.",
     "read_noise": "Read noise: distribution of the dark temporal noise, and the Tukey-lambda that fits it.",
-    "dark_current": "Dark current: dark signal against exposure and temperature.",
+    "dark_current": "Dark current against temperature.",
     "nonuniformity": "Nonuniformity: fixed patterns in the dark and in light.",
     "gain_law": "Gain against its setting in dB.",
     "noise_level": "Noise-level function: noise of flat regions of ordinary pictures against their level.",

@@ -1,6 +1,7 @@
 """The answer of a result in one sentence, what it means, and the next command: the same on pages, terminal and lab."""
 
 from collections.abc import Mapping
+from math import isclose
 from typing import Any
 
 from visaug.core.wording import p_text, probability_text, statistic_text, with_interval
@@ -16,16 +17,30 @@ def characterization_headline(content: Content, written: str | None = None) -> s
     """
     if not content.get("effects"):
         return None
-    named = [
-        f"{effect['name']} ({', '.join(f'{k} = {_short(v)}' for k, v in effect.items() if k != 'name')})"
-        for effect in content["effects"]
-    ]
-    where = f"written to {written}" if written else "-o camera.yaml writes them"
-    return f"Beyond the base chain the frames show {', '.join(named)}: {where}."
+    named = [_measured(effect, content["parameters"]) for effect in content["effects"]]
+    where = f"written to {written}" if written else "-o camera.yaml writes it"
+    return f"This camera also has {' and '.join(named)}: {where}."
 
 
-def _short(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:.3g}"
+def _measured(effect: Content, parameters: Content) -> str:
+    """An effect by name and numbers, with the interval of those that were measured as a parameter of temporal noise."""
+    said = []
+    for key, value in effect.items():
+        if key == "name":
+            continue
+        if isinstance(value, str):
+            said.append(f"{key} {value}")
+            continue
+        same = (
+            e
+            for k, e in parameters.items()
+            if k.startswith("temporal.") and isclose(e["value"], value, rel_tol=1e-3)
+        )
+        e = next(same, None)
+        number = with_interval(e["value"], e.get("low"), e.get("high"), e["unit"]) if e else f"{value:.3g}"
+        said.append(number if key == "sigma_e" and e else f"{key} {number}")
+    name = effect["name"].replace("_", " ")
+    return f"{name}, {', '.join(said)}" if said else name
 
 
 def view_title(name: str) -> str:
@@ -124,6 +139,7 @@ def effect_texts(names: list[str]) -> list[str]:
     return texts
 
 
+AMONG = "among the effects that were tried"
 PROBABILITY = (
     "Probability: posterior probability among the effects that were tried, if one of them is right. It leaves out effects that "
     "are not in the catalogue. p-value: probability that a complete camera shows a difference at least as large."
@@ -136,5 +152,5 @@ def _named(name: str, entry: Content) -> str:
         for key, e in (entry.get("parameters") or {}).items()
     ]
     if entry.get("probability") is not None:
-        numbers.append(f"probability {probability_text(entry['probability'])}")
+        numbers.append(f"probability {probability_text(entry['probability'])} {AMONG}")
     return f"{name} ({'; '.join(numbers)})" if numbers else name

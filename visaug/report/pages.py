@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from visaug.core.wording import p_text, probability_text, share_text, statistic_text, with_interval
 from visaug.report.headline import (
+    AMONG,
     PROBABILITY,
     comparison_headline,
     diagnosis_details,
@@ -31,10 +32,7 @@ if TYPE_CHECKING:
     from visaug.diagnosis.comparison import Comparison
     from visaug.frames import FrameSet
 
-ERROR = (
-    "Error: 1 is the camera file as given, 0 is as close as another set of the accepted camera would come,"
-    " maps and drift drawn anew."
-)
+ERROR = "Error: 1 is the camera file as given, 0 is as good as a second camera of the same type."
 
 
 def write_comparison(
@@ -68,7 +66,9 @@ def write_comparison(
     sections = [
         Section("Where it fails" if content["where"] else "Answer", blocks),
         Section("These views differ", [pictures[name] for name in worst[1:] if name in pictures]),
-        Section("The other views", [pictures[name] for name in others if name in pictures]),
+        Section(
+            "The other views" if worst else "Views", [pictures[name] for name in others if name in pictures]
+        ),
         used_section(content),
     ]
     page = Page(
@@ -95,15 +95,15 @@ def _largest(where: list[dict[str, Any]]) -> list[tuple[str, str]]:
 
 
 def used_section(content: dict[str, Any]) -> Section:
-    """Which frames and pixels were looked at, and what of the set spoils which effects."""
+    """Which frames and pixels were used, and what of the set spoils which effects."""
     used = content.get("used")
     blocks: list[Text | Table | Figure] = [Text(warning, "note") for warning in content.get("warnings", ())]
     if used:
         blocks.insert(0, Text(f"Used: {used['description']}."))
         if used["windows"] != [used["frame"]]:
-            caption = "The sensor, and the window in which what changes from frame to frame is measured."
+            caption = "The sensor, and the window in which temporal noise is measured."
             blocks.append(figure(plot_used(used), caption, wide=False))
-    return Section("What was looked at", blocks)
+    return Section("Frames used", blocks)
 
 
 def write_diagnosis(
@@ -154,30 +154,14 @@ def diagnosis_sections(
     sections = [Section("What is missing", found)]
     views = list(dict.fromkeys(place["view"] for place in content["where"]))[:4]
     if views:
-        sections.append(
-            Section(
-                "Before",
-                [
-                    where_table(content["where"]),
-                    *ViewGallery(frames, camera, seed)
-                    .pictures(views, None, _worst_frames(content["where"]))
-                    .values(),
-                ],
-            )
-        )
-        if content["accepted"]:
-            sections.append(
-                Section(
-                    "After",
-                    list(
-                        ViewGallery(frames, better, seed)
-                        .pictures(views, None, _worst_frames(content["where"]))
-                        .values()
-                    ),
-                )
-            )
+        gallery = ViewGallery(frames, camera, seed, better if content["accepted"] else None)
+        worst = _worst_frames(content["where"])
+        pictures = list(gallery.pictures(views, _captions(content["where"]), worst).values())
+        sections.append(Section("Evidence", [*pictures[:1], where_table(content["where"]), *pictures[1:]]))
     if any(entry["error_after"] is not None for entry in content["ranking"]):
-        picture = figure(plot_ranking(content["ranking"]), "Error that each effect alone would leave.")
+        picture = figure(
+            plot_ranking(content["ranking"]), "How much of the misfit each effect alone explains."
+        )
         sections.append(Section("Ranking", [picture]))
     left: list[Text] = []
     if content["unexplained"]:
@@ -218,7 +202,7 @@ def _diagnosis_facts(content: dict[str, Any]) -> list[tuple[str, str]]:
                 )
             )
         if entry.get("probability") is not None:
-            facts.append((probability_text(entry["probability"]), f"probability of {name}"))
+            facts.append((probability_text(entry["probability"]), f"probability of {name} {AMONG}"))
     if error["before"] is not None:
         facts.append(
             (f"{error['before']:.2g} → {with_interval(error['after'], low, high)}", "error before and after")

@@ -99,7 +99,9 @@ def load_real_camera() -> "tuple[Camera, FrameSet]":
 
     if not FOLDER.is_dir():
         raise InputError(
-            "is not in the wheel: its licence is CC BY-SA 3.0", file=FOLDER, expected="a clone, or the source archive"
+            "is not in the wheel: its licence is CC BY-SA 3.0",
+            file=FOLDER,
+            expected="a clone, or the source archive",
         )
     camera = Camera.load(FOLDER / "camera.yaml")
     return camera, FrameSet.load(FOLDER, resolution=camera.resolution, bit_depth=camera.bit_depth)
@@ -138,7 +140,7 @@ def real_camera_section(seed: int = 0) -> Section:
             ),
             figure(
                 sensor.plot_row_spectrum(measured, modelled),
-                "Spectrum of the dark noise along the row, fresh in every frame (EMVA 1288's horizontal "
+                "Spectrum of the dark noise along the row, of noise that changes from frame to frame (EMVA 1288's horizontal "
                 "spectrogram); independent pixels give 1; frequency 0 is the power that a whole row "
                 "has in common.",
                 wide=False,
@@ -162,7 +164,7 @@ def difference(measured: SensorCurves, modelled: SensorCurves) -> str:
     missing = []
     if measured.row_noise > 1.5 * modelled.row_noise:
         missing.append(
-            f"the pixels of a row share noise that is fresh in every frame ({measured.row_noise:.1f} times "
+            f"the pixels of a row share noise that changes from frame to frame ({measured.row_noise:.1f} times "
             f"the power of independent pixels, against {modelled.row_noise:.1f})"
         )
     if measured.half_sampling > 1.5 * modelled.half_sampling:

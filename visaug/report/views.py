@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from visaug.report.html import Figure, figure
 from visaug.report.plots.view import plot_view
 
@@ -20,38 +22,51 @@ class ViewGallery:
         frames: the measured set.
         camera: the model; one set is simulated with it.
         seed: of that simulation.
+        after: the corrected camera, whose frames are shown beside those of `camera`.
     """
 
-    def __init__(self, frames: "FrameSet", camera: "Camera", seed: int = 0) -> None:
+    def __init__(
+        self, frames: "FrameSet", camera: "Camera", seed: int = 0, after: "Camera | None" = None
+    ) -> None:
         from visaug.diagnosis.laboratory import Laboratory
         from visaug.statistics import FrameData
 
         # full frames before windows: they show the whole sensor
         parts = sorted(Laboratory(frames, camera, seed).parts, key=lambda part: not part.place)
-        taken = [(p, p.take(camera, seed)) for p in parts]
-        self.parts: list[tuple[tuple[View, ...], FrameData, FrameData]] = [
-            (p.views, FrameData(p.frames, place=p.place), FrameData(modelled, place=p.place))
-            for p, modelled in taken
+        cameras = [camera] if after is None else [camera, after]
+        sets = [[p.frames, *(p.take(c, seed) for c in cameras)] for p in parts]
+        self.parts: list[tuple[tuple[View, ...], list[FrameData]]] = [
+            (p.views, [FrameData(frames, place=p.place) for frames in taken])
+            for p, taken in zip(parts, sets, strict=True)
         ]
-        self.sets: tuple[FrameSet, FrameSet] = (taken[0][0].frames, taken[0][1])
+        self.sets: tuple[FrameSet, FrameSet] = (sets[0][0], sets[0][1])
 
-    def pair(self, name: str) -> "tuple[View, Picture, Picture | None] | None":
-        """What a view shows of the measured and of the modelled frames; None where these frames do not show it."""
-        shown = ((v, *data) for views, *data in self.parts for v in views if v.name == name)
-        view, *data = next(shown, (None,))
-        if view is None:
-            return None
-        measured, modelled = (view.picture(frames) for frames in data)
-        return None if measured is None else (view, measured, modelled)
+    def shown(self, name: str, worst: str = "") -> "tuple[Picture, list[Picture | None]] | None":
+        """What a view shows of the measured frames and of each modelled set; None where these frames do not show it.
+
+        Args:
+            worst: the statistic that is to be seen, "NAME, FRAMES" as in `Place.worst`.
+        """
+        parts = [(v, data) for views, data in self.parts for v in views if v.name == name]
+        here = [(v, d) for v, d in parts if worst and d[0].place and worst.endswith(d[0].place)]
+        for view, data in [*here, *parts]:
+            measured, *modelled = (view.picture(frames, worst) for frames in data)
+            if measured is not None and _tells(measured):
+                same = (measured.x_label, measured.y_label, len(measured.maps))
+                return measured, [
+                    p if p is not None and (p.x_label, p.y_label, len(p.maps)) == same else None
+                    for p in modelled  # other axes where flats of one set alone are saturated
+                ]
+        return None
 
     def figure(self, name: str, caption: str = "", focus: str = "") -> Figure | None:
         """The picture of a view by its name; None where these frames do not show it."""
-        found = self.pair(name)
+        found = self.shown(name, focus)
         if found is None:
             return None
-        view, measured, modelled = found
-        text = f"{view.title}. {caption}".strip()
-        drawn = plot_view(measured, modelled, focus=focus)
+        measured, (modelled, *after) = found
+        text = f"{measured.title}. {caption}".strip()
+        drawn = plot_view(measured, modelled, focus=focus, after=after[0] if after else None)
         wide = bool(measured.maps) or drawn.get_figwidth() > 6
         return figure(drawn, text, wide=wide, raster=bool(measured.maps) or _many_points(measured))
 
@@ -61,7 +76,7 @@ class ViewGallery:
         captions: dict[str, str] | None = None,
         focus: dict[str, str] | None = None,
     ) -> dict[str, Figure]:
-        """Pictures of several views by name, those that these frames show; `focus` names what each shows first."""
+        """Pictures of several views by name, those that these frames show; `focus` names the statistic that each shows."""
         found = {
             name: self.figure(name, (captions or {}).get(name, ""), (focus or {}).get(name, ""))
             for name in names
@@ -73,6 +88,11 @@ def all_views() -> list[str]:
     from visaug.statistics import OF_FULL_FRAMES, VIEWS
 
     return list(dict.fromkeys(view.name for view in (*VIEWS, *OF_FULL_FRAMES)))
+
+
+def _tells(picture: "Picture") -> bool:
+    """Whether there is more to see than a single point or a line at one value."""
+    return bool(picture.maps) or any(len(c.x) > 1 and len(np.unique(c.y)) > 1 for c in picture.curves)
 
 
 def _many_points(picture) -> bool:

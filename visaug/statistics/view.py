@@ -6,8 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from visaug.statistics.reduction import FrameData
+from visaug.statistics.reduction import FrameData, GroupData
 from visaug.statistics.statistic import Statistic
+
+Span = tuple[float, float]  # from and to, in the unit of the x axis
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,12 @@ class Curve:
 
 @dataclass(frozen=True)
 class Picture:
-    """What a view shows: curves in common axes, or maps (H, W) side by side."""
+    """What a view shows: curves in common axes, or maps (H, W) side by side.
+
+    Attributes:
+        marks: along x, where the curves show what the picture is about.
+        box: the part of the maps that does so: top, bottom, left and right as shares of the height and the width.
+    """
 
     title: str
     x_label: str = ""
@@ -30,10 +37,12 @@ class Picture:
     maps: tuple[tuple[str, np.ndarray], ...] = ()
     log_x: bool = False
     log_y: bool = False
+    marks: tuple[Span, ...] = ()
+    box: tuple[float, float, float, float] | None = None
 
 
 class View:
-    """A way to look at a frame set. A subclass states `name`, `title`, `measure` and `picture`.
+    """A way to look at a frame set. A subclass states `name`, `title`, `measure` and `draw`.
 
     Measured and simulated frames go through the same two functions; a view knows of no effect.
     """
@@ -45,8 +54,19 @@ class View:
         """Statistics and values. Which ones depends only on the plan of the frames, never on their pixels."""
         raise NotImplementedError
 
-    def picture(self, data: FrameData) -> Picture | None:
-        """The picture of this view; None where the frames that it needs are missing."""
+    def picture(self, data: FrameData, worst: str = "") -> Picture | None:
+        """The picture of this view; None where the frames that it needs are missing.
+
+        Args:
+            worst: the statistic that it is to show, "NAME, FRAMES" as in `Place.worst`; without one a view shows what it can of
+                the bias frames, or of flats below saturation.
+        """
+        ends = [g for g in dict.fromkeys((*data.groups, *data.darks)) if worst.endswith(f", {g.label}")]
+        group = max(ends, key=lambda g: len(g.label), default=None)
+        return self.draw(data, worst.removesuffix(f", {group.label}") if group else worst, group)
+
+    def draw(self, data: FrameData, name: str, group: GroupData | None) -> Picture | None:
+        """The picture that shows a statistic by its name ("" for none) and the group that it is measured on."""
         raise NotImplementedError
 
 
@@ -66,5 +86,5 @@ class Unlit(View):
     def measure(self, data: FrameData) -> Iterator[tuple[Statistic, float]]:
         return self.view.measure(data.unlit)
 
-    def picture(self, data: FrameData) -> Picture | None:
-        return self.view.picture(data.unlit)
+    def picture(self, data: FrameData, worst: str = "") -> Picture | None:
+        return self.view.picture(data.unlit, worst)

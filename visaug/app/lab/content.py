@@ -154,7 +154,7 @@ def _error(bench: Bench) -> dict[str, Any]:
             "note": "the camera as given shows no excess over chance that could be lowered",
         }
     if not bench.now.fit:
-        return {"text": "1.00", "interval": None, "value": 1.0, "note": "1 is the camera file as given"}
+        return {"text": "1.00", "interval": None, "value": 1.0, "note": "lower is better"}
     error = bench.now.fit.error
     if error is None:
         return {"text": "–", "interval": None, "value": None, "note": "its own spread hides any difference"}
@@ -168,7 +168,7 @@ def _error(bench: Bench) -> dict[str, Any]:
 
 def _meaning(error: Error) -> str:
     if error.low <= 0:
-        return "as close as another set of this camera would come"
+        return "as good as a second camera of the same type"
     return "of the camera file's error is left" if error.value < 1 else "no better than the camera file"
 
 

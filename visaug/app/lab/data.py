@@ -21,6 +21,7 @@ def view_data(title: str, measured: Picture, modelled: Picture | None) -> dict[s
         "y_label": measured.y_label,
         "log_x": measured.log_x,
         "log_y": measured.log_y,
+        "marks": [list(span) for span in measured.marks],
         "curves": [],
         "maps": [],
     }

@@ -22,6 +22,7 @@ from visaug.report.provenance import footer
 from visaug.report.views import ViewGallery
 from visaug.statistics.reduction import labels
 
+COMPARED = "-compared"  # ends a key with which views show their worst statistic: before the comparison nobody knows it
 KEPT = 4  # cameras whose pictures are kept
 
 
@@ -43,24 +44,24 @@ class Pictures:
         self._drawing = RLock()  # matplotlib's settings are global
         self._galleries: OrderedDict[str, tuple[Camera, ViewGallery | None]] = OrderedDict()
 
-    def announce(self, camera: Camera) -> str:
-        """The key under which pictures of a camera can be asked for."""
+    def announce(self, camera: Camera, compared: bool = False) -> str:
+        """The key under which pictures of a camera can be asked for; another one after the comparison."""
         key = key_of(camera)
         with self._drawing:
             self._galleries.setdefault(key, (camera, None))
             self._galleries.move_to_end(key)
             while len(self._galleries) > KEPT:
                 self._galleries.popitem(last=False)
-        return key
+        return key + COMPARED * compared
 
-    def view(self, key: str, name: str) -> dict[str, Any] | None:
-        """A view's curves and maps; None where the frames do not show it, or the camera is no longer at hand."""
+    def view(self, key: str, name: str, worst: str = "") -> dict[str, Any] | None:
+        """A view's curves and maps, of its worst statistic; None where the frames do not show it, or the camera is gone."""
         gallery = self._gallery(key)
-        found = gallery and gallery.pair(name)
+        found = gallery and gallery.shown(name, worst)
         if not found:
             return None
-        view, measured, modelled = found
-        return view_data(view.title.rstrip("."), measured, modelled)
+        measured, (modelled,) = found
+        return view_data(measured.title.rstrip("."), measured, modelled)
 
     def frame(self, key: str, index: int) -> dict[str, Any] | None:
         """One measured frame and the same frame as the camera takes it, in DN; None where there is no such frame.
@@ -86,12 +87,14 @@ class Pictures:
 
     def own(self, key: str, picture: OwnPicture | None, exposure: float) -> dict[str, Any] | None:
         """A picture of the user's own before and after a camera; None where there is none, or no such camera."""
+        key = key.removesuffix(COMPARED)
         with self._drawing:
             if picture is None or key not in self._galleries:
                 return None
             return picture.through(self._galleries[key][0], self.seed, exposure)
 
     def _gallery(self, key: str) -> ViewGallery | None:
+        key = key.removesuffix(COMPARED)
         with self._drawing:
             if self.closed or key not in self._galleries:
                 return None

@@ -26,7 +26,7 @@ from visaug.app.lab.content import content, verdict
 from visaug.app.lab.guard import Guard
 from visaug.app.lab.jobs import Jobs
 from visaug.app.lab.own_picture import LARGEST_FILE, OwnPicture
-from visaug.app.lab.pictures import Pictures
+from visaug.app.lab.pictures import COMPARED, Pictures
 from visaug.core.errors import InputError
 from visaug.core.progress import Progress
 from visaug.core.wording import probability_text
@@ -130,7 +130,10 @@ class _Lab:
         return _JSON(self.jobs.as_json())
 
     def view(self, request: Request) -> Response:
-        return _kept(self.pictures.view(request.path_params["key"], request.path_params["view"]))
+        key, name = request.path_params["key"], request.path_params["view"]
+        compared = self.bench.comparison
+        worst = {} if compared is None else {place.view: place.worst for place in reversed(compared.where)}
+        return _kept(self.pictures.view(key, name, worst.get(name, "") if key.endswith(COMPARED) else ""))
 
     def frame(self, request: Request) -> Response:
         return _kept(self.pictures.frame(request.path_params["key"], request.path_params["index"]))
@@ -216,8 +219,8 @@ class _Lab:
             visaug_version=__version__,
             token=self.token,
             version=state["version"],
-            key=self.pictures.announce(self.bench.camera),
-            given_key=self.pictures.announce(self.bench.given),
+            key=self.pictures.announce(self.bench.camera, self.bench.comparison is not None),
+            given_key=self.pictures.announce(self.bench.given, self.bench.comparison is not None),
             steps=self.pictures.steps(self.bench),
         )
 

@@ -41,7 +41,7 @@ def plot_error_steps(
                 color=MODELLED,
                 linestyle="--",
                 linewidth=1.2,
-                label="floor: a second camera of the accepted type",
+                label="floor: a second camera of the same type",
             )
         axes.axhline(0, color=SOFT, linewidth=0.8)
         axes.set_xticks(list(x), [wrapped(point["action"]) for point in points])
@@ -58,12 +58,12 @@ def plot_error_steps(
 
 
 def plot_ranking(ranking: Sequence[Mapping[str, Any]], most: int = 12) -> "Figure":
-    """Error that would be left after adding each effect, the likeliest first, with its probability."""
+    """Share of the misfit that each effect explains, the likeliest first, with its probability: the longest bar is the best."""
     shown = [entry for entry in ranking if entry["error_after"] is not None][:most][::-1]
     with styled():
         figure = blank(8.0, 0.9 + 0.27 * max(len(shown), 1))
         axes = figure.subplots()
-        values = [entry["error_after"] for entry in shown]
+        values = [1 - entry["error_after"] for entry in shown]
         colours = [MODELLED if entry.get("probability", 0) >= 0.5 else "#b9c6d6" for entry in shown]
         axes.barh(range(len(shown)), values, color=colours, height=0.66)
         axes.set_yticks(range(len(shown)), [entry["effect"] for entry in shown])
@@ -77,7 +77,7 @@ def plot_ranking(ranking: Sequence[Mapping[str, Any]], most: int = 12) -> "Figur
                 color=SOFT,
             )
         axes.set_xlim(min(0, *values) if values else 0, max([1.0, *values]) * 1.12)
-        axes.set_xlabel("error left after adding the effect and refitting (0: floor)")
+        axes.set_xlabel("misfit explained by adding the effect and refitting (1: as good as a second camera)")
         axes.grid(axis="y", visible=False)
     return figure
 

@@ -22,7 +22,7 @@ def plot_photon_transfer(measured: "SensorCurves", modelled: "SensorCurves") -> 
             measured.mean_dn, measured.variance_dn2, "o", color=MEASURED, markersize=4.5, label="measured"
         )
         axes.set(xlabel="mean above dark / DN", ylabel="temporal variance / DN²")
-        axes.legend(loc="upper left")
+        figure.legend(loc="outside upper left", ncols=2)
     return figure
 
 
@@ -34,7 +34,7 @@ def plot_dark_histogram(measured: "SensorCurves", modelled: "SensorCurves") -> "
         axes.step(modelled.levels_dn, modelled.counts, where="mid", color=MODELLED, label="modelled")
         axes.plot(measured.levels_dn, measured.counts, "o", color=MEASURED, markersize=3.5, label="measured")
         axes.set(xlabel="dark signal less its mean / DN", ylabel="pixels", yscale="log", ylim=(0.6, None))
-        axes.legend(loc="upper left")
+        figure.legend(loc="outside upper left", ncols=2)
     return figure
 
 
@@ -50,7 +50,7 @@ def plot_row_spectrum(measured: "SensorCurves", modelled: "SensorCurves") -> "Fi
         axes.set(xlabel="frequency along the row / cycles per pixel", ylabel="power (1: independent pixels)")
         axes.set(yscale="log", yticks=[1, 2, 5, 10], yticklabels=["1", "2", "5", "10"])
         axes.minorticks_off()
-        axes.legend(loc="upper center")
+        figure.legend(loc="outside upper left", ncols=2)
     return figure
 
 
@@ -63,5 +63,5 @@ def plot_dark_columns(measured: "SensorCurves", modelled: "SensorCurves") -> "Fi
         axes.plot(modelled.column_dn, color=MODELLED, linewidth=1, label="modelled")
         axes.set(xlabel="column of the window", ylabel="column mean, less the frame's / DN")
         axes.margins(y=0.18)
-        axes.legend(loc="upper left", ncols=2)
+        figure.legend(loc="outside upper left", ncols=2)
     return figure

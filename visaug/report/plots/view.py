@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from visaug.core.wording import label_text
-from visaug.report.plots.style import MEASURED, MODELLED, blank, styled
+from visaug.report.plots.style import MEASURED, MODELLED, SOFT, THIRD, blank, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,6 +17,7 @@ _LINES = ("-", "--", ":", "-.")
 _MARKERS = ("o", "s", "^", "D")
 _FEW = 16  # curves of so few points get markers
 APART = 4.0  # ratio of ranges from which curves get axes of their own
+GIVEN, CORRECTED = "camera as given", "corrected camera"
 CHARACTER, ENTRY = (
     0.062,
     0.5,
@@ -24,24 +25,31 @@ CHARACTER, ENTRY = (
 
 
 def plot_view(
-    measured: "Picture", modelled: "Picture | None" = None, width: float = 0.0, focus: str = ""
+    measured: "Picture",
+    modelled: "Picture | None" = None,
+    width: float = 0.0,
+    focus: str = "",
+    after: "Picture | None" = None,
 ) -> "Figure":
-    """What a view shows of the measured frames and, if given, of the modelled ones.
+    """What a view shows of the measured frames and, if given, of the modelled ones, in the same axes.
 
     Args:
         measured, modelled: the same view of both frame sets.
+        after: the same of the corrected camera; `modelled` is then the camera as given.
         width: inches; 0 takes what the content needs.
         focus: words of the statistic that differs most. Where curves have very different ranges each gets axes of its own, that of
             these words first.
     """
     if measured.maps:
-        return _plot_maps(measured, modelled, width or 8.0)
+        return _plot_maps(measured, modelled, after, width or 8.0)
     panels = _panels(measured, focus)
     with styled():
         figure = blank(width or (8.0 if len(panels) > 1 else 4.7), 3.5)
         grid = figure.subplots(1, len(panels), squeeze=False)[0]
         for axes, chosen in zip(grid, panels, strict=True):
-            _draw_panel(axes, measured, modelled, chosen, alone=len(panels) > 1)
+            _draw_panel(
+                axes, measured, modelled, after, chosen, alone=len(panels) > 1 or len(measured.curves) == 1
+            )
         grid[0].set_ylabel(textwrap.fill(measured.y_label, 28))
         _legend(figure, grid[0], len(measured.curves) if len(panels) == 1 else 1)
     return figure
@@ -64,34 +72,55 @@ def _panels(picture: "Picture", focus: str) -> list[list[int]]:
 
 
 def _draw_panel(
-    axes: Any, measured: "Picture", modelled: "Picture | None", chosen: list[int], alone: bool
+    axes: Any,
+    measured: "Picture",
+    modelled: "Picture | None",
+    after: "Picture | None",
+    chosen: list[int],
+    alone: bool,
 ) -> None:
+    for low, high in measured.marks:
+        if high > low:
+            axes.axvspan(low, high, color=SOFT, alpha=0.16, linewidth=0)
+        else:
+            axes.axvline(low, color=SOFT, linestyle=":", linewidth=1.2)
     # Measured last, so that it lies on top.
-    for picture, colour, name in ((modelled, MODELLED, "modelled"), (measured, MEASURED, "measured")):
+    pictures = (
+        (modelled, MODELLED, "modelled" if after is None else GIVEN),
+        (after, THIRD, CORRECTED),
+        (measured, MEASURED, "measured"),
+    )
+    for picture, colour, name in pictures:
         if picture is not None:
             _draw_curves(axes, picture, colour, name, chosen, alone)
     if measured.log_x:
         axes.set_xscale("log" if _all_positive(measured, "x") else "symlog")
     if measured.log_y:
         axes.set_yscale("log")
-        _plain_decades(axes)
-    if alone:
+    for axis in (axes.xaxis, axes.yaxis):
+        if axis.get_scale() == "log":
+            plain_decades(axis)
+    if alone and measured.curves[chosen[0]].label:
         axes.set_title(textwrap.fill(label_text(measured.curves[chosen[0]].label), 40), fontsize=9)
     axes.set(xlabel=measured.x_label)
 
 
-def _plain_decades(axes: Any) -> None:
-    """Numbers such as 0.6 or 20 where the axis covers less than two decades, decades alone elsewhere."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+def plain_decades(axis: Any) -> None:
+    """Labels of a logarithmic axis: numbers such as 0.6 or 20 where it covers less than two decades, decades alone elsewhere."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-    low, high = axes.get_ylim()
-    if high < 100 * low:
-        plain = FuncFormatter(lambda value, _: f"{value:g}")
-        axes.yaxis.set_major_formatter(plain)
-        axes.yaxis.set_minor_locator(LogLocator(subs=(2, 5)))
-        axes.yaxis.set_minor_formatter(plain)
+    low, high = axis.get_view_interval()
+    plain = FuncFormatter(lambda value, _: f"{value:g}")
+    if high < 4 * low:  # hardly a tick at 1, 2 or 5: as on a linear axis
+        axis.set_major_locator(MaxNLocator(4))
+        axis.set_major_formatter(plain)
+        axis.set_minor_locator(NullLocator())
+    elif high < 100 * low:
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter(plain)
+        axis.set_minor_locator(NullLocator())
     else:
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        axis.set_minor_formatter(NullFormatter())
 
 
 def _legend(figure: "Figure", axes: Any, curves: int) -> None:
@@ -128,51 +157,58 @@ def _draw_curves(
             linestyle=_LINES[0 if alone else i % len(_LINES)],
             marker=_MARKERS[0 if alone else i % len(_MARKERS)] if len(y) <= _FEW else None,
             markersize=4,
-            linewidth=1.2 if name == "measured" else 2.6,
-            alpha=0.95 if name == "measured" else 0.55,
+            linewidth={"measured": 1.2, CORRECTED: 1.6}.get(name, 2.6),
+            alpha={"measured": 0.95, CORRECTED: 0.85}.get(name, 0.55),
             label=f"{name}, {label_text(curve.label)}" if curve.label and not alone else name,
         )
 
 
-def _plot_maps(measured: "Picture", modelled: "Picture | None", width: float) -> "Figure":
-    """Maps side by side at one scale: measured, modelled, and their difference."""
-    rows = [("measured", measured.maps)]
+def _plot_maps(
+    measured: "Picture", modelled: "Picture | None", after: "Picture | None", width: float
+) -> "Figure":
+    """Maps at one scale: measured, modelled and their difference; or measured, of the camera as given and of the corrected one."""
+    shown = [("measured", [image for _, image in measured.maps])]
     if modelled is not None:
-        pairs = zip(measured.maps, modelled.maps, strict=False)
-        rows += [
-            ("modelled", modelled.maps),
-            ("measured - modelled", tuple((t, a - b) for (t, a), (_, b) in pairs)),
-        ]
-    columns = len(measured.maps)
+        beside = [image for _, image in modelled.maps]
+        shown.append(("modelled" if after is None else GIVEN, beside))
+        if after is None:
+            apart = [a - b for a, b in zip(shown[0][1], beside, strict=True)]
+            shown.append(("measured - modelled", apart))
+        else:
+            shown.append((CORRECTED, [image for _, image in after.maps]))
+    rows, cell = len(measured.maps), width / 3
     height, breadth = measured.maps[0][1].shape
-    cell = min(width / columns, 3.2)
     with styled():
-        figure = blank(cell * columns, len(rows) * cell * 0.8 * height / breadth + 0.6)
-        grid = figure.subplots(len(rows), columns, squeeze=False)
-        for column in range(columns):
-            images = [maps[column][1] for _, maps in rows[:2] if column < len(maps)]
-            low, high = np.percentile(np.concatenate([image.ravel() for image in images]), [1, 99])
-            high = high if high > low else low + 1
-            shown = None
-            for row, (axes, (name, maps)) in enumerate(zip(grid[:, column], rows, strict=True)):
-                axes.set(xticks=[], yticks=[], ylabel=name if column == 0 else "")
+        figure = blank(cell * len(shown) + 0.4, rows * (cell * height / breadth + 0.4))
+        grid = figure.subplots(rows, len(shown), squeeze=False)
+        for row, line in enumerate(grid):
+            images = [maps[row].ravel() for _, maps in shown[:2]]
+            low, high = np.percentile(np.concatenate(images), [1, 99])
+            half = (high - low) / 2 or 0.5
+            drawn = []
+            for axes, (name, maps) in zip(line, shown, strict=True):
+                # a difference is centred on 0, at the same scale
+                middle = 0.0 if " - " in name else (low + high) / 2
+                drawn.append(axes.imshow(maps[row], cmap="cividis", vmin=middle - half, vmax=middle + half))
+                axes.set(xticks=[], yticks=[])
                 axes.spines[:].set_visible(False)
-                if column < len(maps):
-                    title, image = maps[column]
-                    middle = (
-                        0.0 if row == 2 else (low + high) / 2
-                    )  # a difference is centred on 0, at the same scale
-                    half = (high - low) / 2
-                    shown = axes.imshow(image, cmap="cividis", vmin=middle - half, vmax=middle + half)
-                    if row == 0:
-                        axes.set_title(textwrap.fill(label_text(title), int(cell * 11)), fontsize=8.5)
-                    if row == 2:
-                        figure.colorbar(shown, ax=[axes], shrink=0.8, pad=0.03)
-                    elif row == min(1, len(rows) - 1):
-                        figure.colorbar(
-                            shown, ax=list(grid[:2, column]), label=measured.y_label, shrink=0.8, pad=0.03
-                        )
+                axes.set_title(name, fontsize=9)
+                if measured.box is not None:
+                    _mark(axes, measured.box, maps[row].shape)
+            label = textwrap.fill(label_text(measured.maps[row][0]), 34)
+            figure.colorbar(drawn[0], ax=list(line), label=label, shrink=0.8, pad=0.02)
     return figure
+
+
+def _mark(axes: Any, box: tuple[float, float, float, float], shape: tuple[int, ...]) -> None:
+    """A frame around a part of a map."""
+    from matplotlib.patches import Rectangle
+
+    top, bottom, left, right = (x * n for x, n in zip(box, (*shape[:1] * 2, *shape[1:] * 2), strict=True))
+    corner = (left - 0.5, top - 0.5)
+    axes.add_patch(
+        Rectangle(corner, right - left, bottom - top, fill=False, edgecolor=MEASURED, linewidth=1.8)
+    )
 
 
 def _all_positive(picture: "Picture", axis: str) -> bool:

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from visaug.statistics.reduction import GroupData, block_means, edges
-from visaug.statistics.view import Picture, View
+from visaug.statistics.view import Curve, Picture, Span, View
+from visaug.statistics.views.drawn import block_box, chosen, direction, relative, spread_of_lines
 
 DEPTHS = (1, 2, 4, 8, 16, 32, 64)  # lines of an edge, and sides of a corner, in px
 SEAMS = (1, 2, 3)  # quarters of the rows, or columns, behind which another tap may begin
@@ -67,9 +68,50 @@ class Borders(View):
                     value = turned[:depth, :depth].mean() - beside / 2
                     yield f"corner of {down} rows and {across} columns, {depth} px", ["smooth"], float(value)
 
-    def picture(self, data):
-        maps = [(f"{g.label}, DN", _corners(g.calm)) for g in data.dark_ends]
-        return Picture(self.title, maps=tuple(maps)) if maps else None
+    def draw(self, data, name, group):
+        g, lines = chosen(data, group, 2 if "temporal" in name else 1), direction(name, "")
+        if g is None:
+            return None
+        unit, word = relative(g)
+        if name.startswith("temporal noise of the") and "corner" not in name:
+            return spread_of_lines(g, self.title, lines)
+        if name.startswith(("row noise", "column noise")):
+            means = g.noise_rows if lines == "row" else g.noise_columns
+            spread = np.sqrt(((means - means.mean(1, keepdims=True)) ** 2).mean(0))
+            curve = Curve(np.arange(len(spread)), spread, f"{lines}s, {g.label}")
+            return Picture(self.title, lines, f"deviation of {lines} means over frames, DN", (curve,))
+        if "noise of" in name:
+            squares = (
+                g.noise.limited_squares(STRONGEST)
+                if "temporal" in name
+                else _squares(g.pattern_pixels, g.pattern_variance) * unit**2
+            )
+            blocks = np.sqrt(block_means(squares, *(edges(n, min(16, n)) for n in squares.shape)))
+            kind = "temporal noise" if "temporal" in name else "fixed pattern"
+            word = "DN" if "temporal" in name else word
+            return Picture(
+                self.title, maps=((f"{kind} of blocks, {g.label}, {word}", blocks),), box=block_box(name)
+            )
+        if lines and "corner" not in name:
+            profile = g.calm.mean(1 if lines == "row" else 0) * unit
+            curve = Curve(np.arange(len(profile)), profile, f"{lines}s, {g.label}")
+            return Picture(
+                self.title, lines, f"{lines} mean, {word}", (curve,), marks=_marked(name, len(profile))
+            )
+        if name.endswith("place"):
+            image = block_means(g.calm, *(edges(n, min(FINE, n)) for n in g.calm.shape)) * unit
+            return Picture(self.title, maps=((f"{g.label}, {word}", image),))
+        return Picture(self.title, maps=((f"the four corners, {g.label}, {word}", _corners(g.calm) * unit),))
+
+
+def _marked(name: str, length: int) -> tuple[Span, ...]:
+    """The lines that "first 4 rows", "last 8 columns" or "step of rows at 1/4" is about."""
+    words = name.split()
+    if words[0] == "step":
+        place = length * int(words[-1].split("/")[0]) / 4
+        return ((place, place),)
+    depth = int(words[1])
+    return ((-0.5, depth - 0.5),) if words[0] == "first" else ((length - depth - 0.5, length - 0.5),)
 
 
 def _depths(length: int) -> list[int]:

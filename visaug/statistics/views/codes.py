@@ -4,9 +4,12 @@ import numpy as np
 
 from visaug.statistics.stack import added
 from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.views.drawn import chosen
 
 NEIGHBOURS = np.array([1, 2, 3, 0, 3, 2, 1]) / 12  # of a code: weights with which they predict its frequency
 SIDE = 3
+FOLD = 16  # codes, after which the lowest four bits repeat
+NEAR = 60  # codes on either side, in the picture
 
 
 class Codes(View):
@@ -49,13 +52,26 @@ class Codes(View):
                 highest = first.statistic(self.name, "flat: at the highest code", ["level"], "sqrt count")
                 yield highest, np.sqrt(counts[-1])
 
-    def picture(self, data):
-        g = data.bias or next(iter(data.groups), None)
-        if g is None:
+    def draw(self, data, name, group):
+        kind = name.split(":")[0]
+        groups = {"dark": data.darks, "flat": data.of("flat")}.get(kind) or [
+            g for g in (chosen(data, group),) if g
+        ]
+        if not groups:
             return None
-        counts = g.noise.codes
+        counts, said = added([g.noise.codes for g in groups]).astype(np.float64), f"{groups[0].kind} frames"
+        if ": bit" in name:
+            share = np.bincount(np.arange(len(counts)) % FOLD, counts, FOLD) / counts.sum()
+            x, bit = np.arange(FOLD), int(name.split()[2])
+            odd = tuple((k - 0.4, k + 0.4) for k in x if k >> bit & 1)
+            curve = Curve(x, share, said)
+            return Picture(self.title, f"DN code modulo {FOLD}", "share of pixels", (curve,), marks=odd)
+        present = np.flatnonzero(counts)
         middle = int(np.searchsorted(counts.cumsum(), counts.sum() / 2))
-        x = np.arange(max(0, middle - 60), min(len(counts), middle + 61))
-        return Picture(
-            self.title, "DN code", "pixels", (Curve(x, np.maximum(counts[x], 0.5), g.label),), log_y=True
-        )
+        at = {"dark: at zero": 0, "flat: at the highest code": len(counts) - 1}.get(name, middle)
+        if kind == "flat" and at == middle and len(present) > 4 * NEAR:  # where codes are fullest
+            at = int(np.convolve(counts, np.ones(NEAR), "same").argmax())
+        x = np.arange(max(0, at - NEAR), min(len(counts), at + NEAR + 1))
+        marks = ((at - 0.5, at + 0.5),) if at in (0, len(counts) - 1) else ()
+        curve = Curve(x, np.maximum(counts[x], 0.5), said)
+        return Picture(self.title, "DN code", "pixels", (curve,), log_y=True, marks=marks)

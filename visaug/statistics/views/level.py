@@ -3,6 +3,7 @@
 import numpy as np
 
 from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.views.drawn import below_saturation, chosen, condition, relative
 
 
 class Level(View):
@@ -16,28 +17,31 @@ class Level(View):
             if g.kind != "scene":
                 yield g.statistic(self.name, "mean", ["level"], "DN"), g.signal
 
-    def picture(self, data):
-        curves = []
-        for kind in ("dark", "flat"):
-            groups = data.of(kind)
-            if groups:
-                x = np.array(
-                    [
-                        g.group.photons if kind == "flat" and g.group.photons else g.group.exposure_s
-                        for g in groups
-                    ]
-                )
-                order = np.argsort(x)
-                curves.append(Curve(x[order], np.array([g.signal for g in groups])[order], kind))
-        if not curves:
+    def draw(self, data, name, group):
+        g = chosen(data, group or next(iter(data.of("flat")), None))
+        if g is None:
             return None
+        groups = [o for o in data.of(g.kind) if o.group.gain_db == g.group.gain_db]
+        if g.kind == "flat":
+            groups = below_saturation([o for o in groups if o.group.photons or o.group.exposure_s])
+            groups += [g] * (g not in groups)
+        label, x = condition(groups) if groups else ("", np.zeros(0))
+        if len(np.unique(x)) < 2:
+            return _frame_levels(data, g)
+        if label != "temperature, °C":
+            same = [o.group.temperature_c == g.group.temperature_c for o in groups]
+            groups, x = [o for o, s in zip(groups, same, strict=True) if s], x[same]
+        if len(np.unique(x)) < 2:
+            return _frame_levels(data, g)
+        y = np.array([o.signal for o in groups])
+        what = "mean above bias, DN"
+        if g.kind == "flat":  # of a straight line one sees no change of its slope over decades
+            what = f"mean above bias per {'photon' if 'photons' in label else 'second'}, DN"
+            y = y / np.maximum(x, 1e-12)
+        order, at = np.argsort(x), float(x[groups.index(g)]) if g in groups else float(x[-1])
+        curve = Curve(x[order], y[order], f"{g.kind} frames")
         return Picture(
-            self.title,
-            "photons per pixel, or exposure in s",
-            "mean above bias, DN",
-            tuple(curves),
-            log_x=True,
-            log_y=True,
+            self.title, label, what, (curve,), log_x=g.kind == "flat", marks=((at, at),) if group else ()
         )
 
 
@@ -79,14 +83,29 @@ class Drift(View):
                 float(np.polyfit(order, bias.frame_means, 1)[0]),
             )
 
-    def picture(self, data):
-        curves = []
-        for g in data.groups:
-            if g.kind in ("bias", "flat") and g.count >= 2:
-                x = np.array([data.records[i].sequence for i in g.group.indices])
-                curves.append(Curve(x, g.frame_means - g.frame_means.mean(), g.label))
-        return (
-            Picture(self.title, "sequence", "frame mean, less the group's, DN", tuple(curves))
-            if curves
-            else None
+    def draw(self, data, name, group):
+        kind = name.split()[0] if name.split()[:1] and name.split()[0] in ("bias", "dark", "flat") else "bias"
+        groups = data.of(kind, at_least=2) or [g for g in (chosen(data, group, 2),) if g]
+        if not groups:
+            return None
+        is_flat = groups[0].kind == "flat"
+        if is_flat:
+            groups = below_saturation(groups)
+        x = np.concatenate([[data.records[i].sequence for i in g.group.indices] for g in groups])
+        y = np.concatenate(
+            [(g.frame_means - g.frame_means.mean()) * (relative(g)[0] if is_flat else 1.0) for g in groups]
         )
+        unit, order = "%" if is_flat else "DN", np.argsort(x, kind="stable")
+        curve = Curve(x[order], y[order], f"{groups[0].kind} frames")
+        return Picture(
+            self.title, "number of the frame", f"frame mean, less its condition's, {unit}", (curve,)
+        )
+
+
+def _frame_levels(data, g) -> Picture | None:
+    """The means of the frames of one condition; None for a single frame."""
+    if g.count < 2:
+        return None
+    x = np.array([data.records[i].sequence for i in g.group.indices])
+    curve = Curve(x, np.asarray(g.frame_means, float), g.label)
+    return Picture(Level.title, "number of the frame", "mean of the frame, DN", (curve,))

@@ -1,9 +1,13 @@
 """What a frame keeps of the one before it."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from visaug.statistics.kernels import response
 from visaug.statistics.view import Curve, Picture, View
+
+MOST = 6  # pairs of frames that are drawn
 
 
 class Memory(View):
@@ -25,10 +29,22 @@ class Memory(View):
 
     def _steps(self, data):
         """How frames of a steady group differ from the others of it when another level came before."""
+        sums = np.zeros(2)
+        for jump, apart in self._jumps(data):
+            sums += (jump * apart, jump**2)
+        if data.of("flat", at_least=2):
+            group = data.of("flat", at_least=2)[0]
+            yield (
+                group.statistic(self.name, "share of a step between flats", ["time"], "fraction"),
+                sums[0] / max(sums[1], 1.0),
+            )
+
+    @staticmethod
+    def _jumps(data) -> Iterator[tuple[float, float]]:
+        """Of flats after another level: that level less the group's, and the frame less the others of its group, DN."""
         position = {record.sequence: i for i, record in enumerate(data.records)}
         # Of all frames, used or not: one of the same conditions is no step, and a simulated set may lack its pixels.
         conditions = {i: k for k, g in enumerate(data.frames.groups()) for i in g.indices}
-        sums = np.zeros(2)
         for g in data.of("flat", at_least=2):
             for i, mean in zip(g.group.indices, g.frame_means, strict=True):
                 before = position.get(data.records[i].sequence - 1)
@@ -39,14 +55,7 @@ class Memory(View):
                 ):
                     continue
                 others = (g.frame_means.sum() - mean) / (g.count - 1)
-                jump = _level(data, before) - others
-                sums += (jump * (mean - others), jump**2)
-        if data.of("flat", at_least=2):
-            group = data.of("flat", at_least=2)[0]
-            yield (
-                group.statistic(self.name, "share of a step between flats", ["time"], "fraction"),
-                sums[0] / max(sums[1], 1.0),
-            )
+                yield _level(data, before) - others, mean - others
 
     @staticmethod
     def _pairs(data) -> list[int]:
@@ -71,27 +80,37 @@ class Memory(View):
         both, square = response(frame, before, dark if dark.shape == frame.shape else dark[:0, :0])
         return both / max(square, 1.0)
 
-    def picture(self, data):
+    def draw(self, data, name, group):
         pairs = self._pairs(data)
-        if not pairs:
-            return None
+        if not pairs or name.startswith("share of a step"):
+            return self._drawn_steps(data)
         position = {record.sequence: k for k, record in enumerate(data.records)}
-        curves = []
-        for i in pairs[:3]:
-            before = data.frames.read(position[data.records[i].sequence - 1])
-            frame = data.frames.read(i)
-            edges = np.unique(np.quantile(before, np.linspace(0, 1, 16)))
-            place = np.digitize(before, edges[1:-1])
-            steps = np.unique(place)  # equal levels may leave some of the steps empty
-            x = np.array([before[place == k].mean() for k in steps])
-            y = np.array([frame[place == k].mean() for k in steps])
-            curves.append(Curve(x, y, f"dark after {data.records[i - 1].clean}"))
+        before = [data.frames.read(position[data.records[i].sequence - 1]) for i in pairs[:MOST]]
+        after = [data.frames.read(i).astype(np.float64) for i in pairs[:MOST]]
+        dark = 0.0 if data.bias is None else data.bias.mean
+        values = np.concatenate([b.ravel() for b in before])
+        left = np.concatenate([(a - (dark if np.shape(dark) == a.shape else 0)).ravel() for a in after])
+        cuts = np.unique(np.quantile(values, np.linspace(0, 1, 16)))
+        place = np.digitize(values, cuts[1:-1])
+        steps = np.unique(place)  # equal levels may leave some of the steps empty
+        x = np.array([values[place == k].mean() for k in steps])
+        y = np.array([left[place == k].mean() for k in steps])
+        curve = Curve(x, y, "dark frames after a scene")
+        return Picture(
+            self.title, "level of the pixel in the frame before, DN", "mean above bias after it, DN", (curve,)
+        )
+
+    def _drawn_steps(self, data) -> Picture | None:
+        """Frames of a steady condition, by how much the frame before was brighter or darker."""
+        points = sorted(self._jumps(data))
+        if len({jump for jump, _ in points}) < 2:
+            return None
+        x, y = np.array(points).T
         return Picture(
             self.title,
-            "DN in the frame before",
-            "mean DN in the dark frame after it",
-            tuple(curves),
-            log_x=True,
+            "level of the frame before, less its own, DN",
+            "frame mean less the others of its condition, DN",
+            (Curve(x, y, "flat frames"),),
         )
 
 

@@ -4,6 +4,9 @@ import numpy as np
 
 from visaug.statistics.stack import RATIOS
 from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.views.drawn import below_saturation, chosen, correlation, direction, quantiles
+
+TAIL = 24  # robust standard deviations, at which the picture of the tails ends
 
 
 class PhotonTransfer(View):
@@ -20,18 +23,28 @@ class PhotonTransfer(View):
                     np.log(g.noise_variance),
                 )
 
-    def picture(self, data):
-        groups = sorted(
-            (g for g in data.groups if g.count >= 2 and g.kind in ("bias", "flat")), key=lambda g: g.level
-        )
-        if not groups:
-            return None
-        curve = Curve(
-            np.array([max(g.signal, 1.0) if g.reference else 1.0 for g in groups]),
-            np.array([g.noise_variance for g in groups]),
-        )
+    def draw(self, data, name, group):
+        if group is not None and group.kind == "dark":
+            kept = [g for g in data.darks if g.count >= 2 and g.kind == "dark"]
+            kept = [g for g in kept if g.group.temperature_c == group.group.temperature_c]
+            x_label, x = "exposure, s", [g.group.exposure_s for g in kept]
+        else:
+            flats = below_saturation([g for g in data.of("flat", 2) if g.reference])
+            kept = [g for g in data.groups if g.count >= 2 and g.kind == "bias"] + flats
+            if group is not None and group not in kept:
+                kept.append(group)
+            x_label, x = "mean above bias, DN", [g.signal if g.reference else 0.0 for g in kept]
+        if len(np.unique(x)) < 2:
+            return NoiseTails().draw(data, "", group)
+        y, order = np.array([g.noise_variance for g in kept]), np.argsort(x)
+        if (
+            group is not None and group.kind == "bias"
+        ):  # of a slope over the whole range one sees no change at its start
+            return NoiseTails().draw(data, "width", group)
+        at = [x[kept.index(group)]] if group in kept else []
+        curve = Curve(np.array(x)[order], y[order])
         return Picture(
-            self.title, "mean above bias, DN", "temporal variance, DN^2", (curve,), log_x=True, log_y=True
+            self.title, x_label, "temporal variance, DN²", (curve,), marks=tuple((a, a) for a in at)
         )
 
 
@@ -51,16 +64,19 @@ class TemporalLines(View):
                 ratio = across * np.mean(about.astype(np.float64) ** 2) / g.noise_variance
                 yield g.statistic(self.name, f"{name}s", ["time", name], "log ratio"), np.log(ratio + 0.01)
 
-    def picture(self, data):
-        groups = [g for g in (data.bias, *data.of("flat", 2)[-1:]) if g is not None and g.count >= 2]
-        curves = [
-            Curve(np.arange(g.noise_rows.shape[1]), g.noise_rows[0], f"rows of one frame, {g.label}")
-            for g in groups
-        ]
-        return (
-            Picture(self.title, "row", "row mean less the mean frame's, DN", tuple(curves))
-            if curves
-            else None
+    def draw(self, data, name, group):
+        g, lines = chosen(data, group, 2), direction(name)
+        if g is None:
+            return None
+        means = g.noise_rows if lines == "row" else g.noise_columns
+        means = means - means.mean(1, keepdims=True)
+        most = means[int((means**2).mean(1).argmax())]
+        curve = Curve(np.arange(len(most)), most, f"{lines}s of the noisiest frame, {g.label}")
+        return Picture(
+            self.title,
+            lines,
+            f"{lines} mean less the mean frame's, DN",
+            (curve,),
         )
 
 
@@ -90,16 +106,18 @@ class NoiseCovariance(View):
                 value = g.noise.correlations[lag]
                 yield g.statistic(self.name, name, axes, "correlation"), value
 
-    def picture(self, data):
-        groups = [g for g in data.groups if g.count >= 2 and g.kind in ("bias", "flat")]
-        if not groups:
+    def draw(self, data, name, group):
+        g = chosen(data, group, 2)
+        if g is None:
             return None
-        x = np.array([max(g.signal, 1.0) if g.reference else 1.0 for g in groups])
-        curves = [
-            Curve(x, np.array([g.noise.correlations[lag] for g in groups]), name)
-            for name, lag in LAGS.items()
-        ]
-        return Picture(self.title, "mean above bias, DN", "correlation", tuple(curves), log_x=True)
+        lag = (LAGS | FAR).get(name, (0, 1))
+        step = (int(lag[0] > 0), int(lag[1] > 0))
+        images = g.residual
+        curve = correlation(images, step, g.label)
+        way = {(0, 1): "columns", (1, 0): "rows", (1, 1): "rows and columns"}[step]
+        at = float(max(lag))
+        mark = ((at - 0.4, at + 0.4),) if name else ()
+        return Picture(self.title, f"distance, {way}", "correlation of temporal noise", (curve,), marks=mark)
 
 
 class NoiseTails(View):
@@ -126,14 +144,31 @@ class NoiseTails(View):
             touching = np.sqrt(tails.touching)
             yield g.statistic(self.name, "far pixels that touch", axes, "sqrt count"), touching
 
-    def picture(self, data):
-        g = data.bias if data.bias is not None else next(iter(data.of("dark", 2)), None)
-        if g is None or g.count < 2:
+    def draw(self, data, name, group):
+        g = chosen(data, group, 2)
+        if g is None:
             return None
-        limit = np.quantile(np.abs(g.residual[:, ::3, ::3]), 0.9999) * 1.5
-        counts, edges = np.histogram(g.residual, bins=121, range=(-limit, limit))
-        curve = Curve((edges[1:] + edges[:-1]) / 2, np.maximum(counts, 0.5), g.label)
-        return Picture(self.title, "temporal noise, DN", "pixels", (curve,), log_y=True)
+        residual = g.residual
+        if name.startswith(("beyond", "up against", "far pixels")):
+            edges = np.arange(-TAIL - 0.25, TAIL + 0.5, 0.5)
+            share, _ = np.histogram(np.clip(residual / g.noise.scale, -TAIL, TAIL), bins=edges)
+            curve = Curve((edges[1:] + edges[:-1]) / 2, share / residual.size, g.label)
+            limit = float(next((w for w in name.split() if w.isdigit()), 5))
+            return Picture(
+                self.title,
+                f"temporal noise in robust standard deviations (the ends: {TAIL} and more)",
+                "share of pixels",
+                (curve,),
+                log_y=True,
+                marks=((-TAIL, -limit), (limit, TAIL)),
+            )
+        curve = quantiles(residual[:, ::2, ::2] if residual.size > 2e6 else residual, g.label)
+        return Picture(
+            self.title,
+            "quantile of a normal distribution, standard deviations",
+            "temporal noise, DN",
+            (curve,),
+        )
 
 
 class PixelNoise(View):
@@ -153,17 +188,18 @@ class PixelNoise(View):
             recurring = np.sqrt(g.noise.tails.recurring)
             yield g.statistic(self.name, "far in many frames", axes, "sqrt count"), recurring
 
-    def picture(self, data):
-        g = next((g for g in data.groups if g.count >= 4 and g.kind in ("bias", "dark")), None)
+    def draw(self, data, name, group):
+        g = chosen(data, group, 4)
         if g is None:
             return None
         ratio = np.sort(g.noise.pixel_ratios.ravel())[::-1]
         rank = np.unique(np.geomspace(1, ratio.size, 200).astype(int))
+        curve = Curve(rank, ratio[rank - 1], g.label)
         return Picture(
             self.title,
             "rank of the pixel",
             "variance over the mean variance",
-            (Curve(rank, ratio[rank - 1], g.label),),
+            (curve,),
             log_x=True,
             log_y=True,
         )

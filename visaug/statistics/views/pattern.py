@@ -7,6 +7,18 @@ import numpy as np
 from visaug.statistics.kernels import far_pixels
 from visaug.statistics.reduction import block_means, edges, spread
 from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.views.drawn import (
+    NORMAL,
+    block_box,
+    chosen,
+    correlation,
+    direction,
+    quantiles,
+    relative,
+    spread_of_lines,
+)
+
+FOLD = 8  # lines, over which odd and even ones are averaged for the picture
 
 
 def _detrended(profile: np.ndarray) -> np.ndarray:
@@ -39,9 +51,29 @@ class FixedPattern(View):
             for name, lag in (("one column on", (0, 1)), ("one row on", (1, 0)), ("diagonal", (1, 1))):
                 yield g.statistic(self.name, name, ["pixel"], "correlation"), g.pattern_correlations[lag]
 
-    def picture(self, data):
-        maps = [(f"{g.label}, DN", g.pattern) for g in (*data.dark_ends, *data.of("flat")[-2:-1])]
-        return Picture(self.title, maps=tuple(maps)) if maps else None
+    def draw(self, data, name, group):
+        g = chosen(data, group)
+        if g is None:
+            return None
+        unit, word = relative(g)
+        if name in ("rows", "columns"):
+            lines = name[:-1]
+            profile = _detrended((g.pattern_rows if lines == "row" else g.pattern_columns) * unit)
+            curve = Curve(np.arange(len(profile)), profile, f"{name}, {g.label}")
+            return Picture(self.title, lines, f"{lines} mean less its trend, {word}", (curve,))
+        step = {"one column on": (0, 1), "one row on": (1, 0), "diagonal": (1, 1)}.get(name)
+        if step:
+            way = {(0, 1): "columns", (1, 0): "rows", (1, 1): "rows and columns"}[step]
+            curve = correlation(g.pattern_pixels[None], step, g.label)
+            return Picture(
+                self.title,
+                f"distance, {way}",
+                "correlation of the fixed pattern",
+                (curve,),
+                marks=((0.6, 1.4),),
+            )
+        curve = quantiles(g.pattern_pixels * unit, g.label)
+        return Picture(self.title, NORMAL, f"fixed pattern of pixels, {word}", (curve,))
 
 
 class SmoothMap(View):
@@ -73,11 +105,13 @@ class SmoothMap(View):
                     _slope(profile) * unit,
                 )
 
-    def picture(self, data):
-        maps = []
-        for g in (*data.dark_ends, *data.of("flat")[-2:-1]):
-            maps.append((f"{g.label}, DN", block_means(g.calm, *(edges(n, 16) for n in g.calm.shape))))
-        return Picture(self.title, maps=tuple(maps)) if maps else None
+    def draw(self, data, name, group):
+        g = chosen(data, group)
+        if g is None:
+            return None
+        unit, word = relative(g)
+        image = block_means(g.calm, *(edges(n, min(16, n)) for n in g.calm.shape)) * unit
+        return Picture(self.title, maps=((f"{g.label}, {word}", image),), box=block_box(name))
 
 
 def _slope(profile: np.ndarray) -> float:
@@ -134,15 +168,31 @@ class Seams(View):
                         ratio,
                     )
 
-    def picture(self, data):
-        g = data.bias or next(iter(data.of("flat")), None)
+    def draw(self, data, name, group):
+        g = chosen(data, group, 2 if name.startswith("noise") else 1)
         if g is None:
             return None
-        curves = [
-            Curve(np.arange(len(p)), p, f"{name}, {g.label}")
-            for name, p in (("rows", g.pattern_rows), ("columns", g.pattern_columns))
-        ]
-        return Picture(self.title, "line", "mean of the line, DN", tuple(curves))
+        if name.startswith("noise"):
+            return spread_of_lines(g, self.title, direction(name))
+        lines, (unit, word) = direction(name), relative(g)
+        profile = (g.pattern_rows if lines == "row" else g.pattern_columns).astype(np.float64) * unit
+        if name.startswith("odd"):
+            profile = _detrended(profile)
+            folded = [profile[k::FOLD].mean() for k in range(FOLD)]
+            curve = Curve(np.arange(FOLD), np.array(folded), f"{lines}s, {g.label}")
+            return Picture(
+                self.title,
+                f"number of the {lines}, modulo {FOLD}",
+                f"mean of these {lines}s, {word}",
+                (curve,),
+            )
+        curve = Curve(np.arange(len(profile)), profile, f"{lines}s, {g.label}")
+        at = len(profile) / 2 if name.startswith("halves") else None
+        if name.startswith("largest"):
+            step = _steps(profile)
+            at = float(np.abs(step).argmax() + (len(profile) - len(step) + 1) / 2)
+        marks = () if at is None else ((at, at),)
+        return Picture(self.title, lines, f"{lines} mean, {word}", (curve,), marks=marks)
 
 
 def _steps(profile: np.ndarray, reach: int = 12) -> np.ndarray:
@@ -178,19 +228,22 @@ class Defects(View):
                 g.pattern_scale / np.sqrt(g.pattern_variance),
             )
 
-    def picture(self, data):
-        curves = []
-        for g in (*data.dark_ends, *data.of("flat")[-2:-1]):
-            ratio = np.sort((g.pattern_pixels / g.pattern_scale).ravel())[::-1]
-            rank = np.unique(np.geomspace(1, ratio.size // 4, 200).astype(int))
-            curves.append(Curve(rank, np.maximum(ratio[rank - 1], 0.1), g.label))
-        if not curves:
+    def draw(self, data, name, group):
+        g = chosen(data, group)
+        if g is None:
             return None
+        if name.startswith(("skewness", "scale")):
+            return FixedPattern().draw(data, "pixels", g)
+        side = -1 if name.startswith("below") else 1
+        ratio = np.sort((side * g.pattern_pixels / g.pattern_scale).ravel())[::-1]
+        rank = np.unique(np.geomspace(1, max(ratio.size // 4, 1), 200).astype(int))
+        curve = Curve(rank, np.maximum(ratio[rank - 1], 0.1), g.label)
+        word = "below" if side < 0 else "above"
         return Picture(
             self.title,
             "rank of the pixel",
-            "distance in robust standard deviations",
-            tuple(curves),
+            f"distance {word} the neighbours, robust standard deviations",
+            (curve,),
             log_x=True,
             log_y=True,
         )

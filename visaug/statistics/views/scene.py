@@ -7,11 +7,13 @@ from functools import lru_cache
 import numpy as np
 from scipy.ndimage import binary_dilation, gaussian_filter
 
-from visaug.statistics.view import Picture, View
+from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.views.drawn import direction
 
 DARK_PHOTONS = 20.0  # of which the shot noise is about the read noise
 RESPONSE = 0.007  # typical relative difference of pixels
 USABLE = 0.9  # of the highest level: pixels above may be saturated
+AROUND = 32  # px on either side of bright spots, in the picture
 
 
 def _shift(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
@@ -197,10 +199,62 @@ class Scene(View):
         slope = float(np.vdot(x, frame)) / max(float(np.vdot(x, target.clean)), 1e-9)
         return frame - np.float32(slope) * target.clean, slope, usable
 
-    def picture(self, data):
-        maps = []
-        for g in data.of("scene")[:3]:
-            residual, *_ = self._residual(g, _target(_Key(data.frames.clean(g.group.indices[0]))))
-            limit = np.quantile(np.abs(residual), 0.98)
-            maps.append((f"{g.label}: measured less expected, DN", np.clip(residual, -limit, limit)))
-        return Picture(self.title, maps=tuple(maps)) if maps else None
+    def draw(self, data, name, group):
+        g = group if group is not None and group.kind == "scene" else next(iter(data.of("scene")), None)
+        if g is None:
+            return None
+        target = _target(_Key(data.frames.clean(g.group.indices[0])))
+        residual, slope, _ = self._residual(g, target)
+        if name.startswith("slope") or name in ("square", "offset"):
+            return self._response(g, target, name, slope)
+        if name.startswith("top") and target.bright.any():
+            level = np.sort(g.pattern[target.bright]) + g.signal
+            rank = np.unique(np.linspace(0, len(level) - 1, 60).astype(int))
+            curve = Curve(100 * (rank + 0.5) / len(level), level[rank], g.label)
+            return Picture(
+                self.title,
+                "share of the pixels of bright spots, %",
+                "their level above bias, DN, or less",
+                (curve,),
+            )
+        if "bright spots" in name and target.bright.any():
+            return self._around(g, target, name, residual)
+        limit = np.quantile(np.abs(residual), 0.98)
+        maps = ((f"{g.label}: measured less expected, DN", np.clip(residual, -limit, limit)),)
+        return Picture(self.title, maps=maps)
+
+    def _response(self, g, target, name, slope) -> Picture | None:
+        """Mean level of the pixels of equal light, over that light."""
+        frame, light = g.pattern + np.float32(g.signal), target.clean
+        used = target.usable & (light > 0.02 * float(np.quantile(light, 0.99)))
+        if not used.any():
+            return None
+        cuts = np.unique(np.quantile(light[used], np.linspace(0, 1, 13)))
+        place = np.digitize(light[used], cuts[1:-1])
+        steps = np.unique(place)
+        x = np.array([light[used][place == k].mean() for k in steps])
+        y = np.array([frame[used][place == k].mean() for k in steps]) / x
+        if len(x) < 2:
+            return None
+        curve = Curve(x, y, g.label)
+        return Picture(
+            self.title, "photons per pixel of the scene", "mean above bias per photon, DN", (curve,)
+        )
+
+    def _around(self, g, target, name, residual) -> Picture:
+        """Mean residual of the pixels so far before or after bright spots, along one axis."""
+        lines = direction(name)
+        step = (1, 0) if lines == "column" else (0, 1)
+        x, y = np.arange(-AROUND, AROUND + 1), []
+        for distance in x.tolist():
+            reached = _shift(target.bright, step[0] * distance, step[1] * distance) & ~target.bright
+            y.append(float(residual[reached].mean()) if reached.any() else np.nan)
+        ends = [int(w) for w in name.split() if w.isdigit()][:2]
+        marks = ((-ends[1], -ends[0]), (ends[0], ends[1])) if len(ends) == 2 else ()
+        return Picture(
+            self.title,
+            f"distance from bright spots along the {lines}, px",
+            "measured less expected, DN",
+            (Curve(x, np.array(y), g.label),),
+            marks=marks,
+        )

@@ -5,6 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.views.drawn import below_saturation, chosen, direction, relative, spectrum_marks
 
 BANDS = 6
 
@@ -51,10 +52,10 @@ def band_statistics(group, view, name, spectrum, axes):
 
 
 class TemporalSpectrum(View):
-    """Power spectrum of the temporal row means."""
+    """Power spectra of the row and column means of the temporal noise."""
 
     name = "temporal_spectrum"
-    title = "Spectrum of row means, noise that changes from frame to frame"
+    title = "Spectrum of row and column means, temporal noise"
 
     def measure(self, data):
         for kind in ("bias", "dark", "flat"):
@@ -68,18 +69,31 @@ class TemporalSpectrum(View):
                 yield from band_statistics(first, self.name, f"{kind} rows", rows, ["time", "row"])
                 yield from band_statistics(first, self.name, f"{kind} columns", columns, ["time", "column"])
 
-    def picture(self, data):
-        curves = []
-        for kind in ("bias", "flat"):
-            groups = data.of(kind, at_least=2)
-            if groups:
-                rows = np.mean([power(g.noise_rows) * g.mean.shape[1] / g.noise_variance for g in groups], 0)
-                curves.append(Curve(np.linspace(0, 0.5, len(rows) + 1)[1:], rows, kind))
-        if not curves:
+    def draw(self, data, name, group):
+        kind, lines = name.split()[0] if name else "bias", direction(name)
+        groups = data.of(kind, at_least=2) if kind in ("bias", "dark", "flat") else []
+        if kind == "flat" and groups:
+            groups = below_saturation(groups)
+        groups = groups or [g for g in (chosen(data, group, 2),) if g]
+        if not groups:
             return None
+        spectrum = np.mean([_temporal_power(g, lines) for g in groups], 0)
+        frequency = np.linspace(0, 0.5, len(spectrum) + 1)[1:]
+        marks = spectrum_marks(name, _octaves(len(spectrum)), len(spectrum), peak_frequency(spectrum))
         return Picture(
-            self.title, "cycles per row", "power, 1 for white noise", tuple(curves), log_x=True, log_y=True
+            f"Spectrum of {lines} means, temporal noise",
+            f"frequency, cycles per {lines}",
+            "power, 1 for white noise",
+            (Curve(frequency, spectrum, f"{lines}s, {groups[0].kind} frames"),),
+            log_x=True,
+            log_y=True,
+            marks=marks,
         )
+
+
+def _temporal_power(g, lines: str) -> np.ndarray:
+    means, across = (g.noise_rows, g.mean.shape[1]) if lines == "row" else (g.noise_columns, g.mean.shape[0])
+    return power(means) * across / g.noise_variance
 
 
 class FixedSpectrum(View):
@@ -101,14 +115,22 @@ class FixedSpectrum(View):
                 )
                 yield from band_statistics(g, self.name, name, spectrum, [axis])
 
-    def picture(self, data):
-        if data.bias is None:
+    def draw(self, data, name, group):
+        g, lines = chosen(data, group), direction(name)
+        if g is None:
             return None
-        curves = []
-        for name, profile in (("rows", data.bias.pattern_rows), ("columns", data.bias.pattern_columns)):
-            spectrum = power(profile[None])
-            curves.append(Curve(np.linspace(0, 0.5, len(spectrum) + 1)[1:], spectrum, name))
-        return Picture(self.title, "cycles per line", "power, DN^2", tuple(curves), log_x=True, log_y=True)
+        unit, word = relative(g)
+        spectrum = power((g.pattern_rows if lines == "row" else g.pattern_columns)[None] * unit)
+        frequency = np.linspace(0, 0.5, len(spectrum) + 1)[1:]
+        return Picture(
+            f"Spectrum of the {lines} means of the fixed pattern",
+            f"frequency, cycles per {lines}",
+            f"power, {word}²",
+            (Curve(frequency, spectrum, f"{lines}s, {g.label}"),),
+            log_x=True,
+            log_y=True,
+            marks=spectrum_marks(name, _octaves(len(spectrum)), len(spectrum), peak_frequency(spectrum)),
+        )
 
 
 def _bright(data) -> list:

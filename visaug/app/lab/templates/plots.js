@@ -84,7 +84,13 @@ const Plots = (() => {
         ],
         cursor: { sync: { key: data.x_label || name, scales: ["x", null] }, drag: { x: true, y: false }, focus: { prox: 30 } },
         legend: { live: true },
-        hooks: { setScale: [(u, key) => {
+        hooks: { drawClear: [(u) => (data.marks || []).forEach(([low, high]) => {  // the places that the picture is about
+          const left = u.valToPos(low, "x", true), right = u.valToPos(high, "x", true);
+          const from = Math.max(left, u.bbox.left), to = Math.min(Math.max(right, left + 2), u.bbox.left + u.bbox.width);
+          if (to <= from) return;
+          u.ctx.fillStyle = "rgba(122, 132, 148, 0.2)";
+          u.ctx.fillRect(from, u.bbox.top, to - from, u.bbox.height);
+        })], setScale: [(u, key) => {
           if (key !== "x") return;
           const { min, max } = u.scales.x, all = values[0];
           state.x = min > all[0] || max < all[all.length - 1] ? [min, max] : undefined;
