@@ -11,10 +11,10 @@ from visaug.core.files import folder_lock
 from visaug_train.ablation import ablate as run_ablation
 from visaug_train.checks import check_arms
 from visaug_train.config import Config, load_config
+from visaug_train.datasets import read_poses
 from visaug_train.external import evaluate_predictions, submission
 from visaug_train.poses import save_poses
 from visaug_train.scoring import evaluate_run, other_summaries, other_weights, predictions_of
-from visaug_train.speed import read_poses
 from visaug_train.strength import strengths
 from visaug_train.training import prepare, run_folder, train_run
 
