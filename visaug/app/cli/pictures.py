@@ -1,4 +1,4 @@
-"""Commands on ordinary pictures: augment, preview; and the cameras that come with visaug."""
+"""Commands on ordinary pictures: augment, preview."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +14,6 @@ from visaug.app.cli.options import (
     output_option,
     written,
 )
-from visaug.app.cli.tables import print_table
 from visaug.core.errors import PartlyFailed
 from visaug.core.progress import progress_bars
 
@@ -250,28 +249,6 @@ def preview(
     written(output)
 
 
-@command("cameras", example="visaug cameras\nvisaug cameras sony_imx174 > my_camera.yaml")
-@click.argument("name", metavar="[NAME]", required=False)
-def cameras(name: str | None, seed: int) -> None:
-    """List the cameras in the package, or print one.
-
-    With NAME, the camera.yaml of that camera is printed.
-    """
-    from visaug.camera import Camera, camera_file, shipped
-
-    if name is not None:
-        load_camera(name)
-        click.echo(camera_file(name).read_text(encoding="utf-8"), nl=False)
-        return
-    rows = []
-    for shipped_name in shipped():
-        spec = Camera.load(shipped_name).spec
-        size = "{} x {}".format(*spec.resolution)
-        gain, noise = f"{spec.gain_e_per_dn:.3g}", f"{spec.read_noise.sigma_e:.3g}"
-        rows.append([shipped_name, spec.name, size, str(spec.bit_depth), gain, noise])
-    print_table(["name", "camera", "rows x columns", "bit", "e-/DN", "read noise e-"], rows)
-
-
 def _say(done: "Augmented", output: Path) -> None:
     """What was done, what was assumed, what was left out."""
     line = f"wrote {_number(done.written, 'picture')} to {output}"
@@ -306,4 +283,4 @@ def _number(count: int, what: str) -> str:
     return f"{count} {what}" + ("" if count == 1 else "s")
 
 
-COMMANDS: list[click.Command] = [augment, preview, cameras]
+COMMANDS: list[click.Command] = [augment, preview]
