@@ -198,7 +198,7 @@ def read_poses(
         raise InputError(f"{root}: {domain}: split: expected one of {', '.join(found[domain])}, got {split}")
     is_split = is_speed(root) and domain == "speed"
     listing, images = lists["speed/all" if is_split else f"{domain}/{split}"]
-    poses = _read_listing(listing, images, read_camera(root), f"{domain}/{split}")
+    poses = read_listing(listing, images, read_camera(root), f"{domain}/{split}")
     if labels and not poses.labelled:
         raise InputError(
             "the images have no poses",
@@ -234,7 +234,8 @@ def split_indices(count: int, seed: int) -> dict[str, np.ndarray]:
     return {name: np.sort(part) for name, part in zip(SPLITS, np.split(order, [first, second]))}
 
 
-def _read_listing(listing: Path, images: Path, camera: Pinhole, name: str) -> PoseSet:
+def read_listing(listing: Path, images: Path, camera: Pinhole, name: str) -> PoseSet:
+    """The images of a list of SPEED+'s records, which lie in the folder `images`; files are not checked."""
     records = read_json(listing)
     if not isinstance(records, list) or not records:
         raise InputError(f"{listing}: expected a list of records with filename, quaternion and position")

@@ -215,3 +215,134 @@ def test_prepare_unpacks_bop(tmp_path: Path) -> None:
     assert len(list((tmp_path / "ready-80x50/labels/train").iterdir())) == 4
     assert (tmp_path / "ready-coco/pbr-train.json").is_file()
     assert prepare_archive(tmp_path / "probe_bop", tmp_path / "probe_bop") == tmp_path / "probe_bop"
+
+
+POINTS_M = np.array([[0.3, 0.2, 0.1], [-0.3, 0.2, 0.0], [0.3, -0.2, 0.0], [0.0, 0.1, -0.4]])
+
+
+def points_file(folder: Path) -> Path:
+    write(folder / "points.yaml", f"points_m: {POINTS_M.tolist()}")
+    return folder / "points.yaml"
+
+
+def scalar_first(turn: Rotation) -> list[float]:
+    x, y, z, w = turn.as_quat()
+    return [float(w), float(x), float(y), float(z)]
+
+
+def camera_json(size: tuple[int, int] = SIZE) -> dict:
+    return {"Nu": size[0], "Nv": size[1], "cameraMatrix": K.tolist(), "distCoeffs": [0] * 5}
+
+
+def speed_record(name: str, turn: Rotation, shift: np.ndarray) -> dict:
+    return {"filename": name, "q_vbs2tango_true": scalar_first(turn), "r_Vo2To_vbs_true": shift.tolist()}
+
+
+def check_scores(
+    root: Path, domain: str, split: str, tmp_path: Path, matrix: np.ndarray, truths: list
+) -> None:
+    """Predictions projected by OpenCV from the truth that was written have no error."""
+    poses = read_poses(root, domain, split)
+    records = [result(n, projected(POINTS_M, *t, matrix)) for n, t in zip(poses.ids, truths, strict=True)]
+    write(tmp_path / "p.json", records)
+    scores = evaluate_predictions(tmp_path / "p.json", root, domain, points_file(tmp_path), split)[domain]
+    assert scores["keypoint_ap50_95"]["coco"] == pytest.approx(1)
+    assert scores["position_error"] < 1e-4
+    assert scores["attitude_error_deg"] < 0.02
+
+
+def test_shirt(tmp_path: Path) -> None:
+    """Both domains of a trajectory have its poses; Tango's keypoints need not be given."""
+    root = tmp_path / "shirtv1"
+    write(root / "camera.json", camera_json())
+    for trajectory in ("roe1", "roe2"):
+        names = [f"img{i:06d}.jpg" for i in range(3)]
+        truths = TRUTH[:3] if trajectory == "roe1" else TRUTH[3:6]
+        records = [speed_record(n, *t) for n, t in zip(names, truths)]
+        write(root / trajectory / f"{trajectory}.json", records)
+        write(root / trajectory / "metadata.json", {"pSim": {}})
+        for source in ("synthetic", "lightbox"):
+            for name in names:
+                picture(root / trajectory / source / "images" / name)
+    assert set(domains(root)) == {f"roe{i}_{s}" for i in (1, 2) for s in ("synthetic", "lightbox")}
+    check_scores(root, "roe2_lightbox", "test", tmp_path, K, TRUTH[3:6])
+    assert len(keypoints_of("tango", read_poses(root, "roe1_synthetic"))) == 11
+    assert "ready" in prepare_dataset(root, root)
+
+
+def test_spe3r(tmp_path: Path) -> None:
+    """The authors' split of the images, and no keypoints of Tango by mistake."""
+    root = tmp_path / "spe3r"
+    write(root / "camera.json", camera_json())
+    write(root / "splits.csv", "aqua,train\nsmart_1,test\n")
+    numbers = (1, 400, 401, 501, 901, 1000)
+    for name in ("aqua", "smart_1"):
+        records = [speed_record(f"img{n:06d}", *t) for n, t in zip(numbers, TRUTH)]
+        write(root / name / "labels.json", records)
+        for number in numbers:
+            picture(root / name / "images" / f"img{number:06d}.jpg")
+    assert domains(root) == {"aqua": ("train", "validation"), "smart_1": ("test",)}
+    check_scores(root, "aqua", "validation", tmp_path, K, [TRUTH[2], TRUTH[4], TRUTH[5]])
+    assert len(read_poses(root, "smart_1")) == 6
+    with pytest.raises(InputError, match="aqua and brings no keypoints"):
+        keypoints_of("tango", read_poses(root, "aqua", "train"))
+
+
+def test_spark_2022(tmp_path: Path) -> None:
+    """The quaternion's scalar is the last column, and images lie in folders of sequences."""
+    root = tmp_path / "Data"
+    matrix = np.array(
+        [[1744.92206139719, 0, 737.272795902663], [0, 1746.58640701753, 528.471960188736], [0, 0, 1]]
+    )
+    for word, truths in (("train", TRUTH[:2]), ("val", TRUTH[2:4])):
+        lines = ["sequence,filename,Tx,Ty,Tz,Qx,Qy,Qz,Qw"]
+        for i, (turn, shift) in enumerate(truths):
+            lines.append(
+                ",".join(["GT001", f"img{i}_GT001.png", *map(repr, map(float, [*shift, *turn.as_quat()]))])
+            )
+            picture(root / word / "images" / "GT001" / f"img{i}_GT001.png", (1440, 1080))
+        write(root / word / f"{word}.csv", "\n".join(lines))
+    assert domains(root) == {"spark": ("train", "validation")}
+    check_scores(root, "spark", "validation", tmp_path, matrix, TRUTH[2:4])
+    write(root / "val" / "val.csv", lines[0] + "\nGT001,img0_GT001.png,0,0,x,0,0,0,1\n")
+    with pytest.raises(InputError, match="line 2, Tz"):
+        read_poses(root, "spark", "validation")
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_spacesense(tmp_path: Path, nested: bool) -> None:
+    """AirSim's axes (forward, right, down) become OpenCV's: a target ahead and to the right is at larger columns."""
+    root = tmp_path / "raw"
+    folder = root / "ACE" / "ACE" if nested else root / "ACE"
+    turn, head = Rotation.random(random_state=3), "target_spacecraft_in_camera_"
+    names = [*(f"{head}pos_{a}(m)" for a in "xyz"), *(f"{head}quat_{a}" for a in "wxyz")]
+    row = [8.0, 0.5, 0.25, *scalar_first(turn)]
+    for sequence in ("approach_front", "orbit_xy"):
+        write(
+            folder / sequence / "pose_ground_truth.csv",
+            f"timestamp,{','.join(names)}\n2026,{str(row)[1:-1]}\n",
+        )
+        picture(folder / sequence / "image" / "2026.png", (128, 128))
+    assert domains(root) == {"ACE": ("validation",)}
+    poses = read_poses(root, "ACE")
+    assert poses.ids == ("approach_front/image/2026.png", "orbit_xy/image/2026.png")
+    ahead, right, down = (turn.apply(POINTS_M) + np.array([8.0, 0.5, 0.25])).T
+    focal_px = 64 / np.tan(np.radians(25))
+    expected = np.column_stack([64 + focal_px * right / ahead, 64 + focal_px * down / ahead])
+    keypoints = keypoints_of(points_file(tmp_path), poses)
+    np.testing.assert_allclose(poses.targets(keypoints).points, [expected] * 2, atol=1e-6)
+
+
+def test_the_reader_of_the_page_reads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The example of docs/datasets.md, as it stands there."""
+    from visaug_train import datasets
+
+    monkeypatch.setattr(datasets, "READERS", list(datasets.READERS))
+    page = (Path(__file__).parents[2] / "docs" / "datasets.md").read_text()
+    exec(page.partition("```python\n")[2].partition("```")[0], {})
+    turn, shift = TRUTH[1]
+    row = ",".join(["a.png", *map(str, scalar_first(turn)), *map(str, shift)])
+    write(tmp_path / "poses.csv", f"file,w,x,y,z,rx,ry,rz\n{row}\n")
+    picture(tmp_path / "images" / "a.png")
+    assert domains(tmp_path) == {"mine": ("test",)}
+    np.testing.assert_allclose(read_poses(tmp_path, "mine").translations, [shift])

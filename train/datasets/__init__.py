@@ -11,10 +11,21 @@ from visaug_train import speed
 from visaug_train.datasets.bop import BOP
 from visaug_train.datasets.coco import COCO
 from visaug_train.datasets.reader import Reader
+from visaug_train.datasets.shirt import SHIRT
+from visaug_train.datasets.spacesense import SPACESENSE
+from visaug_train.datasets.spark import SPARK
+from visaug_train.datasets.spe3r import SPE3R
 from visaug_train.geometry import Keypoints
 from visaug_train.speed import PoseSet
 
-READERS: list[Reader] = [BOP, COCO]
+READERS: list[Reader] = [
+    SHIRT,
+    SPE3R,
+    SPARK,
+    SPACESENSE,
+    BOP,
+    COCO,
+]  # COCO last: its files have no name of their own
 
 
 def reader_of(root: str | Path) -> Reader | None:

@@ -70,7 +70,7 @@ def demo(output: Path, seed: int) -> None:
 @click.option("--coco", is_flag=True, help="Also write COCO keypoint annotations of every set, to DIR-coco.")
 @keypoints_option
 def prepare(archive: Path, output: Path, size: str | None, coco: bool, keypoints: str, seed: int) -> None:
-    """Unpack and check a SPEED or SPEED+ archive, or a folder.
+    """Unpack and check an archive or a folder of SPEED, SPEED+, SHIRT, SPE3R, SPARK 2022, SpaceSense-Bench, BOP or COCO keypoints.
 
     If interrupted, the same command resumes. An archive that is not the one DIR was made of is refused.
     """
@@ -121,7 +121,7 @@ def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
     type=click.Path(path_type=Path),
     help="Predictions of any network: keypoints in the COCO results format (JSON), or poses (CSV).",
 )
-@click.option("--data", metavar="DIR", type=click.Path(path_type=Path), help="A SPEED or SPEED+ folder.")
+@click.option("--data", metavar="DIR", type=click.Path(path_type=Path), help="Folder of a pose data set.")
 @click.option("--domain", metavar="NAME", help="Test set of that folder.")
 @click.option(
     "--split", metavar="NAME", help="train, validation or test; by default the test split where there is one."
@@ -158,7 +158,7 @@ def evaluate(
 ) -> None:
     """Score a network on its test sets.
 
-    The network is the one trained by CONFIG, or any other whose predictions P on a SPEED or SPEED+ folder are given.
+    The network is the one trained by CONFIG, or any other whose predictions P on a data set are given.
     P is in the COCO results format with `file_name` (or `image_id` and --images), `bbox` may be absent; or it is a CSV of
     poses in the format of the Kelvins competition: file, q1..q4 (scalar first), r1..r3 in metres. Another order of
     quaternions, centimetres, millimetres and points of a common other scale are recognised and reported.
