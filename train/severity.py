@@ -45,7 +45,7 @@ SCORES = ("keypoint_ap", "oks", "position_error", "attitude_error_deg")
 LABELS = {
     "keypoint_ap": "keypoint AP (COCO)",
     "oks": "OKS (COCO), mean",
-    "position_error": "position error, share of distance",
+    "position_error": "position error / distance",
     "attitude_error_deg": "attitude error, deg",
 }
 UNITS = {

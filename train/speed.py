@@ -85,13 +85,13 @@ class PoseSet:
                     expected="the model of the annotations",
                 )
             boxes = np.zeros((len(self), 4)) if self.boxes is None else self.boxes
-            seen = np.isfinite(boxes).all(axis=1)
+            seen = np.asarray(np.isfinite(boxes).all(axis=1))
             inside = (self.points[..., 2] > 0) & seen[:, None]
             return Targets(np.nan_to_num(boxes), self.points[..., :2], inside, seen)
         targets = project_targets(self.camera, keypoints, self.quaternions, self.translations)
         if self.boxes is None:
             return targets
-        known = np.isfinite(self.boxes).all(axis=1)
+        known = np.asarray(np.isfinite(self.boxes).all(axis=1))
         return replace(targets, boxes=np.where(known[:, None], self.boxes, targets.boxes))
 
     def select(self, indices: np.ndarray, name: str | None = None) -> "PoseSet":

@@ -42,7 +42,9 @@ class Network:
         self.calls += 1
         targets, found = poses.targets(TANGO), []
         for file, box, points in zip(poses.files, targets.boxes, targets.points):
-            found.append(Detections(box[None], points[None] + 0.5 * spread(file), np.ones((1, 11)), np.ones(1)))
+            found.append(
+                Detections(box[None], points[None] + 0.5 * spread(file), np.ones((1, 11)), np.ones(1))
+            )
         return found
 
 
