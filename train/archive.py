@@ -1,4 +1,4 @@
-"""From a downloaded archive of SPEED or SPEED+ to a ready dataset: unpacked, checked, converted where asked.
+"""From a downloaded archive of a pose data set to a ready dataset: unpacked, checked, converted where asked.
 
 Unpacking goes on where it was stopped, into ``NAME.partial``, which gets its name when all is there and
 checked.
@@ -21,8 +21,8 @@ from typing import IO
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file, write_json
 from visaug_train.convert import coco_annotations, convert
-from visaug_train.geometry import Keypoints
-from visaug_train.speed import PoseSet, domains, read_poses
+from visaug_train.datasets import READERS, domains, keypoints_of, read_poses, reader_of, root_among
+from visaug_train.speed import PoseSet
 
 Progress = Callable[[str, int, int], None]
 LISTS = ("camera.json", "train.json")  # of which the uppermost folder of a dataset holds one
@@ -42,7 +42,7 @@ def prepare_archive(archive: str | Path, destination: str | Path, progress: Prog
         check(root)
         return root
     sizes = {PurePosixPath(name): size for name, size, _, _ in _members(archive)}
-    inside = _root([path for path in sizes if path.name in LISTS], archive)
+    inside = root_among(list(sizes)) or _root([path for path in sizes if path.name in LISTS], archive)
     if destination.is_dir():
         for path, size in sizes.items():
             file = destination / path.relative_to(inside) if path.is_relative_to(inside) else None
@@ -85,7 +85,16 @@ def unpack(archive: Path, folder: Path, progress: Progress | None = None) -> Non
 
 
 def find_root(folder: Path) -> Path:
-    """The folder inside `folder`, at most three levels down, that has SPEED's or SPEED+'s layout."""
+    """The folder inside `folder`, at most three levels down, that has the layout of a data set."""
+    if reader_of(folder) is not None:
+        return folder
+    marks = [mark for reader in READERS for mark in reader.marks]
+    nested = [
+        path for depth in ("", "*/", "*/*/", "*/*/*/") for mark in marks for path in folder.glob(depth + mark)
+    ]
+    inside = root_among([PurePosixPath(path.relative_to(folder)) for path in nested])
+    if inside is not None:
+        return folder / inside
     found = [
         path for depth in ("", "*/", "*/*/", "*/*/*/") for name in LISTS for path in folder.glob(depth + name)
     ]
@@ -97,7 +106,9 @@ def _root(lists: list[PurePosixPath], where: Path) -> PurePosixPath:
     folders = {path.parent for path in lists if path.parent.name != "synthetic" and len(path.parts) <= 4}
     if not folders:
         raise InputError(
-            "has no SPEED or SPEED+ layout", file=where, expected="camera.json or train.json in it"
+            "has no SPEED or SPEED+ layout, nor that of " + ", ".join(reader.name for reader in READERS),
+            file=where,
+            expected="camera.json or train.json in it",
         )
     return min(folders, key=lambda path: (len(path.parts), str(path)))
 
@@ -123,12 +134,14 @@ def prepare_dataset(
     progress: Progress | None = None,
 ) -> str:
     """All that `visaug prepare` does; what to print."""
-    width_height, model = _size(size), Keypoints.load(keypoints)
+    width_height = _size(size)
     root = prepare_archive(archive, output, progress)
     sets = check(root)
     said = [f"{name}: {len(p)} images{'' if p.labelled else ', no labels'}" for name, p in sets.items()]
     labelled = {name: poses for name, poses in sets.items() if poses.labelled}
-    if len(labelled) < len(sets):
+    if coco or width_height is not None:
+        model = keypoints_of(keypoints, next(iter(labelled.values())))
+    if len(labelled) < len(sets) and reader_of(root) is None:
         bare = ", ".join(name for name in sets if name not in labelled)
         said.append(
             f"note: {bare}: this is SPEED+ as it was before 2023, without labels of the laboratory's images; speedplusv2 has "

@@ -1,26 +1,29 @@
 """What the program's commands of the harness call."""
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from visaug.camera import Camera
 from visaug.core.errors import InputError, PartlyFailed
 from visaug.core.files import folder_lock
 from visaug_train.ablation import ablate as run_ablation
 from visaug_train.checks import check_arms
 from visaug_train.config import Config, load_config
+from visaug_train.datasets import read_poses
 from visaug_train.external import evaluate_predictions, submission
 from visaug_train.poses import save_poses
 from visaug_train.scoring import evaluate_run, other_summaries, other_weights, predictions_of
-from visaug_train.speed import read_poses
+from visaug_train.severity import predict_with, severity
 from visaug_train.strength import strengths
-from visaug_train.training import prepare, run_folder, train_run
+from visaug_train.training import Run, Study, prepare, run_folder, train_run
 
 Progress = Callable[[str, int, int], None]
 
-__all__ = ["ablate", "evaluate", "evaluate_predictions", "train"]
+__all__ = ["ablate", "evaluate", "evaluate_predictions", "severity_curves", "train"]
 
 
 def train(config_path: Path, seed: int = 0, progress: Progress | None = None, arm: str | None = None) -> str:
@@ -74,6 +77,68 @@ def evaluate(
     Raises:
         InputError: it is not trained; nothing is rendered or written then.
     """
+    study, run = _trained(config_path, seed, progress, arm)
+    if elsewhere is not None:
+        poses = read_poses(*elsewhere, labels=False)
+        if not poses.labelled:
+            detections = predictions_of(study, run, poses.domain, poses, progress)
+            return {poses.domain: submission(poses, study.keypoints, detections, poses_csv)}
+        study = replace(study, tests={poses.domain: poses})
+    evaluations, folder = evaluate_run(study, run, progress), run.folder
+    for domain, evaluation in evaluations.items():
+        evaluation.write_csv(folder / f"{domain}.csv")
+        save_poses(folder / f"{domain}-poses.csv", evaluation.poses, evaluation.found)
+        if poses_csv is not None:
+            save_poses(poses_csv, evaluation.poses, evaluation.found)
+    weights = study.config.weights
+    others = other_summaries(study, run, progress)
+    return {
+        domain: {**evaluation.summary(), "weights": weights}
+        | ({other_weights(weights): others[domain]} if domain in others else {})
+        for domain, evaluation in evaluations.items()
+    }
+
+
+def severity_curves(
+    config_path: Path,
+    camera: str,
+    output: Path,
+    axes: list[str],
+    seed: int = 0,
+    progress: Progress | None = None,
+    arm: str | None = None,
+    elsewhere: tuple[Path, str, str | None] | None = None,
+) -> str:
+    """Robustness curves of an arm of a config on a set; what to print.
+
+    Args:
+        config_path, seed, arm: which network.
+        camera: whose conditions are changed.
+        output: folder of the curves.
+        axes: which curves; all where it is empty.
+        progress: called with (description, done, total).
+        elsewhere: folder, domain and split of a set; the config's first test set where left out.
+    """
+    study, run = _trained(config_path, seed, progress, arm)
+    data, arguments = study.config.data, {**study.config.training, **study.config.arm(run.arm).training}
+    poses = next(iter(study.tests.values())) if elsewhere is None else read_poses(*elsewhere)
+    predict = predict_with(
+        run.weights,
+        study.config.output / "ultralytics-settings",
+        image_size=arguments.get("imgsz", 640),
+        device=arguments.get("device"),
+        size=data.image_size,
+        reduce=data.reduction,
+    )
+    network = hashlib.sha256(run.weights.read_bytes()).hexdigest()
+    severity(
+        poses, study.keypoints, predict, Camera.load(camera), output, axes or None, network, seed, progress
+    )
+    return f"curves: {output / 'severity.csv'}, {output / 'severity.png'}"
+
+
+def _trained(config_path: Path, seed: int, progress: Progress | None, arm: str | None) -> tuple[Study, Run]:
+    """The study and the run of an arm; an InputError where it is not trained, before anything is rendered or written."""
     config = load_config(config_path)
     arm, first = _arm(config, arm), config.seeds[0] + seed
     missing = InputError(
@@ -87,26 +152,7 @@ def evaluate(
     folder = run_folder(study, arm, first)
     if not (folder / "run.json").is_file():  # trained, but with other settings
         raise missing
-    run = train_run(study, arm, first, progress)
-    if elsewhere is not None:
-        poses = read_poses(*elsewhere, labels=False)
-        if not poses.labelled:
-            detections = predictions_of(study, run, poses.domain, poses, progress)
-            return {poses.domain: submission(poses, study.keypoints, detections, poses_csv)}
-        study = replace(study, tests={poses.domain: poses})
-    evaluations = evaluate_run(study, run, progress)
-    for domain, evaluation in evaluations.items():
-        evaluation.write_csv(folder / f"{domain}.csv")
-        save_poses(folder / f"{domain}-poses.csv", evaluation.poses, evaluation.found)
-        if poses_csv is not None:
-            save_poses(poses_csv, evaluation.poses, evaluation.found)
-    weights = study.config.weights
-    others = other_summaries(study, run, progress)
-    return {
-        domain: {**evaluation.summary(), "weights": weights}
-        | ({other_weights(weights): others[domain]} if domain in others else {})
-        for domain, evaluation in evaluations.items()
-    }
+    return study, train_run(study, arm, first, progress)
 
 
 def _arm(config: Config, name: str | None) -> str:

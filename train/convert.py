@@ -19,7 +19,7 @@ import numpy as np
 from visaug.core.documents import read_json, read_yaml
 from visaug.core.errors import InputError
 from visaug.core.files import write_bytes, write_json, write_text, write_yaml
-from visaug_train.geometry import Keypoints, Pinhole, project_targets
+from visaug_train.geometry import Keypoints, Pinhole
 from visaug_train.reduction import read_image, reduced
 from visaug_train.speed import PoseSet
 
@@ -79,7 +79,7 @@ def convert(
                 size=size,
                 reduce=reduce,
             )
-            for file, target, line in zip(poses.files, pool.map(copy, poses.files), labels):
+            for file, target, line in zip(poses.files, pool.map(copy, poses.files, poses.ids), labels):
                 write_text(partial_folder / "labels" / name / f"{target.stem}.txt", line)
                 if not target.is_file():
                     raise InputError("could not be copied", file=file)
@@ -95,7 +95,7 @@ def convert(
 
 def label_lines(poses: PoseSet, keypoints: Keypoints) -> list[str]:
     """One line of an ultralytics pose label per image, empty where no target is seen; all numbers as shares."""
-    targets = project_targets(poses.camera, keypoints, poses.quaternions, poses.translations)
+    targets = poses.targets(keypoints)
     size = np.array([poses.camera.width, poses.camera.height], float)
     low, high = targets.boxes[:, :2] / size, targets.boxes[:, 2:] / size
     boxes = np.concatenate([(low + high) / 2, high - low], axis=1)
@@ -115,7 +115,7 @@ def coco_annotations(poses: PoseSet, keypoints: Keypoints, files: Sequence[str])
         keypoints: their model.
         files: the name of each image in the file. Ids count from 1; an image in which no target is seen has no annotation.
     """
-    targets = project_targets(poses.camera, keypoints, poses.quaternions, poses.translations)
+    targets = poses.targets(keypoints)
     size = {"width": poses.camera.width, "height": poses.camera.height}
     annotations = []
     for i in np.flatnonzero(targets.seen):
@@ -157,14 +157,26 @@ def identity(poses: PoseSet) -> dict:
         "last": poses.files[-1].name,
         "bytes": sum(file.stat().st_size for file in poses.files),
         "poses": float(np.abs(poses.quaternions).sum() + poses.translations.sum()).hex(),
+        **{
+            key: float(np.nansum(value)).hex()
+            for key, value in (("boxes", poses.boxes), ("points", poses.points))
+            if value is not None
+        },
     }
 
 
 def _copy(
-    file: Path, folder: Path, beside: Path, camera: Pinhole, size: tuple[int, int] | None, reduce: str
+    file: Path,
+    name: str,
+    folder: Path,
+    beside: Path,
+    camera: Pinhole,
+    size: tuple[int, int] | None,
+    reduce: str,
 ) -> Path:
+    flat = name.replace("/", "-")  # ultralytics finds a label by its image's name alone
     if size is None:
-        target = folder / file.name
+        target = folder / flat
         if target.is_file():
             return target
         try:
@@ -172,7 +184,7 @@ def _copy(
         except OSError:  # a file system or an account without links
             write_bytes(target, file.read_bytes())
         return target
-    target = folder / f"{file.stem}.png"
+    target = folder / f"{Path(flat).stem}.png"
     if not target.is_file():
         image = reduced(read_image(file, camera), size, reduce)
         write_bytes(target, cv2.imencode(".png", image)[1].tobytes())
@@ -195,7 +207,9 @@ def _describe(
 ) -> dict:
     beside = destination.resolve().parent
     return {
-        "keypoints": keypoints.points_m.tolist(),
+        "keypoints": keypoints.points_m.tolist()
+        if np.isfinite(keypoints.points_m).all()
+        else list(keypoints.names),
         **({"flip": list(keypoints.flip)} if keypoints.flip else {}),
         "size": list(size) if size else None,
         "reduce": reduce,

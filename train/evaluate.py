@@ -9,7 +9,7 @@ import numpy as np
 
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
-from visaug_train.geometry import Keypoints, Targets, project_targets, rotation_matrix
+from visaug_train.geometry import Keypoints, Targets, rotation_matrix
 from visaug_train.metrics import (
     BOXES_PER_IMAGE,
     DEFINITIONS,
@@ -76,7 +76,7 @@ class Evaluation:
         errors |= {
             f"{name}_median": weighted_median(self.table[name], weights)
             for name in POSE_ERRORS
-            if "error" in name
+            if "error" in name and name in self.table
         }
         return {
             "images": len(self.poses),
@@ -87,7 +87,7 @@ class Evaluation:
             **errors,
             "poses_found": mean("pose_found"),
             "answered": {
-                name: mean(f"answered_{name}") if self.table["pose_found"].any() else None
+                name: mean(f"answered_{name}") if self.found and self.table["pose_found"].any() else None
                 for name in ANSWERED
             },
         }
@@ -104,8 +104,8 @@ class Evaluation:
         """One line per image."""
         columns = list(self.table)
         lines = [",".join(["file", *columns])]
-        for i, file in enumerate(self.poses.files):
-            lines.append(",".join([file.name, *(f"{self.table[c][i]:.6g}" for c in columns)]))
+        for i, name in enumerate(self.poses.ids):
+            lines.append(",".join([name, *(f"{self.table[c][i]:.6g}" for c in columns)]))
         write_text(path, "\n".join(lines) + "\n")
 
     def worst(self, count: int = 8) -> np.ndarray:
@@ -131,9 +131,9 @@ def weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
 
 def evaluate_poses(poses: PoseSet, keypoints: Keypoints, found: list[Pose | None]) -> Evaluation:
     """Score poses alone."""
-    if not poses.labelled:
-        raise InputError(f"{poses.name} has no labels, so there is nothing to score")
-    targets = project_targets(poses.camera, keypoints, poses.quaternions, poses.translations)
+    if not poses.posed:
+        raise InputError(f"{poses.name} has no poses, so there is nothing to score")
+    targets = poses.targets(keypoints)
     rows = [_pose_row(i, pose, poses, bool(targets.seen[i])) for i, pose in enumerate(found)]
     return Evaluation(poses.domain, poses, targets, [], _columns(rows), {}, found)
 
@@ -144,7 +144,7 @@ def _columns(rows: list[dict[str, float]]) -> dict[str, np.ndarray]:
 
 def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list[Detections]) -> Evaluation:
     """Score detections, one entry per image of `poses`."""
-    targets = project_targets(poses.camera, keypoints, poses.quaternions, poses.translations)
+    targets = poses.targets(keypoints)
     similarities: dict[str, list[np.ndarray]] = {name: [] for name in ("box", *DEFINITIONS)}
     rows: list[dict[str, float]] = []
     found: list[Pose | None] = []
@@ -156,10 +156,11 @@ def evaluate(domain: str, poses: PoseSet, keypoints: Keypoints, detections: list
                 keypoint_similarity(each.points, points, inside, box, name, keypoints.sigmas)
             )
         latest = {name: values[-1] for name, values in similarities.items()}
-        found.append(pose_of(each, keypoints, poses))
-        rows.append(
-            _row(i, each, latest, targets, poses) | _pose_row(i, found[-1], poses, bool(targets.seen[i]))
-        )
+        row = _row(i, each, latest, targets, poses)
+        if poses.posed:
+            found.append(pose_of(each, keypoints, poses))
+            row |= _pose_row(i, found[-1], poses, bool(targets.seen[i]))
+        rows.append(row)
     table = _columns(rows)
     if not all(np.isfinite(each.boxes).all() for each in detections):
         del similarities["box"], table["iou"]
@@ -227,17 +228,22 @@ def _row(
     def of(name: str, counts: bool) -> float:
         return float("nan") if not counts else 0.0 if best is None else float(similarity[name][best])
 
-    sight = poses.translations[i] / np.linalg.norm(poses.translations[i])
-    axis = rotation_matrix(poses.quaternions[i])[:, 2]
     return {
         "iou": of("box", seen),
         "oks_paper": of("paper", visible),
         "oks_coco": of("coco", visible),
         "score": 0.0 if best is None else float(each.scores[best]),
         "distance_m": float(np.linalg.norm(poses.translations[i])),
-        "aspect_deg": float(np.degrees(np.arccos(np.clip(-sight @ axis, -1, 1)))),
+        "aspect_deg": _aspect_deg(poses, i),
         "brightness": _brightness(poses.files[i], targets.boxes[i]) if seen else float("nan"),
     }
+
+
+def _aspect_deg(poses: PoseSet, i: int) -> float:
+    """The angle between the line of sight and the body's z axis."""
+    sight = poses.translations[i] / np.linalg.norm(poses.translations[i])
+    axis = rotation_matrix(poses.quaternions[i])[:, 2]
+    return float(np.degrees(np.arccos(np.clip(-sight @ axis, -1, 1))))
 
 
 def _brightness(file: Path, box: np.ndarray) -> float:

@@ -4,14 +4,15 @@ from pathlib import Path
 from typing import Any
 
 from visaug.core.errors import InputError
+from visaug_train.datasets import keypoints_of, read_poses
 from visaug_train.evaluate import evaluate, evaluate_poses, pose_of
-from visaug_train.geometry import Keypoints, project_targets
+from visaug_train.geometry import Keypoints
 from visaug_train.image_names import ImageNames, names_elsewhere
 from visaug_train.metrics import Detections
 from visaug_train.poses import load_poses, save_poses, save_submission
 from visaug_train.predictions import load_predictions
 from visaug_train.readings import point_readings
-from visaug_train.speed import PoseSet, read_poses
+from visaug_train.speed import PoseSet
 
 
 def evaluate_predictions(
@@ -23,7 +24,7 @@ def evaluate_predictions(
     images: str | Path | None = None,
     poses_csv: str | Path | None = None,
 ) -> dict[str, Any]:
-    """Scores of any network's predictions on a domain of a SPEED or SPEED+ folder: {domain: summary}.
+    """Scores of any network's predictions on a domain of a data set: {domain: summary}.
 
     Args:
         predictions: COCO's results of keypoints, or poses as Kelvins takes them (NAME.csv). What they do not hold has no
@@ -40,7 +41,7 @@ def evaluate_predictions(
         The summary, with `notes`: what was recognised in the predictions, and what their score leaves out.
     """
     poses = read_poses(data, domain, split, labels=False)
-    points = Keypoints.load(keypoints)
+    points = keypoints_of(keypoints, poses)
     names = ImageNames(poses, names_elsewhere(data, poses))
     notes: list[str] = []
     if Path(predictions).suffix.lower() == ".csv":
@@ -49,13 +50,13 @@ def evaluate_predictions(
         detections = load_predictions(predictions, poses, len(points), images, names)
         if not poses.labelled:
             return {domain: submission(poses, points, detections, poses_csv)}
-        targets = project_targets(poses.camera, points, poses.quaternions, poses.translations)
+        targets = poses.targets(points)
         size = (poses.camera.width, poses.camera.height)
         detections = point_readings(detections, targets, size, notes.append)
         evaluation = evaluate(domain, poses, points, detections)
         if "iou" not in evaluation.table:
             notes.append("boxes are not scored, for not every record has a bbox")
-    if poses_csv is not None:
+    if poses_csv is not None and poses.posed:
         save_poses(poses_csv, poses, evaluation.found)
     return {domain: evaluation.summary() | {"notes": notes}}
 

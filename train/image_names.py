@@ -4,9 +4,9 @@ from collections import Counter
 from collections.abc import Collection, Mapping
 from pathlib import Path, PureWindowsPath
 
-from visaug.core.documents import read_json
 from visaug.core.errors import InputError
-from visaug_train.speed import PoseSet, listings
+from visaug_train.datasets import names_of
+from visaug_train.speed import PoseSet
 
 
 class ImageNames:
@@ -23,9 +23,15 @@ class ImageNames:
         self.domains = {poses.domain, *(name.split("/")[0] for name in elsewhere or {})}
         self.others = {name for names in (elsewhere or {}).values() for name in names}
         self.others |= {Path(name).stem for name in self.others}
-        self.names = {file.name: i for i, file in enumerate(poses.files)}
-        stems = Counter(file.stem for file in poses.files)
-        self.names |= {file.stem: i for i, file in enumerate(poses.files) if stems[file.stem] == 1}
+        self.names = {name: i for i, name in enumerate(poses.ids)}
+        self.depth = (
+            len(PureWindowsPath(poses.ids[0]).parts) if poses.ids else 1
+        )  # folders that a name must have
+        stems = Counter(map(_stem, poses.ids))
+        self.names |= {_stem(name): i for i, name in enumerate(poses.ids) if stems[_stem(name)] == 1}
+        self.names |= {
+            name.replace("/", "-"): i for i, name in enumerate(poses.ids)
+        }  # as `convert` names its copies
 
     def find(self, text: object, file: Path, field: str) -> int | None:
         """The image's number; None for an image of another domain or split of the folder.
@@ -35,7 +41,8 @@ class ImageNames:
         """
         path = PureWindowsPath(text.strip() if isinstance(text, str) else "")
         folders = [part for part in path.parts[:-1] if part in self.domains] or [self.poses.domain]
-        for name in (path.name, path.stem):
+        whole = "/".join(path.parts[-self.depth :])
+        for name in dict.fromkeys((whole, _stem(whole), path.name, path.stem)):
             if name in self.names and (name not in self.others or folders[-1] == self.poses.domain):
                 return self.names[name]
             if name in self.others:
@@ -44,7 +51,7 @@ class ImageNames:
             f"{text!r} is no image of {self.poses.name}",
             file=file,
             field=field,
-            expected=f"a name such as {self.poses.files[0].name}",
+            expected=f"a name such as {self.poses.ids[0]}",
         )
 
     def none_found(self, file: Path) -> InputError:
@@ -52,23 +59,23 @@ class ImageNames:
         return InputError(
             f"names no image of {self.poses.name}",
             file=file,
-            expected=f"images such as {self.poses.files[0].name}",
+            expected=f"images such as {self.poses.ids[0]}",
         )
+
+
+def _stem(name: str) -> str:
+    """The name without its suffix, folders kept."""
+    folders, slash, file = name.rpartition("/")
+    return folders + slash + Path(file).stem
 
 
 def names_elsewhere(root: str | Path, poses: PoseSet) -> dict[str, set[str]]:
     """Names of the images of all other domains and splits of a folder, by domain/split."""
     own = {file.name for file in poses.files}
     found = {}
-    for name, (listing, _) in listings(Path(root)).items():
-        records = read_json(listing)
-        names = (
-            {str(r.get("filename")) for r in records if isinstance(r, dict)}
-            if isinstance(records, list)
-            else set()
-        )
+    for name, names in names_of(root).items():
         if name.split("/")[0] == poses.domain:
-            names -= own  # a split of the same list
+            names = names - own  # a split of the same list
         if names and name != poses.name:
             found[name] = names
     return found

@@ -21,9 +21,9 @@ def save_poses(path: str | Path, poses: PoseSet, found: Sequence[Pose | None]) -
     """One line per image for which a pose was found."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    for file, pose in zip(poses.files, found):
+    for name, pose in zip(poses.ids, found):
         if pose is not None:
-            writer.writerow([file.name, *(f"{value:.9g}" for part in pose for value in part)])
+            writer.writerow([name, *(f"{value:.9g}" for part in pose for value in part)])
     write_text(path, buffer.getvalue())
 
 

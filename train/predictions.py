@@ -112,13 +112,13 @@ def image_names(path: str | Path) -> dict[Any, str]:
 def save_predictions(path: str | Path, poses: PoseSet, detections: list[Detections]) -> None:
     """Write detections in the format that `load_predictions` reads."""
     records: list[dict[str, Any]] = []
-    for file, each in zip(poses.files, detections):
+    for name, each in zip(poses.ids, detections):
         for box, points, point_scores, score in zip(each.boxes, each.points, each.point_scores, each.scores):
             corners = np.concatenate([box[:2], box[2:] - box[:2]])
             triples = np.concatenate([points, point_scores[:, None]], axis=1)
             records.append(
                 {
-                    "file_name": file.name,
+                    "file_name": name,
                     "category_id": 1,
                     "bbox": [round(float(v), 4) for v in corners],
                     "keypoints": [round(float(v), 4) for v in triples.ravel()],

@@ -31,7 +31,7 @@ def pose_readings(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Quaternions (N, 4) scalar first and translations (N, 3) in metres; NaN where an image has no answer."""
     answered = np.isfinite(quaternions).all(axis=1)
-    if not poses.labelled or answered.sum() < LEAST_IMAGES:
+    if not poses.posed or answered.sum() < LEAST_IMAGES:
         return quaternions, translations
     orders = [quaternions, np.roll(quaternions, 1, axis=1)]
     if order := clearly([_median(_angles(q, poses.quaternions)) for q in orders]):
@@ -59,7 +59,7 @@ def which_block(blocks: Sequence[np.ndarray], foreign: Sequence[int], poses: Pos
     is nearest to the truth on more images than chance would have it in 1 of 100 cases. None where neither tells.
     """
     complete = [i for i, block in enumerate(blocks) if np.isfinite(block).all() and not foreign[i]]
-    if len(complete) == 1 or not poses.labelled:
+    if len(complete) == 1 or not poses.posed:
         return complete[0] if len(complete) == 1 else None
     errors = []
     for block in blocks:

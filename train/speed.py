@@ -6,7 +6,9 @@ SPEED+: ``camera.json``, ``synthetic/{train,validation}.json`` with ``synthetic/
 domains may have any name.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,7 @@ from PIL import Image
 
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
-from visaug_train.geometry import Keypoints, Pinhole, project_targets
+from visaug_train.geometry import Keypoints, Pinhole, Targets, project_targets
 
 # The paper splits SPEED's 12,000 labelled synthetic images so (it does not say which image goes where).
 SPEED_SPLIT = {"train": 7680, "validation": 1920, "test": 2400}
@@ -27,13 +29,28 @@ SPLITS = ("train", "validation", "test")
 
 @dataclass(frozen=True, eq=False)
 class PoseSet:
-    """Images with their poses: files (N), quaternions (N, 4) scalar first, translations (N, 3) in metres; NaN if unknown."""
+    """Images of one camera and one spacecraft, with what the data set says of each.
+
+    Attributes:
+        name: domain/split.
+        camera: intrinsics; all images have its size.
+        files: the images (N).
+        quaternions, translations: poses (N, 4) scalar first and (N, 3) in metres, p_camera = R p_body + r; NaN if unknown.
+        keypoints: the data set's own points of the spacecraft; None where it has none.
+        boxes: annotated boxes (N, 4) x0 y0 x1 y1 in pixels, NaN where an image has no target; None where the data set has none.
+        points: annotated keypoints (N, K, 3) x, y in pixels and COCO's visibility; None where the data set has none.
+        spacecraft: whose points are meant where `keypoints` is None.
+    """
 
     name: str
     camera: Pinhole
     files: tuple[Path, ...]
     quaternions: np.ndarray
     translations: np.ndarray
+    keypoints: Keypoints | None = None
+    boxes: np.ndarray | None = None
+    points: np.ndarray | None = None
+    spacecraft: str = "tango"
 
     def __len__(self) -> int:
         return len(self.files)
@@ -44,21 +61,72 @@ class PoseSet:
         return self.name.split("/")[0]
 
     @property
-    def labelled(self) -> bool:
+    def posed(self) -> bool:
         """Whether the poses are known."""
         return bool(np.isfinite(self.quaternions).all())
 
+    @property
+    def labelled(self) -> bool:
+        """Whether poses or keypoints are known."""
+        return self.posed or self.points is not None
+
+    @cached_property
+    def ids(self) -> tuple[str, ...]:
+        """A name of each image that no other has: the file's, with as many of its folders as that takes."""
+        return image_ids(self.files)
+
+    def targets(self, keypoints: Keypoints) -> Targets:
+        """Boxes and keypoints in pixels: as annotated where they are, else projected by the pose."""
+        if self.points is not None:
+            if self.points.shape[1] != len(keypoints):
+                raise InputError(
+                    f"{self.name}: {self.points.shape[1]} keypoints are annotated, the model has {len(keypoints)}",
+                    field="keypoints",
+                    expected="the model of the annotations",
+                )
+            boxes = np.zeros((len(self), 4)) if self.boxes is None else self.boxes
+            seen = np.asarray(np.isfinite(boxes).all(axis=1))
+            inside = (self.points[..., 2] > 0) & seen[:, None]
+            return Targets(np.nan_to_num(boxes), self.points[..., :2], inside, seen)
+        targets = project_targets(self.camera, keypoints, self.quaternions, self.translations)
+        if self.boxes is None:
+            return targets
+        known = np.asarray(np.isfinite(self.boxes).all(axis=1))
+        return replace(targets, boxes=np.where(known[:, None], self.boxes, targets.boxes))
+
     def select(self, indices: np.ndarray, name: str | None = None) -> "PoseSet":
         """The images at `indices`."""
-        files = tuple(self.files[i] for i in indices)
-        return PoseSet(
-            name or self.name, self.camera, files, self.quaternions[indices], self.translations[indices]
+        return replace(
+            self,
+            name=name or self.name,
+            files=tuple(self.files[i] for i in indices),
+            quaternions=self.quaternions[indices],
+            translations=self.translations[indices],
+            boxes=None if self.boxes is None else self.boxes[indices],
+            points=None if self.points is None else self.points[indices],
         )
+
+
+def image_ids(files: Sequence[Path]) -> tuple[str, ...]:
+    """The shortest ends of the paths, of equally many parts, that differ: `a.png`, or `scene_1/rgb/a.png`."""
+    parts = 1
+    longest = max((len(file.parts) for file in files), default=1)
+    while parts < longest and len({file.parts[-parts:] for file in files}) < len(files):
+        parts += 1
+    return tuple("/".join(file.parts[-parts:]) for file in files)
 
 
 def is_speed(root: Path) -> bool:
     """Whether `root` has SPEED's layout rather than SPEED+'s."""
     return (root / "train.json").is_file() and (root / "images").is_dir()
+
+
+def is_speed_layout(root: Path) -> bool:
+    """Whether a folder has SPEED's or SPEED+'s lists of images, which are JSON lists."""
+    if is_speed(root):
+        with (root / "train.json").open("rb") as opened:
+            return opened.read(64).lstrip()[:1] != b"{"  # COCO's annotations are an object
+    return any((f / f"{s}.json").is_file() for f in root.iterdir() if (f / "images").is_dir() for s in SPLITS)
 
 
 def domains(root: str | Path) -> dict[str, tuple[str, ...]]:
@@ -130,7 +198,7 @@ def read_poses(
         raise InputError(f"{root}: {domain}: split: expected one of {', '.join(found[domain])}, got {split}")
     is_split = is_speed(root) and domain == "speed"
     listing, images = lists["speed/all" if is_split else f"{domain}/{split}"]
-    poses = _read_listing(listing, images, read_camera(root), f"{domain}/{split}")
+    poses = read_listing(listing, images, read_camera(root), f"{domain}/{split}")
     if labels and not poses.labelled:
         raise InputError(
             "the images have no poses",
@@ -139,9 +207,9 @@ def read_poses(
         )
     if is_split:
         poses = poses.select(split_indices(len(poses), seed)[split])
-    _check_images(poses, listing)
+    check_images(poses, listing)
     if poses.labelled:
-        _check_camera(poses, listing)
+        check_camera(poses, listing)
     return poses
 
 
@@ -166,7 +234,8 @@ def split_indices(count: int, seed: int) -> dict[str, np.ndarray]:
     return {name: np.sort(part) for name, part in zip(SPLITS, np.split(order, [first, second]))}
 
 
-def _read_listing(listing: Path, images: Path, camera: Pinhole, name: str) -> PoseSet:
+def read_listing(listing: Path, images: Path, camera: Pinhole, name: str) -> PoseSet:
+    """The images of a list of SPEED+'s records, which lie in the folder `images`; files are not checked."""
     records = read_json(listing)
     if not isinstance(records, list) or not records:
         raise InputError(f"{listing}: expected a list of records with filename, quaternion and position")
@@ -212,7 +281,8 @@ def _vector(value: object, size: int, where: str) -> np.ndarray:
     return vector
 
 
-def _check_images(poses: PoseSet, listing: Path) -> None:
+def check_images(poses: PoseSet, listing: Path) -> None:
+    """Refuse a list of images that are not there, or not of the camera's size."""
     present: dict[Path, set[str]] = {}
     for folder in {file.parent for file in poses.files}:
         present[folder] = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
@@ -239,7 +309,7 @@ def check_size(file: Path, camera: Pinhole) -> None:
         )
 
 
-def _check_camera(poses: PoseSet, listing: Path) -> None:
+def check_camera(poses: PoseSet, listing: Path) -> None:
     """With a wrong camera (or frames mixed up) most targets fall outside the image."""
     centre = Keypoints("centre", ("centre",), np.zeros((1, 3)))
     points = project_targets(poses.camera, centre, poses.quaternions, poses.translations).points[:, 0]

@@ -26,6 +26,7 @@ from visaug_train.callbacks import close_noise, follow, keep_batch
 from visaug_train.checks import check_apart
 from visaug_train.config import Config
 from visaug_train.convert import convert
+from visaug_train.datasets import keypoints_of, read_poses
 from visaug_train.device import Say, cost, followed
 from visaug_train.geometry import Keypoints
 from visaug_train.noise import batch_noise
@@ -33,7 +34,7 @@ from visaug_train.noise import vis_noise as vis_noise
 from visaug_train.quiet import quiet_ultralytics, set_tracking
 from visaug_train.record import decides, surroundings
 from visaug_train.render.dataset import RenderSettings, read_back, render_dataset
-from visaug_train.speed import PoseSet, part_of, read_poses
+from visaug_train.speed import PoseSet, part_of
 from visaug_train.studies.hidden import HiddenEffect, hide_effects
 from visaug_train.studies.target import TargetCamera, make_cameras
 
@@ -91,8 +92,8 @@ def prepare(
         poses = read_poses(source.root or root, source.domain, source.split, data.split_seed)
         return part_of(poses, source.share, data.split_seed) if source.share else poses
 
-    keypoints = Keypoints.load(data.keypoints)
     parts = {"train": read(data.train), "val": read(data.validation)}
+    keypoints = keypoints_of(data.keypoints, parts["train"])
     tests = {name: read(source) for name, source in data.test.items()}
     check_apart(parts, tests)
     if announce is not None and not (config.cluster and config.cluster.address):

@@ -433,3 +433,14 @@ def test_a_camera_is_printed_as_its_file(program_run):
     assert out == visaug.camera.shipped()["sony_imx174"].read_text()
     assert program_run("cameras", "camera.yaml")[1] == Path("camera.yaml").read_text()
     assert program_run("cameras", "no_such_camera")[0] == 2
+
+
+def test_severity_needs_the_network(program_run):
+    """Predictions in a file cannot be made again under noise, and curves without a camera mean nothing."""
+    given = ("evaluate", "--predictions", "p.json", "--data", ".", "--domain", "x")
+    status, _, err = program_run(*given, "--severity", "camera.yaml")
+    assert status == 2
+    assert "--severity" in err
+    status, _, err = program_run("evaluate", "config.yaml", "--curve", "gain_db")
+    assert status == 2
+    assert "--curve" in err

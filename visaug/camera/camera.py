@@ -14,6 +14,7 @@ from torch import Tensor
 from visaug.camera import chain, paths
 from visaug.camera.colour import ColourPath, colour_path
 from visaug.camera.maps import load_maps, moved, named_maps
+from visaug.camera.own import own_cameras, own_folder
 from visaug.camera.spec import CameraSpec, check_spec, read_spec
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
@@ -35,15 +36,19 @@ def shipped() -> dict[str, Path]:
 
 
 def camera_file(source: str | Path) -> Path:
-    """The camera.yaml at a path, or that of a camera in the package by its name, in any case, with spaces or hyphens.
+    """The camera.yaml at a path, or that of a camera in the package or of the user's own by its name, in any case, with spaces
+    or hyphens.
 
     Raises:
-        InputError: there is neither such a file nor such a camera.
+        InputError: there is neither such a file nor such a camera, or the name is in the package and among the user's own.
     """
-    path, known = Path(source), shipped()
+    path, package, own = Path(source), shipped(), own_cameras()
     if path.is_file():
         return path
     name = path.name.removesuffix(".yaml").lower().replace(" ", "_").replace("-", "_")
+    if path.parent == Path() and name in package and name in own:
+        raise InputError(f"{name} is in the package too", file=own[name], expected="another name of your own")
+    known = {**package, **own}
     if path.parent == Path() and name in known:
         return known[name]
     problem = "no such camera" + did_you_mean(name, known)
@@ -101,7 +106,9 @@ class Camera:
                 f"{source!r} is not a camera", field="camera", expected="a camera.yaml, a name, or a Camera"
             )
         path = camera_file(source)
-        camera = cls(read_spec(path), path.parent if path == Path(source) else None)
+        camera = cls(
+            read_spec(path), path.parent if path == Path(source) or path.parent == own_folder() else None
+        )
         camera.loaded_from = str(source)
         return camera
 

@@ -56,7 +56,7 @@ def demo(output: Path, seed: int) -> None:
 @click.option("--coco", is_flag=True, help="Also write COCO keypoint annotations of every set, to DIR-coco.")
 @keypoints_option
 def prepare(archive: Path, output: Path, size: str | None, coco: bool, keypoints: str, seed: int) -> None:
-    """Unpack and check a SPEED or SPEED+ archive, or a folder.
+    """Unpack and check an archive or a folder of SPEED, SPEED+, SHIRT, SPE3R, SPARK 2022, SpaceSense-Bench, BOP or COCO keypoints.
 
     If interrupted, the same command resumes. An archive that is not the one DIR was made of is refused.
     """
@@ -98,7 +98,8 @@ def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
     "evaluate",
     example="visaug evaluate configs/demo.yaml --arm vis\n"
     "visaug evaluate --predictions P.json --data speedplus/ --domain lightbox --json scores.json\n"
-    "visaug evaluate configs/speed.yaml --data speed/ --domain real_test --poses submission.csv",
+    "visaug evaluate configs/speed.yaml --data speed/ --domain real_test --poses submission.csv\n"
+    "visaug evaluate configs/demo.yaml --arm vis --severity sony_imx174 -o severity/",
 )
 @click.argument("config_path", metavar="[CONFIG]", required=False, type=click.Path(path_type=Path))
 @click.option(
@@ -107,7 +108,7 @@ def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
     type=click.Path(path_type=Path),
     help="Predictions of any network: keypoints in the COCO results format (JSON), or poses (CSV).",
 )
-@click.option("--data", metavar="DIR", type=click.Path(path_type=Path), help="A SPEED or SPEED+ folder.")
+@click.option("--data", metavar="DIR", type=click.Path(path_type=Path), help="Folder of a pose data set.")
 @click.option("--domain", metavar="NAME", help="Test set of that folder.")
 @click.option(
     "--split", metavar="NAME", help="train, validation or test; by default the test split where there is one."
@@ -128,6 +129,20 @@ def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
     type=click.Path(path_type=Path),
     help="Write the poses computed from the keypoints: file, q1..q4, r1..r3. All there is for images without labels.",
 )
+@click.option(
+    "--severity",
+    "severity_camera",
+    metavar="CAMERA",
+    help="Scores of CONFIG's network as this camera's gain, exposure, temperature and single effects grow worse.",
+)
+@click.option(
+    "--curve",
+    "curves",
+    metavar="NAME",
+    multiple=True,
+    help="One curve of --severity: gain_db, exposure, temperature_c or an effect. May be repeated; all by default.",
+)
+@output_option("DIR", "Folder of the curves of --severity; the same command resumes.  [default: severity]")
 @json_option
 def evaluate(
     config_path: Path | None,
@@ -139,12 +154,15 @@ def evaluate(
     arm: str | None,
     images: Path | None,
     poses_csv: Path | None,
+    severity_camera: str | None,
+    curves: tuple[str, ...],
+    output: Path | None,
     json_path: Path | None,
     seed: int,
 ) -> None:
     """Score a network on its test sets.
 
-    The network is the one trained by CONFIG, or any other whose predictions P on a SPEED or SPEED+ folder are given.
+    The network is the one trained by CONFIG, or any other whose predictions P on a data set are given.
     P is in the COCO results format with `file_name` (or `image_id` and --images), `bbox` may be absent; or it is a CSV of
     poses in the format of the Kelvins competition: file, q1..q4 (scalar first), r1..r3 in metres. Another order of
     quaternions, centimetres, millimetres and points of a common other scale are recognised and reported.
@@ -159,6 +177,25 @@ def evaluate(
         raise InputError("go with --predictions", field="--images and --keypoints", expected="no CONFIG")
     if config_path is not None and data is None and (poses_csv or split):
         raise InputError("go with --data", field="--poses and --split", expected="--data and --domain")
+    if (curves or output) and severity_camera is None:
+        raise InputError("go with --severity", field="--curve and --output", expected="--severity CAMERA")
+    if severity_camera is not None:
+        if config_path is None or poses_csv or json_path:
+            raise InputError(
+                "needs the network itself",
+                field="--severity",
+                expected="CONFIG, without --poses and --json; for another network visaug_train.severity.severity",
+            )
+        elsewhere = None if data is None or domain is None else (data, domain, split)
+        folder = output or Path("severity")
+        with extra(), progress_bars() as progress:
+            from visaug_train import commands
+
+            said = commands.severity_curves(
+                config_path, severity_camera, folder, [*curves], seed, progress, arm, elsewhere
+            )
+        click.echo(said)
+        return
     with extra(), progress_bars() as progress:
         from visaug_train import commands
 

@@ -55,7 +55,7 @@ def camera_option(required: bool = True) -> Decorator:
         "camera_name",
         metavar="CAMERA",
         required=required,
-        help="A camera.yaml, or the name of a camera in the package (see `visaug cameras`).",
+        help="A camera.yaml, or the name of a camera in the package or of your own (see `visaug cameras`).",
     )
 
 

@@ -1,4 +1,4 @@
-"""Commands on ordinary pictures: augment, preview; and what comes with visaug: cameras and example data."""
+"""Commands on ordinary pictures: augment, preview; and example data."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +14,6 @@ from visaug.app.cli.options import (
     output_option,
     written,
 )
-from visaug.app.cli.tables import print_table
 from visaug.core.errors import PartlyFailed
 from visaug.core.progress import progress_bars
 
@@ -268,35 +267,6 @@ def example(folder: Path, seed: int) -> None:
     click.echo(f"wrote render.png, frames/ and data_sheet.yaml to {copy_example(folder)}")
 
 
-@command("cameras", example="visaug cameras\nvisaug cameras sony_imx174 > my_camera.yaml")
-@click.argument("name", metavar="[NAME]", required=False)
-def cameras(name: str | None, seed: int) -> None:
-    """List the cameras in the package, or print one.
-
-    With NAME, the camera.yaml of that camera is printed.
-    """
-    from visaug.camera import Camera, camera_file, shipped
-
-    if name is not None:
-        load_camera(name)
-        click.echo(camera_file(name).read_text(encoding="utf-8"), nl=False)
-        return
-    rows = []
-    for shipped_name in shipped():
-        spec = Camera.load(shipped_name).spec
-        size = "{} x {}".format(*spec.resolution)
-        gain, noise = f"{spec.gain_e_per_dn:.3g}", f"{spec.read_noise.sigma_e:.3g}"
-        values = (
-            "preset" if "kind" in spec.source else "measured"
-        )  # a preset names a kind of camera as its source
-        values += f", {len(spec.assumed)} assumed" if spec.assumed else ""
-        colour = "colour" if spec.colour else "mono"
-        rows.append([shipped_name, spec.name, values, colour, size, str(spec.bit_depth), gain, noise])
-    print_table(
-        ["name", "camera", "values", "colour", "rows x columns", "bit", "e-/DN", "read noise e-"], rows
-    )
-
-
 def _say(done: "Augmented", output: Path) -> None:
     """What was done, what was assumed, what was left out."""
     line = f"wrote {_number(done.written, 'picture')} to {output}"
@@ -331,4 +301,4 @@ def _number(count: int, what: str) -> str:
     return f"{count} {what}" + ("" if count == 1 else "s")
 
 
-COMMANDS: list[click.Command] = [augment, preview, example, cameras]
+COMMANDS: list[click.Command] = [augment, preview, example]

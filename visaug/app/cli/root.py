@@ -10,7 +10,7 @@ from types import FrameType
 import click
 
 from visaug import __version__
-from visaug.app.cli import inspecting, learn, measure, pictures, take
+from visaug.app.cli import cameras, inspecting, learn, measure, pictures, take
 from visaug.core.errors import InputError, NoSensorNoise, PartlyFailed, described, user_line
 from visaug.core.wording import printable
 
@@ -26,7 +26,7 @@ def program() -> None:
     """
 
 
-for module in (pictures, take, inspecting, measure, learn):
+for module in (pictures, cameras, take, inspecting, measure, learn):
     for command in module.COMMANDS:
         program.add_command(command)
 

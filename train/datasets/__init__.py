@@ -1,0 +1,120 @@
+"""Readers of pose data, one file each: what domains a folder has, and the images of one of them with their labels.
+
+A folder that no reader recognises is taken for SPEED's or SPEED+'s layout (`visaug_train.speed`).
+"""
+
+from pathlib import Path, PurePosixPath
+
+from visaug.core.documents import read_json
+from visaug.core.errors import InputError
+from visaug_train import speed
+from visaug_train.datasets.bop import BOP
+from visaug_train.datasets.coco import COCO
+from visaug_train.datasets.reader import Reader
+from visaug_train.datasets.shirt import SHIRT
+from visaug_train.datasets.spacesense import SPACESENSE
+from visaug_train.datasets.spark import SPARK
+from visaug_train.datasets.spe3r import SPE3R
+from visaug_train.geometry import Keypoints
+from visaug_train.speed import PoseSet
+
+READERS: list[Reader] = [
+    SHIRT,
+    SPE3R,
+    SPARK,
+    SPACESENSE,
+    BOP,
+    COCO,
+]  # COCO last: its files have no name of their own
+
+
+def reader_of(root: str | Path) -> Reader | None:
+    """Which reader takes a folder; None for SPEED, SPEED+ and whatever is not recognised."""
+    root = Path(root)
+    if not root.is_dir() or speed.is_speed_layout(root):
+        return None
+    return next((reader for reader in READERS if reader.recognises(root)), None)
+
+
+def domains(root: str | Path) -> dict[str, tuple[str, ...]]:
+    """The domains of a folder, with the splits that each has."""
+    reader = reader_of(root)
+    return speed.domains(root) if reader is None else reader.domains(Path(root))
+
+
+def read_poses(
+    root: str | Path, domain: str, split: str | None = None, seed: int = 0, labels: bool = True
+) -> PoseSet:
+    """The images of a domain, checked.
+
+    Args:
+        root: the data set.
+        domain: one of `domains`.
+        split: train, validation or test; left out, it is the domain's test split, else validation, else train.
+        seed: of the random split of SPEED's one list.
+        labels: refuse images without labels.
+    """
+    reader, root = reader_of(root), Path(root)
+    if reader is None:
+        return speed.read_poses(root, domain, split, seed, labels)
+    found = reader.domains(root)
+    if domain not in found:
+        raise InputError(f"{root}: domain: expected one of {', '.join(found)}, got {domain}")
+    split = split or next(s for s in ("test", "validation", "train") if s in found[domain])
+    if split not in found[domain]:
+        raise InputError(f"{root}: {domain}: split: expected one of {', '.join(found[domain])}, got {split}")
+    poses = reader.read(root, domain, split)
+    if labels and not poses.labelled:
+        raise InputError("the images have no labels", file=root, field=poses.name, expected="labelled images")
+    speed.check_images(poses, root / domain)
+    if poses.posed:
+        speed.check_camera(poses, root / domain)
+    return poses
+
+
+def keypoints_of(source: str | Path, poses: PoseSet) -> Keypoints:
+    """The spacecraft's points: those of a file; for `tango`, which is the default, the data set's own where it has some.
+
+    Raises:
+        InputError: the set shows another spacecraft than Tango and brings no points.
+    """
+    if str(source) != "tango":
+        return Keypoints.load(source)
+    if poses.keypoints is not None:
+        return poses.keypoints
+    if poses.spacecraft != "tango":
+        raise InputError(
+            f"{poses.name} shows {poses.spacecraft} and brings no keypoints",
+            field="keypoints",
+            expected="a YAML file with points_m in metres in its body frame",
+        )
+    return Keypoints.load(source)
+
+
+def names_of(root: str | Path) -> dict[str, set[str]]:
+    """File names of the images by domain/split."""
+    reader, root = reader_of(root), Path(root)
+    if reader is not None:
+        return {
+            f"{domain}/{split}": {file.name for file in reader.read(root, domain, split).files}
+            for domain, splits in reader.domains(root).items()
+            for split in splits
+        }
+    found = {}
+    for name, (listing, _) in speed.listings(root).items():
+        records = read_json(listing)
+        records = records if isinstance(records, list) else []
+        found[name] = {str(record.get("filename")) for record in records if isinstance(record, dict)}
+    return found
+
+
+def root_among(paths: list[PurePosixPath]) -> PurePosixPath | None:
+    """The uppermost folder that has a reader's layout, at most three levels down; None where there is none."""
+    found = {
+        path.parents[len(PurePosixPath(mark).parts) - 1]
+        for reader in READERS
+        for mark in reader.marks
+        for path in paths
+        if path.match(mark) and len(path.parts) - len(PurePosixPath(mark).parts) <= 3
+    }
+    return min(found, key=lambda path: (len(path.parts), str(path)), default=None)

@@ -1,0 +1,172 @@
+"""COCO keypoints of one target an image, as COCO publishes them and as most tools export them.
+
+``annotations/NAME.json`` (or ``NAME.json``) with `images`, `annotations` and `categories`; the images lie under their `file_name`
+in the root, in ``images/``, or in a folder named as NAME ends (``train2017/`` for ``person_keypoints_train2017.json``). Source:
+https://cocodataset.org/#format-data (keypoint detection). NAME holds `train`, `val` or `test`; what is left of it is the domain,
+`coco` where nothing is. A category may have `sigmas` and `flip_idx` (as `visaug prepare --coco` writes them). There are no poses,
+so there are no pose errors. Images of several sizes or targets are refused.
+"""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from visaug.core.documents import read_json
+from visaug.core.errors import InputError
+from visaug_train.datasets.reader import SPLIT_WORDS, Reader
+from visaug_train.geometry import Keypoints, Pinhole
+from visaug_train.speed import PoseSet
+
+SPLIT = re.compile(r"(?:^|[-_. ])((train|validation|val|test)\d*)$")
+KEYS = ("images", "annotations", "categories")
+
+
+def _listings(root: Path) -> dict[tuple[str, str], tuple[Path, str]]:
+    """Annotation files by domain and split, each with the word that names its images' folder."""
+    found = {}
+    for file in sorted([*root.glob("annotations/*.json"), *root.glob("*.json")]):
+        match = SPLIT.search(file.stem)
+        if match and _is_coco(file):
+            domain = file.stem[: match.start()] or "coco"
+            found[domain, SPLIT_WORDS[match[2]]] = file, match[1]
+    return found
+
+
+def _is_coco(file: Path) -> bool:
+    with file.open("rb") as opened:
+        if opened.read(64).lstrip()[:1] != b"{":
+            return False
+    content = read_json(file)
+    if not all(isinstance(content.get(key), list) for key in KEYS):
+        return False
+    return any(isinstance(c, dict) and isinstance(c.get("keypoints"), list) for c in content["categories"])
+
+
+def _domains(root: Path) -> dict[str, tuple[str, ...]]:
+    found: dict[str, tuple[str, ...]] = {}
+    for domain, split in _listings(root):
+        found[domain] = (*found.get(domain, ()), split)
+    return found
+
+
+def _read(root: Path, domain: str, split: str) -> PoseSet:
+    listing, word = _listings(root)[domain, split]
+    content = read_json(listing)
+    images = content["images"]
+    if not images:
+        raise InputError("is empty", file=listing, field="images", expected="COCO's list of images")
+    rows: dict[Any, int] = {}
+    sizes = set()
+    for number, image in enumerate(images):
+        try:
+            rows[image["id"]] = number
+            sizes.add((int(image["width"]), int(image["height"])))
+            str.strip(image["file_name"])
+        except (TypeError, KeyError, ValueError):
+            raise InputError(
+                "is malformed",
+                file=listing,
+                field=f"images.{number}",
+                expected="id, file_name, width, height",
+            ) from None
+    if len(rows) < len(images):
+        raise InputError("repeats an id", file=listing, field="images", expected="every id once")
+    if len(sizes) > 1:
+        raise InputError(f"has images of {len(sizes)} sizes", file=listing, expected="images of one camera")
+    keypoints, category = _model(content["categories"], listing)
+    boxes = np.full((len(images), 4), np.nan)
+    points = np.zeros((len(images), len(keypoints), 3))
+    for number, entry in enumerate(content["annotations"]):
+        where = f"annotations.{number}"
+        if not isinstance(entry, dict) or entry.get("image_id") not in rows:
+            raise InputError(
+                "names no image", file=listing, field=f"{where}.image_id", expected="an id of images"
+            )
+        if entry.get("category_id") != category or entry.get("iscrowd"):
+            continue
+        row = rows[entry["image_id"]]
+        if np.isfinite(boxes[row]).any():
+            raise InputError(
+                "is a second target of its image", file=listing, field=where, expected="one an image"
+            )
+        x, y, width, height = _numbers(entry, "bbox", 4, listing, where)
+        boxes[row] = x, y, x + width, y + height
+        points[row] = _numbers(entry, "keypoints", points[row].size, listing, where).reshape(-1, 3)
+    unknown = np.full((len(images), 7), np.nan)
+    width, height = sizes.pop()
+    # There is no lens in COCO: only the size of this camera is used.
+    camera = Pinhole(width, height, np.eye(3), np.zeros(5))
+    files = _located(root, word, [image["file_name"] for image in images], listing)
+    return PoseSet(
+        f"{domain}/{split}",
+        camera,
+        files,
+        unknown[:, :4],
+        unknown[:, 4:],
+        keypoints,
+        boxes,
+        points,
+        keypoints.name,
+    )
+
+
+def _model(categories: list[Any], file: Path) -> tuple[Keypoints, Any]:
+    """The one category with keypoints; their places on the body are not known (NaN)."""
+    found = [
+        c
+        for c in categories
+        if isinstance(c, dict) and isinstance(c.get("keypoints"), list) and c["keypoints"]
+    ]
+    if len(found) != 1:
+        raise InputError(
+            f"{len(found)} have keypoints", file=file, field="categories", expected="one that has"
+        )
+    names = tuple(map(str, found[0]["keypoints"]))
+    sigmas, flip = found[0].get("sigmas"), found[0].get("flip_idx")
+    if sigmas is not None:
+        sigmas = _numbers(found[0], "sigmas", len(names), file, "categories")
+        if not (sigmas > 0).all():
+            raise InputError(
+                "must be above 0", file=file, field="categories.sigmas", expected="one number a point"
+            )
+    if flip is not None and (not isinstance(flip, list) or sorted(flip) != list(range(len(names)))):
+        raise InputError(
+            "is no order of the points", file=file, field="categories.flip_idx", expected="numbers from 0"
+        )
+    points = np.full((len(names), 3), np.nan)
+    flip = tuple(flip) if flip is not None else None
+    return Keypoints(str(found[0].get("name", "target")), names, points, sigmas, flip), found[0].get("id")
+
+
+def _located(root: Path, word: str, names: list[str], listing: Path) -> tuple[Path, ...]:
+    """The files, in the first folder that has the first of them."""
+    places = [root, root / "images", root / word, root / "images" / word, listing.parent]
+    for place in places:
+        if (place / names[0]).is_file():
+            return tuple(place / name for name in names)
+    tried = ", ".join(str(place) for place in places)
+    raise InputError(f"{names[0]} is missing", file=listing, field="images", expected=f"it in one of {tried}")
+
+
+def _numbers(entry: dict[str, Any], key: str, count: int, file: Path, where: str) -> np.ndarray:
+    try:
+        array = np.array(entry.get(key), dtype=float)
+    except (TypeError, ValueError):
+        array = np.array(np.nan)
+    if array.shape != (count,) or not np.isfinite(array).all():
+        raise InputError(
+            "is missing or malformed", file=file, field=f"{where}.{key}", expected=f"{count} numbers"
+        )
+    return array
+
+
+class _CocoReader(Reader):
+    """Recognised by what the JSON holds, for its name says little."""
+
+    def recognises(self, root: Path) -> bool:
+        return bool(_listings(root))
+
+
+COCO = _CocoReader("COCO keypoints", ("annotations/*.json",), _domains, _read)

@@ -1,0 +1,96 @@
+"""What a reader of a data set is, and what readers share."""
+
+import csv
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from visaug.core.errors import InputError
+from visaug_train.speed import PoseSet
+
+SPLIT_WORDS = {"train": "train", "val": "validation", "validation": "validation", "test": "test"}
+
+
+@dataclass(frozen=True)
+class Reader:
+    """How a data set of one layout is recognised and read.
+
+    Attributes:
+        name: of the data set.
+        marks: patterns of files, relative to the root, of which the layout has one.
+        domains: the domains of a root with the splits that each has.
+        read: the images of (root, domain, split), which `domains` names. Files need not be checked.
+    """
+
+    name: str
+    marks: tuple[str, ...]
+    domains: Callable[[Path], dict[str, tuple[str, ...]]]
+    read: Callable[[Path, str, str], PoseSet]
+
+    def recognises(self, root: Path) -> bool:
+        """Whether the folder has this layout."""
+        return any(next(root.glob(mark), None) is not None for mark in self.marks)
+
+
+def image_size(file: Path) -> tuple[int, int]:
+    """Width and height of an image."""
+    try:
+        with Image.open(file) as image:
+            return image.size
+    except OSError:
+        raise InputError("cannot be read", file=file, expected="an image") from None
+
+
+def unit_quaternions(quaternions: np.ndarray, file: Path) -> np.ndarray:
+    """Quaternions (N, 4) brought to length 1, from which they may be off by the digits of the file alone."""
+    length = np.linalg.norm(quaternions, axis=1)
+    if (wrong := np.flatnonzero(~(np.abs(length - 1) < 1e-2))).size:
+        raise InputError(
+            f"has a quaternion of length {length[wrong[0]]:.4g}",
+            file=file,
+            field=f"record {wrong[0]}",
+            expected="unit quaternions",
+        )
+    return quaternions / length[:, None]
+
+
+def matrix_quaternions(matrices: np.ndarray, file: Path) -> np.ndarray:
+    """Rotation matrices (N, 3, 3) as quaternions (N, 4), scalar first."""
+    from scipy.spatial.transform import Rotation
+
+    off = np.abs(matrices @ matrices.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    if (wrong := np.flatnonzero(~((off < 1e-2) & (np.linalg.det(matrices) > 0)))).size:
+        raise InputError(
+            "is no rotation", file=file, field=f"record {wrong[0]}", expected="R R^T = 1, det R = 1"
+        )
+    return np.roll(Rotation.from_matrix(matrices).as_quat(), 1, axis=1)
+
+
+def columns(file: Path, words: Sequence[str], numbers: Sequence[str]) -> tuple[list[list[str]], np.ndarray]:
+    """Columns of a CSV with a head: texts of `words`, one list a line, and `numbers` (N, M)."""
+    try:
+        rows = list(csv.DictReader(io.StringIO(file.read_text(encoding="utf-8-sig")), skipinitialspace=True))
+    except (OSError, UnicodeDecodeError, csv.Error):
+        raise InputError("cannot be read", file=file, expected="a CSV with a head") from None
+    if not rows:
+        raise InputError("holds no line", file=file, expected=", ".join([*words, *numbers]))
+    if missing := [name for name in [*words, *numbers] if name not in rows[0]]:
+        raise InputError(
+            "is missing", file=file, field=f"column {missing[0]}", expected=", ".join([*words, *numbers])
+        )
+    values = np.empty((len(rows), len(numbers)))
+    for i, row in enumerate(rows):
+        for j, name in enumerate(numbers):
+            try:
+                values[i, j] = float(row[name])
+            except (TypeError, ValueError):
+                values[i, j] = np.nan
+            if not np.isfinite(values[i, j]):
+                raise InputError(
+                    f"is {row[name]!r}", file=file, field=f"line {i + 2}, {name}", expected="a number"
+                )
+    return [[row[name] or "" for name in words] for row in rows], values

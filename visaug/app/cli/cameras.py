@@ -1,0 +1,77 @@
+"""The command `cameras`: those of the package and the user's own; add one, export one."""
+
+from pathlib import Path
+
+import click
+
+from visaug.app.cli.options import command, force_option, load_camera, output_option, written
+from visaug.app.cli.tables import print_table
+from visaug.core.errors import InputError
+
+
+@command(
+    "cameras",
+    example="visaug cameras\nvisaug cameras sony_imx174 > my_camera.yaml\nvisaug cameras add my_camera.yaml\n"
+    "visaug cameras export my_camera",
+)
+@click.argument("words", metavar="[NAME | add FILE | export NAME]", nargs=-1)
+@output_option("DIR", "Folder that `export` writes.  [default: NAME-camera]")
+@force_option
+def cameras(words: tuple[str, ...], output: Path | None, force: bool, seed: int) -> None:
+    """List the cameras, or print, add or export one.
+
+    With NAME, the camera.yaml of that camera is printed. `add` keeps a file in $XDG_DATA_HOME/visaug/cameras
+    (~/.local/share/visaug/cameras), from where every command knows it by name. Every figure of it must have a `source` or
+    be listed under `assumed`. `export` writes a folder with the file and a page of its figures and sources, which is what
+    a maintainer needs to take it into the package.
+    """
+    from visaug.camera import camera_file
+    from visaug.camera.sharing import add_camera, export_camera
+
+    if output is not None and words[:1] != ("export",):
+        raise InputError("goes with `export`", field="--output", expected="visaug cameras export NAME -o DIR")
+    match words:
+        case ():
+            _list()
+        case ("add", file):
+            path = add_camera(file, force)
+            written(path)
+            click.echo(f"use it as --camera {path.stem}")
+        case ("export", name):
+            written(export_camera(name, output))
+        case (name,) if name not in ("add", "export"):
+            load_camera(name)
+            click.echo(camera_file(name).read_text(encoding="utf-8"), nl=False)
+        case _:
+            raise InputError(
+                " ".join(words), field="visaug cameras", expected="nothing, a NAME, add FILE, or export NAME"
+            )
+
+
+def _list() -> None:
+    from visaug.camera import Camera, shipped
+    from visaug.camera.own import own_cameras
+
+    rows, broken = [], []
+    for place, names in (("package", shipped()), ("yours", own_cameras())):
+        for name, file in names.items():
+            try:
+                spec = Camera.load(file).spec
+            except InputError as mistake:
+                broken.append(str(mistake))
+                continue
+            size = "{} x {}".format(*spec.resolution)
+            gain, noise = f"{spec.gain_e_per_dn:.3g}", f"{spec.read_noise.sigma_e:.3g}"
+            values = (
+                "preset" if "kind" in spec.source else "sourced"
+            )  # a preset names a kind of camera as its source
+            values += f", {len(spec.assumed)} assumed" if spec.assumed else ""
+            colour = "colour" if spec.colour else "mono"
+            rows.append([name, spec.name, values, colour, size, str(spec.bit_depth), gain, noise, place])
+    head = ["name", "camera", "values", "colour", "rows x columns", "bit", "e-/DN", "read noise e-", "from"]
+    print_table(head, rows)
+    for mistake in broken:
+        click.echo(f"warning: {mistake}", err=True)
+
+
+COMMANDS: list[click.Command] = [cameras]
