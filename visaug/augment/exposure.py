@@ -58,7 +58,7 @@ class Exposure(NamedTuple):
         if path is not None:
             light = path.plane(light)
         if light.device.type == "cpu":
-            return fast.take(self.camera, light, *arguments, self.origin or (0, 0), white)
+            return fast.take(self.camera, light, *arguments, self.origin or (0, 0), white=white)
         return fast_gpu.take(self.camera, light, *arguments, self.origin or (0, 0))
 
     def by_chain(self, light: Tensor, path: ColourPath | None = None) -> Tensor:

@@ -330,3 +330,16 @@ def expose(
             if apart < seen.size:
                 _choose(light, result, n[DARK_E], n[FAINT_E], n[LIMIT_E], e)
         _convert(e if apart < seen.size else result, seen, n, white, to)
+
+
+@compiled
+def ends(values, first, last):
+    """Least and greatest of the rows [first, last) of values (N, W) float32, missing ones aside; float64 (2,)."""
+    low = np.full(values.shape[1], f32(np.inf))
+    high = np.full(values.shape[1], f32(-np.inf))
+    for r in range(first, last):
+        row = values[r]
+        for x in range(row.size):  # a minimum for each column: a single one would go from pixel to pixel
+            low[x] = row[x] if row[x] < low[x] else low[x]
+            high[x] = row[x] if row[x] > high[x] else high[x]
+    return low.min(), high.max()
