@@ -244,8 +244,8 @@ def test_too_small_a_picture_is_refused(size):
 
 
 def test_other_numbers_of_channels_are_refused():
-    with pytest.raises(InputError, match="4 channels"):
-        SensorNoise(camera())(torch.full((1, 4, 8, 8), 0.5))
+    with pytest.raises(InputError, match="5 channels"):
+        SensorNoise(camera())(torch.full((1, 5, 8, 8), 0.5))
     with pytest.raises(InputError, match="black_level"):
         SensorNoise(camera(), black_level="keep")
 
