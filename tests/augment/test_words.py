@@ -47,7 +47,9 @@ def test_whole_numbers_are_the_rounded_floats(case, kind, white):
     values = torch.from_numpy(image.astype(np.float32) / np.float32(white))[None, None]
     expected = np.rint(noise(values)[0, 0].numpy() * np.float32(white))
     assert got.dtype == kind
-    np.testing.assert_array_equal(got, expected)
+    # The loop rounds the product of 24 bits once, NumPy twice: of 16 bits a tie may fall to the other side.
+    assert np.abs(got - expected).max() <= (1 if white == 65535 else 0)
+    assert (got != expected).mean() < 0.01
     assert (got != image).mean() > 0.2 or case == "still"
 
 
@@ -83,3 +85,22 @@ def test_the_ends_of_images_leave_out_what_is_missing(kind):
     assert ends(images) == (low, high)
     assert ends(images.flip(2)) == (low, high)
     assert ends(images * torch.nan) == (torch.inf, -torch.inf)
+
+
+@pytest.mark.parametrize("fast", [True, False])
+def test_draws_of_another_number_of_images_are_refused(fast):
+    """A compiled loop would read keys beyond the end of their table."""
+    noise = SensorNoise(Camera.load(CAMERA), fast=fast)
+    images = torch.full((3, 1, 8, 8), 0.5)
+    for count in (1, 2, 4):
+        with pytest.raises(InputError, match=f"are of {count} images"):
+            noise.apply_draws(images, noise.draw(count))
+        with pytest.raises(InputError, match=f"are of {count} images"):
+            noise.apply_to_words(images.to(torch.uint8), noise.draw(count), 255)
+    assert noise.apply_draws(images, noise.draw(3)).shape == images.shape
+
+
+def test_an_empty_batch_stays_empty():
+    noise = SensorNoise(Camera.load(CAMERA))
+    assert noise(torch.zeros(0, 1, 8, 8)).shape == (0, 1, 8, 8)
+    assert noise(torch.zeros(0, 3, 8, 8)).shape == (0, 3, 8, 8)

@@ -210,6 +210,7 @@ class SensorNoise(nn.Module):
             transfer: meaning of "auto" for these images: "linear" (also if None) or "srgb".
         """
         check_values(check_images(images))
+        drawing.check_number_of_draws(draws, images)
         if self.strength == 0:
             return images
         lit = light_channels(images.shape[1], self.mono)
@@ -237,6 +238,7 @@ class SensorNoise(nn.Module):
         Returns:
             The same shape and type; None where only `apply_draws` can: colour, several cameras, effects on the picture.
         """
+        drawing.check_number_of_draws(draws, images)
         camera = self.cameras[0]
         plain = len(self.cameras) == 1 and not camera.finishes and self.strength > 0
         plain = plain and (images.shape[1] == 1 or are_bands(images.shape[1], self.mono))

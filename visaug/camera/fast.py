@@ -134,8 +134,6 @@ def _set_short_cut(n: np.ndarray, shape: np.ndarray, deviation: np.ndarray) -> N
     k = fused.kernel()
     k.short_cut(n, deviation)
     gaussian = np.hypot(n[:, k.DSNU_PIXEL_E], n[:, k.AFTER_GAIN_E])
-    if gaussian.min() >= 1:
-        return
     for i in np.flatnonzero((gaussian > 0) & (gaussian < 1)):
         read_e = float(n[i, k.READ_SCALE_E] * deviation[i % len(deviation)])
         if comb(read_e, float(shape[i % len(shape)]), float(gaussian[i])) > VISIBLE_COMB:
