@@ -6,6 +6,7 @@ import torch
 
 from tests.diagnosis.small import frame_set, stated_camera
 from visaug import Camera
+from visaug.camera import fused
 from visaug.camera.simulation import simulate
 from visaug.diagnosis import kept as kept_sets
 from visaug.diagnosis.candidates.trials import trials
@@ -78,6 +79,8 @@ def test_an_effect_of_light_leaves_dark_frames_and_a_late_one_starts_late(plan, 
             return ordinary(self, *rest)
 
         monkeypatch.setattr(kind, "apply", noted)
+    together = fused.expose  # runs of base effects, in one loop that does not call `apply`
+    monkeypatch.setattr(fused, "expose", lambda run, *rest: (applied.extend(run), together(run, *rest))[1])
     kept.changed(kept.camera.with_effect("bit_truncation", bits=2), plan, SEED, range(len(plan)), 16)
     assert applied
     assert "photon_shot_noise" not in applied
