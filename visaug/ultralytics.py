@@ -1,28 +1,22 @@
-"""Sensor noise in ultralytics' training: a trainer class, or a callback, that noises the batches of training
-alone.
+"""Sensor noise in ultralytics' training: a trainer class, or a callback, that noises the batches of training alone.
 
     YOLO("yolov8s-pose.yaml").train(data=..., trainer=visaug.ultralytics.vis_trainer("camera.yaml"))
 
-Validation keeps its clean images: the validator has its own preprocessing. Both ways give the same bits. They
-reach the workers of distributed training, as ultralytics (8.4.140 and newer) sends trainer class and
-callbacks there by cloudpickle. ultralytics is under AGPL-3.0; only this file and the training harness know
-it.
+Validation keeps its clean images: the validator has its own preprocessing. Both ways give the same bits. They reach the
+workers of distributed training, as ultralytics (8.4.140 and newer) sends trainer class and callbacks there by cloudpickle.
+ultralytics is under AGPL-3.0; only this file and the training harness know it.
 
 Padding gets no noise, for no sensor saw it. Where it is, is known from the loader's geometry and never guessed from
 pixel values: each image takes along a mask that ultralytics' own transforms move, crop and pad with it.
 """
 
-import copy
 import os
-from collections import Counter
-from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-# ultralytics asks the network and installs packages unless told otherwise, and reads this when it is
-# imported.
+# ultralytics asks the network and installs packages unless told otherwise, and reads this when it is imported.
 os.environ.setdefault("YOLO_OFFLINE", "1")
 os.environ.setdefault("YOLO_AUTOINSTALL", "0")
 # Networks and checkpoints are read as data: neither a YAML's `activation` nor a pickle in a .pt runs code.
@@ -32,6 +26,7 @@ import torch
 from torch import nn
 from torch.nn.functional import interpolate
 
+from visaug.augment.dataset_noise import with_bands, with_transfer
 from visaug.augment.under_ultralytics import hook, record
 from visaug.core.errors import InputError
 
@@ -45,7 +40,6 @@ EXTENT = (
 )
 # ultralytics' transforms move this key along with the image and fill it with 255 where they pad.
 MASK, PICTURE = "semantic_mask", 1
-SAMPLED_FILES = 8  # training images that are looked at for their transfer function
 TRAINERS = {
     "detect": "DetectionTrainer",
     "segment": "SegmentationTrainer",
@@ -251,74 +245,11 @@ def begin(trainer: Any, noise: nn.Module) -> nn.Module:
     trainer.build_dataset = build_tracked
     noise, transfer = with_transfer(noise, dataset)
     noise, bands = with_bands(noise, (getattr(trainer, "data", None) or {}).get("channels", 3))
-    words = {True: "padding left as it is", False: "padding not known for this task: noise goes everywhere"}
-    said = ", ".join(
-        [
-            " ".join(str(noise).split()),
-            *(words_of for words_of in (transfer, bands) if words_of),
-            *([words[known]] if known is not None else []),
-        ]
-    )
-    record(trainer, said)
+    unknown = "padding not known for this task: noise goes everywhere"
+    padding = {None: "", True: "padding left as it is", False: unknown}[known]
+    parts = (" ".join(str(noise).split()), transfer, bands, padding)
+    record(trainer, ", ".join(part for part in parts if part))
     return noise
-
-
-def with_transfer(noise: nn.Module, dataset: Any) -> tuple[nn.Module, str]:
-    """The noise with "auto" resolved by the files of a dataset, and what was assumed in words."""
-    from visaug.augment.sensor_noise import SensorNoise
-
-    if not any(isinstance(part, SensorNoise) and part.transfer == "auto" for part in noise.modules()):
-        return noise, ""
-    transfer, reason = transfer_of_files(_image_files(dataset))
-    noise = copy.deepcopy(noise)
-    for part in noise.modules():
-        if isinstance(part, SensorNoise) and part.transfer == "auto":
-            part.transfer = transfer
-    return noise, f"images taken as {'sRGB' if transfer == 'srgb' else 'linear'} ({reason})"
-
-
-def with_bands(noise: nn.Module, channels: int) -> tuple[nn.Module, str]:
-    """The noise for images of this many channels, none of which ultralytics takes as alpha, and what that means in words.
-
-    Raises:
-        InputError: a colour camera, or one sensor for all channels (`mono=True`), where there are 2 or more than 3.
-    """
-    from visaug.augment.sensor_noise import SensorNoise
-
-    parts = [part for part in noise.modules() if isinstance(part, SensorNoise)]
-    if channels in (1, 3) or not parts:
-        return noise, ""
-    if any(part.mono or any(camera.spec.colour for camera in part.cameras) for part in parts):
-        raise InputError(
-            f"images have {channels} channels, which one sensor cannot give",
-            field="data.yaml: channels",
-            expected="a camera without `colour`, and mono=False or none",
-        )
-    noise = copy.deepcopy(noise)
-    for part in noise.modules():
-        if isinstance(part, SensorNoise):
-            part.mono = False
-    return noise, f"{channels} channels taken as bands, each with noise of its own"
-
-
-def transfer_of_files(files: Sequence[str]) -> tuple[str, str]:
-    """What most of a few images, evenly spaced among the files, say of their transfer function."""
-    from visaug.augment.image_io import read_picture
-
-    found: Counter[tuple[str, str]] = Counter()
-    for file in files[:: max(1, len(files) // SAMPLED_FILES)][:SAMPLED_FILES]:
-        with suppress(InputError, OSError, KeyError):
-            picture = read_picture(Path(file))
-            found[picture.transfer, picture.reason] += 1
-    return found.most_common(1)[0][0] if found else ("linear", "no file states it")
-
-
-def _image_files(dataset: Any) -> list[str]:
-    parts = getattr(dataset, "datasets", [dataset])
-    files = [
-        getattr(part, "im_files", None) or [one[0] for one in getattr(part, "samples", ())] for part in parts
-    ]
-    return [str(file) for some in files for file in some]
 
 
 def track_padding(dataset: Any) -> bool | None:

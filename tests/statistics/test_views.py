@@ -110,6 +110,16 @@ def test_a_step_between_flats_leaves_its_share_in_the_next_frame():
     assert f[name] == pytest.approx(0.03, abs=0.0005)
 
 
+def test_memory_takes_no_step_from_frames_of_the_same_conditions_out_of_use():
+    """Flats at one level: every frame before is of that level too, whether or not the statistics use it and hold its pixels."""
+    pixels = [white(np.random.default_rng(i), i) for i in range(8)]
+    pixels[1::2] = [np.zeros((1, 1))] * 4  # of the frames that are not looked at
+    flats = frames_of(lambda _, i: pixels[i], count=8, kind="flat", exposure_s=0.01, photons=100.0)
+    found = fingerprint(flats, [0, 2, 4, 6])
+    (label,) = [label for label in found.labels if label.startswith("memory/share of a step")]
+    assert found[label] == 0
+
+
 @pytest.mark.parametrize("codes", [1, 2, 5])
 def test_statistics_depend_on_the_plan_alone(codes):
     """Not on the pixels: a camera whose bias frames hold hardly a code besides 0 has them all."""

@@ -12,15 +12,14 @@ from torch import nn
 from torch.nn.functional import interpolate, max_pool2d
 
 import visaug
+from visaug.augment.dataset_noise import transfer_of_files, with_transfer
 from visaug.ultralytics import (
     add_callback,
     noise_of,
     noised,
     track_padding,
     trainer_of,
-    transfer_of_files,
     vis_trainer,
-    with_transfer,
 )
 from visaug_train.convert import convert
 from visaug_train.geometry import Keypoints

@@ -31,11 +31,6 @@ class Gain:
     low: float | None
     high: float | None
 
-    @property
-    def is_determined(self) -> bool:
-        """Whether the share has an interval."""
-        return self.low is not None
-
     def __str__(self) -> str:
         if self.low is None or self.high is None:
             return "not determined: the oracle's gain is not clear of 0"

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from visaug.camera.randomize import Spreads
+from visaug.core.errors import InputError
 from visaug.core.extras import extra
 from visaug.core.sampling import derive_key
 
@@ -62,6 +63,16 @@ def draw(
         uniform = torch.rand(count, generator=generator) if low < high else torch.zeros(count)
         draws[name] = low + (high - low) * uniform
     return draws
+
+
+def check_number_of_draws(draws: Mapping[str, Tensor], images: Tensor) -> None:
+    """Refuses draws of another number of images than these, (B, C, H, W)."""
+    if len(draws["keys"]) != len(images):
+        raise InputError(
+            f"are of {len(draws['keys'])} images",
+            field="draws",
+            expected=f"draw({len(images)}), one for each",
+        )
 
 
 def draws_to_json(draws: Mapping[str, Tensor] | Sequence[Any]) -> Any:

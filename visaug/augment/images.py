@@ -89,10 +89,26 @@ def take(
     light = images[:, :colours]
     transfer = "srgb" if images.dtype == torch.uint8 and colours == 3 else "linear"
     with torch.no_grad():
-        noisy = from_unit(
-            noise.apply_draws(to_unit(light, bits), draws, transfer=transfer), images.dtype, bits
-        )
+        noisy = _taken(noise, light, draws, bits, transfer)
     return noisy if colours == images.shape[1] else torch.cat([noisy, images[:, colours:]], 1)
+
+
+def _taken(
+    noise: SensorNoise, light: Tensor, draws: Mapping[str, Tensor], bits: int | None, transfer: str
+) -> Tensor:
+    linear = (transfer if noise.transfer == "auto" else noise.transfer) == "linear"
+    if light.dtype in DEPTHS and linear:
+        check_bits(bits, str(light.dtype).removeprefix("torch."))
+        white = _top(light.dtype, bits)
+        words = noise.apply_to_words(light, draws, white) if _within(light, bits, white) else None
+        if words is not None:
+            return words
+    return from_unit(noise.apply_draws(to_unit(light, bits), draws, transfer=transfer), light.dtype, bits)
+
+
+def _within(light: Tensor, bits: int | None, white: int) -> bool:
+    """Whether no word is above white; only `bits` below those of the type allow any."""
+    return bits is None or white == 2 ** DEPTHS[light.dtype] - 1 or int(light.to(torch.int32).max()) <= white
 
 
 def say_what_auto_means(noise: SensorNoise) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from visaug.camera.fused import ends
 from visaug.core.errors import InputError
 
 Range = float | tuple[float, float] | None
@@ -156,10 +157,7 @@ def check_values(images: Tensor) -> None:
     """Refuses values of another scale than [0, 1]; see `check_images`."""
     if images.numel() == 0 or torch.compiler.is_compiling():
         return
-    low, high = (float(end) for end in images.detach().aminmax())
-    if math.isnan(low):  # a missing value must not hide the scale of the others
-        there = images.detach()[~images.isnan()]
-        low, high = (float(end) for end in there.aminmax()) if there.numel() else (0.0, 0.0)
+    low, high = ends(images.detach())  # a missing value must not hide the scale of the others
     if low < LEAST or high > MOST or low < NORMALIZED:
         _refuse_scale(images.detach(), low, high)
 

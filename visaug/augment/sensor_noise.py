@@ -11,6 +11,7 @@ from torch.nn.functional import avg_pool2d
 from torch.utils.data import get_worker_info
 
 from visaug.augment import draws as drawing
+from visaug.augment.exposure import Exposure
 from visaug.augment.light import linear_to_srgb, srgb_to_linear
 from visaug.augment.options import (
     LEAST_EXPOSURE,
@@ -27,13 +28,12 @@ from visaug.augment.options import (
     light_channels,
 )
 from visaug.augment.planes import luminance, through_luminance
-from visaug.camera import Camera, fast, fast_gpu
+from visaug.camera import Camera, fast
 from visaug.camera.colour import ColourPath
 from visaug.camera.randomize import spreads
-from visaug.camera.scale import Scale, scale_of
-from visaug.camera.strength import at_strength, with_maps_at_strength
+from visaug.camera.strength import with_maps_at_strength
 from visaug.core.errors import InputError
-from visaug.core.sampling import Stream, derive_key
+from visaug.core.sampling import derive_key
 
 DEFAULTS: dict[str, Any] = {  # of the options that a repr names only where they differ
     "fixed_pattern": "image",
@@ -210,6 +210,7 @@ class SensorNoise(nn.Module):
             transfer: meaning of "auto" for these images: "linear" (also if None) or "srgb".
         """
         check_values(check_images(images))
+        drawing.check_number_of_draws(draws, images)
         if self.strength == 0:
             return images
         lit = light_channels(images.shape[1], self.mono)
@@ -217,52 +218,67 @@ class SensorNoise(nn.Module):
             return torch.cat([self.apply_draws(images[:, :lit], draws, transfer), images[:, lit:]], 1)
         encoded = (transfer if self.transfer == "auto" else self.transfer) == "srgb"
         light = srgb_to_linear(images.float()) if encoded else images.float()
-        return self._by_camera(light, draws, encoded).to(images.dtype)
-
-    def _by_camera(self, light: Tensor, draws: Mapping[str, Tensor], encoded: bool) -> Tensor:
         if len(self.cameras) == 1:
-            return self._picture(self.cameras[0], light, draws, encoded)
+            return self._picture(self.cameras[0], light, draws, encoded).to(images.dtype)
         noisy = torch.empty_like(light)
         for number in draws["camera"].unique().tolist():
             chosen = (draws["camera"] == number).nonzero().squeeze(1)
-            own = {
-                name: value[chosen]
-                for name, value in draws.items()
-                if value.shape[:1] == draws["camera"].shape
-            }
+            own = {k: v[chosen] for k, v in draws.items() if v.shape[:1] == draws["camera"].shape}
             here = chosen.to(light.device)
-            noisy = noisy.index_copy(0, here, self._picture(self.cameras[number], light[here], own, encoded))
-        return noisy
+            picture = self._picture(self.cameras[number], light[here], own, encoded)
+            noisy = noisy.index_copy(0, here, picture)
+        return noisy.to(images.dtype)
+
+    def apply_to_words(self, images: Tensor, draws: Mapping[str, Tensor], white: int) -> Tensor | None:
+        """Whole numbers, linear in light, of which `white` is the image value 1, in one pass: `apply_draws`, rounded.
+
+        Args:
+            images: (B, C, H, W), uint8 or uint16.
+
+        Returns:
+            The same shape and type; None where only `apply_draws` can: colour, several cameras, effects on the picture.
+        """
+        drawing.check_number_of_draws(draws, images)
+        camera = self.cameras[0]
+        plain = len(self.cameras) == 1 and not camera.finishes and self.strength > 0
+        plain = plain and (images.shape[1] == 1 or are_bands(images.shape[1], self.mono))
+        if not plain or (camera.spec.colour and self.mono is None) or not self._may_be_fast(images):
+            return None
+        if self._pixels_per_pixel(camera, images) > 1:
+            return None
+        return self._exposure(camera, draws).by_tables(images, white=white)
 
     def _picture(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor], encoded: bool) -> Tensor:
-        """The encoded picture, after the effects of the picture stage."""
-        noisy = self._planes(camera, light, draws)
-        noisy = linear_to_srgb(noisy) if encoded else noisy
-        if not camera.finishes:
-            return noisy
-        stream = self._stream(draws, noisy, noisy.shape[1])
-        return camera.finish(noisy, stream, self._given(camera, draws))
-
-    def _planes(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor]) -> Tensor:
-        """How the channels of an image meet the sensor."""
-        if are_bands(light.shape[1], self.mono) and (self.mono is False or camera.spec.colour is None):
-            return self._take(camera, light, draws)
+        """How the channels of an image meet the sensor, and the encoded picture, after the effects of the picture stage."""
+        exposure = self._exposure(camera, draws)
         path = camera.colour_path(self.origin or (0, 0)) if self.mono is None else None
-        if path is None:
-            return through_luminance(light, lambda plane: self._take(camera, plane, draws))
-        picture = self._take(camera, light, draws, path)
-        return picture if light.shape[1] == 3 else luminance(picture)
+        if are_bands(light.shape[1], self.mono) and (self.mono is False or path is None):
+            noisy = self._take(exposure, light)
+        elif path is None:
+            noisy = through_luminance(light, lambda plane: self._take(exposure, plane))
+        else:
+            noisy = self._take(exposure, light, path)
+            noisy = noisy if light.shape[1] == 3 else luminance(noisy)
+        noisy = linear_to_srgb(noisy) if encoded else noisy
+        return exposure.finish(noisy) if camera.finishes else noisy
 
-    def _take(
-        self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor], path: ColourPath | None = None
-    ) -> Tensor:
+    def _exposure(self, camera: Camera, draws: Mapping[str, Tensor]) -> Exposure:
+        known = camera.arrays()
+        changed = {path: value for path, value in draws.items() if path in known}
+        for path, name in self._names.items():
+            changed[path] = getattr(self, name)
+        one = self.fixed_pattern == "camera"
+        options = self.strength, self.black_level, self.full_scale_photons, self.origin
+        return Exposure(camera, draws, changed, one, *options)
+
+    def _take(self, exposure: Exposure, light: Tensor, path: ColourPath | None = None) -> Tensor:
         """One exposure of each image, scaled back to [0, 1]; through colour filters where there is a `path`."""
-        scale = self._pixels_per_pixel(camera, light)
+        scale = self._pixels_per_pixel(exposure.camera, light)
         if scale > 1:
             light = light.repeat_interleave(scale, 2).repeat_interleave(scale, 3)
-        noisy = self._fast(camera, light, draws, path) if self._may_be_fast(light) else None
+        noisy = exposure.by_tables(light, path) if self._may_be_fast(light) else None
         if noisy is None:
-            noisy = self._exact(camera, light, draws, path)
+            noisy = exposure.by_chain(light, path)
         if path is not None:
             noisy = path.develop(noisy)
         return avg_pool2d(noisy, scale) if scale > 1 else noisy
@@ -278,78 +294,9 @@ class SensorNoise(nn.Module):
             return False
         if light.device.type == "cpu" and fast.kernel() is None:
             return False
-        tensors = (light, *(getattr(self, name) for name in self._names.values()))
-        return not torch.is_grad_enabled() or not any(tensor.requires_grad for tensor in tensors)
-
-    def _fast(
-        self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor], path: ColourPath | None
-    ) -> Tensor | None:
-        """By tables, where they have the camera's law; else None."""
-        changed = self._changed(camera, draws)
-        values = camera.arrays() | {
-            path: value.detach().double().numpy().reshape(-1) for path, value in changed.items()
-        }
-        values = values if self.strength == 1 else at_strength(values, self.strength)
-        clips = drawing.number_of_clips(draws) if self.fixed_pattern == "image" else 1
-        kept = clips == 1  # the tables take pixel patterns that are drawn anew for temporal noise
-        if clips > 1 or not fast.suits(camera, values, kept):
-            return None
-        scale = self._scale(camera, values, draws.get("exposure", torch.ones(1)).double().numpy())
-        take = fast.take if light.device.type == "cpu" else fast_gpu.take
-        return take(
-            camera,
-            light if path is None else path.plane(light),
-            scale,
-            values,
-            draws["keys"],
-            draws["pattern_keys"][:1] if kept else draws["pattern_keys"],
-            kept,
-            self.origin or (0, 0),
-        )
-
-    def _exact(
-        self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor], path: ColourPath | None
-    ) -> Tensor:
-        """By the differentiable chain."""
-        values = {
-            path: torch.as_tensor(value, dtype=torch.float32, device=light.device).reshape(-1, 1, 1, 1)
-            for path, value in self._given(camera, draws).items()
-        }
-        exposure = draws.get("exposure", torch.ones(1)).to(light).view(-1, 1, 1, 1)
-        scale = self._scale(camera, values, exposure)
-        if path is not None:
-            light = path.light(light)
-        photons = light * (scale.electrons / values["quantum_efficiency"])
-        stream = self._stream(draws, light, light.shape[1] if path is None else 1)
-        # Unless the image is a crop, it is the whole sensor: vignetting is centred on it.
-        rows, columns = light.shape[2:]
-        whole = None if self.origin or camera.sensor_maps else (rows, columns)
-        mosaic = None if path is None else path.mosaic
-        dn = camera.expose(photons, stream, values, resolution=whole, mosaic=mosaic)
-        plane = ((dn - scale.less_dn) * scale.per_dn).clamp(0, 1)
-        seen = light if mosaic is None else mosaic(light)
-        return torch.where(seen.isnan(), torch.nan, plane)  # of which the chain would make a count of 0
-
-    def _stream(self, draws: Mapping[str, Tensor], images: Tensor, planes: int) -> Stream:
-        """The random numbers of a number of sensor planes."""
-        (rows, columns), (r0, c0) = images.shape[2:], self.origin or (0, 0)
-        window = (range(r0, r0 + rows), range(c0, c0 + columns))
-        patterns = draws["pattern_keys"][:1] if self.fixed_pattern == "camera" else draws["pattern_keys"]
-        return Stream(draws["keys"], patterns, planes, window, images.device)
-
-    def _scale(self, camera: Camera, values: Mapping[str, Any], exposure: Any) -> Scale:
-        return scale_of(camera, values, exposure, self.black_level == "subtract", self.full_scale_photons)
-
-    def _given(self, camera: Camera, draws: Mapping[str, Tensor]) -> dict[str, Tensor | float]:
-        """Every number of the camera by path: given by the user, drawn for each image, or nominal."""
-        given = camera.values() | self._changed(camera, draws)
-        return given if self.strength == 1 else at_strength(given, self.strength)
-
-    def _changed(self, camera: Camera, draws: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Those of its numbers that are drawn for each image or given by the user."""
-        known = camera.values()
-        drawn = {path: value for path, value in draws.items() if path in known}
-        return drawn | {path: getattr(self, name) for path, name in self._names.items()}
+        if not torch.is_grad_enabled():
+            return True
+        return not (light.requires_grad or any(getattr(self, n).requires_grad for n in self._names.values()))
 
     def extra_repr(self) -> str:
         return self.described()

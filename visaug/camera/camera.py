@@ -86,6 +86,7 @@ class Camera:
         self._values = paths.numeric_values(spec)
         self._arrays = {path: np.array([value]) for path, value in self._values.items()}
         on_picture = {effect.name for effect in self.effects if effect.stage == Stage.PICTURE}
+        self._finishes = bool(on_picture)
         self._sensor_effects = [name for name in self.effect_names if name not in on_picture]
         self._choices = paths.words(spec)
 
@@ -286,7 +287,7 @@ class Camera:
     @property
     def finishes(self) -> bool:
         """Whether any effect acts on the developed picture."""
-        return any(effect.stage == Stage.PICTURE for effect in self.effects)
+        return self._finishes
 
     @property
     def sensor_effects(self) -> list[str]:

@@ -19,20 +19,16 @@ from torch import Tensor
 from visaug.camera import fused
 from visaug.camera.scale import Scale, gain_of
 from visaug.core.sampling import Stream
-from visaug.core.sampling.stream import kernels
 from visaug.core.sampling.tukey_lambda import quantile, standard_deviation
 
 if TYPE_CHECKING:
     from visaug.camera.camera import Camera
 
 Values = Mapping[str, np.ndarray]
-SHIFTS = {"row_noise": "row", "column_noise": "column"}  # further effects that only shift rows or columns
+SHIFTS = ("row_noise", "column_noise")  # further effects that only shift rows or columns
+PATTERNS = ("prnu.row", "dsnu.row_e", "prnu.column", "dsnu.column_e")
 VISIBLE_COMB = 2e-4
-MOST_E = (
-    1e18  # electrons of which float32 still holds the squares; with more than that the exact chain is taken
-)
-FAINT_SKEWNESS, FAINT_FIFTH = 0.1, 0.025
-WIDEST_PRNU = 0.1  # of pixels drawn anew; beyond it the expansion of the count's quantile is not exact
+MOST_E = 1e18  # electrons of which float32 still holds the squares; with more the exact chain is taken
 
 
 def suits(camera: "Camera", values: Values, kept: bool) -> bool:
@@ -58,62 +54,40 @@ def take(
     pattern_keys: Tensor,
     kept: bool = False,
     origin: tuple[int, int] = (0, 0),
+    white: int = 0,
 ) -> Tensor:
     """Images as the camera takes them.
 
     Args:
-        images: (B, C, H, W) float32 on the CPU, in [0, 1], linear in light.
+        images: (B, C, H, W) float32 on the CPU, in [0, 1], linear in light; or whole numbers, uint8 or uint16.
         scale: from image values to electrons and from DN to image values, arrays (B,) or (1,).
         values: every number of the camera by path, (B,) or (1,).
         keys: (B,) int64 of the temporal noise.
         pattern_keys: (B,) int64: patterns of each image; where `kept`, (1,): patterns of one camera.
         origin: row and column of the sensor at which the images begin.
+        white: the whole number that is the image value 1; 0 for float32.
 
     Returns:
-        (B, C, H, W) float32 in [0, 1].
+        (B, C, H, W) of the images' type, float32 in [0, 1].
     """
+    k = fused.kernel()
     batch, channels, height, width = images.shape
-    window = (range(origin[0], origin[0] + height), range(origin[1], origin[1] + width))
-    frames, cameras = (np.ascontiguousarray(k.numpy()).view(np.uint64) for k in (keys, pattern_keys))
-    lines = [
-        _lines(cameras, ("prnu", "row"), "row", values["prnu.row"], channels, window),
-        _lines(cameras, ("dsnu", "row"), "row", values["dsnu.row_e"], channels, window),
-        _lines(cameras, ("prnu", "column"), "column", values["prnu.column"], channels, window),
-        _lines(cameras, ("dsnu", "column"), "column", values["dsnu.column_e"], channels, window),
-    ]
-    for effect in camera.sensor_effects:
-        vary = SHIFTS[effect]
-        place = 1 if vary == "row" else 3
-        sigma = values[f"{effect}.sigma_e"]
-        lines[place] = lines[place] + _lines(frames, (effect,), vary, sigma, channels, window)
-    sets = max(len(line) for line in lines)
-    lines = [(x if len(x) == sets else np.repeat(x, sets, 0)).reshape(-1, x.shape[2]) for x in lines]
+    frames, cameras = (np.ascontiguousarray(own.numpy()).view(np.uint64) for own in (keys, pattern_keys))
+    table = fused.keys_of(frames, cameras)
+    numbers = _numbers(camera, batch, scale, values, kept)
+    shared = kept and not camera.sensor_effects and all(values[path].size == 1 for path in PATTERNS)
+    sets = 1 if shared else batch
+    rows = k.line_patterns(numbers, table, sets, channels, False, origin[0], height)
+    columns = k.line_patterns(numbers, table, sets, channels, True, origin[1], width)
     maps = [np.zeros((channels, height, 0), np.float32)] * 2
     if kept:
+        window = (range(origin[0], origin[0] + height), range(origin[1], origin[1] + width))
         for i, path in enumerate(("prnu.pixel", "dsnu.pixel_e")):
             if sigma := float(values[path][0]):
                 maps[i] = _kept_map(int(pattern_keys[0]), path.partition(".")[0], sigma, channels, window)
-    out = torch.empty(images.shape)
-    numbers, table = _numbers(camera, batch, scale, values, kept), fused.keys_of(frames, cameras)
-    fused.in_kernel(images.contiguous(), out, numbers, table, lines, maps, origin)
+    out = torch.empty(images.shape, dtype=images.dtype)
+    fused.in_kernel(images.contiguous(), out, numbers, table, [*rows, *columns], maps, origin, white)
     return out
-
-
-def _lines(
-    keys: np.ndarray,
-    names: tuple[str, ...],
-    vary: str,
-    sigma: np.ndarray,
-    channels: int,
-    window: tuple[range, range],
-) -> np.ndarray:
-    """A number for each row or column, (1 or B, C, rows or columns) float32: those of the exact chain's streams."""
-    rows, columns = (window[0], range(1)) if vary == "row" else (range(1), window[1])
-    if not sigma.any():
-        return np.zeros((1, channels, len(rows) * len(columns)), np.float32)
-    normal = np.empty((len(keys), channels, len(rows), len(columns)), np.float32)
-    kernels.fill_normal(kernels.forked(keys, fused.fork_names(names)), rows.start, columns.start, normal)
-    return sigma.astype(np.float32)[:, None, None] * normal.reshape(len(keys), channels, -1)
 
 
 @lru_cache(maxsize=4)
@@ -143,6 +117,10 @@ def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: b
         values["black_level_dn"],
         2**camera.bit_depth - 1,
     )
+    for place, vary in ((k.ROW_DEVIATIONS, "row"), (k.COLUMN_DEVIATIONS, "column")):
+        n[:, place], n[:, place + 1] = values[f"prnu.{vary}"], values[f"dsnu.{vary}_e"]
+        if f"{vary}_noise" in camera.sensor_effects:
+            n[:, place + 2] = values[f"{vary}_noise.sigma_e"]
     if not kept:
         n[:, k.PRNU_PIXEL], n[:, k.DSNU_PIXEL_E] = values["prnu.pixel"], values["dsnu.pixel_e"]
         _set_short_cut(n, shape, np.asarray(deviation, np.float32))
@@ -154,19 +132,12 @@ def _set_short_cut(n: np.ndarray, shape: np.ndarray, deviation: np.ndarray) -> N
     would show.
     """
     k = fused.kernel()
-    gaussian = np.hypot(n[:, k.DSNU_PIXEL_E], n[:, k.AFTER_GAIN_E]).astype(np.float64)
-    prnu, well, read_e = n[:, k.PRNU_PIXEL], n[:, k.FULL_WELL_E], n[:, k.READ_SCALE_E] * deviation
-    finite = np.minimum(well, 1e9)
-    below = finite - 6 * np.sqrt(finite + (finite * prnu) ** 2)
-    n[:, k.LIMIT_E] = np.where(np.isinf(well), np.inf, np.maximum(below, 0))
-    # A faint count that shares the draw adds the skewness m / (m + sigma^2)^(3/2); up to 0.1 the expansion has it, and
-    # of the fifth cumulant, which it has not, read noise must hide most.
-    hidden = FAINT_FIFTH * np.hypot(gaussian, read_e) ** 5
-    n[:, k.FAINT_E] = np.minimum(np.minimum(FAINT_SKEWNESS * gaussian**3, hidden), MOST_E)
-    shows = (gaussian == 0) | (prnu > WIDEST_PRNU)
+    k.short_cut(n, deviation)
+    gaussian = np.hypot(n[:, k.DSNU_PIXEL_E], n[:, k.AFTER_GAIN_E])
     for i in np.flatnonzero((gaussian > 0) & (gaussian < 1)):
-        shows[i] = comb(float(read_e[i]), float(shape[i % len(shape)]), float(gaussian[i])) > VISIBLE_COMB
-    n[shows, k.LIMIT_E] = -1
+        read_e = float(n[i, k.READ_SCALE_E] * deviation[i % len(deviation)])
+        if comb(read_e, float(shape[i % len(shape)]), float(gaussian[i])) > VISIBLE_COMB:
+            n[i, k.LIMIT_E] = -1
 
 
 def comb(sigma_e: float, shape: float, gaussian_e: float) -> float:

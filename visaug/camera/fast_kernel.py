@@ -20,6 +20,7 @@ from visaug.core.sampling.kernels import (
     compiled,
     counts,
     f32,
+    f64,
     i32,
     mix,
     normals,
@@ -47,17 +48,98 @@ LESS_DN, PER_DN, LEAST_OUT, MOST_OUT = 11, 12, 13, 14  # out = clip((DN - less_d
 PRNU_PIXEL, DSNU_PIXEL_E = 15, 16  # drawn anew for each image; 0 where a map is kept
 FAINT_E = 17  # means up to it are so small beside the pixel offsets that they take the short cut
 LIMIT_E = 18  # means above it may meet the full well and draw each part on its own; below 0: all do
-NUMBERS = 19
+ROW_DEVIATIONS, COLUMN_DEVIATIONS = 19, 22  # three each: of PRNU, of DSNU, of the noise of each exposure
+NUMBERS = 25
 
-# Columns of the table of keys: the streams of the effects, and that of the short cut.
+# Columns of the table of keys: the streams of the effects, that of the short cut, and those of rows and columns.
 SHOT, READ, AFTER_GAIN, PRNU, DSNU, TOGETHER = 0, 1, 2, 3, 4, 5
-KEYS = 6
+PRNU_ROW, DSNU_ROW, ROW_NOISE, PRNU_COLUMN, DSNU_COLUMN, COLUMN_NOISE = 6, 7, 8, 9, 10, 11
+KEYS = 12
 
+MOST_E = 1e18  # electrons of which float32 still holds the squares
+# A faint count that shares the draw adds the skewness m / (m + sigma^2)^(3/2); up to 0.1 the expansion has it, and of the
+# fifth cumulant, which it has not, read noise must hide most.
+FAINT_SKEWNESS, FAINT_FIFTH = 0.1, 0.025
+WIDEST_PRNU = 0.1  # of pixels drawn anew; beyond it the expansion of the count's quantile is not exact
 STEP = u64(0x9E3779B97F4A7C15)
 TWO, THREE, FIVE, SEVEN = f32(2), f32(3), f32(5), f32(7)
 PER_24, PER_36 = f32(1 / 24), f32(1 / 36)
 GILES_0, GILES_2, GILES_4 = f32(-8 / 405), f32(7 / 810), f32(1 / 270)
 TO_WHOLE = f32(1.5 * 2**23)  # to add and subtract it rounds to a whole number, halves to even, up to 2^22
+
+
+@compiled
+def key_table(frames, cameras, names, depth, fixed):
+    """The keys of streams, (B, KEYS) uint64.
+
+    Args:
+        frames: (B,) uint64, keys of the temporal noise; cameras: (B,) or (1,), of the fixed patterns.
+        names: (KEYS, 2) uint64, by which a stream is forked; depth: how many of the two count; fixed: 1 for a fixed pattern.
+    """
+    out = np.empty((len(frames), KEYS), np.uint64)
+    for i in range(len(frames)):
+        for j in range(KEYS):
+            key = cameras[min(i, len(cameras) - 1)] if fixed[j] else frames[i]
+            for name in names[j, : depth[j]]:
+                key = mix(key ^ name)
+            out[i, j] = key
+    return out
+
+
+@compiled
+def line_patterns(numbers, keys, sets, channels, by_column, first, size):
+    """Gains and offsets of rows, or of columns, (2, sets C, size) float32.
+
+    Args:
+        numbers: (B, NUMBERS); keys: (B, KEYS).
+        sets: B, or 1 where all images share theirs.
+        first, size: rows, or columns, of the sensor.
+    """
+    out = np.zeros((2, sets * channels, size), np.float32)
+    words, w = np.empty(size + 3, np.uint32), np.empty(size, np.float32)
+    streams, deviations = (PRNU_COLUMN, COLUMN_DEVIATIONS) if by_column else (PRNU_ROW, ROW_DEVIATIONS)
+    for i in range(sets):
+        for part in range(3):
+            sigma = numbers[i, deviations + part]
+            if sigma == ZERO:
+                continue
+            for channel in range(channels):
+                if by_column:
+                    words_of_rows(keys[i, streams + part], channel, 0, first, 1, size, words)
+                else:
+                    words_of_rows(keys[i, streams + part], channel, first, 0, size, 1, words)
+                normals(words, w)
+                _add_scaled(sigma, w, out[min(part, 1), i * channels + channel])
+    return out
+
+
+@compiled
+def short_cut(numbers, deviation):
+    """Sets FAINT_E and LIMIT_E, from the other numbers and the standard deviation of Tukey's lambda of scale 1, (B or 1,)."""
+    for i in range(len(numbers)):
+        n = numbers[i]
+        gaussian = math.hypot(f64(n[DSNU_PIXEL_E]), f64(n[AFTER_GAIN_E]))
+        read_e, well = f64(n[READ_SCALE_E] * deviation[min(i, len(deviation) - 1)]), f64(n[FULL_WELL_E])
+        if gaussian == 0 or n[PRNU_PIXEL] > WIDEST_PRNU:
+            n[LIMIT_E] = -1
+        elif math.isinf(well):
+            n[LIMIT_E] = np.inf
+        else:
+            finite = min(well, 1e9)
+            n[LIMIT_E] = max(finite - 6 * math.sqrt(finite + (finite * f64(n[PRNU_PIXEL])) ** 2), 0.0)
+        hidden = FAINT_FIFTH * math.hypot(gaussian, read_e) ** 5
+        n[FAINT_E] = min(FAINT_SKEWNESS * gaussian**3, hidden, MOST_E)
+
+
+@compiled
+def _values(source, white, out):
+    """Image values of whole numbers, of which `white` is 1; those of floats, where it is 0, as they are."""
+    if white > ZERO:
+        for x in range(out.size):
+            out[x] = f32(source[x]) / white
+    else:
+        for x in range(out.size):
+            out[x] = source[x]
 
 
 @compiled
@@ -177,11 +259,15 @@ def _choose(light, apart, dark, faint, limit, e):
 
 
 @compiled
-def _convert(e, source, n, out):
+def _convert(e, source, n, white, out):
     """Electrons to DN, and DN to the values that are wanted; what is missing in the source stays missing."""
     e_per_dn, black, top = n[E_PER_DN], n[BLACK_DN], n[MAX_DN]
     less, per_dn, least, most = n[LESS_DN], n[PER_DN], n[LEAST_OUT], n[MOST_OUT]
-    if top < f32(np.inf):
+    if white > ZERO:
+        for x in range(out.size):
+            dn = (min(max(e[x] / e_per_dn + black, ZERO), top) + TO_WHOLE) - TO_WHOLE
+            out[x] = i32((min(max((dn - less) * per_dn, least), most) * white + TO_WHOLE) - TO_WHOLE)
+    elif top < f32(np.inf):
         for x in range(out.size):
             dn = (min(max(e[x] / e_per_dn + black, ZERO), top) + TO_WHOLE) - TO_WHOLE
             value = min(max((dn - less) * per_dn, least), most)
@@ -194,12 +280,12 @@ def _convert(e, source, n, out):
 @compiled
 def expose(
     source, out, first_row, last_row, channels, numbers, keys, row_gain, row_offset, column_gain, column_offset,
-    gain_maps, offset_maps, origin,
+    gain_maps, offset_maps, origin, white,
 ):  # fmt: skip
     """Rows [first_row, last_row) of all planes of a batch, one after another.
 
     Args:
-        source, out: (B C, H, W) float32.
+        source, out: (B C, H, W) float32, or whole numbers of which `white` is the image value 1; 0 for float32.
         channels: C.
         numbers: (B, NUMBERS) float32; keys: (B, KEYS) uint64.
         row_gain, row_offset: (B C or C, H) float32, fractions and electrons; column_...: the same by columns.
@@ -209,7 +295,7 @@ def expose(
     _, height, width = source.shape
     at_once = rows_at_once(width)
     size = at_once * width
-    floats, room = np.empty((7, size), np.float32), room_of(size)
+    floats, room = np.empty((8, size), np.float32), room_of(size)
     one, other = np.empty(size + 3, np.uint32), np.empty(size, np.uint32)
     number = first_row
     while number < last_row:
@@ -231,7 +317,8 @@ def expose(
         offset_map = offset_maps[plane if len(offset_maps) > channels else channel, y : y + rows].reshape(-1)
         _sum(row_gain[own, y : y + rows], column_gain[own], gain_map, gains)
         _sum(row_offset[own, y : y + rows], column_offset[own], offset_map, offsets)
-        seen, to = source[plane, y : y + rows].reshape(-1), out[plane, y : y + rows].reshape(-1)
+        seen, to = floats[7, :pixels], out[plane, y : y + rows].reshape(-1)
+        _values(source[plane, y : y + rows].reshape(-1), white, seen)
         apart = seen.size
         if n[LIMIT_E] >= ZERO:
             _light(seen, n[ELECTRONS], gains, n[LEAST_E], light)
@@ -242,4 +329,17 @@ def expose(
             _apart(seen, n, keys[image], place, gains, offsets, one, room, mean, w, result)
             if apart < seen.size:
                 _choose(light, result, n[DARK_E], n[FAINT_E], n[LIMIT_E], e)
-        _convert(e if apart < seen.size else result, seen, n, to)
+        _convert(e if apart < seen.size else result, seen, n, white, to)
+
+
+@compiled
+def ends(values, first, last):
+    """Least and greatest of the rows [first, last) of values (N, W) float32, missing ones aside; float64 (2,)."""
+    low = np.full(values.shape[1], f32(np.inf))
+    high = np.full(values.shape[1], f32(-np.inf))
+    for r in range(first, last):
+        row = values[r]
+        for x in range(row.size):  # a minimum for each column: a single one would go from pixel to pixel
+            low[x] = row[x] if row[x] < low[x] else low[x]
+            high[x] = row[x] if row[x] > high[x] else high[x]
+    return low.min(), high.max()

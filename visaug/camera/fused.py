@@ -26,8 +26,17 @@ STREAMS = {  # of temporal noise, by column of the kernel's table of keys
     "READ": ("read_noise",),
     "AFTER_GAIN": ("read_noise", "after gain"),
     "TOGETHER": ("together",),
+    "ROW_NOISE": ("row_noise",),
+    "COLUMN_NOISE": ("column_noise",),
 }
-PATTERNS = {"PRNU": ("prnu", "pixel"), "DSNU": ("dsnu", "pixel")}
+PATTERNS = {
+    "PRNU": ("prnu", "pixel"),
+    "DSNU": ("dsnu", "pixel"),
+    "PRNU_ROW": ("prnu", "row"),
+    "DSNU_ROW": ("dsnu", "row"),
+    "PRNU_COLUMN": ("prnu", "column"),
+    "DSNU_COLUMN": ("dsnu", "column"),
+}
 
 
 @cache
@@ -40,32 +49,38 @@ def kernel() -> Any:
     return fast_kernel
 
 
-def keys_of(frames: np.ndarray, cameras: np.ndarray | None = None) -> np.ndarray:
-    """The kernel's table of keys, from those of frames and of cameras, (B,) uint64."""
-    k = kernel()
-    table = np.zeros((len(frames), k.KEYS), np.uint64)
-    for own, streams in ((frames, STREAMS), (cameras, PATTERNS)):
-        if own is not None:
-            for column, names in streams.items():
-                table[:, getattr(k, column)] = kernels.forked(own, fork_names(names))
-    return table
+def keys_of(frames: np.ndarray, cameras: np.ndarray) -> np.ndarray:
+    """The kernel's table of keys, (B, KEYS), from those of frames, (B,) uint64, and of cameras, (B,) or (1,)."""
+    return kernel().key_table(frames, cameras, *_fork_names())
 
 
 @cache
-def fork_names(names: tuple[str, ...]) -> np.ndarray:
-    """The names of forks as `kernels.forked` takes them."""
-    return np.array([derive_key(name) for name in names], np.uint64)
-
-
-def neutral(batch: int) -> np.ndarray:
-    """The kernel's table of numbers for no effect at all, (B, NUMBERS) float32."""
+def _fork_names() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Names, their number, and whether the pattern is fixed, by column of the table of keys."""
     k = kernel()
-    n = np.zeros((batch, k.NUMBERS), np.float32)
+    names, depth = np.zeros((k.KEYS, 2), np.uint64), np.zeros(k.KEYS, np.int64)
+    fixed = np.zeros(k.KEYS, np.int64)
+    for column, parts in (STREAMS | PATTERNS).items():
+        place = getattr(k, column)
+        depth[place], fixed[place] = len(parts), column in PATTERNS
+        names[place, : len(parts)] = [derive_key(part) for part in parts]
+    return names, depth, fixed
+
+
+@cache
+def _neutral() -> np.ndarray:
+    k = kernel()
+    n = np.zeros((1, k.NUMBERS), np.float32)
     n[:, [k.ELECTRONS, k.E_PER_DN, k.PER_DN]] = 1
     n[:, [k.LEAST_E, k.LEAST_OUT]] = -np.inf
     n[:, [k.FULL_WELL_E, k.MAX_DN, k.MOST_OUT]] = np.inf
     n[:, k.LIMIT_E] = -1
     return n
+
+
+def neutral(batch: int) -> np.ndarray:
+    """The kernel's table of numbers for no effect at all, (B, NUMBERS) float32."""
+    return _neutral().repeat(batch, 0)
 
 
 def runs(
@@ -108,7 +123,8 @@ def expose(run: Mapping[str, Values], signal: Tensor, stream: Stream, context: C
     maps = [_pattern(name, run, signal, stream, context) for name in ("prnu", "dsnu")]
     lines = [np.zeros((channels, size), np.float32) for size in (height, height, width, width)]
     source, out = signal.contiguous(), torch.empty(signal.shape)
-    in_kernel(source, out, _numbers(run, batch, context), keys_of(stream.keys), lines, maps, _origin(stream))
+    keys = keys_of(stream.keys, stream.keys)  # patterns are not drawn: they are in the maps
+    in_kernel(source, out, _numbers(run, batch, context), keys, lines, maps, _origin(stream))
     return out
 
 
@@ -120,15 +136,33 @@ def in_kernel(
     lines: Sequence[np.ndarray],
     maps: Sequence[np.ndarray],
     origin: tuple[int, int],
+    white: int = 0,
 ) -> None:
     """Calls the kernel, whose `expose` explains the arguments, in threads."""
     channels, height, width = source.shape[1:]
     rows = [x.detach().numpy().reshape(-1, height, width) for x in (source, out)]
     work = kernel().expose
     in_threads(
-        lambda first, last: work(*rows, first, last, channels, numbers, keys, *lines, *maps, origin),
+        lambda first, last: work(
+            *rows, first, last, channels, numbers, keys, *lines, *maps, origin, np.float32(white)
+        ),
         len(rows[0]) * height,
     )
+
+
+def ends(images: Tensor) -> tuple[float, float]:
+    """Least and greatest value of images, missing ones aside; inf and -inf where all are missing.
+
+    torch's own reduction starts its threads anew for each call, which costs a small image more than its noise.
+    """
+    if images.device.type != "cpu" or images.dtype != torch.float32 or kernel() is None:
+        there = images.isnan()
+        low, high = images.masked_fill(there, torch.inf).min(), images.masked_fill(there, -torch.inf).max()
+        return float(low), float(high)
+    rows = images.contiguous().numpy().reshape(-1, images.shape[-1])
+    found: list[tuple[float, float]] = []
+    in_threads(lambda first, last: found.append(kernel().ends(rows, first, last)), len(rows))
+    return float(min(low for low, _ in found)), float(max(high for _, high in found))
 
 
 def _origin(stream: Stream) -> tuple[int, int]:
