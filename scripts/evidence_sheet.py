@@ -201,7 +201,7 @@ def draw(found: list[Evidence], path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--effects", help="only these, separated by commas")
     options = parser.parse_args()

@@ -54,12 +54,13 @@ class Exposure(NamedTuple):
             return None
         scale = self._scale(values, self.draws.get("exposure", NOMINAL).double().numpy())
         keys, patterns = self.draws["keys"], self.draws["pattern_keys"]
-        arguments: tuple[Any, ...] = (scale, values, keys, patterns[:1] if kept else patterns, kept)
+        patterns = patterns[:1] if kept else patterns
+        origin = self.origin or (0, 0)
         if path is not None:
             light = path.plane(light)
         if light.device.type == "cpu":
-            return fast.take(self.camera, light, *arguments, self.origin or (0, 0), white=white)
-        return fast_gpu.take(self.camera, light, *arguments, self.origin or (0, 0))
+            return fast.take(self.camera, light, scale, values, keys, patterns, kept, origin, white=white)
+        return fast_gpu.take(self.camera, light, scale, values, keys, patterns, kept, origin)
 
     def by_chain(self, light: Tensor, path: ColourPath | None = None) -> Tensor:
         """By the differentiable chain, effect by effect."""

@@ -62,9 +62,8 @@ def _list() -> None:
                 continue
             size = "{} x {}".format(*spec.resolution)
             gain, noise = f"{spec.gain_e_per_dn:.3g}", f"{spec.read_noise.sigma_e:.3g}"
-            values = (
-                "preset" if "kind" in spec.source else "sourced"
-            )  # a preset names a kind of camera as its source
+            is_preset = isinstance(spec.source, dict) and "kind" in spec.source  # what it stands for
+            values = "preset" if is_preset else "sourced"
             values += f", {len(spec.assumed)} assumed" if spec.assumed else ""
             colour = "colour" if spec.colour else "mono"
             rows.append([name, spec.name, values, colour, size, str(spec.bit_depth), gain, noise, place])
