@@ -96,6 +96,13 @@ def test_memory_is_the_share_of_the_frame_before():
     assert f["memory/slope on a bright scene before/dark 0.01 s 20 C"] == pytest.approx(0.02, abs=0.001)
 
 
+def test_a_step_between_flats_is_one_between_levels_and_not_between_uses():
+    """Frames of one level, of which every second is used: whatever the unused ones between them hold, there is no step."""
+    blank = fingerprint(frames_of(lambda rng, i: white(rng, i) * (i % 2), kind="flat"), range(1, 12, 2))
+    (share,) = [v for s, v in zip(blank.statistics, blank.values, strict=True) if s.view == "memory"]
+    assert share == 0
+
+
 @pytest.mark.parametrize("codes", [1, 2, 5])
 def test_statistics_depend_on_the_plan_alone(codes):
     """Not on the pixels: a camera whose bias frames hold hardly a code besides 0 has them all."""

@@ -26,11 +26,16 @@ class Memory(View):
     def _steps(self, data):
         """How frames of a steady group differ from the others of it when another level came before."""
         position = {record.sequence: i for i, record in enumerate(data.records)}
+        condition = {i: k for k, g in enumerate(data.frames.groups()) for i in g.indices}
         sums = np.zeros(2)
         for g in data.of("flat", at_least=2):
             for i, mean in zip(g.group.indices, g.frame_means, strict=True):
                 before = position.get(data.records[i].sequence - 1)
-                if before is None or before in g.group.indices or data.records[before].kind == "scene":
+                if (
+                    before is None
+                    or condition[before] == condition[i]
+                    or data.records[before].kind == "scene"
+                ):
                     continue
                 others = (g.frame_means.sum() - mean) / (g.count - 1)
                 jump = _level(data, before) - others
