@@ -83,6 +83,33 @@ def test_what_answers_by_chance_has_hardly_a_derivative(stated):
     assert max(sure.asked) == PAIRS - 1  # without noise two simulations are enough
 
 
+def test_a_step_of_the_gain_leaves_noise_in_dn_also_where_it_is_made_again_with_a_wider_step(stated):
+    """Read noise in DN, and the log variance of shot noise at a level in DN, among 400 statistics that are noise.
+
+    Noise and levels are held in DN, so that the derivatives are 0 and -1, exactly.
+    """
+    free = base_coordinates(stated, frame_set(0), True)
+    gain = [c.path for c in free].index("gain_e_per_dn")
+
+    class Shot(Wavering):
+        def simulated(self, jobs, report):
+            return [np.array([self._of(camera.values(), number) for camera, number in jobs])] * 3
+
+        @staticmethod
+        def _of(values, number):
+            g, level_dn = (
+                values["gain_e_per_dn"],
+                1000 * values["quantum_efficiency"] / values["gain_e_per_dn"],
+            )
+            exact = [values["read_noise.sigma_e"] / g, np.log(level_dn / g)]
+            return np.r_[exact, np.random.default_rng([number, round(1e6 * g)]).normal(size=400)]
+
+    lab = Shot()
+    sets = lab.simulated([(stated, k) for k in range(12)], None)
+    (slopes, *_) = derivatives(lab, stated, free, sets, lambda *_: None)
+    assert slopes[:2, gain] == pytest.approx([0.0, -1.0], abs=1e-9)
+
+
 def test_a_number_that_the_frames_do_not_tell_has_the_width_of_its_prior(stated):
     """Two numbers; statistics answer the first alone."""
     rng = np.random.default_rng(0)

@@ -80,7 +80,8 @@ def with_chart(camera: Camera, plan: FrameSet) -> FrameSet:
         name = f"chart_{r1 - r0}x{c1 - c0}.npy"
         cleans.setdefault(name, _chart(r1 - r0, c1 - c0) * np.float32(_saturation_photons(camera)))
         records[i] = replace(records[i], clean=name)
-    unread = np.broadcast_to(np.uint16(0), (len(records), *camera.resolution))
+    windows = [window_of(camera, record) for record in records]
+    unread = [np.broadcast_to(np.uint16(0), (r1 - r0, c1 - c0)) for r0, r1, c0, c1 in windows]
     return FrameSet.from_arrays(records, unread, cleans, bit_depth=camera.bit_depth)
 
 

@@ -68,8 +68,9 @@ class Planned:
     @cached_property
     def _slopes(self) -> tuple[np.ndarray, np.ndarray]:
         free = base_coordinates(self.camera, self.lab.frames, calibrated=True)
-        slopes = differences(self.lab, self.camera, free, range(2), self._sets, self.report)[0].mean(1).T
-        return slopes, np.array([c.prior for c in free])
+        steps = {k: c.step for k, c in enumerate(free)}
+        found = differences(self.lab, self.camera, free, steps, range(2), self._sets, self.report)
+        return found[0].mean(1).T, np.array([c.prior for c in free])
 
     def apart(self, cameras: Sequence[Camera], count: int = SETS) -> np.ndarray:
         """(cameras, statistics) differences from the camera in standard deviations of one set, after a refit of the camera."""

@@ -13,6 +13,7 @@ from visaug.pictures.part import PicturePart
 from visaug.statistics import FrameData, GroupData
 
 FULL = 0.9  # share of the full well above which a pixel counts as full
+COLLAPSED = 0.5  # share of the largest temporal variance below which brighter flats are clipped
 STRUCK = 8.0  # standard deviations by which a pixel of one frame exceeds the others of its kind
 
 
@@ -42,6 +43,25 @@ def look(lab: Laboratory, camera: Camera) -> Look | None:
         searched_mpx_s=1e-6 * sum(d.frames.size * d.group.exposure_s for d in darks),
         spilled_e=np.concatenate([np.zeros((0, 3)), *_spilled(lab.parts[-1], camera)]),
     )
+
+
+def filled_well(lab: Laboratory, camera: Camera) -> float | None:
+    """Electrons at which the pixels of flats fill: the level of those whose temporal variance is below that of dimmer ones.
+
+    Of the brightest flats of the discovery frames; None if their variance does not collapse (EMVA 1288 release 4, saturation).
+    """
+    part = lab.parts[0]
+    lit = [i for i in part.folds.find if part.frames.records[i].kind == "flat"]
+    flats = [
+        ((g.level - camera.spec.black_level_dn) * gain, g.noise_variance * gain**2)
+        for g in FrameData(part.frames, lit).of("flat", 2)
+        for gain in [camera.gain_at(g.group.gain_db)]
+    ]
+    if not flats:
+        return None
+    level_e, variance_e2 = max(flats)
+    is_clipped = variance_e2 < COLLAPSED * max(variance for _, variance in flats)
+    return level_e if is_clipped and level_e > 0 else None
 
 
 def _unlit(part: Part | PicturePart) -> FrameData:

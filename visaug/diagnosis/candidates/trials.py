@@ -7,7 +7,7 @@ from typing import Any
 
 from visaug.camera import Camera
 from visaug.core.errors import InputError
-from visaug.diagnosis.candidates.look import look
+from visaug.diagnosis.candidates.look import filled_well, look
 from visaug.diagnosis.fitting.parameters import GAUSSIAN_SHAPE
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.effects import Effect, Parameter, Stage, catalogue
@@ -235,10 +235,14 @@ def _forms(effect: type[Effect], least: int) -> list[dict[str, Any]]:
 
 def looked(lab: Laboratory, camera: Camera, without: frozenset[str] = frozenset()) -> list[Trial]:
     """Trials whose values are estimated from the measured frames."""
+    found = []
+    if "saturation" in missing_base(camera) and "saturation" not in without:
+        well_e = filled_well(lab, camera)
+        found += [] if well_e is None else [Trial("saturation", (("full_well_e", well_e),), looked=True)]
     seen = look(lab, camera)
     if seen is None:
-        return []
-    return [
+        return found
+    return found + [
         _trial(effect, within_bounds(effect, point), looked=True)
         for name, effect in catalogue().items()
         if not effect.base and name not in camera.effect_names and name not in without and is_proposed(effect)

@@ -1,6 +1,6 @@
 """Simulated sets of a camera: mean, variance, derivatives of the mean, and the residuals of their refits."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -273,21 +273,23 @@ def derivatives(
         noise = standardised(pairs.std(1, ddof=1), scale) / np.sqrt(pairs.shape[1])
         return (noise**2).sum(-1) > NOISY * (answers**2).sum(-1)
 
-    pairs = differences(lab, camera, coordinates, range(PAIRS), sets, report)
+    every = {k: c.step for k, c in enumerate(coordinates)}
+    pairs = differences(lab, camera, coordinates, every, range(PAIRS), sets, report)
     slopes = [found.mean(1) for found in pairs]
     unclear = np.flatnonzero(noisy(pairs[0])).tolist()
     if unclear:
-        wide = [replace(coordinates[k], step=WIDER * coordinates[k].step) for k in unclear]
-        pairs = differences(lab, camera, wide, range(PAIRS), sets, report)
+        wide = {k: WIDER * every[k] for k in unclear}
+        pairs = differences(lab, camera, coordinates, wide, range(PAIRS), sets, report)
         still = np.flatnonzero(noisy(pairs[0])).tolist()
         for slope, found in zip(slopes, pairs, strict=True):
             slope[unclear] = found.mean(1)
         last = min(MORE_PAIRS, len(sets[0]))
         if still and last > PAIRS:
-            more = differences(lab, camera, [wide[k] for k in still], range(PAIRS, last), sets, report)
+            noisiest = {unclear[k]: wide[unclear[k]] for k in still}
+            more = differences(lab, camera, coordinates, noisiest, range(PAIRS, last), sets, report)
             for slope, first, further, own in zip(slopes, pairs, more, sets, strict=True):
                 of = np.concatenate([first[still], further], axis=1)
-                slope[[unclear[k] for k in still]] = _certain(of, variance(own))
+                slope[list(noisiest)] = _certain(of, variance(own))
     return [slope.T for slope in slopes]
 
 
@@ -309,26 +311,32 @@ def differences(
     lab: Laboratory,
     camera: Camera,
     coordinates: Sequence[Coordinate],
+    steps: Mapping[int, float],
     numbers: range,
     sets: Sequence[np.ndarray],
     report: Report,
 ) -> list[np.ndarray]:
-    """(coordinates, simulations, statistics) difference quotients of each use of the frames.
+    """(steps, simulations, statistics) difference quotients of each use of the frames.
 
     Each is between a simulated set and the same with a step of one coordinate, upwards for even numbers and downwards for odd
     ones, so that a curvature cancels in their mean.
+
+    Args:
+        coordinates: all that are free; the others are held at their values, which for those in DN depend on the gain.
+        steps: of the coordinates that are stepped, by index.
     """
-    at = [c.read(camera) for c in coordinates]
-    steps = np.array([[c.step * (1 - 2 * (k % 2)) for k in numbers] for c in coordinates])
+    at = np.array([c.read(camera) for c in coordinates])
+    signed = np.array([[step * (1 - 2 * (k % 2)) for k in numbers] for step in steps.values()])
     jobs = []
-    for j in range(len(coordinates)):
-        for place, number in enumerate(numbers):
-            there = [x + steps[j, place] * (k == j) for k, x in enumerate(at)]
-            jobs.append((moved(camera, coordinates, there), number))
+    for j, sizes in zip(steps, signed, strict=True):
+        for size, number in zip(sizes, numbers, strict=True):
+            there = at.copy()
+            there[j] += size
+            jobs.append((moved(camera, coordinates, there.tolist()), number))
     word = "computing sensitivities"
     found = lab.simulated(jobs, lambda n: report(word, n, len(jobs)))
     return [
-        (values.reshape(*steps.shape, -1) - own[numbers.start : numbers.stop]) / steps[..., None]
+        (values.reshape(*signed.shape, -1) - own[numbers.start : numbers.stop]) / signed[..., None]
         for values, own in zip(found, sets, strict=True)
     ]
 
