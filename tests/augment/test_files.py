@@ -525,5 +525,5 @@ def test_labels_go_where_ultralytics_looks_for_them(camera, tmp_path):
 def test_openexr_without_its_package_is_one_clear_line(camera, tmp_path, monkeypatch):
     touch(tmp_path / "a.exr")
     monkeypatch.setitem(sys.modules, "OpenEXR", None)
-    with pytest.raises(InputError, match=r"pip install visaug\[exr\]"):
+    with pytest.raises(InputError, match=r"pip install 'visaug\[exr\]'"):
         augment_files([tmp_path / "a.exr"], tmp_path / "out", camera)

@@ -36,7 +36,7 @@ def test_a_hidden_effect_is_seen_where_it_is(stated):
 
 def test_too_few_pictures_are_refused(stated):
     frames = FrameSet.from_arrays([FrameRecord(0, "a.png", "image")], [np.zeros((64, 80), np.uint8)])
-    with pytest.raises(InputError, match="6 or more"):
+    with pytest.raises(InputError, match="at least 6"):
         compare(stated, frames)
 
 

@@ -22,7 +22,7 @@ from visaug.report.provenance import footer
 from visaug.report.views import ViewGallery
 from visaug.statistics.reduction import labels
 
-COMPARED = "-compared"  # ends a key with which views show their worst statistic: before the comparison nobody knows it
+COMPARED = "_compared"  # ends a key with which views show their worst statistic: before the comparison nobody knows it
 KEPT = 4  # cameras whose pictures are kept
 
 
