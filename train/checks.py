@@ -28,7 +28,7 @@ def check_apart(parts: dict[str, PoseSet], tests: dict[str, PoseSet]) -> None:
 
 
 def check_arms(config: Config, announce: Say | None = None) -> None:
-    """Refuse, before any training, what could not be trained; `announce` is told what this device does otherwise than asked.
+    """Refuse, before any training, what could not be trained; `announce` gets a line for what this device does differently.
 
     Raises:
         InputError: an invalid camera, or training arguments of an arm that are invalid or that this device cannot follow.

@@ -15,7 +15,7 @@ TRIAL_STEPS, CPU_IMAGES, GPU_IMAGES = 2, 2, 16
 
 
 def check_device(given: Sequence[dict[str, Any]], say: Say | None = None) -> None:
-    """Refuse training arguments that this device cannot follow; `say` is told where bf16 is off (see `followed`).
+    """Refuse training arguments that this device cannot follow; `say` gets a line where bf16 is off (see `followed`).
 
     Args:
         given: the arguments of every run.
