@@ -414,6 +414,42 @@ def measure_processor(contestants: dict[str, Rival], rounds: int) -> dict[str, n
     return {name: np.array(values[1:]) for name, values in times.items()}
 
 
+def gpu(rounds: int, batches: tuple[int, ...] = (8, 64, 256), side: int = 640) -> list[str]:
+    """Images a second of the noise on the device, and its share of a training step of YOLOv8s-pose in bfloat16."""
+    from ultralytics.nn.tasks import PoseModel
+
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    model = PoseModel("yolov8s-pose.yaml", data_kpt_shape=(11, 3), nc=1, verbose=False).to(device)
+    title = f"{side} x {side}, three gray channels of 8 bit, on {device}; median of {rounds} rounds, range of the middle half"
+    lines = [
+        title,
+        "",
+        "| images a batch | images/s, noise | images/s, kornia | images/s, step of YOLOv8s-pose | share of a step |",
+    ]
+    lines.append("| --- | --- | --- | --- | --- |")
+    for batch in batches:
+        gray = inputs(batch, (side, side), device)["8 bit"]
+        images = gray.expand(-1, 3, -1, -1).contiguous()
+        noise, gaussian = visaug.VISNoise(visaug.Camera.load(CAMERA)), rivals({"8 bit": gray}, False)[BASE]
+
+        def step(images: torch.Tensor = images) -> None:
+            model.zero_grad()
+            with torch.autocast(device, torch.bfloat16):
+                found = model(images)
+            torch.stack([t.float().square().mean() for t in _tensors(found)]).sum().backward()
+
+        times = measure(
+            {"noise": lambda n=noise, x=images: n(x), BASE: gaussian, "step": step}, rounds, device
+        )
+        speeds = [f"{batch / np.median(times[name]):,.0f}" for name in ("noise", BASE, "step")]
+        low, middle, high = np.percentile(times["noise"] / times["step"], [25, 50, 75])
+        lines.append(f"| {batch} | {' | '.join(speeds)} | {middle:.1%} ({low:.1%} to {high:.1%}) |")
+        print(
+            lines[-1], file=sys.stderr, flush=True
+        )  # what is measured is kept, should the rest be interrupted
+    return lines
+
+
 def training_step() -> list[str]:
     """Share of a step of the small pose networks at 160 on the CPU, 16 images a batch."""
     try:
@@ -462,12 +498,12 @@ def main() -> None:
     parser.add_argument("--sizes", nargs="+", default=list(SIZES), choices=list(SIZES))
     parser.add_argument("--batches", type=int, nargs="+", default=[1, 8, 64])
     parser.add_argument("--rounds", type=int, default=15)
-    parser.add_argument("--only", choices=["simulation"], help="print one table alone")
+    parser.add_argument("--only", choices=["simulation", "gpu"], help="print one table alone")
     parser.add_argument("--threads", type=int, default=torch.get_num_threads())
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
     if options.only:
-        print("\n".join(simulation()))
+        print("\n".join(simulation() if options.only == "simulation" else gpu(options.rounds)))
         return
     devices = ["cpu", *(["cuda"] if torch.cuda.is_available() else [])]
     page = [

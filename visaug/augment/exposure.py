@@ -47,7 +47,7 @@ class Exposure(NamedTuple):
             return None
         values = self.camera.arrays()
         for name, value in self.changed.items():
-            values[name] = value.detach().double().numpy().reshape(-1)
+            values[name] = value.detach().double().cpu().numpy().reshape(-1)
         values = values if self.strength == 1 else at_strength(values, self.strength)
         kept = clips == 1
         if not fast.suits(self.camera, values, kept):
