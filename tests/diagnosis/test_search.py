@@ -12,7 +12,7 @@ from visaug.diagnosis import adding, search, swap
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.result import Ranked
 from visaug.diagnosis.session.fits import Fits
-from visaug.diagnosis.stage import History, Stage
+from visaug.diagnosis.stage import History, SearchStage
 
 
 @pytest.fixture
@@ -36,9 +36,9 @@ def flare_and(veiled, last) -> History:
     ranked = {name: Ranked(name, p, None, {}) for name, p in probabilities.items()}
     plain = leaving([300, 200, 90, 40], veiled["trail"])
     return (
-        Stage(plain, 0.01, None),
-        Stage(own.state, 0.01, None, (own, judged(veil, alone, cost=2.0)), ranked=ranked),
-        Stage(last, 0.01, None, ranked=ranked),
+        SearchStage(plain, 0.01, None),
+        SearchStage(own.state, 0.01, None, (own, judged(veil, alone, cost=2.0)), ranked=ranked),
+        SearchStage(last, 0.01, None, ranked=ranked),
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from visaug.diagnosis.choice import Judged
 from visaug.diagnosis.criterion import between
 from visaug.diagnosis.ranking import accepted_rank, swapped_ranks
-from visaug.diagnosis.stage import History, Setting, Stage
+from visaug.diagnosis.stage import History, SearchStage, Setting
 from visaug.diagnosis.state import State
 from visaug.effects import catalogue
 from visaug.statistics.tail import SIGNIFICANT
@@ -48,12 +48,12 @@ def reconsidered(setting: Setting, history: History) -> History:
 
 def _stage(
     setting: Setting,
-    last: Stage,
+    last: SearchStage,
     exchanged: tuple[Judged, Judged],
     state: State,
     p_value: float,
     standing: tuple[Judged, ...],
-) -> Stage:
+) -> SearchStage:
     """The last stage with another state, in which one of two effects gave way to the other."""
     error = setting.errors.told(state.fitted)
     ranked = swapped_ranks(last.ranked, *exchanged)
