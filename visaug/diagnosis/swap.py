@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from visaug.diagnosis.choice import Judged
-from visaug.diagnosis.criterion import between
+from visaug.diagnosis.criterion import between, evidence
 from visaug.diagnosis.ranking import accepted_rank, swapped_ranks
 from visaug.diagnosis.stage import History, SearchStage, Setting
 from visaug.diagnosis.state import State
@@ -15,7 +15,7 @@ def reconsidered(setting: Setting, history: History) -> History:
     """The history with the effect before the last replaced by a rival that is more probable with the last, or explains all alone.
 
     As long as a further effect is missing, a wrong effect can fit better. And if the last effect is that rival, it may
-    explain everything by itself.
+    explain everything by itself; the first stays if the criterion accepts it beside the last.
     """
     *_, before, last = history
     if len(last.state.accepted) < 2:
@@ -26,7 +26,7 @@ def reconsidered(setting: Setting, history: History) -> History:
         effect = rival.refined.effect
         if effect == last.state.accepted[-1]:
             alone, p_value = setting.tested(rival.state)
-            if p_value > SIGNIFICANT:
+            if p_value > SIGNIFICANT and not _is_accepted(setting, alone, last.state, own):
                 return (*earlier, _stage(setting, last, (own, rival), alone, p_value, (rival, own)))
         is_base = any(catalogue()[j.refined.effect].base for j in (own, rival))
         if effect in last.state.accepted or is_base:
@@ -44,6 +44,11 @@ def reconsidered(setting: Setting, history: History) -> History:
             second = _stage(setting, last, (own, rival), swapped, p_value, last.standing[:1])
             return (*earlier, first, second)
     return history
+
+
+def _is_accepted(setting: Setting, without: State, both: State, own: Judged) -> bool:
+    """Whether the criterion accepts an effect beside its rival."""
+    return evidence(without, both, len(own.refined.coordinates), setting.adding.effects).accepts
 
 
 def _stage(
