@@ -45,6 +45,9 @@ class Findings:
     filtered: bool = (
         False  # whether pixels were mixed after they were read: rows and columns then share noise too
     )
+    smoothed: bool = False  # whether all noise correlates alike: one filter over everything
+    lit: tuple[int, int, int, int] | None = None  # rows and columns that see light, where others see none
+    banded: frozenset[int] = frozenset()  # sequence numbers of flats in which bands of a lamp roll
     step_dn: float = 1.0  # distance of neighbouring codes
 
     def add(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from visaug.camera import Camera
 from visaug.camera.paths import path_of
+from visaug.characterization.usable import usable
 from visaug.core.errors import InputError
 from visaug.diagnosis.comparison import Comparison, compare
 from visaug.diagnosis.result import Diagnosis, Step
@@ -79,6 +80,7 @@ class Session:
                 field="frames",
                 expected="bias, dark, flat or scene frames; `visaug diagnose` takes pictures",
             )
+        frames = usable(frames, camera.resolution)
         self.given, self.frames, self.seed, self.sets = camera, frames, seed, sets
         self.progress: Report = progress or (lambda *_: None)
         self.fits = Fits(camera, frames, seed, sets)
