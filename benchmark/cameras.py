@@ -1,4 +1,4 @@
-"""Ten small cameras and two of real size with frame plans and targets, fixed by seeds and rounded as data sheets do."""
+"""Ten cameras, two of real size and a small one with frame plans and targets, fixed by seeds and rounded as data sheets do."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from . import small
 from .camera import Sensor, Shot
 from .randomness import stream
 
@@ -18,6 +19,7 @@ _FORMATS = (
 COUNT = len(_FORMATS)  # of those that a seed may draw
 # Sets of real size by the camera's number: bit depth, rows, columns, frames
 LARGE = {COUNT: (12, 200, 256, 150), COUNT + 1: (14, 1000, 1000, 60)}
+SMALL = COUNT + 2  # 47 frames of 64 x 80 pixels, `small`
 
 
 def camera_of(seed: int) -> int:
@@ -27,6 +29,8 @@ def camera_of(seed: int) -> int:
 
 @lru_cache
 def sensor(number: int) -> Sensor:
+    if number == SMALL:
+        return small.SENSOR
     bits, rows, columns = LARGE[number][:3] if number in LARGE else _FORMATS[number]
     rng = stream(1288, "sensor", number)
     well_e = round(rng.uniform(7000, 11000) if bits == 12 else rng.uniform(9000, 20000), -2)
@@ -58,6 +62,8 @@ def sensor(number: int) -> Sensor:
 @lru_cache
 def plan(number: int) -> tuple[Shot, ...]:
     """Bias, dark ladder, flats to near full well or beyond, scenes each followed by a dark frame: about 70 frames."""
+    if number == SMALL:
+        return (*small.PLAN, *small.CHART)
     if number in LARGE:
         return _large_plan(number, LARGE[number][3])
     camera, rng = sensor(number), stream(1288, "plan", number)
@@ -108,6 +114,8 @@ def targets(number: int) -> dict[str, np.ndarray]:
 
     A chart of edges, a natural-looking scene, and spots far above full well.
     """
+    if number == SMALL:
+        return {"chart.npy": small.chart()}
     camera, rng = sensor(number), stream(1288, "targets", number)
     full = camera.well_e / camera.efficiency
     rows, columns = camera.shape

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from . import (
     calibrate,
+    calibration,
     cameras,
     effects,
     foreign,
@@ -108,7 +109,7 @@ def parser() -> argparse.ArgumentParser:
 
     command = commands.add_parser("report", help="print counts with intervals as Markdown")
     command.add_argument("folder", type=Path, nargs="+")
-    command.set_defaults(go=lambda a: print(judge.report(a.folder)))
+    command.set_defaults(go=lambda a: print(judge.report(a.folder), calibration.report(a.folder), sep="\n"))
 
     command = commands.add_parser("effects", help="list what can be hidden, and the forms")
     command.set_defaults(

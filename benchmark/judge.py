@@ -78,7 +78,7 @@ def verdict(answer: dict[str, Any], result: dict[str, Any], usual: Sequence[str]
 
     right: exactly the expected names. Where the effect is in no catalogue: "unexplained", with the clearest axis
     and the growth as expected; where it hides beside a known one, that one's name and "unexplained".
-    wrong: a name that should not be there, told without reservation.
+    wrong: a name that should not be there, told without reservation. A mistake in the camera file is right where it alone is told.
     """
     diagnosis = result["diagnosis"]
     if diagnosis is None:
@@ -90,12 +90,18 @@ def verdict(answer: dict[str, Any], result: dict[str, Any], usual: Sequence[str]
     growth = set(answer["grows"]) <= told_growth <= set(answer["grows"]) | set(answer["may_grow"])
     axis = told_axis[:1] != [] and told_axis[0] in answer["axis"] and growth  # the clearest is told first
     in_no_catalogue = answer["kind"] == "foreign" or (answer.get("hidden") and not answer["expect"])
+    mistakes = [(m["key"], m["mistake"]) for m in diagnosis.get("camera_file", [])]
     outside = bool(answer["without"]) or (in_no_catalogue and not result.get("effects"))
     if outside:
         right, wrong = unexplained is not None and axis, bool(accepted) and unexplained is None
     else:
         right, wrong = accepted == expected - set(usual), bool(accepted - expected)
         right = right and (answer["kind"] != "mixed" or unexplained is not None)
+    if answer.get("mistake"):
+        same = [told for told in mistakes if told[0].split(".")[0] == answer["mistake"][0].split(".")[0]]
+        right = right and tuple(answer["mistake"]) in mistakes and same == mistakes
+    else:
+        wrong = wrong or bool(mistakes)
     return {
         "right": right,
         "wrong": wrong,
@@ -114,7 +120,7 @@ def _usual(folder: Path, answer: dict[str, Any]) -> list[str]:
     return diagnosis["accepted"] if diagnosis else []
 
 
-def _share(hits: int, of: int) -> str:
+def share(hits: int, of: int) -> str:
     low, high = wilson(hits, of)
     return f"{hits}/{of} ({100 * low:.0f}-{100 * high:.0f} %)"
 
@@ -125,7 +131,7 @@ def _row(label: str, judged: list[dict[str, Any]], seconds: Iterable[float]) -> 
     n = len(judged)
     counts = [sum(bool(j[key]) for j in judged) for key in ("right", "wrong", "axis", "failed")]
     time_s = np.median(list(seconds) or [0])
-    cells = [label, _share(counts[0], n), counts[1], error, counts[2], counts[3], f"{time_s:.0f}"]
+    cells = [label, share(counts[0], n), counts[1], error, counts[2], counts[3], f"{time_s:.0f}"]
     return "| " + " | ".join(map(str, cells)) + " |"
 
 

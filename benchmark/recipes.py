@@ -105,6 +105,36 @@ def off_parameters(seed: int, camera: int, word: str) -> Iterator[Recipe]:
     yield Recipe(f"off_parameters-{seed}", "off_parameters", "none", seed, camera, stated=stated)
 
 
+def wrong_file(seed: int, camera: int, word: str) -> Iterator[Recipe]:
+    """Nothing hidden, and one figure of camera.yaml wrong in one of the usual ways.
+
+    A figure in DN where electrons are due is left out where a DN is within 30 % of an electron.
+    """
+    sensor = cameras.sensor(camera)
+    gain, long_s = sensor.e_per_dn, max(shot.seconds for shot in cameras.plan(camera) if shot.kind == "dark")
+    cases: dict[tuple[str, str], dict[str, float]] = {
+        ("gain_e_per_dn", "inverse"): {"e_per_dn": 1 / gain},
+        ("read_noise.sigma_e", "unit"): {"read_e": sensor.read_e / gain},
+        ("read_noise.sigma_e", "variance"): {"read_e": sensor.read_e**2},
+        ("dark_current.a_e_per_s", "unit"): {"dark_e_per_s": sensor.dark_e_per_s / gain},
+        ("dark_current.a_e_per_s", "per_frame"): {"dark_e_per_s": sensor.dark_e_per_s * long_s},
+        ("dark_current.a_e_per_s", "kelvin"): {
+            "dark_e_per_s": sensor.dark_e_per_s * float(np.exp(-273.15 * sensor.dark_per_c))
+        },
+        ("dsnu.pixel_e", "unit"): {"dsnu_e": 1 / gain},
+        ("prnu.pixel", "per_cent"): {"prnu": 100.0},
+        ("exposure_s", "time_unit"): {"integration_s": 1e3 * sensor.integration_s},
+        ("black_level_dn", "black_level"): {"pedestal_dn": 0.0},
+    }
+    for (key, mistake), stated in cases.items():
+        if mistake in ("unit", "inverse") and abs(np.log(gain)) < np.log(1.3):
+            continue
+        if mistake == "per_frame" and abs(np.log(long_s)) < np.log(1.3):
+            continue
+        identity = f"wrong_file-{key}-{mistake}-{seed}"
+        yield Recipe(identity, "wrong_file", "none", seed, camera, stated=stated, mistake=(key, mistake))
+
+
 def small(seed: int, camera: int, word: str) -> Iterator[Recipe]:
     """Bias, dark or flat frames alone, clean and with an effect that shows in them."""
     shown = {
@@ -177,6 +207,7 @@ KINDS: dict[str, Callable[[int, int, str], Iterator[Recipe]]] = {
     "other_form": other_form,
     "base_left_out": base_left_out,
     "off_parameters": off_parameters,
+    "wrong_file": wrong_file,
     "further": further_single,
     "further_other_form": further_other_form,
     "leave_out": leave_out,

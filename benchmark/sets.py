@@ -20,7 +20,7 @@ COLUMNS = ("sequence", "file", "kind", "exposure_s", "temperature_c", "gain_db",
 class Recipe:
     """One set of the benchmark. `hidden` holds (name, strength, form).
 
-    `stated` changes what camera.yaml says.
+    `stated` changes what camera.yaml says. `mistake` holds the key and the kind of a mistake in camera.yaml.
     """
 
     identity: str
@@ -36,6 +36,7 @@ class Recipe:
     axis: tuple[str, ...] = ()
     grows: tuple[str, ...] = ()
     may_grow: tuple[str, ...] = ()
+    mistake: tuple[str, str] | None = None
 
 
 def with_changes(sensor: Sensor, changes: dict[str, float]) -> Sensor:

@@ -10,6 +10,7 @@ from scipy.stats import binomtest
 
 from benchmark import (
     calibrate,
+    calibration,
     cameras,
     commands,
     effects,
@@ -314,3 +315,50 @@ def test_local_effects_are_where_they_say(local_differences):
     assert np.ptp(levels, axis=1).max() < 0.1  # rounding
     assert np.sqrt(np.mean(levels**2)) == pytest.approx(30.0, rel=0.01)
     assert np.diff(np.sort(levels[:, 0])) == pytest.approx([26.7, 27.0, 26.7], abs=0.2)
+
+
+@pytest.fixture(scope="module")
+def wrong_files():
+    return list(recipes.wrong_file(3, cameras.SMALL, "plain"))
+
+
+def test_wrong_files_state_the_mistake_and_hide_nothing(wrong_files, tmp_path):
+    kinds = {recipe.mistake[1] for recipe in wrong_files}
+    assert kinds >= {"inverse", "unit", "variance", "kelvin", "per_cent", "time_unit", "black_level"}
+    inverse = next(recipe for recipe in wrong_files if recipe.mistake[1] == "inverse")
+    write_set(inverse, tmp_path / "sets", tmp_path / "answers")
+    told = (tmp_path / "sets" / inverse.identity / "camera.yaml").read_text()
+    assert f"gain_e_per_dn: {1 / cameras.sensor(cameras.SMALL).e_per_dn:.6g}" in told
+
+
+@pytest.mark.parametrize(
+    ("told", "accepted", "right"),
+    [
+        ([("gain_e_per_dn", "inverse")], [], True),
+        ([], [], False),
+        ([("gain_e_per_dn", "inverse"), ("prnu.pixel", "per_cent")], [], False),
+        ([("gain_e_per_dn", "inverse")], ["row_noise"], False),
+    ],
+)
+def test_a_mistake_in_the_file_is_right_where_it_alone_is_told(told, accepted, right):
+    answer = {"kind": "wrong_file", "expect": [], "without": None, "axis": [], "grows": [], "may_grow": []}
+    answer["mistake"] = ["gain_e_per_dn", "inverse"]
+    mistakes = [{"key": key, "mistake": kind} for key, kind in told]
+    diagnosis = {"accepted": accepted, "unexplained": None, "camera_file": mistakes}
+    assert judge.verdict(answer, {"diagnosis": diagnosis})["right"] == right
+
+
+def test_calibration_error_is_zero_for_true_probabilities_and_large_for_false_ones():
+    rng = np.random.default_rng(1)
+    p = rng.uniform(0.5, 1, 4000)
+    true = [(float(each), bool(rng.random() < each)) for each in p]
+    assert calibration.expected_error(true) < 0.04  # 5 bins, standard errors below 0.018
+    assert calibration.expected_error([(0.99, k % 2 == 0) for k in range(100)]) == pytest.approx(0.49)
+
+
+def test_intervals_hold_the_hidden_strength_or_do_not():
+    entry = {"effect": "tap_mismatch", "parameters": {"offset_e": {"value": -3.0, "low": -3.2, "high": -2.9}}}
+    result = {"diagnosis": {"accepted": ["tap_mismatch"], "ranking": [entry]}}
+    for strength, is_inside in ((3.0, True), (2.5, False), (3.3, False)):
+        answer = {"hidden": [("tap_mismatch", strength, "default")], "camera": 0}
+        assert calibration.covered(answer, result) == [("tap_mismatch", is_inside)]

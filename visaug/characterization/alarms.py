@@ -4,25 +4,36 @@ from __future__ import annotations
 
 from weakref import WeakKeyDictionary
 
+from visaug.characterization.findings import Findings
 from visaug.characterization.model_checks import CHECKS
 from visaug.characterization.run import checked
 from visaug.core.errors import InputError
 from visaug.frames import FrameSet
 
 _MEASURED = {"bias", "dark", "flat"}
-_known: WeakKeyDictionary[FrameSet, tuple[str, ...]] = WeakKeyDictionary()
+_known: WeakKeyDictionary[FrameSet, Findings | None] = WeakKeyDictionary()
+
+
+def found_by_checks(frames: FrameSet) -> Findings | None:
+    """What the checks find in the frames, once for a set; None without bias, dark or flat frames."""
+    if frames not in _known:
+        try:
+            _known[frames] = checked(frames) if _MEASURED & {r.kind for r in frames.records} else None
+        except InputError:  # frames that cannot be read are refused by whoever reads them next
+            _known[frames] = None
+    return _known[frames]
+
+
+def adopt(frames: FrameSet, of: FrameSet) -> None:
+    """Frames made of others keep what the checks found in these."""
+    _known[frames] = found_by_checks(of)
 
 
 def alarms(frames: FrameSet) -> tuple[str, ...]:
-    """What the checks say of the frames, found once for a set; empty without bias, dark or flat frames."""
-    if frames not in _known:
-        words = tuple(f"{word}:" for check in CHECKS for word in check.words)
-        try:
-            found = checked(frames).warnings if _MEASURED & {r.kind for r in frames.records} else []
-        except InputError:  # frames that cannot be read are refused by whoever reads them next
-            found = []
-        _known[frames] = tuple(w for w in found if w.startswith(words))
-    return _known[frames]
+    """What the checks say of the frames."""
+    found = found_by_checks(frames)
+    words = tuple(f"{word}:" for check in CHECKS for word in check.words)
+    return () if found is None else tuple(w for w in found.warnings if w.startswith(words))
 
 
 def all_warnings(frames: FrameSet) -> tuple[str, ...]:

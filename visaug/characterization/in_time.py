@@ -28,6 +28,7 @@ _EDGE = 3.0  # standard deviations above which a pixel beside a hit belongs to i
 _LINES = ((0, 1), (1, 0), (1, 1), (1, -1))  # directions in which pixels of a track adjoin
 _PILE = 0.02  # share of the pixels that no noise has at its largest value
 _BANDS = 1e-3  # probability of a false alarm in one set
+_ROLLING = 1.5  # variance of row means over what noise gives them
 _AROUND = np.ones((3, 3), bool)
 
 
@@ -254,6 +255,9 @@ def without_bands(measured: Measured, found: Findings) -> Measured:
     banded = [v for v in tested if _excess_p(v.flat, v.dark) < _BANDS / max(len(tested), 1)]
     if not banded:
         return measured
+    if any(_rolls(measured.frames, v.flat, v.dark) for v in banded):
+        records = measured.frames.records
+        found.banded = frozenset(records[i].sequence for v in measured.levels for i in v.flat.group.indices)
     share = max(math.sqrt(band_variance(v.flat, v.dark)) / v.signal for v in banded)
     found.warn(
         f"lamp_band: in flats whole rows change together from frame to frame by {share:.2%} of the light, more "
@@ -266,6 +270,20 @@ def without_bands(measured: Measured, found: Findings) -> Measured:
     )  # fmt: skip
     levels = tuple(replace(v, band_variance=band_variance(v.flat, v.dark)) for v in measured.levels)
     return replace(measured, levels=levels)
+
+
+def _rolls(frames: FrameSet, flat: GroupMoments, dark: GroupMoments) -> bool:
+    """Whether rows still change together where a change of the whole light, which moves each by its own signal, is taken out."""
+    f, d = flat.temporal, dark.temporal
+    assert f is not None
+    assert d is not None
+    rows = np.array([frames.read(i).mean(1, dtype=np.float64) for i in flat.group.indices])
+    change = rows - rows.mean(0)
+    basis = np.stack([np.ones(rows.shape[1]), flat.row_means], 1)
+    change = change - (basis @ np.linalg.lstsq(basis, change.T, rcond=None)[0]).T
+    df = (len(rows) - 1) * (rows.shape[1] - 2)
+    expected = (f.pixel + max(d.row - d.pixel, 0.0)) / flat.shape[1]
+    return expected > 0 and float((change**2).sum()) / df > _ROLLING * expected
 
 
 def _excess_p(flat: GroupMoments, dark: GroupMoments) -> float:

@@ -51,6 +51,7 @@ def screened(frames: FrameSet, facts: list[Facts], found: Findings) -> tuple[Fra
     codes.check(seen, found)
     window = defective.lit_window(seen, found)
     if window is not None:
+        found.lit = window
         frames, seen = defective.cut(frames, seen, window)
         facts = look(frames)
     stuck = defective.stuck_pixels(seen, found)

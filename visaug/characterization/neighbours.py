@@ -15,13 +15,15 @@ import numpy as np
 from scipy import stats
 
 from visaug.characterization.findings import Findings
-from visaug.characterization.groups import Level, Measured
+from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.frames import FrameSet
 
 LAGS = ((0, 1), (1, 0), (1, 1), (1, -1))  # each with its mirror image: the eight neighbours
 _FALSE = 0.0025  # probability of a false alarm of the flats, and again of the dark frames
 _SIDE = 512  # pixels: a window of that side tells covariances to 0.2 % of the variance from two frames
+_SMOOTHED = 0.05  # correlation with the next pixel: half of what a Gaussian filter of 0.4 px makes
+_ALIKE = 0.25  # of the larger correlation: after one filter, rounding alone makes them differ
 _SPOILED = ("gain_e_per_dn", "quantum_efficiency", "read_noise.*", "full_well_e", "prnu.*", "dsnu.*", "dark_current.*",
             "temporal.*", "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
 _OF_THE_STANDARD = ("emva.system_gain_dn_per_e", "emva.quantum_efficiency", "emva.saturation_e", "emva.dark_noise_e",
@@ -94,6 +96,7 @@ def with_covariances(measured: Measured, found: Findings) -> Measured:
         return replace(measured, levels=tuple(_with(v, levels, pairs) for v in measured.levels))
     if in_light:
         found.filtered = True
+        found.smoothed = _alike(light[0], dark[0])
         found.warn(
             f"correlated_noise: the noise of neighbours correlates, that of light by {_largest(light[0]):+.3f} "
             "and that of dark frames "
@@ -135,7 +138,9 @@ def _coupling(correlation: float) -> float:
     return share if 0 < share < 0.1 else 0.0
 
 
-def _with(level: Level, levels: Sequence[Level], pairs: Sequence[tuple[Covariances, Covariances]]) -> Level:
+def _with(
+    level: FlatLevel, levels: Sequence[FlatLevel], pairs: Sequence[tuple[Covariances, Covariances]]
+) -> FlatLevel:
     for v, (flat, dark) in zip(levels, pairs):
         if v is level:
             # The sum of four covariances, each counted twice.
@@ -167,6 +172,14 @@ def _correlations(groups: Sequence[Covariances]) -> tuple[np.ndarray, np.ndarray
 def _significant(value: np.ndarray, error: np.ndarray) -> bool:
     limit = float(stats.norm.isf(_FALSE / 2 / len(LAGS)))
     return bool((np.abs(value) > limit * error).any())
+
+
+def _alike(light: np.ndarray, dark: np.ndarray) -> bool:
+    """Whether noise of light and of dark frames correlates alike along rows and along columns, as after one filter."""
+    beside = np.minimum(light[:2], dark[:2])
+    return bool(
+        (beside > _SMOOTHED).all() and (np.abs(light - dark)[:2] < _ALIKE * np.maximum(light, dark)[:2]).all()
+    )
 
 
 def _largest(values: np.ndarray) -> float:

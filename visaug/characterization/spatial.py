@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 _PERIODS = (4, 6)  # quad Bayer; Fujifilm's X-Trans
 _PLAIN = 0.02  # of the response: colours differ by more than the pixels of one colour do
 _STRUCTURE = 0.003  # probability that white pixels show structure
+_MATTERS = 0.02  # of the pixels' variance, which makes PRNU 1 % too high
 _BLOCK = 8  # pixels, the side of the blocks over which structure is looked for
 
 
@@ -42,25 +43,28 @@ def _places(pattern: np.ndarray, period: int) -> np.ndarray:
     )
 
 
-def structured(pattern: np.ndarray) -> float:
-    """Probability of the variance of the means of 8 x 8 blocks among white pixels, rows, columns and a smooth surface taken out.
+def structured(pattern: np.ndarray) -> tuple[float, float]:
+    """Variance of the means of 8 x 8 blocks, rows, columns and a smooth surface taken out: its probability among white
+    pixels, and what exceeds these as a share of the variance of the pixels.
 
     Light that is uneven (dust, a lens that falls off faster than by the square of the distance) makes blocks differ.
     """
     height, width = (n // _BLOCK for n in pattern.shape)
     if min(height, width) < 4:
-        return 1.0
+        return 1.0, 0.0
     values = pattern[: height * _BLOCK, : width * _BLOCK]
     _, _, residual, _ = two_way(values - surface(values))
     blocks = residual.reshape(height, _BLOCK, width, _BLOCK).mean((1, 3))
     df = (height - 1) * (width - 1) - 1
-    ratio = float((blocks**2).sum()) / df * _BLOCK**2 / float((residual**2).mean())
-    return float(stats.f.sf(ratio, df, residual.size))
+    pixel_df = (residual.shape[0] - 1) * (residual.shape[1] - 1) - 1
+    ratio = float((blocks**2).sum()) / df * _BLOCK**2 / (float((residual**2).sum()) / pixel_df)
+    return float(stats.f.sf(ratio, df, pixel_df)), (ratio - 1) / _BLOCK**2
 
 
 def check_structure(pattern: np.ndarray, found: Findings) -> None:
     """Warns of light, or of a response, with structure that counts as PRNU."""
-    if structured(pattern) < _STRUCTURE:
+    chance, share = structured(pattern)
+    if chance < _STRUCTURE and share > _MATTERS:
         found.warn(
             "structured_light: the response varies from one part of the frame to another beyond a smooth "
             "surface (dust, a lens that falls "

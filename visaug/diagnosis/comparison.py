@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from visaug.camera import Camera
+from visaug.characterization.usable import usable
 from visaug.core.reporting import Reported
 from visaug.core.wording import p_text
 from visaug.diagnosis.laboratory import Laboratory
@@ -132,8 +133,9 @@ def compare(
     say = progress or (lambda *_: None)
     camera = Camera.load(camera)
     frames = FrameSet.of(frames, camera.resolution)
-    if frames.is_pictures:
-        camera = with_a_well(camera)
+    camera, frames = (
+        (with_a_well(camera), frames) if frames.is_pictures else (camera, usable(frames, camera.resolution))
+    )
     lab = Laboratory(frames, camera, seed, folds=False, report=say, transfer=transfer)
     fingerprint = lab.measured[0]
     least = np.array([s.least_spread for s in fingerprint.statistics])

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 from visaug.camera import Camera
+from visaug.characterization.alarms import found_by_checks
+from visaug.characterization.usable import usable
 from visaug.core.cluster import connected
 from visaug.core.errors import InputError
 from visaug.diagnosis.adding import SETS_AFTER, Adding
@@ -26,7 +28,7 @@ from visaug.diagnosis.outcome import outcome
 from visaug.diagnosis.ranking import chosen_ranks, ranks
 from visaug.diagnosis.ray_executor import by_ray
 from visaug.diagnosis.result import Diagnosis
-from visaug.diagnosis.stage import History, Setting, Stage
+from visaug.diagnosis.stage import History, SearchStage, Setting
 from visaug.diagnosis.state import State
 from visaug.diagnosis.swap import reconsidered
 from visaug.effects import catalogue, load_file
@@ -36,6 +38,10 @@ from visaug.pictures.part import with_a_well
 SETS = 200  # largest number of simulated sets of the camera file
 FEWEST = 50  # of fewer no p-value is below the rate of false alarms
 MOST = 4  # largest number of steps that add an effect
+SMOOTHED = (
+    "The frames were smoothed, demosaiced or filtered after they were read: noise of light and of dark frames correlates "
+    "alike with that of the next pixels. No effect of the catalogue does that, and none was searched for; diagnose raw frames."
+)
 STANDS_OUT = 30.0  # deviation, in standard deviations, above which a second starting point is tried
 
 
@@ -92,8 +98,9 @@ def diagnose(
             )
     camera = Camera.load(camera)
     frames = FrameSet.of(frames, camera.resolution)
-    if frames.is_pictures:
-        camera = with_a_well(camera)
+    camera, frames = (
+        (with_a_well(camera), frames) if frames.is_pictures else (camera, usable(frames, camera.resolution))
+    )
     report = progress or (lambda *_: None)
     of_pictures = {"transfer": transfer, "scenes": None if scenes is None else FrameSet.of(scenes)}
     with nullcontext() if cluster is None else connected(cluster) as ray:
@@ -102,19 +109,28 @@ def diagnose(
         right, mistakes = corrected(camera, frames, lab)
         if mistakes:
             lab = Laboratory(frames, right, seed, spread=spread, report=report)
-        found = diagnosed(lab, right, frozenset(without), report, sets)
+        checks = None if frames.is_pictures else found_by_checks(frames)
+        smoothed = checks is not None and checks.smoothed
+        found = diagnosed(lab, right, frozenset(without), report, sets, 0 if smoothed else MOST)
+    if smoothed and found.unexplained is not None:
+        residue = replace(found.unexplained, description=f"{SMOOTHED} {found.unexplained.description}")
+        found = replace(found, unexplained=residue)
     return replace(found, given=camera, frame_set=frames, seed=seed, camera_file=mistakes)
 
 
 def diagnosed(
-    lab: Laboratory, camera: Camera, without: frozenset[str], report: Report, sets: int
+    lab: Laboratory, camera: Camera, without: frozenset[str], report: Report, sets: int, most: int = MOST
 ) -> Diagnosis:
-    """The diagnosis of frames that are split already."""
+    """The diagnosis of frames that are split already.
+
+    Args:
+        most: largest number of steps that add an effect.
+    """
     check_split(lab)
     setting, plain, test = tested(lab, camera, without, report, sets)
-    history: History = (Stage(plain, test.p_value, setting.errors.told(plain.fitted)),)
+    history: History = (SearchStage(plain, test.p_value, setting.errors.told(plain.fitted)),)
     nearest: str | None = None
-    for _ in range(MOST):  # steps and not effects, since a step can replace two effects by one
+    for _ in range(most):  # steps and not effects, since a step can replace two effects by one
         if not history[-1].is_missing:
             break
         setting, found, nearest = one_more(setting, history)
@@ -157,7 +173,7 @@ def given_reference(lab: Laboratory, camera: Camera, sets: int, report: Report) 
     return cache.reference(lab, camera, base_coordinates(camera, lab.frames, lab.calibrated), sets, report)
 
 
-def one_more(setting: Setting, history: History) -> tuple[Setting, Stage | None, str | None]:
+def one_more(setting: Setting, history: History) -> tuple[Setting, SearchStage | None, str | None]:
     """The stage with one more effect; None, with the name of the nearest effect, if none is accepted.
 
     If the camera with an effect found from one starting point is not adequate, the other starting point is tried too.
@@ -192,7 +208,7 @@ def one_more(setting: Setting, history: History) -> tuple[Setting, Stage | None,
     after, test = setting.tested(best.best.state)
     error = stage.error and setting.errors.told(after.fitted)
     ranked, ambiguous = chosen_ranks(setting, state, best, after, error, ranked)
-    found = Stage(after, test, error, best.standing, refined, ranked, (*stage.ambiguous, *ambiguous))
+    found = SearchStage(after, test, error, best.standing, refined, ranked, (*stage.ambiguous, *ambiguous))
     return setting, found, None
 
 

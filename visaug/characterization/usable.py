@@ -1,0 +1,87 @@
+"""The frames that a camera model can explain: without what the checks of the measurement model found beyond it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from visaug.characterization.alarms import adopt, found_by_checks
+from visaug.characterization.findings import Findings
+from visaug.characterization.views import cropped, repaired
+from visaug.frames import FrameSet
+
+_REACH = 16  # rows or columns within which the value of a constant one's pixel is taken from another
+
+
+def usable(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:
+    """The frames without overscan, constant rows and columns, and flats of a lamp whose bands roll over the rows.
+
+    No parameter of a camera describes them, and effects of the catalogue would be named in their place. Single stuck pixels
+    stay: they are the effect `dead_pixels`. The warnings of the checks go with the frames, and say what was left out.
+
+    Args:
+        resolution: rows and columns of the camera; frames cut to a part of it know their place on the sensor.
+    """
+    found = found_by_checks(frames)
+    if found is None:
+        return frames
+    made = frames
+    sizes = {(frames.shape(i), r.window) for i, r in enumerate(frames.records)}
+    if len(sizes) == 1:
+        made = _without_lines(_lit(made, found, tuple(resolution)), found)
+    kept = [i for i, r in enumerate(made.records) if r.sequence not in found.banded]
+    if 0 < len(kept) < len(made):
+        made = made.subset(kept)
+    if made is frames:
+        return frames
+    adopt(made, frames)
+    return made
+
+
+def _lit(frames: FrameSet, found: Findings, resolution: tuple[int, ...]) -> FrameSet:
+    if found.lit is None:
+        return frames
+    shape = frames.shape(0)
+    if resolution == shape and frames.records[0].window is None:
+        whole = (0, shape[0], 0, shape[1])
+        frames = frames.with_records([replace(r, window=whole) for r in frames.records])
+    return cropped(frames, found.lit)
+
+
+def _without_lines(frames: FrameSet, found: Findings) -> FrameSet:
+    """Pixels of a constant row get the value of another row of the same column, a fixed one drawn for each pixel.
+
+    A copy of one row would be a pair of rows that share their noise.
+    """
+    stuck = found.stuck
+    if stuck is None or stuck.shape != frames.shape(0):
+        return frames
+    rows, columns = stuck.all(1), stuck.all(0)
+    if not (rows.any() or columns.any()):
+        return frames
+    rng = np.random.default_rng(0)
+    height, width = stuck.shape
+    row, column = np.indices(stuck.shape)
+    for k in np.flatnonzero(rows):
+        row[k] = rng.choice(_near(k, ~rows), width)
+    for k in np.flatnonzero(columns):
+        column[:, k] = rng.choice(_near(k, ~columns), height)
+    at = np.nonzero(rows[:, None] | columns)
+    source = row[at], column[at]
+
+    def change(frame: np.ndarray, _: int) -> np.ndarray:
+        frame = frame.copy()
+        frame[at] = frame[source]
+        return frame
+
+    return repaired(frames, change)
+
+
+def _near(k: int, sound: np.ndarray) -> np.ndarray:
+    """Sound lines of the same parity around line k, which a mosaic's colours share."""
+    same = np.flatnonzero(sound)
+    same = same[same % 2 == k % 2]
+    near = same[np.abs(same - k) <= _REACH]
+    return near if len(near) else np.flatnonzero(sound)
