@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -68,9 +69,9 @@ class KeptSet:
         self.maps: dict[tuple, Tensor] = {}
         self.remembers = False
 
-    @property
+    @cached_property
     def size(self) -> int:
-        """Bytes."""
+        """Bytes, once the set has been simulated."""
         parts = [self.frames, *self.signals.values()]
         maps = sum(m.numel() * m.element_size() for m in self.maps.values())
         return sum(a.nbytes for part in parts for a in part.values()) + maps

@@ -102,8 +102,14 @@ def law(
 
 def each_half(null: Null, left: np.ndarray) -> list[tuple[Metric, np.ndarray]]:
     """The covariance of each half of the simulated sets, with the residuals of the other half, to which it may be applied."""
-    first, second = null.residuals[::2], null.residuals[1::2]
-    return [(law(null, left, sets=first), second), (law(null, left, sets=second), first)]
+    key = np.asarray(left).tobytes()
+    found = null.halves.get(key)
+    if found is None:
+        first, second = null.residuals[::2], null.residuals[1::2]
+        found = [(law(null, left, sets=first), second), (law(null, left, sets=second), first)]
+        null.halves.clear()  # the last alone is kept: each holds matrices of all statistics
+        null.halves[key] = found
+    return found
 
 
 def scatter_along(null: Null, left: np.ndarray, ways: np.ndarray) -> np.ndarray:

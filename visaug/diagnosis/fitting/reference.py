@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -68,6 +69,11 @@ class Null:
     floor: np.ndarray
     slopes: np.ndarray
     priors: np.ndarray
+
+    @cached_property
+    def halves(self) -> dict[bytes, Any]:
+        """Covariances of halves of the sets by the tolerance that they allow, see `each_half`."""
+        return {}
 
     @cached_property
     def scale(self) -> np.ndarray:

@@ -24,8 +24,9 @@ class Codes(View):
                 continue
             counts = added([g.noise.codes for g in groups]).astype(np.float64)
             first, size = groups[-1], counts.sum()
+            low = np.array([counts[k::FOLD].sum() for k in range(FOLD)])  # exact: whole numbers
             for bit in range(4):
-                odd = counts.reshape(-1)[(np.arange(len(counts)) >> bit & 1).astype(bool)].sum() / size
+                odd = low[np.arange(FOLD) >> bit & 1 > 0].sum() / size
                 yield first.statistic(self.name, f"{kind}: bit {bit} set", ["level"], "share"), odd
             # mode="same" would be longer than the counts of fewer codes than these
             expected = np.convolve(counts, NEIGHBOURS)[SIDE:-SIDE]
