@@ -76,8 +76,17 @@ PER_24, PER_18, FIVE_PER_36 = f32(1 / 24), f32(1 / 18), f32(5 / 36)
 PER_HALF_WORD = f32(2.0**-31)
 FAR, FARTHEST = f32(3.7), f32(6.7)  # beyond FAR are 2e-4 of all normal numbers, beyond FARTHEST none
 # sin(x pi/2) / x and cos(x pi/2) as polynomials of x^2 up to 1, within 1e-7: interpolated at Chebyshev's places.
-SIN = (f32(1.570796320e+00), f32(-6.459637604e-01), f32(7.968992260e-02), f32(-4.674150669e-03), f32(1.516751178e-04))
-COS = (f32(9.999999998e-01), f32(-1.233700534e+00), f32(2.536693225e-01), f32(-2.086268755e-02), f32(9.177238821e-04), f32(-2.382453550e-05))
+SIN = (
+    f32(1.570796320e00),
+    f32(-6.459637604e-01),
+    f32(7.968992260e-02),
+    f32(-4.674150669e-03),
+    f32(1.516751178e-04),
+)
+COS = (
+    f32(9.999999998e-01), f32(-1.233700534e+00), f32(2.536693225e-01), f32(-2.086268755e-02), f32(9.177238821e-04),
+    f32(-2.382453550e-05),
+)  # fmt: skip
 GILES_0, GILES_2, GILES_4 = f32(-8 / 405), f32(7 / 810), f32(1 / 270)
 TO_WHOLE = f32(1.5 * 2**23)  # to add and subtract it rounds to a whole number, halves to even, up to 2^22
 
@@ -323,7 +332,19 @@ def _replace(source, n, keys, place, gains, offsets, light, words, room, mean, w
                 continue
             here = (channel, row + r, first + x, 1, b - a)
             w_, result_ = w[: b - a], result[: b - a]
-            _apart(source[a:b], n, keys, here, gains[a:b], offsets[a:b], words[: b - a + 3], room, mean[: b - a], w_, result_)
+            _apart(
+                source[a:b],
+                n,
+                keys,
+                here,
+                gains[a:b],
+                offsets[a:b],
+                words[: b - a + 3],
+                room,
+                mean[: b - a],
+                w_,
+                result_,
+            )
             for i in range(a, b):
                 if _is_apart(light[i] + dark, faint, limit):
                     e[i] = result_[i - a]
@@ -377,7 +398,12 @@ def expose(
         own = plane if len(row_gain) > channels else channel  # patterns of each image, or of one camera
         n, place = numbers[image], (channel, y + origin[0], origin[1], rows, width)
         pixels = rows * width
-        seen, gains, offsets, light = floats[0, :pixels], floats[1, :pixels], floats[2, :pixels], floats[3, :pixels]
+        seen, gains, offsets, light = (
+            floats[0, :pixels],
+            floats[1, :pixels],
+            floats[2, :pixels],
+            floats[3, :pixels],
+        )
         w, z, e = floats[4, :pixels], floats[5, :pixels], floats[6, :pixels]
         gain_map = gain_maps[plane if len(gain_maps) > channels else channel, y : y + rows].reshape(-1)
         offset_map = offset_maps[plane if len(offset_maps) > channels else channel, y : y + rows].reshape(-1)

@@ -90,7 +90,9 @@ def scramble(_typing, _word, _shift, _factor, _more):
 def log(x):
     """Natural logarithm of a positive float32, within 1e-7 of it or of 1 (Cephes, logf)."""
     bits = float_bits(x)  # pyright: ignore[reportCallIssue]
-    exponent = i32(bits - i32(0x3F3504F3)) & i32(-(2**23))  # times 2^23, so that the rest lies within a factor sqrt(2) of 1
+    exponent = i32(bits - i32(0x3F3504F3)) & i32(
+        -(2**23)
+    )  # times 2^23, so that the rest lies within a factor sqrt(2) of 1
     t = as_float(i32(bits - i32(exponent))) - ONE  # pyright: ignore[reportCallIssue]
     p = f32(7.0376836292e-2)
     for c in (
