@@ -29,6 +29,7 @@ _LINES = ((0, 1), (1, 0), (1, 1), (1, -1))  # directions in which pixels of a tr
 _PILE = 0.02  # share of the pixels that no noise has at its largest value
 _BANDS = 1e-3  # probability of a false alarm in one set
 _ROLLING = 1.5  # variance of row means over what noise gives them
+_WIDE = 48  # columns, of which the median has less than a fifth of a pixel's noise
 _AROUND = np.ones((3, 3), bool)
 
 
@@ -210,9 +211,10 @@ def _gap(chance: float, n: int, skewness: float) -> float:
 
 
 def _peaks(frames: FrameSet, group: Group) -> _Peaks:
-    """In one pass; the change of whole frames is taken out."""
+    """In one pass; the change of whole frames, of the rows of flats too (a lamp that flickers), is taken out."""
     one = frames.read(group.indices[0])
-    level = float(np.median(one))
+    level, levels = float(np.median(one)), np.median(one, 1, keepdims=True)
+    by_rows = group.kind == "flat" and one.shape[1] >= _WIDE
     first = one.astype(np.float32)
     second = np.full(one.shape, -np.inf, np.float32)
     least, next_least = first.copy(), np.full(one.shape, np.inf, np.float32)
@@ -220,7 +222,10 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
     before, steps = first, []
     for n, i in enumerate(group.indices[1:], start=1):
         frame = frames.read(i)
-        frame = frame + np.float32(level - np.median(frame))
+        if by_rows:
+            frame = frame + (levels - np.median(frame, 1, keepdims=True)).astype(np.float32)
+        else:
+            frame = frame + np.float32(level - np.median(frame))
         above = frame > first
         second = np.where(above, first, np.maximum(second, frame))
         first = np.where(above, frame, first)
