@@ -78,6 +78,7 @@ class _Peaks:
     frame: np.ndarray
     dip: float  # greatest distance of a pixel's least value from its second least, DN
     noise: float  # of single pixels, DN
+    cut: bool  # whether noise is cut at 0, so that only its upper half is seen
 
     @property
     def full(self) -> bool:
@@ -95,14 +96,18 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     """
     several = [g for g in groups if len(g.indices) > 1]
     peaks = [_peaks(frames, g) for g in several]
-    dips = [(p, len(g.indices)) for g, p in zip(several, peaks) if g.kind != "flat" and len(g.indices) > 2]
+    dips = [
+        (p, len(g.indices))
+        for g, p in zip(several, peaks)
+        if g.kind != "flat" and len(g.indices) > 2 and not p.cut
+    ]
     tail = _tail(*min(dips, key=lambda d: d[0].noise)) if dips else 0.0
     gain = _rough_gain(several, peaks)
     quiet = min((p.noise for g, p in zip(several, peaks) if g.kind != "flat"), default=0.0)
     hits: list[tuple[int, np.ndarray, np.ndarray]] = []
     seen: dict[tuple[int, int], np.ndarray] = {}
     for group, p in zip(several, peaks):
-        if p.full or (group.kind != "flat" and not dips):
+        if p.full or p.cut or (group.kind != "flat" and not dips):
             continue
         shot = np.maximum(p.second - np.median(p.second), 0.0) * gain  # bright pixels have more of it
         noise = np.sqrt(p.noise**2 + shot)
@@ -238,7 +243,14 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
     noise = (
         0.5 * math.sqrt(math.pi) * float(np.median(steps))
     )  # of normal noise, from the mean absolute difference
-    return _Peaks(first, second, which, float((next_least - least).max()), max(noise, 0.5))
+    return _Peaks(
+        first,
+        second,
+        which,
+        float((next_least - least).max()),
+        max(noise, 0.5),
+        float((one == 0).mean()) > _PILE,
+    )
 
 
 def _rough_gain(groups: Sequence[Group], peaks: Sequence[_Peaks]) -> float:
