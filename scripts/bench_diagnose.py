@@ -32,7 +32,7 @@ ROUNDS = 5
 def statistics_rows() -> list[str]:
     """ns a pixel of a simulated set, of the statistics of its three uses and of discovery alone, and of Gaussian noise."""
     from visaug.diagnosis.laboratory import Laboratory
-    from visaug.diagnosis.part import Part
+    from visaug.diagnosis.part import MeasuredFrames
     from visaug.statistics import fingerprint_values
     from visaug.statistics.split import CONFIRM, FIND, WHOLE
 
@@ -48,7 +48,7 @@ def statistics_rows() -> list[str]:
         count, height, width = SETS[name]
         camera = size_cost.camera(height, width)
         (part,) = Laboratory(size_cost.frames(count, height, width), camera).parts_to_simulate
-        assert isinstance(part, Part)
+        assert isinstance(part, MeasuredFrames)
         taken, find = part.take(camera, 0), part.positions(FIND)
         uses = [find, part.positions(CONFIRM), part.positions(WHOLE)]
         pixels = count * height * width

@@ -1,15 +1,19 @@
 """Records what `diagnose` decides on small problems, with the evidence of every candidate, and counts decisions by the criterion.
 
     python -m scripts.decisions record RECORDS 100-399        (resumes; about a minute of a core each)
+    python -m scripts.decisions further RECORDS 1-4 [--names dust,fringing]
     python -m scripts.decisions count RECORDS [--odds 3] [--share 0.55]
 
 A problem is a set of 47 frames of 64 x 80 pixels by the benchmark's camera: one effect, two, none, one that is removed from
-the catalogue, or one that no catalogue has, at 0.8 to 4 times the faint strength. `count` applies the criterion with other
-constants to the recorded evidence (`visaug/diagnosis/criterion.py`).
+the catalogue, or one that no catalogue has, at 0.8 to 4 times the faint strength. `further` diagnoses the effects in
+`benchmark/further.py`, one at a time and at typical strength, with frames that show them (`SHOWN_BY`). `--propose` adds effects
+that a diagnosis does not try by itself. `count` applies the criterion with other constants to the recorded evidence
+(`visaug/diagnosis/criterion.py`).
 """
 
 import argparse
 import pickle
+import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,22 +26,29 @@ from unittest.mock import patch
 import numpy as np
 import yaml
 
-from benchmark import effects, foreign
-from benchmark.camera import Sensor, take
+from benchmark import effects, foreign, further
+from benchmark.camera import Sensor, Shot, take
 from benchmark.commands import seeds_of
 from benchmark.randomness import stream
 from benchmark.sets import camera_yaml
 from benchmark.small import CHART, PLAN, SENSOR, chart
-from benchmark.strengths import scaled
+from benchmark.strengths import TYPICAL, scaled
 from visaug import Camera, FrameSet
 from visaug.diagnosis import choice, criterion, search, stage
 from visaug.diagnosis.criterion import Evidence
 from visaug.diagnosis.state import State
+from visaug.effects import catalogue
 from visaug.frames import FrameRecord
 
 KINDS = {"single": 0.45, "pair": 0.2, "clean": 0.1, "leave_out": 0.15, "foreign": 0.1}
 CALIBRATED = 2  # the benchmark's camera whose faint strengths are taken
 SETS = 120
+FURTHER = {kind.name: kind for kind in further.KINDS}
+# Frames that show an effect beyond the plan of a small set: other exposures of equal light, and flats beyond the full well.
+SHOWN_BY = {
+    "parasitic_light": [Shot("flat", t, 20.0, 9000.0) for t in (0.001, 0.1) for _ in range(4)],
+    "saturation_nonuniformity": [Shot("flat", 0.01, 20.0, p) for p in (20000.0, 40000.0) for _ in range(3)],
+}
 
 
 @dataclass(frozen=True)
@@ -53,18 +64,27 @@ class Problem:
 
     @property
     def expected(self) -> set[str]:
-        return set(self.names) if self.kind in ("single", "pair") else set()
+        return set(self.names) if self.kind in ("single", "pair", "further") else set()
+
+    @property
+    def plan(self) -> tuple[Shot, ...]:
+        return (*PLAN, *CHART, *(shot for name in self.names for shot in SHOWN_BY.get(name, ())))
+
+
+def any_sensor(rng: np.random.Generator) -> Sensor:
+    """The small sensor with another read noise, conversion gain and quantum efficiency."""
+    e_per_dn = float(rng.choice([0.7, 1.5, 2.4]))
+    return replace(
+        SENSOR, read_e=float(rng.uniform(2, 5)), e_per_dn=e_per_dn, efficiency=float(rng.uniform(0.4, 0.7)),
+        bits=14 if e_per_dn < 1 else 12, well_e=9000.0 if e_per_dn < 2 else 8800.0,
+    )  # fmt: skip
 
 
 def problem(seed: int) -> Problem | None:
     """The problem of a seed; None where an effect cannot be made that strong."""
     rng = stream(seed, "decisions")
     kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
-    e_per_dn = float(rng.choice([0.7, 1.5, 2.4]))
-    sensor = replace(
-        SENSOR, read_e=float(rng.uniform(2, 5)), e_per_dn=e_per_dn, efficiency=float(rng.uniform(0.4, 0.7)),
-        bits=14 if e_per_dn < 1 else 12, well_e=9000.0 if e_per_dn < 2 else 8800.0,
-    )  # fmt: skip
+    sensor = any_sensor(rng)
     known = [k.name for k in (foreign.KINDS if kind == "foreign" else effects.KINDS)]
     number = {"clean": 0, "pair": 2}.get(kind, 1)
     hidden = []
@@ -76,10 +96,15 @@ def problem(seed: int) -> Problem | None:
     return Problem(seed, kind, sensor, tuple(hidden))
 
 
+def further_problem(seed: int, name: str) -> Problem:
+    """One effect of `benchmark/further.py`, at typical strength."""
+    return Problem(seed, "further", any_sensor(stream(seed, "further", name)), ((name, TYPICAL[name]),))
+
+
 def frames_of(one: Problem) -> FrameSet:
-    kinds = effects.BY_NAME | {k.name: k for k in foreign.KINDS}
+    kinds = effects.BY_NAME | {k.name: k for k in foreign.KINDS} | FURTHER
     hidden = effects.in_order([kinds[name].at(strength) for name, strength in one.hidden])
-    plan, targets = (*PLAN, *CHART), {"chart.npy": chart(one.sensor)}
+    plan, targets = one.plan, {"chart.npy": chart(one.sensor)}
     taken = take(one.sensor, plan, targets, one.seed, hidden)
     records = [
         FrameRecord(i, f"{i}.npy", s.kind, s.seconds, s.celsius, 0.0, s.photons, clean=s.target)
@@ -121,32 +146,64 @@ class Recorder:
             yield
 
 
+def propose(names: list[str]) -> None:
+    """Makes a diagnosis try effects that it does not try by itself."""
+    for name in names:
+        catalogue()[name].proposed = True
+
+
 def record(folder: Path, seeds: list[int]) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
     for seed in seeds:
-        one, file = problem(seed), folder / f"{seed}.pkl"
-        if one is None or file.exists():
-            continue
-        camera = Camera.load(yaml.safe_load(camera_yaml(one.sensor)))
-        # Of clean sets the search is made to go on, so that there are candidates to refuse.
-        level = patch.object(stage, "SIGNIFICANT", 2.0 if one.kind == "clean" else stage.SIGNIFICANT)
-        left_out = one.names if one.kind == "leave_out" else ()
-        recorder = Recorder()
-        with level, recorder.recording():
-            found = search.diagnose(camera, frames_of(one), without=left_out, sets=SETS)
-        kept = {
-            "problem": one,
-            "accepted": found.accepted,
-            "steps": recorder.steps,
-            "ambiguous": [pair["effects"] for pair in found.ambiguous],
-            "unexplained": found.unexplained is not None,
-            "p": (found.p_value_before, found.p_value_after),
-            "ranking": [(entry.effect, entry.probability) for entry in found.ranking],
-        }
-        partial = file.with_suffix(".partial")
-        partial.write_bytes(pickle.dumps(kept))
-        partial.rename(file)
-        print(seed, one.kind, *one.names, "->", *found.accepted, flush=True)
+        one = problem(seed)
+        if one is not None:
+            record_one(folder / f"{seed}.pkl", one)
+
+
+def record_further(folder: Path, seeds: list[int], names: list[str]) -> None:
+    for seed in seeds:
+        for name in names:
+            record_one(folder / f"{name}-{seed}.pkl", further_problem(seed, name))
+
+
+def record_one(file: Path, one: Problem) -> None:
+    """Diagnoses a problem and keeps what was decided, with the evidence of every candidate; not again if the file is there."""
+    if file.exists():
+        return
+    file.parent.mkdir(parents=True, exist_ok=True)
+    start = time.process_time()
+    camera = Camera.load(yaml.safe_load(camera_yaml(one.sensor)))
+    # Of clean sets the search is made to go on, so that there are candidates to refuse.
+    level = patch.object(stage, "SIGNIFICANT", 2.0 if one.kind == "clean" else stage.SIGNIFICANT)
+    left_out = one.names if one.kind == "leave_out" else ()
+    recorder = Recorder()
+    with level, recorder.recording():
+        found = search.diagnose(camera, frames_of(one), without=left_out, sets=SETS)
+    kept = {
+        "problem": one,
+        "accepted": found.accepted,
+        "steps": recorder.steps,
+        "ambiguous": [pair["effects"] for pair in found.ambiguous],
+        "unexplained": found.unexplained is not None,
+        "p": (found.p_value_before, found.p_value_after),
+        "ranking": [(entry.effect, entry.probability) for entry in found.ranking],
+        "cpu_s": time.process_time() - start,
+    }
+    partial = file.with_suffix(".partial")
+    partial.write_bytes(pickle.dumps(kept))
+    partial.rename(file)
+    told = " ~ ".join("/".join(pair) for pair in kept["ambiguous"])
+    rest = "unexplained" if kept["unexplained"] else ""
+    print(
+        one.seed,
+        one.kind,
+        *one.names,
+        "->",
+        *found.accepted,
+        told,
+        rest,
+        f"{kept['cpu_s']:.0f} s",
+        flush=True,
+    )
 
 
 def decisions(folder: Path, odds: float, share: float, rare: float) -> Iterator[tuple[str, str, str, float]]:
@@ -180,7 +237,7 @@ def decisions(folder: Path, odds: float, share: float, rare: float) -> Iterator[
 
 def named(folder: Path) -> None:
     """Prints what the recorded diagnoses named, by kind of problem; `--odds` and the like do not change it."""
-    total: dict[str, Counter[str]] = {kind: Counter() for kind in KINDS}
+    total: dict[str, Counter[str]] = {kind: Counter() for kind in (*KINDS, "further")}
     for file in sorted(folder.rglob("*.pkl")):
         kept = pickle.loads(file.read_bytes())
         one, accepted = kept["problem"], set(kept["accepted"])
@@ -209,13 +266,26 @@ def count(folder: Path, odds: float, share: float, rare: float) -> None:
             print(f"| {low:.2f} to {high:.2f} | {mean:.2f} | {right:.2f} | {len(here)} |")
 
 
+def names_of(text: str) -> list[str]:
+    return list(FURTHER) if text == "further" else text.split(",")
+
+
 def main() -> None:
     top = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = top.add_subparsers(required=True, metavar="COMMAND")
     command = commands.add_parser("record", help="diagnose problems and keep the evidence")
     command.add_argument("folder", type=Path)
     command.add_argument("seeds", type=seeds_of)
-    command.set_defaults(go=lambda a: record(a.folder, a.seeds))
+    command.add_argument(
+        "--propose", type=names_of, default=[], help="effects that are also tried: a,b or `further`"
+    )
+    command.set_defaults(go=lambda a: (propose(a.propose), record(a.folder, a.seeds)))
+    command = commands.add_parser("further", help="the same of effects in benchmark/further.py")
+    command.add_argument("folder", type=Path)
+    command.add_argument("seeds", type=seeds_of)
+    command.add_argument("--names", type=names_of, default=list(FURTHER), help="which: a,b")
+    command.add_argument("--propose", type=names_of, default=[], help="as of `record`")
+    command.set_defaults(go=lambda a: (propose(a.propose), record_further(a.folder, a.seeds, a.names)))
     command = commands.add_parser("count", help="decisions by kind, and probabilities beside frequencies")
     command.add_argument("folder", type=Path)
     command.add_argument("--odds", type=float, default=criterion.ODDS, help="least log posterior odds")

@@ -17,7 +17,7 @@ import numpy as np
 from visaug import Camera, FrameSet, simulate
 from visaug.effects import Stage, catalogue
 from visaug.statistics import VIEWS, Fingerprint, FrameData, View
-from visaug.statistics.view import Picture
+from visaug.statistics.view import ViewPlot
 
 ROWS, COLUMNS = 64, 80
 SETS = 10  # without an effect, from which the scatter of statistics and of curves is estimated
@@ -50,9 +50,9 @@ class Evidence:
     view: View
     worst: str
     z: float
-    without: list[Picture]
-    given: Picture
-    again: Picture  # of a further set without the effect
+    without: list[ViewPlot]
+    given: ViewPlot
+    again: ViewPlot  # of a further set without the effect
 
     @property
     def distance(self) -> float:
@@ -64,7 +64,7 @@ class Evidence:
         """The same of a further set without the effect."""
         return self._from_without(self.again)
 
-    def _from_without(self, picture: Picture) -> float:
+    def _from_without(self, picture: ViewPlot) -> float:
         drawn = [_drawn(p) for p in (picture, *self.without)]
         return max(_distance(*curves) for curves in zip(*drawn, strict=True))
 
@@ -84,7 +84,7 @@ def _distance(*curves: tuple[np.ndarray, np.ndarray]) -> float:
     return float(np.sqrt(far[-max(len(far) // 10, 1) :].mean()))
 
 
-def _drawn(picture: Picture) -> list[tuple[np.ndarray, np.ndarray]]:
+def _drawn(picture: ViewPlot) -> list[tuple[np.ndarray, np.ndarray]]:
     """Heights of the curves, or values of the maps, over places, as they are drawn: of a logarithmic axis their logarithms."""
     curves = [(np.asarray(c.x, float), np.asarray(c.y, float)) for c in picture.curves]
     curves = curves or [(np.arange(m.size, dtype=float), m.ravel()) for _, m in picture.maps]

@@ -9,7 +9,7 @@ import torch
 from scipy import optimize, stats
 
 from visaug.camera import Camera
-from visaug.camera.patterns import FixedPattern, Mixture, Profile
+from visaug.camera.patterns import FixedPatternLaw, LineLaw, Mixture
 from visaug.core.sampling import Stream, derive_key
 
 ROWS, COLUMNS = 1024, 1280
@@ -28,12 +28,12 @@ LEVELS = Mixture(np.array([0.74, 0.21, 0.05]), np.array([1.0, 6.0, 11.0]), np.fu
 SMOOTH = 1 / (0.002 + np.linspace(0, 0.5, 513))  # rows: a profile that wanders, as Fig. 2 tells
 
 
-def accurate_pattern() -> FixedPattern:
+def accurate_pattern() -> FixedPatternLaw:
     """The paper's accurate DSNU as far as its text tells it: levels, deviations and a trend."""
     u = (2 * np.arange(COLUMNS) + 1) / COLUMNS - 1
     rest = 1 - np.polynomial.polynomial.polyval(u, TREND).var()
-    rows = Profile(Mixture(np.ones(1), np.zeros(1), np.array([0.21])), np.zeros(1), SMOOTH / SMOOTH.mean())
-    return FixedPattern(Profile(LEVELS, TREND, np.full(641, rest)), rows, 1.1)
+    rows = LineLaw(Mixture(np.ones(1), np.zeros(1), np.array([0.21])), np.zeros(1), SMOOTH / SMOOTH.mean())
+    return FixedPatternLaw(LineLaw(LEVELS, TREND, np.full(641, rest)), rows, 1.1)
 
 
 def paper_camera(dsnu_map: Path | None = None, /, **values: object) -> Camera:

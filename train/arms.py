@@ -23,27 +23,27 @@ Counts = Annotated[tuple[Count, Count], AfterValidator(_ordered)]
 Amounts = Annotated[tuple[NotNegative, NotNegative], AfterValidator(_ordered)]
 
 
-class Part(BaseModel):
+class ConfigSection(BaseModel):
     """A part of a config; unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
-class Blur(Part):
+class Blur(ConfigSection):
     """Gaussian blur."""
 
     p: Share = 0.1
     sigma_px: Amounts = (0.3, 1.0)
 
 
-class Gaussian(Part):
+class Gaussian(ConfigSection):
     """White Gaussian noise."""
 
     p: Share = 0.5
     std: Amounts = Field((0.0, 0.02), description="of full scale, drawn per image")
 
 
-class Vis(Part):
+class Vis(ConfigSection):
     """The sensor noise.
 
     Attributes:
@@ -97,7 +97,7 @@ class White(Vis):
     variance: Literal["eq6", "sensor"] = "eq6"
 
 
-class Erase(Part):
+class Erase(ConfigSection):
     """Random erasing (Z. Zhong et al., AAAI 2020): a rectangle of an image filled with uniform noise."""
 
     p: Share = 0.5
@@ -105,7 +105,7 @@ class Erase(Part):
     aspect: PositivePair = (0.3, 3.3)
 
 
-class SunFlare(Part):
+class SunFlareOptions(ConfigSection):
     """A bright disc with a halo and ghosts on the line through the image's centre, as Albumentations' RandomSunFlare."""
 
     p: Share = 0.5
@@ -113,7 +113,7 @@ class SunFlare(Part):
     ghosts: Counts = (3, 7)
 
 
-class BrightnessContrast(Part):
+class BrightnessContrastOptions(ConfigSection):
     """x -> (1 + c) x + b, with c and b uniform within the limits."""
 
     p: Share = 0.5
@@ -121,14 +121,14 @@ class BrightnessContrast(Part):
     contrast: float = Field(0.2, ge=0, le=1)
 
 
-class MotionBlur(Part):
+class MotionBlurOptions(ConfigSection):
     """Blur along a line of random length and angle."""
 
     p: Share = 0.5
     length_px: Amounts = (3.0, 7.0)
 
 
-class IsoNoise(Part):
+class IsoNoiseOptions(ConfigSection):
     """Albumentations' ISONoise on luminance: Poisson noise scaled by the image's own standard deviation, fading out
     towards white.
     """
@@ -137,7 +137,7 @@ class IsoNoise(Part):
     intensity: Amounts = (0.1, 0.5)
 
 
-class RandConv(Part):
+class RandConvOptions(ConfigSection):
     """A random convolution (Z. Xu et al., ICLR 2021), mixed with the image: a x + (1 - a) k * x, a uniform."""
 
     p: Share = 0.5
@@ -151,7 +151,7 @@ class RandConv(Part):
         return kernels
 
 
-class Corruptions(Part):
+class CorruptionsOptions(ConfigSection):
     """One corruption for each image, in the manner of D. Hendrycks and T. Dietterich (ICLR 2019): contrast, pixelation,
     posterisation, impulse noise, speckle noise or defocus.
     """
@@ -160,7 +160,7 @@ class Corruptions(Part):
     severity: SharePair = Field((0.2, 1.0), description="0 does nothing, 1 is the strongest")
 
 
-class Arm(Part):
+class Arm(ConfigSection):
     """What a run does to its training images.
 
     `like` names an arm whose values are used where none are given.
@@ -168,16 +168,16 @@ class Arm(Part):
 
     like: str | None = None
     why: str | None = None
-    sun_flare: SunFlare | None = None
-    motion_blur: MotionBlur | None = None
+    sun_flare: SunFlareOptions | None = None
+    motion_blur: MotionBlurOptions | None = None
     blur: Blur | None = None
     vis: Vis | None = None
     white: White | None = None
-    iso_noise: IsoNoise | None = None
+    iso_noise: IsoNoiseOptions | None = None
     gaussian: Gaussian | None = None
-    brightness_contrast: BrightnessContrast | None = None
-    randconv: RandConv | None = None
-    corruptions: Corruptions | None = None
+    brightness_contrast: BrightnessContrastOptions | None = None
+    randconv: RandConvOptions | None = None
+    corruptions: CorruptionsOptions | None = None
     erase: Erase | None = None
     clean_epochs: int = Field(
         default=0,

@@ -7,7 +7,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from visaug.core.documents import read_yaml
 from visaug.core.errors import InputError
-from visaug_train.arms import Arm, Part, SharePair
+from visaug_train.arms import Arm, ConfigSection, SharePair
 from visaug_train.arms import Vis as Vis  # part of what a config holds
 
 # Arms, domains and splits name files: a letter or digit, then no more than what every file system takes.
@@ -16,7 +16,7 @@ Seed = Annotated[int, Field(ge=0, lt=2**31)]  # ultralytics and NumPy take no ot
 Side = Annotated[int, Field(ge=1, le=65535)]  # of an image, pixels
 
 
-class Rendered(Part):
+class Rendered(ConfigSection):
     """A dataset of the built-in ray-caster: see `visaug_train.render.dataset.RenderSettings`."""
 
     width: int = Field(240, ge=32, le=8192)
@@ -32,7 +32,7 @@ class Rendered(Part):
     seed: Seed = 0
 
 
-class Source(Part):
+class Source(ConfigSection):
     """A domain and split of the data's folder or, with `root`, of another one (SPEED and SPEED+ are two folders)."""
 
     domain: str
@@ -43,7 +43,7 @@ class Source(Part):
     )
 
 
-class Data(Part):
+class Data(ConfigSection):
     """Either `rendered` or `root`, a SPEED or SPEED+ folder or one of your own in that layout."""
 
     root: Path | None = None
@@ -79,7 +79,7 @@ class Data(Part):
         return [*size, *(["gray"] if self.channels == 1 else [])]
 
 
-class Start(Part):
+class Start(ConfigSection):
     """A network that all runs start from: trained once, without an arm's noise, and kept.
 
     Its training arguments are the study's with `training` on top; `seed` is its own, so all seeds of the study share it.
@@ -91,7 +91,7 @@ class Start(Part):
     training: dict[str, Any] = Field({})
 
 
-class Hidden(Part):
+class Hidden(ConfigSection):
     """Effects that a test camera has and its file does not contain, each with a test set and an arm.
 
     The camera is that of the baseline's `vis`; `views` is the test set whose noiseless images it takes, at
@@ -103,7 +103,7 @@ class Hidden(Part):
     light: float = Field(1.0, gt=0, le=100)
 
 
-class MadeCamera(Part):
+class MadeCamera(ConfigSection):
     """A camera that is made before any training; arms name it like a camera file.
 
     Either estimated from `pictures`, whose labels are not used, or (`rendered`) the true camera of a rendered domain.
@@ -124,7 +124,7 @@ class MadeCamera(Part):
         return self
 
 
-class Cluster(Part):
+class Cluster(ConfigSection):
     """Runs spread by Ray: on this machine, or with an `address` on a cluster whose nodes share the output folder."""
 
     address: str | None = Field(
@@ -135,7 +135,7 @@ class Cluster(Part):
     retries: int = Field(3, ge=0, description="of a run whose node or process was lost")
 
 
-class Config(Part):
+class Config(ConfigSection):
     """One study."""
 
     name: str

@@ -20,7 +20,7 @@ def batch_noise(arm: Arm) -> nn.Module:
     if arm.sun_flare is not None:
         parts.append(rivals.SunFlare(**arm.sun_flare.model_dump()))
     if arm.motion_blur is not None:
-        parts.append(rivals.MotionBlur(**arm.motion_blur.model_dump()))
+        parts.append(rivals.RandomMotionBlur(**arm.motion_blur.model_dump()))
     if arm.blur is not None:
         parts.append(GaussianBlur(arm.blur.p, arm.blur.sigma_px))
     if arm.vis is not None:

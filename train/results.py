@@ -24,7 +24,7 @@ from visaug_train.training import Run, Study
 
 
 @dataclass(frozen=True)
-class Difference:
+class ArmDifference:
     """An arm's mean over seeds less the baseline's, on one domain, with its 95 % interval.
 
     `p_value_in_family` is corrected for all differences of the study, by Holm's procedure.
@@ -118,7 +118,7 @@ class Ablation:
         }
 
     @cached_property
-    def differences(self) -> list[Difference]:
+    def differences(self) -> list[ArmDifference]:
         """Every arm against the baseline, paired by seed and image."""
         if not self.seeds(self.config.baseline):
             return []
@@ -144,7 +144,7 @@ class Ablation:
         return f"The runs were not trained alike: {'; '.join(several)}." if several else ""
 
     @cached_property
-    def gains(self) -> list[oracle.Gain]:
+    def gains(self) -> list[oracle.ArmGain]:
         """Gains of the arms over the baseline, as shares of the oracle's gain; empty without an oracle."""
         return oracle.gains(self)
 
@@ -163,10 +163,10 @@ class Ablation:
             ": with one seed, how training varies is not in them"
         )
 
-    def _compared(self, arm: str, domain: str) -> Iterator[Difference]:
+    def _compared(self, arm: str, domain: str) -> Iterator[ArmDifference]:
         found = self.compare((arm, domain), (self.config.baseline, domain))
         for measure, values in found.items():
-            yield Difference(arm, domain, measure, *values)
+            yield ArmDifference(arm, domain, measure, *values)
 
     def compare(
         self, own: tuple[str, str], other: tuple[str, str]
@@ -219,7 +219,7 @@ class Ablation:
                 self._known[key][i] = self._scores(place, seeds, weights)
         return self._known[key]
 
-    def tables(self) -> dict[str, tables.Table]:
+    def tables(self) -> dict[str, tables.ResultTable]:
         """The paper's table 2 (detection) and 3 (keypoints) for these arms, and the differences."""
         made = {"overview": tables.overview_table(self.means, self.differences, self.config.baseline)}
         if self.study.hidden:

@@ -82,7 +82,7 @@ class BrightnessContrast(nn.Module):
         return torch.where(chosen(self.p, images), (slope * images + shift).clamp(0, 1), images)
 
 
-class MotionBlur(nn.Module):
+class RandomMotionBlur(nn.Module):
     """Mean along a line of `length_px` pixels at a random angle."""
 
     def __init__(self, p: float, length_px: Pair) -> None:

@@ -56,7 +56,7 @@ UNITS = {
 
 
 @dataclass(frozen=True)
-class Point:
+class SeverityPoint:
     """One point of a curve: what is changed (`axis`), to which value, and the noise that this means."""
 
     axis: str
@@ -124,7 +124,7 @@ def _kind(axis: str) -> str:
     return axis if axis in UNITS else "effect"
 
 
-def points_of(camera: Camera, axes: Sequence[str] | None = None) -> list[Point]:
+def points_of(camera: Camera, axes: Sequence[str] | None = None) -> list[SeverityPoint]:
     """The points of all curves of a camera, or of some.
 
     Args:
@@ -141,16 +141,20 @@ def points_of(camera: Camera, axes: Sequence[str] | None = None) -> list[Point]:
     for axis in axes or known:
         if axis == "gain_db":
             found += [
-                Point(axis, g, camera.replace({axis: g}))
+                SeverityPoint(axis, g, camera.replace({axis: g}))
                 for g in camera.spec.gain_db + np.array(GAIN_STEPS_DB)
             ]
         elif axis == "exposure":
-            found += [Point(axis, share, camera, share) for share in EXPOSURES]
+            found += [SeverityPoint(axis, share, camera, share) for share in EXPOSURES]
         elif axis == "temperature_c":
-            found += [Point(axis, degrees, camera.replace({axis: degrees})) for degrees in TEMPERATURES_C]
+            found += [
+                SeverityPoint(axis, degrees, camera.replace({axis: degrees})) for degrees in TEMPERATURES_C
+            ]
         else:
             found += [
-                Point(axis, f, changed) for f in FACTORS if (changed := _scaled(camera, strengths[axis], f))
+                SeverityPoint(axis, f, changed)
+                for f in FACTORS
+                if (changed := _scaled(camera, strengths[axis], f))
             ]
     return found
 
@@ -218,7 +222,7 @@ def severity(
     digest = hashlib.sha256(repr(described).encode()).hexdigest()
     with folder_lock(folder):
         state = _state(folder / "severity.json", digest)
-        jobs: list[tuple[str, Point | None]] = [("clean", None)]
+        jobs: list[tuple[str, SeverityPoint | None]] = [("clean", None)]
         jobs += [(f"{point.axis}={point.value:g}", point) for point in points]
         for done, (key, point) in enumerate(jobs):
             if progress:
@@ -252,7 +256,7 @@ def _state(file: Path, digest: str) -> dict[str, Any]:
     return state
 
 
-def _taken(poses: PoseSet, point: Point, folder: Path, seed: int) -> PoseSet:
+def _taken(poses: PoseSet, point: SeverityPoint, folder: Path, seed: int) -> PoseSet:
     """The images as the camera takes them, as PNG."""
     import torch
 

@@ -19,7 +19,7 @@ from visaug_train.arms import Arm
 from visaug_train.noise import batch_noise
 from visaug_train.reduction import fitting, read_image, reduced
 from visaug_train.speed import PoseSet
-from visaug_train.tables import Table
+from visaug_train.tables import ResultTable
 
 if TYPE_CHECKING:
     from visaug_train.training import Study
@@ -98,7 +98,7 @@ class Strengths:
     baseline: str
     noisy: tuple[str, ...]
 
-    def table(self) -> Table:
+    def table(self) -> ResultTable:
         """One row for the images, each test set and each arm."""
 
         def cells(strength: Strength, both: bool) -> list[str]:
@@ -114,7 +114,7 @@ class Strengths:
         rows += [[f"test set {name} shows", *cells(each, False)] for name, each in self.tests.items()]
         rows += [[f"arm {name} adds", *cells(each, True)] for name, each in self.arms.items()]
         title = "Noise, standard deviation in 8-bit steps (images: white part alone, an upper bound where there is texture)"
-        return Table(title, ["", *LEVELS], rows)
+        return ResultTable(title, ["", *LEVELS], rows)
 
     def warnings(self) -> list[str]:
         """A line for each arm with sensor or white noise that hardly raises the noise beyond the baseline's."""

@@ -23,7 +23,7 @@ MEASURES: dict[str, tuple[tuple[str, ...], str, bool]] = {
 
 
 @dataclass(frozen=True)
-class Table:
+class ResultTable:
     """Cells as text under a head; `note` is a sentence on how to read them."""
 
     title: str
@@ -31,7 +31,7 @@ class Table:
     rows: Sequence[Sequence[str]]
     note: str = ""
 
-    def with_note(self, note: str) -> "Table":
+    def with_note(self, note: str) -> "ResultTable":
         """The table with a further sentence."""
         return replace(self, note=" ".join(filter(None, [self.note, note])))
 
@@ -79,7 +79,7 @@ def score_table(
     means: Mapping[str, Mapping[str, Mapping[str, float]]],
     measures: Sequence[str],
     spreads: Mapping[str, Mapping[str, Mapping[str, float]]] | None = None,
-) -> Table:
+) -> ResultTable:
     """Arms as rows; for each domain the measures as columns.
 
     `means` is arm -> domain -> measure -> mean over seeds, `spreads` the same of the seeds' standard deviation.
@@ -96,10 +96,10 @@ def score_table(
     rows = [
         [arm, *(cell(arm, domain, measure) for domain in domains for measure in measures)] for arm in means
     ]
-    return Table(title, head, rows)
+    return ResultTable(title, head, rows)
 
 
-def difference_table(differences: Sequence[Any], baseline: str) -> Table:
+def difference_table(differences: Sequence[Any], baseline: str) -> ResultTable:
     """Differences to the baseline with 95 % intervals; a row whose interval leaves out 0 is marked, and one that still does
     where all rows are taken together.
     """
@@ -119,7 +119,7 @@ def difference_table(differences: Sequence[Any], baseline: str) -> Table:
         ]
         for d in differences
     ]
-    return Table(f"Differences to {baseline}", head, rows, by_chance(differences))
+    return ResultTable(f"Differences to {baseline}", head, rows, by_chance(differences))
 
 
 def by_chance(differences: Sequence[Any]) -> str:
@@ -138,7 +138,7 @@ def _yes(value: bool) -> str:
     return "yes" if value else "no"
 
 
-def marked(table: Table, notes: Mapping[str, str]) -> Table:
+def marked(table: ResultTable, notes: Mapping[str, str]) -> ResultTable:
     """A table whose arms that `notes` names (arm -> sentence) carry a dagger, with the sentences below."""
     cells = {cell for row in table.rows for cell in row} | set(table.head)
     here = {arm: note for arm, note in notes.items() if arm in cells}
@@ -157,7 +157,7 @@ def weights_table(
     means: Mapping[str, Mapping[str, Mapping[str, float]]],
     other: str,
     others: Mapping[str, Mapping[str, Mapping[str, float]]],
-) -> Table:
+) -> ResultTable:
     """The same runs' other weights beside those of all other tables: means over seeds."""
     measures = ("box_ap", "keypoint_ap_paper", "keypoint_ap_coco")
     head = ["arm", "domain", *(f"{MEASURES[m][1]}, {w}" for m in measures for w in (headline, other))]
@@ -166,7 +166,7 @@ def weights_table(
         for arm in others
         for domain in others[arm]
     ]
-    return Table(
+    return ResultTable(
         f"Weights of the same runs: {headline} and {other}",
         head,
         rows,
@@ -181,7 +181,7 @@ def overview_table(
     baseline: str,
     measure: str = "keypoint_ap_coco",
     most: int = 100,
-) -> Table:
+) -> ResultTable:
     """One measure at a glance: test sets as rows, arms as columns, each with its change and whether that is clear.
 
     With more than `most` arms beside the baseline each has a row.
@@ -204,7 +204,7 @@ def overview_table(
     if len(others) > most:
         rows = [[d, arm, value_of(arm, d), change_of(arm, d)] for d in domains for arm in means]
         title = f"{label}: mean over seeds, and the change against {baseline} with its 95 % interval"
-        return Table(title, ["test set", "arm", "AP", "change"], rows, note)
+        return ResultTable(title, ["test set", "arm", "AP", "change"], rows, note)
     rows = []
     for domain in domains:
         row = [domain, *([value_of(baseline, domain)] if baseline in means else [])]
@@ -213,7 +213,7 @@ def overview_table(
             row.append(value_of(arm, domain) + (f" ({said})" if said else ""))
         rows.append(row)
     title = f"{label}: mean over seeds; in brackets the change and its 95 % interval"
-    return Table(title, ["test set", *([baseline] if baseline in means else []), *others], rows, note)
+    return ResultTable(title, ["test set", *([baseline] if baseline in means else []), *others], rows, note)
 
 
 def change(difference: Any) -> str:
@@ -236,7 +236,7 @@ POSE_COLUMNS = {
 }
 
 
-def pose_table(summaries: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]) -> Table:
+def pose_table(summaries: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]) -> ResultTable:
     """Pose errors of arm -> domain -> the seeds' summaries: means over seeds."""
     rows = [
         [arm, domain, *(_number(sum(s[key] for s in seeds) / len(seeds)) for key in POSE_COLUMNS.values())]
@@ -244,10 +244,12 @@ def pose_table(summaries: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]
         for domain, seeds in domains.items()
     ]
     title = "Pose by PnP; a target without a pose counts as 180 deg and its whole distance"
-    return Table(title, ["arm", "domain", *POSE_COLUMNS], rows)
+    return ResultTable(title, ["arm", "domain", *POSE_COLUMNS], rows)
 
 
-def comparison_table(means: Mapping[str, Mapping[str, Mapping[str, float]]], domain: str = "speed") -> Table:
+def comparison_table(
+    means: Mapping[str, Mapping[str, Mapping[str, float]]], domain: str = "speed"
+) -> ResultTable:
     """The paper's table 4 with these arms: target detection on SPEED."""
     rows = [[name, _number(iou), _number(ap)] for name, (iou, ap) in TABLE_4.items()]
     rows += [
@@ -255,7 +257,7 @@ def comparison_table(means: Mapping[str, Mapping[str, Mapping[str, float]]], dom
         for arm, scores in means.items()
         if domain in scores
     ]
-    return Table("Target detection on SPEED's images", ["method", "IoU mean", "box AP50-95"], rows)
+    return ResultTable("Target detection on SPEED's images", ["method", "IoU mean", "box AP50-95"], rows)
 
 
 def _latex(text: str) -> str:

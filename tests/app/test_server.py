@@ -20,7 +20,7 @@ from tests.diagnosis.small import SENSOR
 from visaug import Camera, InputError
 from visaug.app.cli.measure import lab as lab_command
 from visaug.app.lab import application, serve
-from visaug.diagnosis import Diagnosis, Estimate, Ranked, Step
+from visaug.diagnosis import Diagnosis, FittedValue, Ranked, Step
 from visaug.diagnosis.session import session as session_module
 from visaug.statistics.distance import Error
 
@@ -52,7 +52,7 @@ def client(bench):
 
 def found(bench) -> Diagnosis:
     """A diagnosis as it would be, without the minutes."""
-    sigma = {"sigma_e": Estimate(2.0, 1.9, 2.1, "e-")}
+    sigma = {"sigma_e": FittedValue(2.0, 1.9, 2.1, "e-")}
     better = bench.given.with_effect("row_noise", sigma_e=2.0)
     after = Error(0.01, -0.02, 0.04)
     return Diagnosis(

@@ -8,7 +8,7 @@ from PIL import Image
 from scipy import stats
 
 from visaug.camera import Camera
-from visaug.camera.patterns import FixedPattern, Mixture, Profile, fit_mixture, fit_pattern, fit_profile
+from visaug.camera.patterns import FixedPatternLaw, LineLaw, Mixture, fit_mixture, fit_pattern, fit_profile
 from visaug.core.errors import InputError
 
 LEVELS = Mixture(np.array([0.75, 0.2, 0.05]), np.array([1.0, 6.0, 11.0]), np.full(3, 0.45))
@@ -63,7 +63,7 @@ def test_drawn_profiles_have_the_measured_ones_levels_spectrum_and_trend():
     frequency = np.linspace(0, 0.5, 641)
     spectrum = 1 / (1 + (frequency / 0.01) ** 2) + 0.3
     spectrum[80] += 60  # a period of 16 columns
-    truth = Profile(LEVELS, np.array([0, -0.5, 0.4, -0.1]), 0.7 * spectrum / spectrum.mean())
+    truth = LineLaw(LEVELS, np.array([0, -0.5, 0.4, -0.1]), 0.7 * spectrum / spectrum.mean())
     measured = truth.draw(1280, rng)
     fitted = fit_profile(measured)
     drawn = [fitted.draw(1280, rng) for _ in range(30)]
@@ -85,7 +85,7 @@ def test_a_profile_can_be_drawn_at_another_length():
     """White noise through three levels has the mixture's moments at any length; 5 standard errors of 20,000
     lines.
     """
-    profile = Profile(LEVELS, np.zeros(1), WHITE)
+    profile = LineLaw(LEVELS, np.zeros(1), WHITE)
     drawn = np.concatenate([profile.draw(200, np.random.default_rng(seed)) for seed in range(100)])
     assert drawn.mean() == pytest.approx(LEVELS.mean, abs=5 * np.sqrt(LEVELS.variance / 20_000))
     assert drawn.std() == pytest.approx(np.sqrt(LEVELS.variance), rel=0.05)
@@ -109,9 +109,9 @@ def test_a_master_bias_is_parted_into_columns_rows_and_pixels():
 
 
 def test_a_drawn_pattern_is_a_map_of_a_camera(tmp_path: Path):
-    law = FixedPattern(
-        Profile(LEVELS, np.zeros(1), WHITE),
-        Profile(Mixture(np.ones(1), np.zeros(1), np.ones(1)), np.zeros(1), WHITE),
+    law = FixedPatternLaw(
+        LineLaw(LEVELS, np.zeros(1), WHITE),
+        LineLaw(Mixture(np.ones(1), np.zeros(1), np.ones(1)), np.zeros(1), WHITE),
         1.1,
     )
     pattern = law.draw((40, 60), seed=7)

@@ -8,7 +8,7 @@ from tests.characterization.simulated import Sensor, plan
 from visaug.camera import Camera
 from visaug.characterization import characterize
 from visaug.characterization.cut_means import locations
-from visaug.characterization.rounded import Fit, _clustered
+from visaug.characterization.rounded import RoundedFit, _clustered
 from visaug.frames import FrameRecord, FrameSet
 
 SENSOR = Sensor(
@@ -83,7 +83,7 @@ def test_rows_are_located_among_the_columns_as_they_are():
     rows = np.linspace(-0.3, 0.3, 32)
     level = rows[:, None] + columns
     means = stats.norm.sf(np.arange(1, 20)[:, None, None] - 0.5 - level).sum(0).mean(1)
-    gaussian = Fit(log_sigma=0.0, shape=0.14, shift=0.0, log_spread=-4.0, covariance=np.zeros((4, 4)))
+    gaussian = RoundedFit(log_sigma=0.0, shape=0.14, shift=0.0, log_spread=-4.0, covariance=np.zeros((4, 4)))
     found = locations(means, np.full(32, 1e-3), gaussian, 1e-4, columns)
     np.testing.assert_allclose(found.places, rows + columns.mean(), atol=0.01)
 

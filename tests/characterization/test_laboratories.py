@@ -260,9 +260,9 @@ def test_mean_of_rounded_values_is_that_of_the_staircase(sigma, spread, within):
     """Against the sum over codes for a normal law; shape 0.1349 is within 0.002 of it."""
     from scipy import stats
 
-    from visaug.characterization.rounded import Fit
+    from visaug.characterization.rounded import RoundedFit
 
-    fit = Fit(np.log(sigma), 0.1349, 0.0, np.log(spread), np.zeros((4, 4)))
+    fit = RoundedFit(np.log(sigma), 0.1349, 0.0, np.log(spread), np.zeros((4, 4)))
     x, mean = cut_mean(fit, spread**2)
     codes = np.arange(1, 40)
     for level in (-0.4 * sigma, 0.0, 0.3, 2.5, 2.62):

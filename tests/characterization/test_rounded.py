@@ -5,7 +5,7 @@ import pytest
 
 from visaug.characterization import characterize, tukey
 from visaug.characterization.result import Characterization, Estimate
-from visaug.characterization.structure import Profile, describe
+from visaug.characterization.structure import LineProfile, describe
 from visaug.frames import FrameRecord, FrameSet
 
 SHAPE = (48, 56)
@@ -89,7 +89,7 @@ def test_white_profiles_have_structure_once_in_a_hundred(lines):
 
     def has_peaks(values):
         power, none = np.abs(np.fft.rfft(values - values.mean())) ** 2, np.empty(0)
-        return Profile(values, none, none, np.fft.rfftfreq(lines), power).peaks.size > 0
+        return LineProfile(values, none, none, np.fft.rfftfreq(lines), power).peaks.size > 0
 
     false = sum(has_peaks(rng.standard_normal(lines)) for _ in range(300))
     assert false <= 9

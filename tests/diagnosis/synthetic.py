@@ -7,7 +7,7 @@ import numpy as np
 
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.parameters import Coordinate
-from visaug.diagnosis.fitting.reference import Reference, Sample
+from visaug.diagnosis.fitting.reference import Reference, SimulatedStatistics
 from visaug.diagnosis.fitting.uses import Use
 from visaug.diagnosis.state import State
 
@@ -28,7 +28,7 @@ def state(measured: np.ndarray, sets: np.ndarray, slope: np.ndarray | None = Non
     for use in (slice(FIND), slice(FIND, ALL), slice(None)):
         values = sets[:, use]
         count = values.shape[1]
-        samples.append(Sample(values, slopes[use], np.zeros(count)))
+        samples.append(SimulatedStatistics(values, slopes[use], np.zeros(count)))
         residuals.append(measured[use] - values.mean(0))
     reference = Reference(None, coordinates, *samples)  # pyright: ignore[reportArgumentType]
     return State.plain(Fitted(reference, None, *residuals))  # pyright: ignore[reportArgumentType]

@@ -12,7 +12,7 @@ from visaug.diagnosis.adding import Adding
 from visaug.diagnosis.criterion import SHARE
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.parameters import Coordinate
-from visaug.diagnosis.scatter import Scatter
+from visaug.diagnosis.scatter import VarianceStrength
 
 BEYOND = Coordinate("brighter_fatter.beyond", False, 0.05, 0.5)
 GAIN = Coordinate("gain_e_per_dn", True, 0.02, 0.3)
@@ -67,9 +67,9 @@ def test_a_number_that_was_bent_is_tried_as_the_file_says(stated, monkeypatch):
 
 
 SIGMA = Coordinate("light_drift.sigma", True, 0.1, 1.5)
-FITTED = Scatter(1.0, np.ones(9), (SIGMA,), in_variance=False)
-RANDOM = Scatter(1.0, np.ones(9), (SIGMA,), in_variance=True)
-STRONGER = Scatter(2.0, np.ones(9), (SIGMA,), in_variance=True)
+FITTED = VarianceStrength(1.0, np.ones(9), (SIGMA,), in_variance=False)
+RANDOM = VarianceStrength(1.0, np.ones(9), (SIGMA,), in_variance=True)
+STRONGER = VarianceStrength(2.0, np.ones(9), (SIGMA,), in_variance=True)
 
 
 @pytest.fixture
@@ -86,7 +86,7 @@ def begun() -> Adding:
     return Adding(None, None, (), lambda *_: None)  # pyright: ignore[reportArgumentType]
 
 
-def scattering(monkeypatch, *told: Scatter | None) -> None:
+def scattering(monkeypatch, *told: VarianceStrength | None) -> None:
     """Gives the estimates of a strength, the last one for all further states."""
     left = list(told)
     monkeypatch.setattr(adding, "scatter", lambda *_: left.pop(0) if len(left) > 1 else left[0])

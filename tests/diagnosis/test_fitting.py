@@ -16,7 +16,7 @@ from visaug.diagnosis.fitting.reference import (
     USES,
     Null,
     Reference,
-    Sample,
+    SimulatedStatistics,
     derivatives,
     make_reference,
 )
@@ -119,7 +119,7 @@ def test_a_number_that_the_frames_do_not_tell_has_the_width_of_its_prior(stated)
         if c.path in ("read_noise.sigma_e", "quantum_efficiency")
     ]
     slopes = np.column_stack([np.full(50, 20.0), np.zeros(50)])
-    sample = Sample(rng.normal(size=(200, 50)), slopes, np.zeros(50))
+    sample = SimulatedStatistics(rng.normal(size=(200, 50)), slopes, np.zeros(50))
     reference = Reference(stated, tuple(free), sample, sample, sample)
     assert reference.untold[0] < 0.01
     assert reference.untold[1] == pytest.approx(free[1].prior)
@@ -261,6 +261,6 @@ def test_a_well_that_was_held_for_another_number_is_tried_by_itself(stated):
     sets = lab.finding([(stated, k) for k in range(1, 31)])
     slopes = np.zeros((60, 2))
     slopes[0, 0], slopes[1:, 1] = 1 / free[0].step, 50
-    reference = Reference(stated, tuple(free), *[Sample(sets, slopes, np.zeros(60))] * 3)
+    reference = Reference(stated, tuple(free), *[SimulatedStatistics(sets, slopes, np.zeros(60))] * 3)
     fitted = refit(lab, reference, lambda *_: None)  # pyright: ignore[reportArgumentType]
     assert abs(fitted.z[0]) < 3.3

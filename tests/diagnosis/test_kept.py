@@ -12,7 +12,7 @@ from visaug.diagnosis.candidates.trials import trials
 from visaug.diagnosis.fitting.parameters import base_coordinates, moved
 from visaug.diagnosis.kept import KeptSet
 from visaug.diagnosis.laboratory import Laboratory
-from visaug.diagnosis.part import Part
+from visaug.diagnosis.part import MeasuredFrames
 from visaug.effects import Effect, Parameter, Stage, registered
 
 SEED = 11
@@ -21,7 +21,7 @@ SEED = 11
 @pytest.fixture(scope="module")
 def plan():
     (part,) = Laboratory(frame_set(5), stated_camera()).parts_to_simulate
-    assert isinstance(part, Part)
+    assert isinstance(part, MeasuredFrames)
     return part.plan
 
 

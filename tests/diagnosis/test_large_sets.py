@@ -103,14 +103,9 @@ def test_dark_frames_after_scenes_are_taken_with_the_scene():
 
 
 BEYOND = [name for name, e in catalogue().items() if not e.base and name not in FROM_AFAR]
-# Its few states are stepped over the frames that are simulated, so one pixel in 5,000 differs: just above what is allowed.
-STATES_DIFFER = pytest.mark.xfail(reason="states of skipped frames are not stepped over", strict=True)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=STATES_DIFFER) if name == "dark_current_rts" else name for name in BEYOND],
-)
+@pytest.mark.parametrize("name", BEYOND)
 def test_a_window_has_what_the_full_frames_have_there(selection, name):
     """Every effect of the catalogue, at its defaults, over bias, darks and flats: pixel by pixel, the same random numbers."""
     with_effect = camera().with_effect(name)

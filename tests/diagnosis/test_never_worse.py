@@ -6,7 +6,7 @@ import pytest
 
 from tests.diagnosis.states import leaving
 from visaug.diagnosis import outcome
-from visaug.diagnosis.stage import Stage
+from visaug.diagnosis.stage import SearchStage
 from visaug.statistics.distance import Error
 
 
@@ -26,7 +26,7 @@ def test_a_refit_that_raises_the_error_is_not_kept_and_an_accepted_effect_is(
         errors=SimpleNamespace(told=lambda fitted: Error(1.0, 0.9, 1.1) if fitted is unfitted else None),
     )
     states = [leaving([1.0] * 4, camera, *accepted[:n]) for n in range(len(accepted) + 1)]
-    history = tuple(Stage(state, 0.01, Error(error, error - 0.1, error + 0.1)) for state in states)
+    history = tuple(SearchStage(state, 0.01, Error(error, error - 0.1, error + 0.1)) for state in states)
     end, steps = outcome.kept(setting, history, 0.5)  # pyright: ignore[reportArgumentType]
     assert (end.state.fitted is unfitted) == keeps_file
     assert end.state.accepted == accepted

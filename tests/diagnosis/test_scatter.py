@@ -10,13 +10,13 @@ from tests.diagnosis.small import frame_set
 from tests.diagnosis.synthetic import ALL, FIND, pair, shifted, uses
 from visaug.diagnosis import diagnose
 from visaug.diagnosis.fitting.parameters import Coordinate
-from visaug.diagnosis.scatter import MET, Scatter, scatter
+from visaug.diagnosis.scatter import MET, VarianceStrength, scatter
 
 SIGMA = (Coordinate("light_drift.sigma", True, 0.1, 1.5),)
 SPREAD = np.where(np.arange(ALL) % 4 == 0, 9.0, 0.0)  # 50 statistics of the discovery frames
 
 
-def drawn(seed: int, factor: float) -> Scatter:
+def drawn(seed: int, factor: float) -> VarianceStrength:
     """The estimate where the measured frames have `factor` times the scatter of the simulated sets."""
     found = scatter(*uses(pair(seed, 0.0, 0.0, true_scatter=factor * SPREAD, scatter=SPREAD)), SIGMA)
     assert found is not None
@@ -91,11 +91,13 @@ def test_an_effect_without_a_strength_to_fit_has_no_scatter():
 
 def test_the_camera_has_the_estimated_strength(stated):
     camera = stated.with_effect("light_drift", sigma=0.01)
-    one = Scatter(2.0, np.array([0.5, 1.0, 2.0]), SIGMA, True)
+    one = VarianceStrength(2.0, np.array([0.5, 1.0, 2.0]), SIGMA, True)
     assert one.effect == "light_drift"
     assert one.scaled(camera).values()["light_drift.sigma"] == pytest.approx(0.02)
     np.testing.assert_allclose(one.steps, np.log([[0.5], [1], [2]]))
-    assert [Scatter(f, np.ones(3), SIGMA, False).is_in_means for f in (1 / MET - 0.01, 1.0, MET + 0.01)] == [
+    assert [
+        VarianceStrength(f, np.ones(3), SIGMA, False).is_in_means for f in (1 / MET - 0.01, 1.0, MET + 0.01)
+    ] == [
         False,
         True,
         False,

@@ -12,7 +12,7 @@ from visaug.diagnosis import adding, search, swap
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.result import Ranked
 from visaug.diagnosis.session.fits import Fits
-from visaug.diagnosis.stage import History, Stage
+from visaug.diagnosis.stage import History, SearchStage
 
 
 @pytest.fixture
@@ -36,16 +36,16 @@ def flare_and(veiled, last) -> History:
     ranked = {name: Ranked(name, p, None, {}) for name, p in probabilities.items()}
     plain = leaving([300, 200, 90, 40], veiled["trail"])
     return (
-        Stage(plain, 0.01, None),
-        Stage(own.state, 0.01, None, (own, judged(veil, alone, cost=2.0)), ranked=ranked),
-        Stage(last, 0.01, None, ranked=ranked),
+        SearchStage(plain, 0.01, None),
+        SearchStage(own.state, 0.01, None, (own, judged(veil, alone, cost=2.0)), ranked=ranked),
+        SearchStage(last, 0.01, None, ranked=ranked),
     )
 
 
 def setting(swapped=None, adequate=()):
     """Simulates nothing: an exchange gives `swapped`, and states of `adequate` are adequate."""
     return SimpleNamespace(
-        adding=SimpleNamespace(swapped=lambda *_: swapped),
+        adding=SimpleNamespace(swapped=lambda *_: swapped, effects=30),
         errors=SimpleNamespace(told=lambda fitted: None),
         tested=lambda state: (state, 0.5 if any(state is one for one in adequate) else 0.01),
     )
@@ -74,16 +74,28 @@ def test_an_effect_gives_way_to_a_rival_that_is_more_probable_beside_a_later_eff
     assert found[-1].ranked[first].probability == 0.98
 
 
-@pytest.mark.parametrize("adequate", [True, False])
-def test_an_effect_is_dropped_if_the_later_one_alone_explains_everything(veiled, adequate):
-    """Two effects of which neither alone is adequate both stay."""
+@pytest.mark.parametrize(("adequate", "accepts"), [(True, False), (True, True), (False, False)])
+def test_an_effect_is_dropped_if_the_later_one_alone_explains_everything(
+    veiled, monkeypatch, adequate, accepts
+):
+    """Two effects of which neither alone is adequate both stay, and one that the criterion accepts beside the other."""
     camera = veiled["flare"].with_effect("veiling_glare")
     both = leaving([0, 0, 0, 1], camera, "lens_flare", "veiling_glare")
     history = flare_and(veiled, both)
     alone = history[1].standing[1].state
+    judging = []
+
+    def evidence(before, after, parameters, effects):
+        judging.append((before is alone, after is both, parameters == len(own.refined.coordinates), effects))
+        return SimpleNamespace(accepts=accepts)
+
+    own = history[1].standing[0]
+    monkeypatch.setattr(swap, "evidence", evidence)
     found = swap.reconsidered(setting(adequate=[alone] * adequate), history)  # pyright: ignore[reportArgumentType]
-    assert found[-1].state is (alone if adequate else both)
-    kept = ["refit", *([] if adequate else ["add lens_flare"]), "add veiling_glare"]
+    dropped = adequate and not accepts
+    assert judging == [(True, True, True, 30)] * adequate
+    assert found[-1].state is (alone if dropped else both)
+    kept = ["refit", *([] if dropped else ["add lens_flare"]), "add veiling_glare"]
     assert [stage.action for stage in found] == kept
 
 

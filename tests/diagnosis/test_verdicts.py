@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import norm
 
 from visaug.diagnosis.fitting.reference import Null
-from visaug.diagnosis.verdicts import POWER, Course, Sight, _absorbing
+from visaug.diagnosis.verdicts import POWER, Sight, StrengthCurve, _absorbing
 
 COUNT = 200  # simulated sets
 MATCH, LARGEST = 3.0, 50.0  # the largest residual shows nothing here
@@ -21,10 +21,10 @@ def sight(slopes: np.ndarray, priors: np.ndarray, statistics: int = 6) -> Sight:
     return Sight(null, np.array(["level"] * statistics), nothing, nothing, MATCH, LARGEST)
 
 
-def course(strengths, shifts, variances=None) -> Course:
+def course(strengths, shifts, variances=None) -> StrengthCurve:
     shifts = np.array(shifts, float)
     variances = np.zeros_like(shifts) if variances is None else variances
-    return Course("row_noise.sigma_e", np.array(strengths, float), shifts, variances, shifts, False)
+    return StrengthCurve("row_noise.sigma_e", np.array(strengths, float), shifts, variances, shifts, False)
 
 
 PLAIN = np.zeros((6, 0)), np.zeros(0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from visaug.effects import Look, catalogue
+from visaug.effects import FrameSummary, catalogue
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.6])
@@ -40,7 +40,7 @@ def test_a_look_at_single_frames_tells_the_period(period, within):
     wave = 0.8 * np.sin(2 * np.pi * np.arange(96) / period + phases)
     noise = wave + 0.2 * rng.standard_normal(wave.shape)
     lines = np.arange(96) / 96
-    seen = Look(np.zeros((96, 4)), lines, lines[:4], np.arange(5), noise)
+    seen = FrameSummary(np.zeros((96, 4)), lines, lines[:4], np.arange(5), noise)
     (found,) = catalogue()["periodic_banding"].looks(seen)
     assert found["period_rows"] == pytest.approx(period, rel=within)
     assert found["amplitude_e"] == pytest.approx(0.8, rel=0.15)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from visaug.effects import Look, catalogue
+from visaug.effects import FrameSummary, catalogue
 
 NAME = "fixed_pattern_structure"
 
@@ -17,9 +17,9 @@ def staircase(columns: int, edges: tuple[int, int], levels: tuple[float, float, 
     )
 
 
-def look_at(frame: np.ndarray, share: float = 1.0) -> Look:
+def look_at(frame: np.ndarray, share: float = 1.0) -> FrameSummary:
     rows, columns = (share * np.arange(n) / n for n in frame.shape)
-    return Look(frame, rows, columns, np.arange(5), np.zeros((0, len(frame))))
+    return FrameSummary(frame, rows, columns, np.arange(5), np.zeros((0, len(frame))))
 
 
 def test_steps_are_where_and_as_high_as_stated(run_effect):
@@ -81,5 +81,7 @@ def test_a_look_at_the_codes_counts_the_bits_that_none_has(bits, seen):
     """4095 stays where the converter clips."""
     codes = np.unique([*(np.arange(100, 4000) >> bits << bits), 4095])
     none = np.zeros(3)
-    looks = catalogue()["bit_truncation"].looks(Look(np.zeros((3, 3)), none, none, codes, np.zeros((0, 3))))
+    looks = catalogue()["bit_truncation"].looks(
+        FrameSummary(np.zeros((3, 3)), none, none, codes, np.zeros((0, 3)))
+    )
     assert [look["bits"] for look in looks] == seen

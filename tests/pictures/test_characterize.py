@@ -12,7 +12,7 @@ from visaug.app.cli import main
 from visaug.characterization import characterize
 from visaug.frames import FrameRecord, FrameSet
 from visaug.pictures.blocks import blocks_of
-from visaug.pictures.curve import Law
+from visaug.pictures.curve import VarianceLaw
 
 
 def in_memory(taken):
@@ -74,7 +74,7 @@ def test_camera_loads_and_makes_noise_of_that_strength(with_lines, tmp_path):
 def test_mean_and_variance_of_codes_are_those_of_sampled_pixels():
     """400,000 pixels a level; 1 % is four standard errors of a variance."""
     rng = np.random.default_rng(3)
-    law = Law("gamma 2.2", 0.04, 1.7, black=0.6)
+    law = VarianceLaw("gamma 2.2", 0.04, 1.7, black=0.6)
     mean, variance = law.developed()
     for k in (0, 20, 90):
         x = 255 * np.linspace(0, 1, 140)[k] ** 2

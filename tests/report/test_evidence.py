@@ -12,7 +12,7 @@ from visaug import Camera, FrameSet, simulate
 from visaug.frames import FrameRecord
 from visaug.report.plots.view import plot_view
 from visaug.statistics import VIEWS, FrameData
-from visaug.statistics.view import Curve, Picture
+from visaug.statistics.view import Curve, ViewPlot
 
 ROWS, COLUMNS = 48, 64
 
@@ -43,7 +43,7 @@ def columns() -> FrameData:
     return FrameData(simulate(camera, plan, 1))
 
 
-def picture(data: FrameData, view: str, worst: str) -> Picture:
+def picture(data: FrameData, view: str, worst: str) -> ViewPlot:
     shown = next(v for v in VIEWS if v.name == view).picture(data, worst)
     assert shown is not None
     return shown
@@ -77,7 +77,7 @@ def test_saturated_flats_are_left_out(columns):
 @pytest.mark.parametrize("reach", [1.5, 3, 8, 40, 500, 1e5])
 def test_labels_of_logarithmic_axes_do_not_overlap(reach):
     x = np.geomspace(0.02, 0.02 * reach, 30)
-    drawn = plot_view(Picture("", "x", "y", (Curve(x, x),), log_x=True, log_y=True))
+    drawn = plot_view(ViewPlot("", "x", "y", (Curve(x, x),), log_x=True, log_y=True))
     drawn.canvas.draw()
     axes = drawn.axes[0]
     for axis, side in ((axes.xaxis, 0), (axes.yaxis, 1)):

@@ -19,7 +19,7 @@ from visaug_train.checks import check_apart, check_arms
 from visaug_train.config import check_config, load_config
 from visaug_train.published import TABLES_2_3
 from visaug_train.record import surroundings
-from visaug_train.results import Ablation, Difference
+from visaug_train.results import Ablation, ArmDifference
 from visaug_train.speed import part_of, read_poses
 from visaug_train.statistics import holm, paired_interval, paired_p_value
 from visaug_train.studies.target import TargetCamera, transductive
@@ -182,7 +182,7 @@ def test_studies_in_which_no_arm_does_anything_have_few_corrected_findings():
 
 
 def difference(p=0.5, low=-1.0):
-    return Difference("vis", "lightbox", "iou", 0.5, 0.2, low, 1.0, p)
+    return ArmDifference("vis", "lightbox", "iou", 0.5, 0.2, low, 1.0, p)
 
 
 def test_the_table_says_what_chance_would_find():

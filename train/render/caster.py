@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from visaug_train.geometry import Keypoints, Pinhole, project_targets, rotation_matrix
-from visaug_train.render.spacecraft import Scene, spacecraft
+from visaug_train.render.spacecraft import SceneTensors, spacecraft
 
 CHUNK = 1 << 13  # rays at a time: few enough for the work to stay in the processor's cache
 FAR = 1e9
@@ -42,9 +42,9 @@ class Views:
 class RayCaster:
     """Renders one scene through one camera with `samples` x `samples` rays a pixel."""
 
-    def __init__(self, camera: Pinhole, samples: int = 2, scene: Scene | None = None) -> None:
+    def __init__(self, camera: Pinhole, samples: int = 2, scene: SceneTensors | None = None) -> None:
         self.camera, self.samples = camera, samples
-        self.scene = scene or Scene.of(spacecraft())
+        self.scene = scene or SceneTensors.of(spacecraft())
         step = (np.arange(samples) + 0.5) / samples
         x = (np.arange(camera.width)[:, None] + step).ravel()
         y = (np.arange(camera.height)[:, None] + step).ravel()
@@ -125,7 +125,7 @@ class RayCaster:
 
 
 def nearest(
-    scene: Scene, origin: torch.Tensor, direction: torch.Tensor
+    scene: SceneTensors, origin: torch.Tensor, direction: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """First box that each ray (N, 3) meets.
 

@@ -83,7 +83,7 @@ def spacecraft() -> list[Box]:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class SceneTensors:
     """The parts as tensors: centres, halves (K, 3), axes (K, 3, 3), materials (K, 5)."""
 
     centres: torch.Tensor
@@ -92,7 +92,7 @@ class Scene:
     materials: torch.Tensor
 
     @classmethod
-    def of(cls, parts: list[Box]) -> "Scene":
+    def of(cls, parts: list[Box]) -> "SceneTensors":
         """Stack the parts."""
 
         def stack(values: list) -> torch.Tensor:

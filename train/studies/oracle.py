@@ -16,7 +16,7 @@ SHARES = np.linspace(-10, 10, 4001)  # that are tried: steps of half a percent
 
 
 @dataclass(frozen=True)
-class Gain:
+class ArmGain:
     """What an arm and the oracle gain over the baseline in keypoint AP50-95 (COCO's), on one domain or the mean of several.
 
     `gain` and `oracle` are (mean, low, high). `share` is their ratio; its ends are None where it is not determined.
@@ -65,7 +65,7 @@ def share_interval(
     return float(SHARES[inside[0]]), float(SHARES[inside[-1]])
 
 
-def gains(ablation: "Ablation") -> list[Gain]:
+def gains(ablation: "Ablation") -> list[ArmGain]:
     """Of every arm but baseline and oracle: on each domain of the cameras that were made, and on their mean."""
     config = ablation.config
     if config.oracle is None or config.oracle not in ablation.means or config.baseline not in ablation.means:
@@ -88,7 +88,7 @@ def target_sets(ablation: "Ablation") -> list[str]:
     ]
 
 
-def _gain(ablation: "Ablation", arm: str, domains: tuple[str, ...]) -> Gain | None:
+def _gain(ablation: "Ablation", arm: str, domains: tuple[str, ...]) -> ArmGain | None:
     baseline, oracle = ablation.config.baseline, ablation.config.oracle
     assert oracle is not None
     seeds = [s for s in ablation.seeds(arm) if s in ablation.seeds(oracle) and s in ablation.seeds(baseline)]
@@ -115,7 +115,7 @@ def _gain(ablation: "Ablation", arm: str, domains: tuple[str, ...]) -> Gain | No
     low, high = paired_interval(np.stack(won, axis=1), by_images.var(axis=0, ddof=1), images)
     means = [float(each.mean()) for each in won]
     share = share_interval(won[0], won[1], by_images, images)
-    return Gain(
+    return ArmGain(
         arm,
         domains,
         float(at_baseline.mean()),
@@ -126,7 +126,7 @@ def _gain(ablation: "Ablation", arm: str, domains: tuple[str, ...]) -> Gain | No
     )
 
 
-def gain_table(found: list[Gain], baseline: str, oracle: str) -> tables.Table:
+def gain_table(found: list[ArmGain], baseline: str, oracle: str) -> tables.ResultTable:
     """A row for each arm and domain."""
 
     def cell(each: tuple[float, float, float]) -> str:
@@ -144,6 +144,6 @@ def gain_table(found: list[Gain], baseline: str, oracle: str) -> tables.Table:
         [g.arm, " and ".join(g.domains), f"{g.baseline:.3f}", cell(g.gain), cell(g.oracle), str(g)]
         for g in found
     ]
-    return tables.Table(
+    return tables.ResultTable(
         "Keypoint AP50-95 (COCO's): what knowing the camera gains, and the share of it", head, rows
     )

@@ -126,7 +126,7 @@ def outcomes(ablation: "Ablation") -> list[Outcome]:
     return made
 
 
-def effect_table(ablation: "Ablation") -> tables.Table:
+def effect_table(ablation: "Ablation") -> tables.ResultTable:
     """A row for each hidden effect: the diagnosis, the loss, and the gain by each training."""
     head = [
         "hidden effect",
@@ -157,7 +157,9 @@ def effect_table(ablation: "Ablation") -> tables.Table:
                 "the same run" if same else "" if o.known is None else str(o.known),
             ]
         )
-    return tables.Table("Hidden effects: keypoint AP50-95 (COCO's) on the camera that has them", head, rows)
+    return tables.ResultTable(
+        "Hidden effects: keypoint AP50-95 (COCO's) on the camera that has them", head, rows
+    )
 
 
 def proof_sections(ablation: "Ablation") -> list[Section]:

@@ -12,7 +12,7 @@ from visaug.report.plots.images import plot_images
 from visaug_train import tables
 from visaug_train.noise import vis_noise
 from visaug_train.plots import plot_scores, read_gray
-from visaug_train.studies.oracle import MEASURE, Gain, gain_table, target_sets
+from visaug_train.studies.oracle import MEASURE, ArmGain, gain_table, target_sets
 from visaug_train.studies.target import TargetCamera
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def target_sections(ablation: "Ablation") -> list[Section]:
     return sections
 
 
-def gain_finding(gain: Gain, oracle: str) -> str:
+def gain_finding(gain: ArmGain, oracle: str) -> str:
     """What came out for one arm, whichever way, in a sentence."""
     change, low, high = gain.gain
     verdict = "raises" if low > 0 else "lowers" if high < 0 else "does not clearly change"

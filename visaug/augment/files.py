@@ -18,7 +18,7 @@ import torch
 
 from visaug.augment.image_io import Picture, read_picture, write_picture
 from visaug.augment.images import check_bits
-from visaug.augment.jobs import Jobs, find_label, label_place, plan_jobs
+from visaug.augment.jobs import CopyPlan, find_label, label_place, plan_jobs
 from visaug.augment.journal import JOURNAL as JOURNAL
 from visaug.augment.journal import Journal, content_of, made_of, settings_of
 from visaug.augment.label_images import why_labels
@@ -154,7 +154,7 @@ def augment_files(
     return done
 
 
-def _carried(jobs: Jobs, copies: int) -> dict[str, Path]:
+def _carried(jobs: CopyPlan, copies: int) -> dict[str, Path]:
     """Files that go along as they are: all others, but for YOLO labels, which have places of their own."""
     if copies > 1:
         return {}

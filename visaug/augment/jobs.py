@@ -12,7 +12,7 @@ from visaug.core.errors import InputError
 
 
 @dataclass
-class Jobs:
+class CopyPlan:
     """Place below the output folder -> original, in the order of names; and what folders held besides.
 
     Attributes:
@@ -34,7 +34,7 @@ def plan_jobs(
     copies: int = 1,
     include: Sequence[str] = (),
     exclude: Sequence[str] = (),
-) -> Jobs:
+) -> CopyPlan:
     """One job for each copy of each picture.
 
     Args:
@@ -48,7 +48,7 @@ def plan_jobs(
     Raises:
         InputError: no pictures, a pattern to include that matches nothing, or an output that would overwrite an original.
     """
-    jobs = Jobs()
+    jobs = CopyPlan()
     unused = set(include)
     for placed, name, source in _placed(inputs, output):
         suffix = source.suffix.lower()

@@ -37,7 +37,7 @@ FLATS, SIDE = 16, 96  # as many draws of the camera, each on SIDE x SIDE pixels
 
 
 @dataclass(frozen=True)
-class Sample:
+class NoiseSample:
     """A camera's noise on a picture.
 
     Attributes:
@@ -60,11 +60,11 @@ def sample(
     window: tuple[slice, slice],
     bits: int | None,
     conditions: str = "",
-) -> Sample:
+) -> NoiseSample:
     """The picture through a camera, and that camera's noise on even patches."""
     noisy = add_noise(picture, noise, seed, bits)
     name = " | ".join(camera.name for camera in noise.cameras)
-    return Sample(name, shown(noisy, window, bits), noise_by_level(picture, noise, seed), conditions)
+    return NoiseSample(name, shown(noisy, window, bits), noise_by_level(picture, noise, seed), conditions)
 
 
 def visible(

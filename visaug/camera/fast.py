@@ -7,13 +7,13 @@ Row and column patterns are the exact chain's own numbers, and so are pixel patt
 import logging
 import math
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from scipy.special import expit
+from scipy.special import expit, ndtr
 from torch import Tensor
 
 from visaug.camera import fused
@@ -111,6 +111,8 @@ def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: b
     n[:, k.DARK_E] = np.minimum(values["exposure_s"] * values["dark_current.a_e_per_s"] * heat, MOST_E)
     n[:, k.FULL_WELL_E] = values["full_well_e"]
     n[:, k.READ_SCALE_E], n[:, k.READ_SHAPE] = sigma if own_scale else sigma / deviation, shape
+    if not kept:
+        n[:, k.CORE :] = read_curves(n[:, k.READ_SCALE_E], shape)
     n[:, k.AFTER_GAIN_E] = values["read_noise.after_gain_dn"] * gain
     n[:, k.E_PER_DN], n[:, k.BLACK_DN], n[:, k.MAX_DN] = (
         gain,
@@ -125,6 +127,29 @@ def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: b
         n[:, k.PRNU_PIXEL], n[:, k.DSNU_PIXEL_E] = values["prnu.pixel"], values["dsnu.pixel_e"]
         _set_short_cut(n, shape, np.asarray(deviation, np.float32))
     return n
+
+
+@cache
+def _nodes() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Where read noise is interpolated: normal numbers in either part and their tails; from values to coefficients."""
+    k = fused.kernel()
+    places = np.cos(np.pi * (np.arange(k.TERMS) + 0.5) / k.TERMS)
+    to_far, to_farthest = float(k.FAR) ** 2, float(k.FARTHEST) ** 2
+    squares = np.stack([to_far, to_farthest - to_far])[:, None] * (places + 1) / 2
+    z = np.sqrt(squares + np.array([[0.0], [to_far]]))
+    return z, ndtr(-z), ndtr(z), np.linalg.inv(np.vander(places, increasing=True)).T
+
+
+def read_curves(scale: np.ndarray, shape: np.ndarray) -> np.ndarray:
+    """Tukey-lambda quantiles at a normal number z, as the kernel has them: (B, 2 TERMS).
+
+    The first half interpolates scale Q(Phi(z)) / z as a polynomial of z^2, the second log Q(Phi(z)) in the far tail.
+    """
+    z, lower, upper, to_coefficients = _nodes()
+    safe = np.where(np.abs(shape) < 1e-6, 1e-6, shape)[:, None, None]
+    q = (upper**safe - lower**safe) / safe
+    core, beyond = scale[:, None] * (q[:, 0] / z[0]), np.log(q[:, 1])
+    return np.concatenate(np.broadcast_arrays(core @ to_coefficients, beyond @ to_coefficients), -1)
 
 
 def _set_short_cut(n: np.ndarray, shape: np.ndarray, deviation: np.ndarray) -> None:

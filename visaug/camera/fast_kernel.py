@@ -13,19 +13,24 @@ import numpy as np
 from numba import njit
 
 from visaug.core.sampling.kernels import (
+    HALF,
     ONE,
     SIXTH,
     SMALL_MEAN,
     ZERO,
+    as_float,
     compiled,
     counts,
     f32,
     f64,
+    float_bits,
     i32,
+    log,
     mix,
     normals,
     room_of,
     rows_at_once,
+    scramble,
     tukeys,
     u32,
     u64,
@@ -49,7 +54,10 @@ PRNU_PIXEL, DSNU_PIXEL_E = 15, 16  # drawn anew for each image; 0 where a map is
 FAINT_E = 17  # means up to it are so small beside the pixel offsets that they take the short cut
 LIMIT_E = 18  # means above it may meet the full well and draw each part on its own; below 0: all do
 ROW_DEVIATIONS, COLUMN_DEVIATIONS = 19, 22  # three each: of PRNU, of DSNU, of the noise of each exposure
-NUMBERS = 25
+CORE = 25  # TERMS coefficients of read noise at a normal number z up to FAR: e / z as a polynomial of z^2
+BEYOND = 33  # the same of log e
+TERMS = 8
+NUMBERS = 41
 
 # Columns of the table of keys: the streams of the effects, that of the short cut, and those of rows and columns.
 SHOT, READ, AFTER_GAIN, PRNU, DSNU, TOGETHER = 0, 1, 2, 3, 4, 5
@@ -61,9 +69,15 @@ MOST_E = 1e18  # electrons of which float32 still holds the squares
 # fifth cumulant, which it has not, read noise must hide most.
 FAINT_SKEWNESS, FAINT_FIFTH = 0.1, 0.025
 WIDEST_PRNU = 0.1  # of pixels drawn anew; beyond it the expansion of the count's quantile is not exact
+AT_ONCE = 64  # pixels
 STEP = u64(0x9E3779B97F4A7C15)
-TWO, THREE, FIVE, SEVEN = f32(2), f32(3), f32(5), f32(7)
-PER_24, PER_36 = f32(1 / 24), f32(1 / 36)
+THREE, SEVEN = f32(3), f32(7)
+PER_24, PER_18, FIVE_PER_36 = f32(1 / 24), f32(1 / 18), f32(5 / 36)
+PER_HALF_WORD = f32(2.0**-31)
+FAR, FARTHEST = f32(3.7), f32(6.7)  # beyond FAR are 2e-4 of all normal numbers, beyond FARTHEST none
+# sin(x pi/2) / x and cos(x pi/2) as polynomials of x^2 up to 1, within 1e-7: interpolated at Chebyshev's places.
+SIN = (f32(1.570796320e+00), f32(-6.459637604e-01), f32(7.968992260e-02), f32(-4.674150669e-03), f32(1.516751178e-04))
+COS = (f32(9.999999998e-01), f32(-1.233700534e+00), f32(2.536693225e-01), f32(-2.086268755e-02), f32(9.177238821e-04), f32(-2.382453550e-05))
 GILES_0, GILES_2, GILES_4 = f32(-8 / 405), f32(7 / 810), f32(1 / 270)
 TO_WHOLE = f32(1.5 * 2**23)  # to add and subtract it rounds to a whole number, halves to even, up to 2^22
 
@@ -175,13 +189,59 @@ def _count_apart(light, dark, faint, limit):
 
 @compiled
 def _two_words(key, place, one, other):
-    """Twice 32 random bits for each pixel of a window."""
+    """Twice 32 random bits for each pixel of a window: its column, mixed with three words of its row's key.
+
+    The factors and shifts are those of C. Wellons' triple32.
+    """
     channel, row, first, rows, width = place
     for r in range(rows):
         of_row = mix(mix(key + u64(channel) * STEP) + u64(row + r))
+        a, b, c = u32(of_row), u32(of_row >> u64(32)), u32(mix(of_row + STEP))
+        to, also = one[r * width : (r + 1) * width], other[r * width : (r + 1) * width]
         for x in range(width):
-            bits = mix(of_row + u64(first + x) * STEP)
-            one[r * width + x], other[r * width + x] = u32(bits), u32(bits >> u64(32))
+            word = scramble(u32(first + x), u32(31), u32(0x9E3779B9), a)  # pyright: ignore[reportCallIssue]
+            word = scramble(word, u32(17), u32(0xED5AD4BB), b)  # pyright: ignore[reportCallIssue]
+            word = scramble(word, u32(11), u32(0xAC4C1B51), u32(0))  # pyright: ignore[reportCallIssue]
+            to[x] = u32(word ^ (word >> u32(15)))
+            word = scramble(word, u32(15), u32(0x31848BAB), c)  # pyright: ignore[reportCallIssue]
+            also[x] = u32(word ^ (word >> u32(14)))
+
+
+@compiled
+def _two_normals(one, other, w, z):
+    """Two independent normal numbers from two words: the radius, and an angle, of Box and Muller."""
+    for x in range(w.size):
+        radius = math.sqrt(f32(-2) * log((f32(i32(one[x] >> u32(1))) + HALF) * PER_HALF_WORD))
+        half = f32(i32(other[x])) * PER_HALF_WORD  # of the right angle, either way
+        h2 = half * half
+        sine = SIN[0] + h2 * (SIN[1] + h2 * (SIN[2] + h2 * (SIN[3] + h2 * SIN[4])))
+        cosine = COS[0] + h2 * (COS[1] + h2 * (COS[2] + h2 * (COS[3] + h2 * (COS[4] + h2 * COS[5]))))
+        z[x] = radius * half * sine
+        side = i32(one[x] << u32(31))  # the other half of the circle
+        w[x] = as_float(float_bits(radius * cosine) ^ side)  # pyright: ignore[reportCallIssue]
+
+
+@compiled
+def _read_noise(z, n, e):
+    """Electrons of read noise at normal numbers z."""
+    c = n[CORE : CORE + TERMS]
+    c0, c1, c2, c3, c4, c5, c6, c7 = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7]
+    far = i32(0)
+    for x in range(e.size):
+        t = z[x] * z[x]
+        s = t * (f32(2) / (FAR * FAR)) - ONE
+        e[x] = z[x] * (c0 + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * (c5 + s * (c6 + s * c7)))))))
+        far += i32(t > FAR * FAR)
+    if far == 0:
+        return
+    for x in range(e.size):
+        t = z[x] * z[x]
+        if t > FAR * FAR:
+            s = (t - FAR * FAR) * (f32(2) / (FARTHEST * FARTHEST - FAR * FAR)) - ONE
+            value = ZERO
+            for k in range(TERMS):
+                value = value * s + n[BEYOND + TERMS - 1 - k]
+            e[x] = n[READ_SCALE_E] * math.copysign(math.exp(value), z[x])
 
 
 @compiled
@@ -195,10 +255,9 @@ def _add_quantiles(light, w, n, e):
         r = ONE / s
         r2, w2 = r * r, w[x] * w[x]
         skew = (m + THREE * v) * r2
-        curve = (m + SEVEN * v) * r2 * (w2 - THREE)
-        bend = skew * skew * (TWO * w2 - FIVE)
-        count = m + s * w[x] + skew * (w2 - ONE) * SIXTH + r * w[x] * (curve * PER_24 - bend * PER_36)
-        e[x] += count + m * r2 * r2 * (GILES_0 + w2 * (GILES_2 + w2 * GILES_4))
+        bend = (m + SEVEN * v) * r2 * PER_24 * (w2 - THREE) - skew * skew * (PER_18 * w2 - FIVE_PER_36)
+        even = m + skew * SIXTH * (w2 - ONE) + m * r2 * r2 * (GILES_0 + w2 * (GILES_2 + w2 * GILES_4))
+        e[x] += even + w[x] * (s + r * bend)
 
 
 @compiled
@@ -243,19 +302,31 @@ def _apart(source, n, keys, place, gains, offsets, words, room, mean, w, e):
 
 
 @compiled
-def _together(light, n, keys, place, offsets, one, other, w, e):
+def _together(light, n, keys, place, offsets, one, other, w, z, e):
     """Electrons of a window, count and pixel offsets as one."""
     _two_words(keys[TOGETHER], place, one, other)
-    tukeys(other, n[READ_SHAPE], n[READ_SCALE_E], e)
+    _two_normals(one, other, w, z)
+    _read_noise(z, n, e)
     _add_scaled(ONE, offsets, e)
-    normals(one, w)
     _add_quantiles(light, w, n, e)
 
 
 @compiled
-def _choose(light, apart, dark, faint, limit, e):
-    for x in range(e.size):
-        e[x] = apart[x] if _is_apart(light[x] + dark, faint, limit) else e[x]
+def _replace(source, n, keys, place, gains, offsets, light, words, room, mean, w, result, e):
+    """Draws each part on its own where that has to be: for AT_ONCE pixels of a row together."""
+    channel, row, first, rows, width = place
+    dark, faint, limit = n[DARK_E], n[FAINT_E], n[LIMIT_E]
+    for r in range(rows):
+        for x in range(0, width, AT_ONCE):
+            a, b = r * width + x, r * width + min(x + AT_ONCE, width)
+            if _count_apart(light[a:b], dark, faint, limit) == 0:
+                continue
+            here = (channel, row + r, first + x, 1, b - a)
+            w_, result_ = w[: b - a], result[: b - a]
+            _apart(source[a:b], n, keys, here, gains[a:b], offsets[a:b], words[: b - a + 3], room, mean[: b - a], w_, result_)
+            for i in range(a, b):
+                if _is_apart(light[i] + dark, faint, limit):
+                    e[i] = result_[i - a]
 
 
 @compiled
@@ -306,30 +377,22 @@ def expose(
         own = plane if len(row_gain) > channels else channel  # patterns of each image, or of one camera
         n, place = numbers[image], (channel, y + origin[0], origin[1], rows, width)
         pixels = rows * width
-        gains, offsets, light, mean = (
-            floats[0, :pixels],
-            floats[1, :pixels],
-            floats[2, :pixels],
-            floats[3, :pixels],
-        )
-        w, e, result = floats[4, :pixels], floats[5, :pixels], floats[6, :pixels]
+        seen, gains, offsets, light = floats[0, :pixels], floats[1, :pixels], floats[2, :pixels], floats[3, :pixels]
+        w, z, e = floats[4, :pixels], floats[5, :pixels], floats[6, :pixels]
         gain_map = gain_maps[plane if len(gain_maps) > channels else channel, y : y + rows].reshape(-1)
         offset_map = offset_maps[plane if len(offset_maps) > channels else channel, y : y + rows].reshape(-1)
         _sum(row_gain[own, y : y + rows], column_gain[own], gain_map, gains)
         _sum(row_offset[own, y : y + rows], column_offset[own], offset_map, offsets)
-        seen, to = floats[7, :pixels], out[plane, y : y + rows].reshape(-1)
+        to = out[plane, y : y + rows].reshape(-1)
         _values(source[plane, y : y + rows].reshape(-1), white, seen)
-        apart = seen.size
-        if n[LIMIT_E] >= ZERO:
+        if n[LIMIT_E] < ZERO:
+            _apart(seen, n, keys[image], place, gains, offsets, one, room, light, w, e)
+        else:
             _light(seen, n[ELECTRONS], gains, n[LEAST_E], light)
-            apart = _count_apart(light, n[DARK_E], n[FAINT_E], n[LIMIT_E])
-        if apart < seen.size:
-            _together(light, n, keys[image], place, offsets, one, other, w, e)
-        if apart > 0:
-            _apart(seen, n, keys[image], place, gains, offsets, one, room, mean, w, result)
-            if apart < seen.size:
-                _choose(light, result, n[DARK_E], n[FAINT_E], n[LIMIT_E], e)
-        _convert(e if apart < seen.size else result, seen, n, white, to)
+            _together(light, n, keys[image], place, offsets, one, other, w, z, e)
+            if _count_apart(light, n[DARK_E], n[FAINT_E], n[LIMIT_E]) > 0:
+                _replace(seen, n, keys[image], place, gains, offsets, light, one, room, floats[7], w, z, e)
+        _convert(e, seen, n, white, to)
 
 
 @compiled

@@ -22,7 +22,7 @@ PARTS = ("read_noise", "dark_current", "prnu", "dsnu")
 
 
 @dataclass(frozen=True)
-class Place:
+class ResolvedPath:
     """Which effect and parameter a path means."""
 
     effect: type[Effect] | None
@@ -37,16 +37,16 @@ def path_of(effect: str, parameter: str) -> str:
     return f"{effect}.{parameter}"
 
 
-def place_of(path: str) -> Place:
+def place_of(path: str) -> ResolvedPath:
     """The effect and parameter behind a path; KeyError where there is none."""
     if path == "exposure_s":
-        return Place(None, EXPOSURE)
+        return ResolvedPath(None, EXPOSURE)
     if path == "temperature_c":
-        return Place(None, TEMPERATURE)
+        return ResolvedPath(None, TEMPERATURE)
     effect, _, parameter = path.partition(".")
     effect, parameter = TOP_LEVEL.get(path, (effect, parameter))
     known = catalogue()[effect]
-    return Place(known, known.parameters[parameter])
+    return ResolvedPath(known, known.parameters[parameter])
 
 
 def numeric_values(spec: "CameraSpec") -> dict[str, float]:

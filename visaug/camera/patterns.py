@@ -58,7 +58,7 @@ class Mixture:
 
 
 @dataclass(frozen=True)
-class Profile:
+class LineLaw:
     """The law of a sensor's columns or rows.
 
     Attributes:
@@ -85,14 +85,14 @@ class Profile:
 
 
 @dataclass(frozen=True)
-class FixedPattern:
+class FixedPatternLaw:
     """The law of a sensor's offsets, columns + rows + pixels: what `fit_pattern` finds in a master bias.
 
     The columns hold the frame's mean. `pixel_e` is the deviation of what columns and rows leave over, e-.
     """
 
-    columns: Profile
-    rows: Profile
+    columns: LineLaw
+    rows: LineLaw
     pixel_e: float
 
     def draw(self, resolution: tuple[int, int], seed: int) -> np.ndarray:
@@ -108,7 +108,7 @@ class FixedPattern:
         return pattern.astype(np.float32)
 
 
-def fit_pattern(master_bias_e: np.ndarray, noise_e: float = 0.0) -> FixedPattern:
+def fit_pattern(master_bias_e: np.ndarray, noise_e: float = 0.0) -> FixedPatternLaw:
     """The law of a sensor's fixed pattern from the mean of many bias frames.
 
     Args:
@@ -129,19 +129,19 @@ def fit_pattern(master_bias_e: np.ndarray, noise_e: float = 0.0) -> FixedPattern
     left = frame - columns[None, :] - rows[:, None]
     freedom = (frame.shape[0] - 1) * (frame.shape[1] - 1)
     variance = (left**2).sum() / freedom
-    return FixedPattern(
+    return FixedPatternLaw(
         fit_profile(columns), fit_profile(rows), float(np.sqrt(max(variance - noise_e**2, 0.0)))
     )
 
 
-def fit_profile(offsets_e: np.ndarray, components: int = COMPONENTS, degree: int = DEGREE) -> Profile:
+def fit_profile(offsets_e: np.ndarray, components: int = COMPONENTS, degree: int = DEGREE) -> LineLaw:
     """The law of a profile, (n,) in e-: mixture by likelihood, trend by least squares, spectrum of the rest."""
     offsets = np.asarray(offsets_e, np.float64)
     mixture = fit_mixture(offsets, components)
     scores = ndtri(mixture.cdf(offsets).clip(1e-6, 1 - 1e-6))
     trend = np.polynomial.polynomial.polyfit(_places(len(offsets)), scores, degree)
     rest = scores - _trend(trend, len(offsets))
-    return Profile(mixture, trend, _smooth(np.abs(np.fft.rfft(rest)) ** 2 / len(rest)))
+    return LineLaw(mixture, trend, _smooth(np.abs(np.fft.rfft(rest)) ** 2 / len(rest)))
 
 
 def fit_mixture(values: np.ndarray, components: int = COMPONENTS) -> Mixture:

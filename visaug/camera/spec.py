@@ -24,7 +24,7 @@ Element = Annotated[float, Field(ge=-100, le=100)]
 Row = tuple[Element, Element, Element]
 
 
-class ReadNoise(_Part):
+class ReadNoiseSpec(_Part):
     """Read noise: standard deviation, Tukey-lambda shape, and the part after the gain stage."""
 
     sigma_e: float = Field(0.0, ge=0, le=1e4)
@@ -37,7 +37,7 @@ class ReadNoise(_Part):
     )
 
 
-class DarkCurrent(_Part):
+class DarkCurrentSpec(_Part):
     """a exp(b T), or a datasheet's value at a reference temperature with its doubling interval."""
 
     a_e_per_s: float = Field(0.0, ge=0, le=1e7)
@@ -47,7 +47,7 @@ class DarkCurrent(_Part):
     doubling_c: float | None = Field(None, gt=1, le=100, exclude=True)
 
     @model_validator(mode="after")
-    def _from_datasheet(self) -> "DarkCurrent":
+    def _from_datasheet(self) -> "DarkCurrentSpec":
         rate, reference, doubling = self.reference_e_per_s, self.reference_temperature_c, self.doubling_c
         if rate is None and reference is None and doubling is None:
             return self
@@ -61,7 +61,7 @@ class DarkCurrent(_Part):
         return self
 
 
-class PRNU(_Part):
+class PRNUSpec(_Part):
     """Photo-response nonuniformity: relative standard deviations of columns, rows and pixels."""
 
     column: float = Field(0.0, ge=0, le=0.5)
@@ -72,7 +72,7 @@ class PRNU(_Part):
     )
 
 
-class DSNU(_Part):
+class DSNUSpec(_Part):
     """Dark-signal nonuniformity: standard deviations of columns, rows and pixels, in electrons."""
 
     column_e: float = Field(0.0, ge=0, le=1e4)
@@ -119,10 +119,10 @@ class CameraSpec(_Part):
     full_well_e: float | None = Field(None, ge=1, le=1e9)
     exposure_s: float = Field(0.01, ge=0, le=1e5)
     temperature_c: float = Field(20.0, ge=-150, le=150)
-    read_noise: ReadNoise = Field(default_factory=lambda: ReadNoise.model_validate({}))
-    dark_current: DarkCurrent = Field(default_factory=lambda: DarkCurrent.model_validate({}))
-    prnu: PRNU = Field(default_factory=lambda: PRNU.model_validate({}))
-    dsnu: DSNU = Field(default_factory=lambda: DSNU.model_validate({}))
+    read_noise: ReadNoiseSpec = Field(default_factory=lambda: ReadNoiseSpec.model_validate({}))
+    dark_current: DarkCurrentSpec = Field(default_factory=lambda: DarkCurrentSpec.model_validate({}))
+    prnu: PRNUSpec = Field(default_factory=lambda: PRNUSpec.model_validate({}))
+    dsnu: DSNUSpec = Field(default_factory=lambda: DSNUSpec.model_validate({}))
     colour: Colour | None = Field(None, description="left out: a monochrome camera")
     effects: list[dict[str, Any]] = Field(default_factory=list)
     randomize: dict[str, float | dict[str, float | list[float]]] = Field(default_factory=dict)

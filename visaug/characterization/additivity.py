@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from visaug.characterization.findings import Findings
-from visaug.characterization.groups import Level, Measured
+from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.photon_transfer import safe_levels, saturated_level
 
 FROM_GAIN = ("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "dsnu.*", "dark_current.*", "full_well_e", "prnu.*",
@@ -26,7 +26,7 @@ _TELLS = (
 
 
 @dataclass(frozen=True)
-class Course:
+class VarianceFits:
     """Chi square of variance against signal with its degrees of freedom: a straight line through the origin, one that bends, and
     one that is lifted, whose intercept is `lift` of its standard errors from 0 at the signal `origin_dn`.
     """
@@ -75,7 +75,7 @@ class Course:
         return self.deviates and abs(self.bent[0] - self.lifted[0]) <= _TELLS
 
 
-def course(levels: Sequence[Level]) -> Course:
+def course(levels: Sequence[FlatLevel]) -> VarianceFits:
     """Of levels clear of saturation."""
     x = np.array([v.signal for v in levels])
     y = np.array([v.variance_of_all for v in levels])
@@ -90,16 +90,16 @@ def course(levels: Sequence[Level]) -> Course:
 
     straight = fit((1,))
     if len(x) < 3:
-        return Course(straight[:2], None, None, 0.0, 0.0)
+        return VarianceFits(straight[:2], None, None, 0.0, 0.0)
     bent, lifted = fit((1, 2)), fit((0, 1))
     value, error = lifted[2], lifted[3]
     origin = -value[0] / value[1] if value[1] > 0 else 0.0
-    return Course(
+    return VarianceFits(
         straight[:2], bent[:2], lifted[:2], float(value[0] / error[0]), float(origin), float(value[0])
     )
 
 
-def variance_error(level: Level) -> float:
+def variance_error(level: FlatLevel) -> float:
     """Standard error of a level's variance of white normal noise and of what was added to it, DN^2."""
     parts = [
         2 * m.variance**2 / max((m.n - 1) * m.shape[0] * m.shape[1], 1) for m in (level.flat, level.dark)

@@ -9,13 +9,20 @@ import numpy as np
 from scipy import optimize
 
 from visaug.characterization import dark_current, tukey
-from visaug.characterization.cut_means import Lines, cut_mean, lines
+from visaug.characterization.cut_means import LineLocations, cut_mean, lines
 from visaug.characterization.dark import found_law
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly
-from visaug.characterization.rounded import BLOCKS, Fit, Profile, Sample, fit_locations, take_sample
+from visaug.characterization.rounded import (
+    BLOCKS,
+    CodeHistograms,
+    RoundedFit,
+    SigmaLikelihood,
+    fit_locations,
+    take_sample,
+)
 from visaug.characterization.still import CLIPPED, add_in_electrons, add_profiles
 from visaug.core.intervals import mean_error, root, symmetric, t_quantile, variance_combination
 
@@ -31,12 +38,12 @@ _FINER = "a finer converter or more gain: the noise is below half a DN"
 class _Solution:
     """What the likelihood and the means of rows and columns give together, all in DN above the sample's origin."""
 
-    fit: Fit
-    rows: Lines
-    columns: Lines
+    fit: RoundedFit
+    rows: LineLocations
+    columns: LineLocations
     pixel_variance: float
 
-    def level(self, master: np.ndarray, fit: Fit) -> float:
+    def level(self, master: np.ndarray, fit: RoundedFit) -> float:
         """Mean location of the columns where `fit` describes the noise."""
         _, columns, _ = lines(master, fit, self.rows, self.columns, self.pixel_variance)
         return float(columns.places.mean())
@@ -50,7 +57,7 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
     coarse = not rounds_evenly(still)
     sample = take_sample(measured.frames, still.group.indices, still, seed, coarse)
     master = master - sample.origin
-    profile = Profile(sample) if coarse else None
+    profile = SigmaLikelihood(sample) if coarse else None
     solution = _of_coarse(sample, master, profile) if profile else _of_fine(sample, master)
     cut = " cut at 0" if still.clipped_low > CLIPPED else ""
     source = f"likelihood of {still.n} {still.group.kind} frames{cut}, rounded"
@@ -69,11 +76,11 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
         _coarse(found, still, solution, profile.bounds(solution.fit), source)
 
 
-def _of_fine(sample: Sample, master: np.ndarray) -> _Solution:
+def _of_fine(sample: CodeHistograms, master: np.ndarray) -> _Solution:
     """Noise of several DN: its tails are seen, and rows and columns are located one by one."""
     free = 0, 1, 2, 3
     fit = fit_locations(sample, np.zeros(len(sample.rows)), None, free)
-    rows, columns = (Lines(np.zeros(n), 0.0) for n in master.shape)
+    rows, columns = (LineLocations(np.zeros(n), 0.0) for n in master.shape)
     pixel_variance = None
     for _ in range(_ROUNDS):
         rows, columns, pixel_variance = lines(master, fit, rows, columns, pixel_variance)
@@ -84,10 +91,10 @@ def _of_fine(sample: Sample, master: np.ndarray) -> _Solution:
     return _Solution(fit, *lines(master, fit, rows, columns, pixel_variance))
 
 
-def _of_coarse(sample: Sample, master: np.ndarray, profile: Profile) -> _Solution:
+def _of_coarse(sample: CodeHistograms, master: np.ndarray, profile: SigmaLikelihood) -> _Solution:
     """Normal noise of less than a DN: the spread of the fit is that of rows, columns and pixels together."""
     fit = fit_locations(sample, np.zeros(len(sample.rows)), profile.start(), (0, 2, 3))
-    rows, columns = (Lines(np.zeros(n), 0.0) for n in master.shape)
+    rows, columns = (LineLocations(np.zeros(n), 0.0) for n in master.shape)
     return _Solution(fit, *lines(master, fit, rows, columns, None))
 
 
@@ -202,5 +209,7 @@ def _dark(found: Findings, measured: Measured, solution: _Solution, origin: int)
         slope = (mean_at(shift + h) - mean_at(shift - h)) / (2 * h)
         scatter = m.frame_variance / max(slope, 0.02) ** 2
         group = m.group
-        points.append(dark_current.Point(group.temperature_c, group.exposure_s, m.n, shift, scatter, m.n - 1))
+        points.append(
+            dark_current.DarkPoint(group.temperature_c, group.exposure_s, m.n, shift, scatter, m.n - 1)
+        )
     found_law(found, dark_current.slopes(points))

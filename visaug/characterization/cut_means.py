@@ -9,11 +9,11 @@ import numpy as np
 
 from visaug.characterization import tukey
 from visaug.characterization.photon_transfer import EVEN_DN
-from visaug.characterization.rounded import Fit
+from visaug.characterization.rounded import RoundedFit
 
 
 @dataclass(frozen=True)
-class Lines:
+class LineLocations:
     """Locations of columns or of rows (DN), and the mean variance of their error (DN^2)."""
 
     places: np.ndarray
@@ -25,8 +25,8 @@ class Lines:
 
 
 def lines(
-    master: np.ndarray, fit: Fit, rows: Lines, columns: Lines, pixel_var: float | None
-) -> tuple[Lines, Lines, float]:
+    master: np.ndarray, fit: RoundedFit, rows: LineLocations, columns: LineLocations, pixel_var: float | None
+) -> tuple[LineLocations, LineLocations, float]:
     """Locations of rows and columns, by turns, and the pixels' variance (DN^2): as given, or what the two leave.
 
     Without a value the fit's spread is that of all three together.
@@ -47,7 +47,9 @@ def _row_errors(master: np.ndarray) -> np.ndarray:
     return (master - master.mean(0)).std(1, ddof=1) / math.sqrt(master.shape[1])
 
 
-def locations(means: np.ndarray, errors: np.ndarray, fit: Fit, pixel_var: float, across: np.ndarray) -> Lines:
+def locations(
+    means: np.ndarray, errors: np.ndarray, fit: RoundedFit, pixel_var: float, across: np.ndarray
+) -> LineLocations:
     """Locations of columns (rows) whose cut mean is as measured.
 
     Args:
@@ -64,10 +66,10 @@ def locations(means: np.ndarray, errors: np.ndarray, fit: Fit, pixel_var: float,
     floor = curve[min(np.searchsorted(curve, 1e-5 * fit.sigma), len(curve) - 1)]
     places = np.interp(np.maximum(means, floor), curve, grid)
     slope = np.interp(places, grid, np.gradient(curve, grid))
-    return Lines(places, float(np.mean((errors / np.maximum(slope, 0.02)) ** 2)))
+    return LineLocations(places, float(np.mean((errors / np.maximum(slope, 0.02)) ** 2)))
 
 
-def cut_mean(fit: Fit, within: float, electrons: float = 0.0, dn_per_e: float = 0.0):
+def cut_mean(fit: RoundedFit, within: float, electrons: float = 0.0, dn_per_e: float = 0.0):
     """Grid of mean levels (DN) and the mean of max(0, level + noise), rounded, there.
 
     The noise: read noise, N(0, within) of locations, and the Poisson spread (its skewness too) of `electrons`.

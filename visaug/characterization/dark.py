@@ -53,7 +53,7 @@ def _saturated(found: Findings, groups: tuple[GroupMoments, ...]) -> None:
         )
 
 
-def _of_frames(measured: Measured, groups: tuple[GroupMoments, ...]) -> dark_current.Law | None:
+def _of_frames(measured: Measured, groups: tuple[GroupMoments, ...]) -> dark_current.DarkCurrentLaw | None:
     records = measured.frames.records
     rows = [
         (records[i].temperature_c, records[i].exposure_s, level)
@@ -64,7 +64,7 @@ def _of_frames(measured: Measured, groups: tuple[GroupMoments, ...]) -> dark_cur
     return dark_current.joint_law(*np.array(rows, float).reshape(-1, 3).T)
 
 
-def _add_law(found: Findings, law: dark_current.Law, source: str, assumes: str = "") -> None:
+def _add_law(found: Findings, law: dark_current.DarkCurrentLaw, source: str, assumes: str = "") -> None:
     """The law in electrons where the gain is known."""
     scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
     relative = 0.0 if found.gain is None else found.gain.relative_error
@@ -122,7 +122,7 @@ def found_law(found: Findings, lines: list[dark_current.Slope]) -> None:
         found.miss("dark_current.b_per_c", needs)
 
 
-def _too_flat(found: Findings, lines: list[dark_current.Slope], law: dark_current.Law) -> None:
+def _too_flat(found: Findings, lines: list[dark_current.Slope], law: dark_current.DarkCurrentLaw) -> None:
     """Warns of a dark signal that grows less than that of silicon, d ln I / dT = E / k T^2: part of it does not depend on
     temperature.
     """

@@ -30,7 +30,7 @@ class Slope:
 
 
 @dataclass(frozen=True)
-class Law:
+class DarkCurrentLaw:
     """a exp(b T): logarithm of a (DN/s) and b with their covariance."""
 
     log_a: float
@@ -41,7 +41,7 @@ class Law:
 
 
 @dataclass(frozen=True)
-class Point:
+class DarkPoint:
     """Level (or variance) of one group of frames; `scatter` is the variance of one frame's share in it."""
 
     temperature_c: float | None
@@ -52,18 +52,18 @@ class Point:
     df: float
 
 
-def mean_points(moments: Sequence[GroupMoments]) -> list[Point]:
+def mean_points(moments: Sequence[GroupMoments]) -> list[DarkPoint]:
     """Mean level; its scatter is that of the frames' means, of which the pixels' noise is the least part."""
     return [
-        Point(m.group.temperature_c, m.group.exposure_s, m.n, m.mean, m.frame_variance, m.n - 1)
+        DarkPoint(m.group.temperature_c, m.group.exposure_s, m.n, m.mean, m.frame_variance, m.n - 1)
         for m in moments
     ]
 
 
-def variance_points(moments: Sequence[GroupMoments]) -> list[Point]:
+def variance_points(moments: Sequence[GroupMoments]) -> list[DarkPoint]:
     """Temporal variance; a variance of df degrees of freedom scatters by 2/df of its square."""
     return [
-        Point(
+        DarkPoint(
             m.group.temperature_c,
             m.group.exposure_s,
             m.n,
@@ -89,7 +89,7 @@ def wanders(temperature_c: np.ndarray, exposure_s: np.ndarray) -> bool:
     return drifts or (len(steps) > 1 and any(len(np.unique(e[s])) < 2 for s in steps))
 
 
-def joint_law(temperature_c: np.ndarray, exposure_s: np.ndarray, level: np.ndarray) -> Law | None:
+def joint_law(temperature_c: np.ndarray, exposure_s: np.ndarray, level: np.ndarray) -> DarkCurrentLaw | None:
     """a exp(b T) t + black level by one least-squares fit over frames, each of its own temperature and
     exposure; the misfit tells the errors.
     """
@@ -112,16 +112,18 @@ def joint_law(temperature_c: np.ndarray, exposure_s: np.ndarray, level: np.ndarr
     except np.linalg.LinAlgError:
         return None
     shift = np.array([[1.0, -centre], [0.0, 1.0]])
-    return Law(float(fit.x[1] - fit.x[2] * centre), float(fit.x[2]), shift @ covariance @ shift.T, n - 3, 0.0)
+    return DarkCurrentLaw(
+        float(fit.x[1] - fit.x[2] * centre), float(fit.x[2]), shift @ covariance @ shift.T, n - 3, 0.0
+    )
 
 
-def slopes(points: Sequence[Point]) -> list[Slope]:
+def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
     """A straight line against exposure at every temperature with two or more exposures.
 
     The error comes from how frames scatter about their group (black-level drift is in it) or, where lines
     have three or more exposures, from how groups scatter about the lines, whichever is larger.
     """
-    by_temperature: dict[float | None, list[Point]] = {}
+    by_temperature: dict[float | None, list[DarkPoint]] = {}
     for p in points:
         t = p.temperature_c
         near = (k for k in by_temperature if k is not None and t is not None and abs(k - t) < 0.6)
@@ -155,7 +157,7 @@ def slopes(points: Sequence[Point]) -> list[Slope]:
     return sorted(found, key=lambda s: (s.temperature_c is not None, s.temperature_c or 0.0))
 
 
-def law(found: Sequence[Slope]) -> Law | None:
+def law(found: Sequence[Slope]) -> DarkCurrentLaw | None:
     """Exponential law through slopes at two or more temperatures by weighted least squares, if there is
     one.
     """
@@ -179,7 +181,7 @@ def law(found: Sequence[Slope]) -> Law | None:
     misfit = 2 * fit.cost / (len(t) - 2) if len(t) > 2 else 0.0
     covariance *= max(misfit, 1.0)
     shift = np.array([[1.0, -centre], [0.0, 1.0]])  # from the centre to 0 degrees
-    return Law(
+    return DarkCurrentLaw(
         fit.x[0] - fit.x[1] * centre, float(fit.x[1]), shift @ covariance @ shift.T, points[0].df, misfit
     )
 
@@ -192,7 +194,7 @@ def _line(t: np.ndarray, y: np.ndarray, n: np.ndarray) -> tuple[float, float, fl
     return value, float((n * y).sum() / n.sum()) - value * middle, spread, middle
 
 
-def _scatter(points: Sequence[Point]) -> tuple[float, float]:
+def _scatter(points: Sequence[DarkPoint]) -> tuple[float, float]:
     """Pooled variance of one frame's share, and its degrees of freedom."""
     if points and all(math.isinf(p.df) for p in points):
         return float(np.mean([p.scatter for p in points])), math.inf

@@ -23,7 +23,7 @@ _MOST_COVERED = 0.4  # share of the lines that may be covered at one edge
 
 
 @dataclass(frozen=True)
-class Level:
+class GroupSummary:
     """One group: median level and noise (DN), mean of every row and column, histogram of whole DN."""
 
     kind: str
@@ -46,7 +46,7 @@ class Extremes:
         row_bits, column_bits: (H,), (W,) bits that ever change in a row or column; None where values are no whole DN.
     """
 
-    levels: tuple[Level, ...]
+    levels: tuple[GroupSummary, ...]
     low: np.ndarray = field(repr=False)
     high: np.ndarray = field(repr=False)
     flat_low: np.ndarray = field(repr=False)
@@ -105,7 +105,9 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
         middle = float(np.median(medians))
         noise = max(float(np.median([facts[i].noise for i in group.indices])), 1.0)
         n = len(group.indices)
-        levels.append(Level(group.kind, middle, noise, rows / n, columns / n, codes if whole else None))
+        levels.append(
+            GroupSummary(group.kind, middle, noise, rows / n, columns / n, codes if whole else None)
+        )
         if ends_here is not None and n > 1:
             for end, there in zip(ends_here, (top, bottom)):
                 if abs(end - middle) > _APART * noise:

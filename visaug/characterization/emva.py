@@ -14,7 +14,7 @@ from visaug.characterization import emva4
 from visaug.characterization.alike import SAME_C, degrees_apart
 from visaug.characterization.dark_current import mean_points, slopes, variance_points
 from visaug.characterization.findings import Findings
-from visaug.characterization.groups import Level, Measured
+from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import parts, release_4
@@ -107,7 +107,7 @@ def _alike(a: float | None, b: float | None) -> bool:
     return degrees_apart(a, b) <= SAME_C
 
 
-def _saturation(found: Findings, levels: tuple[Level, ...], saturation: int | None, efficiency) -> None:
+def _saturation(found: Findings, levels: tuple[FlatLevel, ...], saturation: int | None, efficiency) -> None:
     if saturation is None:
         found.miss("emva.saturation_photons", "flats beyond saturation")
         found.miss("emva.saturation_e", "flats beyond saturation")
@@ -222,7 +222,7 @@ def _spatial(found: Findings, measured: Measured, gain: float, relative: float) 
         found.curves["emva4_defects_prnu"] = emva4.defect_counts(emva4.high_pass(percent))
 
 
-def _stack(measured: Measured) -> Level | None:
+def _stack(measured: Measured) -> FlatLevel | None:
     """The level for spatial figures: most frames; among equals nearest to half of saturation."""
     levels = [v for v in measured.levels if v.flat.n > 1 and v.dark.n > 1 and v.signal > 0]
     if not levels:

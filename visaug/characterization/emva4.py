@@ -14,7 +14,7 @@ import numpy as np
 from scipy import ndimage, stats
 
 from visaug.characterization.findings import Findings
-from visaug.characterization.groups import Level
+from visaug.characterization.groups import FlatLevel
 from visaug.characterization.moments import GroupMoments
 from visaug.characterization.nonuniformity import Parts, release_4
 from visaug.characterization.result import Estimate
@@ -141,7 +141,7 @@ def corrected_split(m: GroupMoments) -> dict[str, float]:
 
 
 def corrected(
-    found: Findings, level: Level, dark_parts: Parts, flat_parts: Parts, gain: float, relative: float
+    found: Findings, level: FlatLevel, dark_parts: Parts, flat_parts: Parts, gain: float, relative: float
 ) -> None:
     """`emva4_corrected.*` where rows or columns share temporal noise, with a warning that says what it does."""
     from visaug.core.intervals import root
@@ -181,7 +181,7 @@ def high_pass(values: np.ndarray) -> np.ndarray:
     return (values - smooth)[inner] / math.sqrt(1 - 1 / _HIGH_PASS**2)
 
 
-def prnu_high_pass(found: Findings, level: Level, dark_map: np.ndarray, flat_map: np.ndarray) -> None:
+def prnu_high_pass(found: Findings, level: FlatLevel, dark_map: np.ndarray, flat_map: np.ndarray) -> None:
     """PRNU of what a high-pass filter leaves: shading of lamp and lens, which the standard's PRNU holds, is gone."""
     if min(flat_map.shape) <= 2 * _HIGH_PASS:
         return
@@ -195,7 +195,7 @@ def prnu_high_pass(found: Findings, level: Level, dark_map: np.ndarray, flat_map
 
 
 def sweep_curves(
-    levels: tuple[Level, ...], saturation: int | None, last: int, darks: list[GroupMoments]
+    levels: tuple[FlatLevel, ...], saturation: int | None, last: int, darks: list[GroupMoments]
 ) -> dict[str, dict[str, np.ndarray]]:
     """Arrays of the plots against exposure: photons, means and variances of bright and dark frames."""
     photons = [math.nan if v.photons is None else v.photons for v in levels]

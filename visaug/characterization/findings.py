@@ -14,7 +14,7 @@ from visaug.characterization.result import Estimate
 
 
 @dataclass
-class Gain:
+class MeasuredGain:
     """DN per electron at the base gain, its relative standard error, and whether it was measured."""
 
     dn_per_e: float
@@ -35,7 +35,7 @@ class Findings:
     curves: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     maps: dict[str, np.ndarray] = field(default_factory=dict)
     spoils: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    gain: Gain | None = None
+    gain: MeasuredGain | None = None
     bit_depth: int | None = None
     dark_rate: tuple[float, float | None] | None = None  # e-/s and its temperature, where no law is known
     bend_per_e: float | None = None  # c of the response e (1 + c e), where it bends beyond doubt

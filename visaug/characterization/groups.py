@@ -19,7 +19,7 @@ _STACK = 4  # a flat with that many times more frames than the sweep's is a stac
 
 
 @dataclass(frozen=True)
-class Level:
+class FlatLevel:
     """A flat and the dark frames that belong to it.
 
     `dark_signal` is what dark current adds in the flat beyond its dark frames, whose exposure may differ
@@ -98,14 +98,14 @@ class Measured:
     moments: tuple[GroupMoments, ...]
     biases: tuple[GroupMoments, ...]
     darks: tuple[GroupMoments, ...]
-    levels: tuple[Level, ...]
-    other_gains: dict[float, tuple[Level, ...]]
+    levels: tuple[FlatLevel, ...]
+    other_gains: dict[float, tuple[FlatLevel, ...]]
     gain_db: float
     temperature_c: float | None
     calibrated: bool
 
     @property
-    def sweep(self) -> tuple[Level, ...]:
+    def sweep(self) -> tuple[FlatLevel, ...]:
         """Levels of the photon transfer, without big stacks where a sweep stands beside them."""
         levels = [v for v in self.levels if v.flat.n > 1 and v.dark.n > 1]
         usual = np.median([v.flat.n for v in levels]) if levels else 0
@@ -165,7 +165,7 @@ def measure_groups(frames: FrameSet, facts: Sequence[Facts], step_dn: float = 1.
     )
 
 
-def _with_rate(level: Level, lines: Sequence[Slope]) -> Level:
+def _with_rate(level: FlatLevel, lines: Sequence[Slope]) -> FlatLevel:
     """With the rate of the temperature nearest to the flat's, if it is the flat's."""
     here = level.flat.group.temperature_c
 
@@ -182,7 +182,7 @@ def _of(moments, kind: str, gain_db: float) -> tuple[GroupMoments, ...]:
     return tuple(m for m in moments if m.group.kind == kind and m.group.gain_db == gain_db)
 
 
-def _pair(moments: list[GroupMoments]) -> tuple[Level, ...]:
+def _pair(moments: list[GroupMoments]) -> tuple[FlatLevel, ...]:
     """Each flat with the dark or bias frames of nearest temperature and exposure in the same window.
 
     Of a flat of unknown temperature the exposure alone decides.
@@ -205,5 +205,5 @@ def _pair(moments: list[GroupMoments]) -> tuple[Level, ...]:
             default=None,
         )
         if dark is not None:
-            levels.append(Level(flat, dark))
+            levels.append(FlatLevel(flat, dark))
     return tuple(sorted(levels, key=lambda v: (v.photons if v.photons is not None else v.signal, v.signal)))

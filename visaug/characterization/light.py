@@ -7,13 +7,13 @@ import math
 import numpy as np
 
 from visaug.characterization import additivity, spatial
-from visaug.characterization.findings import Findings, Gain
-from visaug.characterization.groups import Level, Measured
+from visaug.characterization.findings import Findings, MeasuredGain
+from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.mosaic import Mosaic
 from visaug.characterization.nonuniformity import Parts, parts, surface
 from visaug.characterization.photon_transfer import (
-    PhotonTransfer,
+    PhotonTransferResult,
     converter_clips,
     full_well,
     relative_deviations,
@@ -32,7 +32,7 @@ _LEAST_EFFICIENCY = 1e-3  # e-/photon: below what silicon has anywhere between 3
 
 def gain_and_efficiency(
     found: Findings, measured: Measured, dark_tells: bool = True
-) -> PhotonTransfer | None:
+) -> PhotonTransferResult | None:
     """Photon transfer at the base gain."""
     result = transfer(measured.sweep, dark_tells)
     if result is None:
@@ -47,14 +47,14 @@ def gain_and_efficiency(
         source += ", without dark frames"
     low, high = 1 / (gain + half), 1 / (gain - half) if gain > half else math.inf
     found.add("gain_e_per_dn", (1 / gain, low, high), "e-/DN", source)
-    found.gain = Gain(gain, result.gain_error / gain, measured=True)
+    found.gain = MeasuredGain(gain, result.gain_error / gain, measured=True)
     _curvature(found, result, additivity.course([result.levels[i] for i in result.safe]))
     _efficiency(found, result)
     _transfer_curves(found, result)
     return result
 
 
-def _curvature(found: Findings, result: PhotonTransfer, course: additivity.Course) -> None:
+def _curvature(found: Findings, result: PhotonTransferResult, course: additivity.VarianceFits) -> None:
     if result.curvature_per_dn is None:
         if result.intercept_dn2 is None and course.deviates:
             found.warn(
@@ -83,7 +83,7 @@ def _curvature(found: Findings, result: PhotonTransfer, course: additivity.Cours
         )  # fmt: skip
 
 
-def _causes(found: Findings, result: PhotonTransfer, course: additivity.Course) -> str:
+def _causes(found: Findings, result: PhotonTransferResult, course: additivity.VarianceFits) -> str:
     """What bends a photon transfer, by what the frames say of each cause."""
     shared = found.filtered or any(v.shared_variance for v in result.levels)
     line = result.response
@@ -102,7 +102,7 @@ def _causes(found: Findings, result: PhotonTransfer, course: additivity.Course) 
     return "; ".join(f"{cause}: {verdict}" for cause, verdict in causes.items())
 
 
-def _efficiency(found: Findings, result: PhotonTransfer) -> None:
+def _efficiency(found: Findings, result: PhotonTransferResult) -> None:
     line = result.response
     if line is None:
         found.miss("quantum_efficiency", NEEDS_PHOTONS)
@@ -154,7 +154,7 @@ def _efficiency(found: Findings, result: PhotonTransfer) -> None:
         )  # fmt: skip
 
 
-def _transfer_curves(found: Findings, result: PhotonTransfer) -> None:
+def _transfer_curves(found: Findings, result: PhotonTransferResult) -> None:
     levels = result.levels
     found.curves["photon_transfer"] = {
         "signal_dn": np.array([v.signal for v in levels]),
@@ -172,7 +172,7 @@ def _transfer_curves(found: Findings, result: PhotonTransfer) -> None:
 
 
 def response_pattern(
-    found: Findings, measured: Measured, result: PhotonTransfer, mosaic: Mosaic | None = None
+    found: Findings, measured: Measured, result: PhotonTransferResult, mosaic: Mosaic | None = None
 ) -> Parts | None:
     """PRNU by row, column and pixel from the slope of every pixel over the safe levels.
 
@@ -233,7 +233,7 @@ def response_pattern(
     return split
 
 
-def _noise_over(colours: np.ndarray, moments: GroupMoments, result: PhotonTransfer) -> float:
+def _noise_over(colours: np.ndarray, moments: GroupMoments, result: PhotonTransferResult) -> float:
     """How much the temporal noise grows where every pixel is divided by its colour's response."""
     quiet = min(v.dark.variance for v in result.levels)
     shot = max(moments.variance - quiet, 0.0)
@@ -250,7 +250,7 @@ def colour_efficiency(found: Findings, mosaic: Mosaic) -> None:
     found.add("quantum_efficiency", interval, "e-/photon", mean.source + ", of green", 1.0)
 
 
-def capacity(found: Findings, result: PhotonTransfer, pattern: Parts | None) -> None:
+def capacity(found: Findings, result: PhotonTransferResult, pattern: Parts | None) -> None:
     """Full well from levels that charge clips."""
     spread = math.sqrt(max(pattern.total[0], 0.0)) if pattern else 0.0
     well = full_well(result, spread)
@@ -265,7 +265,7 @@ def capacity(found: Findings, result: PhotonTransfer, pattern: Parts | None) -> 
     )
 
 
-def gain_law(found: Findings, measured: Measured, result: PhotonTransfer) -> None:
+def gain_law(found: Findings, measured: Measured, result: PhotonTransferResult) -> None:
     """How the gain follows its setting: slope of measured over nominal decibels, 1 where it does exactly."""
     points = [(measured.gain_db, result.gain_dn_per_e, result.gain_error)]
     for gain_db, levels in measured.other_gains.items():
@@ -296,5 +296,5 @@ def gain_law(found: Findings, measured: Measured, result: PhotonTransfer) -> Non
         found.warn(f"gain_law: 1 dB of the setting is {slope:.3f} dB of gain, not 1")
 
 
-def _with_noise(levels: tuple[Level, ...]) -> list[Level]:
+def _with_noise(levels: tuple[FlatLevel, ...]) -> list[FlatLevel]:
     return [v for v in levels if v.flat.n > 1 and v.dark.n > 1]

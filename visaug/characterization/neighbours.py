@@ -15,7 +15,7 @@ import numpy as np
 from scipy import stats
 
 from visaug.characterization.findings import Findings
-from visaug.characterization.groups import Level, Measured
+from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.frames import FrameSet
 
@@ -138,7 +138,9 @@ def _coupling(correlation: float) -> float:
     return share if 0 < share < 0.1 else 0.0
 
 
-def _with(level: Level, levels: Sequence[Level], pairs: Sequence[tuple[Covariances, Covariances]]) -> Level:
+def _with(
+    level: FlatLevel, levels: Sequence[FlatLevel], pairs: Sequence[tuple[Covariances, Covariances]]
+) -> FlatLevel:
     for v, (flat, dark) in zip(levels, pairs):
         if v is level:
             # The sum of four covariances, each counted twice.

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import optimize, stats
 
 from visaug.characterization import dark_current, tukey
-from visaug.characterization.findings import Findings, Gain
+from visaug.characterization.findings import Findings, MeasuredGain
 from visaug.characterization.groups import Measured
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments, mean_map
@@ -33,7 +33,7 @@ _DROPPED_FROM = 4  # batches of fewer frames keep their smallest and largest mea
 def procedure(found: Findings, measured: Measured, camera: Camera | None) -> None:
     """Read noise, DSNU and dark current; the gain comes from the camera, or figures stay in DN."""
     if camera is not None:
-        found.gain = Gain(1 / camera.gain_at(measured.gain_db), 0.0, measured=False)
+        found.gain = MeasuredGain(1 / camera.gain_at(measured.gain_db), 0.0, measured=False)
     for name, needs in (
         ("gain_e_per_dn", NEEDS_FLATS + "; this procedure has none"),
         ("quantum_efficiency", NEEDS_PHOTONS + "; this procedure has none"),

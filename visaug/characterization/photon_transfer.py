@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize, stats
 
-from visaug.characterization.groups import Level
+from visaug.characterization.groups import FlatLevel
 from visaug.characterization.moments import GroupMoments
 from visaug.characterization.response import Response, response
 from visaug.core.intervals import jackknife
@@ -25,7 +25,7 @@ _COLLAPSE = 0.7  # variance below this share of the shot noise's tells clipping
 
 
 @dataclass(frozen=True)
-class PhotonTransfer:
+class PhotonTransferResult:
     """Results in DN and photons; errors are one standard deviation, relative where the name says so.
 
     Attributes:
@@ -39,7 +39,7 @@ class PhotonTransfer:
         safe: positions of the levels that are clear of saturation.
     """
 
-    levels: tuple[Level, ...]
+    levels: tuple[FlatLevel, ...]
     gain_dn_per_e: float
     gain_error: float
     df: float
@@ -60,7 +60,7 @@ def _established(estimate: tuple[float, float] | None, df: float) -> bool:
     return estimate is not None and abs(estimate[0]) > float(stats.t.ppf(1 - _DOUBT / 2, df)) * estimate[1]
 
 
-def transfer(levels: Sequence[Level], dark_tells: bool = True) -> PhotonTransfer | None:
+def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTransferResult | None:
     """The photon transfer of a sweep of flats; None where no level has signal and temporal noise.
 
     Variance V against signal S follows K S (1 + c S): c is what the response, or charge that shares, bends.
@@ -101,7 +101,7 @@ def transfer(levels: Sequence[Level], dark_tells: bool = True) -> PhotonTransfer
     added = _of_added(chosen, powers, weights, pedestal if not dark_tells else None)
     error = math.hypot(error, added[1])
     bend, bend_error, _ = found["curvature"]
-    return PhotonTransfer(
+    return PhotonTransferResult(
         levels,
         value,
         error,
@@ -116,7 +116,7 @@ def transfer(levels: Sequence[Level], dark_tells: bool = True) -> PhotonTransfer
 
 
 def _of_added(
-    levels: Sequence[Level], powers: tuple[int, ...], weights: np.ndarray, pedestal: float | None
+    levels: Sequence[FlatLevel], powers: tuple[int, ...], weights: np.ndarray, pedestal: float | None
 ) -> dict[int, float]:
     """Standard error of each coefficient by that of the covariances that were added to the variances."""
     x = np.array([v.signal if pedestal is None else v.flat.mean - pedestal for v in levels])
@@ -126,14 +126,14 @@ def _of_added(
     return {p: float(np.sqrt(((row * errors) ** 2).sum())) for p, row in zip(powers, influence)}
 
 
-def _powers(levels: Sequence[Level], dark_tells: bool) -> tuple[int, ...]:
+def _powers(levels: Sequence[FlatLevel], dark_tells: bool) -> tuple[int, ...]:
     """Powers of the signal in the fit: as many as the levels carry."""
     signals = [v.flat.mean if not dark_tells else v.signal for v in levels]
     carries = len(levels) >= 4 and max(signals) >= _SPAN * min(signals)
     return (1, 2) if dark_tells and carries else (1,) if dark_tells else (0, 1)
 
 
-def saturated_level(levels: Sequence[Level]) -> int | None:
+def saturated_level(levels: Sequence[FlatLevel]) -> int | None:
     """Position of the largest temporal variance, if it falls again at brighter levels or pixels clip."""
     variances = np.array([v.flat.variance for v in levels])
     top = int(variances.argmax())
@@ -143,7 +143,9 @@ def saturated_level(levels: Sequence[Level]) -> int | None:
     return top if falls or clips else None
 
 
-def safe_levels(levels: Sequence[Level], saturation: int | None, dark_tells: bool = True) -> tuple[int, ...]:
+def safe_levels(
+    levels: Sequence[FlatLevel], saturation: int | None, dark_tells: bool = True
+) -> tuple[int, ...]:
     limit = math.inf if saturation is None else _SAFE_SHARE * levels[saturation].signal
     chosen = [
         i
@@ -167,7 +169,7 @@ def rounds_evenly(moments: GroupMoments) -> bool:
     return moments.variance - moments.step_dn**2 / 12 >= (EVEN_DN * moments.step_dn) ** 2
 
 
-def last_fitted(levels: Sequence[Level], saturation: int | None) -> int:
+def last_fitted(levels: Sequence[FlatLevel], saturation: int | None) -> int:
     """Position of the last level of the standard's fits: up to 70 % of saturation."""
     top = len(levels) - 1 if saturation is None else saturation
     limit = (_FIT_SHARE if saturation is not None else 1.0) * levels[top].signal
@@ -175,7 +177,7 @@ def last_fitted(levels: Sequence[Level], saturation: int | None) -> int:
 
 
 def emva_sensitivity(
-    levels: Sequence[Level], saturation: int | None
+    levels: Sequence[FlatLevel], saturation: int | None
 ) -> dict[str, tuple[float, float, float]]:
     """Release 3: gain and responsivity by unweighted fits through the origin up to 70 % of saturation."""
     chosen = levels[: last_fitted(levels, saturation) + 1]
@@ -194,7 +196,7 @@ def emva_sensitivity(
 
 
 def emva_linearity(
-    levels: Sequence[Level], saturation: int | None
+    levels: Sequence[FlatLevel], saturation: int | None
 ) -> dict[str, tuple[float, float, float]] | None:
     """Release 3: least and largest relative deviation from a line fitted to relative deviations, 5 to 95
     %.
@@ -210,7 +212,7 @@ def emva_linearity(
     return jackknife(compute, chosen[0].flat.shape[0])
 
 
-def linearity_curve(levels: Sequence[Level], saturation: int | None) -> dict[str, np.ndarray]:
+def linearity_curve(levels: Sequence[FlatLevel], saturation: int | None) -> dict[str, np.ndarray]:
     """Photons and relative deviation of the levels that `emva_linearity` rests on."""
     chosen = _linear_levels(levels, saturation)
     rows = np.ones(chosen[0].flat.shape[0])
@@ -220,7 +222,7 @@ def linearity_curve(levels: Sequence[Level], saturation: int | None) -> dict[str
     }
 
 
-def _linear_levels(levels: Sequence[Level], saturation: int | None) -> list[Level]:
+def _linear_levels(levels: Sequence[FlatLevel], saturation: int | None) -> list[FlatLevel]:
     top = levels[-1 if saturation is None else saturation].signal
     return [
         v
@@ -229,19 +231,19 @@ def _linear_levels(levels: Sequence[Level], saturation: int | None) -> list[Leve
     ]
 
 
-def relative_deviations(levels: Sequence[Level], rows: np.ndarray) -> np.ndarray:
+def relative_deviations(levels: Sequence[FlatLevel], rows: np.ndarray) -> np.ndarray:
     x = np.array([v.photons for v in levels], float)
     y = np.array([v.signal_of(rows) for v in levels])
     slope, offset = np.polyfit(x, y, 1, w=1 / y)
     return y / (slope * x + offset) - 1
 
 
-def converter_clips(level: Level) -> bool:
+def converter_clips(level: FlatLevel) -> bool:
     """Whether the converter's end cuts a level: it cuts read noise too, which a full pixel keeps."""
     return level.flat.clipped_high > 0.01 or level.flat.variance < 0.5 * level.dark.variance
 
 
-def full_well(found: PhotonTransfer, nonuniformity: float) -> tuple[float, float] | None:
+def full_well(found: PhotonTransferResult, nonuniformity: float) -> tuple[float, float] | None:
     """Full well in electrons and its standard error, from the brightest level that charge clips; else None.
 
     The mean of a normal signal (shot noise and PRNU) clipped at F is known; F is where it meets the measured

@@ -15,7 +15,7 @@ _BEYOND = 6.0  # standard errors
 
 
 @dataclass(frozen=True)
-class PixelNoise:
+class PixelNoiseSpread:
     """Spread of the pixels' own read noise: standard deviation of log sigma, its error, and a map.
 
     Attributes:
@@ -31,7 +31,7 @@ class PixelNoise:
         return self.spread > _BEYOND * self.spread_error
 
 
-def pixel_noise(frames: FrameSet, still: GroupMoments) -> PixelNoise | None:
+def pixel_noise(frames: FrameSet, still: GroupMoments) -> PixelNoiseSpread | None:
     """Of six or more frames without light, else None.
 
     Pixels of one law have variances that scatter by chance, the more so the heavier its tails, but those of two
@@ -51,10 +51,10 @@ def pixel_noise(frames: FrameSet, still: GroupMoments) -> PixelNoise | None:
     spread = 0.5 * math.sqrt(max(covariance, 0.0))
     spread_error = error / (8 * spread) if covariance > error else 0.25 * math.sqrt(error)
     mixed = (first * (len(halves[0]) - 1) + second * (len(halves[1]) - 1)) / (still.n - 2)
-    return PixelNoise(spread, spread_error, np.sqrt(np.maximum(mixed - 1 / 12, 0.0)))
+    return PixelNoiseSpread(spread, spread_error, np.sqrt(np.maximum(mixed - 1 / 12, 0.0)))
 
 
-def shrunk(noise: PixelNoise, rms_dn: float) -> np.ndarray:
+def shrunk(noise: PixelNoiseSpread, rms_dn: float) -> np.ndarray:
     """The map without the chance of few frames: the logarithms drawn to their mean until they spread as the pixels' own do,
     scaled to the camera's read noise (rms), (H, W) DN.
     """

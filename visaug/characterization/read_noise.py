@@ -20,7 +20,7 @@ _REACH_SIGMA = 40.0
 
 
 @dataclass(frozen=True)
-class ReadNoise:
+class ReadNoiseResult:
     """Read noise of single pixels: standard deviation in DN, shape, errors (one sigma), fitted histogram."""
 
     sigma_dn: float
@@ -40,7 +40,7 @@ class ReadNoise:
 
 def fit(
     frames: FrameSet, indices: Sequence[int], moments: GroupMoments, other_variance: float = 0.0
-) -> ReadNoise:
+) -> ReadNoiseResult:
     """Fit residuals of two or more frames about their own mean map; nothing may clip.
 
     The residual of n frames is (1 - 1/n) times one draw less 1/n times the n - 1 others, so its law is known
@@ -78,7 +78,7 @@ def fit(
     errors = _sandwich(p, histogram, log_probabilities)
     model = np.exp(log_probabilities(p)) * counts.sum()
     sigma = math.exp(p[0]) / math.sqrt(kept)
-    return ReadNoise(
+    return ReadNoiseResult(
         sigma, float(p[1]), sigma * errors[0], errors[1], len(histogram) - 1, centres, counts, model
     )
 

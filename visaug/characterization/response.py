@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from visaug.characterization.groups import Level
+from visaug.characterization.groups import FlatLevel
 from visaug.core.intervals import mean_error, row_blocks
 
 _DOUBT = 0.002
@@ -40,7 +40,7 @@ class Response:
         return self.dn_per_photon * photons * (1 + self.curvature_per_photon * photons)
 
 
-def response(levels: Sequence[Level], dark_tells: bool = True) -> Response | None:
+def response(levels: Sequence[FlatLevel], dark_tells: bool = True) -> Response | None:
     """Signal per photon at low light, and its standard error as an estimate of the camera's own.
 
     Parts of the error: pixels and rows (blocks of rows left out), columns (blocks of columns left out), and
@@ -80,7 +80,7 @@ def response(levels: Sequence[Level], dark_tells: bool = True) -> Response | Non
 
 
 def _beside_the_light(
-    levels: Sequence[Level], photons: np.ndarray, dark_tells: bool
+    levels: Sequence[FlatLevel], photons: np.ndarray, dark_tells: bool
 ) -> tuple[list[np.ndarray] | None, str]:
     """Columns of the fit beside the photons: a pedestal, and the dark current of longer exposures."""
     pedestal = [] if dark_tells else [np.ones(len(levels))]
@@ -105,7 +105,7 @@ def _influence(basis: np.ndarray, photons: np.ndarray) -> np.ndarray:
 
 
 def _lamp(
-    basis: np.ndarray, photons: np.ndarray, signals: np.ndarray, levels: Sequence[Level]
+    basis: np.ndarray, photons: np.ndarray, signals: np.ndarray, levels: Sequence[FlatLevel]
 ) -> tuple[float, float]:
     """Relative variance of a level's light and its degrees of freedom: from frame to frame, and as levels
     scatter about the fit.
@@ -123,7 +123,7 @@ def _lamp(
 
 
 def _bend(
-    basis: np.ndarray, photons: np.ndarray, signals: np.ndarray, levels: Sequence[Level]
+    basis: np.ndarray, photons: np.ndarray, signals: np.ndarray, levels: Sequence[FlatLevel]
 ) -> tuple[float, bool]:
     """Coefficient of the square of the photons, and whether it is there beyond doubt."""
     whole = np.concatenate([basis, (photons**2)[:, None]], axis=1)

@@ -31,7 +31,7 @@ _GAIN = 0.02  # log-likelihood that a further step would gain: a seventh of a st
 
 
 @dataclass(frozen=True)
-class Sample:
+class CodeHistograms:
     """Counts (P, bins) of chosen pixels, edges between bins (DN above `origin`; bin 0 may be the cut), places of
     the pixels.
     """
@@ -51,7 +51,7 @@ class Sample:
 
 
 @dataclass(frozen=True)
-class Fit:
+class RoundedFit:
     """Log sigma (DN), shape (nan: normal noise), shift of the locations (DN), log of their spread (DN).
 
     Attributes:
@@ -77,7 +77,7 @@ class Fit:
 
 def take_sample(
     frames: FrameSet, indices: tuple[int, ...], still: GroupMoments, seed: int, coarse: bool
-) -> Sample:
+) -> CodeHistograms:
     """Counts of pixels drawn by chance; more of a coarse converter's, whose pixels are alike in many."""
     height, width = still.shape
     chosen = np.random.default_rng(seed).permutation(height * width)[
@@ -94,7 +94,7 @@ def take_sample(
     n = len(edges) + 1
     flat = (np.arange(len(rows))[None] * n + bins).ravel()
     counts = np.bincount(flat, minlength=len(rows) * n).reshape(len(rows), n).astype(np.float64)
-    return Sample(counts, edges, rows, columns, len(indices), origin)
+    return CodeHistograms(counts, edges, rows, columns, len(indices), origin)
 
 
 def _edges(dense: float, top: float, step: int) -> np.ndarray:
@@ -106,7 +106,9 @@ def _edges(dense: float, top: float, step: int) -> np.ndarray:
     return np.array(edges)
 
 
-def fit_locations(sample: Sample, centre: np.ndarray, start: Fit | None, free: tuple[int, ...]) -> Fit:
+def fit_locations(
+    sample: CodeHistograms, centre: np.ndarray, start: RoundedFit | None, free: tuple[int, ...]
+) -> RoundedFit:
     """Maximum likelihood, the location of pixel p being N(centre_p + shift, spread); `free` parameters only.
 
     Without a start and with a fixed shape the noise is normal.
@@ -160,19 +162,19 @@ def fit_locations(sample: Sample, centre: np.ndarray, start: Fit | None, free: t
     scores = _scores(p, sample, centre)[list(free)]
     covariance[np.ix_(free, free)] = _sandwich(scores, sample)
     independent = np.linalg.inv(scores @ scores.T + _RIDGE * np.eye(len(free)))[0, 0]
-    return Fit(
+    return RoundedFit(
         *map(float, p), covariance=covariance, dependence=max(float(covariance[0, 0] / independent), 1.0)
     )
 
 
-class Profile:
+class SigmaLikelihood:
     """Log-likelihood of normal noise finer than the converter's steps against its standard deviation.
 
     It may be flat down to no noise at all, and may have several maxima: it is mapped over a grid, with location and
     spread fitted at each standard deviation.
     """
 
-    def __init__(self, sample: Sample) -> None:
+    def __init__(self, sample: CodeHistograms) -> None:
         patterns, which = sample.alike
         self._times = np.bincount(which)
         self._few, self._centre = replace(sample, counts=patterns), np.zeros(len(patterns))
@@ -195,13 +197,15 @@ class Profile:
         best = optimize.minimize(loss, self._start, method="Nelder-Mead", options=options)
         return float(best.fun), best.x
 
-    def start(self) -> Fit:
+    def start(self) -> RoundedFit:
         """The best of the grid, to start a fit from."""
         best = int(self._losses.argmin())
         shift, log_spread = self._found[best][1]
-        return Fit(float(self._grid[best]), math.nan, float(shift), float(log_spread), np.zeros((4, 4)))
+        return RoundedFit(
+            float(self._grid[best]), math.nan, float(shift), float(log_spread), np.zeros((4, 4))
+        )
 
-    def bounds(self, fit: Fit) -> tuple[float, float]:
+    def bounds(self, fit: RoundedFit) -> tuple[float, float]:
         """95 % interval of the standard deviation, DN, by the likelihood ratio; from 0 where nothing bounds it.
 
         What pixels of a row or column have in common stretches the ratio (R. E. Chandler and S. Bate, Biometrika
@@ -234,7 +238,7 @@ def _root(excess: Callable[[float], float], a: float, b: float) -> float:
     return optimize.root_scalar(excess, bracket=(a, b), xtol=5e-3).root
 
 
-def _log_likelihood(p: np.ndarray, sample: Sample, centre: np.ndarray) -> np.ndarray:
+def _log_likelihood(p: np.ndarray, sample: CodeHistograms, centre: np.ndarray) -> np.ndarray:
     """(P,) logarithm of each pixel's likelihood, its location integrated out on a grid."""
     sigma, shape, shift, spread = math.exp(p[0]), p[1], p[2], math.exp(p[3])
     law = tukey.law(shape)
@@ -252,7 +256,7 @@ def _log_likelihood(p: np.ndarray, sample: Sample, centre: np.ndarray) -> np.nda
     return (top[:, 0] + np.log(np.exp(joint - top).sum(1) * scale))[which]
 
 
-def _scores(p: np.ndarray, sample: Sample, centre: np.ndarray) -> np.ndarray:
+def _scores(p: np.ndarray, sample: CodeHistograms, centre: np.ndarray) -> np.ndarray:
     """(4, P) derivatives of each pixel's log-likelihood."""
     steps = np.array([2e-3, 4e-3, 0.02 * math.exp(p[0]), 4e-3])
     return np.stack(
@@ -261,7 +265,7 @@ def _scores(p: np.ndarray, sample: Sample, centre: np.ndarray) -> np.ndarray:
     )  # fmt: skip
 
 
-def _sandwich(scores: np.ndarray, sample: Sample, blocks: int = BLOCKS) -> np.ndarray:
+def _sandwich(scores: np.ndarray, sample: CodeHistograms, blocks: int = BLOCKS) -> np.ndarray:
     """Covariance from scores summed over blocks of rows and over columns.
 
     Pixels of a column share the error of its centre, which near the cut moves the spread at first order. Sums

@@ -14,12 +14,12 @@ from visaug.characterization import additivity, codes, dark, light, model_checks
 from visaug.characterization.camera_content import CAMERA_KEYS
 from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
-from visaug.characterization.findings import Findings, Gain
+from visaug.characterization.findings import Findings, MeasuredGain
 from visaug.characterization.groups import Measured, measure_groups
 from visaug.characterization.maps import add_maps
 from visaug.characterization.mosaic import PLACES, Mosaic, find_mosaic
 from visaug.characterization.nonuniformity import Parts
-from visaug.characterization.photon_transfer import PhotonTransfer
+from visaug.characterization.photon_transfer import PhotonTransferResult
 from visaug.characterization.possible import without_impossible
 from visaug.characterization.result import Characterization, Warned
 from visaug.characterization.views import colour_plane
@@ -132,7 +132,7 @@ def checked(frames: FrameSet) -> Findings:
     return found
 
 
-def _from_light(found: Findings, measured: Measured) -> tuple[Measured, PhotonTransfer | None, bool]:
+def _from_light(found: Findings, measured: Measured) -> tuple[Measured, PhotonTransferResult | None, bool]:
     """Photon transfer, the groups with their dark signal, and whether dark frames tell mean and variance."""
     dark_tells = still.dark_frames_tell(measured)
     if dark_tells and additivity.pedestal(measured, found):
@@ -148,7 +148,7 @@ def _from_light(found: Findings, measured: Measured) -> tuple[Measured, PhotonTr
 
 
 def _pattern(
-    found: Findings, measured: Measured, transfer: PhotonTransfer, mosaic: Mosaic | None
+    found: Findings, measured: Measured, transfer: PhotonTransferResult, mosaic: Mosaic | None
 ) -> Parts | None:
     pattern = light.response_pattern(found, measured, transfer, mosaic)
     if mosaic is not None and mosaic.contradicted is not None:
@@ -162,7 +162,7 @@ def _measure(
     measured, transfer, dark_tells = _from_light(found, measured)
     if transfer is None and camera is not None:
         given = camera.gain_at(measured.gain_db)
-        found.gain = Gain(1 / given, 0.0, measured=False)
+        found.gain = MeasuredGain(1 / given, 0.0, measured=False)
         found.warn(
             f"gain_as_given: without flats the gain is not determined; {given:.4g} e-/DN of the camera is used"
         )

@@ -8,11 +8,11 @@ import numpy as np
 
 from visaug.characterization import read_noise, structure, tukey
 from visaug.characterization.findings import Findings
-from visaug.characterization.groups import Level, Measured
+from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import Parts, parts
 from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly, saturated_level
-from visaug.characterization.pixel_noise import PixelNoise, pixel_noise, shrunk
+from visaug.characterization.pixel_noise import PixelNoiseSpread, pixel_noise, shrunk
 from visaug.core.intervals import (
     jackknife,
     mean_error,
@@ -45,7 +45,7 @@ def flicker(measured: Measured) -> bool:
     return any(noisier(v) for v in levels[: None if full is None else full + 1])
 
 
-def noisier(level: Level) -> bool:
+def noisier(level: FlatLevel) -> bool:
     """Whether dark frames scatter more than a flat of more signal: something but noise is in them."""
     df = level.dark.n - 1 if level.dark.n > 1 else 1
     excess = level.dark.variance / max(level.flat.variance, 1e-12) - 1
@@ -97,7 +97,7 @@ def noise_of_reading(
 def _own_noise(
     found: Findings,
     still: GroupMoments,
-    own: PixelNoise,
+    own: PixelNoiseSpread,
     interval: tuple[float, float, float],
     dark_variance_dn2: float,
 ) -> tuple[float, float, float]:

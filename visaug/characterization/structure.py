@@ -21,7 +21,7 @@ _MOST_ORDER = 6
 
 
 @dataclass(frozen=True)
-class Profile:
+class LineProfile:
     """One profile: values, their bands, polynomial, power spectrum."""
 
     values: np.ndarray
@@ -63,12 +63,12 @@ def _least_peak(m: int, rank: int) -> float:
     return 1 + root_scalar(excess, bracket=(0.0, 1e4)).root
 
 
-def describe(values: np.ndarray) -> Profile:
+def describe(values: np.ndarray) -> LineProfile:
     """The profile of rows or columns, (n,) in any unit, about its mean."""
     values = np.asarray(values, np.float64) - np.mean(values)
     bands = fit_mixture(values)
     power = np.abs(np.fft.rfft(values)) ** 2 / len(values)
-    return Profile(values, bands, polynomial(values), np.fft.rfftfreq(len(values)), power)
+    return LineProfile(values, bands, polynomial(values), np.fft.rfftfreq(len(values)), power)
 
 
 def polynomial(values: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from visaug.diagnosis.fitting.fit import Fitted, refit
 from visaug.diagnosis.fitting.parameters import Coordinate, effect_coordinates, moved, strengths_of
 from visaug.diagnosis.fitting.reference import Reference, Report
 from visaug.diagnosis.laboratory import Laboratory
-from visaug.diagnosis.scatter import Scatter, scatter
+from visaug.diagnosis.scatter import VarianceStrength, scatter
 from visaug.diagnosis.state import State
 
 SETS_AFTER = 120  # largest number of simulated sets of a camera with an effect added
@@ -100,7 +100,9 @@ class Adding:
     def _few(self) -> int:
         return self._stages[0]
 
-    def _as_it_scatters(self, state: State, candidate: Refined, sketch: State, told: Scatter) -> State | None:
+    def _as_it_scatters(
+        self, state: State, candidate: Refined, sketch: State, told: VarianceStrength
+    ) -> State | None:
         """The state with a strength estimated from variance; None if that does not reproduce itself.
 
         The effect's other parameters are tried at the catalogue's values too, with few simulated sets each, since their
@@ -178,7 +180,7 @@ class Adding:
                     yield camera.replace(numbers)
 
     @staticmethod
-    def _told(before: State, after: State, candidate: Refined) -> Scatter | None:
+    def _told(before: State, after: State, candidate: Refined) -> VarianceStrength | None:
         return scatter(before.find, after.find, strengths_of(candidate.effect, candidate.coordinates))
 
     def _added(

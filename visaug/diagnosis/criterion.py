@@ -16,6 +16,7 @@ accepted if the posterior odds that follow are large, and if L reaches that of s
 (D. R. Cox, Proc. 4th Berkeley Symp. 1 (1961) 105: tests of separate families of hypotheses).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -128,11 +129,31 @@ def between(before: State, one: State, other: State) -> float:
     Args:
         before: the state without either; `one` and `other` have one of them more.
     """
-    pairs = tuple(zip(_ratios(before, one), _ratios(before, other), strict=True))
-    value = sum(float(a(a.before.residual) - b(a.before.residual)) for a, b in pairs)
-    of_one = sum(a(a.with_effect) - b(a.with_effect) for a, b in pairs)
-    of_other = sum(a(b.with_effect) - b(b.with_effect) for a, b in pairs)
-    return log_odds(value, np.asarray(of_one), np.asarray(of_other))
+    of_one, of_other = _ratios(before, one), _ratios(before, other)
+    value = sum(
+        float(a(a.before.residual) - b(a.before.residual)) for a, b in zip(of_one, of_other, strict=True)
+    )
+    with_one, with_other = ([ratio.with_effect for ratio in ratios] for ratios in (of_one, of_other))
+    in_one = _summed(of_one, with_one) - _refitted(other, of_other, with_one)
+    in_other = _refitted(one, of_one, with_other) - _summed(of_other, with_other)
+    return log_odds(value, in_one, in_other)
+
+
+def _summed(
+    ratios: "tuple[_Ratio, _Ratio]", sets: Sequence[np.ndarray], steps: np.ndarray | None = None
+) -> np.ndarray:
+    """(R,) log likelihood ratio of sets (R, statistics) of both uses of the frames."""
+    return np.asarray(sum(ratio(own, steps) for ratio, own in zip(ratios, sets, strict=True)))
+
+
+def _refitted(after: State, ratios: "tuple[_Ratio, _Ratio]", sets: Sequence[np.ndarray]) -> np.ndarray:
+    """(R,) log likelihood ratio of sets with another effect, to which a state is fitted as to the measurement.
+
+    The fit is linear, along the derivatives of all parameters of the state.
+    """
+    fitted = after.fitted.reference
+    left = sets[0] - ratios[0].moves
+    return _summed(ratios, sets, adjust(left, fitted.slopes, fitted.scale, fitted.priors))
 
 
 def log_odds(value: float, of_one: np.ndarray, of_other: np.ndarray) -> float:
@@ -202,9 +223,11 @@ class _Ratio:
         new, old = (log_density(part[:, self._used], scale, unit) for part in (left, residual))
         return (new - old).sum(-1)
 
-    def __call__(self, residual: np.ndarray) -> np.ndarray:
+    def __call__(self, residual: np.ndarray, steps: np.ndarray | None = None) -> np.ndarray:
+        """(...,) of residuals (..., statistics), after steps (..., coordinates) of the parameters with the effect."""
         left, (with_it, without, unit) = residual[..., self._used], self._scales
-        own = log_density(left - self.moves[self._used], with_it, unit)
+        shift = self.moves if steps is None else self.moves + steps @ self.after.null.slopes.T
+        own = log_density(left - shift[..., self._used], with_it, unit)
         return (own - log_density(left, without, unit)).sum(-1)
 
 

@@ -13,7 +13,7 @@ import torch
 from visaug.camera import Camera
 from visaug.characterization.alarms import all_warnings
 from visaug.diagnosis.kept import KeptSet, KeptSets
-from visaug.diagnosis.part import Part, parts_of
+from visaug.diagnosis.part import MeasuredFrames, parts_of
 from visaug.frames import FrameSet
 from visaug.pictures.part import PicturePart, picture_part
 from visaug.statistics import Fingerprint, Statistic
@@ -71,7 +71,7 @@ class Laboratory:
         self.selection = select(frames)
         self.calibrated = all(r.photons is not None for r in frames.records if r.kind == "flat")
         lit = _with_photons(frames, camera, self.selection.frames)
-        self.parts: tuple[Part | PicturePart, ...] = parts_of(lit, self.selection, folds, report)
+        self.parts: tuple[MeasuredFrames | PicturePart, ...] = parts_of(lit, self.selection, folds, report)
         self.frames, self.folds = self.parts[0].frames, self.parts[0].folds
         self.sequences = tuple(record.sequence for record in self.frames.records)
 
@@ -171,7 +171,7 @@ class Laboratory:
         return KeptSets()
 
     @cached_property
-    def parts_to_simulate(self) -> tuple[Part | PicturePart, ...]:
+    def parts_to_simulate(self) -> tuple[MeasuredFrames | PicturePart, ...]:
         """The parts without the measured pixels: all that a simulation needs."""
         return tuple(part.without_pixels() for part in self.parts)
 
@@ -191,7 +191,7 @@ def _places(statistics: Sequence[Statistic]) -> dict[tuple[str, str, str], int]:
 
 
 def fingerprints(
-    parts: Sequence[Part | PicturePart],
+    parts: Sequence[MeasuredFrames | PicturePart],
     seed: int,
     uses: Sequence[str],
     job: Job,

@@ -6,7 +6,7 @@ import numpy as np
 
 from visaug.diagnosis.fitting.robust import p_value, standardised
 from visaug.diagnosis.result import Diagnosis, Step
-from visaug.diagnosis.stage import History, Setting, Stage
+from visaug.diagnosis.stage import History, SearchStage, Setting
 from visaug.diagnosis.state import State
 from visaug.diagnosis.telling import cannot_show, form, residue
 from visaug.diagnosis.verdicts import verdicts
@@ -51,7 +51,7 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
     )
 
 
-def kept(setting: Setting, history: History, p_given: float) -> tuple[Stage, tuple[Step, ...]]:
+def kept(setting: Setting, history: History, p_given: float) -> tuple[SearchStage, tuple[Step, ...]]:
     """The last stage; the camera file as given, where no effect was found and the frames are farther from the refitted file.
 
     The file as given is not refitted, and is judged as it is.

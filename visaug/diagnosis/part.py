@@ -34,7 +34,7 @@ FULL_DEEPEST = 3  # full frames that are simulated before one that is used, at m
 
 
 @dataclass(frozen=True)
-class Part:
+class MeasuredFrames:
     """Measured frames, and the plan of the sequence to simulate them from.
 
     Attributes:
@@ -170,7 +170,7 @@ class Part:
         """What a simulation depends on, as something that prints as what it is."""
         return _identity(self.frames), _identity(self.plan), self.keep, self.deepest, self.folds
 
-    def without_pixels(self) -> Part:
+    def without_pixels(self) -> MeasuredFrames:
         """The same for simulations alone, which may go to another machine."""
         every = range(len(self.frames))
         unread = [np.zeros((1, 1), np.uint16)] * len(self.frames)
@@ -182,7 +182,7 @@ class Part:
 
 def parts_of(
     frames: FrameSet, selection: Selection, folds: bool = True, report: Report | None = None
-) -> tuple[Part, ...]:
+) -> tuple[MeasuredFrames, ...]:
     """What is measured of a set: its frames, or windows of them and full frames.
 
     Args:
@@ -192,14 +192,16 @@ def parts_of(
     if selection.is_all:
         kept = tuple(range(len(frames)))
         shared = share_out(frames) if folds else Folds(kept, (), ())
-        return (Part(_held(frames, report), shared, _plan(frames, kept, kept, None, 0), kept, VIEWS),)
+        return (
+            MeasuredFrames(_held(frames, report), shared, _plan(frames, kept, kept, None, 0), kept, VIEWS),
+        )
     sequence = _known(frames, selection)
     place = {i: k for k, i in enumerate(sequence)}
     keep = tuple(place[i] for i in selection.frames)
     taken = _read(frames, selection.frames, selection.window, report)
     shared = share_out(taken) if folds else Folds(tuple(range(len(taken))), (), ())
     wider = selection.window and _wider(selection.window, *selection.size)
-    first = Part(
+    first = MeasuredFrames(
         taken,
         shared,
         _plan(frames, sequence, keep, wider, DEEPEST),
@@ -213,7 +215,7 @@ def parts_of(
     shared = Folds(
         tuple(own[i] for i in selection.full.fit), (), tuple(own[i] for i in selection.full.confirm)
     )
-    full = Part(
+    full = MeasuredFrames(
         _read(frames, selection.full_frames, None, report),
         shared if folds else Folds(tuple(range(len(keep))), (), ()),
         _plan(frames, sequence, keep, None, FULL_DEEPEST),

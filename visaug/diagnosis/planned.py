@@ -16,7 +16,7 @@ from visaug.diagnosis.fitting.parameters import base_coordinates
 from visaug.diagnosis.fitting.reference import Report, differences
 from visaug.diagnosis.fitting.robust import adjust
 from visaug.diagnosis.laboratory import Laboratory
-from visaug.diagnosis.part import Part
+from visaug.diagnosis.part import MeasuredFrames
 from visaug.diagnosis.verdict import Verdict
 from visaug.frames import FrameSet
 from visaug.frames.plan import default_plan
@@ -54,7 +54,7 @@ class Planned:
     @cached_property
     def statistics(self) -> tuple[Statistic, ...]:
         part = self.lab.parts[0]
-        assert isinstance(part, Part)  # the plan has no pictures of unknown scenes
+        assert isinstance(part, MeasuredFrames)  # the plan has no pictures of unknown scenes
         return fingerprint(simulate(self.camera, part.plan)).statistics
 
     @cached_property

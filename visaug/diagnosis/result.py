@@ -20,7 +20,7 @@ from visaug.statistics.subsample import Selection
 
 
 @dataclass(frozen=True)
-class Estimate:
+class FittedValue:
     """A parameter value with its 95 % interval; both limits are None if the interval is not known."""
 
     value: float
@@ -38,7 +38,7 @@ def estimates(
     coordinates: Sequence[Coordinate],
     steps: np.ndarray | None = None,
     untold: np.ndarray | None = None,
-) -> dict[str, Estimate]:
+) -> dict[str, FittedValue]:
     """The fitted parameters of one effect, by name.
 
     Args:
@@ -50,7 +50,7 @@ def estimates(
     """
     prefix = "full_well_e" if effect == "saturation" else f"{effect}."
     return {
-        path.split(".", 1)[-1]: Estimate(*numbers, place_of(path).parameter.unit)
+        path.split(".", 1)[-1]: FittedValue(*numbers, place_of(path).parameter.unit)
         for path, numbers in intervals(coordinates, camera, steps, untold).items()
         if path.startswith(prefix)
     }
@@ -63,7 +63,7 @@ class Ranked:
     effect: str
     probability: float
     error_after: float | None
-    parameters: dict[str, Estimate]
+    parameters: dict[str, FittedValue]
     forms: dict[str, str] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:

@@ -23,7 +23,7 @@ MET = 1.6  # ratio to which an estimated strength must reproduce itself
 
 
 @dataclass(frozen=True)
-class Scatter:
+class VarianceStrength:
     """Strength of an effect, estimated from the variance that it adds.
 
     Attributes:
@@ -63,7 +63,7 @@ class Scatter:
         return moved(camera, self.strengths, [c.read(camera) + step for c in self.strengths])
 
 
-def scatter(before: Use, after: Use, strengths: tuple[Coordinate, ...]) -> Scatter | None:
+def scatter(before: Use, after: Use, strengths: tuple[Coordinate, ...]) -> VarianceStrength | None:
     """Strength of an effect from the mean shifts and the variance that it causes; None for an effect without a strength to fit.
 
     The Fisher information of log c is the sum of (m / s)^2 in the mean and of 2 (v / s^2)^2 in the variance.
@@ -91,7 +91,9 @@ def scatter(before: Use, after: Use, strengths: tuple[Coordinate, ...]) -> Scatt
     (factor,) = factors(before.residual[None, used])
     by_mean = float((moves**2 / (known + added)).sum())
     by_variance = 2 * float(((added / (known + added)) ** 2).sum())
-    return Scatter(float(factor), factors(null.residuals[:, used] + moves), strengths, by_variance > by_mean)
+    return VarianceStrength(
+        float(factor), factors(null.residuals[:, used] + moves), strengths, by_variance > by_mean
+    )
 
 
 def _is_typical(null: Null) -> np.ndarray:

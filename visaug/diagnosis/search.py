@@ -28,7 +28,7 @@ from visaug.diagnosis.outcome import outcome
 from visaug.diagnosis.ranking import chosen_ranks, ranks
 from visaug.diagnosis.ray_executor import by_ray
 from visaug.diagnosis.result import Diagnosis
-from visaug.diagnosis.stage import History, Setting, Stage
+from visaug.diagnosis.stage import History, SearchStage, Setting
 from visaug.diagnosis.state import State
 from visaug.diagnosis.swap import reconsidered
 from visaug.effects import catalogue, load_file
@@ -128,7 +128,7 @@ def diagnosed(
     """
     check_split(lab)
     setting, plain, test = tested(lab, camera, without, report, sets)
-    history: History = (Stage(plain, test.p_value, setting.errors.told(plain.fitted)),)
+    history: History = (SearchStage(plain, test.p_value, setting.errors.told(plain.fitted)),)
     nearest: str | None = None
     for _ in range(most):  # steps and not effects, since a step can replace two effects by one
         if not history[-1].is_missing:
@@ -173,7 +173,7 @@ def given_reference(lab: Laboratory, camera: Camera, sets: int, report: Report) 
     return cache.reference(lab, camera, base_coordinates(camera, lab.frames, lab.calibrated), sets, report)
 
 
-def one_more(setting: Setting, history: History) -> tuple[Setting, Stage | None, str | None]:
+def one_more(setting: Setting, history: History) -> tuple[Setting, SearchStage | None, str | None]:
     """The stage with one more effect; None, with the name of the nearest effect, if none is accepted.
 
     If the camera with an effect found from one starting point is not adequate, the other starting point is tried too.
@@ -208,7 +208,7 @@ def one_more(setting: Setting, history: History) -> tuple[Setting, Stage | None,
     after, test = setting.tested(best.best.state)
     error = stage.error and setting.errors.told(after.fitted)
     ranked, ambiguous = chosen_ranks(setting, state, best, after, error, ranked)
-    found = Stage(after, test, error, best.standing, refined, ranked, (*stage.ambiguous, *ambiguous))
+    found = SearchStage(after, test, error, best.standing, refined, ranked, (*stage.ambiguous, *ambiguous))
     return setting, found, None
 
 

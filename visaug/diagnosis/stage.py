@@ -72,7 +72,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Stage:
+class SearchStage:
     """A camera after a step of the search.
 
     Attributes:
@@ -102,4 +102,4 @@ class Stage:
         return f"add {self.state.accepted[-1]}" if self.state.accepted else "refit"
 
 
-History = tuple[Stage, ...]
+History = tuple[SearchStage, ...]

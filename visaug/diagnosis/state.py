@@ -8,10 +8,10 @@ import numpy as np
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.law import FORM
 from visaug.diagnosis.fitting.parameters import Coordinate
-from visaug.diagnosis.fitting.reference import Null, Sample
+from visaug.diagnosis.fitting.reference import Null, SimulatedStatistics
 from visaug.diagnosis.fitting.robust import p_value
 from visaug.diagnosis.fitting.uses import Use
-from visaug.diagnosis.scatter import Scatter
+from visaug.diagnosis.scatter import VarianceStrength
 from visaug.statistics.tail import SIGNIFICANT
 
 
@@ -31,7 +31,7 @@ class State:
     fitted: Fitted
     accepted: tuple[str, ...]
     tolerances: tuple[np.ndarray, np.ndarray, np.ndarray]
-    scatters: tuple[Scatter, ...] = ()
+    scatters: tuple[VarianceStrength, ...] = ()
 
     @classmethod
     def plain(cls, fitted: Fitted) -> "State":
@@ -68,7 +68,7 @@ class State:
         reference = self.fitted.reference
         return self._use(self.fitted.whole_residual, reference.whole, reference.whole_null, 2)
 
-    def _use(self, residual: np.ndarray, sample: Sample, null: Null, number: int) -> Use:
+    def _use(self, residual: np.ndarray, sample: SimulatedStatistics, null: Null, number: int) -> Use:
         return Use(residual, sample.sets, null, self.tolerances[number])
 
     @property

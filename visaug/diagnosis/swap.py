@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 from visaug.diagnosis.choice import Judged
-from visaug.diagnosis.criterion import between
+from visaug.diagnosis.criterion import between, evidence
 from visaug.diagnosis.ranking import accepted_rank, swapped_ranks
-from visaug.diagnosis.stage import History, Setting, Stage
+from visaug.diagnosis.stage import History, SearchStage, Setting
 from visaug.diagnosis.state import State
 from visaug.effects import catalogue
 from visaug.statistics.tail import SIGNIFICANT
@@ -15,7 +15,7 @@ def reconsidered(setting: Setting, history: History) -> History:
     """The history with the effect before the last replaced by a rival that is more probable with the last, or explains all alone.
 
     As long as a further effect is missing, a wrong effect can fit better. And if the last effect is that rival, it may
-    explain everything by itself.
+    explain everything by itself; the first stays if the criterion accepts it beside the last.
     """
     *_, before, last = history
     if len(last.state.accepted) < 2:
@@ -26,7 +26,7 @@ def reconsidered(setting: Setting, history: History) -> History:
         effect = rival.refined.effect
         if effect == last.state.accepted[-1]:
             alone, p_value = setting.tested(rival.state)
-            if p_value > SIGNIFICANT:
+            if p_value > SIGNIFICANT and not _is_accepted(setting, alone, last.state, own):
                 return (*earlier, _stage(setting, last, (own, rival), alone, p_value, (rival, own)))
         is_base = any(catalogue()[j.refined.effect].base for j in (own, rival))
         if effect in last.state.accepted or is_base:
@@ -46,14 +46,19 @@ def reconsidered(setting: Setting, history: History) -> History:
     return history
 
 
+def _is_accepted(setting: Setting, without: State, both: State, own: Judged) -> bool:
+    """Whether the criterion accepts an effect beside its rival."""
+    return evidence(without, both, len(own.refined.coordinates), setting.adding.effects).accepts
+
+
 def _stage(
     setting: Setting,
-    last: Stage,
+    last: SearchStage,
     exchanged: tuple[Judged, Judged],
     state: State,
     p_value: float,
     standing: tuple[Judged, ...],
-) -> Stage:
+) -> SearchStage:
     """The last stage with another state, in which one of two effects gave way to the other."""
     error = setting.errors.told(state.fitted)
     ranked = swapped_ranks(last.ranked, *exchanged)

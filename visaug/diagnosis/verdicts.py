@@ -23,7 +23,7 @@ from visaug.diagnosis.fitting.law import law, scatter_along
 from visaug.diagnosis.fitting.reference import Null
 from visaug.diagnosis.fitting.robust import standardised
 from visaug.diagnosis.planned import Planned, frames_that_show
-from visaug.diagnosis.stage import Setting, Stage
+from visaug.diagnosis.stage import SearchStage, Setting
 from visaug.diagnosis.verdict import Verdict
 from visaug.effects import catalogue
 
@@ -85,7 +85,7 @@ class Sight:
 
 
 @dataclass(frozen=True)
-class Course:
+class StrengthCurve:
     """An effect over the strength of its first parameter.
 
     Attributes:
@@ -137,7 +137,7 @@ class Course:
         return limit, k
 
 
-def verdicts(setting: Setting, end: Stage) -> tuple[Verdict, ...]:
+def verdicts(setting: Setting, end: SearchStage) -> tuple[Verdict, ...]:
     """The verdict on every effect that was considered, in the order of the catalogue."""
     sight = sight_of(setting, end)
     considered = {t.effect for t in setting.signs.trials if not t.looked} | set(end.state.accepted)
@@ -159,7 +159,7 @@ def verdicts(setting: Setting, end: Stage) -> tuple[Verdict, ...]:
     return tuple(replace(found[n], frames=shown.get(n, found[n].frames)) for n in catalogue() if n in found)
 
 
-def sight_of(setting: Setting, end: Stage) -> Sight:
+def sight_of(setting: Setting, end: SearchStage) -> Sight:
     state, lab = end.state, setting.lab
     test = chance(lab, setting.signs, state)
     views = np.array([s.view for s in lab.measured[2].statistics])
@@ -168,7 +168,7 @@ def sight_of(setting: Setting, end: Stage) -> Sight:
     return Sight(null, views, state.fitted.whole_residual, state.whole.allowance, match, largest)
 
 
-def _course(setting: Setting, signs: Signatures, name: str) -> Course | None:
+def _course(setting: Setting, signs: Signatures, name: str) -> StrengthCurve | None:
     """Of the first strength alone, in the default form."""
     chosen: dict[float, int] = {}
     path = ""
@@ -183,7 +183,7 @@ def _course(setting: Setting, signs: Signatures, name: str) -> Course | None:
         return None
     places = [chosen[x] for x in sorted(chosen)]
     stepwise = signs.trials[places[0]].is_fixed or path == path_of("saturation", "full_well_e")
-    return Course(
+    return StrengthCurve(
         path,
         np.array(sorted(chosen)),
         setting.lab.whole_of(signs.values[places]),
@@ -193,7 +193,7 @@ def _course(setting: Setting, signs: Signatures, name: str) -> Course | None:
     )
 
 
-def _completed(setting: Setting, sight: Sight, courses: dict[str, Course]) -> dict[str, Course]:
+def _completed(setting: Setting, sight: Sight, courses: dict[str, StrengthCurve]) -> dict[str, StrengthCurve]:
     """Each effect simulated near its limit, with random numbers that its signatures do not have, until it is near.
 
     A signature of few simulations contains their noise, with which only they match.
@@ -234,7 +234,7 @@ def _completed(setting: Setting, sight: Sight, courses: dict[str, Course]) -> di
     return courses
 
 
-def _judged(setting: Setting, end: Stage, sight: Sight, name: str, course: Course) -> Verdict:
+def _judged(setting: Setting, end: SearchStage, sight: Sight, name: str, course: StrengthCurve) -> Verdict:
     limit, k = course.limit(sight, is_final=True)
     unit = place_of(course.path).parameter.unit
     plausible = _plausible(name, course)
@@ -282,14 +282,14 @@ def places_of_events(setting: Setting, path: str, unit: str) -> float:
     return np.inf
 
 
-def _plausible(name: str, course: Course) -> float:
+def _plausible(name: str, course: StrengthCurve) -> float:
     """The largest strength at which an effect is tried."""
     parameter = place_of(course.path).parameter
     values = [abs(v) for v in parameter.trials if not isinstance(v, str)] if parameter.strength else []
     return max(values, default=float(course.strengths[-1])) * (1 + 1e-9)
 
 
-def _absorbing(end: Stage, sight: Sight, course: Course, plausible: float) -> tuple[str, ...]:
+def _absorbing(end: SearchStage, sight: Sight, course: StrengthCurve, plausible: float) -> tuple[str, ...]:
     """Parameters of the camera that explain what the effect would change, if these frames would show it with them known."""
     paths = [c.path for c in end.state.fitted.reference.coordinates]
     if not paths or course.limit(sight.knowing(range(len(paths))))[0] > plausible:
@@ -303,7 +303,7 @@ def _absorbing(end: Stage, sight: Sight, course: Course, plausible: float) -> tu
     return tuple(alone or [min(limits, key=limits.__getitem__)])
 
 
-def _named(name: str, end: Stage) -> Verdict:
+def _named(name: str, end: SearchStage) -> Verdict:
     entry = end.ranked[name]
     strengths = [key for key in catalogue()[name].strengths() if key in entry.parameters]
     key = next(iter(strengths or entry.parameters), None)
@@ -313,7 +313,7 @@ def _named(name: str, end: Stage) -> Verdict:
     return Verdict(name, "named", path_of(name, key), of.unit, of.value, of.low, of.high)
 
 
-def _rival(name: str, course: Course, end: Stage) -> Verdict | None:
+def _rival(name: str, course: StrengthCurve, end: SearchStage) -> Verdict | None:
     """The verdict on an effect that these frames do not distinguish from an accepted one."""
     for pair in end.ambiguous:
         own = [other for other in pair["effects"] if other in end.state.accepted]

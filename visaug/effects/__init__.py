@@ -4,13 +4,13 @@ Every class of the catalogue can be imported from here: `visaug.effects.RowNoise
 """
 
 from visaug.effects.catalogue import catalogue, load_file, register, registered
-from visaug.effects.effect import Context, Effect, Look, Stage
+from visaug.effects.effect import Context, Effect, FrameSummary, Stage
 from visaug.effects.parameter import Parameter
 
 __all__ = [
     "Context",
     "Effect",
-    "Look",
+    "FrameSummary",
     "Parameter",
     "Stage",
     "catalogue",

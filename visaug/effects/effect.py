@@ -91,7 +91,7 @@ class Context:
 
 
 @dataclass(frozen=True)
-class Look:
+class FrameSummary:
     """Summaries of measured frames from which `Effect.looks` may derive starting values.
 
     Args:
@@ -321,7 +321,7 @@ class Effect:
         return None
 
     @classmethod
-    def looks(cls, seen: Look) -> list[dict[str, Any]]:
+    def looks(cls, seen: FrameSummary) -> list[dict[str, Any]]:
         """Additional starting values for a diagnosis, by parameter, derived from the measured frames (optional)."""
         return []
 

@@ -1,23 +1,67 @@
-"""States of traps that are kept from frame to frame."""
+"""States of defects that jump between two levels, from frame to frame."""
 
+import math
+
+import numpy as np
 import torch
 from torch import Tensor
 
-from visaug.effects.effect import Context
+from visaug.core.sampling.philox import mix
+from visaug.effects.effect import Context, Values
+
+STATE = 0x5DEECE66D  # of the key of a state, apart from that of whether it is drawn
+FIRST_LOOK = 2.0  # frames that are looked back at once, in units of the mean time between draws
+MOST_LOOK = 64
 
 
-def kept_states(name: str, state: Tensor, keeps: Tensor, context: Context) -> Tensor:
-    """States along a sequence: that of the frame before where `keeps`, else the fresh one.
+def kept_states(
+    name: str, where: Tensor, places: tuple[Tensor, Tensor], p: Values, keys: np.ndarray, context: Context
+) -> Tensor:
+    """States 0 and 1 along a sequence: that of the frame before with probability `p.kept`, else 1 with probability `p.duty`.
+
+    Whether a state is drawn anew, and what is drawn, are functions of the pixel and of the number of the frame in the sequence,
+    also before its beginning. What is remembered from frame to frame is therefore the number of the frame alone, so frames may
+    be skipped.
 
     Args:
-        name: key of the last frame's states in the context's memory.
-        state: (B, C, H, W) fresh states of each frame.
-        keeps: the same shape, true where a trap keeps its state.
+        name: key in the context's memory.
+        where: (B or 1, C, H, W), true for pixels that have a defect; the state of others is 0.
+        places: two uniform numbers of each pixel that belong to the camera, likewise.
+        p: with `duty` and `kept`.
+        keys: (B,) uint64, of the frames; that of the first one is that of the sequence.
+
+    Returns:
+        (B, C, H, W), float32.
     """
-    before = context.memory.get(name, state[:1])
-    frames = []
-    for fresh, keep in zip(state.split(1), keeps.split(1), strict=True):
-        before = torch.where(keep, before, fresh)
-        frames.append(before)
-    context.memory[name] = before
-    return torch.cat(frames)
+    begun = context.memory.get(name)
+    sequence, frame = (int(keys[0].view(np.int64)), 0) if begun is None else map(int, begun.flatten())
+    states = torch.zeros(len(keys), *where.shape[1:], device=where.device)
+    duty, kept = (value.flatten().expand(len(keys)).tolist() for value in (p.duty, p.kept))
+    for k, state in enumerate(states):
+        hit, *numbers = (each[min(k, len(each) - 1)] for each in (where, *places))
+        first, second = (number[hit].view(torch.int32).long() for number in numbers)
+        own = mix(mix(first << 32 | second) ^ sequence)
+        state[hit] = _state(own, frame + k, duty[k], kept[k]).float()
+    context.memory[name] = torch.tensor([sequence, frame + len(keys)]).view(1, 2, 1, 1)
+    return states
+
+
+def _state(own: Tensor, frame: int, duty: float, kept: float) -> Tensor:
+    """Of each defect, by its own key: what was drawn in the last frame, up to this one, in which its state was drawn."""
+    look = min(math.ceil(FIRST_LOOK / (1 - kept)), MOST_LOOK)
+    upper = torch.zeros(len(own), dtype=torch.bool, device=own.device)
+    open_ = torch.arange(len(own), device=own.device)
+    while len(open_):
+        back = torch.arange(frame, frame - look, -1, device=own.device)
+        drawn = mix(own[open_][:, None] ^ mix(back))
+        is_drawn = _uniform(drawn) >= kept
+        last = is_drawn.int().argmax(1, keepdim=True)
+        found = is_drawn.any(1)
+        upper[open_[found]] = _uniform(mix(drawn.gather(1, last)[found, 0] ^ STATE)) < duty
+        open_, frame = open_[~found], frame - look
+    return upper
+
+
+def _uniform(keys: Tensor) -> Tensor:
+    """In [0, 1), of 53 bits."""
+    return ((keys >> 11) & (2**53 - 1)).double() * 2.0**-53

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from visaug.inspection.finding import Finding
-from visaug.inspection.material import Look
+from visaug.inspection.material import FrameGroup
 from visaug.statistics.views.codes import NEIGHBOURS, SIDE
 
 _DEPTHS = (8, 10, 12, 14, 16)  # of usual converters
@@ -18,7 +18,7 @@ _FINEST = 6  # low bits that may be lost
 
 
 @dataclass(frozen=True)
-class Codes:
+class CodeCounts:
     """How often each code comes.
 
     Attributes:
@@ -38,7 +38,7 @@ class Codes:
     whole: bool
 
 
-def codes_of(looks: list[Look], container: int | None) -> Codes:
+def codes_of(looks: list[FrameGroup], container: int | None) -> CodeCounts:
     """The codes of all frames.
 
     Args:
@@ -47,7 +47,7 @@ def codes_of(looks: list[Look], container: int | None) -> Codes:
     whole = all(bool((look.frames[0] == np.rint(look.frames[0])).all()) for look in looks)
     highest = int(max(float(look.frames.max()) for look in looks))
     if not whole or highest > 1 << 20:
-        return Codes(np.zeros(0, np.int64), 1, container or 16, 0, False, whole)
+        return CodeCounts(np.zeros(0, np.int64), 1, container or 16, 0, False, whole)
     counts = np.zeros(highest + 1, np.int64)
     for look in looks:
         for frame in look.frames:
@@ -64,10 +64,10 @@ def codes_of(looks: list[Look], container: int | None) -> Codes:
         shift = lost  # 12, 10 or 14 bits at the top of 16; nobody loses four
     least = 16 - shift if shift else 10 if container == 16 else 8
     bits = told or next(b for b in (*_DEPTHS, 24) if b >= least and highest >> shift < 1 << b)
-    return Codes(counts, step >> shift, bits, shift, told is not None, whole)
+    return CodeCounts(counts, step >> shift, bits, shift, told is not None, whole)
 
 
-def code_findings(codes: Codes, looks: list[Look]) -> list[Finding]:
+def code_findings(codes: CodeCounts, looks: list[FrameGroup]) -> list[Finding]:
     """Lost low bits, missing codes, clipping at either end."""
     if not codes.whole or not codes.counts.any():
         return []
@@ -76,7 +76,7 @@ def code_findings(codes: Codes, looks: list[Look]) -> list[Finding]:
     return [f for f in found if f is not None]
 
 
-def _lost_bits(codes: Codes) -> Finding | None:
+def _lost_bits(codes: CodeCounts) -> Finding | None:
     used = np.flatnonzero(codes.counts)
     step = codes.step
     if step == 1 or len(used) < 3:
@@ -98,7 +98,7 @@ def _lost_bits(codes: Codes) -> Finding | None:
     )
 
 
-def _gaps(codes: Codes) -> Finding | None:
+def _gaps(codes: CodeCounts) -> Finding | None:
     """Codes that do not come although those around do, as after a digital gain or from a faulty converter."""
     counts = codes.counts[:: codes.step << codes.shift].astype(np.float64)
     expected = np.convolve(counts, NEIGHBOURS)[SIDE:-SIDE]
@@ -136,7 +136,7 @@ def _shifted(counts: np.ndarray, by: int) -> np.ndarray:
     return moved
 
 
-def _clipped(codes: Codes, looks: list[Look], at_top: bool) -> Finding | None:
+def _clipped(codes: CodeCounts, looks: list[FrameGroup], at_top: bool) -> Finding | None:
     """A pile at the lowest or the highest code, higher than the codes beside it lead to expect."""
     shares = [_pile(look, at_top, codes) for look in looks]
     share = max(shares, default=0.0)
@@ -162,7 +162,7 @@ def _clipped(codes: Codes, looks: list[Look], at_top: bool) -> Finding | None:
     )
 
 
-def _pile(look: Look, at_top: bool, codes: Codes) -> float:
+def _pile(look: FrameGroup, at_top: bool, codes: CodeCounts) -> float:
     """Share of the pixels at the end code, 0 where they are no pile."""
     sign = -1 if at_top else 1
     values = sign * look.frames

@@ -8,8 +8,8 @@ import numpy as np
 
 from visaug.core.wording import number
 from visaug.inspection.finding import Finding, deviation, needed, needed_z
-from visaug.inspection.lines import Lines, regular
-from visaug.inspection.material import Look
+from visaug.inspection.lines import RowMeans, regular
+from visaug.inspection.material import FrameGroup
 from visaug.statistics.reduction import block_means, edges
 
 _BLOCKS = 8  # along rows and along columns
@@ -26,7 +26,7 @@ _PLACES = {
 }
 
 
-def glow(look: Look, rows: Lines, columns: Lines) -> Finding | None:
+def glow(look: FrameGroup, rows: RowMeans, columns: RowMeans) -> Finding | None:
     """A smooth bump or slope of the mean frame, against what pixels and lines scatter."""
     if not look.is_uniform:
         return None
@@ -70,7 +70,7 @@ def glow(look: Look, rows: Lines, columns: Lines) -> Finding | None:
     )
 
 
-def frame_drift(look: Look, rows: Lines, columns: Lines) -> Finding | None:
+def frame_drift(look: FrameGroup, rows: RowMeans, columns: RowMeans) -> Finding | None:
     """Means of frames that scatter more than pixels, rows and columns explain."""
     n = look.count
     if n < 2 or look.kind in ("scene", "image"):
@@ -108,7 +108,7 @@ def frame_drift(look: Look, rows: Lines, columns: Lines) -> Finding | None:
     )
 
 
-def _sampled(lines: Lines) -> np.ndarray:
+def _sampled(lines: RowMeans) -> np.ndarray:
     """(n,) mean over the frame that sines have which do not end with it, DN."""
     total = np.zeros(lines.count)
     for wave in lines.waves:

@@ -10,7 +10,7 @@ import numpy as np
 
 from visaug.core.wording import number
 from visaug.inspection.finding import Finding, about, deviation, needed, needed_z
-from visaug.inspection.lines import Lines, Wave
+from visaug.inspection.lines import RowMeans, Wave
 from visaug.inspection.spectra import WINDOWED, Continuum
 from visaug.statistics.views.spectrum import power as spectrum
 
@@ -19,7 +19,7 @@ _DIRECTED = (
 )
 
 
-def line_findings(lines: Lines) -> list[Finding]:
+def line_findings(lines: RowMeans) -> list[Finding]:
     """Everything that was found in the rows."""
     fixed, temporal = lines.continua()
     return [
@@ -29,7 +29,7 @@ def line_findings(lines: Lines) -> list[Finding]:
     ]
 
 
-def _wave_findings(lines: Lines) -> Iterator[Finding]:
+def _wave_findings(lines: RowMeans) -> Iterator[Finding]:
     """Sines of multiples of one frequency and of one kind are one banding."""
     left = sorted(lines.waves, key=lambda wave: wave.frequency)
     while left:
@@ -48,7 +48,7 @@ def _wave_findings(lines: Lines) -> Iterator[Finding]:
             yield found
 
 
-def _banding(lines: Lines, wave: Wave, harmonics: list[Wave]) -> Finding:
+def _banding(lines: RowMeans, wave: Wave, harmonics: list[Wave]) -> Finding:
     axis, n, length = lines.axis, lines.count, lines.length
     noise, offsets = wave.variance
     if wave.new:
@@ -99,7 +99,7 @@ def _phases(wave: Wave, n: int) -> tuple[str, float | None]:
     return "new phase in each frame", None
 
 
-def _offset_findings(lines: Lines, fixed: Continuum, temporal: Continuum | None) -> Iterator[Finding]:
+def _offset_findings(lines: RowMeans, fixed: Continuum, temporal: Continuum | None) -> Iterator[Finding]:
     axis, n, length = lines.axis, lines.count, lines.length
     if temporal is not None:
         if temporal.rise > 0 and temporal.gain_rise > needed(5, 2):
@@ -151,7 +151,7 @@ def _offset_findings(lines: Lines, fixed: Continuum, temporal: Continuum | None)
         )
 
 
-def _flicker(lines: Lines, temporal: Continuum) -> Finding:
+def _flicker(lines: RowMeans, temporal: Continuum) -> Finding:
     """1/f noise: what the spectrum of the rows, and that along the rows, has above its level at high frequencies."""
     look, axis = lines.look, lines.axis
     j = np.arange(1, lines.length // 2 + 1)
@@ -178,7 +178,7 @@ def _flicker(lines: Lines, temporal: Continuum) -> Finding:
     )
 
 
-def _step_findings(lines: Lines) -> Iterator[Finding]:
+def _step_findings(lines: RowMeans) -> Iterator[Finding]:
     axis, n = lines.axis, lines.count
     kind = "fixed" if n > 1 else None
     if not lines.look.is_uniform:

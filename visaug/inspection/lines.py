@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from visaug.inspection.finding import needed, needed_f, needed_t
-from visaug.inspection.material import Look
+from visaug.inspection.material import FrameGroup
 from visaug.inspection.spectra import (
     FINER,
     WINDOWED,
@@ -54,7 +54,7 @@ class Wave:
 
 
 @dataclass
-class Lines:
+class RowMeans:
     """Row means of frames, and what was found in them.
 
     Attributes:
@@ -64,7 +64,7 @@ class Lines:
         waves, steps, parity: the regular parts.
     """
 
-    look: Look
+    look: FrameGroup
     axis: str
     profiles: np.ndarray
     waves: list[Wave] = field(default_factory=list)
@@ -111,10 +111,10 @@ class Lines:
         return fixed, temporal
 
 
-def rows_of(look: Look, axis: str) -> Lines:
+def rows_of(look: FrameGroup, axis: str) -> RowMeans:
     """The rows of frames, their regular parts taken off one after another, the clearest first."""
     means = look.data.frames.mean(2, dtype=np.float64)
-    found = Lines(look, axis, means - means.mean(1, keepdims=True))
+    found = RowMeans(look, axis, means - means.mean(1, keepdims=True))
     for _ in range(_MOST):
         fixed, temporal = found.continua(windowed=True)
         options = [
@@ -128,7 +128,7 @@ def rows_of(look: Look, axis: str) -> Lines:
     return found
 
 
-def _refine_steps(lines: Lines) -> None:
+def _refine_steps(lines: RowMeans) -> None:
     """Steps by the means of the parts, which are more precise than steps beside a cubic, where nothing else is slow."""
     if not lines.steps:
         return
@@ -155,7 +155,7 @@ def smoothed_off(profile: np.ndarray) -> np.ndarray:
     return _detrended(profile)
 
 
-def _steps(lines: Lines, fixed: Continuum) -> Iterator:
+def _steps(lines: RowMeans, fixed: Continuum) -> Iterator:
     """A step of the fixed rows at a quarter, beside a cubic about it."""
     if not lines.look.is_uniform:
         return
@@ -183,7 +183,7 @@ def _steps(lines: Lines, fixed: Continuum) -> Iterator:
             yield gain, take
 
 
-def _parity(lines: Lines, fixed: Continuum):
+def _parity(lines: RowMeans, fixed: Continuum):
     sign = np.where(np.arange(lines.length) % 2, 1.0, -1.0)
     about_mean = smoothed_off(lines.fixed)
     half = float((about_mean * sign).mean())
@@ -204,7 +204,7 @@ def _first(degree: int) -> int:
     return LEAST_PERIODS if degree else 1
 
 
-def _wave(lines: Lines, fixed: Continuum, temporal: Continuum | None):
+def _wave(lines: RowMeans, fixed: Continuum, temporal: Continuum | None):
     """The strongest sine, fixed or new in each frame, if clean rows have none as strong."""
     n, length = lines.count, lines.length
     spectra = [(smoothed_off(lines.fixed)[None], fixed)] if lines.look.is_uniform else []
@@ -256,7 +256,7 @@ def _wave(lines: Lines, fixed: Continuum, temporal: Continuum | None):
     return gain, take
 
 
-def regular(lines: Lines) -> np.ndarray:
+def regular(lines: RowMeans) -> np.ndarray:
     """(H,) the fixed regular parts that were taken off the rows, DN."""
     means = lines.look.data.frames.mean(2, dtype=np.float64)
     return (means - means.mean(1, keepdims=True)).mean(0) - lines.fixed

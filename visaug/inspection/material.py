@@ -21,7 +21,7 @@ BLOCK = 16  # px, of the slow part of the pattern
 
 
 @dataclass(frozen=True)
-class Look:
+class FrameGroup:
     """Frames of equal conditions, read as they are.
 
     Attributes:
@@ -107,7 +107,7 @@ class Look:
         padded = np.pad(found, reach, mode="reflect")
         return np.convolve(padded, np.full(2 * reach + 1, 1 / (2 * reach + 1)), mode="valid")
 
-    def transposed(self) -> Look:
+    def transposed(self) -> FrameGroup:
         """Columns in place of rows."""
         turned = replace(self, frames=np.ascontiguousarray(self.frames.transpose(0, 2, 1)))
         if "data" in self.__dict__:
@@ -115,7 +115,7 @@ class Look:
             turned.__dict__["data"] = data
         return turned
 
-    def without_lines(self, bad: np.ndarray) -> Look:
+    def without_lines(self, bad: np.ndarray) -> FrameGroup:
         """The same with the given rows replaced by their nearest good neighbours."""
         good = np.flatnonzero(~bad)
         nearest = good[np.abs(np.arange(len(bad))[:, None] - good[None, :]).argmin(1)]
@@ -129,7 +129,7 @@ def _beyond(pixels: np.ndarray) -> np.ndarray:
     return pixels - np.clip(pixels, -limit, limit)
 
 
-def looks(frames: FrameSet, kinds: list[str], guessed: bool = False) -> tuple[list[Look], list[str]]:
+def looks(frames: FrameSet, kinds: list[str], guessed: bool = False) -> tuple[list[FrameGroup], list[str]]:
     """The frames by kind, conditions, size and level, the largest group first; and notes on what was left out.
 
     Args:
@@ -139,7 +139,7 @@ def looks(frames: FrameSet, kinds: list[str], guessed: bool = False) -> tuple[li
     notes: list[str] = []
     records = [replace(r, kind=kind) for r, kind in zip(frames.records, kinds, strict=True)]
     told = frames.with_records(records)
-    found: list[Look] = []
+    found: list[FrameGroup] = []
     for group in told.groups():
         by_shape: dict[tuple[int, int], list[int]] = {}
         for i in group.indices:
@@ -162,7 +162,7 @@ def looks(frames: FrameSet, kinds: list[str], guessed: bool = False) -> tuple[li
                 members = [indices[k] for k in part]
                 distinct = _distinct(stack[part])
                 found.append(
-                    Look(
+                    FrameGroup(
                         group.kind,
                         replace(group, indices=tuple(members)),
                         stack[part][distinct],

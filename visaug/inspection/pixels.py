@@ -11,7 +11,7 @@ from scipy import stats
 
 from visaug.core.wording import number
 from visaug.inspection.finding import ALPHA, Finding, Size, deviation
-from visaug.inspection.material import FAR, Look
+from visaug.inspection.material import FAR, FrameGroup
 
 MOST_PLACES = 20_000  # defects listed
 _STRONG = (
@@ -26,7 +26,7 @@ _DRAWS = 8  # times that the frames are dealt anew to the pixels
 _POOL = 200_000  # pixels that tell the law of what noise does
 
 
-def line_defects(look: Look, axis: str) -> tuple[Finding | None, np.ndarray]:
+def line_defects(look: FrameGroup, axis: str) -> tuple[Finding | None, np.ndarray]:
     """Rows far from their neighbours in the mean frame, or without noise of their own; and which they are."""
     middle = np.asarray(
         stats.trim_mean(look.frames.mean(0, dtype=np.float64), 0.1, axis=1)
@@ -91,7 +91,7 @@ def _apart(profile: np.ndarray) -> np.ndarray:
     return np.where(low * high > 0, np.where(np.abs(low) < np.abs(high), low, high), 0.0)
 
 
-def pixel_findings(look: Look) -> list[Finding]:
+def pixel_findings(look: FrameGroup) -> list[Finding]:
     """Hot, dead and unstable pixels, and the fixed pattern of all of them where it is strong."""
     if not look.is_uniform:
         return []
@@ -106,7 +106,7 @@ def pixel_findings(look: Look) -> list[Finding]:
     return [f for f in found if f is not None]
 
 
-def _standing_out(look: Look) -> tuple[np.ndarray, np.ndarray]:
+def _standing_out(look: FrameGroup) -> tuple[np.ndarray, np.ndarray]:
     """Pixels above, and below, all others in every frame.
 
     Far from the robust scatter of the mean frame, and in each frame farther than temporal noise, with the tails that it
@@ -143,7 +143,7 @@ def _lone(image: np.ndarray, where: np.ndarray, least: float) -> np.ndarray:
     return np.abs(image[where] - middle) > np.maximum(least, 3 * (high - low))
 
 
-def _reach(look: Look) -> float:
+def _reach(look: FrameGroup) -> float:
     """DN from which temporal noise alone is not found at one pixel in all frames."""
     size = np.sort(np.abs(look.raw.noise_pixels.ravel()[:: max(1, look.frames.size // 2_000_000)]))
     pixels = look.shape[0] * look.shape[1]
@@ -151,7 +151,7 @@ def _reach(look: Look) -> float:
     return float(size[int((1 - share) * (len(size) - 1))])
 
 
-def _unstable(look: Look) -> np.ndarray:
+def _unstable(look: FrameGroup) -> np.ndarray:
     """Pixels whose frames part into levels: the range of their values without the extremes is wider than chance makes it.
 
     Chance: the frames of other pixels, dealt anew, so that the tails of the noise are its own.
@@ -178,7 +178,7 @@ def _inner_range(noise: np.ndarray, cut: int) -> np.ndarray:
     return ordered[noise.shape[0] - 1 - cut] - ordered[cut]
 
 
-def _defects(look: Look, what: str, word: str, where: np.ndarray) -> Finding | None:
+def _defects(look: FrameGroup, what: str, word: str, where: np.ndarray) -> Finding | None:
     rows, columns = np.nonzero(where)
     if not len(rows):
         return None
@@ -210,7 +210,7 @@ def _defects(look: Look, what: str, word: str, where: np.ndarray) -> Finding | N
     )
 
 
-def _jumps(look: Look, where: np.ndarray) -> Finding | None:
+def _jumps(look: FrameGroup, where: np.ndarray) -> Finding | None:
     rows, columns = np.nonzero(where)
     if not len(rows):
         return None
@@ -239,14 +239,14 @@ def _jumps(look: Look, where: np.ndarray) -> Finding | None:
     )
 
 
-def pixel_pattern(look: Look) -> Size:
+def pixel_pattern(look: FrameGroup) -> Size:
     """Standard deviation of the fixed pattern of the pixels, DN, with its interval; nothing for one frame."""
     temporal = look.noise_variance / look.count
     freedom = look.shape[0] * look.shape[1] / 1.5
     return deviation(look.pattern_variance, freedom, temporal)
 
 
-def _pattern(look: Look) -> Finding | None:
+def _pattern(look: FrameGroup) -> Finding | None:
     if look.count < 2:
         return None
     size = pixel_pattern(look)

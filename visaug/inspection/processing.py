@@ -9,7 +9,7 @@ from scipy import fft, stats
 
 from visaug.frames import FrameSet
 from visaug.inspection.finding import ALPHA, Finding, needed_z
-from visaug.inspection.material import Look
+from visaug.inspection.material import FrameGroup
 from visaug.pictures.files import largest_group, quality_of
 
 _FAR = 6  # px, at which noise of neighbours is not shared by optics, pixels or filters
@@ -26,7 +26,7 @@ _MANY = 0.05  # of the pixels: more are no defects
 _EQUAL = 1.6  # times as many equal neighbours as normal noise has
 
 
-def processing_findings(look: Look) -> list[Finding]:
+def processing_findings(look: FrameGroup) -> list[Finding]:
     """Sharing between neighbours and its likely causes; needs frames of a still scene."""
     noise = _noise(look)
     if noise is None:
@@ -35,7 +35,7 @@ def processing_findings(look: Look) -> list[Finding]:
     return [f for f in found if f is not None]
 
 
-def _noise(look: Look) -> np.ndarray | None:
+def _noise(look: FrameGroup) -> np.ndarray | None:
     """(n, H, W) what neighbours may share: the temporal noise, of one uniform frame its pixels."""
     if look.count > 1:
         return look.data.noise_pixels
@@ -50,7 +50,7 @@ def _mean_product(images: np.ndarray, lag: tuple[int, int]) -> float:
     return float(np.einsum("nij,nij->", here, there, dtype=np.float64)) / here.size
 
 
-def _correlated(look: Look, noise: np.ndarray) -> Finding | None:
+def _correlated(look: FrameGroup, noise: np.ndarray) -> Finding | None:
     variance = float(np.mean(noise**2, dtype=np.float64))
     if variance < 1e-3:
         return None
@@ -94,7 +94,7 @@ def _correlated(look: Look, noise: np.ndarray) -> Finding | None:
     )
 
 
-def _equal_share(look: Look) -> float:
+def _equal_share(look: FrameGroup) -> float:
     """How often neighbours are equal, over how often normal differences of the same spread are."""
     frame = look.frames[0]
     difference = frame[:, 1:] - frame[:, :-1]
@@ -104,7 +104,7 @@ def _equal_share(look: Look) -> float:
     return float(np.mean(difference == 0)) * math.sqrt(2 * math.pi) * spread
 
 
-def _demosaicing(look: Look, noise: np.ndarray) -> Finding | None:
+def _demosaicing(look: FrameGroup, noise: np.ndarray) -> Finding | None:
     """Interpolated pixels have less noise than those that a colour filter left alone: a lattice of period 2, with sharing."""
     height, width = (n // 2 * 2 for n in look.shape)
     cells = noise[:, :height, :width].reshape(len(noise), height // 2, 2, width // 2, 2)
@@ -135,7 +135,7 @@ def _demosaicing(look: Look, noise: np.ndarray) -> Finding | None:
     )
 
 
-def _corrected(look: Look) -> Finding | None:
+def _corrected(look: FrameGroup) -> Finding | None:
     """Pixels that are the mean of their neighbours in every frame."""
     frames = look.frames
     if look.count < 2 or look.noise_dn < 1.0:
@@ -175,7 +175,7 @@ def _corrected(look: Look) -> Finding | None:
     return None
 
 
-def compression(looks: list[Look], frames: FrameSet) -> Finding | None:
+def compression(looks: list[FrameGroup], frames: FrameSet) -> Finding | None:
     """JPEG, by the files themselves or by the rounding of block coefficients that it left in the pixels."""
     of_file = _by_file(frames)
     if of_file is not None:
@@ -223,7 +223,7 @@ def _as_image(record):
     return replace(record, kind="image")
 
 
-def _by_pixels(look: Look) -> tuple[tuple[int, int], float, int, float] | None:
+def _by_pixels(look: FrameGroup) -> tuple[tuple[int, int], float, int, float] | None:
     """Place of the grid, median step, number of rounded coefficients, evidence.
 
     The places with most coefficients of 0 are looked at, against others of the same frames.
@@ -243,7 +243,7 @@ def _by_pixels(look: Look) -> tuple[tuple[int, int], float, int, float] | None:
     return None
 
 
-def _coefficients(look: Look, down: int, across: int) -> np.ndarray:
+def _coefficients(look: FrameGroup, down: int, across: int) -> np.ndarray:
     """(blocks, 63) coefficients of 8 x 8 blocks of the first frames on one place of the grid, without the mean."""
     height, width = ((n - k) // _SIDE for n, k in zip(look.shape, (down, across)))
     take = max(1, min(look.count, _MOST_BLOCKS // (height * width)))
@@ -255,7 +255,7 @@ def _coefficients(look: Look, down: int, across: int) -> np.ndarray:
     return np.asarray(fft.dctn(blocks, axes=(1, 2), norm="ortho")).reshape(len(blocks), -1)[:, 1:]
 
 
-def _characteristic(look: Look, down: int, across: int) -> np.ndarray:
+def _characteristic(look: FrameGroup, down: int, across: int) -> np.ndarray:
     """(63, steps) mean cosine of 2 pi c / step of block coefficients c; 0 where hardly any differs from 0."""
     c = _coefficients(look, down, across)
     moves = np.abs(c) >= 0.5  # a coefficient of 0 is a multiple of every step
@@ -264,7 +264,7 @@ def _characteristic(look: Look, down: int, across: int) -> np.ndarray:
     return np.where(count > 50, 1 / np.maximum(count, 1), 0.0)[:, None] * phi
 
 
-def noise_law(look: Look) -> tuple[str, float] | None:
+def noise_law(look: FrameGroup) -> tuple[str, float] | None:
     """Whether the temporal noise is normal or has heavy tails, and its excess kurtosis in one frame; None of one frame."""
     if look.count < 2:
         return None

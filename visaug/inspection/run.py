@@ -18,7 +18,7 @@ from visaug.inspection.finding import Finding
 from visaug.inspection.kinds import kinds_of
 from visaug.inspection.line_findings import line_findings
 from visaug.inspection.lines import rows_of
-from visaug.inspection.material import Look, looks
+from visaug.inspection.material import FrameGroup, looks
 from visaug.inspection.pixels import line_defects, pixel_findings, pixel_pattern
 from visaug.inspection.processing import compression, noise_law, processing_findings
 from visaug.inspection.result import Inspection, Measurement
@@ -99,7 +99,7 @@ def _as_set(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -
     return FrameSet.from_arrays(records, stack)
 
 
-def _chosen(groups: list[Look]) -> list[Look]:
+def _chosen(groups: list[FrameGroup]) -> list[FrameGroup]:
     """At most so many groups: of each kind that of the most frames, then by their number."""
     first = {look.kind: look for look in reversed(groups)}
     ordered = [*first.values(), *(look for look in groups if look is not first[look.kind])]
@@ -107,7 +107,7 @@ def _chosen(groups: list[Look]) -> list[Look]:
     return sorted(kept, key=lambda look: groups.index(look))
 
 
-def _findings_of(look: Look) -> tuple[Look, list[Finding]]:
+def _findings_of(look: FrameGroup) -> tuple[FrameGroup, list[Finding]]:
     """What one group of frames shows; and the group without defective lines."""
     if look.kind == "image" or (look.count == 1 and not look.is_uniform):  # the scene hides everything else
         return look, []
@@ -151,7 +151,7 @@ _OF_FLICKER = ("flicker_noise", "frame_drift", "correlated_noise")
 _FAINT = 0.1  # of the evidence for 1/f noise, below which a pattern that changes may be its waves
 
 
-def _merged(parts: list[tuple[Look, list[Finding]]]) -> list[Finding]:
+def _merged(parts: list[tuple[FrameGroup, list[Finding]]]) -> list[Finding]:
     """One finding of those that several groups of frames share, with what their levels of light tell."""
     levels = [float(look.data.level) for look, _ in parts if look.is_uniform]
     several = len(levels) > 1 and max(levels) > 1.2 * min(levels) + 5
@@ -188,7 +188,7 @@ _NATURED = (
 
 
 def _with_nature(
-    finding: Finding, same: list[tuple[Look, Finding]], parts: list[tuple[Look, list[Finding]]]
+    finding: Finding, same: list[tuple[FrameGroup, Finding]], parts: list[tuple[FrameGroup, list[Finding]]]
 ) -> Finding:
     """The same as an offset or a gain, by its size in the darkest and the brightest group."""
     if finding.what not in _NATURED:
@@ -215,7 +215,7 @@ def _said_once(found: list[Finding]) -> list[Finding]:
     ]
 
 
-def _measurement(look: Look) -> Measurement:
+def _measurement(look: FrameGroup) -> Measurement:
     noise = pattern = None
     law, excess = noise_law(look) or (None, None)
     if excess is not None:
@@ -228,7 +228,7 @@ def _measurement(look: Look) -> Measurement:
     return Measurement(look.kind, look.count + look.copies, level, noise, pattern, law, excess)
 
 
-def _ambiguous(groups: list[Look], packed: Finding | None) -> list[str]:
+def _ambiguous(groups: list[FrameGroup], packed: Finding | None) -> list[str]:
     said = []
     for look in groups:
         if look.copies and np.ptp(look.frames[0]) > 0:
@@ -254,7 +254,7 @@ def _ambiguous(groups: list[Look], packed: Finding | None) -> list[str]:
     return said
 
 
-def _more(groups: list[Look]) -> list[str]:
+def _more(groups: list[FrameGroup]) -> list[str]:
     """Which frames would tell more."""
     kinds = {look.kind for look in groups}
     most = max(look.count for look in groups)

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from scipy import fft, ndimage, stats
 
-from visaug.pictures.files import Pictures
+from visaug.pictures.files import PictureSet
 
 SIDE = 8
 _U, _V = np.indices((SIDE, SIDE))
@@ -58,7 +58,7 @@ def blocks_of(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return coefficients, coefficients[..., 0, 0] / SIDE, usable
 
 
-def sample(pictures: Pictures, seed: int) -> tuple[Blocks, float]:
+def sample(pictures: PictureSet, seed: int) -> tuple[Blocks, float]:
     """Blocks of all pictures, evenly many of each; and the share of all blocks that are saturated or black."""
     rng = np.random.default_rng(seed)
     most = max(_SAMPLE // len(pictures), 200)

@@ -10,8 +10,8 @@ import numpy as np
 from visaug.core.intervals import t_quantile
 from visaug.frames import FrameSet
 from visaug.pictures.blocks import Blocks, Levels, Rounding, noise_by_level, sample
-from visaug.pictures.curve import TONES, Law, Sky, fit
-from visaug.pictures.files import Pictures, largest_group
+from visaug.pictures.curve import TONES, Sky, VarianceLaw, fit
+from visaug.pictures.files import PictureSet, largest_group
 from visaug.pictures.pattern import recurring
 from visaug.pictures.patterns import add, add_patterns, add_processing
 from visaug.pictures.readings import NoiseCurve, Reading, readings_of
@@ -90,7 +90,7 @@ def _no_camera(found: Findings, needs: str) -> None:
         found.miss(name, needs)
 
 
-def _noise_in_dn(found: Findings, pictures: Pictures, levels: Levels, rounding: Rounding) -> None:
+def _noise_in_dn(found: Findings, pictures: PictureSet, levels: Levels, rounding: Rounding) -> None:
     """The noise curve and its straight line in DN, whatever made it."""
     scale = pictures.scale
     noise = np.sqrt(levels.variance) * scale
@@ -129,7 +129,7 @@ def _noise_in_dn(found: Findings, pictures: Pictures, levels: Levels, rounding: 
 
 
 def _camera(
-    found: Findings, pictures: Pictures, blocks: Blocks, levels: Levels, rounding: Rounding
+    found: Findings, pictures: PictureSet, blocks: Blocks, levels: Levels, rounding: Rounding
 ) -> tuple[int, int] | None:
     if len(levels.level) < _FEWEST_LEVELS or np.ptp(levels.level) < 20:
         _no_camera(found, "flat regions at several levels")
@@ -154,7 +154,7 @@ def _camera(
     if len(levels.level) < _FEWEST_LEVELS:
         _no_camera(found, "flat regions at several levels whose noise JPEG has not rounded away")
         return None
-    start = Law(
+    start = VarianceLaw(
         "linear",
         0.05,
         max(0.8 * float(levels.variance[0]), 0.02),
@@ -250,7 +250,7 @@ def _add_tone(found: Findings, readings: list[Reading]) -> None:
 
 
 def _add_curve(
-    found: Findings, pictures: Pictures, readings: list[Reading], levels: Levels, sky: Sky | None
+    found: Findings, pictures: PictureSet, readings: list[Reading], levels: Levels, sky: Sky | None
 ) -> None:
     tone = readings[0].law.tone
     shared = f"flat regions hold shot noise and a constant; {tone} tone curve; neither denoised nor sharpened"

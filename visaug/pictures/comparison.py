@@ -19,10 +19,10 @@ from visaug.core.errors import InputError
 from visaug.core.reporting import Reported
 from visaug.frames import FrameRecord, FrameSet
 from visaug.pictures.blocks import Levels, Rounding, noise_by_level, sample
-from visaug.pictures.curve import Law
-from visaug.pictures.difference import Difference, difference, look_differences
-from visaug.pictures.files import Pictures, largest_group
-from visaug.pictures.pattern import Part, recurring
+from visaug.pictures.curve import VarianceLaw
+from visaug.pictures.difference import StatisticDifference, difference, look_differences
+from visaug.pictures.files import PictureSet, largest_group
+from visaug.pictures.pattern import VariancePart, recurring
 from visaug.pictures.sets import find_sky, jackknife
 from visaug.statistics.places import Place, Places, data_frame, verdict_json
 from visaug.statistics.tail import SIGNIFICANT
@@ -50,7 +50,7 @@ class PictureComparison(Reported):
     """
 
     p_value: float
-    all_differences: tuple[Difference, ...]
+    all_differences: tuple[StatisticDifference, ...]
     where: Places
     curves: dict[str, dict[str, np.ndarray]]
     warnings: tuple[str, ...]
@@ -86,7 +86,7 @@ class PictureComparison(Reported):
 
 @dataclass(frozen=True)
 class _Set:
-    pictures: Pictures
+    pictures: PictureSet
     levels: Levels
     rounding: Rounding
 
@@ -151,7 +151,7 @@ def compare_pictures(
     )
 
 
-def _noisy(pictures: Pictures, camera: Camera, transfer: Literal["linear", "srgb"], seed: int) -> FrameSet:
+def _noisy(pictures: PictureSet, camera: Camera, transfer: Literal["linear", "srgb"], seed: int) -> FrameSet:
     """8-bit pictures as the camera would have taken them, with one sensor's fixed pattern."""
     import torch
 
@@ -187,7 +187,7 @@ def _noise_error(one: _Set) -> np.ndarray:
     return np.sqrt(one.levels.variance) * one.levels.error / 2
 
 
-def _noise(renders: _Set, target: _Set) -> list[Difference]:
+def _noise(renders: _Set, target: _Set) -> list[StatisticDifference]:
     """Standard deviation of pixels at each level that both sets have."""
     values = []
     for one in (renders, target):
@@ -216,13 +216,13 @@ def _noise(renders: _Set, target: _Set) -> list[Difference]:
     return found
 
 
-def _parts(one: _Set, seed: int) -> dict[str, Part | None]:
+def _parts(one: _Set, seed: int) -> dict[str, VariancePart | None]:
     """Variances in the pictures as they are: no tone curve and no black level is taken off."""
     blocks, _ = sample(one.pictures, seed)
     sky = find_sky(blocks, one.levels) if len(one.levels.level) else None
     if not len(one.levels.level):
         return {}
-    pattern = recurring(one.pictures, one.levels, one.rounding, Law("linear", 1e-3, 0.1), sky)
+    pattern = recurring(one.pictures, one.levels, one.rounding, VarianceLaw("linear", 1e-3, 0.1), sky)
     return {name: getattr(pattern, name) for name in ("row", "column", "row_fixed", "column_fixed", "pixel")}
 
 
@@ -235,7 +235,9 @@ _LINES = {
 }
 
 
-def _lines(renders: dict[str, Part | None], target: dict[str, Part | None]) -> list[Difference]:
+def _lines(
+    renders: dict[str, VariancePart | None], target: dict[str, VariancePart | None]
+) -> list[StatisticDifference]:
     found = []
     for name, (view, text) in _LINES.items():
         a, b = renders.get(name), target.get(name)
@@ -246,7 +248,7 @@ def _lines(renders: dict[str, Part | None], target: dict[str, Part | None]) -> l
     return found
 
 
-def _places(found: list[Difference]) -> Places:
+def _places(found: list[StatisticDifference]) -> Places:
     """Views with a difference beyond chance, with their share of the sum of squares."""
     limit = SIGNIFICANT / len(found)
     excess = {d: max(d.z**2 - 1, 0.0) for d in found if d.p_value < limit}

@@ -24,7 +24,7 @@ TONES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 @dataclass(frozen=True)
-class Law:
+class VarianceLaw:
     """Variance `read` + `shot` x + (`prnu` x)^2 about `black` + x, x the light in 1/255 of the linear full scale."""
 
     tone: str
@@ -84,9 +84,9 @@ def fit(
     variance: np.ndarray,
     error: np.ndarray,
     sky: Sky | None,
-    start: Law,
+    start: VarianceLaw,
     free_response: bool = False,
-) -> tuple[Law, float]:
+) -> tuple[VarianceLaw, float]:
     """The law under a tone curve that fits the noise curve best, and its chi-square.
 
     With a sky the black level is fitted, else it is the start's; the response of pixels only if it is free. Levels whose noise
@@ -95,7 +95,7 @@ def fit(
     good = np.isfinite(variance)
     level, variance, error = level[good], np.log(variance[good]), error[good]
 
-    def law(x: np.ndarray) -> Law:
+    def law(x: np.ndarray) -> VarianceLaw:
         black = x[2] if sky else start.black
         prnu = math.exp(x[-1]) if free_response else start.prnu
         return replace(start, tone=tone, shot=math.exp(x[0]), read=math.exp(x[1]), black=black, prnu=prnu)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from scipy import stats
 
 from visaug.pictures.blocks import Rounding
-from visaug.pictures.files import Pictures
+from visaug.pictures.files import PictureSet
 from visaug.pictures.looks import measured
 from visaug.pictures.regions import find_regions
 from visaug.pictures.scenes import chosen_of, read_windows
@@ -17,7 +17,7 @@ _BUDGET = 8_000_000  # pixels of a set that are looked at
 
 
 @dataclass(frozen=True)
-class Difference:
+class StatisticDifference:
     """One statistic of both sets: value in the target, in the other set, and the standard error of the difference."""
 
     view: str
@@ -48,16 +48,16 @@ def difference(
     unit: str,
     measured: tuple[float, float, float],
     modelled: tuple[float, float, float],
-) -> Difference:
+) -> StatisticDifference:
     (b, eb, db), (a, ea, da) = measured, modelled
     variance = ea**2 + eb**2 + 1e-12
     degrees = variance**2 / (ea**4 / da + eb**4 / db + 1e-24)  # Welch
-    return Difference(
+    return StatisticDifference(
         view, statistic, unit, float(b), float(a), math.sqrt(variance), float(max(degrees, 2.0))
     )
 
 
-def look_differences(renders: Pictures, target: Pictures) -> list[Difference]:
+def look_differences(renders: PictureSet, target: PictureSet) -> list[StatisticDifference]:
     """What the cameras of two sets make of black, bright and flat areas and of edges: statistics that both sets tell."""
     sides = []
     for pictures in (target, renders):

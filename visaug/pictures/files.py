@@ -18,7 +18,7 @@ MOST = 300  # pictures that are looked at
 
 
 @dataclass(frozen=True)
-class Pictures:
+class PictureSet:
     """Pictures of one size and one JPEG table.
 
     Attributes:
@@ -51,7 +51,7 @@ class Pictures:
         return self.frames.read(self.indices[n]).astype(np.float64) / self.scale
 
 
-def largest_group(frames: FrameSet, warn: Callable[[str], object]) -> Pictures:
+def largest_group(frames: FrameSet, warn: Callable[[str], object]) -> PictureSet:
     """The pictures of the commonest size and JPEG table; the others are reported."""
     every = [i for i, r in enumerate(frames.records) if r.kind == "image"]
     files = {i: _file(frames, i) for i in every}
@@ -82,7 +82,7 @@ def largest_group(frames: FrameSet, warn: Callable[[str], object]) -> Pictures:
         warn(f"part_of_the_pictures: {MOST} of {count} pictures are used, evenly spaced by name")
     bits = frames.bit_depth or 8
     steps = np.ones((8, 8)) if table is None else np.array(table, float).reshape(8, 8)
-    return Pictures(frames, tuple(indices), steps, table is not None, float((1 << bits) - 1))
+    return PictureSet(frames, tuple(indices), steps, table is not None, float((1 << bits) - 1))
 
 
 @dataclass(frozen=True)

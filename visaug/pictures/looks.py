@@ -31,7 +31,7 @@ _OUTLYING = 5.0  # robust standard deviations at which steps between pixels are 
 
 
 @dataclass(frozen=True)
-class Look:
+class PictureStatistic:
     """A statistic: its view, name and unit, and how pictures (n, H, W) with their regions give its sums.
 
     `texture` is its error, per share of the noise, by texture that passed for noise.
@@ -44,7 +44,9 @@ class Look:
     texture: float = 0.0
 
 
-def measured(pictures: np.ndarray, regions: Regions) -> Iterator[tuple[Look, float, float, float]]:
+def measured(
+    pictures: np.ndarray, regions: Regions
+) -> Iterator[tuple[PictureStatistic, float, float, float]]:
     """Each statistic that enough pictures tell: value, standard error, and degrees of freedom of the error."""
     texture = _texture(pictures, regions)
     for look in LOOKS:
@@ -190,19 +192,24 @@ def _area(k: int):
 
 
 LOOKS = (
-    Look("black_level", "level of the black sky", "DN", _black),
-    Look("saturation", "code at which pixels saturate", "DN", _saturation),
-    Look(
+    PictureStatistic("black_level", "level of the black sky", "DN", _black),
+    PictureStatistic("saturation", "code at which pixels saturate", "DN", _saturation),
+    PictureStatistic(
         "noise_spectrum",
         "fine noise over coarse noise",
         "1",
         _noise_ratio(_FINE, _COARSE),
         texture_share(_COARSE),
     ),
-    Look("noise_spectrum", "noise along rows over noise along columns", "1", _noise_ratio(_ACROSS, _DOWN)),
-    Look("blocking", "steps at the borders of 8 x 8 blocks over steps within", "1", _blocking),
-    Look("edges", "slope of the sharpest edges over their height", "1/px", _sharpness),
-    *(Look("halo", f"light scattered over {width} px", "share", _halo(width)) for width in _HALOS),
-    Look("streaks", "light along columns less along rows", "share", _streak),
-    Look("streaks", "saturated areas along columns less along rows", "share", _area(1)),
+    PictureStatistic(
+        "noise_spectrum", "noise along rows over noise along columns", "1", _noise_ratio(_ACROSS, _DOWN)
+    ),
+    PictureStatistic("blocking", "steps at the borders of 8 x 8 blocks over steps within", "1", _blocking),
+    PictureStatistic("edges", "slope of the sharpest edges over their height", "1/px", _sharpness),
+    *(
+        PictureStatistic("halo", f"light scattered over {width} px", "share", _halo(width))
+        for width in _HALOS
+    ),
+    PictureStatistic("streaks", "light along columns less along rows", "share", _streak),
+    PictureStatistic("streaks", "saturated areas along columns less along rows", "share", _area(1)),
 )

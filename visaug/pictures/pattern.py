@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from visaug.pictures.blocks import LINE, NOISE, Levels, Rounding, blocks_of, is_flat
-from visaug.pictures.curve import Law, Sky
-from visaug.pictures.files import Pictures
+from visaug.pictures.curve import Sky, VarianceLaw
+from visaug.pictures.files import PictureSet
 
 _EDGE = 8.0  # low coefficients of a line above this many medians are an edge of the scene
 _LIT = 10.0  # light, in 1/255 of full scale, from which a place tells of its response
@@ -22,7 +22,7 @@ _DARK = 4.0  # squared light below which a response adds nothing to offsets
 
 
 @dataclass(frozen=True)
-class Part:
+class VariancePart:
     """A variance in (1/255 of linear full scale)^2, or squared fractions, and its standard error."""
 
     variance: float
@@ -33,11 +33,11 @@ class Part:
         """Above zero at a false-alarm rate of about 1 in 1000."""
         return self.variance > 3.1 * self.error
 
-    def minus(self, other: Part | None) -> Part:
+    def minus(self, other: VariancePart | None) -> VariancePart:
         return (
             self
             if other is None
-            else Part(self.variance - other.variance, float(np.hypot(self.error, other.error)))
+            else VariancePart(self.variance - other.variance, float(np.hypot(self.error, other.error)))
         )
 
 
@@ -45,12 +45,12 @@ class Part:
 class Pattern:
     """Parts by name: pixel, prnu; row, column (all of it), row_fixed, column_fixed (what recurs). None: not told."""
 
-    pixel: Part | None = None
-    prnu: Part | None = None
-    row: Part | None = None
-    row_fixed: Part | None = None
-    column: Part | None = None
-    column_fixed: Part | None = None
+    pixel: VariancePart | None = None
+    prnu: VariancePart | None = None
+    row: VariancePart | None = None
+    row_fixed: VariancePart | None = None
+    column: VariancePart | None = None
+    column_fixed: VariancePart | None = None
 
 
 @dataclass
@@ -64,7 +64,7 @@ class _Halves:
         self.sums[half] = self.sums[half] + values
         self.weights[half] = self.weights[half] + weights
 
-    def covariance(self) -> Part | None:
+    def covariance(self) -> VariancePart | None:
         """Mean product of the halves' means over the places that both saw."""
         a, b = (np.asarray(w, float) for w in self.weights)
         if not a.ndim or not b.ndim:
@@ -75,7 +75,7 @@ class _Halves:
         )
         return _mean_product((first * second).mean(1), a[seen], b[seen])
 
-    def line_covariance(self) -> Part | None:
+    def line_covariance(self) -> VariancePart | None:
         """The same over lines of places, without the products of a place with itself, which hold the pixels' pattern."""
         a, b = (np.asarray(w, float) for w in self.weights)
         if a.ndim < 2 or b.ndim < 2:
@@ -87,16 +87,18 @@ class _Halves:
         return _mean_product(products[seen] / pairs[seen], a.sum(1)[seen], b.sum(1)[seen])
 
 
-def _mean_product(products: np.ndarray, a: np.ndarray, b: np.ndarray) -> Part | None:
+def _mean_product(products: np.ndarray, a: np.ndarray, b: np.ndarray) -> VariancePart | None:
     """Weighted mean over places, with its standard error from place to place."""
     if len(products) < 8:
         return None
     weight = a * b / (a + b)
     value = float(weight @ products / weight.sum())
-    return Part(value, float(np.sqrt((weight**2) @ (products - value) ** 2) / weight.sum()))
+    return VariancePart(value, float(np.sqrt((weight**2) @ (products - value) ** 2) / weight.sum()))
 
 
-def recurring(pictures: Pictures, levels: Levels, rounding: Rounding, law: Law, sky: Sky | None) -> Pattern:
+def recurring(
+    pictures: PictureSet, levels: Levels, rounding: Rounding, law: VarianceLaw, sky: Sky | None
+) -> Pattern:
     """Patterns and line noise of the pictures, referred to the linear picture by the law's slope."""
     plain, lit = _Places(), _Places()
     lines = {axis: _Lines() for axis in (0, 1)}
@@ -132,7 +134,7 @@ class _Places:
         self._offset.add(half, weight[..., None], weight)
         self._light.add(half, (weight * x)[..., None], weight)
 
-    def products(self) -> tuple[Part, float, float] | None:
+    def products(self) -> tuple[VariancePart, float, float] | None:
         """Mean product of the halves, and how much of it an offset and a response of variance 1 would make."""
         every = [h.covariance() for h in (self._values, self._offset, self._light)]
         if any(e is None for e in every):
@@ -141,7 +143,7 @@ class _Places:
         return value, offset.variance, light.variance  # type: ignore[union-attr,return-value]
 
 
-def _dark_and_response(plain: _Places, lit: _Places) -> tuple[Part | None, Part | None]:
+def _dark_and_response(plain: _Places, lit: _Places) -> tuple[VariancePart | None, VariancePart | None]:
     """Variances of offset and response, from two weightings that see them in different shares."""
     first, second = plain.products(), lit.products()
     if first is None:
@@ -149,7 +151,7 @@ def _dark_and_response(plain: _Places, lit: _Places) -> tuple[Part | None, Part 
     value, offset, light = first
     if second is None or second[2] <= 0:
         return (
-            (Part(value.variance / offset, value.error / offset), None)
+            (VariancePart(value.variance / offset, value.error / offset), None)
             if light < _DARK * offset
             else (None, None)
         )
@@ -159,10 +161,12 @@ def _dark_and_response(plain: _Places, lit: _Places) -> tuple[Part | None, Part 
     inverse = np.linalg.inv(shares)
     variance = inverse @ [value.variance, second[0].variance]
     error = np.sqrt(inverse**2 @ [value.error**2, second[0].error ** 2])
-    return Part(float(variance[0]), float(error[0])), Part(float(variance[1]), float(error[1]))
+    return VariancePart(float(variance[0]), float(error[0])), VariancePart(
+        float(variance[1]), float(error[1])
+    )
 
 
-def _usable(pictures: Pictures, levels: Levels, sky: Sky | None) -> np.ndarray:
+def _usable(pictures: PictureSet, levels: Levels, sky: Sky | None) -> np.ndarray:
     """Coefficients that JPEG does not round coarser than two standard deviations of the noise, at the sky and in lit regions."""
     if not pictures.is_jpeg:
         return np.ones((8, 8), bool)
@@ -199,7 +203,7 @@ class _Lines:
             self._pictures.append((float(weight @ ratio), float(weight.sum())))
         self._halves.add(half, values, flat.astype(float))
 
-    def parts(self) -> tuple[Part | None, Part | None]:
+    def parts(self) -> tuple[VariancePart | None, VariancePart | None]:
         """Variance of one line's offset, all of it and what recurs; an offset r gives coefficients of variance 8 r^2."""
         total = None
         if len(self._pictures) > 2:
@@ -207,6 +211,6 @@ class _Lines:
             value = values.sum() / weights.sum()
             rest = values - value * weights
             error = np.sqrt((rest**2).sum() * len(rest) / (len(rest) - 1)) / weights.sum()
-            total = Part(float(value / 8), float(error / 8))
+            total = VariancePart(float(value / 8), float(error / 8))
         fixed = self._halves.line_covariance() if len(self._pictures) > 3 else None
-        return total, fixed and Part(fixed.variance / 8, fixed.error / 8)
+        return total, fixed and VariancePart(fixed.variance / 8, fixed.error / 8)

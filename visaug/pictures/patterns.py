@@ -10,8 +10,8 @@ import numpy as np
 
 from visaug.pictures.blocks import NOISE, Blocks, Levels, Rounding, is_flat
 from visaug.pictures.curve import Sky
-from visaug.pictures.files import Pictures, quality_of
-from visaug.pictures.pattern import Part, Pattern
+from visaug.pictures.files import PictureSet, quality_of
+from visaug.pictures.pattern import Pattern, VariancePart
 from visaug.pictures.readings import Reading
 from visaug.pictures.texture import Texture
 
@@ -26,12 +26,12 @@ def add(found: Findings, name: str, interval: Sequence[float], unit: str, assume
 
 
 def add_patterns(
-    found: Findings, pictures: Pictures, best: Reading, pattern: Pattern, sky: Sky | None
+    found: Findings, pictures: PictureSet, best: Reading, pattern: Pattern, sky: Sky | None
 ) -> None:
     per_unit = 1 / best.law.shot  # electrons per 1/255 of full scale
     where = "the black sky" if sky else "flat regions"
 
-    def part(name: str, value: Part | None, needs: str, effect: str | None = None) -> None:
+    def part(name: str, value: VariancePart | None, needs: str, effect: str | None = None) -> None:
         if value is None:
             found.miss(name, needs)
             return
@@ -77,7 +77,7 @@ def _with_gain(
     return value, value * math.exp(-down), value * math.exp(up)
 
 
-def _root(part: Part, factor: float) -> tuple[float, float, float]:
+def _root(part: VariancePart, factor: float) -> tuple[float, float, float]:
     """Standard deviation with its interval; 0 where it is not found, and then up to what a variance of 0 or more allows."""
     value = math.sqrt(max(part.variance, 0.0)) * factor
     low = math.sqrt(max(part.variance - 1.96 * part.error, 0.0)) * factor
@@ -86,7 +86,12 @@ def _root(part: Part, factor: float) -> tuple[float, float, float]:
 
 
 def add_processing(
-    found: Findings, pictures: Pictures, blocks: Blocks, levels: Levels, rounding: Rounding, texture: Texture
+    found: Findings,
+    pictures: PictureSet,
+    blocks: Blocks,
+    levels: Levels,
+    rounding: Rounding,
+    texture: Texture,
 ) -> None:
     """JPEG quality from the file; spectrum of the noise."""
     if pictures.is_jpeg:

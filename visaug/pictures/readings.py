@@ -10,9 +10,9 @@ import numpy as np
 
 from visaug.core.intervals import t_quantile
 from visaug.pictures.blocks import Levels, Rounding
-from visaug.pictures.curve import TONES, Law, Sky, fit
-from visaug.pictures.files import Pictures
-from visaug.pictures.pattern import Part, Pattern
+from visaug.pictures.curve import TONES, Sky, VarianceLaw, fit
+from visaug.pictures.files import PictureSet
+from visaug.pictures.pattern import Pattern, VariancePart
 from visaug.pictures.sets import jackknife
 from visaug.pictures.texture import Texture
 
@@ -26,7 +26,7 @@ Interval = tuple[float, float, float]
 class NoiseCurve:
     """Noise of flat blocks by level, and what else bears on its law."""
 
-    pictures: Pictures
+    pictures: PictureSet
     levels: Levels
     rounding: Rounding
     sky: Sky | None
@@ -47,7 +47,7 @@ class NoiseCurve:
         """The variance with that of blocks chosen for being quiet in the sky too."""
         return variance * self.levels.chosen / self.levels.variance
 
-    def fitted(self, law: Law, level: np.ndarray, variance: np.ndarray) -> Law:
+    def fitted(self, law: VarianceLaw, level: np.ndarray, variance: np.ndarray) -> VarianceLaw:
         """The law under the same tone curve, with the same response of the pixels."""
         return fit(law.tone, level, variance, self.levels.error, self.sky, law)[0]
 
@@ -60,7 +60,7 @@ class Reading:
     `misfit`: root of chi-square by its degrees of freedom, 1 or more, by which errors are enlarged.
     """
 
-    law: Law
+    law: VarianceLaw
     gain: Interval
     read: Interval
     black: Interval
@@ -68,7 +68,7 @@ class Reading:
     misfit: float
 
 
-def readings_of(curve: NoiseCurve, start: Law) -> list[Reading]:
+def readings_of(curve: NoiseCurve, start: VarianceLaw) -> list[Reading]:
     """The tone curves that the noise curve allows at 2 %, the best first.
 
     One under which read noise exceeds the shot noise of a saturated pixel is none of a camera: a full well holds more
@@ -90,7 +90,7 @@ def _misfit(chi: float, curve: NoiseCurve) -> float:
     return math.sqrt(max(chi / max(len(curve.levels.level) - parameters, 1), 1.0))
 
 
-def _with_contrast(law: Law, chi: float, curve: NoiseCurve) -> Law | None:
+def _with_contrast(law: VarianceLaw, chi: float, curve: NoiseCurve) -> VarianceLaw | None:
     """The law with a part that grows with the square of light, as texture of one contrast does, beyond the pixels' response.
 
     None where the noise curve does not ask for it at 2 %.
@@ -102,7 +102,7 @@ def _with_contrast(law: Law, chi: float, curve: NoiseCurve) -> Law | None:
     return free if beyond and (chi - least) / scale > _SAME else None
 
 
-def _fit(tone: str, curve: NoiseCurve, start: Law) -> tuple[Law, float]:
+def _fit(tone: str, curve: NoiseCurve, start: VarianceLaw) -> tuple[VarianceLaw, float]:
     """The best law under a tone curve and its chi-square.
 
     Without a sky the black level is the lowest, from 0 on, with which read noise is not negative: only both together show.
@@ -121,20 +121,20 @@ def _darkest(tone: str, level: np.ndarray) -> float:
     return 255 * float(TONES[tone](level[:1] / 255)[0])
 
 
-def _deviation(part: Part | None, errors: float = 0.0) -> float:
+def _deviation(part: VariancePart | None, errors: float = 0.0) -> float:
     """Standard deviation of a pattern, moved by standard errors of its variance; 0 at best where it is not found."""
     if part is None or (errors == 0 and not part.found):
         return 0.0
     return math.sqrt(max(part.variance + errors * part.error, 0.0))
 
 
-def _figures(law: Law, fixed: float) -> np.ndarray:
+def _figures(law: VarianceLaw, fixed: float) -> np.ndarray:
     """Logarithms of gain and read noise, and the black level; `fixed` is the variance of the pixels' pattern."""
     read = max(law.read - fixed, 1e-4 * law.read)
     return np.array([-math.log(law.shot), 0.5 * math.log(read) - math.log(law.shot), law.black])
 
 
-def _reading(law: Law, chi: float, curve: NoiseCurve) -> Reading:
+def _reading(law: VarianceLaw, chi: float, curve: NoiseCurve) -> Reading:
     scale, fixed = curve.pictures.scale, _deviation(curve.pattern.pixel) ** 2
     textured, misfit = _with_contrast(law, chi, curve), _misfit(chi, curve)
     contrast = textured.prnu if textured else 0.0
@@ -153,7 +153,7 @@ def _reading(law: Law, chi: float, curve: NoiseCurve) -> Reading:
 
 
 def _with_ends(
-    law: Law, curve: NoiseCurve, fixed: float, misfit: float, textured: Law | None = None
+    law: VarianceLaw, curve: NoiseCurve, fixed: float, misfit: float, textured: VarianceLaw | None = None
 ) -> tuple[Interval, Interval, Interval]:
     """Gain, read noise and black level of a law in 1/255 of full scale: value and 95 % interval, which hold `textured` too."""
 
@@ -176,7 +176,7 @@ def _scaled(interval: Interval, factor: float) -> Interval:
     return value * factor, low * factor, high * factor
 
 
-def _open(law: Law, curve: NoiseCurve, fixed: float) -> Iterator[np.ndarray]:
+def _open(law: VarianceLaw, curve: NoiseCurve, fixed: float) -> Iterator[np.ndarray]:
     """Figures (ways, 3) at the ends of what is not known exactly: the share of texture, response and offsets of pixels.
 
     Noise that JPEG has rounded together with texture does not add up as variances do, and texture as fine as noise cannot be told

@@ -14,7 +14,7 @@ from visaug.camera import Camera
 from visaug.core.errors import InputError, NoSensorNoise
 from visaug.frames import FrameSet
 from visaug.pictures.blocks import SIDE, Rounding, noise_by_level, sample
-from visaug.pictures.files import Pictures, largest_group, quality_of
+from visaug.pictures.files import PictureSet, largest_group, quality_of
 from visaug.pictures.regions import Regions, find_regions
 from visaug.pictures.sets import is_rendered, no_noise
 from visaug.pictures.symmetry import STATISTICS, Sums, symmetry_sums
@@ -136,7 +136,7 @@ def scenes_of(
     return own, taken, Selection(len(frames), (rows, columns), (0, 0), used, None if is_whole else window)
 
 
-def _refuse_renders(pictures: Pictures, chosen: np.ndarray, rounding: Rounding) -> None:
+def _refuse_renders(pictures: PictureSet, chosen: np.ndarray, rounding: Rounding) -> None:
     few = replace(
         pictures, indices=tuple(pictures.indices[n] for n in chosen[:: -(-len(chosen) // _RENDERS)])
     )
@@ -160,7 +160,7 @@ def _say_what_lacks(regions: Regions, warn: Callable[[str], object]) -> None:
         )
 
 
-def chosen_of(pictures: Pictures, budget: int = BUDGET) -> tuple[np.ndarray, tuple[int, int, int, int]]:
+def chosen_of(pictures: PictureSet, budget: int = BUDGET) -> tuple[np.ndarray, tuple[int, int, int, int]]:
     """Pictures, evenly spaced, and the window in the middle of them that is looked at, whole blocks of the JPEG grid."""
     rows, columns = pictures.frames.shape(pictures.indices[0])
     count = min(len(pictures), MOST)
@@ -175,7 +175,7 @@ def chosen_of(pictures: Pictures, budget: int = BUDGET) -> tuple[np.ndarray, tup
     return chosen, (top, top + height, left, left + width)
 
 
-def read_windows(pictures: Pictures, chosen: np.ndarray, window: tuple[int, int, int, int]) -> np.ndarray:
+def read_windows(pictures: PictureSet, chosen: np.ndarray, window: tuple[int, int, int, int]) -> np.ndarray:
     r0, r1, c0, c1 = window
     return np.stack([pictures.read(int(n))[r0:r1, c0:c1] for n in chosen]).astype(np.float32)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from visaug.pictures.blocks import NOISE, Blocks, Levels, Rounding
 from visaug.pictures.curve import Sky
-from visaug.pictures.files import Pictures
+from visaug.pictures.files import PictureSet
 
 _GROUPS = 12
 _SKY_SHARE = 0.1
@@ -105,7 +105,7 @@ def rounded_away(levels: Levels, rounding: Rounding) -> np.ndarray:
     )
 
 
-def no_noise(pictures: Pictures) -> str:
+def no_noise(pictures: PictureSet) -> str:
     """What is said of pictures that `is_rendered`."""
     if pictures.top_dn > 255:
         return (

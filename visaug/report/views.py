@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from visaug.camera import Camera
     from visaug.frames import FrameSet
     from visaug.statistics import View
-    from visaug.statistics.view import Picture
+    from visaug.statistics.view import ViewPlot
 
 
 class ViewGallery:
@@ -41,7 +41,7 @@ class ViewGallery:
         ]
         self.sets: tuple[FrameSet, FrameSet] = (sets[0][0], sets[0][1])
 
-    def shown(self, name: str, worst: str = "") -> "tuple[Picture, list[Picture | None]] | None":
+    def shown(self, name: str, worst: str = "") -> "tuple[ViewPlot, list[ViewPlot | None]] | None":
         """What a view shows of the measured frames and of each modelled set; None where these frames do not show it.
 
         Args:
@@ -90,7 +90,7 @@ def all_views() -> list[str]:
     return list(dict.fromkeys(view.name for view in (*VIEWS, *OF_FULL_FRAMES)))
 
 
-def _tells(picture: "Picture") -> bool:
+def _tells(picture: "ViewPlot") -> bool:
     """Whether there is more to see than a single point or a line at one value."""
     return bool(picture.maps) or any(len(c.x) > 1 and len(np.unique(c.y)) > 1 for c in picture.curves)
 

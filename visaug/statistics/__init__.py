@@ -7,7 +7,7 @@ import numpy as np
 from visaug.frames import FrameSet
 from visaug.statistics.reduction import FrameData, GroupData, Stacks
 from visaug.statistics.statistic import AXES, Fingerprint, Statistic, finite
-from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views import IN_A_WINDOW, OF_FULL_FRAMES, OF_PICTURES, VIEWS
 
 __all__ = [
@@ -20,10 +20,10 @@ __all__ = [
     "Fingerprint",
     "FrameData",
     "GroupData",
-    "Picture",
     "Stacks",
     "Statistic",
     "View",
+    "ViewPlot",
     "fingerprint",
     "fingerprint_values",
 ]

@@ -9,7 +9,15 @@ import numpy as np
 
 from visaug.frames import FrameRecord, FrameSet, Group
 from visaug.statistics import kernels
-from visaug.statistics.stack import LEAST_SCALE, LEAST_VARIANCE, MAD, Noise, Scatter, Stack, correlations
+from visaug.statistics.stack import (
+    LEAST_SCALE,
+    LEAST_VARIANCE,
+    MAD,
+    Noise,
+    NoiseProducts,
+    Stack,
+    correlations,
+)
 from visaug.statistics.statistic import Statistic
 
 MAX_GROUPS = {"bias": 2, "dark": 8, "flat": 9, "scene": 6}  # of each kind, spread evenly over the conditions
@@ -118,8 +126,8 @@ class GroupData:
         return pixels
 
     @cached_property
-    def _pattern_scatter(self) -> Scatter:
-        found = Scatter.empty((0, 0))
+    def _pattern_scatter(self) -> NoiseProducts:
+        found = NoiseProducts.empty((0, 0))
         off = np.zeros((1, self.pattern_pixels.shape[0]), np.float32)
         across = np.zeros((1, self.pattern_pixels.shape[1]), np.float32)
         found.add(self.pattern_pixels[None], np.zeros_like(self.pattern_pixels), off, across)

@@ -51,9 +51,9 @@ class Stack:
         return counts.sum(0)
 
     @cached_property
-    def scatter(self) -> "Scatter":
+    def scatter(self) -> "NoiseProducts":
         """Products of the noise about the mean of these frames alone."""
-        found = Scatter.empty(self.shape[1:])
+        found = NoiseProducts.empty(self.shape[1:])
         if self.shape[0] > 1:
             mean = (self.total / self.shape[0]).astype(np.float32)
             found.add(self.frames, mean, *_lines(self, self.rows.mean(0), self.columns.mean(0)))
@@ -61,7 +61,7 @@ class Stack:
 
 
 @dataclass
-class Scatter:
+class NoiseProducts:
     """Sums over frames and pixels of products of noise: see `kernels.scatter`."""
 
     products: np.ndarray
@@ -69,7 +69,7 @@ class Scatter:
     squares: np.ndarray
 
     @classmethod
-    def empty(cls, shape: tuple[int, ...]) -> "Scatter":
+    def empty(cls, shape: tuple[int, ...]) -> "NoiseProducts":
         return cls(np.zeros(len(LAGS)), np.zeros(4), np.zeros(shape, np.float32))
 
     def add(self, frames: np.ndarray, mean: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> None:
@@ -155,12 +155,12 @@ class Noise:
         return added([s.codes for s in self.stacks])
 
     @cached_property
-    def _scatter(self) -> Scatter:
+    def _scatter(self) -> NoiseProducts:
         if len(self.stacks) == 1:
             return self.stacks[0].scatter
         one, other = self.stacks
         parts = one.scatter, other.scatter
-        found = Scatter(
+        found = NoiseProducts(
             *(parts[0].__dict__[k] + parts[1].__dict__[k] for k in ("products", "halves", "squares"))
         )
         weight = np.sqrt(one.shape[0] * other.shape[0] / self.count)

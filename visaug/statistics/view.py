@@ -22,7 +22,7 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Picture:
+class ViewPlot:
     """What a view shows: curves in common axes, or maps (H, W) side by side.
 
     Attributes:
@@ -54,7 +54,7 @@ class View:
         """Statistics and values. Which ones depends only on the plan of the frames, never on their pixels."""
         raise NotImplementedError
 
-    def picture(self, data: FrameData, worst: str = "") -> Picture | None:
+    def picture(self, data: FrameData, worst: str = "") -> ViewPlot | None:
         """The picture of this view; None where the frames that it needs are missing.
 
         Args:
@@ -65,7 +65,7 @@ class View:
         group = max(ends, key=lambda g: len(g.label), default=None)
         return self.draw(data, worst.removesuffix(f", {group.label}") if group else worst, group)
 
-    def draw(self, data: FrameData, name: str, group: GroupData | None) -> Picture | None:
+    def draw(self, data: FrameData, name: str, group: GroupData | None) -> ViewPlot | None:
         """The picture that shows a statistic by its name ("" for none) and the group that it is measured on."""
         raise NotImplementedError
 
@@ -86,5 +86,5 @@ class Unlit(View):
     def measure(self, data: FrameData) -> Iterator[tuple[Statistic, float]]:
         return self.view.measure(data.unlit)
 
-    def picture(self, data: FrameData, worst: str = "") -> Picture | None:
+    def picture(self, data: FrameData, worst: str = "") -> ViewPlot | None:
         return self.view.picture(data.unlit, worst)

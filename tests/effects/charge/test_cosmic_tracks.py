@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from visaug.diagnosis.candidates.look import tracks
-from visaug.effects import Look, catalogue
+from visaug.effects import FrameSummary, catalogue
 
 RATE_PER_S, SECONDS, SHAPE = 6.0, 2.0, (200, 240)
 
@@ -29,11 +29,13 @@ def frames(rng: np.random.Generator, count: int, struck: bool) -> np.ndarray:
     return np.array(made)
 
 
-def look_at(made: np.ndarray, e_per_dn: float = 0.5) -> Look:
+def look_at(made: np.ndarray, e_per_dn: float = 0.5) -> FrameSummary:
     dark = SimpleNamespace(frames=made / e_per_dn, count=len(made), group=SimpleNamespace(gain_db=0.0))
     found = tracks([dark], SimpleNamespace(gain_at=lambda gain_db: e_per_dn))  # type: ignore[arg-type]
     none = np.zeros(0)
-    return Look(np.zeros((0, 0)), none, none, none, np.zeros((0, 0)), found, 1e-6 * made.size * SECONDS)
+    return FrameSummary(
+        np.zeros((0, 0)), none, none, none, np.zeros((0, 0)), found, 1e-6 * made.size * SECONDS
+    )
 
 
 @pytest.mark.parametrize("count", [2, 5])

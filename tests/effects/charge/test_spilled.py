@@ -7,7 +7,7 @@ from tests.diagnosis.small import SENSOR, stated_camera
 from visaug import FrameSet
 from visaug.diagnosis.candidates.look import look, spilled
 from visaug.diagnosis.laboratory import Laboratory
-from visaug.effects import Look, catalogue
+from visaug.effects import FrameSummary, catalogue
 from visaug.frames import FrameRecord
 
 WELL_E = 10000.0
@@ -37,7 +37,7 @@ def looks(light: np.ndarray, read: np.ndarray):
     rng = np.random.default_rng(1)
     seen = spilled(light, read + rng.normal(0, 5, read.shape), WELL_E)
     none = np.zeros(0)
-    seen_at = Look(np.zeros((0, 0)), none, none, none, np.zeros((0, 0)), spilled_e=seen)
+    seen_at = FrameSummary(np.zeros((0, 0)), none, none, none, np.zeros((0, 0)), spilled_e=seen)
     return seen, catalogue()["blooming"].looks(seen_at)
 
 

@@ -6,7 +6,7 @@ import torch
 
 from visaug_train.geometry import Pinhole
 from visaug_train.render.caster import FAR, RayCaster, Views, nearest, reflect
-from visaug_train.render.spacecraft import Scene, box, spacecraft
+from visaug_train.render.spacecraft import SceneTensors, box, spacecraft
 
 CAMERA = Pinhole(64, 64, np.array([[100.0, 0, 32], [0, 100.0, 32], [0, 0, 1]]), np.zeros(5))
 
@@ -23,7 +23,7 @@ def looking_at(sun, fill=(0, 0, -1.0), sun_level=1.0, fill_level=0.0, distance=5
 
 
 def scene(*parts):
-    return Scene.of(list(parts))
+    return SceneTensors.of(list(parts))
 
 
 def test_ray_meets_the_near_face_of_a_box():

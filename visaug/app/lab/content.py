@@ -8,7 +8,7 @@ from visaug.app.lab.bench import Bench, summary
 from visaug.camera.paths import place_of
 from visaug.characterization.alarms import all_warnings
 from visaug.core.wording import number, p_text, share_text, statistic_text, with_interval
-from visaug.diagnosis import Diagnosis, Estimate
+from visaug.diagnosis import Diagnosis, FittedValue
 from visaug.effects import Parameter
 from visaug.report.headline import diagnosis_headline, view_title
 from visaug.report.next_step import PICTURES, NextStep, after_comparison, after_diagnosis
@@ -231,7 +231,7 @@ def _candidates(bench: Bench) -> list[dict[str, Any]]:
     return [{"there": entry["name"] in there, "missing": False, "error": None} | entry for entry in entries]
 
 
-def _said(key: str, estimate: Estimate) -> str:
+def _said(key: str, estimate: FittedValue) -> str:
     """A number with its interval, where it has one."""
     return f"{key} {with_interval(estimate.value, estimate.low, estimate.high, estimate.unit)}"
 

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from visaug.core.wording import label_text
-from visaug.statistics.view import Picture
+from visaug.statistics.view import ViewPlot
 
 LARGEST_MAP = 640  # pixels on a side; a larger map is sent as means of squares
 
 
-def view_data(title: str, measured: Picture, modelled: Picture | None) -> dict[str, Any]:
+def view_data(title: str, measured: ViewPlot, modelled: ViewPlot | None) -> dict[str, Any]:
     """A view of the measured and of the modelled frames."""
     content: dict[str, Any] = {
         "title": title,

@@ -61,7 +61,7 @@ class _Job:
         }
 
 
-class Jobs:
+class JobQueue:
     """A queue with one worker.
 
     Attributes:

@@ -31,7 +31,7 @@ def key_of(camera: Camera) -> str:
     return hashlib.blake2b(camera.to_yaml().encode(), digest_size=8).hexdigest()
 
 
-class Pictures:
+class ViewPlots:
     """Views of the measured frames beside those of a camera, computed when they are first asked for.
 
     Attributes:

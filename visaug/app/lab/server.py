@@ -24,9 +24,9 @@ from visaug import __version__
 from visaug.app.lab.bench import Bench
 from visaug.app.lab.content import content, verdict
 from visaug.app.lab.guard import Guard
-from visaug.app.lab.jobs import Jobs
+from visaug.app.lab.jobs import JobQueue
 from visaug.app.lab.own_picture import LARGEST_FILE, OwnPicture
-from visaug.app.lab.pictures import COMPARED, Pictures
+from visaug.app.lab.pictures import COMPARED, ViewPlots
 from visaug.core.errors import InputError
 from visaug.core.progress import Progress
 from visaug.core.wording import probability_text
@@ -98,9 +98,9 @@ class _Lab:
 
     def __init__(self, bench: Bench, token: str):
         self.bench, self.token = bench, token
-        self.jobs = Jobs()
+        self.jobs = JobQueue()
         self._wanted: dict[str, float] = {}  # numbers set by hand that no estimate has taken up yet
-        self.pictures = Pictures(bench.frames, bench.seed)
+        self.pictures = ViewPlots(bench.frames, bench.seed)
         self.templates = templates("visaug.app.lab")
 
     def page(self, _: Request) -> Response:

@@ -24,7 +24,7 @@ LEAST_SHARE = 0.02  # that a derivative's true size is taken to have of its nois
 
 
 @dataclass(frozen=True)
-class Point:
+class ClimbPoint:
     """Coordinates with their gain and the shift of every statistic: mean, and (twins, statistics)."""
 
     at: np.ndarray
@@ -63,7 +63,7 @@ class Climb:
         strengths = {f"{match.trial.effect}.{key}" for key in catalogue()[match.trial.effect].strengths()}
         self.strengths = np.array([c.path in strengths for c in self.coordinates])
 
-    def start(self, cameras: Sequence[Camera]) -> Point:
+    def start(self, cameras: Sequence[Camera]) -> ClimbPoint:
         """The best of some cameras."""
         found: list[np.ndarray] = []
         for camera in cameras:
@@ -75,7 +75,7 @@ class Climb:
             best = max(best, self.settled(at, best), key=lambda point: point.gain)
         return best
 
-    def upwards(self, best: Point) -> Point:
+    def upwards(self, best: ClimbPoint) -> ClimbPoint:
         """The start, or a larger strength that gains more: near zero derivatives vanish or are noise."""
         logarithmic = np.array([c.logarithmic for c in self.coordinates])
         for _ in range(FARTHEST if self.strengths.any() else 0):
@@ -86,7 +86,7 @@ class Climb:
             best = point
         return best
 
-    def settled(self, at: np.ndarray, beside: Point | None = None) -> Point:
+    def settled(self, at: np.ndarray, beside: ClimbPoint | None = None) -> ClimbPoint:
         """The effect's parameters as given, with the camera's parameters refitted to them.
 
         Args:
@@ -106,7 +106,7 @@ class Climb:
             best = point
         return best
 
-    def step(self, point: Point) -> np.ndarray:
+    def step(self, point: ClimbPoint) -> np.ndarray:
         """The step of all coordinates from a point."""
         effect = np.arange(self.theirs, len(point.at))
         step = np.zeros(len(point.at))
@@ -131,7 +131,7 @@ class Climb:
     def _short(self, step: np.ndarray) -> np.ndarray:
         return np.clip(step, -0.6 * self.priors, 0.6 * self.priors)
 
-    def _simulated(self, at: np.ndarray, twins: int) -> Point:
+    def _simulated(self, at: np.ndarray, twins: int) -> ClimbPoint:
         at = self._within(at)
         (moves,) = self._moves([at], twins)
         point = self._point(at, moves)
@@ -140,10 +140,10 @@ class Climb:
             point = self._point(at, moves)
         return point
 
-    def _point(self, at: np.ndarray, moves: np.ndarray) -> Point:
+    def _point(self, at: np.ndarray, moves: np.ndarray) -> ClimbPoint:
         move = cleared(moves, self.fitted.reference.null_scale)
         gain = self.law.log_likelihood(self.fitted.residual - move) - self.nothing
-        return Point(at, gain, move, moves)
+        return ClimbPoint(at, gain, move, moves)
 
     def _noise(self, moves: np.ndarray) -> float:
         """Loss of log likelihood by the noise of the mean of some shifts (twins, statistics)."""

@@ -7,8 +7,8 @@ from scipy.ndimage import label
 
 from visaug.camera import Camera
 from visaug.diagnosis.laboratory import Laboratory
-from visaug.diagnosis.part import Part
-from visaug.effects import Look
+from visaug.diagnosis.part import MeasuredFrames
+from visaug.effects import FrameSummary
 from visaug.pictures.part import PicturePart
 from visaug.statistics import FrameData, GroupData
 
@@ -17,7 +17,7 @@ COLLAPSED = 0.5  # share of the largest temporal variance below which brighter f
 STRUCK = 8.0  # standard deviations by which a pixel of one frame exceeds the others of its kind
 
 
-def look(lab: Laboratory, camera: Camera) -> Look | None:
+def look(lab: Laboratory, camera: Camera) -> FrameSummary | None:
     """Of the discovery frames; None if they contain no bias or dark frame."""
     data = _unlit(lab.parts[0])
     dark = data.bias
@@ -33,7 +33,7 @@ def look(lab: Laboratory, camera: Camera) -> Look | None:
         codes.update(np.unique(lab.frames.read(i)).tolist())
     gain = camera.gain_at(dark.group.gain_db)
     darks = data.of("dark", 2)
-    return Look(
+    return FrameSummary(
         dark_e=everywhere.calm * camera.gain_at(everywhere.group.gain_db),
         rows=np.arange(window[0], window[1]) / height,
         columns=np.arange(window[2], window[3]) / width,
@@ -64,13 +64,13 @@ def filled_well(lab: Laboratory, camera: Camera) -> float | None:
     return level_e if is_clipped and level_e > 0 else None
 
 
-def _unlit(part: Part | PicturePart) -> FrameData:
+def _unlit(part: MeasuredFrames | PicturePart) -> FrameData:
     """Bias and dark frames of the discovery split, selected without reading the flats and scenes."""
     dark = [i for i in part.folds.find if part.frames.records[i].kind in ("bias", "dark")]
     return FrameData(part.frames, dark)
 
 
-def _spilled(part: Part | PicturePart, camera: Camera) -> Iterator[np.ndarray]:
+def _spilled(part: MeasuredFrames | PicturePart, camera: Camera) -> Iterator[np.ndarray]:
     """Charge that overflows full wells in each scene of the discovery frames."""
     frames = part.frames
     for i in part.folds.find:

@@ -24,7 +24,7 @@ Report = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
-class Sample:
+class SimulatedStatistics:
     """Simulated statistics of one use of the frames (discovery, hold-out, all).
 
     Attributes:
@@ -107,9 +107,9 @@ class Reference:
 
     camera: Camera
     coordinates: tuple[Coordinate, ...]
-    find: Sample
-    confirm: Sample
-    whole: Sample
+    find: SimulatedStatistics
+    confirm: SimulatedStatistics
+    whole: SimulatedStatistics
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All simulated arrays by name, and the paths of the coordinates in their order."""
@@ -125,7 +125,10 @@ class Reference:
         cls, camera: Camera, coordinates: Sequence[Coordinate], arrays: dict[str, np.ndarray]
     ) -> "Reference":
         """The reference of `arrays`."""
-        samples = (Sample(*(arrays[f"{use}_{part}"] for part in ("sets", "slopes", "least"))) for use in USES)
+        samples = (
+            SimulatedStatistics(*(arrays[f"{use}_{part}"] for part in ("sets", "slopes", "least")))
+            for use in USES
+        )
         by_path = {c.path: c for c in coordinates}
         return cls(camera, tuple(by_path[path] for path in arrays["paths"]), *samples)
 
@@ -172,7 +175,7 @@ class Reference:
         design = standardised(self.slopes.T, self.scale) * self.priors[:, None]
         return np.linalg.inv(design @ design.T + np.eye(len(self.priors)))
 
-    def _null_of(self, sample: Sample) -> Null:
+    def _null_of(self, sample: SimulatedStatistics) -> Null:
         residuals = sample.deviations - self.null_steps @ sample.slopes.T
         return Null(residuals, least_spread(sample.scale, sample.least), sample.slopes, self.priors)
 
@@ -245,7 +248,7 @@ def make_reference(
         ]
         coordinates = old + new
     least = [np.array([s.least_spread for s in f.statistics]) for f in lab.measured]
-    samples = (Sample(*parts) for parts in zip(values, slopes, least, strict=True))
+    samples = (SimulatedStatistics(*parts) for parts in zip(values, slopes, least, strict=True))
     return Reference(camera, tuple(coordinates), *samples)
 
 

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from visaug.camera import Camera
-from visaug.diagnosis import Estimate
+from visaug.diagnosis import FittedValue
 from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.candidates import cache
 from visaug.diagnosis.candidates.selection import candidates
@@ -31,7 +31,7 @@ FEW, FEWEST = (
 
 
 @dataclass(frozen=True)
-class Fit:
+class CameraFit:
     """A refitted camera and how far it is from the frames.
 
     Attributes:
@@ -45,7 +45,7 @@ class Fit:
     error: Error | None
     p_value: float
     where: Places
-    parameters: dict[str, dict[str, Estimate]]
+    parameters: dict[str, dict[str, FittedValue]]
 
     @property
     def adequate(self) -> bool:
@@ -71,7 +71,7 @@ class Fits:
         self._states: dict[tuple[Names, Names], State] = {}
         self._given: Reference | None = None  # its sets alone, where nothing was fitted yet
 
-    def fit(self, without: Names, added: Names, report: Report) -> Fit:
+    def fit(self, without: Names, added: Names, report: Report) -> CameraFit:
         """The camera file without some of its own effects and with others added, in this order."""
         state = self._state(without, added, report)
         plain = self._state((), (), report)
@@ -79,7 +79,7 @@ class Fits:
         left = Distance(
             self.lab.statistics, reference.mean + fitted.residual, reference.sets, reference.find.least
         )
-        return Fit(
+        return CameraFit(
             fitted.camera,
             Errors(self.lab, self._reference((), report), plain.fitted).told(fitted),
             state.p_value,
@@ -87,7 +87,7 @@ class Fits:
             {name: estimates(name, fitted.camera, *state.numbers) for name in added},
         )
 
-    def as_it_is(self, camera: Camera, quick: bool, report: Report) -> Fit:
+    def as_it_is(self, camera: Camera, quick: bool, report: Report) -> CameraFit:
         """How far a camera is from the frames with its numbers as they are: nothing is refitted.
 
         Args:
@@ -98,12 +98,12 @@ class Fits:
         fitted = Fitted.unfitted(self.lab, reference)
         error = Errors(self.lab, first, Fitted.unfitted(self.lab, first)).told(fitted)
         if quick:
-            return Fit(camera, error, math.nan, Places(), {})
+            return CameraFit(camera, error, math.nan, Places(), {})
         state = State.plain(fitted)
         left = Distance(
             self.lab.statistics, reference.mean + fitted.residual, reference.sets, reference.find.least
         )
-        return Fit(camera, error, state.p_value, places(left, self.lab.statistics, state.find.z), {})
+        return CameraFit(camera, error, state.p_value, places(left, self.lab.statistics, state.find.z), {})
 
     def _sets_of_given(self, count: int, report: Report) -> Reference:
         """Simulated sets of the camera file, without derivatives: those that exist already, or as many as requested."""

@@ -11,7 +11,7 @@ from visaug.core.errors import InputError
 from visaug.diagnosis.comparison import Comparison, compare
 from visaug.diagnosis.result import Diagnosis, Step
 from visaug.diagnosis.search import SETS, diagnose
-from visaug.diagnosis.session.fits import Fit, Fits, Names
+from visaug.diagnosis.session.fits import CameraFit, Fits, Names
 from visaug.frames import FrameSet
 from visaug.statistics.distance import Error
 from visaug.statistics.places import Places
@@ -34,7 +34,7 @@ class Setup:
 
     without: Names = ()
     added: Names = ()
-    fit: Fit | None = None
+    fit: CameraFit | None = None
     steps: tuple[Step, ...] = field(default=())
     numbers: Mapping[str, float] = field(default_factory=dict)
     quick: bool = False
@@ -118,7 +118,7 @@ class Session:
             self.comparison = compare(self.given, self.frames, seed=self.seed, progress=self.progress)
         return self.comparison
 
-    def refit(self) -> Fit:
+    def refit(self) -> CameraFit:
         """Refits the camera with the effects that are added now; the session keeps the result."""
         if self.now.fit is None:
             fit = self.fits.fit(self.now.without, self.now.added, self.progress)
@@ -126,7 +126,7 @@ class Session:
         assert self.now.fit is not None
         return self.now.fit
 
-    def try_effect(self, name: str) -> Fit:
+    def try_effect(self, name: str) -> CameraFit:
         """The fit with one more effect. The session does not change.
 
         Raises:
@@ -162,7 +162,7 @@ class Session:
             raise InputError(f"the camera has no {name}", field="remove", expected="an effect of the camera")
         return self
 
-    def set_numbers(self, values: Mapping[str, float], quick: bool = False) -> Fit:
+    def set_numbers(self, values: Mapping[str, float], quick: bool = False) -> CameraFit:
         """Sets numbers of the camera by hand; nothing is refitted, and `add` and `remove` refit them again.
 
         Args:
@@ -238,7 +238,7 @@ class Session:
             return None
         known = {entry.effect: entry.parameters for entry in found.ranking}
         parameters = {name: known[name] for name in added}
-        fit = Fit(found.camera, found.error_after, found.p_value_after, Places(), parameters)
+        fit = CameraFit(found.camera, found.error_after, found.p_value_after, Places(), parameters)
         return Setup((), added, fit, found.steps)
 
     def __repr__(self) -> str:

@@ -60,11 +60,13 @@ class DarkCurrentRTS(Effect):
 
     def apply(self, signal, p, stream, context):
         fixed = stream.fixed
-        has_defect = fixed.fork("where").uniform() < p.density
-        amplitude = -torch.log(fixed.fork("amplitude").uniform()) * has_defect
-        state = (stream.fork("state").uniform() < p.duty).to(signal.dtype)
+        places = fixed.fork("where").uniform(), fixed.fork("amplitude").uniform()
+        has_defect = places[0] < p.density
+        amplitude = -torch.log(places[1]) * has_defect
         if context.sequence:
-            state = kept_states(self.name, state, stream.fork("kept").uniform() < p.kept, context)
+            state = kept_states(self.name, has_defect, places, p, stream.fork("state").keys, context)
+        else:
+            state = (stream.fork("state").uniform() < p.duty).to(signal.dtype)
         return add_dark_electrons(signal, self._mean_e(p, context) * amplitude * state, stream, context)
 
     def moments(self, mean, p, context):

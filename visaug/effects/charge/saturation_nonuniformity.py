@@ -26,8 +26,8 @@ class SaturationNonuniformity(Effect):
         "z ~ N(0, 1) per camera"
     )
     source = (
-        "A. Pelamatti et al., IEEE Electron Device Letters 34 (2013) 900 (full well of pinned photodiodes); J. Janesick, "
-        "Photon Transfer (SPIE 2007), full well"
+        "A. Pelamatti et al., IEEE Trans. Electron Devices 62 (2015) 1200 (full well of pinned photodiodes, charge that escapes "
+        "over the barrier); half-normal spread: assumed"
     )
     separates = (
         "take flats beyond saturation: a fixed pattern in fully saturated frames, and a variance that falls before the mean "

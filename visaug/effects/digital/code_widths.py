@@ -30,7 +30,7 @@ class CodeWidths(Effect):
     summary = "The codes of the converter are of unequal width, the same in every frame."
     equation = (
         "y <- k - 1/2 + (y - T_k) / (T_(k+1) - T_k) for T_k <= y < T_(k+1), T_k = k - 1/2 + e_k; thresholds: e_k = "
-        "dnl z_k / sqrt(2); bits: e_k = dnl sum_i bit_i(k) 2^((i - n + 1) / 2) z_i without its slope; z ~ N(0, 1) per camera"
+        "dnl z_k / sqrt(2); bits: e_k = dnl sum_i bit_i(k) 2^((i - n) / 2) z_i without its slope; z ~ N(0, 1) per camera"
     )
     source = "IEEE Std 1241-2010, differential nonlinearity and code-density test"
     separates = (
@@ -93,7 +93,7 @@ def _of_bits(dnl, fixed, bits):
     place = torch.arange(bits, device=drawn.device)
     code = torch.arange(2**bits, device=drawn.device)
     has = ((code[None] >> place[:, None]) & 1).to(drawn.dtype)
-    off = dnl * drawn * 2.0 ** ((place - bits + 1) / 2)
+    off = dnl * drawn * 2.0 ** ((place - bits) / 2)  # at the middle code all bits change: variance dnl^2
     off = off @ has.to(off.dtype)
     off = off - off[..., -1:] * (code / code[-1])
     ordered = (code + off).cummax(-1).values - code  # a threshold below an earlier one is never met

@@ -11,9 +11,10 @@ EDGE = 4  # power of the distance in the fall-off: a flat shadow with a soft edg
 class Dust(Effect):
     """Specks on the cover glass of the sensor cast soft shadows, which stay where they are until the sensor is cleaned.
 
-    The radius of a shadow is about the distance of the glass over twice the f-number, so it grows as the aperture is opened
-    while the shadow becomes fainter. Radii differ by up to a factor of 1.5 and depths by up to a factor of 3; places are
-    uniform over the sensor. All are drawn once per camera.
+    A shadow is the speck blurred by the pupil: flat with a soft edge where the speck is larger than the blur. Its radius is
+    about the distance of the glass over twice the f-number, so it grows as the aperture is opened while the shadow becomes
+    fainter. Radii differ by up to a factor of 1.5 and depths by up to a factor of 3; places are uniform over the sensor. All
+    are drawn once per camera.
     """
 
     name = "dust"
@@ -24,8 +25,8 @@ class Dust(Effect):
     summary = "Specks on the cover glass cast soft dark shadows."
     equation = "mu_p <- mu_p prod_i (1 - depth d_i exp(-(r_i / (radius q_i))^4)), d_i ~ U(1/3, 1), q_i ~ U(2/3, 3/2) per camera"
     source = (
-        "A. E. Dirik, H. T. Sencar and N. Memon, IEEE Trans. Information Forensics and Security 3 (2008) 539; "
-        "C. Zhou and S. Lin, CVPR 2007"
+        "A. E. Dirik, H. T. Sencar and N. Memon, IEEE Trans. Information Forensics and Security 3 (2008) 539, who take the "
+        "shadow to be Gaussian; the flatter form is that of a disc blurred by the pupil"
     )
     separates = (
         "take flats before and after cleaning, and at two apertures: shadows disappear, or change size; prnu is white, and "

@@ -25,8 +25,8 @@ class Fringing(Effect):
         "side, phase ~ U(0, 1) per camera"
     )
     source = (
-        "J. Janesick, Scientific Charge-Coupled Devices (SPIE 2001), fringing; E. M. Malumuth et al., Proc. SPIE 4854 "
-        "(2003) 567 (fringes as a function of the thickness of the detector)"
+        "E. M. Malumuth et al., Model of fringing in the WFC3 CCDs, Proc. SPIE 4854 (2003) 567, 700 to 1000 nm; here the first "
+        "harmonic of the interference, for a thickness that varies as a paraboloid"
     )
     separates = "take flats in narrow-band and in white light: fringes disappear in white light; dust, vignetting and prnu do not"
     amplitude = Parameter(

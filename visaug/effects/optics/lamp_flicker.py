@@ -26,7 +26,9 @@ class LampFlicker(Effect):
         "mu_p <- mu_p (1 + depth sinc(f t) sin(2 pi (row / period + phase))), phase ~ U(0, 1) in every frame, "
         "sinc(x) = sin(pi x) / (pi x)"
     )
-    source = "M. Sheinin et al., Rolling shutter imaging on the electric grid, ICCP 2018; IEEE Std 1789-2015 (depth of flicker)"
+    source = (
+        "M. Sheinin, Y. Schechner and K. Kutulakos, Rolling shutter imaging on the electric grid, ICCP 2018"
+    )
     separates = (
         "compute the spectrum of the row means of single flats and of dark frames: periodic_banding is also in the dark, "
         "lamp_flicker only with light and in proportion to it; light_drift has no structure over the rows"

@@ -31,8 +31,8 @@ class StarBurst(Effect):
         "u along the spike in px, a pixel wide"
     )
     source = (
-        "J. W. Goodman, Introduction to Fourier Optics (4th ed. 2017), section 4.4, of a polygonal aperture; M. Hullin et al., "
-        "ACM TOG 30 (2011) 108"
+        "after J. W. Goodman, Introduction to Fourier Optics, Fraunhofer diffraction of a rectangular aperture: perpendicular to "
+        "a straight edge the envelope of sinc^2 falls as 1 / u^2"
     )
     separates = (
         "image a bright point at two apertures: spikes turn with the camera and disappear at full aperture"

@@ -33,8 +33,8 @@ class ColumnParity(Effect):
         "the n channels, drawn once per camera"
     )
     source = (
-        "A. El Gamal et al., Proc. SPIE 3301 (1998) 168 (column FPN); J. Janesick, Scientific Charge-Coupled Devices "
-        "(SPIE 2001), multiple output amplifiers"
+        "A. El Gamal et al., Modeling and estimation of FPN components in CMOS image sensors, Proc. SPIE 3301 (1998) 168 (column "
+        "FPN); derived for amplifiers that take turns"
     )
     separates = (
         "average many dark frames and compute the spectrum of the column means: lines at multiples of 1/n; the column part of "

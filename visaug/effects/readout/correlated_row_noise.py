@@ -20,7 +20,10 @@ class CorrelatedRowNoise(Effect):
         "A random offset for each row and frame whose power rises towards low frequencies over the rows."
     )
     equation = "V <- V + r_row, power spectrum over the rows ~ 1 / frequency^exponent, variance sigma^2, new in every frame"
-    source = "EMVA 1288 release 4 Linear, temporal row noise and spectrograms; shaping as in Timmer and Koenig, A&A 300 (1995) 707"
+    source = (
+        "EMVA 1288 release 4 Linear, temporal row noise and spectrograms; power law generated as in J. Timmer and M. Koenig, "
+        "A&A 300 (1995) 707"
+    )
     separates = (
         "compute the spectrum of the row means of single dark frames: row_noise is white, periodic_banding has a line, "
         "flicker_noise also varies within a row"

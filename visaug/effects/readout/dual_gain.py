@@ -20,7 +20,7 @@ class DualGain(Effect):
     aliases = ("HDR", "dual conversion gain", "DCG", "SNR dip", "stitching")
     summary = "Above a level the signal is read through a second channel with more noise and another gain and offset."
     equation = "where V > seam: V <- V + gain (V - seam) + offset + noise n, n ~ N(0, 1) in every frame"
-    source = "B. Fowler et al., Proc. SPIE 7536 (2010) 753607 (dual-gain column amplifiers of sCMOS sensors)"
+    source = "B. Fowler et al., Proc. SPIE 7536 (2010) 753607 (sCMOS, two column amplifiers); step at the seam: derived"
     separates = (
         "plot the variance of flats against their mean: a step up at one level, and in the linearity a step or a kink; "
         "nonlinearity bends smoothly"

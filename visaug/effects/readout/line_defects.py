@@ -27,8 +27,8 @@ class LineDefects(Effect):
         "n ~ N(0, 1) in every frame"
     )
     source = (
-        "J. Janesick, Scientific Charge-Coupled Devices (SPIE 2001), blocked columns and column defects; EMVA 1288 release 4, "
-        "defect pixels"
+        "classes of data sheets (dead, bright, clusters); after J. Janesick, Scientific Charge-Coupled Devices (SPIE 2001), column "
+        "defects; exponential levels: assumed"
     )
     separates = (
         "average many frames and plot the column and row means: single lines stand out from the Gaussian scatter of dsnu; the "

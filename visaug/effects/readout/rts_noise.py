@@ -69,15 +69,17 @@ class RTSNoise(Effect):
 
     def apply(self, signal, p, stream, context):
         fixed = stream.fixed
-        has_trap = fixed.fork("trap").uniform() < p.density
+        places = fixed.fork("trap").uniform(), fixed.fork("amplitude").uniform()
+        has_trap = places[0] < p.density
         amplitude = p.amplitude_e * has_trap
         if p.amplitudes == "exponential":
-            amplitude = -amplitude * torch.log(fixed.fork("amplitude").uniform())
-        state = (stream.uniform() < p.duty).to(signal.dtype)
+            amplitude = -amplitude * torch.log(places[1])
+        if p.levels == "two" and context.sequence:
+            state = kept_states(self.name, has_trap, places, p, stream.keys, context)
+        else:
+            state = (stream.uniform() < p.duty).to(signal.dtype)
         if p.levels == "three":
             state = state - (stream.fork("second sample").uniform() < p.duty).to(signal.dtype)
-        elif context.sequence:
-            state = kept_states(self.name, state, stream.fork("kept").uniform() < p.kept, context)
         return signal + amplitude * state
 
     def moments(self, mean, p, context):

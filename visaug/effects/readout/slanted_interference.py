@@ -21,9 +21,7 @@ class SlantedInterference(Effect):
     aliases = ("EMI", "banding", "interference", "herringbone", "moving stripes", "pattern noise")
     summary = "A plane wave across rows and columns, with a random phase in each frame."
     equation = "V <- V + A sin(2 pi ((row cos angle + column sin angle) / period + phase)), phase ~ U(0, 1) in every frame"
-    source = (
-        "EMVA 1288 release 4 Linear, spectrograms; J. Janesick, Photon Transfer (SPIE 2007), system noise"
-    )
+    source = "derived: a sine in time, sampled pixel by pixel and row by row; EMVA 1288 release 4 Linear, spectrograms"
     separates = (
         "compute the two-dimensional spectrum of single dark frames: one peak off both axes; that of periodic_banding lies on "
         "the axis of the rows"

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from visaug.augment.preview import LEVELS, Sample, liveliest
+from visaug.augment.preview import LEVELS, NoiseSample, liveliest
 from visaug.core.extras import extra
 from visaug.report.plots.style import plain, styled
 
@@ -21,7 +21,7 @@ TITLE, GAP, HEAD, FOOT = (
 ZOOM, PART_ROWS, PART_COLUMNS = 4, 45, 80  # of the magnified part
 
 
-def plot_preview(title: str, given: "np.ndarray", samples: Sequence[Sample]) -> "Figure":
+def plot_preview(title: str, given: "np.ndarray", samples: Sequence[NoiseSample]) -> "Figure":
     """Crops at 1:1, a part of each at 4x, and the noise's standard deviation at five levels.
 
     Args:
@@ -52,7 +52,7 @@ def plot_preview(title: str, given: "np.ndarray", samples: Sequence[Sample]) -> 
 
         for line, text in enumerate(title.splitlines()):
             write(GAP, 20 + 17 * line, plain(text), 9.5)
-        tiles = [Sample("as given", given, ()), *samples]
+        tiles = [NoiseSample("as given", given, ()), *samples]
         for number, one in enumerate(tiles):
             left = GAP + number % columns * (cell + GAP)
             top = TITLE + number // columns * tile + HEAD

@@ -11,7 +11,7 @@ from visaug.report.plots.style import MEASURED, MODELLED, SOFT, THIRD, blank, st
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from visaug.statistics.view import Picture
+    from visaug.statistics.view import ViewPlot
 
 _LINES = ("-", "--", ":", "-.")
 _MARKERS = ("o", "s", "^", "D")
@@ -25,11 +25,11 @@ CHARACTER, ENTRY = (
 
 
 def plot_view(
-    measured: "Picture",
-    modelled: "Picture | None" = None,
+    measured: "ViewPlot",
+    modelled: "ViewPlot | None" = None,
     width: float = 0.0,
     focus: str = "",
-    after: "Picture | None" = None,
+    after: "ViewPlot | None" = None,
 ) -> "Figure":
     """What a view shows of the measured frames and, if given, of the modelled ones, in the same axes.
 
@@ -55,7 +55,7 @@ def plot_view(
     return figure
 
 
-def _panels(picture: "Picture", focus: str) -> list[list[int]]:
+def _panels(picture: "ViewPlot", focus: str) -> list[list[int]]:
     """Which curves share axes: all of them, or each alone where one would hide another."""
     curves = picture.curves
     spans = [float(np.ptp(np.asarray(c.y, float)[np.isfinite(c.y)])) if len(c.y) else 0.0 for c in curves]
@@ -73,9 +73,9 @@ def _panels(picture: "Picture", focus: str) -> list[list[int]]:
 
 def _draw_panel(
     axes: Any,
-    measured: "Picture",
-    modelled: "Picture | None",
-    after: "Picture | None",
+    measured: "ViewPlot",
+    modelled: "ViewPlot | None",
+    after: "ViewPlot | None",
     chosen: list[int],
     alone: bool,
 ) -> None:
@@ -141,7 +141,7 @@ def _who(labels: list[str]) -> list[str]:
 
 
 def _draw_curves(
-    axes: Any, picture: "Picture", colour: str, name: str, chosen: list[int], alone: bool
+    axes: Any, picture: "ViewPlot", colour: str, name: str, chosen: list[int], alone: bool
 ) -> None:
     for i in chosen:
         if i >= len(picture.curves):
@@ -164,7 +164,7 @@ def _draw_curves(
 
 
 def _plot_maps(
-    measured: "Picture", modelled: "Picture | None", after: "Picture | None", width: float
+    measured: "ViewPlot", modelled: "ViewPlot | None", after: "ViewPlot | None", width: float
 ) -> "Figure":
     """Maps at one scale: measured, modelled and their difference; or measured, of the camera as given and of the corrected one."""
     shown = [("measured", [image for _, image in measured.maps])]
@@ -211,5 +211,5 @@ def _mark(axes: Any, box: tuple[float, float, float, float], shape: tuple[int, .
     )
 
 
-def _all_positive(picture: "Picture", axis: str) -> bool:
+def _all_positive(picture: "ViewPlot", axis: str) -> bool:
     return all(np.min(getattr(curve, axis), initial=1.0) > 0 for curve in picture.curves)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from visaug.statistics.reduction import GroupData, block_means, edges
-from visaug.statistics.view import Curve, Picture, Span, View
+from visaug.statistics.view import Curve, Span, View, ViewPlot
 from visaug.statistics.views.drawn import block_box, chosen, direction, relative, spread_of_lines
 
 DEPTHS = (1, 2, 4, 8, 16, 32, 64)  # lines of an edge, and sides of a corner, in px
@@ -79,7 +79,7 @@ class Borders(View):
             means = g.noise_rows if lines == "row" else g.noise_columns
             spread = np.sqrt(((means - means.mean(1, keepdims=True)) ** 2).mean(0))
             curve = Curve(np.arange(len(spread)), spread, f"{lines}s, {g.label}")
-            return Picture(self.title, lines, f"deviation of {lines} means over frames, DN", (curve,))
+            return ViewPlot(self.title, lines, f"deviation of {lines} means over frames, DN", (curve,))
         if "noise of" in name:
             squares = (
                 g.noise.limited_squares(STRONGEST)
@@ -89,19 +89,19 @@ class Borders(View):
             blocks = np.sqrt(block_means(squares, *(edges(n, min(16, n)) for n in squares.shape)))
             kind = "temporal noise" if "temporal" in name else "fixed pattern"
             word = "DN" if "temporal" in name else word
-            return Picture(
+            return ViewPlot(
                 self.title, maps=((f"{kind} of blocks, {g.label}, {word}", blocks),), box=block_box(name)
             )
         if lines and "corner" not in name:
             profile = g.calm.mean(1 if lines == "row" else 0) * unit
             curve = Curve(np.arange(len(profile)), profile, f"{lines}s, {g.label}")
-            return Picture(
+            return ViewPlot(
                 self.title, lines, f"{lines} mean, {word}", (curve,), marks=_marked(name, len(profile))
             )
         if name.endswith("place"):
             image = block_means(g.calm, *(edges(n, min(FINE, n)) for n in g.calm.shape)) * unit
-            return Picture(self.title, maps=((f"{g.label}, {word}", image),))
-        return Picture(self.title, maps=((f"the four corners, {g.label}, {word}", _corners(g.calm) * unit),))
+            return ViewPlot(self.title, maps=((f"{g.label}, {word}", image),))
+        return ViewPlot(self.title, maps=((f"the four corners, {g.label}, {word}", _corners(g.calm) * unit),))
 
 
 def _marked(name: str, length: int) -> tuple[Span, ...]:

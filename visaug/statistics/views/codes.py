@@ -3,7 +3,7 @@
 import numpy as np
 
 from visaug.statistics.stack import added
-from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import chosen
 
 NEIGHBOURS = np.array([1, 2, 3, 0, 3, 2, 1]) / 12  # of a code: weights with which they predict its frequency
@@ -65,7 +65,7 @@ class Codes(View):
             x, bit = np.arange(FOLD), int(name.split()[2])
             odd = tuple((k - 0.4, k + 0.4) for k in x if k >> bit & 1)
             curve = Curve(x, share, said)
-            return Picture(self.title, f"DN code modulo {FOLD}", "share of pixels", (curve,), marks=odd)
+            return ViewPlot(self.title, f"DN code modulo {FOLD}", "share of pixels", (curve,), marks=odd)
         present = np.flatnonzero(counts)
         middle = int(np.searchsorted(counts.cumsum(), counts.sum() / 2))
         at = {"dark: at zero": 0, "flat: at the highest code": len(counts) - 1}.get(name, middle)
@@ -74,4 +74,4 @@ class Codes(View):
         x = np.arange(max(0, at - NEAR), min(len(counts), at + NEAR + 1))
         marks = ((at - 0.5, at + 0.5),) if at in (0, len(counts) - 1) else ()
         curve = Curve(x, np.maximum(counts[x], 0.5), said)
-        return Picture(self.title, "DN code", "pixels", (curve,), log_y=True, marks=marks)
+        return ViewPlot(self.title, "DN code", "pixels", (curve,), log_y=True, marks=marks)

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from visaug.statistics.reduction import FrameData, GroupData
-from visaug.statistics.view import Curve, Picture, Span
+from visaug.statistics.view import Curve, Span, ViewPlot
 
 # Of the largest temporal variance, below which brighter flats are saturated: EMVA 1288 puts saturation at the maximum.
 CLIPPED = 0.8
@@ -92,13 +92,13 @@ def condition(groups: list[GroupData]) -> tuple[str, np.ndarray]:
     return max(known, key=lambda way: len(np.unique(way[1])))
 
 
-def spread_of_lines(g: GroupData, title: str, lines: str) -> Picture:
+def spread_of_lines(g: GroupData, title: str, lines: str) -> ViewPlot:
     """Temporal noise of each row, or column."""
     residual = g.residual
     noise = np.sqrt(np.einsum("nij,nij->" + ("i" if lines == "row" else "j"), residual, residual))
     noise /= np.sqrt(residual.size / len(noise))
     curve = Curve(np.arange(len(noise)), noise, f"{lines}s, {g.label}")
-    return Picture(title, lines, f"temporal noise of the {lines}, DN", (curve,))
+    return ViewPlot(title, lines, f"temporal noise of the {lines}, DN", (curve,))
 
 
 def block_box(name: str) -> tuple[float, float, float, float] | None:

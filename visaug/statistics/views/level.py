@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import below_saturation, chosen, condition, relative
 
 
@@ -40,7 +40,7 @@ class Level(View):
             y = y / np.maximum(x, 1e-12)
         order, at = np.argsort(x), float(x[groups.index(g)]) if g in groups else float(x[-1])
         curve = Curve(x[order], y[order], f"{g.kind} frames")
-        return Picture(
+        return ViewPlot(
             self.title, label, what, (curve,), log_x=g.kind == "flat", marks=((at, at),) if group else ()
         )
 
@@ -97,15 +97,15 @@ class Drift(View):
         )
         unit, order = "%" if is_flat else "DN", np.argsort(x, kind="stable")
         curve = Curve(x[order], y[order], f"{groups[0].kind} frames")
-        return Picture(
+        return ViewPlot(
             self.title, "number of the frame", f"frame mean, less its condition's, {unit}", (curve,)
         )
 
 
-def _frame_levels(data, g) -> Picture | None:
+def _frame_levels(data, g) -> ViewPlot | None:
     """The means of the frames of one condition; None for a single frame."""
     if g.count < 2:
         return None
     x = np.array([data.records[i].sequence for i in g.group.indices])
     curve = Curve(x, np.asarray(g.frame_means, float), g.label)
-    return Picture(Level.title, "number of the frame", "mean of the frame, DN", (curve,))
+    return ViewPlot(Level.title, "number of the frame", "mean of the frame, DN", (curve,))

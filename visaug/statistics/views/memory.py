@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from visaug.statistics.kernels import response
-from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.view import Curve, View, ViewPlot
 
 MOST = 6  # pairs of frames that are drawn
 
@@ -96,17 +96,17 @@ class Memory(View):
         x = np.array([values[place == k].mean() for k in steps])
         y = np.array([left[place == k].mean() for k in steps])
         curve = Curve(x, y, "dark frames after a scene")
-        return Picture(
+        return ViewPlot(
             self.title, "level of the pixel in the frame before, DN", "mean above bias after it, DN", (curve,)
         )
 
-    def _drawn_steps(self, data) -> Picture | None:
+    def _drawn_steps(self, data) -> ViewPlot | None:
         """Frames of a steady condition, by how much the frame before was brighter or darker."""
         points = sorted(self._jumps(data))
         if len({jump for jump, _ in points}) < 2:
             return None
         x, y = np.array(points).T
-        return Picture(
+        return ViewPlot(
             self.title,
             "level of the frame before, less its own, DN",
             "frame mean less the others of its condition, DN",

@@ -3,7 +3,7 @@
 import numpy as np
 
 from visaug.statistics.stack import RATIOS
-from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import below_saturation, chosen, correlation, direction, quantiles
 
 TAIL = 24  # robust standard deviations, at which the picture of the tails ends
@@ -43,7 +43,7 @@ class PhotonTransfer(View):
             return NoiseTails().draw(data, "width", group)
         at = [x[kept.index(group)]] if group in kept else []
         curve = Curve(np.array(x)[order], y[order])
-        return Picture(
+        return ViewPlot(
             self.title, x_label, "temporal variance, DN²", (curve,), marks=tuple((a, a) for a in at)
         )
 
@@ -72,7 +72,7 @@ class TemporalLines(View):
         means = means - means.mean(1, keepdims=True)
         most = means[int((means**2).mean(1).argmax())]
         curve = Curve(np.arange(len(most)), most, f"{lines}s of the noisiest frame, {g.label}")
-        return Picture(
+        return ViewPlot(
             self.title,
             lines,
             f"{lines} mean less the mean frame's, DN",
@@ -117,7 +117,7 @@ class NoiseCovariance(View):
         way = {(0, 1): "columns", (1, 0): "rows", (1, 1): "rows and columns"}[step]
         at = float(max(lag))
         mark = ((at - 0.4, at + 0.4),) if name else ()
-        return Picture(self.title, f"distance, {way}", "correlation of temporal noise", (curve,), marks=mark)
+        return ViewPlot(self.title, f"distance, {way}", "correlation of temporal noise", (curve,), marks=mark)
 
 
 class NoiseTails(View):
@@ -154,7 +154,7 @@ class NoiseTails(View):
             share, _ = np.histogram(np.clip(residual / g.noise.scale, -TAIL, TAIL), bins=edges)
             curve = Curve((edges[1:] + edges[:-1]) / 2, share / residual.size, g.label)
             limit = float(next((w for w in name.split() if w.isdigit()), 5))
-            return Picture(
+            return ViewPlot(
                 self.title,
                 f"temporal noise in robust standard deviations (the ends: {TAIL} and more)",
                 "share of pixels",
@@ -163,7 +163,7 @@ class NoiseTails(View):
                 marks=((-TAIL, -limit), (limit, TAIL)),
             )
         curve = quantiles(residual[:, ::2, ::2] if residual.size > 2e6 else residual, g.label)
-        return Picture(
+        return ViewPlot(
             self.title,
             "quantile of a normal distribution, standard deviations",
             "temporal noise, DN",
@@ -195,7 +195,7 @@ class PixelNoise(View):
         ratio = np.sort(g.noise.pixel_ratios.ravel())[::-1]
         rank = np.unique(np.geomspace(1, ratio.size, 200).astype(int))
         curve = Curve(rank, ratio[rank - 1], g.label)
-        return Picture(
+        return ViewPlot(
             self.title,
             "rank of the pixel",
             "variance over the mean variance",

@@ -6,7 +6,7 @@ import numpy as np
 
 from visaug.statistics.kernels import far_pixels
 from visaug.statistics.reduction import block_means, edges, spread
-from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import (
     NORMAL,
     block_box,
@@ -60,12 +60,12 @@ class FixedPattern(View):
             lines = name[:-1]
             profile = _detrended((g.pattern_rows if lines == "row" else g.pattern_columns) * unit)
             curve = Curve(np.arange(len(profile)), profile, f"{name}, {g.label}")
-            return Picture(self.title, lines, f"{lines} mean less its trend, {word}", (curve,))
+            return ViewPlot(self.title, lines, f"{lines} mean less its trend, {word}", (curve,))
         step = {"one column on": (0, 1), "one row on": (1, 0), "diagonal": (1, 1)}.get(name)
         if step:
             way = {(0, 1): "columns", (1, 0): "rows", (1, 1): "rows and columns"}[step]
             curve = correlation(g.pattern_pixels[None], step, g.label)
-            return Picture(
+            return ViewPlot(
                 self.title,
                 f"distance, {way}",
                 "correlation of the fixed pattern",
@@ -73,7 +73,7 @@ class FixedPattern(View):
                 marks=((0.6, 1.4),),
             )
         curve = quantiles(g.pattern_pixels * unit, g.label)
-        return Picture(self.title, NORMAL, f"fixed pattern of pixels, {word}", (curve,))
+        return ViewPlot(self.title, NORMAL, f"fixed pattern of pixels, {word}", (curve,))
 
 
 class SmoothMap(View):
@@ -111,7 +111,7 @@ class SmoothMap(View):
             return None
         unit, word = relative(g)
         image = block_means(g.calm, *(edges(n, min(16, n)) for n in g.calm.shape)) * unit
-        return Picture(self.title, maps=((f"{g.label}, {word}", image),), box=block_box(name))
+        return ViewPlot(self.title, maps=((f"{g.label}, {word}", image),), box=block_box(name))
 
 
 def _slope(profile: np.ndarray) -> float:
@@ -180,7 +180,7 @@ class Seams(View):
             profile = _detrended(profile)
             folded = [profile[k::FOLD].mean() for k in range(FOLD)]
             curve = Curve(np.arange(FOLD), np.array(folded), f"{lines}s, {g.label}")
-            return Picture(
+            return ViewPlot(
                 self.title,
                 f"number of the {lines}, modulo {FOLD}",
                 f"mean of these {lines}s, {word}",
@@ -192,7 +192,7 @@ class Seams(View):
             step = _steps(profile)
             at = float(np.abs(step).argmax() + (len(profile) - len(step) + 1) / 2)
         marks = () if at is None else ((at, at),)
-        return Picture(self.title, lines, f"{lines} mean, {word}", (curve,), marks=marks)
+        return ViewPlot(self.title, lines, f"{lines} mean, {word}", (curve,), marks=marks)
 
 
 def _steps(profile: np.ndarray, reach: int = 12) -> np.ndarray:
@@ -239,7 +239,7 @@ class Defects(View):
         rank = np.unique(np.geomspace(1, max(ratio.size // 4, 1), 200).astype(int))
         curve = Curve(rank, np.maximum(ratio[rank - 1], 0.1), g.label)
         word = "below" if side < 0 else "above"
-        return Picture(
+        return ViewPlot(
             self.title,
             "rank of the pixel",
             f"distance {word} the neighbours, robust standard deviations",

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.ndimage import binary_dilation, gaussian_filter
 
-from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import direction
 
 DARK_PHOTONS = 20.0  # of which the shot noise is about the read noise
@@ -211,7 +211,7 @@ class Scene(View):
             level = np.sort(g.pattern[target.bright]) + g.signal
             rank = np.unique(np.linspace(0, len(level) - 1, 60).astype(int))
             curve = Curve(100 * (rank + 0.5) / len(level), level[rank], g.label)
-            return Picture(
+            return ViewPlot(
                 self.title,
                 "share of the pixels of bright spots, %",
                 "their level above bias, DN, or less",
@@ -221,9 +221,9 @@ class Scene(View):
             return self._around(g, target, name, residual)
         limit = np.quantile(np.abs(residual), 0.98)
         maps = ((f"{g.label}: measured less expected, DN", np.clip(residual, -limit, limit)),)
-        return Picture(self.title, maps=maps)
+        return ViewPlot(self.title, maps=maps)
 
-    def _response(self, g, target, name, slope) -> Picture | None:
+    def _response(self, g, target, name, slope) -> ViewPlot | None:
         """Mean level of the pixels of equal light, over that light."""
         frame, light = g.pattern + np.float32(g.signal), target.clean
         used = target.usable & (light > 0.02 * float(np.quantile(light, 0.99)))
@@ -237,11 +237,11 @@ class Scene(View):
         if len(x) < 2:
             return None
         curve = Curve(x, y, g.label)
-        return Picture(
+        return ViewPlot(
             self.title, "photons per pixel of the scene", "mean above bias per photon, DN", (curve,)
         )
 
-    def _around(self, g, target, name, residual) -> Picture:
+    def _around(self, g, target, name, residual) -> ViewPlot:
         """Mean residual of the pixels so far before or after bright spots, along one axis."""
         lines = direction(name)
         step = (1, 0) if lines == "column" else (0, 1)
@@ -251,7 +251,7 @@ class Scene(View):
             y.append(float(residual[reached].mean()) if reached.any() else np.nan)
         ends = [int(w) for w in name.split() if w.isdigit()][:2]
         marks = ((-ends[1], -ends[0]), (ends[0], ends[1])) if len(ends) == 2 else ()
-        return Picture(
+        return ViewPlot(
             self.title,
             f"distance from bright spots along the {lines}, px",
             "measured less expected, DN",

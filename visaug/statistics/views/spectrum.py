@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from visaug.statistics.view import Curve, Picture, View
+from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import below_saturation, chosen, direction, relative, spectrum_marks
 
 BANDS = 6
@@ -80,7 +80,7 @@ class TemporalSpectrum(View):
         spectrum = np.mean([_temporal_power(g, lines) for g in groups], 0)
         frequency = np.linspace(0, 0.5, len(spectrum) + 1)[1:]
         marks = spectrum_marks(name, _octaves(len(spectrum)), len(spectrum), peak_frequency(spectrum))
-        return Picture(
+        return ViewPlot(
             f"Spectrum of {lines} means, temporal noise",
             f"frequency, cycles per {lines}",
             "power, 1 for white noise",
@@ -122,7 +122,7 @@ class FixedSpectrum(View):
         unit, word = relative(g)
         spectrum = power((g.pattern_rows if lines == "row" else g.pattern_columns)[None] * unit)
         frequency = np.linspace(0, 0.5, len(spectrum) + 1)[1:]
-        return Picture(
+        return ViewPlot(
             f"Spectrum of the {lines} means of the fixed pattern",
             f"frequency, cycles per {lines}",
             f"power, {word}²",
