@@ -29,6 +29,7 @@ _LINES = ((0, 1), (1, 0), (1, 1), (1, -1))  # directions in which pixels of a tr
 _PILE = 0.02  # share of the pixels that no noise has at its largest value
 _BANDS = 1e-3  # probability of a false alarm in one set
 _ROLLING = 1.5  # variance of row means over what noise gives them
+_WIDE = 48  # columns, of which the median has less than a fifth of a pixel's noise
 _AROUND = np.ones((3, 3), bool)
 
 
@@ -77,6 +78,7 @@ class _Peaks:
     frame: np.ndarray
     dip: float  # greatest distance of a pixel's least value from its second least, DN
     noise: float  # of single pixels, DN
+    cut: bool  # whether noise is cut at 0, so that only its upper half is seen
 
     @property
     def full(self) -> bool:
@@ -94,14 +96,18 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     """
     several = [g for g in groups if len(g.indices) > 1]
     peaks = [_peaks(frames, g) for g in several]
-    dips = [(p, len(g.indices)) for g, p in zip(several, peaks) if g.kind != "flat" and len(g.indices) > 2]
+    dips = [
+        (p, len(g.indices))
+        for g, p in zip(several, peaks)
+        if g.kind != "flat" and len(g.indices) > 2 and not p.cut
+    ]
     tail = _tail(*min(dips, key=lambda d: d[0].noise)) if dips else 0.0
     gain = _rough_gain(several, peaks)
     quiet = min((p.noise for g, p in zip(several, peaks) if g.kind != "flat"), default=0.0)
     hits: list[tuple[int, np.ndarray, np.ndarray]] = []
     seen: dict[tuple[int, int], np.ndarray] = {}
     for group, p in zip(several, peaks):
-        if p.full or (group.kind != "flat" and not dips):
+        if p.full or p.cut or (group.kind != "flat" and not dips):
             continue
         shot = np.maximum(p.second - np.median(p.second), 0.0) * gain  # bright pixels have more of it
         noise = np.sqrt(p.noise**2 + shot)
@@ -210,9 +216,10 @@ def _gap(chance: float, n: int, skewness: float) -> float:
 
 
 def _peaks(frames: FrameSet, group: Group) -> _Peaks:
-    """In one pass; the change of whole frames is taken out."""
+    """In one pass; the change of whole frames, of the rows of flats too (a lamp that flickers), is taken out."""
     one = frames.read(group.indices[0])
-    level = float(np.median(one))
+    level, levels = float(np.median(one)), np.median(one, 1, keepdims=True)
+    by_rows = group.kind == "flat" and one.shape[1] >= _WIDE
     first = one.astype(np.float32)
     second = np.full(one.shape, -np.inf, np.float32)
     least, next_least = first.copy(), np.full(one.shape, np.inf, np.float32)
@@ -220,7 +227,10 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
     before, steps = first, []
     for n, i in enumerate(group.indices[1:], start=1):
         frame = frames.read(i)
-        frame = frame + np.float32(level - np.median(frame))
+        if by_rows:
+            frame = frame + (levels - np.median(frame, 1, keepdims=True)).astype(np.float32)
+        else:
+            frame = frame + np.float32(level - np.median(frame))
         above = frame > first
         second = np.where(above, first, np.maximum(second, frame))
         first = np.where(above, frame, first)
@@ -233,7 +243,14 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
     noise = (
         0.5 * math.sqrt(math.pi) * float(np.median(steps))
     )  # of normal noise, from the mean absolute difference
-    return _Peaks(first, second, which, float((next_least - least).max()), max(noise, 0.5))
+    return _Peaks(
+        first,
+        second,
+        which,
+        float((next_least - least).max()),
+        max(noise, 0.5),
+        float((one == 0).mean()) > _PILE,
+    )
 
 
 def _rough_gain(groups: Sequence[Group], peaks: Sequence[_Peaks]) -> float:

@@ -173,6 +173,21 @@ def write_yaml(path: str | Path, value: Any) -> None:
     write_text(path, yaml.safe_dump(value, sort_keys=False, default_flow_style=None, allow_unicode=True))
 
 
+def is_result(path: Path) -> bool:
+    """Whether a file is a result that visaug wrote: a page that names it, or JSON with the keys of a result."""
+    with open(path, "rb") as file:
+        start = file.read(2048)
+        if b'<meta name="generator" content="visaug">' in start:
+            return True
+        if not start.lstrip().startswith(b"{"):
+            return False
+        try:
+            content = json.loads(start + file.read())
+        except ValueError:
+            return False
+    return bool({"schema", "warnings"} & content.keys())
+
+
 def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)

@@ -7,6 +7,7 @@ import click
 from visaug.app.cli.options import (
     bit_depth_option,
     command,
+    force_option,
     frames_argument,
     is_silent,
     json_option,
@@ -31,6 +32,7 @@ from visaug.report.inspected import finding_row, measured_texts, next_step
     type=click.Path(path_type=Path),
     help="Write the places of hot, dead and unstable pixels and of defective lines.",
 )
+@force_option
 @json_option
 @report_option
 @quiet_option
@@ -38,6 +40,7 @@ def inspect(
     frames_path: Path,
     bit_depth: int | None,
     defects_path: Path | None,
+    force: bool,  # read by the options
     json_path: Path | None,
     report_path: Path | None,
     quiet: bool,

@@ -19,6 +19,7 @@ from visaug.app.cli.options import (
     is_silent,
     json_option,
     load_camera,
+    may_replace,
     may_write,
     output_option,
     quiet_option,
@@ -114,6 +115,7 @@ def characterize(
             "there is no camera or no folder", field="--use-maps", expected="-o and --maps beside it"
         )
     for path in sheets:
+        may_replace(path, force)
         if path.suffix.lower() not in (".html", ".json"):
             raise InputError("is neither", file=path, field="--sheet", expected="a name in .html or .json")
     camera = load_camera(camera_name) if camera_name else None
@@ -185,6 +187,7 @@ transfer_option = click.option(
 @transfer_option
 @effects_option()
 @bit_depth_option
+@force_option
 @json_option
 @report_option
 @quiet_option
@@ -199,6 +202,7 @@ def compare(
     target: Path | None,
     transfer: Literal["linear", "srgb"],
     bit_depth: int | None,
+    force: bool,  # read by the options
     json_path: Path | None,
     report_path: Path | None,
     quiet: bool,

@@ -59,11 +59,18 @@ def camera_option(required: bool = True) -> Decorator:
     )
 
 
-def _check_report(_: click.Context, __: click.Parameter, path: Path | None) -> Path | None:
-    """Before any work: what reports are drawn and set with is installed."""
+def _check_result(context: click.Context, _: click.Parameter, path: Path | None) -> Path | None:
+    """Before any work: a file that visaug did not write is replaced with --force alone, where the command has it."""
+    if any(parameter.name == "force" for parameter in context.command.params):
+        may_replace(path, bool(context.params.get("force")))
+    return path
+
+
+def _check_report(context: click.Context, parameter: click.Parameter, path: Path | None) -> Path | None:
+    """The same; and what reports are drawn and set with is installed."""
     if path is not None:
         check_installed("matplotlib", "jinja2", file=path)
-    return path
+    return _check_result(context, parameter, path)
 
 
 frames_argument = click.argument("frames_path", metavar="FRAMES", type=click.Path(path_type=Path))
@@ -72,6 +79,7 @@ json_option = click.option(
     "json_path",
     metavar="F",
     type=click.Path(path_type=Path),
+    callback=_check_result,
     help="Write the result as JSON; `-` writes it to standard output and suppresses all other output.",
 )
 quiet_option = click.option(
@@ -125,13 +133,27 @@ bit_depth_option = click.option(
     type=click.IntRange(1, 32),
     help="Bits of the converter, for example 12 for 12-bit data in 16-bit files.",
 )
-force_option = click.option("--force", is_flag=True, help="Overwrite existing files.")
+force_option = click.option("--force", is_flag=True, is_eager=True, help="Overwrite existing files.")
 
 
 def may_write(path: Path | None, force: bool) -> None:
     """Refuse, before any work, to overwrite what a user may have edited."""
     if path is not None and path.exists() and not force:
         raise InputError("already exists", file=path, expected="another name, or --force to overwrite it")
+
+
+def may_replace(path: Path | None, force: bool) -> None:
+    """Refuse, before any work, to replace a file that is no result of visaug; its own results are made anew."""
+    if path is None or path == STANDARD_OUTPUT or not path.is_file() or force:
+        return
+    from visaug.core.files import is_result
+
+    if not is_result(path):
+        raise InputError(
+            "exists, and visaug did not write it",
+            file=path,
+            expected="another name, or --force to replace it",
+        )
 
 
 def numbers(text: str, field: str) -> tuple[float, ...]:

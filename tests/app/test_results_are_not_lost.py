@@ -1,0 +1,37 @@
+"""Files that visaug did not write stay, unless `--force` is given."""
+
+import json
+
+import numpy as np
+import pytest
+
+from visaug.app.cli import main
+from visaug.frames import FrameRecord, FrameSet
+
+
+@pytest.fixture
+def frames(tmp_path):
+    rng = np.random.default_rng(0)
+    records = [FrameRecord(i, f"{i}", "bias", 0.0) for i in range(4)]
+    FrameSet.from_arrays(records, rng.normal(100, 4, (4, 24, 32)).round().astype(np.uint16)).save(
+        tmp_path / "frames"
+    )
+    return tmp_path / "frames"
+
+
+@pytest.mark.parametrize("command", ["characterize", "inspect"])
+@pytest.mark.parametrize("option", ["--json", "--report"])
+def test_a_foreign_file_is_replaced_with_force_alone(tmp_path, frames, capsys, command, option):
+    """The command's own result is made anew without it, and every file made is said."""
+    place = tmp_path / ("r.json" if option == "--json" else "r.html")
+    place.write_text(json.dumps({"notes": "mine"}))
+    told = [command, str(frames), option, str(place)]
+    with pytest.raises(SystemExit) as left:
+        main(told)
+    assert left.value.code == 2
+    assert str(place) in capsys.readouterr().err
+    assert json.loads(place.read_text()) == {"notes": "mine"}
+    main([*told, "--force"])
+    assert f"wrote {place}" in capsys.readouterr().out
+    main(told)
+    assert f"wrote {place}" in capsys.readouterr().out
