@@ -9,6 +9,7 @@ from typing import Literal
 from visaug.camera import Camera
 from visaug.core.cluster import connected
 from visaug.core.errors import InputError
+from visaug.core.nearest import did_you_mean
 from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.camera_file import corrected
 from visaug.diagnosis.candidates import cache
@@ -88,7 +89,9 @@ def diagnose(
     for name in without:
         if name not in catalogue():
             raise InputError(
-                f"{name!r} is not an effect", field="without", expected="a name of `visaug effects`"
+                f"{name!r} is not an effect" + did_you_mean(name, catalogue()),
+                field="without",
+                expected="a name that `visaug effects` lists",
             )
     camera = Camera.load(camera)
     frames = FrameSet.of(frames, camera.resolution)
