@@ -7,6 +7,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from visaug.core.documents import read_yaml
 from visaug.core.errors import InputError
+from visaug.core.nearest import did_you_mean
 from visaug_train.arms import Arm, ConfigSection, SharePair
 from visaug_train.arms import Vis as Vis  # part of what a config holds
 
@@ -166,7 +167,11 @@ class Config(ConfigSection):
     def arm(self, name: str) -> Arm:
         """An arm with the values that it takes from others."""
         if name not in self.arms:
-            raise InputError(f"{name} is not an arm", field="arms", expected=f"one of {', '.join(self.arms)}")
+            raise InputError(
+                f"{name} is not an arm{did_you_mean(name, self.arms)}",
+                field="arms",
+                expected=f"one of {', '.join(self.arms)}",
+            )
         seen, merged = [], {}
         current: str | None = name
         while current is not None:
@@ -237,6 +242,12 @@ def _beside(path: Path, camera: str) -> str:
     return str(path.parent / camera) if (path.parent / camera).is_file() else camera
 
 
+def _keys() -> list[str]:
+    """All keys that parts of a config have."""
+    parts = (Config, Data, Rendered, Source, Start, Hidden, MadeCamera, Cluster, Arm, Vis)
+    return sorted({key for part in parts for key in part.model_fields})
+
+
 def check_config(content: Any, path: Path | None = None) -> Config:
     """A checked Config, or an InputError that names the first key at fault."""
     if not isinstance(content, dict):
@@ -250,7 +261,10 @@ def check_config(content: Any, path: Path | None = None) -> Config:
         first = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
         key = ".".join(str(part) for part in first["loc"])
         problems = {"extra_forbidden": "is not a key of a config", "missing": "is missing"}
-        raise InputError(problems.get(first["type"], first["msg"]), file=path, field=key) from None
+        problem = problems.get(first["type"], first["msg"])
+        if first["type"] == "extra_forbidden":
+            problem += did_you_mean(str(first["loc"][-1]), _keys())
+        raise InputError(problem, file=path, field=key) from None
     if (config.data.root is None) == (config.data.rendered is None):
         raise InputError("give one of root and rendered", file=path, field="data")
     arguments = {"training": config.training}

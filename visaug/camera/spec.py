@@ -216,10 +216,17 @@ def _check_effect(entry: dict[str, Any], path: str, file: Path | None) -> None:
     known = {key: effect for key, effect in catalogue().items() if not effect.base}
     if not isinstance(name, str) or name not in known:
         expected = (
-            f"one of {', '.join(known)}; an effect of your own is loaded first: --effects FILE.py, or "
+            "a name that `visaug effects` lists; an effect of your own is loaded first: --effects FILE.py, or "
             "visaug.effects.load_file in Python"
         )
-        raise InputError(f"{name!r} is not an effect", file=file, field=f"{path}.name", expected=expected)
+        base = isinstance(name, str) and name in catalogue()
+        problem = (
+            f"{name} is part of every camera and has keys of its own"
+            if base
+            else f"{name!r} is not an effect"
+        )
+        problem += "" if base else did_you_mean(str(name), known)
+        raise InputError(problem, file=file, field=f"{path}.name", expected=expected)
     for key, value in list(entry.items()):
         if key == "name":
             continue

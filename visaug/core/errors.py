@@ -29,7 +29,7 @@ class InputError(ValueError):
         place = ": ".join(str(part) for part in (file, field) if part not in (None, ""))
         message = f"{place}: {problem}" if place else problem
         if expected:
-            message += f"; expected {expected}"
+            message += f" Expected {expected}" if message.endswith("?") else f"; expected {expected}"
         super().__init__(" ".join(message.split()))
 
 

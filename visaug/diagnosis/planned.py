@@ -10,6 +10,7 @@ from visaug.camera import Camera
 from visaug.camera.paths import place_of
 from visaug.camera.simulation import simulate, with_chart
 from visaug.core.errors import InputError
+from visaug.core.nearest import did_you_mean
 from visaug.diagnosis.candidates.signatures import strongest
 from visaug.diagnosis.candidates.trials import Trial, strength_of, trials
 from visaug.diagnosis.fitting.parameters import base_coordinates
@@ -119,9 +120,8 @@ def before_frames(camera: Camera, names: Sequence[str], report: Report) -> list[
     for name in names:
         if name not in strong:
             expected = f"one of {', '.join(sorted(strong))}"
-            raise InputError(
-                f"{name} is not an effect that {camera.name} lacks", field="--for", expected=expected
-            )
+            problem = f"{name} is not an effect that {camera.name} lacks" + did_you_mean(name, strong)
+            raise InputError(problem, field="--for", expected=expected)
     planned = Planned(camera, report)
     apart = dict(zip(strong, planned.apart([t.on(camera) for t in strong.values()], 2), strict=True))
     weak = {name: next(t for t in tried if t.effect == name) for name in names}

@@ -11,6 +11,7 @@ from visaug.characterization.alarms import found_by_checks
 from visaug.characterization.usable import usable
 from visaug.core.cluster import connected
 from visaug.core.errors import InputError
+from visaug.core.nearest import did_you_mean
 from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.camera_file import corrected
 from visaug.diagnosis.candidates import cache
@@ -94,7 +95,9 @@ def diagnose(
     for name in without:
         if name not in catalogue():
             raise InputError(
-                f"{name!r} is not an effect", field="without", expected="a name of `visaug effects`"
+                f"{name!r} is not an effect" + did_you_mean(name, catalogue()),
+                field="without",
+                expected="a name that `visaug effects` lists",
             )
     camera = Camera.load(camera)
     frames = FrameSet.of(frames, camera.resolution)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from visaug.core.errors import InputError
+from visaug.core.nearest import did_you_mean
 from visaug.frames.kinds import is_master, kind_of
 from visaug.frames.record import KINDS, FrameRecord, format_window, parse_window
 from visaug.frames.units import WARMEST_C, celsius, is_no_temperature
@@ -130,7 +131,7 @@ def _check_header(header: list[str], path: Path) -> list[str]:
     for name in _REQUIRED:
         if name not in header:
             raise InputError(
-                f"has no column {name!r}",
+                f"has no column {name!r}" + did_you_mean(name, sorted(set(header) - set(known))),
                 file=path,
                 field="header",
                 expected="at least the columns file and kind, of " + ",".join((*COLUMNS, *FURTHER)),
@@ -145,7 +146,9 @@ def _check_header(header: list[str], path: Path) -> list[str]:
         likely = likely or difflib.get_close_matches(name, missing, 1, _ALIKE)
         if likely:
             raise InputError(
-                f"{name!r} is not a column of a frame set", file=path, field="header", expected=likely[0]
+                f"{name!r} is not a column of a frame set; did you mean {likely[0]}?",
+                file=path,
+                field="header",
             )
     return ignored
 

@@ -9,6 +9,7 @@ import click
 from visaug.app.cli.tables import print_table
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
+from visaug.core.nearest import did_you_mean
 from visaug.effects.catalogue import catalogue, load_file
 from visaug.effects.effect import Effect, Parameter, Stage
 
@@ -138,10 +139,8 @@ def find(name: str) -> type[Effect]:
     effects = catalogue()
     if name in effects:
         return effects[name]
-    from difflib import get_close_matches
-
-    near = get_close_matches(name, effects, n=3) or sorted(effects)
-    raise InputError(f"{name!r} is not an effect of the catalogue", field="NAME", expected=" or ".join(near))
+    problem = f"{name!r} is not an effect of the catalogue" + did_you_mean(name, effects)
+    raise InputError(problem, field="NAME", expected="a name that `visaug effects` lists")
 
 
 def _range(parameter: Parameter) -> str:
