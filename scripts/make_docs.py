@@ -12,7 +12,7 @@ import chain_page
 import effect_pictures as pictures
 
 from visaug.camera.paths import path_of
-from visaug.effects import Effect, catalogue
+from visaug.effects import Effect, Stage, catalogue
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 STAGES = {
@@ -59,6 +59,7 @@ def page(effect: type[Effect], span: str) -> str:
         "",
         f"Source: {effect.source}.",
         "",
+        *([] if is_tried(effect) else ["`visaug diagnose` does not try this effect by itself.", ""]),
         *_parameters(effect),
         "## Gradient",
         "",
@@ -85,6 +86,11 @@ def page(effect: type[Effect], span: str) -> str:
         "",
     ]
     return "\n".join(lines)
+
+
+def is_tried(effect: type[Effect]) -> bool:
+    """Whether a diagnosis tries the effect by itself."""
+    return effect.proposed and effect.stage < Stage.PICTURE
 
 
 def _parameters(effect: type[Effect]) -> list[str]:
@@ -120,10 +126,14 @@ def _parameters(effect: type[Effect]) -> list[str]:
 
 def index(effects: list[type[Effect]]) -> str:
     """The list of all effects in the order of the chain."""
+    further = [effect for effect in effects if not effect.base]
+    tried = [effect for effect in further if is_tried(effect)]
     lines = [
         "# Effects",
         "",
         "The effects in the order in which they act ([the chain](../chain.md) explains the order).",
+        f"There are {len(effects) - len(further)} terms of the base chain and {len(further)} further effects; `visaug diagnose`",
+        f"tries {len(tried)} of the further effects, and the pages of the others say that it does not.",
         "`visaug effects --search banding` finds effects by the words of the field.",
         "`scripts/make_docs.py` generates these pages and pictures from the code.",
     ]
