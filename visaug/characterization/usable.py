@@ -58,16 +58,16 @@ def _without_lines(frames: FrameSet, found: Findings) -> FrameSet:
     stuck = found.stuck
     if stuck is None or stuck.shape != frames.shape(0):
         return frames
-    rows, columns = stuck.all(1), stuck.all(0)
+    rows, columns = np.asarray(stuck.all(1)), np.asarray(stuck.all(0))
     if not (rows.any() or columns.any()):
         return frames
     rng = np.random.default_rng(0)
     height, width = stuck.shape
-    row, column = np.indices(stuck.shape)
+    row, column = (np.asarray(grid) for grid in np.indices(stuck.shape))
     for k in np.flatnonzero(rows):
-        row[k] = rng.choice(_near(k, ~rows), width)
+        row[k] = rng.choice(_near(int(k), ~rows), width)
     for k in np.flatnonzero(columns):
-        column[:, k] = rng.choice(_near(k, ~columns), height)
+        column[:, k] = rng.choice(_near(int(k), ~columns), height)
     at = np.nonzero(rows[:, None] | columns)
     source = row[at], column[at]
 
