@@ -3,6 +3,8 @@
 False alarms: each two-sample test fails by chance with a probability of 1e-6.
 """
 
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
@@ -60,7 +62,9 @@ def test_law_is_that_of_the_cpu(fast):
     for one, other in zip(on_cpu, on_gpu):
         # Rows of columns' offsets are drawn anew for each image: levels are compared without them.
         a, b = (x[0].double().numpy() - x[0].double().mean(0).numpy() for x in (one, other))
-        assert float(stats.ks_2samp(a.ravel() + jitter[0], b.ravel() + jitter[1])[1]) > 1e-6
+        samples = [a.ravel() + jitter[0], b.ravel() + jitter[1]]
+        tested: Any = stats.ks_2samp(*samples)
+        assert tested.pvalue > 1e-6
 
 
 def test_exact_chain_replays_the_draws_of_the_cpu():
