@@ -58,7 +58,7 @@ def check_bits(bits: int | None, kind: str) -> None:
     """
     if bits is not None and kind != "uint16" and not (kind == "uint8" and bits == 8):
         raise InputError(
-            f"{bits} is given for an image of {kind}, whose range is known",
+            f"{bits} bit are given for an image of {kind}, whose range is known",
             field="bits",
             expected="nothing here: it states the range of images of uint16",
         )

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from visaug.camera import Camera
 from visaug.camera.paths import path_of, place_of
@@ -79,8 +79,8 @@ class Sight:
         by = (FACTORS**power)[:, None]
         z, added = self.null.beyond(shift), standardised(variance, self.null.scale**2)
         sd = np.sqrt(1 + by**2 * added)
-        hidden = norm.cdf((self.largest - by * z) / sd) - norm.cdf((-self.largest - by * z) / sd)
-        shown = np.maximum(norm.cdf(by[:, 0] * match - self.match), 1 - hidden.min(1))
+        hidden = ndtr((self.largest - by * z) / sd) - ndtr((-self.largest - by * z) / sd)
+        shown = np.maximum(ndtr(by[:, 0] * match - self.match), 1 - hidden.min(1))
         return float(FACTORS[np.argmax(shown >= POWER)]) if (shown >= POWER).any() else np.inf
 
 
