@@ -18,7 +18,6 @@ class DarkCurrentRTS(Effect):
     """
 
     name = "dark_current_rts"
-    proposed = False  # its confusion with similar effects has not been counted
     stage = Stage.GENERATION
     order = 32
     aliases = ("DC-RTS", "random telegraph noise", "blinking pixels")

@@ -14,7 +14,6 @@ class ParasiticLight(Effect):
     """
 
     name = "parasitic_light"
-    proposed = False  # its confusion with similar effects has not been counted
     stage = Stage.GENERATION
     order = 12  # light alone: after PRNU, before the dark current
     aliases = ("PLS", "shutter efficiency", "global shutter leakage", "smear")

@@ -23,7 +23,6 @@ class CodeWidths(Effect):
     """
 
     name = "code_widths"
-    proposed = False  # its confusion with similar effects has not been counted
     stage = Stage.DIGITAL
     order = 45  # before the rounding, order 50
     aliases = ("DNL", "INL", "ADC nonlinearity", "differential nonlinearity")

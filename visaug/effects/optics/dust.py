@@ -18,7 +18,6 @@ class Dust(Effect):
     """
 
     name = "dust"
-    proposed = False  # its confusion with similar effects has not been counted
     stage = Stage.OPTICS
     order = 12
     aliases = ("sensor dust", "dirt", "blemish", "dark spots")

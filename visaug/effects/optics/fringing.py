@@ -15,7 +15,6 @@ class Fringing(Effect):
     """
 
     name = "fringing"
-    proposed = False  # its confusion with similar effects has not been counted
     stage = Stage.OPTICS
     order = 14
     aliases = ("etaloning", "interference fringes", "Newton rings")

@@ -17,7 +17,6 @@ class LampFlicker(Effect):
     """
 
     name = "lamp_flicker"
-    proposed = False  # its confusion with similar effects has not been counted
     stage = Stage.OPTICS
     order = 2
     aliases = ("flicker", "banding", "PWM", "mains", "50 Hz", "60 Hz", "rolling shutter bands")

@@ -16,7 +16,6 @@ class ColumnParity(Effect):
     """
 
     name = "column_parity"
-    proposed = False  # its confusion with similar effects has not been counted
     stage = Stage.READOUT
     order = 32
     aliases = (

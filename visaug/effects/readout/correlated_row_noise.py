@@ -12,7 +12,6 @@ class CorrelatedRowNoise(Effect):
     """
 
     name = "correlated_row_noise"
-    proposed = False  # its confusion with similar effects has not been counted
     stage = Stage.READOUT
     order = 42
     aliases = ("horizontal stripes", "banding", "pink noise", "1/f noise", "supply noise", "EMI")

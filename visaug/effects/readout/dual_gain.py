@@ -14,7 +14,6 @@ class DualGain(Effect):
     """
 
     name = "dual_gain"
-    proposed = False  # its confusion with similar effects has not been counted
     stage = Stage.READOUT
     order = 64  # the channel is chosen by what was read, noise included
     aliases = ("HDR", "dual conversion gain", "DCG", "SNR dip", "stitching")

@@ -15,7 +15,6 @@ class SlantedInterference(Effect):
     """
 
     name = "slanted_interference"
-    proposed = False  # its confusion with similar effects has not been counted
     stage = Stage.READOUT
     order = 52
     aliases = ("EMI", "banding", "interference", "herringbone", "moving stripes", "pattern noise")
