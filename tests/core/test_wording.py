@@ -42,5 +42,5 @@ def test_headlines_hold_the_answer():
     found = {"accepted": ["row_noise"], "ranking": ranking, "fits": fits, "unexplained": None}
     assert diagnosis_headline(found) == (
         "The missing effect is row_noise (sigma_e = 1.19 [1.10, 1.30] e-; probability > 0.99 among the effects that "
-        "were tried)."
+        "were tried and a cause outside the catalogue)."
     )

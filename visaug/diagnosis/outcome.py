@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import expit
 
 from visaug.diagnosis.fitting.robust import p_value, standardised
-from visaug.diagnosis.result import Diagnosis, Step
+from visaug.diagnosis.outside import log_odds_outside
+from visaug.diagnosis.result import Diagnosis, Ranked, Step
 from visaug.diagnosis.stage import History, SearchStage, Setting
 from visaug.diagnosis.state import State
 from visaug.diagnosis.telling import cannot_show, form, residue
@@ -29,6 +31,7 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
     significant = p_given <= SIGNIFICANT or p_before <= SIGNIFICANT
     excess = bool(end.state.accepted) or (significant and is_clear(end.error))
     statistics = lab.measured[2].statistics
+    outside = float(expit(log_odds_outside(end.state, statistics))) if end.state.accepted else None
     return Diagnosis(
         camera=end.state.fitted.camera,
         accepted=end.state.accepted,
@@ -38,7 +41,8 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
         adequate_before=p_before > SIGNIFICANT,
         adequate_after=not end.is_missing,
         where=places(setting.errors.distance, lab.statistics, z),
-        ranking=tuple(sorted(end.ranked.values(), key=lambda r: -r.probability)),
+        ranking=_ranking(end, outside or 0.0),
+        outside=outside,
         steps=steps if excess else (),
         frames=_sequence_numbers(setting),
         ambiguous=tuple(pair for pair in end.ambiguous if set(pair["effects"]) & set(end.state.accepted)),
@@ -49,6 +53,12 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
         warnings=lab.warnings,
         effects=() if lab.units else verdicts(setting, end),
     )
+
+
+def _ranking(end: SearchStage, outside: float) -> tuple[Ranked, ...]:
+    """The candidates by their probability, what is outside the catalogue taken off."""
+    found = (replace(r, probability=r.probability * (1 - outside)) for r in end.ranked.values())
+    return tuple(sorted(found, key=lambda r: -r.probability))
 
 
 def kept(setting: Setting, history: History, p_given: float) -> tuple[SearchStage, tuple[Step, ...]]:

@@ -122,6 +122,8 @@ class Diagnosis(Reported):
         warnings: assumptions, and properties of the set that make effects undetectable.
         camera_file: mistakes in the camera file, which were corrected before anything else.
         effects: the verdict on each effect of the catalogue that was considered.
+        outside: probability that the cause is no effect of the catalogue but resembles the accepted ones; None where none
+            was accepted.
     """
 
     camera: Camera
@@ -146,6 +148,7 @@ class Diagnosis(Reported):
     warnings: tuple[str, ...] = ()
     camera_file: tuple[Mistake, ...] = ()
     effects: tuple[Verdict, ...] = ()
+    outside: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The result as written by `visaug diagnose --json`."""
@@ -177,6 +180,7 @@ class Diagnosis(Reported):
             "warnings": list(self.warnings),
             "camera_file": [mistake.to_json() for mistake in self.camera_file],
             "effects": [verdict.to_json() for verdict in self.effects],
+            "outside": self.outside,
         }
 
     def to_frame(self) -> Any:

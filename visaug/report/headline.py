@@ -113,6 +113,11 @@ def diagnosis_details(content: Content) -> list[str]:
             if fits["adequate_after"]
             else f"After adding, a significant difference is left ({p_text(fits['p_value_after'])})."
         )
+    if (outside := content.get("outside") or 0.0) > 0.5:
+        lines.append(
+            f"What is left makes a cause outside the catalogue likelier (probability {probability_text(outside)}): "
+            "the named effect resembles it and lowers the error."
+        )
     for group in content["ambiguous"]:
         lines.append(
             f"These frames cannot tell apart: {', '.join(group['effects'])}. To separate them: {group['measure']}."
@@ -139,10 +144,10 @@ def effect_texts(names: list[str]) -> list[str]:
     return texts
 
 
-AMONG = "among the effects that were tried"
+AMONG = "among the effects that were tried and a cause outside the catalogue"
 PROBABILITY = (
-    "Probability: posterior probability among the effects that were tried, if one of them is right. It leaves out effects that "
-    "are not in the catalogue. p-value: probability that a complete camera shows a difference at least as large."
+    "Probability: posterior probability among the effects that were tried and a cause outside the catalogue, which is judged by "
+    "what the accepted effects leave. p-value: probability that a complete camera shows a difference at least as large."
 )
 
 
