@@ -13,6 +13,7 @@ from visaug.effects import Parameter
 from visaug.report.headline import diagnosis_headline, view_title
 from visaug.report.next_step import PICTURES, NextStep, after_comparison, after_diagnosis
 from visaug.report.pages import described
+from visaug.report.verdict_text import verdict_row
 from visaug.statistics import VIEWS
 from visaug.statistics.distance import Error
 from visaug.statistics.places import Place
@@ -50,6 +51,7 @@ def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str
             for effect in effects
         ],
         "candidates": candidates,
+        "verdicts": [verdict_row(v.to_json()) for v in bench.diagnosis.effects] if bench.diagnosis else [],
         "addable": [name for name in bench.can_add() if name not in listed],
         "where": [_place(place) for place in _places(bench)],
         "views": views[:FIRST],
