@@ -25,6 +25,8 @@ SETS = {  # frames and pixels of each: count, rows, columns
     "70 of 200 x 256": (70, 200, 256),
     "150 of 200 x 256": (150, 200, 256),
     "60 of 1000 x 1000": (60, 1000, 1000),
+    "70 of 200 x 256, nothing hidden": (70, 200, 256),
+    "250 of 1024 x 1280": (250, 1024, 1280),
 }
 ROUNDS = 5
 
@@ -81,8 +83,8 @@ def least(call) -> float:
     return min(times)
 
 
-def write(folder: Path, count: int, rows: int, columns: int) -> None:
-    """A set with stripes that shift from row to row, on disk, by the cameras of `benchmark/`."""
+def write(folder: Path, count: int, rows: int, columns: int, strength_e: float) -> None:
+    """A set with row noise, on disk, by the cameras of `benchmark/`."""
     from dataclasses import replace
 
     from benchmark import cameras, effects
@@ -94,7 +96,7 @@ def write(folder: Path, count: int, rows: int, columns: int) -> None:
     settings += [("flat", 0.01, light) for light in (300.0, 1000.0, 3000.0, 5000.0, 8000.0)]
     shots = [settings[i * len(settings) // count] for i in range(count)]
     plan = [Shot(kind, seconds, sensor.celsius, photons=photons) for kind, seconds, photons in shots]
-    hidden = effects.in_order([effects.BY_NAME["row_noise"].at(3.0, "")])
+    hidden = effects.in_order([effects.BY_NAME["row_noise"].at(strength_e, "")]) if strength_e else []
     write_frames(folder, take(sensor, plan, {}, 1, hidden), plan, {}, sensor)
 
 
@@ -140,7 +142,7 @@ def diagnosis_rows(only: list[str] | None) -> list[str]:
             continue
         with tempfile.TemporaryDirectory() as base:
             folder = Path(base) / "set"
-            write(folder, *size)
+            write(folder, *size, 0.0 if "nothing" in name else 3.0)
             environment = {**os.environ, "VISAUG_CACHE": str(Path(base) / "cache")}
             call = [sys.executable, __file__, "--child", str(folder), str(folder / "camera.yaml")]
             first, second = (

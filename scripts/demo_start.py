@@ -2,7 +2,7 @@
 
     python scripts/demo_start.py -o configs/demo_start.safetensors
 
-On one GPU about two minutes, on two CPU cores about an hour. `--epochs` and `--images` try the steps.
+About an hour of one CPU core. `--epochs` and `--images` try the steps.
 """
 
 import argparse

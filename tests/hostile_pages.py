@@ -15,6 +15,7 @@ WIDTHS = (420, 1280)
 def watched(browser, width: int):
     """A page that must not speak: no dialog, no error, no request beyond this machine, no script of a name."""
     page = browser.new_page(viewport={"width": width, "height": 900}, accept_downloads=True)
+    page.set_default_timeout(120_000)  # of a busy machine
     wrong: list[str] = []
     page.add_init_script("window.evil = () => { window.evilRan = true; }")
     page.on("dialog", lambda dialog: (wrong.append(f"dialog {dialog.message}"), dialog.dismiss()))

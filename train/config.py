@@ -81,12 +81,15 @@ class Data(ConfigSection):
 
 
 class Start(ConfigSection):
-    """A network that all runs start from: trained once, without an arm's noise, and kept.
+    """A network that all runs start from: trained once, without an arm's noise, and kept; or weights from a file.
 
     Its training arguments are the study's with `training` on top; `seed` is its own, so all seeds of the study share it.
+    With `weights`, a safetensors file of the state of `model` whose SHA-256 is `sha256`, nothing is trained.
     """
 
-    epochs: int = Field(ge=1)
+    epochs: int | None = Field(None, ge=1)
+    weights: str | None = Field(None, description="a safetensors file, in place of `epochs`")
+    sha256: str | None = Field(None, description="of that file, in hexadecimal digits")
     like: str | None = Field(None, description="the arm whose augmentation it has; none where left out")
     seed: Seed = 0
     training: dict[str, Any] = Field({})
@@ -207,10 +210,13 @@ RESERVED = {
 
 
 def load_config(path: str | Path) -> Config:
-    """Read and check a config; paths in it are relative to the working directory, cameras also to the config."""
+    """Read and check a config; paths in it are relative to the working directory, cameras and networks also to the config."""
     path = Path(path)
     content = _extended(path)
     config = check_config(content, path)
+    config.model = _beside(path, config.model)
+    if config.start and config.start.weights:
+        config.start.weights = _beside(path, config.start.weights)
     for arm in config.arms.values():
         for part in filter(None, (arm.white, arm.vis)):
             names = [n if n in config.cameras else _beside(path, n) for n in part.cameras]
@@ -237,9 +243,9 @@ def _extended(path: Path, below: tuple[Path, ...] = ()) -> Any:
     return {**base, **content}
 
 
-def _beside(path: Path, camera: str) -> str:
-    """A camera file that lies beside the config, by its path; another name as it is."""
-    return str(path.parent / camera) if (path.parent / camera).is_file() else camera
+def _beside(path: Path, name: str) -> str:
+    """A file that lies beside the config, by its path; another name as it is."""
+    return str(path.parent / name) if (path.parent / name).is_file() else name
 
 
 def _keys() -> list[str]:
@@ -279,6 +285,10 @@ def check_config(content: Any, path: Path | None = None) -> Config:
     config.training.setdefault("augmentations", [])
     if config.data.reduce and not config.data.image_size:
         raise InputError("needs data.image_size", file=path, field="data.reduce", expected="[width, height]")
+    if config.start and (config.start.epochs is None) == (config.start.weights is None):
+        raise InputError("give one of epochs and weights", file=path, field="start")
+    if config.start and config.start.weights and config.start.sha256 is None:
+        raise InputError("is missing", file=path, field="start.sha256", expected="SHA-256 of start.weights")
     if config.start and config.start.like and config.start.like not in config.arms:
         raise InputError(f"{config.start.like} is not an arm", file=path, field="start.like")
     if config.baseline not in config.arms:

@@ -77,7 +77,7 @@ def cost(config: Config, images: int, arms: Sequence[str] | None = None) -> str:
     """
     names, seeds = (config.arms, len(config.seeds)) if arms is None else (arms, 1)
     epochs = [{**config.training, **config.arm(name).training}.get("epochs", 100) for name in names]
-    total = images * (seeds * sum(epochs) + (config.start.epochs if config.start else 0))
+    total = images * (seeds * sum(epochs) + ((config.start and config.start.epochs) or 0))
     device = selected(config.training.get("device"))
     seconds = seconds_per_image(config, device)
     hours = total * seconds / 3600

@@ -72,11 +72,14 @@ def read_gray(file: str) -> np.ndarray:
     return image
 
 
-def plot_scores(points: Mapping[str, Mapping[str, Sequence[float]]]) -> "Figure":
-    """Keypoint AP as bars of the mean with a dot for each seed.
+def plot_scores(
+    points: Mapping[str, Mapping[str, Sequence[float]]], score: str = "keypoint AP50-95 (COCO)"
+) -> "Figure":
+    """A score from 0 to 1 as bars of the mean with a dot for each seed.
 
     Args:
         points: group of bars -> bar -> scores of the seeds; bars in one order.
+        score: label of its axis.
     """
     trainings = list(dict.fromkeys(name for bars in points.values() for name in bars))
     width = 0.8 / len(trainings)
@@ -93,7 +96,7 @@ def plot_scores(points: Mapping[str, Mapping[str, Sequence[float]]]) -> "Figure"
             for x, values in trained:
                 axes.plot([x] * len(values), values, "o", color="#1c2430", markersize=3.5)
         axes.set_xticks(range(len(points)), [name.replace("_", " ") for name in points])
-        axes.set_ylabel("keypoint AP50-95 (COCO)")
+        axes.set_ylabel(score)
         axes.set_ylim(0, 1)
         axes.grid(axis="x", visible=False)
         figure.legend(ncols=3, loc="outside upper center")

@@ -47,7 +47,7 @@ def start_decides(config: Config) -> dict[str, Any] | None:
         return None
     arm = config.arm(config.start.like) if config.start.like else Arm()
     return {
-        **config.start.model_dump(mode="json"),
+        **config.start.model_dump(mode="json", exclude={"weights"}, exclude_none=True),
         **_noise(arm),
         "noise_training": arm.training,
     }

@@ -1,6 +1,6 @@
 """How strong each arm's noise is, beside the noise that the images carry and that each test set shows.
 
-All figures are standard deviations in steps of 8 bit, at the resolution at which the noise acts. For an arm they are
+All figures are standard deviations in 8-bit levels (0 to 255), at the resolution at which the noise acts. For an arm they are
 measured on flat images. For images they are estimated where the picture is smooth: the difference of the diagonals of
 2 x 2 pixels, (a - b - c + d) / 2, has the standard deviation of white noise, and neither gradients nor rows nor columns are
 in it. Blocks of 6 x 6 pixels are sorted by their mean level; the median over the blocks of a level leaves edges out.

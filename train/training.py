@@ -19,7 +19,8 @@ from typing import Any
 from torch import nn
 
 from visaug.core.documents import read_json
-from visaug.core.files import write_json, write_text
+from visaug.core.errors import InputError
+from visaug.core.files import whole_file, write_json, write_text
 from visaug_train import checkpoints
 from visaug_train.arms import Arm
 from visaug_train.callbacks import close_noise, follow, keep_batch
@@ -161,10 +162,12 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
 
 
 def start_network(study: Study, progress: Progress | None = None) -> str | None:
-    """The file of the network that all runs start from, trained now where it is not yet; None where there is none."""
+    """The file of the network that all runs start from, made now where it is not yet; None where there is none."""
     config, start = study.config, study.config.start
     if start is None:
         return None
+    if start.weights:
+        return str(_from_weights(config, Path(start.weights)))
     arm = config.arm(start.like) if start.like else Arm()
     arguments = {**config.training, **arm.training, **start.training, "epochs": start.epochs}
     decided = {**decides(config, arm, study.data_yaml), "training": arguments}
@@ -185,6 +188,36 @@ def start_network(study: Study, progress: Progress | None = None) -> str | None:
         write_json(folder / "run.json", {**decided, "surroundings": around, "seconds": seconds})
         checkpoints.forget(folder)
     return str(folder / "weights" / "last.pt")
+
+
+def _from_weights(config: Config, weights: Path) -> Path:
+    """A checkpoint of ultralytics with the state that a safetensors file holds.
+
+    Raises:
+        InputError: no such file, another SHA-256 than the config's, or the state of another network.
+    """
+    assert config.start is not None
+    if not weights.is_file():
+        raise InputError("no such file", file=weights, field="start.weights", expected="a safetensors file")
+    content = weights.read_bytes()
+    if (found := hashlib.sha256(content).hexdigest()) != config.start.sha256:
+        raise InputError(f"has the SHA-256 {found}", file=weights, expected=str(config.start.sha256))
+    made = config.output / "runs" / f"start-{found[:8]}.pt"
+    if not made.is_file():
+        quiet_ultralytics(config.output / "ultralytics-settings")
+        from safetensors.torch import load
+        from ultralytics import YOLO
+
+        model = YOLO(config.model, task="pose", verbose=False)
+        try:
+            model.model.load_state_dict(load(content))  # pyright: ignore[reportAttributeAccessIssue]
+        except RuntimeError:
+            raise InputError(
+                "is the state of another network", file=weights, expected=f"that of {config.model}"
+            ) from None
+        with whole_file(made) as partial_file:
+            model.save(partial_file)
+    return made
 
 
 def note_failure(study: Study, arm: str, seed: int, error: Exception) -> str:

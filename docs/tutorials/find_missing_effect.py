@@ -83,7 +83,7 @@ for ranked in diagnosis.ranking[:1]:
 
 # %% [markdown]
 # The true value is 1.4 e-. The error is 1 for the camera file as given, and 0 where the corrected camera is as close to the
-# frames as another specimen of it would be.
+# frames as a second camera of the same type.
 
 # %%
 error = diagnosis.to_json()["error"]

@@ -22,6 +22,7 @@ from visaug.app.cli.measure import lab as lab_command
 from visaug.app.lab import application, serve
 from visaug.diagnosis import Diagnosis, FittedValue, Ranked, Step
 from visaug.diagnosis.session import session as session_module
+from visaug.diagnosis.verdict import Verdict
 from visaug.statistics.distance import Error
 
 TOKEN = "a-token-of-this-test"
@@ -62,6 +63,10 @@ def found(bench) -> Diagnosis:
         steps=(Step("refit", Error(0.98, 0.95, 1.01)), Step("add row_noise", after)),
         frames={"fit": [0], "select": [1], "confirm": [2]}, ambiguous=(), unexplained=None, form=None,
         cannot_show=("smear",),
+        effects=(
+            Verdict("row_noise", "named", "row_noise.sigma_e", "e-", 2.0, 1.9, 2.1),
+            Verdict("column_noise", "absent", "column_noise.sigma_e", "e-", limit=0.034),
+        ),
     )  # fmt: skip
 
 
@@ -75,6 +80,12 @@ def diagnosed(client, bench, monkeypatch):
 
 def shown(page: str, mark: str) -> str:
     return re.search(rf'data-testid="{mark}"[^>]*>([^<]*)<', page)[1]
+
+
+def test_verdicts_of_all_effects_with_value_or_limit(diagnosed):
+    page = diagnosed.get("/").text
+    assert "sigma_e = 2 e- [1.9, 2.1]" in page
+    assert re.search(r"column_noise</td><td[^>]*>absent</td><td[^>]*>sigma_e &lt; 0.034 e-", page)
 
 
 def buttons(page: str) -> list[str]:

@@ -161,6 +161,18 @@ def test_dark_current_grows_with_time_and_temperature():
         check_law(dn, 200 + electrons, 3.3**2 + electrons + 1 / 12)
 
 
+def test_dark_current_of_one_activation_energy():
+    """Arrhenius' law, exp(-E / k T_K): the energy follows from the doubling at 25 C, E = k T_K^2 ln 2 / 7 C."""
+    datasheet = {"reference_e_per_s": 20.0, "reference_temperature_c": 25.0, "doubling_c": 7.0}
+    one = camera(dark_current={**datasheet, "law": "arrhenius"})
+    assert one.to_dict()["dark_current"]["law"] == "arrhenius"
+    for temperature, exposure in [(25.0, 1.0), (50.0, 0.1), (-10.0, 40.0), (-40.0, 300.0)]:
+        kelvin = temperature + 273.15
+        electrons = exposure * 20 * math.exp(298.15**2 * math.log(2) / 7 * (1 / 298.15 - 1 / kelvin))
+        dn = expose(one, 0.0, exposure_s=exposure, temperature_c=temperature)
+        check_law(dn, 200 + electrons, 3.3**2 + electrons + 1 / 12)
+
+
 def test_full_well_clips_charge_before_the_readout():
     """A full pixel has no shot noise left, and the whole read noise; its level is the full well's."""
     one = camera(full_well_e=5000, gain_e_per_dn=0.5, quantum_efficiency=0.5)

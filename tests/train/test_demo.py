@@ -16,8 +16,49 @@ from visaug_train.studies import laboratory
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
 
+@pytest.fixture
+def quick_diagnosis(monkeypatch):
+    """A diagnosis of fewer pixels that tries two effects."""
+    tried = {"amplifier_glow", "row_noise"}  # of the catalogue: the story is told all the same
+    without = [name for name, effect in catalogue().items() if not effect.base and name not in tried]
+    monkeypatch.setattr(visaug, "diagnose", partial(visaug.diagnose, sets=60, without=without))
+    for module in (laboratory, demo):
+        monkeypatch.setattr(module, "RESOLUTION", (48, 64))
+
+
 @pytest.mark.slow
-def test_demo_writes_one_report_and_goes_on(tmp_path, monkeypatch):
+def test_the_short_demo_starts_from_weights_and_says_what_it_found(tmp_path, monkeypatch, quick_diagnosis):
+    from safetensors.torch import save_file
+    from ultralytics import YOLO
+
+    network = YOLO(str(CONFIGS / "demo_network.yaml"), task="pose", verbose=False).model
+    save_file(network.half().state_dict(), tmp_path / "start.safetensors")
+    content = yaml.safe_load((CONFIGS / "demo_short.yaml").read_text())
+    content["data"]["rendered"]["images"] = {
+        "synthetic": {"train": 8, "validation": 4, "test": 6},
+        "lightbox": {"test": 6},
+    }
+    content["model"] = str(CONFIGS / "demo_network.yaml")
+    content["start"] = {"weights": "start.safetensors", "sha256": "0" * 64}
+    content["training"] |= {"epochs": 1, "imgsz": 64, "batch": 8, "device": "cpu"}
+    content |= {"bootstrap": 20, "seeds": [0, 1]}
+    small = tmp_path / "demo.yaml"
+    small.write_text(yaml.safe_dump(content))
+    monkeypatch.setattr(demo, "SHORT", small)
+    with pytest.raises(visaug.InputError, match=r"start\.safetensors.* has the SHA-256") as refused:
+        demo.run_demo(tmp_path / "out")
+    content["start"]["sha256"] = re.search(r"SHA-256 (\w+)", str(refused.value))[1]
+    small.write_text(yaml.safe_dump(content))
+    report, said = demo.run_demo(tmp_path / "out")
+    assert len(said) == 3
+    assert "row_noise" in said[0] or "No effect" in said[0]
+    assert "95 % intervals over 2 pairs" in said[2]
+    page = report.read_text()
+    assert page.index("The finding") < page.index("Hidden effect: ") < page.index("Scores of the arms")
+
+
+@pytest.mark.slow
+def test_demo_writes_one_report_and_goes_on(tmp_path, monkeypatch, quick_diagnosis):
     content = yaml.safe_load((CONFIGS / "demo.yaml").read_text())
     content["data"]["rendered"] |= {
         "width": 160,
@@ -36,13 +77,11 @@ def test_demo_writes_one_report_and_goes_on(tmp_path, monkeypatch):
     content["arms"]["vis"]["vis"]["camera"] = str(CONFIGS / "demo_camera.yaml")
     small = tmp_path / "demo.yaml"
     small.write_text(yaml.safe_dump(content))
-    monkeypatch.setattr(demo, "CONFIG", small)
-    tried = {"amplifier_glow", "row_noise"}  # of the catalogue: the story is told all the same
-    without = [name for name, effect in catalogue().items() if not effect.base and name not in tried]
-    monkeypatch.setattr(visaug, "diagnose", partial(visaug.diagnose, sets=60, without=without))
-    monkeypatch.setattr(laboratory, "RESOLUTION", (48, 64))
+    monkeypatch.setattr(demo, "FULL", small)
     seen = set()
-    report = demo.run_demo(tmp_path / "out", progress=lambda title, done, total: seen.add(title))
+    report, _ = demo.run_demo(
+        tmp_path / "out", progress=lambda title, done, total: seen.add(title), full=True
+    )
     page = report.read_text()
     assert "keypoint AP50-95" in page
     words = re.sub(r"base64,[A-Za-z0-9+/=]+", "", page)  # in which four given letters come by chance
@@ -58,5 +97,5 @@ def test_demo_writes_one_report_and_goes_on(tmp_path, monkeypatch):
     found = yaml.safe_load((tmp_path / "out" / "lightbox_camera" / "camera-0.yaml").read_text())
     assert found["read_noise"]["sigma_e"] > 0
     seen.clear()
-    demo.run_ablation(tmp_path / "out", progress=lambda title, done, total: seen.add(title))
+    demo.run_ablation(tmp_path / "out", progress=lambda title, done, total: seen.add(title), full=True)
     assert not any(title.startswith(("training", "evaluating")) for title in seen)

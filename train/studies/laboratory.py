@@ -18,10 +18,7 @@ from visaug.frames import FrameRecord, FrameSet
 from visaug_train.render.independent_camera import IndependentCamera
 
 Progress = Callable[[str, int, int], None]
-RESOLUTION = (
-    96,
-    128,
-)  # of the frames; a diagnosis takes time by the pixel, and the effects are those of the whole sensor
+RESOLUTION = (64, 96)  # of the frames; a diagnosis takes time by the pixel
 EXPOSURE_S, TEMPERATURE_C = 0.01, 20.0
 BIASES, FLATS = 12, 6
 LEVELS = (0.1, 0.3, 0.5, 0.7)  # of full well

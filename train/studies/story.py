@@ -30,6 +30,13 @@ def hidden_effect_sections(output: Path, seed: int = 0, progress: Progress | Non
         diagnosis = visaug.diagnose(camera, frames, seed=seed, progress=progress)
         diagnosis.camera.save(better_file)
         write_json(answer, diagnosis.to_json())  # last: where it stands, the camera does
+    return story_sections(camera, frames, answer, better_file, seed)
+
+
+def story_sections(
+    camera: visaug.Camera, frames: visaug.FrameSet, answer: Path, better_file: Path, seed: int
+) -> list[Section]:
+    """The sections of a kept diagnosis: of `frames`, from the incomplete `camera` on."""
     intro = Text(
         "The other way round: a camera's file and frames that it took, and the file is incomplete. The"
         " frames were simulated by code that shares nothing with the model. Which physical effect is "

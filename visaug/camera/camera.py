@@ -354,7 +354,9 @@ class Camera:
     ) -> Context:
         device = full["gain_db"].device
         boost = (self.spec.gain_db - full["gain_db"]) * (torch.log(torch.tensor(10.0, device=device)) / 20)
-        heat = torch.exp(full["dark_current.b_per_c"] * full["temperature_c"])
+        heat = torch.exp(
+            full["dark_current.b_per_c"] * self.spec.dark_current.exponent(full["temperature_c"])
+        )
         return Context(
             exposure_s=full["exposure_s"],
             temperature_c=full["temperature_c"],

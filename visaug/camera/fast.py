@@ -104,7 +104,7 @@ def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: b
     sigma, shape = values["read_noise.sigma_e"], values["read_noise.shape"]
     deviation = standard_deviation(shape)
     own_scale = camera.spec.read_noise.meaning == "scale"
-    heat = np.exp(values["dark_current.b_per_c"] * values["temperature_c"])
+    heat = np.exp(values["dark_current.b_per_c"] * camera.spec.dark_current.exponent(values["temperature_c"]))
     gain = gain_of(camera, values)
     n[:, k.ELECTRONS], n[:, k.LESS_DN], n[:, k.PER_DN] = scale
     n[:, k.LEAST_E], n[:, k.COUNTED], n[:, k.LEAST_OUT], n[:, k.MOST_OUT] = 0, 1, 0, 1

@@ -120,7 +120,7 @@ def take(
     v = {path: on_device(value) for path, value in values.items()}
     shape, sigma = values["read_noise.shape"], values["read_noise.sigma_e"]
     unit = sigma if camera.spec.read_noise.meaning == "scale" else sigma / standard_deviation(shape)
-    heat = torch.exp(v["dark_current.b_per_c"] * v["temperature_c"])
+    heat = torch.exp(v["dark_current.b_per_c"] * camera.spec.dark_current.exponent(v["temperature_c"]))
     none, gain = torch.zeros_like(v["exposure_s"]), gain_of(camera, v)
     numbers = {
         "electrons": on_device(scale.electrons),

@@ -119,7 +119,7 @@ def plan_for(camera: Camera) -> dict[str, Any]:
         "gains_db": (spec.gain_db,),
     }
     dark = spec.dark_current
-    rate = dark.a_e_per_s * math.exp(dark.b_per_c * spec.temperature_c)
+    rate = dark.a_e_per_s * math.exp(dark.b_per_c * dark.exponent(spec.temperature_c))
     if rate > 0 and spec.read_noise.sigma_e > 0:
         equal = spec.read_noise.sigma_e**2 / rate
         longest = 0.5 * _saturation_photons(camera) * spec.quantum_efficiency / rate

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from visaug.core.constants import ZERO_C_K
 from visaug.core.documents import read_yaml
 from visaug.core.errors import InputError
 from visaug.core.nearest import did_you_mean
@@ -38,10 +39,14 @@ class ReadNoiseSpec(_Part):
 
 
 class DarkCurrentSpec(_Part):
-    """a exp(b T), or a datasheet's value at a reference temperature with its doubling interval."""
+    """a exp(b T), or a datasheet's value at a reference temperature with its doubling interval.
+
+    With the law `arrhenius`, exp(-E / k T_K) of one activation energy E: b is the growth at 0 degC, E = b k (273.15 K)^2.
+    """
 
     a_e_per_s: float = Field(0.0, ge=0, le=1e7)
     b_per_c: float = Field(0.0866, ge=0, le=0.5)
+    law: Literal["exponential", "arrhenius"] = "exponential"
     reference_e_per_s: float | None = Field(None, ge=0, le=1e7, exclude=True)
     reference_temperature_c: float | None = Field(None, ge=-150, le=150, exclude=True)
     doubling_c: float | None = Field(None, gt=1, le=100, exclude=True)
@@ -57,8 +62,21 @@ class DarkCurrentSpec(_Part):
                 "or all of reference_e_per_s, reference_temperature_c and doubling_c"
             )
         self.b_per_c = math.log(2) / doubling
-        self.a_e_per_s = rate * math.exp(-self.b_per_c * reference)
+        if self.law == "arrhenius":
+            self.b_per_c *= (1 + reference / ZERO_C_K) ** 2
+        self.a_e_per_s = rate * math.exp(-self.b_per_c * self.exponent(reference))
         return self
+
+    def exponent(self, temperature_c: Any) -> Any:
+        """What b is multiplied with: T, or T_0 (T_K - T_0) / T_K with T_0 = 273.15 K, in degrees.
+
+        Examples:
+            >>> DarkCurrentSpec(law="arrhenius").exponent(-40.0) < -40
+            True
+        """
+        if self.law == "exponential":
+            return temperature_c
+        return temperature_c * ZERO_C_K / (temperature_c + ZERO_C_K)
 
 
 class PRNUSpec(_Part):

@@ -14,6 +14,7 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.characterization import characterize
+from visaug.core.constants import ZERO_C_K
 from visaug.core.errors import InputError
 from visaug.diagnosis.fitting.parameters import BLACK, GAIN
 from visaug.diagnosis.fitting.robust import misfit
@@ -27,7 +28,6 @@ NEAR = math.log(
 CERTAIN = 4.0  # half widths of the measurement's 95 % interval by which a wrong figure must differ
 BETTER = 10.0  # decrease of the robust misfit (a log likelihood) by a correction
 SETS = 4  # simulated sets for the mean of a camera
-KELVIN = 273.15
 BLACK_DN = 5.0  # DN of a black level that is left out or subtracted already
 LIT = ("flat", "scene")
 
@@ -167,7 +167,7 @@ def _hypotheses(
         for factor, name in ((1e3, "millisecond"), (1e6, "microsecond")):
             yield "time_unit", value * factor, f"per {name} and not per second"
             yield "time_unit", value / factor, f"per second, while the exposures of the frames are in {name}s"
-        shift = math.exp(min(file["dark_current.b_per_c"] * KELVIN, 300.0))
+        shift = math.exp(min(file["dark_current.b_per_c"] * ZERO_C_K, 300.0))
         yield "kelvin", value * shift, "for temperatures in Kelvin and not in degrees Celsius"
         yield (
             "kelvin",

@@ -58,7 +58,8 @@ def log_bayes_factor(p: float) -> float:
 
 def _log_ratio(z: np.ndarray, views: np.ndarray) -> np.ndarray:
     """(R,) log of B for residuals (R, statistics)."""
-    squares = np.exp(2 * np.linspace(*np.log(SPREADS), STEPS))
+    least, most = np.log(SPREADS)
+    squares = np.exp(2 * np.linspace(least, most, STEPS))
     found = []
     for view in np.unique(views):
         of_view = z[:, views == view]

@@ -101,7 +101,7 @@ class Diagnosis(Reported):
         camera: the refitted camera with the accepted effects; the file as given where none was found and the refit
             does not lower the error.
         accepted: names of the accepted effects, in the order in which they were added.
-        error_after: error on the hold-out frames, 1 for the camera file and 0 for another specimen of the model; None if the
+        error_after: error on the hold-out frames, 1 for the camera file and 0 for a second camera of the same type; None if the
             camera file has no significant excess.
         p_value_before: of the refitted camera without the accepted effects.
         p_value_after: of the refitted camera with the accepted effects.

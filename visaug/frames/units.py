@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import re
 
+from visaug.core.constants import ZERO_C_K
+
 _SECONDS = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "millisec": 1e-3,
             "millisecond": 1e-3, "milliseconds": 1e-3, "us": 1e-6, "usec": 1e-6, "µs": 1e-6, "μs": 1e-6, "microsec": 1e-6,
             "microsecond": 1e-6, "microseconds": 1e-6, "ns": 1e-9, "nanoseconds": 1e-9, "min": 60.0, "minutes": 60.0,
             "h": 3600.0, "d": 86400.0}  # fmt: skip
-ZERO_C_K = 273.15
 # Sensors that take pictures lie between liquid nitrogen and automotive grade 1 with a margin; a temperature above in
 # a header is one in Kelvin where that makes sense, else no measurement.
 COLDEST_C, WARMEST_C, WARMEST_K = -200.0, 150.0, 400.0

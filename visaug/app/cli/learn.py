@@ -34,12 +34,17 @@ keypoints_option = click.option(
 
 @command("demo", example="visaug demo -o demo/")
 @output_option("DIR", "Folder for data, runs and report.html.", default=Path("demo"), show_default=True)
-def demo(output: Path, seed: int) -> None:
-    """Train, evaluate and report on embedded data. If interrupted, the same command resumes."""
+@click.option(
+    "--full", is_flag=True, help="The longer study: three arms trained from nothing, four test sets."
+)
+def demo(output: Path, full: bool, seed: int) -> None:
+    """Diagnose a camera, train with its noise, evaluate and report, on rendered data. If interrupted, the same command resumes."""
     with extra(), progress_bars() as progress:
         from visaug_train.demo import run_demo
 
-        report = run_demo(output, seed=seed, progress=progress)
+        report, finding = run_demo(output, seed=seed, progress=progress, full=full)
+    for sentence in finding:
+        click.echo(sentence)
     click.echo(f"report: {report.resolve()}")
 
 

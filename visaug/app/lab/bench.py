@@ -1,4 +1,4 @@
-"""What lies on the bench: frames, the camera file as given, what was found, and the camera as it is now."""
+"""State of the page: frames, the camera file as given, what was found, and the camera as it is now."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -32,9 +32,9 @@ class Bench:
 
     Attributes:
         comparison, diagnosis: of the camera file as given; None until they are done.
-        now: the camera on the bench.
+        now: the current camera.
         loaded: names of effects of one's own.
-        past: what was on the bench before.
+        past: the cameras before.
         own_picture: a picture of the user's own; None until one is chosen.
 
     Raises:
@@ -96,7 +96,7 @@ class Bench:
         self._with(progress).compare()
 
     def diagnose(self, progress: Progress) -> None:
-        """Names what the file as given lacks. The camera on the bench stays as it is: adding is the user's choice."""
+        """Names what the file as given lacks. The current camera stays as it is: adding is the user's choice."""
         self._with(progress).search(adopt=False)
 
     def add(self, name: str, progress: Progress) -> None:
@@ -122,7 +122,7 @@ class Bench:
             self.set_numbers(self.now.numbers, False, progress)
 
     def go(self, to: int) -> None:
-        """Back or forward in what was on the bench."""
+        """Back or forward in the cameras."""
         self.session.now = self.past.go(to)
 
     def _with(self, progress: Progress) -> Session:
@@ -153,7 +153,7 @@ class Bench:
         return self.session.can_add()
 
     def save(self) -> Path | None:
-        """Writes the camera on the bench where `output` says; returns that path.
+        """Writes the current camera where `output` says; returns that path.
 
         Raises:
             InputError: there is a file that this lab did not write, or that was changed since.
@@ -178,7 +178,7 @@ class Bench:
         return replace(found, effects=tuple(p.name if p.is_relative_to(uploads) else str(p) for p in effects))
 
     def camera_yaml(self) -> str:
-        """The camera on the bench as a camera.yaml that can lie anywhere: measured maps are named in full."""
+        """The current camera as a camera.yaml that can lie anywhere: measured maps are named in full."""
         content = self.camera.to_dict()
         for part in [*content.values(), *content.get("effects", ())]:
             if isinstance(part, dict) and "map" in part:
@@ -186,7 +186,7 @@ class Bench:
         return Camera.load(content).to_yaml()
 
     def to_json(self) -> dict[str, Any]:
-        """What is on the bench in the form of `visaug diagnose --json`: `accepted` is what was added by hand."""
+        """The current camera in the form of `visaug diagnose --json`: `accepted` is what was added by hand."""
         assert self.comparison is not None
         fit, found = self.now.fit, self.diagnosis
         error = fit.error if fit and self.has_excess else None

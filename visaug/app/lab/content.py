@@ -1,4 +1,4 @@
-"""What the page says, in words and plain values, from what is on the bench."""
+"""What the page says, in words and plain values, from the current camera."""
 
 import math
 from collections.abc import Mapping
@@ -13,6 +13,7 @@ from visaug.effects import Parameter
 from visaug.report.headline import diagnosis_headline, view_title
 from visaug.report.next_step import PICTURES, NextStep, after_comparison, after_diagnosis
 from visaug.report.pages import described
+from visaug.report.verdict_text import verdict_row
 from visaug.statistics import VIEWS
 from visaug.statistics.distance import Error
 from visaug.statistics.places import Place
@@ -50,6 +51,7 @@ def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str
             for effect in effects
         ],
         "candidates": candidates,
+        "verdicts": [verdict_row(v.to_json()) for v in bench.diagnosis.effects] if bench.diagnosis else [],
         "addable": [name for name in bench.can_add() if name not in listed],
         "where": [_place(place) for place in _places(bench)],
         "views": views[:FIRST],
@@ -68,7 +70,7 @@ def _part(bench: Bench) -> str | None:
 
 
 def verdict(bench: Bench) -> str:
-    """Whether the camera on the bench explains the frames, and what is missing, in a few sentences."""
+    """Whether the current camera explains the frames, and what is missing, in a few sentences."""
     fit = bench.now.fit
     if fit and bench.now.quick:
         return (
@@ -88,7 +90,7 @@ def verdict(bench: Bench) -> str:
 
 
 def next_step(bench: Bench) -> NextStep | None:
-    """What to do next with the camera on the bench, on this page or in a terminal."""
+    """What to do next with the current camera, on this page or in a terminal."""
     inputs = bench.inputs()
     if bench.comparison is None:
         return None
@@ -131,7 +133,7 @@ def _judged(subject: str, holds: bool, p: float, places: tuple[Place, ...]) -> s
 
 
 def _changes(bench: Bench) -> str:
-    """The camera on the bench as the subject of a sentence."""
+    """The current camera as the subject of a sentence."""
     parts = []
     if bench.now.added:
         parts.append(f"with {' and '.join(bench.now.added)}")
@@ -143,7 +145,7 @@ def _changes(bench: Bench) -> str:
 
 
 def _error(bench: Bench) -> dict[str, Any]:
-    """The error of the camera on the bench: a number, its interval, and what it means."""
+    """The error of the current camera: a number, its interval, and what it means."""
     if bench.comparison is None:
         return {"text": "…", "interval": None, "value": None, "note": "not compared yet"}
     if not bench.has_excess:
@@ -194,7 +196,7 @@ def _notes(bench: Bench) -> list[str]:
 
 
 def _effects(bench: Bench) -> list[dict[str, Any]]:
-    """Effects in the camera on the bench that can be taken away, with their numbers."""
+    """Effects in the current camera that can be taken away, with their numbers."""
     fitted = bench.now.fit.parameters if bench.now.fit else {}
     values = bench.camera.values()
     entries = []
@@ -237,7 +239,7 @@ def _said(key: str, estimate: FittedValue) -> str:
 
 
 def _places(bench: Bench) -> tuple[Place, ...]:
-    """Where the camera on the bench fails; nowhere, where it holds."""
+    """Where the current camera fails; nowhere, where it holds."""
     judged = bench.comparison if bench.now.quick else bench.now.fit or bench.comparison
     return judged.where if judged and not judged.adequate else ()
 

@@ -1,4 +1,4 @@
-"""The cameras that were on the bench, to go back and forth between."""
+"""The cameras that were current, to go back and forth between."""
 
 from dataclasses import dataclass, field
 
@@ -11,7 +11,7 @@ class Past:
 
     Attributes:
         entries: what was done and the state after it; the first is the camera file as given.
-        at: which of them is on the bench.
+        at: which of them is current.
     """
 
     entries: list[tuple[str, Setup]] = field(default_factory=lambda: [("camera as given", Setup())])

@@ -105,7 +105,7 @@ class ViewPlots:
             return gallery
 
     def steps(self, bench: Bench) -> Figure | None:
-        """The error falling on the way to the camera on the bench, or as the diagnosis found it."""
+        """The error falling on the way to the current camera, or as the diagnosis found it."""
         steps = bench.now.steps or (bench.diagnosis.steps if bench.diagnosis else ())
         if not bench.has_excess or not any(step.error for step in steps):
             return None
@@ -115,12 +115,12 @@ class ViewPlots:
             return figure(drawn, "", f"Error by steps: camera as given 1, {alt}")
 
     def report(self, bench: Bench, verdict: str) -> str:
-        """The one-file page of what is on the bench: a comparison, a diagnosis, or a camera changed by hand."""
+        """The one-file page of the current camera: a comparison, a diagnosis, or a camera changed by hand."""
         if bench.comparison is None:
             raise InputError("nothing is compared yet", field="report", expected="a finished comparison")
         with self._drawing, TemporaryDirectory(prefix="visaug-lab-") as folder:
             path = Path(folder) / "report.html"
-            inputs = replace(bench.inputs(), better=None)  # what was found is not on the bench
+            inputs = replace(bench.inputs(), better=None)  # what was found is not the current camera
             common = (bench.given, self.frames, self.seed, inputs)
             if bench.now.fit:
                 return render(self._by_hand(bench, verdict))

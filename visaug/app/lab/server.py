@@ -194,7 +194,7 @@ class _Lab:
         self._wanted = {k: v for k, v in self._wanted.items() if values.get(k) != v}
 
     def back(self, request: Request) -> Response:
-        """Back or forward in what was on the bench."""
+        """Back or forward in the cameras."""
         to = request.path_params["to"]
         self._wanted = {}
         return self._ask("going back", lambda _: self.bench.go(to), instead_of=(QUICK, FULL))

@@ -91,18 +91,6 @@ class Trial:
             return False
         return True
 
-    def in_units(self, scale: Mapping[str, float]) -> "Trial":
-        """The same with values of some units multiplied, each in the range of its parameter."""
-        known = catalogue()[self.effect].parameters
-
-        def scaled(path: str, value: Any) -> Any:
-            parameter = known.get(path.split(".", 1)[-1])
-            if parameter is None or parameter.unit not in scale:
-                return value
-            return min(max(value * scale[parameter.unit], parameter.low), parameter.high)
-
-        return replace(self, values=tuple((path, scaled(path, value)) for path, value in self.values))
-
     def on(self, camera: Camera) -> Camera:
         own = dict(self.values)
         if catalogue()[self.effect].base:

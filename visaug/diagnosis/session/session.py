@@ -95,7 +95,7 @@ class Session:
 
     @property
     def error(self) -> Error | None:
-        """1 for the camera file, 0 for another specimen of the model; None if the file has no significant excess."""
+        """1 for the camera file, 0 for a second camera of the same type; None if the file has no significant excess."""
         if not self.now.fit:
             return Error(1.0, 1.0, 1.0) if self.has_excess else None
         return self.now.fit.error if self.has_excess else None

@@ -1,0 +1,4 @@
+"""Constants of nature."""
+
+ZERO_C_K = 273.15  # K, 0 degrees Celsius
+BOLTZMANN_EV_PER_K = 8.617333e-5  # CODATA 2018
