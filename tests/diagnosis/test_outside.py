@@ -9,7 +9,9 @@ from visaug.diagnosis.outside import LEAST, log_bayes_factor, log_odds_outside
 from visaug.statistics import Statistic
 
 STATISTICS = [Statistic(f"view {i // 50}", str(i), "bias", ("pixel",)) for i in range(ALL)]
-EFFECT = shifted(5, 20.0)
+VIEWS = np.arange(ALL) // 50
+EFFECT = np.where(VIEWS == 5, shifted(5, 20.0), 0.0)
+BESIDE = np.where(np.arange(ALL) % 2, 2.0, -2.0)  # its sum of squares in one view is 5 times that expected
 
 
 def odds(truth: np.ndarray) -> np.ndarray:
@@ -37,12 +39,19 @@ def test_the_cause_itself_leaves_what_its_sets_leave():
     assert np.median(found) < np.log(0.2)
 
 
-def test_what_is_left_in_one_view_tells_another_cause():
-    """Fifty statistics of one view are off by 2 standard deviations beside: their sum of squares is 5 times that expected."""
-    view = (np.arange(ALL) // 50 == 5) * np.where(np.arange(ALL) % 2, 2.0, -2.0)
-    assert np.count_nonzero(odds(EFFECT + view) > 0) >= 39
+def test_what_is_left_where_the_effect_acts_tells_another_cause():
+    assert np.count_nonzero(odds(EFFECT + np.where(VIEWS == 5, BESIDE, 0.0)) > 0) >= 39
+
+
+def test_what_is_left_elsewhere_has_a_cause_of_its_own():
+    assert np.count_nonzero(odds(EFFECT + np.where(VIEWS == 2, 10 * BESIDE, 0.0)) > 0) <= 1
+
+
+def test_of_an_effect_that_explains_nothing_all_views_tell():
+    nothing = pair(0, np.where(VIEWS == 2, BESIDE, 0.0), 0.0)[1]
+    assert log_odds_outside(nothing, STATISTICS) > 0
 
 
 def test_another_form_of_the_effect_is_within_its_tolerance():
-    """A tenth of each shift is left, two standard deviations of sixty statistics: as much as the tolerance of forms allows."""
+    """A tenth of each shift is left, two standard deviations of ten statistics: as much as the tolerance of forms allows."""
     assert np.count_nonzero(odds(1.1 * EFFECT) > 0) <= 4

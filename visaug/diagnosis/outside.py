@@ -1,9 +1,9 @@
 """The hypothesis that an effect outside the catalogue was the cause, and that an accepted effect merely resembles it.
 
 What an accepted effect leaves in the frames tells the two apart. If the effect is the cause, the standardised residuals z of the
-camera with it are those of its simulated sets. An effect that resembles the cause leaves more, in views that nobody knows
-beforehand: a variance T^2 beside the expected one, in one view of n statistics, with T log-uniform in `SPREADS`. Its marginal
-likelihood relative to no such variance is
+camera with it are those of its simulated sets. An effect that resembles the cause is fitted to its strongest marks and leaves
+more in others, in a view that nobody knows beforehand: a variance T^2 beside the expected one, in one view of n statistics, with
+T log-uniform in `SPREADS`. Its marginal likelihood relative to no such variance is
 
     B = mean over views and T of (1 + T^2)^(-n/2) exp(sum of z^2 T^2 / (2 (1 + T^2))).
 
@@ -11,6 +11,9 @@ The formula takes statistics as independent, so B serves as a statistic whose p-
 the hypothesis the p-value has the density x p^(x - 1) with x uniform in 0 to 1, which gives the Bayes factor of a p-value
 (T. Sellke, M. J. Bayarri and J. O. Berger, Am. Stat. 55 (2001) 62). The added variance is that of a robust synthetic likelihood
 (D. T. Frazier and C. Drovandi, J. Comput. Graph. Stat. 30 (2021) 958).
+
+Only views are taken in which the effects explain `SHOWN` standard deviations of a statistic, and all where there is no such view.
+What is left where the effects change nothing has a cause of its own, and says nothing about them.
 """
 
 from collections.abc import Sequence
@@ -18,6 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import logsumexp
 
+from visaug.diagnosis.fitting.law import FORM
 from visaug.diagnosis.state import State
 from visaug.statistics import Statistic
 from visaug.statistics.tail import tail_factor
@@ -25,6 +29,7 @@ from visaug.statistics.tail import tail_factor
 PRIOR = 0.1  # odds, before the frames are seen, of a cause outside the catalogue against one of it
 SPREADS = (0.1, 1e4)  # smallest and largest T
 STEPS = 60  # of T
+SHOWN = 1.0  # standard deviations that an effect explains where it acts
 LEAST = 1e-12  # p-value below which none is told apart
 
 
@@ -35,7 +40,7 @@ def log_odds_outside(state: State, statistics: Sequence[Statistic]) -> float:
         statistics: of all frames.
     """
     use = state.whole
-    used = use.null.scale > 0
+    used = _where_effects_act(state, statistics)
     scale, allowed = use.scale[used], use.allowance[used]
     noise = np.random.default_rng(0).standard_normal((len(use.null.residuals), int(used.sum())))
     # the form of an effect may differ from the catalogue's within its tolerance
@@ -43,6 +48,15 @@ def log_odds_outside(state: State, statistics: Sequence[Statistic]) -> float:
     views = np.array([statistics[i].view for i in np.flatnonzero(used)])
     measured, counted = (_log_ratio(z, views) for z in ((use.residual[used] / scale)[None], simulated))
     return float(np.log(PRIOR) + log_bayes_factor(_p_value(float(measured[0]), counted)))
+
+
+def _where_effects_act(state: State, statistics: Sequence[Statistic]) -> np.ndarray:
+    """(statistics,) whether a statistic varies and belongs to a view in which the accepted effects explain something."""
+    use = state.whole
+    views, varies = np.array([s.view for s in statistics]), use.null.scale > 0
+    # the tolerance of a form is that share of what the effect explains
+    acts = varies & (use.allowance >= SHOWN * FORM * use.null.scale)
+    return varies & np.isin(views, views[acts]) if acts.any() else varies
 
 
 def log_bayes_factor(p: float) -> float:
