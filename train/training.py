@@ -209,8 +209,9 @@ def _from_weights(config: Config, weights: Path) -> Path:
         from ultralytics import YOLO
 
         model = YOLO(config.model, task="pose", verbose=False)
+        network: Any = model.model
         try:
-            model.model.load_state_dict(load(content))  # pyright: ignore[reportAttributeAccessIssue]
+            network.load_state_dict(load(content))
         except RuntimeError:
             raise InputError(
                 "is the state of another network", file=weights, expected=f"that of {config.model}"

@@ -45,7 +45,7 @@ def log_odds_outside(state: State, statistics: Sequence[Statistic]) -> float:
     noise = np.random.default_rng(0).standard_normal((len(use.null.residuals), int(used.sum())))
     # the form of an effect may differ from the catalogue's within its tolerance
     simulated = (use.null.residuals[:, used] + allowed * noise) / scale
-    views = np.array([statistics[i].view for i in np.flatnonzero(used)])
+    views = np.array([s.view for s in statistics])[used]
     measured, counted = (_log_ratio(z, views) for z in ((use.residual[used] / scale)[None], simulated))
     return float(np.log(PRIOR) + log_bayes_factor(_p_value(float(measured[0]), counted)))
 
