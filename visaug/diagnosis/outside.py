@@ -40,20 +40,20 @@ def log_odds_outside(state: State, statistics: Sequence[Statistic]) -> float:
         statistics: of all frames.
     """
     use = state.whole
-    used = _where_effects_act(state, statistics)
+    views = np.array([s.view for s in statistics])
+    used = _where_effects_act(state, views)
     scale, allowed = use.scale[used], use.allowance[used]
     noise = np.random.default_rng(0).standard_normal((len(use.null.residuals), int(used.sum())))
     # the form of an effect may differ from the catalogue's within its tolerance
     simulated = (use.null.residuals[:, used] + allowed * noise) / scale
-    views = np.array([s.view for s in statistics])[used]
-    measured, counted = (_log_ratio(z, views) for z in ((use.residual[used] / scale)[None], simulated))
+    measured, counted = (_log_ratio(z, views[used]) for z in ((use.residual[used] / scale)[None], simulated))
     return float(np.log(PRIOR) + log_bayes_factor(_p_value(float(measured[0]), counted)))
 
 
-def _where_effects_act(state: State, statistics: Sequence[Statistic]) -> np.ndarray:
+def _where_effects_act(state: State, views: np.ndarray) -> np.ndarray:
     """(statistics,) whether a statistic varies and belongs to a view in which the accepted effects explain something."""
     use = state.whole
-    views, varies = np.array([s.view for s in statistics]), use.null.scale > 0
+    varies = use.null.scale > 0
     # the tolerance of a form is that share of what the effect explains
     acts = varies & (use.allowance >= SHOWN * FORM * use.null.scale)
     return varies & np.isin(views, views[acts]) if acts.any() else varies
@@ -72,8 +72,7 @@ def log_bayes_factor(p: float) -> float:
 
 def _log_ratio(z: np.ndarray, views: np.ndarray) -> np.ndarray:
     """(R,) log of B for residuals (R, statistics)."""
-    least, most = np.log(SPREADS)
-    squares = np.exp(2 * np.linspace(least, most, STEPS))
+    squares = np.geomspace(*SPREADS, STEPS) ** 2
     found = []
     for view in np.unique(views):
         of_view = z[:, views == view]
