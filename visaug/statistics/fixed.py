@@ -142,6 +142,17 @@ def mean_power(waves, out):
 
 
 @njit(**_exact)
+def peak_frequency(spectrum):
+    """Of the highest bin, drawn towards its neighbours by their power: anywhere in white noise, sharp for a banding."""
+    length, top = spectrum.size, np.argmax(spectrum)
+    weight, place = 0.0, 0.0
+    for k in range(max(0, top - 1), min(length, top + 2)):
+        weight += spectrum[k]
+        place += (k + 1) * spectrum[k]
+    return place / max(weight, 1e-12) / (2 * length)
+
+
+@njit(**_exact)
 def band_numbers(spectrum, edges, least, out):
     """Logarithms of a spectrum (K,) and where its peak is.
 
@@ -160,11 +171,7 @@ def band_numbers(spectrum, edges, least, out):
     middle = (order[(length - 1) // 2] + order[length // 2]) / 2 + least
     top = np.argmax(spectrum)
     out[bands] = math.log(spectrum[top] / middle + least)
-    weight, place = 0.0, 0.0
-    for k in range(max(0, top - 1), min(length, top + 2)):
-        weight += spectrum[k]
-        place += (k + 1) * spectrum[k]
-    out[bands + 1] = place / max(weight, 1e-12) / (2 * length)
+    out[bands + 1] = peak_frequency(spectrum)
     out[bands + 2] = math.log(spectrum[-1] / middle + least)
 
 

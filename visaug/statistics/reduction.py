@@ -135,9 +135,10 @@ class GroupData:
     @cached_property
     def _pixels(self) -> tuple[np.ndarray, np.ndarray]:
         """These pixels, and sums of their products."""
-        cut = [edges(n, max(1, n // SLOW)) for n in self.pattern.shape]
+        down, across = (edges(n, max(1, n // SLOW)) for n in self.pattern.shape)
         pixels, products = np.empty_like(self.pattern), np.zeros(len(LAGS))
-        pixel_parts(self.pattern, *self._calm, *cut, pixels, products)
+        calm, rows, columns = self._calm
+        pixel_parts(self.pattern, calm, rows, columns, down, across, pixels, products)
         return pixels, products
 
     @cached_property

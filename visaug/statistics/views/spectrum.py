@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from visaug.statistics.fixed import band_numbers, mean_power
+from visaug.statistics.fixed import band_numbers, mean_power, peak_frequency
 from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import below_saturation, chosen, direction, relative, spectrum_marks
 
@@ -24,13 +24,6 @@ def power(lines: np.ndarray) -> np.ndarray:
 @lru_cache(maxsize=16)
 def _octaves(length: int) -> np.ndarray:
     return np.unique(np.round(np.geomspace(1, length + 1, BANDS + 1)).astype(int)) - 1
-
-
-def peak_frequency(spectrum: np.ndarray) -> float:
-    """Of the highest bin, drawn towards its neighbours by their power: anywhere in white noise, sharp for a banding."""
-    top = int(spectrum.argmax())
-    near = np.arange(max(0, top - 1), min(len(spectrum), top + 2))
-    return float((near + 1) @ spectrum[near] / max(spectrum[near].sum(), 1e-12) / (2 * len(spectrum)))
 
 
 def band_statistics(group, view, name, spectrum, axes):
