@@ -25,9 +25,11 @@ SETS = {  # frames and pixels of each: count, rows, columns
     "70 of 200 x 256": (70, 200, 256),
     "150 of 200 x 256": (150, 200, 256),
     "60 of 1000 x 1000": (60, 1000, 1000),
-    "70 of 200 x 256, nothing hidden": (70, 200, 256),
     "250 of 1024 x 1280": (250, 1024, 1280),
 }
+ADEQUATE = "adequate camera, {}"  # the same set, without the stripes
+PICTURES = "24 pictures"  # of 192 x 256, 8 bit, whose rows shift
+CASES = (*SETS, *(ADEQUATE.format(name) for name in list(SETS)[:2]), PICTURES)
 ROUNDS = 5
 
 
@@ -83,8 +85,36 @@ def least(call) -> float:
     return min(times)
 
 
-def write(folder: Path, count: int, rows: int, columns: int, strength_e: float) -> None:
-    """A set with row noise, on disk, by the cameras of `benchmark/`."""
+def write_case(folder: Path, case: str) -> int:
+    """Frames and camera of a case, on disk; how many pixels they are."""
+    if case == PICTURES:
+        return write_pictures(folder)
+    of_set = next(name for name in SETS if case in (name, ADEQUATE.format(name)))
+    write(folder, *SETS[of_set], stripes=case == of_set)
+    return int(np.prod(SETS[of_set]))
+
+
+def write_pictures(folder: Path) -> int:
+    """Pictures by a camera of `benchmark/` with row noise, which its file does not name."""
+    from benchmark import pictures
+
+    camera = next(c for c in pictures.CAMERAS if c.row_e)
+    rng = np.random.default_rng(1)
+    taken = pictures.take(camera, [pictures.spacecraft(rng) for _ in range(24)], 3)
+    pictures.save(taken, folder)
+    spec = {
+        "resolution": list(pictures.SIDE),
+        "bit_depth": 8,
+        "gain_e_per_dn": camera.gain_e_per_dn,
+        "black_level_dn": camera.black_dn,
+        "read_noise": {"sigma_e": camera.read_e},
+    }
+    (folder / "camera.yaml").write_text(json.dumps(spec))
+    return sum(picture.size for picture in taken)
+
+
+def write(folder: Path, count: int, rows: int, columns: int, stripes: bool = True) -> None:
+    """A set on disk by the cameras of `benchmark/`, with or without stripes that shift from row to row."""
     from dataclasses import replace
 
     from benchmark import cameras, effects
@@ -96,8 +126,8 @@ def write(folder: Path, count: int, rows: int, columns: int, strength_e: float) 
     settings += [("flat", 0.01, light) for light in (300.0, 1000.0, 3000.0, 5000.0, 8000.0)]
     shots = [settings[i * len(settings) // count] for i in range(count)]
     plan = [Shot(kind, seconds, sensor.celsius, photons=photons) for kind, seconds, photons in shots]
-    hidden = effects.in_order([effects.BY_NAME["row_noise"].at(strength_e, "")]) if strength_e else []
-    write_frames(folder, take(sensor, plan, {}, 1, hidden), plan, {}, sensor)
+    hidden = [effects.BY_NAME["row_noise"].at(3.0, "")] if stripes else []
+    write_frames(folder, take(sensor, plan, {}, 1, effects.in_order(hidden)), plan, {}, sensor)
 
 
 def diagnosed(folder: str, camera: str) -> None:
@@ -137,12 +167,12 @@ def diagnosis_rows(only: list[str] | None) -> list[str]:
     """Seconds and memory of a first and a second diagnosis of each set."""
     rows = ["| set | first, s | second, s | peak MiB | Gaussian noise, s | sets by phase | result |"]
     rows.append("| --- | --- | --- | --- | --- | --- | --- |")
-    for name, size in SETS.items():
+    for name in CASES:
         if only and name not in only:
             continue
         with tempfile.TemporaryDirectory() as base:
             folder = Path(base) / "set"
-            write(folder, *size, 0.0 if "nothing" in name else 3.0)
+            pixels = write_case(folder, name)
             environment = {**os.environ, "VISAUG_CACHE": str(Path(base) / "cache")}
             call = [sys.executable, __file__, "--child", str(folder), str(folder / "camera.yaml")]
             first, second = (
@@ -153,7 +183,7 @@ def diagnosis_rows(only: list[str] | None) -> list[str]:
                 )
                 for _ in range(2)
             )
-        noise = least(gaussian(int(np.prod(size))))
+        noise = least(gaussian(pixels))
         phases = ", ".join(f"{phase} {count}" for phase, count in first["phases"].items())
         rows.append(
             f"| {name} | {first['processor_s']:.0f} | {second['processor_s']:.1f} | {first['peak_mib']:.0f} | "
@@ -167,7 +197,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--only", nargs="+", choices=list(SETS), help="these sets alone")
+    parser.add_argument("--only", nargs="+", choices=CASES, help="these sets alone")
     parser.add_argument("--statistics", action="store_true", help="no diagnosis, only the ns a pixel")
     parser.add_argument("--child", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)

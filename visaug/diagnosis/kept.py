@@ -43,7 +43,7 @@ class _Read(Context):
         return object.__getattribute__(self, name)
 
 
-class _Remembers(Exception):
+class Remembers(Exception):
     """Some effect depends on other frames."""
 
 
@@ -76,16 +76,24 @@ class KeptSet:
         maps = sum(m.numel() * m.element_size() for m in self.maps.values())
         return sum(a.nbytes for part in parts for a in part.values()) + maps
 
-    def take(self, plan: FrameSet, seed: int, keep: Sequence[int], deepest: int) -> FrameSet:
-        """Simulates the frames `keep` of the plan as `simulate` does, and keeps them."""
+    def take(
+        self, plan: FrameSet, seed: int, keep: Sequence[int], deepest: int, strict: bool = False
+    ) -> FrameSet:
+        """Simulates the frames `keep` of the plan as `simulate` does, and keeps them.
+
+        Args:
+            strict: raises Remembers where frames depend on others; else all are simulated and none is kept.
+        """
         marks = {n for stage in STAGES if 0 < (n := _before(self.effects, stage)) < len(self.effects)}
         self.signals = {n: {} for n in marks}
         try:
             for positions in batches(self.camera, plan, keep):
                 self._batch(plan, seed, positions)
-        except _Remembers:
+        except Remembers:
             self.__init__(self.camera)
             self.remembers = True
+            if strict:
+                raise
             return simulate(self.camera, plan, seed, keep=keep, deepest=deepest)
         return _as_set(self.camera, plan, keep, self.frames)
 
@@ -114,13 +122,25 @@ class KeptSet:
         return count
 
     def changed(
-        self, camera: Camera, plan: FrameSet, seed: int, keep: Sequence[int], deepest: int
+        self,
+        camera: Camera,
+        plan: FrameSet,
+        seed: int,
+        keep: Sequence[int],
+        deepest: int,
+        strict: bool = False,
     ) -> tuple[FrameSet, set[int]]:
-        """The frames `keep` as another camera takes them with the same seed, and the positions where these differ."""
+        """The frames `keep` as another camera takes them with the same seed, and the positions where these differ.
+
+        Args:
+            strict: raises Remembers where frames depend on others; else all are simulated.
+        """
         known = [i for i in keep if i in self.frames]
         try:
             frames = self._changed(camera, plan, seed, known)
-        except _Remembers:
+        except Remembers:
+            if strict:
+                raise
             return simulate(camera, plan, seed, keep=keep, deepest=deepest), set(keep)
         if len(known) < len(keep):
             missing = [i for i in keep if i not in self.frames]
@@ -244,7 +264,7 @@ class _Run:
                 list(effects), signal, self.numbers, self.choices, self.stream, self.context, watch
             )
         if self.memory or "sequence" in self._noted:
-            raise _Remembers
+            raise Remembers
         return signal
 
 

@@ -12,7 +12,7 @@ from visaug.camera import Camera
 from visaug.camera.history import DEEPEST, Reach
 from visaug.camera.simulation import has_clean, simulate
 from visaug.core.errors import InputError
-from visaug.diagnosis.kept import KeptSet
+from visaug.diagnosis.kept import KeptSet, Remembers
 from visaug.frames import FrameRecord, FrameSet
 from visaug.statistics import (
     IN_A_WINDOW,
@@ -119,18 +119,28 @@ class MeasuredFrames:
         self, camera: Camera, seed: int, wanted: Sequence[int], base: KeptSet | None
     ) -> tuple[FrameSet, Stacks]:
         """The set with simulated frames at some positions and no pixels at others, and what is known of their sums."""
+        if base is not None and Reach.known(camera) in (None, NOTHING):
+            try:
+                return self._taken_beside(base, camera, seed, wanted)
+            except Remembers:
+                pass
         every = range(len(self.frames))
-        if (base is not None or len(wanted) < len(every)) and Reach.of(camera) != NOTHING:
-            base, wanted = None, wanted if self.place else every  # frames depend on those before
-        if base is None:
-            frames = self._filled(self.take(camera, seed, wanted), wanted)
-            return frames, Stacks(frames)
+        if (base is not None or len(wanted) < len(every)) and Reach.of(camera) != NOTHING and not self.place:
+            wanted = every  # frames depend on those before
+        frames = self._filled(self.take(camera, seed, wanted), wanted)
+        return frames, Stacks(frames)
+
+    def _taken_beside(
+        self, base: KeptSet, camera: Camera, seed: int, wanted: Sequence[int]
+    ) -> tuple[FrameSet, Stacks]:
+        """The same from a kept set, or with one that is filled; raises Remembers where frames depend on others."""
         keep = [self.keep[k] for k in wanted]
         if not base.frames:
-            frames = self._filled(self._shown(base.take(self.plan, seed, keep, self.deepest), wanted), wanted)
+            taken = base.take(self.plan, seed, keep, self.deepest, strict=True)
+            frames = self._filled(self._shown(taken, wanted), wanted)
             base.stacks = Stacks(frames)
             return frames, base.stacks
-        taken, touched = base.changed(camera, self.plan, seed, keep, self.deepest)
+        taken, touched = base.changed(camera, self.plan, seed, keep, self.deepest, strict=True)
         frames = self._filled(self._shown(taken, wanted), wanted)
         return frames, Stacks(frames, base.stacks, [k for k in wanted if self.keep[k] in touched])
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from visaug.camera import Camera
 from visaug.camera.paths import path_of, place_of
@@ -34,6 +34,8 @@ FACTORS = np.geomspace(1e-3, 1e3, 241)  # of a simulated strength, among which a
 NEAR = 1.6  # ratio of a limit and a simulated strength up to which the power law is trusted
 ROUNDS = 3  # of simulations near a limit
 STEEPEST = 6.0  # exponent of a shift in the strength
+_NORMAL_POWER = ndtri(POWER)
+_WIDE = 2 / ndtri(1.5 - POWER)  # P(|x| < L) >= P(0 < x < 2 L) for a mean of L or less
 
 
 @dataclass(frozen=True)
@@ -76,12 +78,23 @@ class Sight:
         Args:
             match: of its shift with the signatures, in standard deviations.
         """
-        by = (FACTORS**power)[:, None]
+        by = FACTORS**power
         z, added = self.null.beyond(shift), standardised(variance, self.null.scale**2)
-        sd = np.sqrt(1 + by**2 * added)
-        hidden = ndtr((self.largest - by * z) / sd) - ndtr((-self.largest - by * z) / sd)
-        shown = np.maximum(ndtr(by[:, 0] * match - self.match), 1 - hidden.min(1))
-        return float(FACTORS[np.argmax(shown >= POWER)]) if (shown >= POWER).any() else np.inf
+        reached = int(np.argmax(by * match - self.match >= _NORMAL_POWER))
+        end = reached if by[reached] * match - self.match >= _NORMAL_POWER else len(by)
+        # A normal residual is hidden with at most 1 - POWER only if its mean is beyond the largest or if its
+        # standard deviation is so many times as large; other statistics and strengths need not be looked at.
+        with np.errstate(divide="ignore"):
+            beyond = np.minimum(self.largest / np.abs(z), np.sqrt(((_WIDE * self.largest) ** 2 - 1) / added))
+        first = np.searchsorted(by, beyond)
+        for k in range(int(first.min(initial=end)), end):
+            seen = first <= k
+            sd = np.sqrt(1 + by[k] ** 2 * added[seen])
+            mean = by[k] * z[seen]
+            hidden = ndtr((self.largest - mean) / sd) - ndtr((-self.largest - mean) / sd)
+            if 1 - hidden.min() >= POWER:
+                return float(FACTORS[k])
+        return float(FACTORS[end]) if end < len(by) else np.inf
 
 
 @dataclass(frozen=True)

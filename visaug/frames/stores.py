@@ -51,6 +51,7 @@ class MemoryStore:
         self._cleans = {name: np.asarray(c, np.float32) for name, c in cleans.items()}
         self._bit_depth = self.told_bits = bit_depth
         self.warnings: list[str] = []
+        self._checked: set[int] = set()
 
     @property
     def bit_depth(self) -> int | None:
@@ -67,8 +68,10 @@ class MemoryStore:
         name = self._records[i].file
         if frame.ndim != 2:
             raise InputError(f"has shape {frame.shape}", file=name, expected="rows x columns")
-        check_values(frame, self.bit_depth, name)
-        check_frame(self._records[i], frame)
+        if i not in self._checked:  # statistics read the frames of a set several times
+            check_values(frame, self.bit_depth, name)
+            check_frame(self._records[i], frame)
+            self._checked.add(i)
         return frame if frame.dtype == np.uint16 else frame.astype(np.float32)
 
     def clean(self, i: int) -> np.ndarray:

@@ -52,8 +52,11 @@ def fingerprint_values(
     known of the frames already.
     """
     stacks = stacks or Stacks(frames)
-    found = []
+    found: dict[frozenset[int], np.ndarray] = {}
+    asked = []
     for use in uses:
         data = FrameData(frames, use, named=False, stacks=stacks)
-        found.append(finite([value for view in views for _, value in view.measure(data)]))
-    return found
+        if data.use not in found:
+            found[data.use] = finite([value for view in views for _, value in view.measure(data)])
+        asked.append(found[data.use])
+    return asked

@@ -9,12 +9,13 @@ import numpy as np
 
 from visaug.frames import FrameRecord, FrameSet, Group
 from visaug.statistics import kernels
+from visaug.statistics.fixed import centre, centred_lines, pixel_parts, profile_numbers, without_lone
 from visaug.statistics.stack import (
+    LAGS,
     LEAST_SCALE,
     LEAST_VARIANCE,
     MAD,
     Noise,
-    NoiseProducts,
     Stack,
     correlations,
 )
@@ -27,6 +28,7 @@ ALONE = 8.0  # robust standard deviations from its neighbours from which a pixel
 TOLD_BY = 100_000  # pixels of a large frame that tell that scale, to half a percent
 
 SLOW = 16  # px, of the blocks whose means are the slow part of a pattern
+STEP_REACH = 12  # lines on either side of a step, at most
 UNNAMED = Statistic("", "", "", ())
 
 
@@ -95,52 +97,59 @@ class GroupData:
         pattern = self.mean - self.reference.mean if self.reference else self.mean.copy()
         return _centred(pattern)
 
-    @cached_property
+    @property
     def calm(self) -> np.ndarray:
         """The fixed pattern without pixels that stand alone, (H, W), mean 0: one dead pixel can outweigh its whole row."""
-        return _centred(without_lone_pixels(self.pattern))
+        return self._calm[0]
 
     @cached_property
-    def _calm_lines(self) -> tuple[np.ndarray, np.ndarray]:
-        return kernels.line_means(self.calm)
+    def _calm(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """That, and the means of its rows and of its columns."""
+        calm = without_lone_pixels(self.pattern)
+        return calm, *centred_lines(calm)
 
     @property
     def pattern_rows(self) -> np.ndarray:
         """Of the calm pattern, (H,)."""
-        return self._calm_lines[0]
+        return self._calm[1]
 
     @property
     def pattern_columns(self) -> np.ndarray:
-        return self._calm_lines[1]
+        return self._calm[2]
 
     @cached_property
+    def profile_numbers(self) -> dict[str, tuple[float, ...]]:
+        """Of the rows and of the columns of the calm pattern, see `fixed.profile_numbers`."""
+        found = {}
+        for name, profile in (("row", self.pattern_rows), ("column", self.pattern_columns)):
+            numbers = np.empty(5)
+            profile_numbers(profile, cubics(len(profile)), reach_of_steps(len(profile)), numbers)
+            found[name] = tuple(numbers.tolist())
+        return found
+
+    @property
     def pattern_pixels(self) -> np.ndarray:
         """The fixed pattern without its rows, columns and slow parts, (H, W); the pixels that stand alone are in it."""
-        cut = [edges(n, max(1, n // SLOW)) for n in self.calm.shape]
-        rows, columns = self._calm_lines
-        slow = block_means(self.calm, *cut)
-        slow -= np.add.outer(*(_part_means(x, e) for x, e in zip((rows, columns), cut, strict=True)))
-        pixels = np.empty_like(self.pattern)
-        rows, columns, slow = (x.astype(np.float32) for x in (rows, columns, slow))
-        kernels.pixel_part(self.pattern, rows, columns, slow, cut[0], cut[1], pixels)
-        return pixels
+        return self._pixels[0]
 
     @cached_property
-    def _pattern_scatter(self) -> NoiseProducts:
-        found = NoiseProducts.empty((0, 0))
-        off = np.zeros((1, self.pattern_pixels.shape[0]), np.float32)
-        across = np.zeros((1, self.pattern_pixels.shape[1]), np.float32)
-        found.add(self.pattern_pixels[None], np.zeros_like(self.pattern_pixels), off, across)
-        return found
+    def _pixels(self) -> tuple[np.ndarray, np.ndarray]:
+        """These pixels, and sums of their products."""
+        down, across = (edges(n, max(1, n // SLOW)) for n in self.pattern.shape)
+        pixels, products = np.empty_like(self.pattern), np.zeros(len(LAGS))
+        calm, rows, columns = self._calm
+        pixel_parts(self.pattern, calm, rows, columns, down, across, pixels, products)
+        return pixels, products
 
     @cached_property
     def pattern_variance(self) -> float:
-        return max(float(self._pattern_scatter.products[0]) / self.pattern_pixels.size, LEAST_VARIANCE)
+        return max(float(self._pixels[1][0]) / self.pattern.size, LEAST_VARIANCE)
 
     @cached_property
     def pattern_correlations(self) -> dict[tuple[int, int], float]:
         """Mean product of pixels of the fixed pattern so many rows and columns apart, over its variance."""
-        return correlations(self._pattern_scatter.products, self.pattern_pixels.shape, self.pattern_variance)
+        height, width = self.pattern.shape
+        return correlations(self._pixels[1], (height, width), self.pattern_variance)
 
     @cached_property
     def pattern_scale(self) -> float:
@@ -389,23 +398,27 @@ def by_condition(group: Group) -> tuple:
 
 def _centred(image: np.ndarray) -> np.ndarray:
     """The same image, its mean taken off in place."""
-    image -= np.float32(image.mean(dtype=np.float64))
+    centre(image)
     return image
 
 
 def without_lone_pixels(image: np.ndarray) -> np.ndarray:
     """An image (H, W) in which a pixel far from all its neighbours has the mean of the middle two of the four."""
-    step = max(4, image.size // TOLD_BY)
-    apart = np.empty((image.size + step - 1) // step, np.float32)
-    kernels.apart(image, step, apart)
-    scale = max(MAD * kernels.median_of_sizes(apart), LEAST_SCALE)
     calm = np.empty_like(image)
-    kernels.without_apart(image, ALONE * scale, calm)
+    without_lone(image, max(4, image.size // TOLD_BY), ALONE, MAD, LEAST_SCALE, calm)
     return calm
 
 
-def _part_means(profile: np.ndarray, part_edges: np.ndarray) -> np.ndarray:
-    return np.add.reduceat(profile, part_edges[:-1]) / np.diff(part_edges)
+@lru_cache(maxsize=16)
+def cubics(length: int) -> np.ndarray:
+    """(length, up to 4) orthonormal polynomials up to the third degree."""
+    powers = np.vander(np.linspace(-1, 1, length), min(4, length))
+    return np.linalg.qr(powers)[0]
+
+
+def reach_of_steps(length: int) -> int:
+    """Lines on either side of a step in a profile."""
+    return min(STEP_REACH, max(1, length // 4))
 
 
 @lru_cache(maxsize=64)
@@ -417,4 +430,6 @@ def edges(length: int, parts: int) -> np.ndarray:
 def block_means(image: np.ndarray, row_edges: np.ndarray, column_edges: np.ndarray) -> np.ndarray:
     sums = np.zeros((len(row_edges) - 1, len(column_edges) - 1))
     kernels.block_sums(image, row_edges, column_edges, sums)
-    return sums / np.outer(np.diff(row_edges), np.diff(column_edges))
+    sums /= (row_edges[1:] - row_edges[:-1])[:, None]
+    sums /= column_edges[1:] - column_edges[:-1]
+    return sums

@@ -51,12 +51,17 @@ class Stack:
         return counts.sum(0)
 
     @cached_property
+    def own_lines(self) -> tuple[np.ndarray, np.ndarray]:
+        """What is taken off the rows and columns of each frame less the mean of these frames."""
+        return _lines(self, self.rows.mean(0), self.columns.mean(0))
+
+    @cached_property
     def scatter(self) -> "NoiseProducts":
         """Products of the noise about the mean of these frames alone."""
         found = NoiseProducts.empty(self.shape[1:])
         if self.shape[0] > 1:
             mean = (self.total / self.shape[0]).astype(np.float32)
-            found.add(self.frames, mean, *_lines(self, self.rows.mean(0), self.columns.mean(0)))
+            found.add(self.frames, mean, *self.own_lines)
         return found
 
 
@@ -145,9 +150,15 @@ class Noise:
 
     def _passes(self) -> Iterator[Any]:
         """What a pass over the noise of each stack begins with: its frames, the mean frame, what is taken off its lines."""
+        for stack, off in zip(self.stacks, self._off, strict=True):
+            yield stack.frames, self.mean, *off
+
+    @cached_property
+    def _off(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        if len(self.stacks) == 1:
+            return [self.stacks[0].own_lines]
         rows, columns = (lines.mean(0) for lines in self._lines)
-        for stack in self.stacks:
-            yield stack.frames, self.mean, *_lines(stack, rows, columns)
+        return [_lines(stack, rows, columns) for stack in self.stacks]
 
     @cached_property
     def codes(self) -> np.ndarray:

@@ -99,7 +99,7 @@ class Climb:
             if hopeless or np.all(np.abs(step) <= NEAR * self.steps):
                 break
             if len(best.moves) < MORE:  # the same random numbers are no longer the same noise
-                best = self._simulated(best.at, MORE)
+                best = self._again(best)
             point = self._simulated(best.at + step, MORE)
             if point.gain < best.gain:
                 break
@@ -136,9 +136,13 @@ class Climb:
         (moves,) = self._moves([at], twins)
         point = self._point(at, moves)
         if twins < MORE and self._noise(moves) > max(NOISY, 0.1 * abs(point.gain)):
-            (moves,) = self._moves([at], MORE)
-            point = self._point(at, moves)
+            return self._again(point)
         return point
+
+    def _again(self, point: ClimbPoint) -> ClimbPoint:
+        """A point by further simulations."""
+        (more,) = self._moves([point.at], MORE, len(point.moves))
+        return self._point(point.at, np.vstack([point.moves, more]))
 
     def _point(self, at: np.ndarray, moves: np.ndarray) -> ClimbPoint:
         move = cleared(moves, self.fitted.reference.null_scale)
@@ -149,13 +153,14 @@ class Climb:
         """Loss of log likelihood by the noise of the mean of some shifts (twins, statistics)."""
         return 0.5 * float((self.law.white(moves - moves.mean(0)) ** 2).sum()) / (len(moves) - 1) / len(moves)
 
-    def _moves(self, points: Sequence[np.ndarray], twins: int) -> np.ndarray:
-        """(points, twins, statistics) shifts."""
+    def _moves(self, points: Sequence[np.ndarray], twins: int, done: int = 0) -> np.ndarray:
+        """(points, twins - done, statistics) shifts, by the simulations from number `done` on."""
         cameras = [moved(self.camera, self.coordinates, list(at)) for at in points]
-        values = self.lab.finding([(camera, k) for camera in cameras for k in range(twins)])
+        values = self.lab.finding([(camera, k) for camera in cameras for k in range(done, twins)])
         if len(self.base) < twins:
-            self.base = self.lab.finding([(self.fitted.camera, k) for k in range(twins)])
-        return values.reshape(len(points), twins, -1) - self.base[:twins]
+            more = range(len(self.base), twins)
+            self.base = np.vstack([self.base, self.lab.finding([(self.fitted.camera, k) for k in more])])
+        return values.reshape(len(points), twins - done, -1) - self.base[done:twins]
 
     def _within(self, at: np.ndarray) -> np.ndarray:
         """The nearest point within the bounds of the camera's parameters."""

@@ -112,6 +112,15 @@ def each_half(null: Null, left: np.ndarray) -> list[tuple[Metric, np.ndarray]]:
     return found
 
 
+def white_halves(null: Null, left: np.ndarray) -> list[tuple[Metric, np.ndarray]]:
+    """The same with the residuals (R / 2, statistics used) whitened."""
+    halves = each_half(null, left)
+    key = np.asarray(left).tobytes() + b"white"
+    if key not in null.halves:
+        null.halves[key] = [(m, m.white(others)) for m, others in halves]
+    return null.halves[key]
+
+
 def scatter_along(null: Null, left: np.ndarray, ways: np.ndarray) -> np.ndarray:
     """(n,) variance of simulated sets in directions (n, statistics), relative to that of `law`; at least 1.
 
@@ -119,10 +128,10 @@ def scatter_along(null: Null, left: np.ndarray, ways: np.ndarray) -> np.ndarray:
     this factor corrects for it.
     """
     found = np.zeros(len(ways))
-    for m, others in each_half(null, left):
+    for m, others in white_halves(null, left):
         white = m.white(ways)
         squares = (white**2).sum(1)
-        along = ((m.white(others) @ white.T) ** 2).mean(0)
+        along = ((others @ white.T) ** 2).mean(0)
         found += 0.5 * np.divide(along, squares, out=np.ones_like(squares), where=squares > 0)
     return np.maximum(found, 1.0)
 

@@ -78,10 +78,8 @@ class Drift(View):
             slow = np.mean(steps**2) / max(2 * np.mean(about**2), 1e-12)
             yield bias.statistic(self.name, "step to spread", ["time"]), np.log(slow + 0.02)
             order = np.linspace(-1, 1, bias.count)
-            yield (
-                bias.statistic(self.name, "slope", ["time"], "DN"),
-                float(np.polyfit(order, bias.frame_means, 1)[0]),
-            )
+            slope = float(order @ about / (order @ order))
+            yield bias.statistic(self.name, "slope", ["time"], "DN"), slope
 
     def draw(self, data, name, group):
         kind = name.split()[0] if name.split()[:1] and name.split()[0] in ("bias", "dark", "flat") else "bias"

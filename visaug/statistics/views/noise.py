@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from visaug.statistics.fixed import mean_square_about
 from visaug.statistics.stack import RATIOS
 from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import below_saturation, chosen, correlation, direction, quantiles
@@ -60,8 +61,7 @@ class TemporalLines(View):
                 continue
             height, width = g.mean.shape
             for name, lines, across in (("row", g.noise_rows, width), ("column", g.noise_columns, height)):
-                about = lines - lines.mean(1, keepdims=True)
-                ratio = across * np.mean(about.astype(np.float64) ** 2) / g.noise_variance
+                ratio = across * mean_square_about(lines) / g.noise_variance
                 yield g.statistic(self.name, f"{name}s", ["time", name], "log ratio"), np.log(ratio + 0.01)
 
     def draw(self, data, name, group):

@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from visaug.statistics.kernels import far_pixels
-from visaug.statistics.reduction import block_means, edges, spread
+from visaug.statistics.reduction import block_means, cubics, edges, reach_of_steps, spread
 from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import (
     NORMAL,
@@ -23,15 +23,8 @@ FOLD = 8  # lines, over which odd and even ones are averaged for the picture
 
 def _detrended(profile: np.ndarray) -> np.ndarray:
     """Less the cubic that fits it best."""
-    cubics = _cubics(len(profile))
-    return profile - cubics @ (cubics.T @ profile)
-
-
-@lru_cache(maxsize=16)
-def _cubics(length: int) -> np.ndarray:
-    """(length, up to 4) orthonormal polynomials up to the third degree."""
-    powers = np.vander(np.linspace(-1, 1, length), min(4, length))
-    return np.linalg.qr(powers)[0]
+    basis = cubics(len(profile))
+    return profile - basis @ (basis.T @ profile)
 
 
 class FixedPattern(View):
@@ -44,8 +37,7 @@ class FixedPattern(View):
         for g in data.groups:
             if g.kind == "scene":
                 continue
-            for name, profile in (("row", g.pattern_rows), ("column", g.pattern_columns)):
-                variance = float(np.mean(_detrended(profile.astype(np.float64)) ** 2))
+            for name, (variance, *_) in g.profile_numbers.items():
                 yield g.statistic(self.name, f"{name}s", [name], "log DN^2"), np.log(variance + 1e-4)
             yield g.statistic(self.name, "pixels", ["pixel"], "log DN^2"), np.log(g.pattern_variance)
             for name, lag in (("one column on", (0, 1)), ("one row on", (1, 0)), ("diagonal", (1, 1))):
@@ -93,17 +85,13 @@ class SmoothMap(View):
             word = "%" if g.kind == "flat" else "DN"
             parts = 4 if id(g) in detailed else 2
             blocks = block_means(g.calm, *(edges(n, parts) for n in g.calm.shape)) * unit
-            for (i, j), value in np.ndenumerate(blocks):
-                yield (
-                    g.statistic(self.name, f"block {i + 1},{j + 1} of {parts}x{parts}", ["smooth"], word),
-                    float(value),
-                )
+            for i, row in enumerate(blocks.tolist(), 1):
+                for j, value in enumerate(row, 1):
+                    name = f"block {i},{j} of {parts}x{parts}"
+                    yield g.statistic(self.name, name, ["smooth"], word), value
             yield g.statistic(self.name, "middle against rim", ["smooth"], word), _middle(g.calm) * unit
-            for name, profile in (("rows", g.pattern_rows), ("columns", g.pattern_columns)):
-                yield (
-                    g.statistic(self.name, f"slope over the {name}", ["smooth"], word),
-                    _slope(profile) * unit,
-                )
+            for name, (_, slope, *_) in g.profile_numbers.items():
+                yield g.statistic(self.name, f"slope over the {name}s", ["smooth"], word), slope * unit
 
     def draw(self, data, name, group):
         g = chosen(data, group)
@@ -112,12 +100,6 @@ class SmoothMap(View):
         unit, word = relative(g)
         image = block_means(g.calm, *(edges(n, min(16, n)) for n in g.calm.shape)) * unit
         return ViewPlot(self.title, maps=((f"{g.label}, {word}", image),), box=block_box(name))
-
-
-def _slope(profile: np.ndarray) -> float:
-    """Of a straight line through it, from the middle to the end."""
-    x = np.linspace(-1, 1, len(profile))
-    return float((x @ profile) / (x @ x))
 
 
 def _middle(pattern: np.ndarray) -> float:
@@ -145,20 +127,10 @@ class Seams(View):
         for g in (*data.dark_ends, *spread(flats, 4)):
             unit = 100 / max(g.signal, 1.0) if g.kind == "flat" else 1.0
             word = "%" if g.kind == "flat" else "DN"
-            for name, profile in (("row", g.pattern_rows), ("column", g.pattern_columns)):
-                profile = profile.astype(np.float64) * unit
-                step = _steps(profile)
-                yield (
-                    g.statistic(self.name, f"largest step of {name}s", [name], word),
-                    float(np.abs(step).max()),
-                )
-                half = len(profile) // 2
-                yield (
-                    g.statistic(self.name, f"halves of {name}s", [name], word),
-                    profile[half:].mean() - profile[:half].mean(),
-                )
-                parity = profile[1::2].mean() - profile[::2].mean()
-                yield g.statistic(self.name, f"odd against even {name}s", [name], word), parity
+            for name, (*_, step, halves, parity) in g.profile_numbers.items():
+                yield g.statistic(self.name, f"largest step of {name}s", [name], word), step * unit
+                yield g.statistic(self.name, f"halves of {name}s", [name], word), halves * unit
+                yield g.statistic(self.name, f"odd against even {name}s", [name], word), parity * unit
             if g.count >= 2:
                 left, right, upper, lower = g.noise.halves
                 for name, a, b in (("columns", left, right), ("rows", upper, lower)):
@@ -195,9 +167,9 @@ class Seams(View):
         return ViewPlot(self.title, lines, f"{lines} mean, {word}", (curve,), marks=marks)
 
 
-def _steps(profile: np.ndarray, reach: int = 12) -> np.ndarray:
+def _steps(profile: np.ndarray) -> np.ndarray:
     """Mean of the lines after a place less the mean of those before it."""
-    reach = min(reach, max(1, len(profile) // 4))
+    reach = reach_of_steps(len(profile))
     total = np.concatenate([[0.0], np.cumsum(profile)])
     place = np.arange(reach, len(profile) - reach + 1)
     return (total[place + reach] - 2 * total[place] + total[place - reach]) / reach

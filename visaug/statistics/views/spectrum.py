@@ -4,24 +4,21 @@ from functools import lru_cache
 
 import numpy as np
 
+from visaug.statistics.fixed import band_numbers, mean_power, peak_frequency
 from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import below_saturation, chosen, direction, relative, spectrum_marks
 
 BANDS = 6
+LEAST_POWER = 1e-3  # is added before a logarithm
 
 
 def power(lines: np.ndarray) -> np.ndarray:
     """Mean power spectrum of profiles (n, L) over frequencies 1 .. L/2, 1 for white noise of variance 1."""
-    about = lines - lines.mean(-1, keepdims=True)
-    return (np.abs(np.fft.rfft(about, axis=-1)[..., 1:]) ** 2).reshape(-1, lines.shape[-1] // 2).mean(
-        0
-    ) / lines.shape[-1]
-
-
-def band_means(spectrum: np.ndarray) -> np.ndarray:
-    """Means over octaves of frequency, low to high."""
-    edges = _octaves(len(spectrum))
-    return np.add.reduceat(spectrum, edges[:-1]) / np.diff(edges)
+    length = lines.shape[-1]
+    waves = np.fft.rfft(lines - lines.mean(-1, keepdims=True)).reshape(-1, length // 2 + 1)
+    found = np.zeros(length // 2)
+    mean_power(waves, found)
+    return found / length
 
 
 @lru_cache(maxsize=16)
@@ -29,26 +26,16 @@ def _octaves(length: int) -> np.ndarray:
     return np.unique(np.round(np.geomspace(1, length + 1, BANDS + 1)).astype(int)) - 1
 
 
-def peak_frequency(spectrum: np.ndarray) -> float:
-    """Of the highest bin, drawn towards its neighbours by their power: anywhere in white noise, sharp for a banding."""
-    top = int(spectrum.argmax())
-    near = np.arange(max(0, top - 1), min(len(spectrum), top + 2))
-    return float((near + 1) @ spectrum[near] / max(spectrum[near].sum(), 1e-12) / (2 * len(spectrum)))
-
-
 def band_statistics(group, view, name, spectrum, axes):
-    for i, value in enumerate(band_means(spectrum)):
-        yield group.statistic(view, f"{name}, band {i + 1}", axes, "log power"), np.log(value + 1e-3)
-    middle = np.median(spectrum) + 1e-3
-    yield group.statistic(view, f"{name}, peak", axes, "log ratio"), np.log(spectrum.max() / middle + 1e-3)
-    yield (
-        group.statistic(view, f"{name}, where the peak is", axes, "cycles per line"),
-        peak_frequency(spectrum),
-    )
-    yield (
-        group.statistic(view, f"{name}, at half the sampling", axes, "log ratio"),
-        np.log(spectrum[-1] / middle + 1e-3),
-    )
+    edges = _octaves(len(spectrum))
+    numbers = np.empty(len(edges) + 2)
+    band_numbers(spectrum, edges, LEAST_POWER, numbers)
+    *bands, peak, place, last = numbers.tolist()
+    for i, value in enumerate(bands, 1):
+        yield group.statistic(view, f"{name}, band {i}", axes, "log power"), value
+    yield group.statistic(view, f"{name}, peak", axes, "log ratio"), peak
+    yield group.statistic(view, f"{name}, where the peak is", axes, "cycles per line"), place
+    yield group.statistic(view, f"{name}, at half the sampling", axes, "log ratio"), last
 
 
 class TemporalSpectrum(View):
