@@ -116,8 +116,3 @@ def deviation(mean_square: float, freedom: float, floor: float) -> Size:
         math.sqrt(max(mean_square * k - floor, 0.0)) for k in (min(low, 1.0), 1.0, max(high, 1.0))
     )
     return {"amplitude_dn": value, "low": low, "high": high}
-
-
-def gain_of_ratio(ratio: float, shape: float) -> float:
-    """Twice the log likelihood ratio of mean squares of gamma shape `shape` that are `ratio` times what was expected."""
-    return 2 * shape * (ratio - 1 - math.log(ratio)) if ratio > 1 else 0.0

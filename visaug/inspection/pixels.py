@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -265,9 +264,3 @@ def _pattern(look: FrameGroup) -> Finding | None:
         **size,
         shown={"image": look.data.mean},
     )
-
-
-def places_of(findings: list[Finding]) -> Iterator[tuple[int, int, str, float]]:
-    """All places of defects."""
-    for finding in findings:
-        yield from finding.places

@@ -2,7 +2,7 @@
 
 import base64
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -122,10 +122,6 @@ def figure(
         mime = "image/svg+xml"
     content = base64.b64encode(buffer.getvalue()).decode("ascii")
     return Figure(f"data:{mime};base64,{content}", caption, alt or caption, wide)
-
-
-def paragraphs(*texts: str) -> Iterable[Text]:
-    return [Text(text) for text in texts]
 
 
 @cache
