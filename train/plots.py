@@ -20,9 +20,7 @@ CAUSES = {
 }
 
 
-def plot_dependence(
-    evaluations: Mapping[str, Sequence[Evaluation]], column: str = "oks_paper", bins: int = 6
-) -> "Figure":
+def plot_dependence(evaluations: Mapping[str, Sequence[Evaluation]]) -> "Figure":
     """Mean score against distance, attitude and brightness, in bins of equally many images.
 
     Args:
@@ -33,22 +31,22 @@ def plot_dependence(
         panels = figure.subplots(1, len(CAUSES), sharey=True)
         for axes, (cause, label) in zip(panels, CAUSES.items()):
             for (arm, several), colour in zip(evaluations.items(), ARM_COLOURS * 4):
-                score = np.mean([e.table[column] for e in several], axis=0)
+                score = np.mean([e.table["oks_paper"] for e in several], axis=0)
                 value = several[0].table[cause]
                 known = np.isfinite(score) & np.isfinite(value)
                 order = np.argsort(value[known])
-                parts = [part for part in np.array_split(order, bins) if len(part)]
+                parts = [part for part in np.array_split(order, 6) if len(part)]
                 x = [value[known][part].mean() for part in parts]
                 y = [score[known][part].mean() for part in parts]
                 error = [score[known][part].std() / max(1, len(part)) ** 0.5 for part in parts]
                 axes.errorbar(x, y, error, color=colour, label=arm, marker="o", markersize=3)
             axes.set(xlabel=label, ylim=(0, 1))
-        panels[0].set_ylabel("OKS (paper), mean" if column == "oks_paper" else column)
+        panels[0].set_ylabel("OKS (paper), mean")
         panels[0].legend()
     return figure
 
 
-def plot_gallery(evaluation: Evaluation, indices: Sequence[int] | np.ndarray, columns: int = 4) -> "Figure":
+def plot_gallery(evaluation: Evaluation, indices: Sequence[int] | np.ndarray) -> "Figure":
     """Truth and the likeliest prediction on some images."""
     images, points, found, boxes, found_boxes, titles = [], [], [], [], [], []
     for i in indices:
@@ -61,7 +59,7 @@ def plot_gallery(evaluation: Evaluation, indices: Sequence[int] | np.ndarray, co
         boxes.append(evaluation.targets.boxes[i])
         found_boxes.append(None if best is None else each.boxes[best])
         titles.append(f"{evaluation.domain} {i + 1}: OKS {evaluation.table['oks_paper'][i]:.2f}")
-    return plot_predictions(images, points, found, boxes, found_boxes, titles, columns)
+    return plot_predictions(images, points, found, boxes, found_boxes, titles)
 
 
 def read_gray(file: str) -> np.ndarray:

@@ -20,11 +20,10 @@ def estimate_pose(
     confidence: np.ndarray,
     model_m: np.ndarray,
     camera: Pinhole,
-    least_confidence: float = LEAST_CONFIDENCE,
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Quaternion (4, scalar first) and translation (3, m) of a target from its keypoints (K, 2) in pixels.
 
-    Used are the points whose confidence (K) is above 0 and at least `least_confidence` times the highest one: what a
+    Used are the points whose confidence (K) is above 0 and at least half the highest one: what a
     confidence means differs between networks, what 0 means does not. Six or more go through RANSAC with EPnP, where points
     further than 4 % of the target's size (at least 2 px) from where a pose puts them are outliers; four and five are
     solved by SQPnP. All are refined by Levenberg and Marquardt. None with fewer than four points, with points that all
@@ -32,7 +31,7 @@ def estimate_pose(
     """
     finite = np.isfinite(points).all(axis=1) & np.isfinite(confidence) & (confidence > 0)
     used = np.flatnonzero(finite)
-    used = used[confidence[used] >= least_confidence * confidence[used].max(initial=0)]
+    used = used[confidence[used] >= LEAST_CONFIDENCE * confidence[used].max(initial=0)]
     if len(used) < 4:
         return None
     image, model = points[used].astype(float), model_m[used].astype(float)

@@ -19,18 +19,17 @@ from scipy.stats import t as student
 
 
 def paired_interval(
-    differences: np.ndarray, image_variance: np.ndarray, images: int, level: float = 0.95
+    differences: np.ndarray, image_variance: np.ndarray, images: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the interval of the mean difference, (measures) each.
+    """Ends of the 95 % interval of the mean difference, (measures) each.
 
     Args:
         differences: of each seed, (seeds, measures), each over all images.
         image_variance: of their mean over seeds by the choice of images, (measures); NaN where it is not known.
         images: how many there are.
-        level: of the interval.
     """
     mean, error, freedom = _mean_and_error(differences, image_variance, images)
-    reach = student.ppf((1 + level) / 2, freedom) * error
+    reach = student.ppf(0.975, freedom) * error
     return mean - reach, mean + reach
 
 

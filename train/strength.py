@@ -46,10 +46,11 @@ class Strength:
     white: Mapping[str, float]
 
 
-def strength_of(noise: torch.nn.Module, shape: tuple[int, int] = (64, 64), images: int = 48) -> Strength:
+def strength_of(noise: torch.nn.Module, shape: tuple[int, int] = (64, 64)) -> Strength:
     """An arm's noise on flat images of `shape` (rows, columns): the root mean square over images of what each shows
     around its mean.
     """
+    images = 48
     total, white = {}, {}
     with torch.random.fork_rng(devices=[]), torch.no_grad():
         torch.manual_seed(0)

@@ -179,13 +179,13 @@ def overview_table(
     means: Mapping[str, Mapping[str, Mapping[str, float]]],
     differences: Sequence[Any],
     baseline: str,
-    measure: str = "keypoint_ap_coco",
     most: int = 100,
 ) -> ResultTable:
     """One measure at a glance: test sets as rows, arms as columns, each with its change and whether that is clear.
 
     With more than `most` arms beside the baseline each has a row.
     """
+    measure = "keypoint_ap_coco"
     others = [arm for arm in means if arm != baseline]
     mine = sum(d.measure == measure for d in differences)
     note = f"Each change has its own interval; {0.05 * mine:.1f} of these {mine} would be called clear by chance."
@@ -247,15 +247,13 @@ def pose_table(summaries: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]
     return ResultTable(title, ["arm", "domain", *POSE_COLUMNS], rows)
 
 
-def comparison_table(
-    means: Mapping[str, Mapping[str, Mapping[str, float]]], domain: str = "speed"
-) -> ResultTable:
+def comparison_table(means: Mapping[str, Mapping[str, Mapping[str, float]]]) -> ResultTable:
     """The paper's table 4 with these arms: target detection on SPEED."""
     rows = [[name, _number(iou), _number(ap)] for name, (iou, ap) in TABLE_4.items()]
     rows += [
-        [arm, _number(scores[domain]["iou"]), _number(scores[domain]["box_ap"])]
+        [arm, _number(scores["speed"]["iou"]), _number(scores["speed"]["box_ap"])]
         for arm, scores in means.items()
-        if domain in scores
+        if "speed" in scores
     ]
     return ResultTable("Target detection on SPEED's images", ["method", "IoU mean", "box AP50-95"], rows)
 

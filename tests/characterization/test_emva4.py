@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from visaug.characterization import characterize
-from visaug.characterization.emva4 import corrected_split, high_pass, not_white, pattern_curves
+from visaug.characterization.emva_curves import high_pass, pattern_curves
 from visaug.characterization.moments import measure
-from visaug.characterization.nonuniformity import release_4
+from visaug.characterization.nonuniformity import corrected_split, not_white, release_4
 from visaug.characterization.points import OperatingPoint, operating_points
 from visaug.frames import FrameRecord, FrameSet
 from visaug.report import sheet_json, write_sheet
@@ -71,7 +71,7 @@ def test_figures_follow_from_their_definitions(measured):
 
 
 def test_doubling_temperature_from_the_law_of_dark_current():
-    from visaug.characterization.emva4 import derived
+    from visaug.characterization.emva import derived
     from visaug.characterization.findings import Findings
 
     found = Findings()

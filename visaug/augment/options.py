@@ -68,16 +68,14 @@ def check_strength(value: Any) -> float:
     return value
 
 
-def check_range(
-    name: str, value: Any, low: float, high: float, above: bool = False
-) -> tuple[float, float] | None:
+def check_range(name: str, value: Any, low: float, high: float) -> tuple[float, float] | None:
     """None, or the ends of a range; a single number is a range of no width."""
     if value is None:
         return None
     pair = isinstance(value, Sequence) and not isinstance(value, str | bytes)
     if pair and len(value) != 2:
         raise InputError(f"has {len(value)} entries", field=name, expected="a number or a pair (low, high)")
-    ends = tuple(check_number(name, one, low, high, above) for one in (value if pair else (value, value)))
+    ends = tuple(check_number(name, one, low, high) for one in (value if pair else (value, value)))
     if ends[0] > ends[1]:
         raise InputError(
             f"{value!r} is not increasing", field=name, expected="a pair (low, high) with low <= high"

@@ -134,12 +134,12 @@ def fit_pattern(master_bias_e: np.ndarray, noise_e: float = 0.0) -> FixedPattern
     )
 
 
-def fit_profile(offsets_e: np.ndarray, components: int = COMPONENTS, degree: int = DEGREE) -> LineLaw:
+def fit_profile(offsets_e: np.ndarray) -> LineLaw:
     """The law of a profile, (n,) in e-: mixture by likelihood, trend by least squares, spectrum of the rest."""
     offsets = np.asarray(offsets_e, np.float64)
-    mixture = fit_mixture(offsets, components)
+    mixture = fit_mixture(offsets)
     scores = ndtri(mixture.cdf(offsets).clip(1e-6, 1 - 1e-6))
-    trend = np.polynomial.polynomial.polyfit(_places(len(offsets)), scores, degree)
+    trend = np.polynomial.polynomial.polyfit(_places(len(offsets)), scores, DEGREE)
     rest = scores - _trend(trend, len(offsets))
     return LineLaw(mixture, trend, _smooth(np.abs(np.fft.rfft(rest)) ** 2 / len(rest)))
 

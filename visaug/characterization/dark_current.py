@@ -23,10 +23,6 @@ class Slope:
     value: float
     error: float
     df: float
-    offset: float
-    offset_error: float
-    exposures_s: np.ndarray
-    levels: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -143,7 +139,7 @@ def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
     scatter, df = _scatter(points)
     misfit, misfit_df = 0.0, 0
     for _, t, y, n in lines:
-        value, offset, *_ = _line(t, y, n)
+        value, offset, _ = _line(t, y, n)
         if len(t) > 2:
             misfit += (n * (y - offset - value * t) ** 2).sum()
             misfit_df += len(t) - 2
@@ -151,9 +147,8 @@ def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
         scatter, df = misfit / misfit_df, misfit_df
     found = []
     for temperature, t, y, n in lines:
-        value, offset, spread, middle = _line(t, y, n)
-        offset_error = math.sqrt(scatter * (1 / n.sum() + middle**2 / spread))
-        found.append(Slope(temperature, value, math.sqrt(scatter / spread), df, offset, offset_error, t, y))
+        value, _, spread = _line(t, y, n)
+        found.append(Slope(temperature, value, math.sqrt(scatter / spread), df))
     return sorted(found, key=lambda s: (s.temperature_c is not None, s.temperature_c or 0.0))
 
 
@@ -186,12 +181,12 @@ def law(found: Sequence[Slope]) -> DarkCurrentLaw | None:
     )
 
 
-def _line(t: np.ndarray, y: np.ndarray, n: np.ndarray) -> tuple[float, float, float, float]:
-    """Slope, offset, weighted spread of t and its weighted mean, for weights n."""
+def _line(t: np.ndarray, y: np.ndarray, n: np.ndarray) -> tuple[float, float, float]:
+    """Slope, offset and weighted spread of t, for weights n."""
     middle = float((n * t).sum() / n.sum())
     spread = float((n * (t - middle) ** 2).sum())
     value = float((n * (t - middle) * y).sum() / spread)
-    return value, float((n * y).sum() / n.sum()) - value * middle, spread, middle
+    return value, float((n * y).sum() / n.sum()) - value * middle, spread
 
 
 def _scatter(points: Sequence[DarkPoint]) -> tuple[float, float]:

@@ -1,23 +1,26 @@
-"""The figures of EMVA 1288, release 3, and the row, column and pixel parts of release 4 beside them.
+"""The figures of EMVA 1288: those of release 3, and those that release 4.0 Linear has beside them.
 
 The standard: EMVA Standard 1288, release 3.0 (2010) and release 4.0 Linear (2021), European Machine Vision
-Association. Intervals are this package's own; the standard gives none.
+Association. Intervals are this package's own; the standard gives none. Release 4.0 General, for cameras without a
+linear raw signal, is not implemented.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
+from scipy import stats
 
-from visaug.characterization import emva4
+from visaug.characterization import emva_curves
 from visaug.characterization.alike import SAME_C, degrees_apart
 from visaug.characterization.dark_current import mean_points, slopes, variance_points
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments, mean_map
-from visaug.characterization.nonuniformity import parts, release_4
+from visaug.characterization.nonuniformity import corrected_split, not_white, parts, release_4
 from visaug.characterization.photon_transfer import (
     emva_linearity,
     emva_sensitivity,
@@ -25,11 +28,25 @@ from visaug.characterization.photon_transfer import (
     linearity_curve,
     saturated_level,
 )
-from visaug.core.intervals import jackknife, root, t_quantile, widen
+from visaug.characterization.result import Estimate
+from visaug.core.intervals import jackknife, root, symmetric, widen
 
-_QUANTIZATION = 1 / 12
-_LEAST_DARK_VARIANCE = 0.24  # release 3: below, quantization hides the dark noise
+Interval = tuple[float, float, float]
+_SPLIT = ("row", "column", "pixel")
+_SATURATED = "calibrated flats up to saturation and beyond"
+
 _R3, _R4 = "EMVA 1288 release 3", "EMVA 1288 release 4"
+# Figures of release 4 that are a monotonic law of another one: unit, the other one, law.
+LAWS: dict[str, tuple[str, str, Callable[[float], float]]] = {
+    "emva4.inverse_gain_e_per_dn": ("e-/DN", "emva.system_gain_dn_per_e", lambda k: 1 / k),
+    "emva4.snr_max": ("1", "emva.saturation_e", math.sqrt),
+    "emva4.snr_max_db": ("dB", "emva.saturation_e", lambda e: 10 * math.log10(e)),
+    "emva4.snr_max_bit": ("bit", "emva.saturation_e", lambda e: 0.5 * math.log2(e)),
+    "emva4.inverse_snr_max": ("fraction", "emva.saturation_e", lambda e: 1 / math.sqrt(e)),
+    "emva4.dynamic_range_db": ("dB", "emva4.dynamic_range", lambda r: 20 * math.log10(r)),
+    "emva4.dynamic_range_bit": ("bit", "emva4.dynamic_range", math.log2),
+    "emva4.doubling_temperature_c": ("degC", "dark_current.b_per_c", lambda b: math.log(2) / b),
+}
 
 
 def emva(found: Findings, measured: Measured) -> None:
@@ -41,24 +58,23 @@ def emva(found: Findings, measured: Measured) -> None:
         _dark_noise(found, darks, None, 0.0)
         return
     saturation = saturated_level(levels)
-    found.curves.update(emva4.sweep_curves(levels, saturation, last_fitted(levels, saturation), darks))
+    found.curves.update(emva_curves.sweep_curves(levels, saturation, last_fitted(levels, saturation), darks))
     sensitivity = emva_sensitivity(levels, saturation)
     gain, gain_error, _ = sensitivity["gain"]
     relative = gain_error / gain if gain > 0 else math.nan
-    found.add("emva.system_gain_dn_per_e", _around(sensitivity["gain"]), "DN/e-", _R3)
+    found.add("emva.system_gain_dn_per_e", symmetric(*sensitivity["gain"]), "DN/e-", _R3)
     if "efficiency" in sensitivity:
-        found.add("emva.quantum_efficiency", _around(sensitivity["efficiency"]), "e-/photon", _R3)
+        found.add("emva.quantum_efficiency", symmetric(*sensitivity["efficiency"]), "e-/photon", _R3)
         _saturation(found, levels, saturation, sensitivity["efficiency"])
         linearity = emva_linearity(levels, saturation)
         if linearity is not None:
             found.curves["emva4_linearity"] = linearity_curve(levels, saturation)
         for name in ("min", "max"):
+            key = f"emva.linearity_error_{name}"
             if linearity is None:
-                found.miss(
-                    f"emva.linearity_error_{name}", "three or more levels between 5 and 95 % of saturation"
-                )
+                found.miss(key, "three or more levels between 5 and 95 % of saturation")
             else:
-                found.add(f"emva.linearity_error_{name}", _around(linearity[name]), "fraction", _R3)
+                found.add(key, symmetric(*linearity[name]), "fraction", _R3)
     else:
         for name in ("quantum_efficiency", "saturation_photons", "saturation_e"):
             found.miss(f"emva.{name}", NEEDS_PHOTONS)
@@ -66,13 +82,7 @@ def emva(found: Findings, measured: Measured) -> None:
     _dark_current(found, _dark_ladder(measured), gain, relative)
     _disagree(found)
     _spatial(found, measured, gain, relative)
-    emva4.derived(found, _around(sensitivity["response"]) if "response" in sensitivity else None)
-
-
-def _around(result: tuple[float, float, float]) -> tuple[float, float, float]:
-    value, error, df = result
-    half = t_quantile(df) * error
-    return value, value - half, value + half
+    derived(found, symmetric(*sensitivity["response"]) if "response" in sensitivity else None)
 
 
 def _dark_sweep(measured: Measured, temperature_c: float | None) -> list[GroupMoments]:
@@ -133,19 +143,15 @@ def _dark_noise(found: Findings, darks: list[GroupMoments], gain: float | None, 
         several = len(np.unique(exposures)) > 2
         return {"variance": float(np.polyfit(exposures, y, 1)[1] if several else y[0])}
 
-    value, low, high = _around(jackknife(compute, darks[0].shape[0])["variance"])
-    variance = (max(value, _LEAST_DARK_VARIANCE), max(low, 0.0), max(high, _LEAST_DARK_VARIANCE))
+    value, low, high = symmetric(*jackknife(compute, darks[0].shape[0])["variance"])
+    least = 0.24  # release 3: below, quantization hides the dark noise
+    variance = (max(value, least), max(low, 0.0), max(high, least))
     found.add("emva.dark_noise_dn", root(variance), "DN", _R3)
     if gain is None:
         found.miss("emva.dark_noise_e", NEEDS_FLATS)
     else:
-        electrons = tuple(max(v - _QUANTIZATION, 0.0) for v in variance)
-        found.add(
-            "emva.dark_noise_e",
-            root((electrons[0], electrons[1], electrons[2]), 1 / gain, relative),
-            "e-",
-            _R3,
-        )
+        value, low, high = (max(v - 1 / 12, 0.0) for v in variance)  # less that of quantization
+        found.add("emva.dark_noise_e", root((value, low, high), 1 / gain, relative), "e-", _R3)
 
 
 def _dark_current(found: Findings, darks: list[GroupMoments], gain: float, relative: float) -> None:
@@ -157,9 +163,7 @@ def _dark_current(found: Findings, darks: list[GroupMoments], gain: float, relat
             continue
         line = lines[0]
         at = "" if line.temperature_c is None else f", at {line.temperature_c:g} degC"
-        half = t_quantile(line.df) * line.error
-        scale = gain**-power
-        value, low, high = line.value * scale, (line.value - half) * scale, (line.value + half) * scale
+        value, low, high = (v * gain**-power for v in symmetric(line.value, line.error, line.df))
         if value > 0:
             found.add(key, widen((value, max(low, 0.0), high), power * relative), "e-/s", _R3 + at)
         elif name == "mean":
@@ -186,40 +190,67 @@ def _spatial(found: Findings, measured: Measured, gain: float, relative: float) 
     if level is None:
         found.miss("emva.prnu_fraction", NEEDS_FLATS)
         return
-    flat, dark = level.flat, level.dark
-    dark_map = mean_map(measured.frames, dark.group.indices)
+    flat, dark, signal = level.flat, level.dark, level.signal
+    dark_map, flat_map = (mean_map(measured.frames, m.group.indices) for m in (dark, flat))
     dark_parts = parts(dark_map, [(1 / dark.n, dark)])
-    r4_dark, r4_flat = release_4(dark), release_4(flat)
-    value = math.sqrt(max(r4_dark["total"], 0.0))
-    _, low, high = root(dark_parts.total)
-    found.add("emva.dsnu_dn", (value, min(low, value), max(high, value)), "DN", _R3)
-    scaled = (value / gain, min(low, value) / gain, max(high, value) / gain)
-    found.add("emva.dsnu_e", widen(scaled, relative), "e-", _R3)
-    flat_map = mean_map(measured.frames, flat.group.indices)
     flat_parts = parts(flat_map - dark_map, [(1 / flat.n, flat), (1 / dark.n, dark)])
-    signal = level.signal
-    value = math.sqrt(max(r4_flat["total"] - r4_dark["total"], 0.0)) / signal
-    _, low, high = root(flat_parts.total, 1 / signal)
-    found.add("emva.prnu_fraction", (value, min(low, value), max(high, value)), "fraction", _R3)
-    for name in ("row", "column", "pixel"):
-        value = math.sqrt(max(r4_dark[name], 0.0)) / gain
-        _, low, high = root(getattr(dark_parts, name), 1 / gain, relative)
-        found.add(f"emva4.dsnu_{name}_e", (value, min(low, value), max(high, value)), "e-", _R4)
-        value = math.sqrt(max(r4_flat[name] - r4_dark[name], 0.0)) / signal
-        _, low, high = root(getattr(flat_parts, name), 1 / signal)
-        found.add(f"emva4.prnu_{name}", (value, min(low, value), max(high, value)), "fraction", _R4)
-    emva4.corrected(found, level, dark_parts, flat_parts, gain, relative)
-    emva4.prnu_high_pass(found, level, dark_map, flat_map)
+
+    def deviation(variance: float, part: Interval, divisor: float, relative: float = 0.0) -> Interval:
+        """By the standard's variance, with the interval of `part`; the divisor is known to `relative`."""
+        _, low, high = root(part, 1 / divisor, relative)
+        return math.sqrt(max(variance, 0.0)) / divisor, low, high
+
+    def split(release: str, dark: dict[str, float], flat: dict[str, float], source: str) -> None:
+        """Parts of DSNU and PRNU from the spatial variances of both stacks, DN^2."""
+        for name in _SPLIT:
+            interval = deviation(dark[name], getattr(dark_parts, name), gain, relative)
+            found.add(f"{release}.dsnu_{name}_e", interval, "e-", source)
+            interval = deviation(flat[name] - dark[name], getattr(flat_parts, name), signal)
+            found.add(f"{release}.prnu_{name}", interval, "fraction", source)
+
+    r4_dark, r4_flat = release_4(dark), release_4(flat)
+    value, low, high = deviation(r4_dark["total"], dark_parts.total, 1.0)
+    dsnu = (value, min(low, value), max(high, value))
+    found.add("emva.dsnu_dn", dsnu, "DN", _R3)
+    found.add("emva.dsnu_e", widen([v / gain for v in dsnu], relative), "e-", _R3)
+    prnu = deviation(r4_flat["total"] - r4_dark["total"], flat_parts.total, signal)
+    found.add("emva.prnu_fraction", prnu, "fraction", _R3)
+    split("emva4", r4_dark, r4_flat, _R4)
+    if shared := {name for m in (dark, flat) for name in not_white(m)}:
+        source = "release 4, temporal noise of rows and columns as measured"
+        split("emva4_corrected", corrected_split(dark), corrected_split(flat), source)
+        negative = [name for name in _SPLIT if r4_dark[name] < 0]
+        spoiled = (
+            f"; it gives a negative variance of {' and '.join(negative)} (shown as 0)" if negative else ""
+        )
+        found.warn(
+            f"emva4_split: {' and '.join(sorted(shared))} means share temporal noise, which release 4 assumes "
+            f"to be white: emva4.dsnu_* and emva4.prnu_* are the figures of the standard{spoiled}; emva4_corrected.* subtracts "
+            "the noise of rows and columns",
+            spoils=("emva4.dsnu_*", "emva4.prnu_*"),
+        )
+    _prnu_high_pass(found, level, flat_map - dark_map)
     percent = 100 * (flat_map - dark_map) / signal
     noise = (flat.variance / flat.n + dark.variance / dark.n) * (100 / signal) ** 2
-    for name, values, left in (
-        ("dsnu", dark_map / gain, dark.variance / dark.n / gain**2),
-        ("prnu", percent, noise),
-    ):
-        found.curves[f"emva4_{name}"] = emva4.pattern_curves(values, left)
-    found.curves["emva4_defects_dsnu"] = emva4.defect_counts(dark_map / gain)
+    dsnu_noise = dark.variance / dark.n / gain**2
+    found.curves["emva4_dsnu"] = emva_curves.pattern_curves(dark_map / gain, dsnu_noise)
+    found.curves["emva4_prnu"] = emva_curves.pattern_curves(percent, noise)
+    found.curves["emva4_defects_dsnu"] = emva_curves.defect_counts(dark_map / gain)
     if min(percent.shape) > 10:
-        found.curves["emva4_defects_prnu"] = emva4.defect_counts(emva4.high_pass(percent))
+        found.curves["emva4_defects_prnu"] = emva_curves.defect_counts(emva_curves.high_pass(percent))
+
+
+def _prnu_high_pass(found: Findings, level: FlatLevel, pattern: np.ndarray) -> None:
+    """PRNU of what a high-pass filter leaves: shading of lamp and lens, which the standard's PRNU holds, is gone."""
+    if min(pattern.shape) <= 2 * emva_curves.HIGH_PASS:
+        return
+    pattern = emva_curves.high_pass(pattern)
+    noise = level.flat.variance / level.flat.n + level.dark.variance / level.dark.n
+    square, df = float(pattern.var(ddof=1)), pattern.size - 1
+    low, high = (square * df / stats.chi2.ppf(p, df) for p in (0.975, 0.025))
+    value = math.sqrt(max(square - noise, 0.0)) / level.signal
+    bounds = (math.sqrt(max(v - noise, 0.0)) / level.signal for v in (low, high))
+    found.add("emva4.prnu_highpass", (value, *bounds), "fraction", f"{_R4}, high-pass 5 x 5")
 
 
 def _stack(measured: Measured) -> FlatLevel | None:
@@ -231,3 +262,59 @@ def _stack(measured: Measured) -> FlatLevel | None:
     half = 0.5 * levels[-1 if saturation is None else saturation].signal
     most = max(v.flat.n for v in levels)
     return min((v for v in levels if v.flat.n == most), key=lambda v: abs(v.signal - half))
+
+
+def derived(found: Findings, response: Interval | None) -> None:
+    """Figures that follow from gain, dark noise and saturation: 1/K, R, SNR, thresholds, dynamic range.
+
+    Args:
+        response: responsivity in DN/photon, where the source is calibrated.
+    """
+    gain, dark = (found.parameters.get(f"emva.{n}") for n in ("system_gain_dn_per_e", "dark_noise_dn"))
+    photons = found.parameters.get("emva.saturation_photons")
+    if gain is not None and dark is not None and gain.low > 0:
+        threshold = _threshold(dark, gain, None)
+        found.add("emva4.absolute_sensitivity_threshold_e", threshold, "e-", _R4)
+        if response is not None:
+            found.add("emva4.responsivity_dn_per_photon", response, "DN/photon", _R4)
+            threshold = _threshold(dark, gain, response)
+            found.add("emva4.absolute_sensitivity_threshold_photons", threshold, "photons", _R4)
+            if photons is not None and threshold[1] > 0 and photons.low > 0:
+                ratio = _ratio((photons.value, photons.low, photons.high), threshold)
+                found.add("emva4.dynamic_range", ratio, "1", _R4)
+    for key, (unit, of, law) in LAWS.items():
+        estimate = found.parameters.get(of)
+        if estimate is not None and estimate.low > 0:
+            low, high = sorted((law(estimate.low), law(estimate.high)))
+            found.add(key, (law(estimate.value), low, high), unit, _R4)
+    # What is known is not missed.
+    found.miss("emva4.snr_max", _SATURATED)
+    found.miss("emva4.dynamic_range_db", _SATURATED)
+    found.miss("emva4.absolute_sensitivity_threshold_photons", "flats with known photons and dark frames")
+    found.miss("emva4.doubling_temperature_c", "dark frames at several exposures and temperatures")
+
+
+def _threshold(dark: Estimate, gain: Estimate, response: Interval | None) -> Interval:
+    """Signal at which the signal-to-noise ratio is 1: (sigma_y.dark + K / 2) / R, in photons with R the
+    responsivity; without one in electrons, K in its place.
+    """
+    per, least, most = response or (gain.value, gain.low, gain.high)
+    value = (dark.value + 0.5 * gain.value) / per
+
+    def half(d: float, k: float, r: float) -> float:
+        if response is None:
+            by_gain, by_response = dark.value * (k - gain.value) / gain.value**2, 0.0
+        else:
+            by_gain, by_response = 0.5 * (k - gain.value) / per, value * (r - per) / per
+        return math.sqrt(((d - dark.value) / per) ** 2 + by_gain**2 + by_response**2)
+
+    low, high = value - half(dark.low, gain.low, most), value + half(dark.high, gain.high, least)
+    return value, max(low, 0.0), high
+
+
+def _ratio(a: Interval, b: Interval) -> Interval:
+    """a / b of two independent positive figures, errors added in logarithms."""
+    value = a[0] / b[0]
+    down = math.hypot(math.log(a[0] / a[1]), math.log(b[2] / b[0]))
+    up = math.hypot(math.log(a[2] / a[0]), math.log(b[0] / b[1]))
+    return value, value * math.exp(-down), value * math.exp(up)

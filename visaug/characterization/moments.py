@@ -80,7 +80,7 @@ class GroupMoments:
 
 def measure(frames: FrameSet, group: Group, step_dn: float = 1.0) -> GroupMoments:
     """Moments of one group in one pass."""
-    found = _finish(frames, group, *_accumulate(frames, group.indices, group.kind == "flat"))
+    found = _finish(group, *_accumulate(frames, group.indices, group.kind == "flat"))
     return replace(found, step_dn=step_dn)
 
 
@@ -120,7 +120,7 @@ def _at_the_top(frame: np.ndarray, top: int | None, pile: bool) -> int:
     return count if largest == top or (pile and count > _PILE * frame.size and largest > frame.min()) else 0
 
 
-def _finish(frames, group, first, total, squares, rows, columns, low, high) -> GroupMoments:
+def _finish(group, first, total, squares, rows, columns, low, high) -> GroupMoments:
     n = len(rows)
     height, width = first.shape
     total /= n

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from visaug.characterization.moments import GroupMoments
 from visaug.core.intervals import variance_combination
@@ -130,3 +131,35 @@ def release_4(
         "row": (size - width) / rest * rows - height / rest * (total - columns),
         "pixel": size / rest * (total - columns - rows),
     }
+
+
+def not_white(m: GroupMoments) -> list[str]:
+    """``row`` and ``column`` where these share temporal noise: the standard's split takes it to be white."""
+    t = m.temporal
+    if t is None or t.pixel <= 0:
+        return []
+    return [
+        name
+        for name, square, df in (("row", t.row, t.row_df), ("column", t.column, t.column_df))
+        if stats.f.sf(square / t.pixel, df, t.pixel_df) < 1e-3  # false alarms
+    ]
+
+
+def corrected_split(m: GroupMoments) -> dict[str, float]:
+    """Release 4's spatial variances with the temporal variance that rows and columns have, DN^2.
+
+    The standard takes off sigma^2 / (L M) from the variance of column means and sigma^2 / (L N) from that of row
+    means, as for white noise. Here the variance of these means over the frames is measured, the frame's own mean
+    taken out, and divided by L: right for any noise that is independent from frame to frame.
+    """
+
+    def noise(means: np.ndarray) -> float:
+        steady = means - means.mean(1, keepdims=True)
+        return float(steady.var(axis=0, ddof=1).mean()) / m.n
+
+    return release_4(
+        m,
+        total_noise=m.variance / m.n,
+        column_noise=noise(m.columns_by_frame),
+        row_noise=noise(m.rows_by_frame),
+    )

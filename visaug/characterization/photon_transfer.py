@@ -35,7 +35,6 @@ class PhotonTransferResult:
         intercept_dn2: variance without light, DN^2, where dark frames do not tell it; else None.
         pedestal_dn: mean level at which that is.
         response: the signal's course over photons, None where the source is not calibrated.
-        saturation: position in `levels` of the largest temporal variance, None where it is not reached.
         safe: positions of the levels that are clear of saturation.
     """
 
@@ -47,7 +46,6 @@ class PhotonTransferResult:
     intercept_dn2: tuple[float, float] | None
     pedestal_dn: float
     response: Response | None
-    saturation: int | None
     safe: tuple[int, ...]
 
     @property
@@ -110,7 +108,6 @@ def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTran
         found["intercept"][:2] if 0 in powers else None,
         pedestal,
         response(chosen, dark_tells),
-        saturation,
         safe,
     )
 

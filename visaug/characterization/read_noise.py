@@ -11,7 +11,6 @@ from scipy import optimize
 
 from visaug.characterization import tukey
 from visaug.characterization.moments import GroupMoments, mean_map
-from visaug.core.intervals import t_quantile
 from visaug.frames import FrameSet
 
 _BLOCKS = 20
@@ -31,11 +30,6 @@ class ReadNoiseResult:
     centres_dn: np.ndarray
     counts: np.ndarray
     model: np.ndarray
-
-    @property
-    def gaussian_likely(self) -> bool:
-        """Whether the interval of the shape holds the Gaussian's."""
-        return abs(self.shape - tukey.GAUSSIAN_SHAPE) <= t_quantile(self.df) * self.shape_error
 
 
 def fit(

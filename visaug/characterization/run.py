@@ -80,7 +80,7 @@ def characterize(
         from visaug.pictures.characterization import camera_of_pictures
 
         size = camera_of_pictures(found, frames, seed)
-        result = _result(found, frames, None, None, "pictures")
+        result = _result(found, None, None, "pictures")
         bits = frames.bit_depth or 8
         return replace(result, assumed={"bit_depth": bits}, resolution=size, effects=tuple(found.effects))
     found.warn_of(w for w in frames.check() if not w.startswith("few_frames"))  # of groups as measured: below
@@ -93,11 +93,11 @@ def characterize(
         from visaug.characterization.paper import procedure
 
         procedure(found, measured, camera)
-        return _result(found, ready, camera, measured, method)
+        return _result(found, camera, measured, method)
     mosaic = find_mosaic(ready, facts)
     measured = model_checks.tested(measured, found)
     _measure(found, measured, camera, seed, mosaic)
-    result = _result(found, ready, camera, measured, method)
+    result = _result(found, camera, measured, method)
     if mosaic is None:
         return result
     planes = {
@@ -218,7 +218,7 @@ def _without_light(found: Findings, measured: Measured, seed: int) -> None:
 
 
 def _result(
-    found: Findings, frames: FrameSet, camera: Camera | None, measured: Measured | None, method: str
+    found: Findings, camera: Camera | None, measured: Measured | None, method: str
 ) -> Characterization:
     settings: dict[str, float] = {}
     resolution = None

@@ -167,7 +167,7 @@ def _read_tiff(path: Path, index: tuple[int, ...]) -> tuple[np.ndarray, tuple[in
             pixels = series.asarray()
             if "S" in series.axes[:-1]:  # planes of red, green and blue one behind the other
                 pixels = np.moveaxis(pixels, series.axes.index("S"), -1)
-            return _gray(pixels, path), index
+            return _gray(pixels), index
     except InputError:
         raise
     except Exception as error:  # tifffile and its codecs raise many kinds
@@ -193,10 +193,10 @@ def _read_picture(path: Path) -> np.ndarray:
         raise InputError(f"cannot be read ({error}); truncated or no picture", file=path) from None
     if deep_gray:
         return pixels[..., 0].astype(np.uint16) << 8 | pixels[..., 1]
-    return _gray(pixels, path)
+    return _gray(pixels)
 
 
-def _gray(pixels: np.ndarray, path: Path) -> np.ndarray:
+def _gray(pixels: np.ndarray) -> np.ndarray:
     """One channel: any where all are alike, else green, whose noise is that of one pixel and no average."""
     if pixels.ndim == 3 and pixels.shape[-1] in (2, 3, 4):
         return pixels[..., 0] if pixels.shape[-1] == 2 else pixels[..., 1]

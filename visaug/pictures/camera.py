@@ -189,7 +189,7 @@ def _camera(
             spoils=("gain_e_per_dn", "read_noise.sigma_e"),
         )
     _add_tone(found, readings)
-    _add_curve(found, pictures, readings, levels, sky)
+    _add_curve(found, pictures, readings, sky)
     add_patterns(found, pictures, best, pattern, sky)
     add_processing(found, pictures, blocks, levels, rounding, texture)
     found.warn(
@@ -249,9 +249,7 @@ def _add_tone(found: Findings, readings: list[Reading]) -> None:
         )
 
 
-def _add_curve(
-    found: Findings, pictures: PictureSet, readings: list[Reading], levels: Levels, sky: Sky | None
-) -> None:
+def _add_curve(found: Findings, pictures: PictureSet, readings: list[Reading], sky: Sky | None) -> None:
     tone = readings[0].law.tone
     shared = f"flat regions hold shot noise and a constant; {tone} tone curve; neither denoised nor sharpened"
 

@@ -219,10 +219,10 @@ def _worst_frames(where: list[dict[str, Any]]) -> dict[str, str]:
     return {w["view"]: str(w["worst"]) for w in reversed(where)}
 
 
-def where_table(where: list[dict[str, Any]], most: int = 10) -> Table:
+def where_table(where: list[dict[str, Any]]) -> Table:
     rows = [
         [view_title(w["view"]), share_text(w["share"]), statistic_text(w["worst"]), f"{w['z']:.2g}"]
-        for w in where[:most]
+        for w in where[:10]
     ]
     head = ["view", "share of the misfit", "worst statistic", "standard deviations"]
     return Table(

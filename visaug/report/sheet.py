@@ -85,18 +85,12 @@ CORRECTED = (
 )
 
 
-def write_sheet(
-    path: str | Path,
-    points: Sequence[OperatingPoint],
-    frames: FrameSet,
-    *,
-    title: str = "EMVA 1288 data sheet",
-) -> Path:
+def write_sheet(path: str | Path, points: Sequence[OperatingPoint], frames: FrameSet) -> Path:
     """Write the sheet: a page of figures and pages of plots for each operating point."""
     from visaug.core.files import write_text
 
     content = template("sheet.html").render(
-        title=title,
+        title="EMVA 1288 data sheet",
         frames=described(frames) + (" of {} x {} pixels".format(*frames.shape(0)) if len(frames) else ""),
         date=datetime.now(timezone.utc).strftime("%Y-%m-%d"),
         points=[_point(point) for point in points],

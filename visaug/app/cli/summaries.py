@@ -102,7 +102,7 @@ def print_used(result: dict[str, Any]) -> None:
         click.echo(f"warning: {warning}", err=True)
 
 
-def print_places(where: list[dict[str, Any]], most: int = 10) -> None:
+def print_places(where: list[dict[str, Any]]) -> None:
     rows = [
         [
             view_title(place["view"]),
@@ -110,7 +110,7 @@ def print_places(where: list[dict[str, Any]], most: int = 10) -> None:
             statistic_text(place["worst"]),
             f"{place['z']:.2g}",
         ]
-        for place in where[:most]
+        for place in where[:10]
     ]
     if rows:
         print_table(["view", "share of the misfit", "worst statistic", "standard deviations"], rows)

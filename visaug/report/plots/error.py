@@ -57,9 +57,9 @@ def plot_error_steps(
     return figure
 
 
-def plot_ranking(ranking: Sequence[Mapping[str, Any]], most: int = 12) -> "Figure":
+def plot_ranking(ranking: Sequence[Mapping[str, Any]]) -> "Figure":
     """Share of the misfit that each effect explains, the likeliest first, with its probability: the longest bar is the best."""
-    shown = [entry for entry in ranking if entry["error_after"] is not None][:most][::-1]
+    shown = [entry for entry in ranking if entry["error_after"] is not None][:12][::-1]
     with styled():
         figure = blank(8.0, 0.9 + 0.27 * max(len(shown), 1))
         axes = figure.subplots()
@@ -82,7 +82,7 @@ def plot_ranking(ranking: Sequence[Mapping[str, Any]], most: int = 12) -> "Figur
     return figure
 
 
-def wrapped(action: str, width: int = 16) -> str:
+def wrapped(action: str) -> str:
     import textwrap
 
-    return "\n".join(textwrap.wrap(action.replace("_", "_\u200b"), width)) or action
+    return "\n".join(textwrap.wrap(action.replace("_", "_\u200b"), 16)) or action

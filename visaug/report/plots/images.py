@@ -17,9 +17,6 @@ def plot_images(
     *,
     columns: int = 4,
     limits: tuple[float, float] | None = None,
-    unit: str = "",
-    colours: str = "gray",
-    width: float = 8.0,
 ) -> "Figure":
     """A grid of images of one size.
 
@@ -28,9 +25,6 @@ def plot_images(
         titles: one for each image.
         columns: images in a row.
         limits: values shown as black and white; by default 1st and 99th percentile of all images together.
-        unit: unit of the values; with one, a scale stands beside the images.
-        colours: name of matplotlib's colour map for (H, W) arrays.
-        width: of the figure in inches.
     """
     rows = -(-len(images) // columns)
     height, breadth = images[0].shape[:2]
@@ -39,16 +33,13 @@ def plot_images(
         low, high = np.percentile(everything, [1, 99])
         limits = (float(low), float(high) if high > low else float(low) + 1)
     with styled():
-        figure = blank(width, rows * (width / columns * height / breadth + 0.32))
+        figure = blank(8.0, rows * (8.0 / columns * height / breadth + 0.32))
         grid = figure.subplots(rows, columns, squeeze=False)
-        shown = None
         for axes in grid.ravel():
             axes.set_axis_off()
         for axes, image, title in zip(grid.ravel(), images, titles):
-            shown = axes.imshow(image, cmap=colours, vmin=limits[0], vmax=limits[1])
+            axes.imshow(image, cmap="gray", vmin=limits[0], vmax=limits[1])
             axes.set_title(title, fontsize=9)
-        if unit and shown is not None:
-            figure.colorbar(shown, ax=grid, label=unit, shrink=0.8, pad=0.01)
     return figure
 
 

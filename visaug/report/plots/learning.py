@@ -16,7 +16,6 @@ ARM_COLOURS = (SOFT, MODELLED, MEASURED, THIRD, "#7c3aed", "#b45309", "#0f766e")
 def plot_training(
     curves: Mapping[str, Sequence[Mapping[str, Sequence[float]]]],
     quantities: Mapping[str, str],
-    width: float = 8.0,
 ) -> "Figure":
     """Quantities against the epoch, one panel each, one colour for each arm and one line for each of its seeds.
 
@@ -25,7 +24,7 @@ def plot_training(
         quantities: quantity -> label of its axis.
     """
     with styled():
-        figure = blank(width, 3.2)
+        figure = blank(8.0, 3.2)
         panels = figure.subplots(1, len(quantities), squeeze=False)[0]
         for axes, (quantity, label) in zip(panels, quantities.items()):
             for (arm, seeds), colour in zip(curves.items(), ARM_COLOURS * 4):

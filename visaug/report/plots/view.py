@@ -27,7 +27,6 @@ CHARACTER, ENTRY = (
 def plot_view(
     measured: "ViewPlot",
     modelled: "ViewPlot | None" = None,
-    width: float = 0.0,
     focus: str = "",
     after: "ViewPlot | None" = None,
 ) -> "Figure":
@@ -36,15 +35,14 @@ def plot_view(
     Args:
         measured, modelled: the same view of both frame sets.
         after: the same of the corrected camera; `modelled` is then the camera as given.
-        width: inches; 0 takes what the content needs.
         focus: words of the statistic that differs most. Where curves have very different ranges each gets axes of its own, that of
             these words first.
     """
     if measured.maps:
-        return _plot_maps(measured, modelled, after, width or 8.0)
+        return _plot_maps(measured, modelled, after, 8.0)
     panels = _panels(measured, focus)
     with styled():
-        figure = blank(width or (8.0 if len(panels) > 1 else 4.7), 3.5)
+        figure = blank(8.0 if len(panels) > 1 else 4.7, 3.5)
         grid = figure.subplots(1, len(panels), squeeze=False)[0]
         for axes, chosen in zip(grid, panels, strict=True):
             _draw_panel(
