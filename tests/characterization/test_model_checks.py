@@ -397,6 +397,13 @@ def test_a_light_leak_flattens_the_law_of_dark_current(leak, named):
     assert ("dark_current.b_per_c" in spoils) == named
 
 
+def test_compare_and_diagnose_hear_of_a_light_leak():
+    rows = dark_ladder(
+        28, lambda c: 20 * 2 ** ((c - 20) / 7) + 5, [(t, s) for t in (20.0, 0.0) for s in (0.1, 2.0, 8.0)]
+    )
+    assert "dark_current_flat" in {w.split(":")[0] for w in all_warnings(frame_set(rows))}
+
+
 def test_two_settings_of_dark_frames_tell_no_law():
     """Black level, rate and its course are three unknowns: two temperatures of one exposure each leave the law open."""
     result = measured(dark_ladder(29, lambda c: 20 * 2 ** ((c - 20) / 7), [(20.0, 8.0), (0.0, 2.0)]))
