@@ -11,7 +11,7 @@ from visaug.camera import Camera
 from visaug.characterization import characterize
 from visaug.characterization.alarms import all_warnings
 from visaug.characterization.codes import _step
-from visaug.characterization.in_time import _normal_gap
+from visaug.characterization.in_time import _normal_gap, _Peaks, _tail
 from visaug.characterization.model_checks import CHECKS
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.frames import FrameRecord, FrameSet
@@ -415,6 +415,19 @@ def test_averaged_flats_beside_raw_dark_frames_spoil_the_gain():
     rows, more = taken(47), taken(48)
     rows = [a if a[0] == "bias" else (*a[:4], (a[4] + b[4]) // 2) for a, b in zip(rows, more)]
     assert {"gain_e_per_dn", "read_noise.sigma_e"} <= set(spoiled(measured(rows), "flat_pedestal"))
+
+
+def test_the_heaviest_tail_of_quiet_dark_frames_counts():
+    """Dips of 8 and 20 standard deviations in groups of one noise: hits exceed three times the larger. Dips of noisy dark
+    frames do not count, and 2 standard deviations are no tail.
+    """
+
+    def group(dip, noise=10.0):
+        empty = np.zeros(SHAPE, np.float32)
+        return _Peaks(empty, empty, empty, dip, noise, False), 4
+
+    assert _tail([group(80.0), group(200.0, 10.5), group(900.0, 20.0)]) == 600.0
+    assert _tail([group(20.0)]) == _tail([]) == 0.0
 
 
 def test_stated_rates():
