@@ -21,6 +21,8 @@ from visaug.characterization.model_checks import CHECKS
 from visaug.frames import FrameRecord, FrameSet
 
 EFFICIENCY = 0.6  # e-/photon
+DARK_C, COLD_C = 20.0, 5.0
+COLDER = float(np.exp(0.6 / 8.617e-5 * (1 / (DARK_C + 273.15) - 1 / (COLD_C + 273.15))))  # silicon of 0.6 eV
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ CAMERAS = {
 
 
 def frame_set(camera: Camera, seed: int) -> FrameSet:
-    """Ten bias frames, dark frames at two exposures where there is dark current, and flats."""
+    """Ten bias frames, flats, and dark frames at two temperatures where there is dark current."""
     rng = np.random.default_rng([seed, camera.bits])
     shape = camera.size
     prnu, dsnu = rng.normal(0, 0.01, shape), rng.normal(0, 0.4 * camera.read, shape)
@@ -72,19 +74,23 @@ def frame_set(camera: Camera, seed: int) -> FrameSet:
         u = rng.random(shape)
         return (u**camera.shape - (1 - u) ** camera.shape) / camera.shape / law.std() * camera.read
 
-    def take(mean_e: float, exposure_s: float) -> np.ndarray:
+    def take(mean_e: float, exposure_s: float, share: float = 1.0) -> np.ndarray:
         lamp = 1 + camera.lamp * rng.standard_normal()
-        e = rng.poisson(np.maximum(mean_e * lamp * light, 0) + camera.dark * exposure_s)
+        e = rng.poisson(np.maximum(mean_e * lamp * light, 0) + camera.dark * share * exposure_s)
         e = e + dsnu + noise() + rng.normal(0, camera.row_noise, (shape[0], 1))
         return np.clip(np.rint(camera.black + e / camera.gain), 0, 2**camera.bits - 1).astype(np.uint16)
 
-    rows = [("bias", 0.0, None, take(0, 0)) for _ in range(10)]
+    rows = [("bias", 0.0, None, take(0, 0), DARK_C) for _ in range(10)]
     for exposure_s in (2.0, 8.0) if camera.dark else ():
-        rows += [("dark", exposure_s, None, take(0, exposure_s)) for _ in range(camera.frames)]
+        rows += [("dark", exposure_s, None, take(0, exposure_s), DARK_C) for _ in range(camera.frames)]
     for level in camera.levels:
-        rows += [("flat", 0.01, level / EFFICIENCY, take(level, 0.01)) for _ in range(camera.frames)]
-    records = [FrameRecord(i, f"{i}", kind, t, 20.0, 0.0, p) for i, (kind, t, p, _) in enumerate(rows)]
-    return FrameSet.from_arrays(records, [row[-1] for row in rows], bit_depth=camera.bits)
+        rows += [("flat", 0.01, level / EFFICIENCY, take(level, 0.01), DARK_C) for _ in range(camera.frames)]
+    for exposure_s in (2.0, 8.0, 32.0) if camera.dark else ():
+        rows += [
+            ("dark", exposure_s, None, take(0, exposure_s, COLDER), COLD_C) for _ in range(camera.frames)
+        ]
+    records = [FrameRecord(i, f"{i}", kind, t, c, 0.0, p) for i, (kind, t, p, _, c) in enumerate(rows)]
+    return FrameSet.from_arrays(records, [row[3] for row in rows], bit_depth=camera.bits)
 
 
 def count(sets: int, first: int = 0) -> tuple[Counter[str], Counter[str]]:

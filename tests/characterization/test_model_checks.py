@@ -11,7 +11,7 @@ from visaug.camera import Camera
 from visaug.characterization import characterize
 from visaug.characterization.alarms import all_warnings
 from visaug.characterization.codes import _step
-from visaug.characterization.in_time import _normal_gap
+from visaug.characterization.in_time import _normal_gap, _Peaks, _tail
 from visaug.characterization.model_checks import CHECKS
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.frames import FrameRecord, FrameSet
@@ -397,6 +397,13 @@ def test_a_light_leak_flattens_the_law_of_dark_current(leak, named):
     assert ("dark_current.b_per_c" in spoils) == named
 
 
+def test_compare_and_diagnose_hear_of_a_light_leak():
+    rows = dark_ladder(
+        28, lambda c: 20 * 2 ** ((c - 20) / 7) + 5, [(t, s) for t in (20.0, 0.0) for s in (0.1, 2.0, 8.0)]
+    )
+    assert "dark_current_flat" in {w.split(":")[0] for w in all_warnings(frame_set(rows))}
+
+
 def test_two_settings_of_dark_frames_tell_no_law():
     """Black level, rate and its course are three unknowns: two temperatures of one exposure each leave the law open."""
     result = measured(dark_ladder(29, lambda c: 20 * 2 ** ((c - 20) / 7), [(20.0, 8.0), (0.0, 2.0)]))
@@ -408,6 +415,19 @@ def test_averaged_flats_beside_raw_dark_frames_spoil_the_gain():
     rows, more = taken(47), taken(48)
     rows = [a if a[0] == "bias" else (*a[:4], (a[4] + b[4]) // 2) for a, b in zip(rows, more)]
     assert {"gain_e_per_dn", "read_noise.sigma_e"} <= set(spoiled(measured(rows), "flat_pedestal"))
+
+
+def test_the_heaviest_tail_of_quiet_dark_frames_counts():
+    """Dips of 8 and 20 standard deviations in groups of one noise: hits exceed three times the larger. Dips of noisy dark
+    frames do not count, and 2 standard deviations are no tail.
+    """
+
+    def group(dip, noise=10.0):
+        empty = np.zeros(SHAPE, np.float32)
+        return _Peaks(empty, empty, empty, dip, noise, False), 4
+
+    assert _tail([group(80.0), group(200.0, 10.5), group(900.0, 20.0)]) == 600.0
+    assert _tail([group(20.0)]) == _tail([]) == 0.0
 
 
 def test_stated_rates():

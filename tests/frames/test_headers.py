@@ -56,6 +56,9 @@ def test_kinds_under_other_keywords(tmp_path, card, kind):
         ("20 ms", "", "", 0.02),
         ("1/100", "", "", 0.01),
         (3, "[s] exposure", "ms", 3.0),
+        (2, "[hr]", "", 7200.0),
+        (2, "exposure in minutes", "", 120.0),
+        (3, "seconds (min 0.1)", "", 3.0),
     ],
 )
 def test_units_of_exposures(value, comment, unit, expected):
@@ -130,7 +133,16 @@ def test_two_bodies_are_two_settings(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "card", [{"CALSTAT": "BD"}, {"ZEROCOR": "Zero level correction done"}, {"BIASSUB": True}]
+    "card",
+    [
+        {"CALSTAT": "BD"},
+        {"ZEROCOR": "Zero level correction done"},
+        {"BIASSUB": True},
+        {"BUNIT": "electron"},
+        {"BUNIT": "adu/s"},
+        {"BUNIT": "DN sec^-1"},
+        {"BUNIT": "MJy/sr"},
+    ],
 )
 def test_calibrated_frames_are_left_out(tmp_path, card):
     frames = load(tmp_path, {}, {}, card)
@@ -142,10 +154,49 @@ def test_calibrated_frames_are_left_out(tmp_path, card):
 
 
 @pytest.mark.parametrize(
-    "card", [{"CALSTAT": ""}, {"ZEROCOR": False}, {"FLATCORR": "PERFORM"}, {"DARKCORR": "OMIT"}]
+    "card",
+    [
+        {"CALSTAT": ""},
+        {"ZEROCOR": False},
+        {"FLATCORR": "PERFORM"},
+        {"DARKCORR": "OMIT"},
+        {"BUNIT": "adu"},
+        {"BUNIT": "counts/sample"},
+        {"BUNIT": "electronic units"},
+    ],
 )
 def test_frames_that_were_not_calibrated_stay(tmp_path, card):
     assert len(load(tmp_path, {}, card)) == 2
+
+
+@pytest.mark.parametrize("comment", ["[F]", "degrees Fahrenheit", "[mK]"])
+def test_other_degrees_are_not_taken_for_celsius(comment):
+    assert celsius(68.0, comment) == (None, "none")
+
+
+@pytest.mark.parametrize(
+    ("card", "word"),
+    [
+        ({"EXPTIME": 2.0, "EXPOSURE": 2000.0}, "exposure_contradicted"),
+        ({"EXPTIME": 2.0, "EXPOSURE": 2.01}, None),
+        ({"EXPTIME": 0.5, "EXPOINUS": 500000}, None),
+        ({"IMAGETYP": "dark", "OBSTYPE": "flat"}, "kind_contradicted"),
+        ({"IMAGETYP": "dark", "OBSTYPE": "Dark Frame"}, None),
+    ],
+)
+def test_headers_that_contradict_themselves(tmp_path, card, word):
+    said = words(load(tmp_path, {**card, "EXPTIME": card.get("EXPTIME", 2.0)}))
+    assert {w for w in said if w.endswith("_contradicted")} == ({word} if word else set())
+
+
+@pytest.mark.parametrize("name", ["SNAPSHOT", "COADDS", "NCOADDS"])
+def test_frames_that_the_camera_combined(tmp_path, name):
+    assert [r.combined for r in load(tmp_path, {name: 4}, {name: 1}).records] == [4, 1]
+
+
+@pytest.mark.parametrize("name", ["EMGAIN", "PREAMP", "ISO"])
+def test_other_gains_are_settings(tmp_path, name):
+    assert [r.setting for r in load(tmp_path, {name: 1}, {name: 100}).records] == [f"{name}=1", f"{name}=100"]
 
 
 def test_black_levels_are_settings(tmp_path):

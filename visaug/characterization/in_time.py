@@ -23,6 +23,7 @@ _FEWEST = 4
 _HIT = 1e-3  # probability that noise makes a hit somewhere in a set
 _TAIL = 3.0  # with tails of a power of 6.7 (Tukey-lambda of -0.15) as many values exceed their greatest dip so far once in 1000
 _HEAVY = 0.1  # probability that dips of normal noise count as heavy tails
+_QUIET = 1.1  # times the noise of the quietest dark frames
 _JUMPING = 0.1  # share of the pixels with a hit that have another
 _EDGE = 3.0  # standard deviations above which a pixel beside a hit belongs to it
 _LINES = ((0, 1), (1, 0), (1, 1), (1, -1))  # directions in which pixels of a track adjoin
@@ -101,7 +102,7 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
         for g, p in zip(several, peaks)
         if g.kind != "flat" and len(g.indices) > 2 and not p.cut
     ]
-    tail = _tail(*min(dips, key=lambda d: d[0].noise)) if dips else 0.0
+    tail = _tail(dips)
     gain = _rough_gain(several, peaks)
     quiet = min((p.noise for g, p in zip(several, peaks) if g.kind != "flat"), default=0.0)
     hits: list[tuple[int, np.ndarray, np.ndarray]] = []
@@ -150,10 +151,15 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     return repaired(frames, change)
 
 
-def _tail(quiet: _Peaks, n: int) -> float:
-    """Least gap of a hit, DN, by the tails of the read noise in the quietest dark frames; 0 where these are normal."""
-    normal = _normal_gap(float(f"{_HEAVY / quiet.first.size:.2e}"), n) * quiet.noise + 1
-    return _TAIL * quiet.dip if quiet.dip > normal else 0.0
+def _tail(dips: Sequence[tuple[_Peaks, int]]) -> float:
+    """Least gap of a hit, DN, by the tails of the read noise in all quiet groups of dark frames (with the number of
+    their frames), as few values show less of them; 0 where these are normal.
+    """
+    least = min((p.noise for p, _ in dips), default=0.0)
+    quiet = [(p, n) for p, n in dips if p.noise <= _QUIET * least]
+    size = sum(p.first.size for p, _ in quiet)
+    heavy = [p.dip for p, n in quiet if p.dip > _normal_gap(float(f"{_HEAVY / size:.2e}"), n) * p.noise + 1]
+    return _TAIL * max(heavy, default=0.0)
 
 
 def _most_often(counts: np.ndarray, groups: int) -> int:

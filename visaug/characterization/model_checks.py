@@ -34,7 +34,7 @@ CHECKS = (
     ModelCheck("the noise of neighbours is independent", 0.005, ("correlated_noise",)),
     ModelCheck("variance is proportional to the signal", 0.005, ("photon_transfer_bent",)),
     ModelCheck("flats are dark frames plus light", 0.001, ("flat_pedestal", "dark_temperature")),
-    ModelCheck("dark current grows with temperature as silicon's", 0.001, ("dark_current_flat",)),
+    ModelCheck("dark current grows as silicon's", 0.001, ("dark_current_flat",)),
     ModelCheck("the response is even or white", 0.005, ("periodic_response", "structured_light")),
     ModelCheck(
         "headers agree with pixels", 0.001, ("mosaic_contradicted", "photons_implausible", "lossy_frames")

@@ -129,6 +129,7 @@ def checked(frames: FrameSet) -> Findings:
     measured, transfer, _ = _from_light(found, measured)
     if transfer is not None:
         _pattern(found, measured, transfer, find_mosaic(ready, facts))
+    dark.dark_law(found, measured)
     return found
 
 

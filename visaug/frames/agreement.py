@@ -10,7 +10,18 @@ from visaug.core.errors import InputError
 
 _SAME_GAIN = 0.02  # measured gains of one camera scatter by less; settings that differ by less are none
 _CEILINGS = {(1 << n) - 1: n for n in (8, 10, 12, 14)}  # DN, of converters that are coarser than their files
-_SHARED = ("GAIN", "OFFSET", "BLKLEVEL", "READOUTM", "READMODE", "ISOSPEED", "ISO")  # binning left out is 1
+_SHARED = (
+    "GAIN",
+    "OFFSET",
+    "BLKLEVEL",
+    "READOUTM",
+    "READMODE",
+    "ISOSPEED",
+    "ISO",
+    "EMGAIN",
+    "PREAMP",
+    "GAINMODE",
+)  # binning left out is 1
 _LISTED = 6  # files that a note lists
 
 Row = dict[str, Any]

@@ -22,9 +22,28 @@ _KIND = ("IMAGETYP", "IMGTYPE", "IMAGETYPE", "OBSTYPE", "FRAME", "FRAMETYP", "IM
 _EXPOSURE = ("EXPTIME", "EXPOSURE", "EXP_TIME")
 _MICROSECONDS = "EXPOINUS"  # ASI cameras
 _TEMPERATURE = ("CCD-TEMP", "CCD_TEMP", "CCDTEMP", "DET-TEMP", "DETTEMP", "SET-TEMP")
-_SETTING = ("OFFSET", "BLKLEVEL", "PEDESTAL", "READOUTM", "READMODE", "ISOSPEED")
+_SETTING = (
+    "OFFSET",
+    "BLKLEVEL",
+    "PEDESTAL",
+    "READOUTM",
+    "READMODE",
+    "ISOSPEED",
+    "ISO",
+    "EMGAIN",
+    "PREAMP",
+    "GAINMODE",
+)
 _FILTER = ("FILTER", "FILTER1", "INSFILTE")
-_COMBINED = ("NCOMBINE", "STACKCNT", "NIMAGES")
+_COMBINED = (
+    "NCOMBINE",
+    "STACKCNT",
+    "NIMAGES",
+    "SNAPSHOT",
+    "COADDS",
+    "NCOADDS",
+    "NCOADD",
+)  # SNAPSHOT: MaxIm DL
 _BITS = ("BITDEPTH", "ADCBITS")
 _CEILING = ("DATAMAX", "SATURATE", "SATLEVEL")
 _BODY = (
@@ -63,6 +82,14 @@ _NOT_DONE = (
     "PERFORM",
     "SKIPPED",
 )  # PERFORM: still to be done (HST)
+# BUNIT of numbers that no converter gave: electrons, rates, fluxes (FITS standard 4.0, section 4.3)
+_NO_CODES = re.compile(
+    r"e-?|el|electrons?|photons?|ph|.*(?:jy\b|\berg|(?:/|\bper)\s*s(?:ec(?:ond)?s?)?\b|\bs(?:ec)?\^?-1).*",
+    re.IGNORECASE,
+)
+_SAME_EXPOSURE = (
+    0.05  # keywords that differ by more (the time with the shutter's, asked and taken) contradict each other
+)
 _PER_DN = re.compile(r"(?:e-?|electrons?)\s*(?:/|per)\s*(?:adu|dn|count)", re.IGNORECASE)
 
 
@@ -99,6 +126,9 @@ def header_facts(header: Mapping[str, Any], comments: Mapping[str, str], path: P
     facts.update(kind=kind_of(kind_text), kind_text=kind_text)
     if facts["kind"]:
         words["kind"] = f"{chosen} {kind_text}"
+    told = {f"{name} = {text(name)}": kind for name in kinds if (kind := kind_of(text(name)))}
+    if len(set(told.values())) > 1:
+        said["kind_contradicted"] = f"{', '.join(told)}: the first counts"
     facts["exposure_s"] = _exposure(header, comments, path, text, words, said)
     facts["temperature_c"] = _temperature(header, comments, text, words, said)
     facts["gain_db"] = number("gain_db", "GAIN_DB", "GAINDB")
@@ -120,14 +150,21 @@ def header_facts(header: Mapping[str, Any], comments: Mapping[str, str], path: P
 def _exposure(
     header, comments, path: Path, text, words: dict[str, str], said: dict[str, str]
 ) -> float | None:
-    name = next((n for n in (*_EXPOSURE, _MICROSECONDS) if text(n)), None)
-    if name is None:
+    names = [n for n in (*_EXPOSURE, _MICROSECONDS) if text(n)]
+    if not names:
         return None
-    unit = "us" if name == _MICROSECONDS else text("TIMEUNIT")
-    try:
-        value, plain = (seconds(header[name], c, u) for c, u in ((comments.get(name, ""), unit), ("", "")))
-    except ValueError:
-        raise InputError(f"{header[name]!r} is not a number", file=path, field=name) from None
+    name = names[0]
+
+    def value_of(name: str) -> float:
+        unit = "us" if name == _MICROSECONDS else text("TIMEUNIT")
+        try:
+            return seconds(header[name], comments.get(name, ""), unit)
+        except ValueError:
+            raise InputError(f"{header[name]!r} is not a number", file=path, field=name) from None
+
+    value, plain = value_of(name), seconds(header[name])
+    if any(abs(value_of(n) - value) > _SAME_EXPOSURE * max(abs(value), 1e-9) for n in names[1:]):
+        said["exposure_contradicted"] = f"{', '.join(f'{n} = {text(n)}' for n in names)}: the first counts"
     words["exposure_s"] = name
     if value != plain:
         said["exposure_unit"] = f"{name} is not in seconds, as its unit says"
@@ -167,6 +204,8 @@ def _setting(header, comments, text) -> str | None:
 def _calibrated(text) -> str | None:
     if text("CALSTAT"):
         return f"CALSTAT = {text('CALSTAT')}"
+    if _NO_CODES.fullmatch(text("BUNIT")):
+        return f"BUNIT = {text('BUNIT')}"
     return next((f"{k} = {text(k)}" for k in _CALIBRATED if text(k).upper() not in _NOT_DONE), None)
 
 

@@ -25,6 +25,8 @@ _SAID = {  # what was made of a header or a name
     "name_unclear": "no exposure or temperature is taken from a number of two meanings",
     "temperature_unknown": "the temperature is not known",
     "temperature_kelvin": "the temperature is converted from Kelvin",
+    "kind_contradicted": "keywords of the header name different kinds",
+    "exposure_contradicted": "keywords of the header state different exposures",
     "exposure_unit": "the exposure is converted to seconds",
     "overscan": "columns or rows without light are cut off, where the header says which they are",
     "colour_planes": "three colours of a picture are no three frames; green alone is used",

@@ -9,8 +9,9 @@ from visaug.core.constants import ZERO_C_K
 
 _SECONDS = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "millisec": 1e-3,
             "millisecond": 1e-3, "milliseconds": 1e-3, "us": 1e-6, "usec": 1e-6, "µs": 1e-6, "μs": 1e-6, "microsec": 1e-6,
-            "microsecond": 1e-6, "microseconds": 1e-6, "ns": 1e-9, "nanoseconds": 1e-9, "min": 60.0, "minutes": 60.0,
-            "h": 3600.0, "d": 86400.0}  # fmt: skip
+            "microsecond": 1e-6, "microseconds": 1e-6, "ns": 1e-9, "nanoseconds": 1e-9, "min": 60.0, "mins": 60.0,
+            "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0, "hrs": 3600.0, "hour": 3600.0, "hours": 3600.0,
+            "d": 86400.0}  # fmt: skip
 # Sensors that take pictures lie between liquid nitrogen and automotive grade 1 with a margin; a temperature above in
 # a header is one in Kelvin where that makes sense, else no measurement.
 COLDEST_C, WARMEST_C, WARMEST_K = -200.0, 150.0, 400.0
@@ -20,13 +21,16 @@ _NONE_C = (
     -273.1,
     -273.2,
 )  # drivers of cameras without a thermometer, beside 999 and its kin
+_OTHER_DEGREES = re.compile(
+    r"fahrenheit|[\[(]\s*(deg\s*f|f|mk|millikelvin)\s*[\])]"
+)  # not converted: rare, and unsure
 
 
 def unit_of(comment: str) -> float | None:
     """Seconds in the time unit that a header's comment names, ``[ms] exposure`` or ``exposure in ms``; None for none."""
-    word = re.search(r"[\[(]\s*([a-zµμ]+)\s*[\])]", comment.lower())
-    if word is not None and word[1] in _SECONDS:
-        return _SECONDS[word[1]]
+    word = re.search(r"[\[(]\s*([a-zµμ]+)\s*[\])]|\bin\s+([a-zµμ]+)", comment.lower())
+    if word is not None and (word[1] or word[2]) in _SECONDS:
+        return _SECONDS[word[1] or word[2]]
     for name in re.findall("[a-zµμ]+", comment.lower()):
         if (
             len(name) > 1 and name in _SECONDS and name not in ("min", "minutes")
@@ -72,7 +76,7 @@ def celsius(value: float, comment: str = "") -> tuple[float | None, str]:
         >>> celsius(-10.0), celsius(263.15), celsius(-999.0)
         ((-10.0, ''), (-10.0, 'kelvin'), (None, 'none'))
     """
-    if is_no_temperature(value):
+    if is_no_temperature(value) or _OTHER_DEGREES.search(comment.lower()):
         return None, "none"
     kelvin = re.search(r"\bkelvin\b|[\[(]\s*k\s*[\])]", comment.lower()) is not None
     if kelvin or WARMEST_C < value <= WARMEST_K:
