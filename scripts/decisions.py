@@ -8,7 +8,7 @@ A problem is a set of 47 frames of 64 x 80 pixels by the benchmark's camera: one
 the catalogue, or one that no catalogue has, at 0.8 to 4 times the faint strength. `further` diagnoses the effects in
 `benchmark/further.py`, one at a time and at typical strength, with frames that show them (`SHOWN_BY`). `--propose` adds effects
 that a diagnosis does not try by itself. `count` applies the criterion with other constants to the recorded evidence
-(`visaug/diagnosis/criterion.py`). It also prints the totals that `visaug/report/counts.yaml` holds.
+(`visaug/diagnosis/criterion.py`).
 """
 
 import argparse
@@ -252,22 +252,8 @@ def named(folder: Path) -> None:
     print()
 
 
-def totals(folder: Path) -> dict[str, int]:
-    """The content of visaug/report/counts.yaml: what the recorded diagnoses named, over all kinds of problems."""
-    total: Counter[str] = Counter(problems=0, outside=0, named=0, right=0)
-    for file in sorted(folder.rglob("*.pkl")):
-        kept = pickle.loads(file.read_bytes())
-        one, accepted = kept["problem"], set(kept["accepted"])
-        outside = one.kind in ("leave_out", "foreign")
-        total.update(
-            problems=1, outside=int(outside), named=len(accepted), right=len(accepted & one.expected)
-        )
-    return dict(total)
-
-
 def count(folder: Path, odds: float, share: float, rare: float) -> None:
     named(folder)
-    print(yaml.safe_dump(totals(folder), sort_keys=False))
     told = list(decisions(folder, odds, share, rare))
     print("| kind | expected | decision | steps |\n| --- | --- | --- | --- |")
     for key, number in sorted(Counter(one[:3] for one in told).items()):

@@ -2,10 +2,8 @@
 
 from collections.abc import Mapping
 from math import isclose
-from pathlib import Path
 from typing import Any
 
-from visaug.core.documents import read_yaml
 from visaug.core.wording import p_text, probability_text, statistic_text, with_interval
 
 Content = Mapping[str, Any]
@@ -128,23 +126,7 @@ def diagnosis_details(content: Content) -> list[str]:
         lines.append(content["form"])
     if content["unexplained"] and content["accepted"]:
         lines.append(f"Unexplained: {content['unexplained']['description']}")
-    if content["accepted"]:
-        lines.append(counts_text())
     return lines
-
-
-def counts_text() -> str:
-    """How often the names of a diagnosis were right in the counts of this version (`counts.yaml`, by scripts/decisions.py).
-
-    Examples:
-        >>> "test sets" in counts_text()
-        True
-    """
-    counts = read_yaml(Path(__file__).with_name("counts.yaml"), "the counts")
-    return (
-        f"How often such a name is right: {counts['right']} of {counts['named']} in {counts['problems']} test sets of an "
-        f"independent simulator, {counts['outside']} of them with an effect that is not in the catalogue (docs/results.md)."
-    )
 
 
 def effect_texts(names: list[str]) -> list[str]:
@@ -165,7 +147,8 @@ def effect_texts(names: list[str]) -> list[str]:
 AMONG = "among the effects that were tried and a cause outside the catalogue"
 PROBABILITY = (
     "Probability: posterior probability among the effects that were tried and a cause outside the catalogue, which is judged by "
-    "what the accepted effects leave. p-value: probability that a complete camera shows a difference at least as large."
+    "what the accepted effects leave; docs/results.md counts how often such a statement was right. "
+    "p-value: probability that a complete camera shows a difference at least as large."
 )
 
 
