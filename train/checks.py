@@ -1,10 +1,11 @@
 """What is refused, or settled, before a study makes any file."""
 
+import hashlib
 import re
 from pathlib import Path
 
 from visaug.core.errors import InputError
-from visaug_train.config import Config
+from visaug_train.config import Config, Start
 from visaug_train.device import Say, check_device
 from visaug_train.noise import batch_noise
 from visaug_train.quiet import check_tracking, quiet_ultralytics
@@ -49,6 +50,8 @@ def check_arms(config: Config, announce: Say | None = None) -> None:
                 field="model",
                 expected="a YAML such as yolov8n-pose.yaml, or the file of trained weights (NAME.pt)",
             ) from None
+    if config.start and config.start.weights:
+        start_weights(config.start)
     given = {"start": {**config.training, **config.start.training}} if config.start else {}
     for name in config.arms:
         arm = config.arm(name)
@@ -62,6 +65,21 @@ def check_arms(config: Config, announce: Say | None = None) -> None:
             raise InputError(f"{name}: {_plain(error)}", field="training") from None
     if config.cluster is None or config.cluster.address is None:  # else the nodes decide
         check_device(list(given.values()), announce)
+
+
+def start_weights(start: Start) -> bytes:
+    """The safetensors file that all runs start from.
+
+    Raises:
+        InputError: no such file, or another SHA-256 than the config's.
+    """
+    file = Path(str(start.weights))
+    if not file.is_file():
+        raise InputError("no such file", file=file, field="start.weights", expected="a safetensors file")
+    content = file.read_bytes()
+    if (found := hashlib.sha256(content).hexdigest()) != start.sha256:
+        raise InputError(f"has the SHA-256 {found}", file=file, expected=str(start.sha256))
+    return content
 
 
 def _plain(error: Exception) -> str:

@@ -13,6 +13,7 @@ from visaug.report.provenance import footer
 from visaug.report.real_camera import real_camera_section
 from visaug_train.ablation import Ablation, ablate
 from visaug_train.arms import Arm, Vis
+from visaug_train.checks import check_arms
 from visaug_train.config import Config, load_config
 from visaug_train.plots import plot_scores
 from visaug_train.render.independent_camera import LIGHTBOX_CAMERA
@@ -98,6 +99,7 @@ def run_demo(
         seconds[part] = time.monotonic() - began
         say(part, 1, 1)
 
+    check_arms(demo_config(output, seed, full))  # before the minutes of a diagnosis
     with timed("diagnosis of the lightbox-like camera"):
         _found(output, seed, progress)
     ablation = run_ablation(output, seed, progress, full)

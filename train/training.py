@@ -24,7 +24,7 @@ from visaug.core.files import whole_file, write_json, write_text
 from visaug_train import checkpoints
 from visaug_train.arms import Arm
 from visaug_train.callbacks import close_noise, follow, keep_batch
-from visaug_train.checks import check_apart
+from visaug_train.checks import check_apart, start_weights
 from visaug_train.config import Config
 from visaug_train.convert import convert
 from visaug_train.datasets import keypoints_of, read_poses
@@ -194,15 +194,11 @@ def _from_weights(config: Config, weights: Path) -> Path:
     """A checkpoint of ultralytics with the state that a safetensors file holds.
 
     Raises:
-        InputError: no such file, another SHA-256 than the config's, or the state of another network.
+        InputError: see `start_weights`, or the state of another network.
     """
     assert config.start is not None
-    if not weights.is_file():
-        raise InputError("no such file", file=weights, field="start.weights", expected="a safetensors file")
-    content = weights.read_bytes()
-    if (found := hashlib.sha256(content).hexdigest()) != config.start.sha256:
-        raise InputError(f"has the SHA-256 {found}", file=weights, expected=str(config.start.sha256))
-    made = config.output / "runs" / f"start-{found[:8]}.pt"
+    content = start_weights(config.start)
+    made = config.output / "runs" / f"start-{str(config.start.sha256)[:8]}.pt"
     if not made.is_file():
         quiet_ultralytics(config.output / "ultralytics-settings")
         from safetensors.torch import load

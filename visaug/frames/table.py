@@ -6,6 +6,7 @@ import codecs
 import csv
 import difflib
 import io
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from datetime import datetime, timezone
@@ -262,8 +263,10 @@ def _time(text: str, number_in, wrong) -> float | None:
 
 def iso_seconds(text: str) -> float | None:
     """Seconds since 1970 of ``2026-01-31T23:59:58.5`` (UTC where no zone is given); None for other text."""
+    # Python 3.10 reads fractions of three or six digits alone, and no Z
+    written = re.sub(r"\.(\d{1,6})\d*", lambda found: f".{found[1]:0<6}", text).replace("Z", "+00:00")
     try:
-        moment = datetime.fromisoformat(text)
+        moment = datetime.fromisoformat(written)
     except ValueError:
         return None
     if "-" not in text:  # 20260131 is a number of seconds as well
