@@ -1,15 +1,12 @@
 import subprocess
 import sys
-from collections import Counter
 
 import numpy as np
 import pytest
 from astropy.io import fits
 
-from visaug.characterization import characterize
 from visaug.core.errors import InputError
 from visaug.frames import FrameRecord, FrameSet, read_table, write_table
-from visaug.frames.pixels import PixelReader
 from visaug.frames.plan import default_plan, describe_plan, plan_groups
 
 RNG = np.random.default_rng(11)
@@ -376,28 +373,3 @@ def test_a_frame_set_by_path_or_itself(tmp_path):
         FrameSet.of(3)
     with pytest.raises(InputError, match="no such file or folder"):
         FrameSet.of(tmp_path / "nowhere")
-
-
-def test_each_file_is_read_once_for_a_result(tmp_path, monkeypatch):
-    """Every step of a result asks for the frames again; files are decoded once."""
-    frames, pixels = small_set(12, (24, 32))
-    frames.save(tmp_path)
-    reads = Counter()
-    read = PixelReader.read
-    monkeypatch.setattr(
-        PixelReader, "read", lambda self, name, *a: (reads.update([name]), read(self, name, *a))[1]
-    )
-    loaded = FrameSet.load(tmp_path)
-    characterize(loaded)
-    assert list(reads.values()) == [1] * 12
-    loaded.read(0)[:] = 0  # a copy: what is kept stays
-    np.testing.assert_array_equal(loaded.read(0), pixels[0])
-
-
-def test_frames_beyond_the_room_are_read_again(tmp_path, monkeypatch):
-    frames, pixels = small_set(4)
-    frames.save(tmp_path)
-    monkeypatch.setattr("visaug.frames.stores._KEPT_BYTES", 2 * pixels[0].nbytes)
-    loaded = FrameSet.load(tmp_path)
-    for _ in range(2):
-        np.testing.assert_array_equal(loaded.read_many(range(4)), pixels)

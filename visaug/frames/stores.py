@@ -19,7 +19,6 @@ from visaug.frames.values import check_frame, check_values
 
 _PROBED = 8  # frames looked at to find where the bits lie
 _CLEANS_KEPT = 8
-_KEPT_BYTES = 1 << 28  # of decoded frames, which every step of a result reads again
 
 
 class Store(Protocol):
@@ -122,8 +121,6 @@ class FileStore:
         self._shapes: dict[int, tuple[int, int]] = {}
         self._size: tuple[tuple[int, int], str] | None = None
         self._cleans: OrderedDict[str, np.ndarray] = OrderedDict()
-        self._kept: dict[int, np.ndarray] = {}
-        self._room = _KEPT_BYTES
 
     @property
     def bit_depth(self) -> int | None:
@@ -185,14 +182,7 @@ class FileStore:
         return self._reader.path(self._records[i].file)
 
     def _stored(self, i: int) -> np.ndarray:
-        """As the file holds them. The first frames read are kept, the last ones would be gone when a pass starts over."""
-        if i in self._kept:
-            return self._kept[i]
-        pixels = self._reader.read(self._records[i].file, self._shape_of_raw(self._records[i]))
-        if pixels.nbytes <= self._room and not isinstance(pixels, np.memmap):
-            self._room -= pixels.nbytes
-            self._kept[i] = pixels if pixels.base is None else pixels.copy()
-        return pixels
+        return self._reader.read(self._records[i].file, self._shape_of_raw(self._records[i]))
 
     def _shape_of_raw(self, record: FrameRecord) -> tuple[int, int] | None:
         if record.window is None:

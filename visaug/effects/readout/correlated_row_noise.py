@@ -12,6 +12,7 @@ class CorrelatedRowNoise(Effect):
     """
 
     name = "correlated_row_noise"
+    proposed = False  # where it was tried it took the place of other effects
     stage = Stage.READOUT
     order = 42
     aliases = ("horizontal stripes", "banding", "pink noise", "1/f noise", "supply noise", "EMI")

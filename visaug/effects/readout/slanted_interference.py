@@ -15,6 +15,7 @@ class SlantedInterference(Effect):
     """
 
     name = "slanted_interference"
+    proposed = False  # where it was tried it took the place of other effects
     stage = Stage.READOUT
     order = 52
     aliases = ("EMI", "banding", "interference", "herringbone", "moving stripes", "pattern noise")
