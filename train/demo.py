@@ -126,6 +126,8 @@ def finding(ablation: Ablation, output: Path, seed: int = 0) -> list[str]:
     answer = diagnosis_of(_found(output, seed))
     changes = [d for d in ablation.differences if d.arm == DIAGNOSED and d.measure == "oks_coco"]
     ap = {d.domain: d for d in ablation.differences if d.arm == DIAGNOSED and d.measure == "keypoint_ap_coco"}
+    if not changes:
+        raise InputError("no pair of trainings ended well", file=output / "failures")
     [own] = [d for d in changes if d.domain == DOMAIN]
     others = "; ".join(f"{d.domain} {_change(d)}" for d in changes if d.domain != DOMAIN)
     trained = (

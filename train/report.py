@@ -78,11 +78,6 @@ def timing_section(ablation: Ablation, seconds: Mapping[str, float] | None = Non
     return Section("Computing time", [figure(plot_timing(parts), text)])
 
 
-def finding(ablation: Ablation) -> str:
-    """The conclusion from the keypoint AP."""
-    return " ".join(_findings(ablation)) or f"{ablation.config.baseline} alone: nothing to compare it with."
-
-
 def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
     config = ablation.config
     overview = overview_table(ablation.means, ablation.differences, config.baseline, most=MOST_ABREAST)

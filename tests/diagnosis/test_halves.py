@@ -16,10 +16,11 @@ def test_the_kept_halves_are_those_of_the_tolerance_asked_for():
     null = a_null()
     for size in (0.0, 0.5, 0.0):
         left = np.full(7, size)
-        for k, (metric, others) in enumerate(each_half(null, left)):
+        for k, (metric, others, white) in enumerate(each_half(null, left)):
             own, other = null.residuals[k::2], null.residuals[1 - k :: 2]
             assert np.array_equal(metric.covariance, law(null, left, sets=own).covariance)
             assert np.array_equal(others, other)
+            assert np.array_equal(white, metric.white(other))
 
 
 def test_the_same_tolerance_gives_the_same_matrices_without_new_work():

@@ -19,7 +19,7 @@ CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 @pytest.fixture
 def quick_diagnosis(monkeypatch):
     """A diagnosis of fewer pixels that tries two effects."""
-    tried = {"amplifier_glow", "row_noise"}  # of the catalogue: the story is told all the same
+    tried = {"amplifier_glow", "row_noise"}  # few, so that the test is fast
     without = [name for name, effect in catalogue().items() if not effect.base and name not in tried]
     monkeypatch.setattr(visaug, "diagnose", partial(visaug.diagnose, sets=60, without=without))
     for module in (laboratory, demo):

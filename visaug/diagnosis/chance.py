@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from visaug.diagnosis.candidates.signatures import Signatures
-from visaug.diagnosis.fitting.law import Metric, white_halves
+from visaug.diagnosis.fitting.law import Metric, each_half
 from visaug.diagnosis.fitting.robust import standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.state import State
@@ -80,7 +80,7 @@ def chance(lab: Laboratory, signed: Signatures, state: State) -> Chance:
     null = reference.whole_null
     judged = [
         Half(m, m.white(state.fitted.whole_residual), others)
-        for m, others in white_halves(null, state.whole.allowance)
+        for m, _, others in each_half(null, state.whole.allowance)
     ]
     chosen = [i for i, trial in enumerate(signed.trials) if trial.effect not in state.accepted]
     shapes = lab.whole_of(signed.values[chosen])

@@ -30,7 +30,7 @@ PRIOR = 0.1  # odds, before the frames are seen, of a cause outside the catalogu
 SPREADS = (0.1, 1e4)  # smallest and largest T
 STEPS = 60  # of T
 SHOWN = 1.0  # standard deviations that an effect explains where it acts
-LEAST = 1e-12  # p-value below which none is told apart
+LEAST = 1e-12  # smallest p-value that is used; smaller ones count as this
 
 
 def log_odds_outside(state: State, statistics: Sequence[Statistic]) -> float:

@@ -122,8 +122,8 @@ class Diagnosis(Reported):
         warnings: assumptions, and properties of the set that make effects undetectable.
         camera_file: mistakes in the camera file, which were corrected before anything else.
         effects: the verdict on each effect of the catalogue that was considered.
-        outside: probability that the cause is no effect of the catalogue but resembles the accepted ones; None where none
-            was accepted.
+        outside: probability that the cause is outside the catalogue and resembles the accepted effects; None if no effect was
+            accepted.
     """
 
     camera: Camera

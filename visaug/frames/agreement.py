@@ -7,21 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from visaug.core.errors import InputError
+from visaug.frames.keywords import SETTING_KEYWORDS
 
 _SAME_GAIN = 0.02  # measured gains of one camera scatter by less; settings that differ by less are none
 _CEILINGS = {(1 << n) - 1: n for n in (8, 10, 12, 14)}  # DN, of converters that are coarser than their files
-_SHARED = (
-    "GAIN",
-    "OFFSET",
-    "BLKLEVEL",
-    "READOUTM",
-    "READMODE",
-    "ISOSPEED",
-    "ISO",
-    "EMGAIN",
-    "PREAMP",
-    "GAINMODE",
-)  # binning left out is 1
+_SHARED = ("GAIN", *(name for name in SETTING_KEYWORDS if name != "PEDESTAL"))  # binning left out is 1
 _LISTED = 6  # files that a note lists
 
 Row = dict[str, Any]

@@ -22,7 +22,7 @@ _KIND = ("IMAGETYP", "IMGTYPE", "IMAGETYPE", "OBSTYPE", "FRAME", "FRAMETYP", "IM
 _EXPOSURE = ("EXPTIME", "EXPOSURE", "EXP_TIME")
 _MICROSECONDS = "EXPOINUS"  # ASI cameras
 _TEMPERATURE = ("CCD-TEMP", "CCD_TEMP", "CCDTEMP", "DET-TEMP", "DETTEMP", "SET-TEMP")
-_SETTING = (
+SETTING_KEYWORDS = (
     "OFFSET",
     "BLKLEVEL",
     "PEDESTAL",
@@ -192,7 +192,7 @@ def _setting(header, comments, text) -> str | None:
         found.append(f"GAIN={_plain(header['GAIN'])}")
     found += [
         f"{k}={_plain(header[k])}"
-        for k in _SETTING
+        for k in SETTING_KEYWORDS
         if text(k) and not (k == "PEDESTAL" and not _number_or_none(header[k]))
     ]
     found += [

@@ -1,12 +1,12 @@
 """Compiled sums of the fixed pattern and of profiles: one call in place of many small ones on arrays."""
 
 import math
-from typing import Any
 
 import numpy as np
 from numba import njit
 
 from visaug.statistics.kernels import (
+    EXACT,
     apart,
     block_sums,
     line_means,
@@ -16,10 +16,8 @@ from visaug.statistics.kernels import (
     without_apart,
 )
 
-_exact: dict[str, Any] = {"cache": True, "nogil": True}
 
-
-@njit(**_exact)
+@njit(**EXACT)
 def centre(image):
     """Takes the mean off an image (H, W) float32 in place."""
     height, width = image.shape
@@ -35,7 +33,7 @@ def centre(image):
             image[r, c] -= mean
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def without_lone(image, step, alone, mad, least, calm):
     """An image (H, W) float32 without pixels that stand alone.
 
@@ -50,14 +48,14 @@ def without_lone(image, step, alone, mad, least, calm):
     without_apart(image, alone * max(mad * median_of_sizes(far), least), calm)
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def centred_lines(image):
     """Takes the mean off an image (H, W) float32 in place; means of its rows and of its columns."""
     centre(image)
     return line_means(image)
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def pixel_parts(image, calm, rows, columns, row_edges, column_edges, pixels, products):
     """What rows, columns and slow parts of the calm image leave of an image, and sums of products of its pixels.
 
@@ -84,7 +82,7 @@ def pixel_parts(image, calm, rows, columns, row_edges, column_edges, pixels, pro
     scatter(pixels.reshape(1, height, width), nothing, flat, lying, True, products, halves, squares)
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def profile_numbers(profile, cubics, reach, out):
     """Numbers of a profile (L,), L > 1: its variance about its cubic; the slope from its middle to its end; its largest step; its
     second half less its first; its odd lines less its even ones.
@@ -132,7 +130,7 @@ def profile_numbers(profile, cubics, reach, out):
     out[4] = odd / (length // 2) - even / (length - length // 2)
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def mean_power(waves, out):
     """Adds to out (K - 1,) the mean over profiles of the squared sizes of waves (n, K), without the first of each."""
     for i in range(waves.shape[0]):
@@ -141,7 +139,7 @@ def mean_power(waves, out):
             out[k] += (x.real * x.real + x.imag * x.imag) / waves.shape[0]
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def peak_frequency(spectrum):
     """Of the highest bin, drawn towards its neighbours by their power: anywhere in white noise, sharp for a banding."""
     length, top = spectrum.size, np.argmax(spectrum)
@@ -152,7 +150,7 @@ def peak_frequency(spectrum):
     return place / max(weight, 1e-12) / (2 * length)
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def band_numbers(spectrum, edges, least, out):
     """Logarithms of a spectrum (K,) and where its peak is.
 
@@ -175,7 +173,7 @@ def band_numbers(spectrum, edges, least, out):
     out[bands + 2] = math.log(spectrum[-1] / middle + least)
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def mean_square_about(lines):
     """Mean square of profiles (n, L) about the mean of each."""
     count, length = lines.shape

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-_exact: dict[str, Any] = {"cache": True, "nogil": True}
-_fast: dict[str, Any] = {**_exact, "fastmath": {"reassoc", "contract", "arcp", "nsz"}}
+EXACT: dict[str, Any] = {"cache": True, "nogil": True}
+_fast: dict[str, Any] = {**EXACT, "fastmath": {"reassoc", "contract", "arcp", "nsz"}}
 
 LAGS = ((0, 0), (0, 1), (1, 0), (1, 1), (0, 2), (2, 0))  # rows and columns between two pixels of `scatter`
 FAR_LAGS = ((0, 4), (0, 12), (4, 0))
@@ -18,7 +18,7 @@ _LOW_BITS = 18  # of a float32 that are not counted: exponent and five bits of t
 _RING = 5  # rows that are held: the largest of those distances, and one
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def add_up(frames, total, rows, columns):
     """Sums of frames (n, H, W) over frames, columns and rows: adds to total (H, W), rows (n, H) and columns (n, W)."""
     for i in range(frames.shape[0]):
@@ -32,7 +32,7 @@ def add_up(frames, total, rows, columns):
             rows[i, r] = line
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def count_codes(frames, counts):
     """Adds to counts (2, codes): two tables, as a code that comes twice running would wait for itself in one."""
     for i in range(frames.shape[0]):
@@ -186,7 +186,7 @@ def limited_squares(frames, mean, rows, columns, limit, out):
                 out[r, c] += near * near
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def median_of_sizes(values):
     """Median of float32 numbers that are not negative: their bits are in the same order, so that leading digits are counted."""
     bits = values.view(np.uint32)
@@ -226,7 +226,7 @@ def _middle(image, r, c):
     return (((a + b) + (d + e)) - high - low) / np.float32(2)
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def apart(image, step, out):
     """Distance of every `step`-th pixel from the middle of its neighbours."""
     width = image.shape[1]
@@ -238,7 +238,7 @@ def apart(image, step, out):
             r, c = r + 1, c - width
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def without_apart(image, limit, out):
     """The image with the middle of its neighbours for each pixel that is further from it than `limit`."""
     height, width = image.shape
@@ -335,7 +335,7 @@ def far_pixels(image, scale, counts):
     return total
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def response(frame, before, dark):
     """Sums over pixels of (frame - dark) times (before - its mean), and of the square of the latter.
 

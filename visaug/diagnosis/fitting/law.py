@@ -100,25 +100,19 @@ def law(
     return Metric(used, scale, covariance)
 
 
-def each_half(null: Null, left: np.ndarray) -> list[tuple[Metric, np.ndarray]]:
-    """The covariance of each half of the simulated sets, with the residuals of the other half, to which it may be applied."""
+def each_half(null: Null, left: np.ndarray) -> list[tuple[Metric, np.ndarray, np.ndarray]]:
+    """The covariance of each half of the simulated sets, with the residuals of the other half, to which it may be applied:
+    as they are (R / 2, statistics), and whitened (R / 2, statistics used).
+    """
     key = np.asarray(left).tobytes()
     found = null.halves.get(key)
     if found is None:
         first, second = null.residuals[::2], null.residuals[1::2]
-        found = [(law(null, left, sets=first), second), (law(null, left, sets=second), first)]
+        pairs = ((law(null, left, sets=own), others) for own, others in ((first, second), (second, first)))
+        found = [(m, others, m.white(others)) for m, others in pairs]
         null.halves.clear()  # the last alone is kept: each holds matrices of all statistics
         null.halves[key] = found
     return found
-
-
-def white_halves(null: Null, left: np.ndarray) -> list[tuple[Metric, np.ndarray]]:
-    """The same with the residuals (R / 2, statistics used) whitened."""
-    halves = each_half(null, left)
-    key = np.asarray(left).tobytes() + b"white"
-    if key not in null.halves:
-        null.halves[key] = [(m, m.white(others)) for m, others in halves]
-    return null.halves[key]
 
 
 def scatter_along(null: Null, left: np.ndarray, ways: np.ndarray) -> np.ndarray:
@@ -128,7 +122,7 @@ def scatter_along(null: Null, left: np.ndarray, ways: np.ndarray) -> np.ndarray:
     this factor corrects for it.
     """
     found = np.zeros(len(ways))
-    for m, others in white_halves(null, left):
+    for m, _, others in each_half(null, left):
         white = m.white(ways)
         squares = (white**2).sum(1)
         along = ((others @ white.T) ** 2).mean(0)

@@ -72,7 +72,7 @@ class Null:
 
     @cached_property
     def halves(self) -> dict[bytes, Any]:
-        """Covariances of halves of the sets by the tolerance that they allow, see `each_half` and `white_halves`."""
+        """Covariances of halves of the sets by the tolerance that they allow, see `each_half`."""
         return {}
 
     @cached_property
