@@ -1,20 +1,15 @@
-"""Compiled sums of the fixed pattern and of profiles: one call in place of many small ones on arrays."""
+"""Compiled sums of the fixed pattern and of profiles: one call in place of many small ones on arrays.
+
+None of these calls a loop of `kernels` that sums in free order: how such a loop rounds inside another one depends on whether the
+compiler or the cache on disk gave it, and so would the numbers.
+"""
 
 import math
 
 import numpy as np
 from numba import njit
 
-from visaug.statistics.kernels import (
-    EXACT,
-    apart,
-    block_sums,
-    line_means,
-    median_of_sizes,
-    pixel_part,
-    scatter,
-    without_apart,
-)
+from visaug.statistics.kernels import EXACT, apart, median_of_sizes, without_apart
 
 
 @njit(**EXACT)
@@ -49,37 +44,20 @@ def without_lone(image, step, alone, mad, least, calm):
 
 
 @njit(**EXACT)
-def centred_lines(image):
-    """Takes the mean off an image (H, W) float32 in place; means of its rows and of its columns."""
-    centre(image)
-    return line_means(image)
-
-
-@njit(**EXACT)
-def pixel_parts(image, calm, rows, columns, row_edges, column_edges, pixels, products):
-    """What rows, columns and slow parts of the calm image leave of an image, and sums of products of its pixels.
+def block_offsets(sums, rows, columns, row_edges, column_edges):
+    """From sums over blocks of an image to what the means of the blocks differ from those of their rows and columns, in place.
 
     Args:
-        rows, columns: means of the lines of the calm image.
-        row_edges, column_edges: of the blocks whose means are slow.
-        pixels: (H, W) float32, is filled.
-        products: (9,) float64, see `kernels.scatter`; added to.
+        rows, columns: means of the lines of the image.
+        row_edges, column_edges: of the blocks.
     """
-    height, width = image.shape
-    slow = np.zeros((row_edges.size - 1, column_edges.size - 1))
-    block_sums(calm, row_edges, column_edges, slow)
-    for a in range(slow.shape[0]):
+    for a in range(sums.shape[0]):
         high = row_edges[a + 1] - row_edges[a]
         down = rows[row_edges[a] : row_edges[a + 1]].sum() / high
-        for b in range(slow.shape[1]):
+        for b in range(sums.shape[1]):
             wide = column_edges[b + 1] - column_edges[b]
             across = columns[column_edges[b] : column_edges[b + 1]].sum() / wide
-            slow[a, b] = slow[a, b] / (high * wide) - (down + across)
-    off_rows, off_columns = rows.astype(np.float32), columns.astype(np.float32)
-    pixel_part(image, off_rows, off_columns, slow.astype(np.float32), row_edges, column_edges, pixels)
-    nothing, flat = np.zeros((height, width), np.float32), np.zeros((1, height), np.float32)
-    lying, halves, squares = np.zeros((1, width), np.float32), np.zeros(4), np.zeros((0, 0), np.float32)
-    scatter(pixels.reshape(1, height, width), nothing, flat, lying, True, products, halves, squares)
+            sums[a, b] = sums[a, b] / (high * wide) - (down + across)
 
 
 @njit(**EXACT)

@@ -9,13 +9,13 @@ import numpy as np
 
 from visaug.frames import FrameRecord, FrameSet, Group
 from visaug.statistics import kernels
-from visaug.statistics.fixed import centre, centred_lines, pixel_parts, profile_numbers, without_lone
+from visaug.statistics.fixed import block_offsets, centre, profile_numbers, without_lone
 from visaug.statistics.stack import (
-    LAGS,
     LEAST_SCALE,
     LEAST_VARIANCE,
     MAD,
     Noise,
+    NoiseProducts,
     Stack,
     correlations,
 )
@@ -105,8 +105,8 @@ class GroupData:
     @cached_property
     def _calm(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """That, and the means of its rows and of its columns."""
-        calm = without_lone_pixels(self.pattern)
-        return calm, *centred_lines(calm)
+        calm = _centred(without_lone_pixels(self.pattern))
+        return calm, *kernels.line_means(calm)
 
     @property
     def pattern_rows(self) -> np.ndarray:
@@ -136,10 +136,16 @@ class GroupData:
     def _pixels(self) -> tuple[np.ndarray, np.ndarray]:
         """These pixels, and sums of their products."""
         down, across = (edges(n, max(1, n // SLOW)) for n in self.pattern.shape)
-        pixels, products = np.empty_like(self.pattern), np.zeros(len(LAGS))
         calm, rows, columns = self._calm
-        pixel_parts(self.pattern, calm, rows, columns, down, across, pixels, products)
-        return pixels, products
+        slow, pixels = np.zeros((len(down) - 1, len(across) - 1)), np.empty_like(self.pattern)
+        kernels.block_sums(calm, down, across, slow)
+        block_offsets(slow, rows, columns, down, across)
+        rows, columns, slow = (x.astype(np.float32) for x in (rows, columns, slow))
+        kernels.pixel_part(self.pattern, rows, columns, slow, down, across, pixels)
+        found = NoiseProducts.empty((0, 0))
+        none = [np.zeros((1, n), np.float32) for n in pixels.shape]
+        found.add(pixels[None], np.zeros_like(pixels), *none)
+        return pixels, found.products
 
     @cached_property
     def pattern_variance(self) -> float:
