@@ -105,7 +105,13 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--match", default="*", help="only sets whose folder name matches")
     command.add_argument("--effects", type=Path, help="a user's effect file to pass on")
     command.add_argument("--limit", type=float, default=1800, help="seconds for one set")
-    command.set_defaults(go=lambda a: judge.run_all(a.folder, a.match, a.effects, a.limit))
+    command.add_argument("--workers", type=int, default=1, help="sets beside each other, one core each")
+    command.add_argument(
+        "--until", type=float, default=float("inf"), help="begin no set after so many seconds"
+    )
+    command.set_defaults(
+        go=lambda a: judge.run_all(a.folder, a.match, a.effects, a.limit, a.workers, a.until)
+    )
 
     command = commands.add_parser("report", help="print counts with intervals as Markdown")
     command.add_argument("folder", type=Path, nargs="+")

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import fnmatch
 import json
+import os
+import random
 import subprocess
 import sys
 import time
 from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -19,48 +23,69 @@ def beside(folder: Path, what: str) -> Path:
     return folder.parent / f"{folder.name}_{what}"
 
 
-def run_all(folder: Path, match: str, effects_file: Path | None, limit_s: float) -> None:
-    """Diagnose each set without a result. A failure is kept too, with what the program said.
+def run_all(
+    folder: Path,
+    match: str,
+    effects_file: Path | None,
+    limit_s: float,
+    workers: int = 1,
+    until_s: float = np.inf,
+) -> None:
+    """Diagnose each set without a result, `workers` beside each other with a core each, in a fixed random order.
 
-    Delete it to try again.
+    A failure is kept too, with what the program said. Delete it to try again. No set is begun after `until_s` seconds.
     """
+    began = time.monotonic()
     results = beside(folder, "results")
     results.mkdir(parents=True, exist_ok=True)
-    for answer_file in sorted(beside(folder, "answers").glob("*.json")):
-        identity = answer_file.stem
-        kept = results / f"{identity}.json"
-        if kept.exists() or not fnmatch.fnmatch(identity, match):
-            continue
-        answer = json.loads(answer_file.read_text())
-        report = results / f"{identity}.diagnosis.tmp"
-        command = [sys.executable, "-m", "visaug", "diagnose", str(folder / identity)]
-        command += ["--camera", str(folder / identity / "camera.yaml"), "--json", str(report), "--seed", "0"]
-        if answer["without"]:
-            command += ["--without", answer["without"]]
-        if effects_file:
-            command += ["--effects", str(effects_file)]
-        start = time.monotonic()
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=limit_s)
-            status, said = done.returncode, (done.stdout + done.stderr)[-2000:]
-        except subprocess.TimeoutExpired:
-            status, said = 124, f"no answer in {limit_s:g} s"
-        seconds = round(time.monotonic() - start, 1)
-        diagnosis = json.loads(report.read_text()) if status == 0 and report.exists() else None
-        report.unlink(missing_ok=True)
-        kept.write_text(
-            json.dumps(
-                {
-                    "status": status,
-                    "seconds": seconds,
-                    "said": said if status else "",
-                    "diagnosis": diagnosis,
-                    "effects": effects_file and effects_file.name,
-                }
-            )
-        )
-        told = diagnosis["accepted"] if diagnosis else f"status {status}"
-        print(f"{identity}: {told} in {seconds} s", flush=True)
+    names = sorted(file.stem for file in beside(folder, "answers").glob("*.json"))
+    random.Random(0).shuffle(names)
+    left = [n for n in names if fnmatch.fnmatch(n, match) and not (results / f"{n}.json").exists()]
+    cores = SimpleQueue[int]()
+    for core in sorted(os.sched_getaffinity(0))[:workers]:
+        cores.put(core)
+
+    def own_core() -> None:
+        if workers > 1:
+            os.sched_setaffinity(0, {cores.get()})  # of this thread, and of what it starts
+
+    def run_one(identity: str) -> None:
+        if time.monotonic() - began < until_s:
+            _run(folder, identity, effects_file, limit_s)
+
+    with ThreadPoolExecutor(workers, initializer=own_core) as pool:
+        list(pool.map(run_one, left))
+
+
+def _run(folder: Path, identity: str, effects_file: Path | None, limit_s: float) -> None:
+    results = beside(folder, "results")
+    answer = json.loads((beside(folder, "answers") / f"{identity}.json").read_text())
+    report = results / f"{identity}.diagnosis.tmp"
+    command = [sys.executable, "-m", "visaug", "diagnose", str(folder / identity)]
+    command += ["--camera", str(folder / identity / "camera.yaml"), "--json", str(report), "--seed", "0"]
+    if answer["without"]:
+        command += ["--without", answer["without"]]
+    if effects_file:
+        command += ["--effects", str(effects_file)]
+    start = time.monotonic()
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=limit_s)
+        status, said = done.returncode, (done.stdout + done.stderr)[-2000:]
+    except subprocess.TimeoutExpired:
+        status, said = 124, f"no answer in {limit_s:g} s"
+    seconds = round(time.monotonic() - start, 1)
+    diagnosis = json.loads(report.read_text()) if status == 0 and report.exists() else None
+    report.unlink(missing_ok=True)
+    kept = {
+        "status": status,
+        "seconds": seconds,
+        "said": said if status else "",
+        "diagnosis": diagnosis,
+        "effects": effects_file and effects_file.name,
+    }
+    (results / f"{identity}.json").write_text(json.dumps(kept))
+    told = diagnosis["accepted"] if diagnosis else f"status {status}"
+    print(f"{identity}: {told} in {seconds} s", flush=True)
 
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:

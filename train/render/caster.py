@@ -12,7 +12,10 @@ import torch
 from visaug_train.geometry import Keypoints, Pinhole, project_targets, rotation_matrix
 from visaug_train.render.spacecraft import SceneTensors, spacecraft
 
-CHUNK = 1 << 13  # rays at a time: few enough for the work to stay in the processor's cache
+CHUNK = {
+    "cpu": 1 << 13,
+    "cuda": 1 << 20,
+}  # rays at a time: few enough to stay in a processor's cache; a GPU wants many
 FAR = 1e9
 
 
@@ -40,33 +43,45 @@ class Views:
 
 
 class RayCaster:
-    """Renders one scene through one camera with `samples` x `samples` rays a pixel."""
+    """Renders one scene through one camera with `samples` x `samples` rays a pixel.
 
-    def __init__(self, camera: Pinhole, samples: int = 2, scene: SceneTensors | None = None) -> None:
-        self.camera, self.samples = camera, samples
-        self.scene = scene or SceneTensors.of(spacecraft())
+    Images of two devices differ by rounding.
+    """
+
+    def __init__(
+        self, camera: Pinhole, samples: int = 2, scene: SceneTensors | None = None, device: str = "cpu"
+    ) -> None:
+        self.camera, self.samples, self.device = camera, samples, torch.device(device)
+        with self.device:
+            self.scene = scene or SceneTensors.of(spacecraft())
         step = (np.arange(samples) + 0.5) / samples
         x = (np.arange(camera.width)[:, None] + step).ravel()
         y = (np.arange(camera.height)[:, None] + step).ravel()
         rays = camera.rays(np.stack(np.meshgrid(x, y), axis=-1))
-        self.rays = torch.tensor(rays / np.linalg.norm(rays, axis=-1, keepdims=True), dtype=torch.float32)
+        rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        self.rays = torch.tensor(rays, dtype=torch.float32, device=self.device)
 
     @torch.no_grad()
     def render(self, views: Views) -> tuple[torch.Tensor, torch.Tensor]:
-        """Radiance (B, height, width) and the share of each pixel that the target covers, the same shape."""
+        """Radiance (B, height, width) and the share of each pixel that the target covers, the same shape, on the CPU."""
+        with self.device:
+            return self._render(views)
+
+    def _render(self, views: Views) -> tuple[torch.Tensor, torch.Tensor]:
         camera, s = self.camera, self.samples
         directions, origins, owners, places = self._rays_at_targets(views)
         radiance = torch.zeros(len(views) * camera.height * camera.width)
         covered = torch.zeros_like(radiance)
         sun, fill = self._lights(views)
-        for first in range(0, len(directions), CHUNK):
-            part = slice(first, first + CHUNK)
+        chunk = CHUNK[self.device.type]
+        for first in range(0, len(directions), chunk):
+            part = slice(first, first + chunk)
             owner = owners[part]
             value, hit = self._radiance(origins[owner], directions[part], sun[owner], fill[owner])
             radiance.index_add_(0, places[part][hit], value / s**2)
             covered.index_add_(0, places[part][hit], torch.full_like(value, 1 / s**2))
         shape = (len(views), camera.height, camera.width)
-        return radiance.reshape(shape), covered.reshape(shape)
+        return radiance.reshape(shape).cpu(), covered.reshape(shape).cpu()
 
     def _rays_at_targets(self, views: Views) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
         """Rays that may meet the target, in the body frame.

@@ -1,7 +1,7 @@
 """Write a rendered dataset in SPEED+'s layout: camera.json, synthetic/, lightbox/, sunlamp/.
 
 Every image has its own stream of random numbers, so an interrupted rendering goes on where it stopped and
-gives the same bytes. A split's json is written last: where it stands, its images do.
+gives the same bytes on the same device. A split's json is written last: where it stands, its images do.
 """
 
 import json
@@ -107,7 +107,7 @@ class RenderSettings:
 
 
 def render_dataset(root: str | Path, settings: RenderSettings, progress: Progress | None = None) -> Path:
-    """Render what is not there yet into `root` and return it.
+    """Render what is not there yet into `root` and return it; a GPU follows the rays where there is one.
 
     With `linear_frames` each image has a noiseless partner in ``images_linear/``: 16 bit, the same exposure,
     full scale at twice the 8-bit image's white, so highlights that clip in 8 bit are kept.
@@ -120,7 +120,8 @@ def render_dataset(root: str | Path, settings: RenderSettings, progress: Progres
     camera = SPEED_PLUS_CAMERA.scaled(settings.width, settings.height)
     write_json(stamp, described)
     write_json(root / "camera.json", camera.to_json())
-    caster = RayCaster(camera, settings.samples)
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    caster = RayCaster(camera, settings.samples, device=device)
     total = sum(sum(splits.values()) for splits in settings.images.values())
     done = 0
     for domain, splits in settings.images.items():
