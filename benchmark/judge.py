@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import cycle, islice
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -42,7 +43,7 @@ def run_all(
     random.Random(0).shuffle(names)
     left = [n for n in names if fnmatch.fnmatch(n, match) and not (results / f"{n}.json").exists()]
     cores = SimpleQueue[int]()
-    for core in sorted(os.sched_getaffinity(0))[:workers]:
+    for core in islice(cycle(sorted(os.sched_getaffinity(0))), workers):
         cores.put(core)
 
     def own_core() -> None:

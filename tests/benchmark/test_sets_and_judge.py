@@ -197,7 +197,8 @@ with open(words[1] + ".calls", "a") as handle:
 """
 
 
-def test_run_calls_the_program_keeps_failures_and_resumes(tmp_path, monkeypatch):
+@pytest.mark.parametrize("workers", [1, 2])
+def test_run_calls_the_program_keeps_failures_and_resumes(workers, tmp_path, monkeypatch):
     (tmp_path / "path" / "visaug").mkdir(parents=True)
     (tmp_path / "path" / "visaug" / "__init__.py").touch()
     (tmp_path / "path" / "visaug" / "__main__.py").write_text(STUB)
@@ -207,8 +208,10 @@ def test_run_calls_the_program_keeps_failures_and_resumes(tmp_path, monkeypatch)
     for identity, without in (("good", "smear"), ("bad", None)):
         answer = ANSWER | {"without": without, "strength": "plain", "seed": 1, "hidden": [1]}
         (tmp_path / "sets_answers" / f"{identity}.json").write_text(json.dumps(answer))
+    judge.run_all(tmp_path / "sets", "*", None, 60, workers, until_s=0)
+    assert not list((tmp_path / "sets_results").iterdir())
     for _ in range(2):
-        judge.run_all(tmp_path / "sets", "*", None, 60)
+        judge.run_all(tmp_path / "sets", "*", None, 60, workers)
     assert (tmp_path / "sets" / "good.calls").read_text() == "x"
     good, bad = (json.loads((tmp_path / "sets_results" / f"{n}.json").read_text()) for n in ("good", "bad"))
     assert good["diagnosis"]["accepted"] == ["smear"]
