@@ -292,7 +292,7 @@ class SensorNoise(nn.Module):
     def _may_be_fast(self, light: Tensor) -> bool:
         if not self.fast or torch.compiler.is_compiling() or light.device.type not in ("cpu", "cuda"):
             return False
-        if light.device.type == "cpu" and fast.kernel() is None:
+        if fast.kernel() is None:
             return False
         if not torch.is_grad_enabled():
             return True

@@ -6,10 +6,10 @@ Row and column patterns are the exact chain's own numbers, and so are pixel patt
 
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -70,8 +70,47 @@ def take(
     Returns:
         (B, C, H, W) of the images' type, float32 in [0, 1].
     """
+    channels, height, _ = images.shape[1:]
+    own = drawn(camera, images.shape, scale, values, keys, pattern_keys, kept, origin)
+    none = np.zeros((channels, height, 0), np.float32)
+    maps = [none if of is None else of.numpy() for of in own.maps]
+    out = torch.empty(images.shape, dtype=images.dtype)
+    fused.in_kernel(
+        images.contiguous(), out, own.numbers, own.keys, [*own.rows, *own.columns], maps, origin, white
+    )
+    return out
+
+
+class Drawn(NamedTuple):
+    """What is drawn for images before their pixels.
+
+    Attributes:
+        numbers: by column of `fast_kernel`, (B, NUMBERS) float32.
+        keys: of the streams, (B, KEYS) uint64.
+        rows, columns: gains and offsets (electrons) of lines, (2, sets C, H) and (2, sets C, W) float32; sets is B or 1.
+        maps: gain and offset (electrons) of pixels that are kept, (C, H, W) float32, or None.
+    """
+
+    numbers: np.ndarray
+    keys: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+    maps: tuple[Tensor | None, Tensor | None]
+
+
+def drawn(
+    camera: "Camera",
+    shape: Sequence[int],
+    scale: Scale,
+    values: Values,
+    keys: Tensor,
+    pattern_keys: Tensor,
+    kept: bool,
+    origin: tuple[int, int],
+) -> Drawn:
+    """What `take` draws for images of a shape (B, C, H, W), whose arguments these are, before their pixels."""
     k = fused.kernel()
-    batch, channels, height, width = images.shape
+    batch, channels, height, width = shape
     frames, cameras = (np.ascontiguousarray(own.numpy()).view(np.uint64) for own in (keys, pattern_keys))
     table = fused.keys_of(frames, cameras)
     numbers = _numbers(camera, batch, scale, values, kept)
@@ -79,23 +118,25 @@ def take(
     sets = 1 if shared else batch
     rows = k.line_patterns(numbers, table, sets, channels, False, origin[0], height)
     columns = k.line_patterns(numbers, table, sets, channels, True, origin[1], width)
-    maps = [np.zeros((channels, height, 0), np.float32)] * 2
-    if kept:
-        window = (range(origin[0], origin[0] + height), range(origin[1], origin[1] + width))
-        for i, path in enumerate(("prnu.pixel", "dsnu.pixel_e")):
-            if sigma := float(values[path][0]):
-                maps[i] = _kept_map(int(pattern_keys[0]), path.partition(".")[0], sigma, channels, window)
-    out = torch.empty(images.shape, dtype=images.dtype)
-    fused.in_kernel(images.contiguous(), out, numbers, table, [*rows, *columns], maps, origin, white)
-    return out
+    window = (range(origin[0], origin[0] + height), range(origin[1], origin[1] + width))
+
+    def kept_map(path: str) -> Tensor | None:
+        sigma = float(values[path][0]) if kept else 0.0
+        return (
+            _kept_map(int(pattern_keys[0]), path.partition(".")[0], sigma, channels, window)
+            if sigma
+            else None
+        )
+
+    return Drawn(numbers, table, rows, columns, (kept_map("prnu.pixel"), kept_map("dsnu.pixel_e")))
 
 
 @lru_cache(maxsize=4)
-def _kept_map(key: int, effect: str, sigma: float, channels: int, window: tuple[range, range]) -> np.ndarray:
+def _kept_map(key: int, effect: str, sigma: float, channels: int, window: tuple[range, range]) -> Tensor:
     """The pixel part of a camera's pattern, (C, H, W) float32: the exact chain's own."""
     keys = torch.tensor([key])
     fixed = Stream(keys, keys, channels, window).fork(effect).fixed
-    return (sigma * fixed.fork("pixel").normal("pixel"))[0].numpy()
+    return (sigma * fixed.fork("pixel").normal("pixel"))[0]
 
 
 def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: bool) -> np.ndarray:

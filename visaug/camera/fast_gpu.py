@@ -5,7 +5,7 @@ little. Tested on a CPU, where eager torch runs it; no GPU has run it yet.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -13,10 +13,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from visaug.camera.scale import Scale, gain_of
-from visaug.core.sampling import Stream
+from visaug.camera import fast, fused
+from visaug.camera.scale import Scale
 from visaug.core.sampling.philox import MASK, mix
-from visaug.core.sampling.tukey_lambda import standard_deviation
 
 if TYPE_CHECKING:
     from visaug.camera.camera import Camera
@@ -27,37 +26,47 @@ TERMS = 52  # of the Poisson sum: P(N > 52) is below 1e-11 at a mean of 16
 
 
 def noisy(
-    images: Tensor, n: Mapping[str, Tensor], gain: Tensor, offset: Tensor, keys: Tensor, r0: int, c0: int
+    images: Tensor,
+    table: Tensor,
+    rows: Tensor,
+    columns: Tensor,
+    maps: tuple[Tensor, Tensor],
+    keys: Tensor,
+    r0: int,
+    c0: int,
 ) -> Tensor:
     """Images as the camera takes them, (B, C, H, W) float32 in [0, 1].
 
     Args:
         images: (B, C, H, W) float32.
-        n: `electrons` of the value 1, `dark_e`, `prnu_pixel`, `gaussian_e`, `read_scale_e` (Tukey-lambda's scale, not
-            its standard deviation), `read_shape`, `dn_per_e`, `black_level_dn`, `less_dn`, `per_dn`, `full_well_e`, `max_dn`;
-            (B, 1, 1, 1) each.
-        gain, offset: of rows, columns and kept maps, fractions and electrons; broadcast against the images.
+        table: numbers by column of `fast_kernel`, (B, NUMBERS).
+        rows, columns: gains and offsets (electrons) of lines, (2, B or 1, C, H, 1) and (2, B or 1, C, 1, W).
+        maps: gain and offset (electrons) of pixels that are kept, (C, H, W) or 0.
         keys: (B,) int64 of the temporal noise.
         r0, c0: row and column of the sensor at which the images begin.
     """
-    _, channels, rows, columns = images.shape
+    k = fused.kernel()
+    n = table[:, :, None, None, None].unbind(1)
+    gain, offset = (rows[i] + columns[i] + maps[i] for i in range(2))
+    _, channels, height, width = images.shape
     place = {"dtype": torch.int64, "device": images.device}
     channel = torch.arange(channels, **place).view(1, -1, 1, 1)
-    row = torch.arange(r0, r0 + rows, **place).view(1, 1, -1, 1)
-    column = torch.arange(c0, c0 + columns, **place)
+    row = torch.arange(r0, r0 + height, **place).view(1, 1, -1, 1)
+    column = torch.arange(c0, c0 + width, **place)
     seeds = mix(mix(keys.view(-1, 1, 1, 1) + channel * STEP) + row) + column * STEP
     one, two = mix(seeds), mix(seeds ^ OTHER)
     radius = torch.sqrt(-2 * torch.log(_unit(one)))  # Box and Muller's two normals
     angle = (2 * math.pi) * _unit(one >> 32)
     w, z = radius * torch.cos(angle), radius * torch.sin(angle)
-    light = (images * n["electrons"] * (1 + gain)).clamp_min(0)
-    m = light + n["dark_e"]
-    many = torch.floor(_count(m.clamp_min(LARGE_MEAN), light * n["prnu_pixel"], w) + 0.5)
-    few = _few((light * (1 + n["prnu_pixel"] * w)).clamp_min(0) + n["dark_e"], _unit(two >> 32))
-    count = torch.minimum(torch.where(m < LARGE_MEAN, few, many).clamp_min(0), n["full_well_e"])
-    e = count + n["gaussian_e"] * z + offset + n["read_scale_e"] * _tukey(two, n["read_shape"])
-    dn = torch.minimum(torch.round(e * n["dn_per_e"] + n["black_level_dn"]).clamp_min(0), n["max_dn"])
-    return ((dn - n["less_dn"]) * n["per_dn"]).clamp(0, 1)
+    light = (images * n[k.ELECTRONS] * (1 + gain)).clamp_min(0)
+    m = light + n[k.DARK_E]
+    many = torch.floor(_count(m.clamp_min(LARGE_MEAN), light * n[k.PRNU_PIXEL], w) + 0.5)
+    few = _few((light * (1 + n[k.PRNU_PIXEL] * w)).clamp_min(0) + n[k.DARK_E], _unit(two >> 32))
+    count = torch.minimum(torch.where(m < LARGE_MEAN, few, many).clamp_min(0), n[k.FULL_WELL_E])
+    e = count + torch.hypot(n[k.DSNU_PIXEL_E], n[k.AFTER_GAIN_E]) * z + offset
+    e = e + n[k.READ_SCALE_E] * _tukey(two, n[k.READ_SHAPE])
+    dn = torch.minimum(torch.round(e / n[k.E_PER_DN] + n[k.BLACK_DN]).clamp_min(0), n[k.MAX_DN])
+    return ((dn - n[k.LESS_DN]) * n[k.PER_DN]).clamp(0, 1)
 
 
 def _unit(bits: Tensor) -> Tensor:
@@ -105,53 +114,26 @@ def take(
     camera: "Camera",
     images: Tensor,
     scale: Scale,
-    values: Mapping[str, np.ndarray],
+    values: fast.Values,
     keys: Tensor,
     pattern_keys: Tensor,
     kept: bool = False,
     origin: tuple[int, int] = (0, 0),
     expression: Callable[..., Tensor] | None = None,
 ) -> Tensor:
-    """As `fast.take`, on the images' device; `expression` is `noisy` itself or, where left out, compiled."""
+    """As `fast.take`, on the images' device; `expression` is `noisy` itself or, where left out, compiled.
 
-    def on_device(value: np.ndarray) -> Tensor:
-        return torch.as_tensor(value, dtype=torch.float32).view(-1, 1, 1, 1).to(images.device)
-
-    v = {path: on_device(value) for path, value in values.items()}
-    shape, sigma = values["read_noise.shape"], values["read_noise.sigma_e"]
-    unit = sigma if camera.spec.read_noise.meaning == "scale" else sigma / standard_deviation(shape)
-    heat = torch.exp(v["dark_current.b_per_c"] * camera.spec.dark_current.exponent(v["temperature_c"]))
-    none, gain = torch.zeros_like(v["exposure_s"]), gain_of(camera, v)
-    numbers = {
-        "electrons": on_device(scale.electrons),
-        "dark_e": v["exposure_s"] * v["dark_current.a_e_per_s"] * heat,
-        "prnu_pixel": none if kept else v["prnu.pixel"],
-        "gaussian_e": torch.hypot(none if kept else v["dsnu.pixel_e"], v["read_noise.after_gain_dn"] * gain),
-        "read_scale_e": on_device(unit),
-        "read_shape": v["read_noise.shape"],
-        "dn_per_e": 1 / gain,
-        "black_level_dn": v["black_level_dn"],
-        "less_dn": on_device(scale.less_dn),
-        "per_dn": on_device(scale.per_dn),
-        "full_well_e": v["full_well_e"],
-        "max_dn": none + (2**camera.bit_depth - 1),
-    }
-    rows, columns = images.shape[2:]
-    window = (range(origin[0], origin[0] + rows), range(origin[1], origin[1] + columns))
-    stream = Stream(keys, pattern_keys, images.shape[1], window, images.device)
-    gain, offset = _pattern(stream, "prnu", "", v, kept), _pattern(stream, "dsnu", "_e", v, kept)
-    for effect in camera.sensor_effects:
-        vary = {"row_noise": "row", "column_noise": "column"}[effect]
-        offset = offset + v[f"{effect}.sigma_e"] * stream.fork(effect).normal(vary)
-    return (expression or compiled())(images, numbers, gain, offset, keys.to(images.device), *origin)
-
-
-def _pattern(stream: Stream, effect: str, unit: str, v: Mapping[str, Tensor], kept: bool) -> Tensor:
-    """Rows and columns, and pixels where they are kept, of a fixed pattern: the exact chain's own numbers."""
-    fixed = stream.fork(effect).fixed
-    parts = ("row", "column", "pixel") if kept else ("row", "column")
-    return torch.stack(
-        torch.broadcast_tensors(
-            *(v[f"{effect}.{part}{unit}"] * fixed.fork(part).normal(part) for part in parts)
-        )
-    ).sum(0)
+    What is small is computed on the CPU and crosses in one copy: each copy and each operator costs a GPU's queue as much time
+    as the noise of an image.
+    """
+    (_, channels, height, width), device = images.shape, images.device
+    drawn = fast.drawn(camera, images.shape, scale, values, keys, pattern_keys, kept, origin)
+    shapes = (drawn.numbers.shape, (2, -1, channels, height, 1), (2, -1, channels, 1, width))
+    parts = [
+        part.astype(np.float32, copy=False).ravel() for part in (drawn.numbers, drawn.rows, drawn.columns)
+    ]
+    crossed = torch.from_numpy(np.concatenate(parts)).to(device).split([part.size for part in parts])
+    tables = [part.view(shape) for part, shape in zip(crossed, shapes, strict=True)]
+    none = torch.zeros((), device=device)
+    maps = tuple(none if of is None else of.to(device) for of in drawn.maps)
+    return (expression or compiled())(images, *tables, maps, keys.to(device), *origin)

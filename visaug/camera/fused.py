@@ -158,7 +158,8 @@ def ends(images: Tensor) -> tuple[float, float]:
     if images.device.type != "cpu" or images.dtype != torch.float32 or kernel() is None:
         there = images.isnan()
         low, high = images.masked_fill(there, torch.inf).min(), images.masked_fill(there, -torch.inf).max()
-        return float(low), float(high)
+        least, greatest = torch.stack([low, high]).tolist()  # one wait for the device
+        return least, greatest
     rows = images.contiguous().numpy().reshape(-1, images.shape[-1])
     found: list[tuple[float, float]] = []
     in_threads(lambda first, last: found.append(kernel().ends(rows, first, last)), len(rows))
