@@ -10,7 +10,6 @@ import pytest
 import torch
 from scipy import stats
 
-import visaug
 from visaug.augment.sensor_noise import SensorNoise
 from visaug.camera import Camera
 from visaug.camera.camera import shipped
@@ -99,9 +98,9 @@ def test_gradients_are_those_of_the_cpu():
 @pytest.mark.parametrize("name", [None, *sorted(shipped())])
 def test_every_shipped_camera(name):
     camera = Camera.load({**CAMERA, "colour": COLOUR} if name is None else name)
-    noise = visaug.VISNoise(camera, exposure=0.3)
-    given = images(2, 3)
-    on_cpu, on_gpu = noise(given), noise(given.cuda()).cpu()
+    noise = SensorNoise(camera, exposure=0.3)
+    given, draws = images(2, 3), noise.draw(2)  # gain and other parameters are drawn: the same for both
+    on_cpu, on_gpu = noise.apply_draws(given, draws), noise.apply_draws(given.cuda(), draws).cpu()
     assert on_gpu.shape == given.shape
     spread = [(x - given).std().item() for x in (on_cpu, on_gpu)]
     assert spread[1] == pytest.approx(spread[0], rel=0.1)

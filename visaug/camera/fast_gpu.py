@@ -1,7 +1,7 @@
 """The base chain as one expression of torch operators without tables, for `torch.compile` to fuse into one kernel on a GPU.
 
 Law, order and expansion are those of `fast_kernel.py`; every part is drawn on its own here, as arithmetic costs a GPU
-little. Tested on a CPU, where eager torch runs it; no GPU has run it yet.
+little. Tests run it on a CPU with eager torch, and compiled on a GPU (`scripts/gpu_check`).
 """
 
 import math
@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from visaug.camera import fast, fused
+from visaug.camera import fast
 from visaug.camera.scale import Scale
 from visaug.core.sampling.philox import MASK, mix
 
@@ -45,7 +45,8 @@ def noisy(
         keys: (B,) int64 of the temporal noise.
         r0, c0: row and column of the sensor at which the images begin.
     """
-    k = fused.kernel()
+    from visaug.camera import fast_kernel as k  # not before it is needed: it imports numba
+
     n = table[:, :, None, None, None].unbind(1)
     gain, offset = (rows[i] + columns[i] + maps[i] for i in range(2))
     _, channels, height, width = images.shape
