@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -77,6 +78,14 @@ class FlatLevel:
     def noise_of(self, weights: np.ndarray) -> float:
         """The same without what a lamp that changes adds, and with what neighbours share of it."""
         return self.variance_of(weights) - self.lamp_variance - self.band_variance + self.shared_variance
+
+    @property
+    def variance_error(self) -> float:
+        """Standard error of the level's variance of white normal noise and of what was added to it, DN^2."""
+        parts = [
+            2 * m.variance**2 / max((m.n - 1) * m.shape[0] * m.shape[1], 1) for m in (self.flat, self.dark)
+        ]
+        return math.sqrt(sum(parts) + self.shared_error**2)
 
     @property
     def lamp_variance(self) -> float:

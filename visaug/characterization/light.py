@@ -27,6 +27,7 @@ NEEDS_CLEAR_FLATS = (
     "clear of 0 and of the converter's top"
 )
 NEEDS_PHOTONS = "flats with known photons per pixel"
+_SCATTER = 0.02  # deviation of the variances from their curve: the gain of any level alone is as far off
 _LEAST_EFFICIENCY = 1e-3  # e-/photon: below what silicon has anywhere between 300 and 1100 nm
 
 
@@ -48,10 +49,21 @@ def gain_and_efficiency(
     low, high = 1 / (gain + half), 1 / (gain - half) if gain > half else math.inf
     found.add("gain_e_per_dn", (1 / gain, low, high), "e-/DN", source)
     found.gain = MeasuredGain(gain, result.gain_error / gain, measured=True)
+    _scattered(found, result)
     _curvature(found, result, additivity.course([result.levels[i] for i in result.safe]))
     _efficiency(found, result)
     _transfer_curves(found, result)
     return result
+
+
+def _scattered(found: Findings, result: PhotonTransferResult) -> None:
+    if result.scatter > _SCATTER:
+        found.warn(
+            f"photon_transfer_scattered: the variances of {len(result.safe)} levels deviate by {result.scatter:.1%} from every "
+            "smooth course over the signal: the gain is not one (automatic or alternating gain, levels of several cameras), "
+            "or single levels are disturbed",
+            spoils=additivity.FROM_GAIN,
+        )
 
 
 def _curvature(found: Findings, result: PhotonTransferResult, course: additivity.VarianceFits) -> None:

@@ -20,6 +20,7 @@ _SAFE_SHARE = 0.85  # the camera's own gain may use more levels than the standar
 _SPAN = 3  # brightest over faintest level from which on a bend can be seen
 _DOUBT = 0.002
 _CUT = 1e-4
+_MISFIT = 0.001  # probability that variances of one gain scatter so far about the curve
 EVEN_DN = 0.6  # noise from which on rounding is an even error
 _COLLAPSE = 0.7  # variance below this share of the shot noise's tells clipping
 
@@ -36,6 +37,7 @@ class PhotonTransferResult:
         pedestal_dn: mean level at which that is.
         response: the signal's course over photons, None where the source is not calibrated.
         safe: positions of the levels that are clear of saturation.
+        scatter: root mean square deviation of the variances from the curve over them, 0 where it is that of their noise.
     """
 
     levels: tuple[FlatLevel, ...]
@@ -47,6 +49,7 @@ class PhotonTransferResult:
     pedestal_dn: float
     response: Response | None
     safe: tuple[int, ...]
+    scatter: float = 0.0
 
     @property
     def bent(self) -> bool:
@@ -98,6 +101,9 @@ def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTran
         return None
     added = _of_added(chosen, powers, weights, pedestal if not dark_tells else None)
     error = math.hypot(error, added[1])
+    scatter, times, spare = _scatter(chosen, powers, weights, pedestal if not dark_tells else None)
+    if scatter:
+        error, df = times * error, min(df, spare)
     bend, bend_error, _ = found["curvature"]
     return PhotonTransferResult(
         levels,
@@ -109,7 +115,30 @@ def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTran
         pedestal,
         response(chosen, dark_tells),
         safe,
+        scatter,
     )
+
+
+def _scatter(
+    levels: Sequence[FlatLevel], powers: tuple[int, ...], weights: np.ndarray, pedestal: float | None
+) -> tuple[float, float, int]:
+    """Relative deviation of the variances from their curve, how many times their noise that is, and its degrees of freedom.
+
+    Zeros where noise explains it.
+    """
+    spare = len(levels) - len(powers)
+    if spare < 1:
+        return 0.0, 0.0, 0
+    x = np.array([v.signal if pedestal is None else v.flat.mean - pedestal for v in levels])
+    y = np.array([v.variance_of_all for v in levels])
+    basis = np.stack([x**p for p in powers], axis=1)
+    fitted = basis @ (np.linalg.pinv(basis * weights[:, None]) @ (y * weights))
+    errors = np.array([v.variance_error for v in levels])
+    square = float((((y - fitted) / errors) ** 2).sum())
+    if stats.chi2.sf(square, spare) > _MISFIT:
+        return 0.0, 0.0, 0
+    relative = (y - fitted) / np.maximum(fitted, errors)
+    return math.sqrt(float((relative**2).sum()) / spare), math.sqrt(square / spare), spare
 
 
 def _of_added(
