@@ -39,11 +39,14 @@ CHECKS = (
     ModelCheck(
         "variance is proportional to the signal", 0.006, ("photon_transfer_bent", "photon_transfer_scattered")
     ),
+    ModelCheck("all pixels have one gain", 0.002, ("gain_uneven",)),
     ModelCheck("flats are dark frames plus light", 0.001, ("flat_pedestal", "dark_temperature")),
     ModelCheck("dark current grows as silicon's", 0.001, ("dark_current_flat",)),
     ModelCheck("the response is even or white", 0.005, ("periodic_response", "structured_light")),
     ModelCheck(
-        "headers agree with pixels", 0.001, ("mosaic_contradicted", "photons_implausible", "lossy_frames")
+        "headers agree with pixels",
+        0.001,
+        ("mosaic_contradicted", "photons_contradicted", "photons_implausible", "lossy_frames"),
     ),
 )
 
