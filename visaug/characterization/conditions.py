@@ -149,7 +149,7 @@ def _without_masters(frames: FrameSet, facts: list[Facts], found: Findings) -> t
         usual = min(usual, float(np.median(found_here)))
     if usual > _TELLING:
         masters += [i for i, v in variances.items() if v < _MASTER * usual]
-    kept = _leave_out(frames, sorted(masters), found, "because of their variance")
+    kept = _leave_out(frames, sorted(masters), found, "because of their variance (or their gain is lower)")
     return kept, [f for i, f in enumerate(facts) if i not in set(masters)] if kept is not frames else facts
 
 

@@ -194,8 +194,9 @@ def response_pattern(
     levels = [v for i in result.safe if (v := result.levels[i]).flat.shape == shape]
     darks: dict[int, tuple[GroupMoments, np.ndarray]] = {}
     line = result.response
-    fitted = line is not None and line.dark == "fitted"
-    signals = np.array([line.at(v.photons or 0.0) if line and fitted else v.light for v in levels])
+    gap = np.array([v.exposure_gap_s for v in levels])
+    rate, rate_error = line.dark_dn_per_s if line is not None else (0.0, 0.0)
+    signals = np.array([v.light for v in levels]) - rate * gap
     weights = np.array([v.flat.n / max(v.flat.variance, 1e-9) for v in levels])
     free = result.intercept_dn2 is not None  # dark frames do not tell the pattern either: flats alone
     if free and len(levels) < 2:
@@ -204,6 +205,7 @@ def response_pattern(
         return None
     weights *= signals - (weights @ signals / weights.sum() if free else 0.0)
     weights /= (weights * signals).sum()
+    uncertain = abs(float(weights @ gap)) * rate_error  # relative, of the light
     pattern = np.zeros(shape)
     for v, a in zip(levels, weights):
         pattern += a * mean_map(measured.frames, v.flat.group.indices)
@@ -235,7 +237,7 @@ def response_pattern(
     split = parts(pattern, noise, detrend=True)
     source = f"analysis of variance of the pixels' slopes over {len(levels)} levels, smooth shading taken out"
     for name in ("row", "column", "pixel"):
-        found.add(f"prnu.{name}", root(getattr(split, name)), "fraction", source)
+        found.add(f"prnu.{name}", root(getattr(split, name), relative=uncertain), "fraction", source)
     shading = np.ptp(surface(pattern))
     if shading > 0.01:
         found.warn(f"shading: the light or the response varies smoothly by {shading:.1%} over the frame")
