@@ -136,6 +136,7 @@ def test_two_bodies_are_two_settings(tmp_path):
     "card",
     [
         {"CALSTAT": "BD"},
+        {"CALSTAT": "F"},
         {"ZEROCOR": "Zero level correction done"},
         {"BIASSUB": True},
         {"BUNIT": "electron"},
@@ -157,6 +158,8 @@ def test_calibrated_frames_are_left_out(tmp_path, card):
     "card",
     [
         {"CALSTAT": ""},
+        {"CALSTAT": "none"},
+        {"CALSTAT": "RAW"},
         {"ZEROCOR": False},
         {"FLATCORR": "PERFORM"},
         {"DARKCORR": "OMIT"},

@@ -79,7 +79,7 @@ def course(levels: Sequence[FlatLevel]) -> VarianceFits:
     """Of levels clear of saturation."""
     x = np.array([v.signal for v in levels])
     y = np.array([v.variance_of_all for v in levels])
-    errors = np.array([variance_error(v) for v in levels])
+    errors = np.array([v.variance_error for v in levels])
 
     def fit(powers: tuple[int, ...]) -> tuple[float, int, np.ndarray, np.ndarray]:
         basis = np.stack([x**p for p in powers], axis=1) / errors[:, None]
@@ -97,14 +97,6 @@ def course(levels: Sequence[FlatLevel]) -> VarianceFits:
     return VarianceFits(
         straight[:2], bent[:2], lifted[:2], float(value[0] / error[0]), float(origin), float(value[0])
     )
-
-
-def variance_error(level: FlatLevel) -> float:
-    """Standard error of a level's variance of white normal noise and of what was added to it, DN^2."""
-    parts = [
-        2 * m.variance**2 / max((m.n - 1) * m.shape[0] * m.shape[1], 1) for m in (level.flat, level.dark)
-    ]
-    return float(np.sqrt(sum(parts) + level.shared_error**2))
 
 
 def pedestal(measured: Measured, found: Findings) -> bool:

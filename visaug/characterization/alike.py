@@ -30,7 +30,7 @@ def merged_groups(frames: FrameSet, facts: Sequence[Facts]) -> list[Group]:
             light = r.filter if r.kind == "flat" else None
             found.setdefault((r.kind, r.gain_db, r.window, light), []).append(i)
     groups = []
-    floor = _floor(frames, facts)
+    floor = floor_dn(frames, facts)
     for (kind, *_), members in found.items():
         for same in _clusters(members, lambda i: frames.records[i].exposure_s, _same_exposure):
             for alike in _by_temperature(frames, same):
@@ -82,7 +82,7 @@ def _by_light(frames: FrameSet, members: list[int], facts: Sequence[Facts], floo
     return found
 
 
-def _floor(frames: FrameSet, facts: Sequence[Facts]) -> float:
+def floor_dn(frames: FrameSet, facts: Sequence[Facts]) -> float:
     """Level without light, DN: of the darkest frames there are."""
     return min((f.mean for r, f in zip(frames.records, facts) if r.kind in ("bias", "dark")), default=0.0)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from visaug.characterization.additivity import FROM_GAIN
 from visaug.characterization.defective import Extremes
 from visaug.characterization.findings import Findings
 
@@ -11,26 +12,33 @@ _CERTAIN = 20  # pixels at the codes on either side: an empty one between them h
 _REACH = 300  # DN, the widest gap that is looked for: 8 bits in a word of 16 stretch to 257
 _FEWEST = 4  # gaps: the peaks of a mosaic, or two levels, leave fewer
 _ALIKE = 1  # DN by which gaps of one stretched scale differ, by rounding
+_WIDENS = (
+    0.2  # by which gaps of one level differ where they grow with the signal, as those of a square root do
+)
+_COMPANDED = 1.5  # largest over smallest step of the levels from which on steps are not of one scale
 NEEDS_WHOLE_STEPS = "frames whose steps are 1 DN: as the converter gave them, neither scaled nor multiplied"
 
 
 def check(seen: Extremes, found: Findings) -> None:
     """Sets `found.step_dn` where codes have gaps; warns of it, and of lines with fewer bits than the others."""
-    step = step_dn(seen)
-    if step is not None:
-        found.step_dn = step
+    steps = steps_dn(seen)
+    if steps:
+        found.step_dn = float(np.median(steps))
+        companded = max(steps) > _COMPANDED * min(steps)
         found.warn(
-            f"code_gaps: the values step by {step:.4g} DN in place of 1 (a digital gain, or values scaled to more bits); "
-            "rounding counts as that of this step",
-            spoils=("read_noise.shape",),
+            f"code_gaps: the values step by {min(steps):.4g} to {max(steps):.4g} DN, by more where it is brighter (a square root, "
+            "a gamma or a table of fewer codes): rounding grows with the signal as noise of light does"
+            if companded
+            else f"code_gaps: the values step by {found.step_dn:.4g} DN in place of 1 (a digital gain, or values scaled to more "
+            "bits); rounding counts as that of this step",
+            spoils=FROM_GAIN if companded else ("read_noise.shape",),
         )
     _lines(seen, found)
 
 
-def step_dn(seen: Extremes) -> float | None:
-    """Mean step of the codes that occur, DN; None where no code is left out."""
-    steps = [step for v in seen.levels if v.codes is not None and (step := _step(v.codes)) is not None]
-    return float(np.median(steps)) if steps else None
+def steps_dn(seen: Extremes) -> list[float]:
+    """Mean step of the codes of each level, DN, where codes are left out."""
+    return [step for v in seen.levels if v.codes is not None and (step := _step(v.codes)) is not None]
 
 
 def _step(counts: np.ndarray) -> float | None:
@@ -43,7 +51,7 @@ def _step(counts: np.ndarray) -> float | None:
     between = np.searchsorted(used, filled[1:]) - np.searchsorted(used, filled[:-1]) - 1
     gaps = (steps > 1) & (between == 0)
     clean = steps[between == 0]
-    if gaps.sum() < _FEWEST or np.ptp(clean) > _ALIKE or clean.max() > _REACH:
+    if gaps.sum() < _FEWEST or np.ptp(clean) > max(_ALIKE, _WIDENS * clean.mean()) or clean.max() > _REACH:
         return None
     return float(clean.mean())
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from visaug.characterization import lossy
-from visaug.characterization.alike import KINDS, merged_groups
+from visaug.characterization.alike import KINDS, floor_dn, merged_groups
 from visaug.characterization.facts import Facts, look, temporal_variances
 from visaug.characterization.findings import Findings
 from visaug.characterization.views import at_bits, shifted
@@ -19,6 +19,7 @@ from visaug.frames.units import celsius
 _DEPTHS = (8, 10, 12, 14, 16)
 _PILE = 1e-3  # share of a flat's pixels at the converter's top that no signal piles up by itself
 _MASTER = 0.55  # of the temporal variance of a raw frame: two or more frames averaged have half or less
+_OTHER_LIGHT = 1.25  # factor between signals: no lamp of one setting wanders so far
 _TELLING = 0.2  # DN^2: below, rounding hides the noise of a single frame
 
 
@@ -39,6 +40,7 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
     frames, facts = _aligned(frames, facts, found, told_bits)
     frames, facts = _without_copies(frames, facts)
     frames, facts = _without_masters(frames, facts, found)
+    frames = _without_one_light(frames, facts, found)
     _bit_depth(frames, facts, found, told_bits)
     return at_bits(frames, found.bit_depth or frames.bit_depth), facts
 
@@ -77,6 +79,25 @@ def _one_setting(frames: FrameSet, found: Findings) -> FrameSet:
         f"the measured setting is {usual or 'the frames without a setting'}"
     )
     return frames.subset(kept)
+
+
+def _without_one_light(frames: FrameSet, facts: Sequence[Facts], found: Findings) -> FrameSet:
+    """Without photons where every flat states the same number at levels that differ."""
+    flats = [(r.photons, f.mean) for r, f in zip(frames.records, facts) if r.kind == "flat"]
+    told = {photons for photons, _ in flats}
+    signals = np.array([mean for _, mean in flats]) - floor_dn(frames, facts)
+    if (
+        len(told) != 1
+        or None in told
+        or not signals.min() > 0
+        or signals.max() < _OTHER_LIGHT * signals.min()
+    ):
+        return frames
+    found.warn(
+        f"photons_contradicted: all flats state {flats[0][0]:g} photons per pixel, and their signals differ by a factor of "
+        f"{signals.max() / signals.min():.3g}: the photons are not used"
+    )
+    return frames.with_records([replace(r, photons=None) for r in frames.records])
 
 
 def _without_copies(frames: FrameSet, facts: list[Facts]) -> tuple[FrameSet, list[Facts]]:
@@ -128,7 +149,7 @@ def _without_masters(frames: FrameSet, facts: list[Facts], found: Findings) -> t
         usual = min(usual, float(np.median(found_here)))
     if usual > _TELLING:
         masters += [i for i, v in variances.items() if v < _MASTER * usual]
-    kept = _leave_out(frames, sorted(masters), found, "because of their variance")
+    kept = _leave_out(frames, sorted(masters), found, "because of their variance (or their gain is lower)")
     return kept, [f for i, f in enumerate(facts) if i not in set(masters)] if kept is not frames else facts
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -79,11 +80,29 @@ class FlatLevel:
         return self.variance_of(weights) - self.lamp_variance - self.band_variance + self.shared_variance
 
     @property
+    def variance_error(self) -> float:
+        """Standard error of the level's variance of white normal noise and of what was added to it, DN^2.
+
+        Light that is uneven over the pixels makes their variances uneven, and their mean the less certain.
+        """
+        light = max(1 - self.dark.variance / self.flat.variance, 0.0) if self.flat.variance > 0 else 0.0
+        uneven = (1 + self.unevenness * light**2, 1.0)
+        parts = [
+            2 * u * m.variance**2 / max((m.n - 1) * m.shape[0] * m.shape[1], 1)
+            for u, m in zip(uneven, (self.flat, self.dark))
+        ]
+        return math.sqrt(sum(parts) + self.shared_error**2)
+
+    @property
+    def unevenness(self) -> float:
+        """Variance of the light over the pixels in units of its squared mean."""
+        noise = float(self.flat.row_variances.mean()) / self.flat.n
+        return max(self.flat.spatial_variance - noise, 0.0) / max(self.signal, 1e-9) ** 2
+
+    @property
     def lamp_variance(self) -> float:
         """A change of the light by a share moves every pixel by that share of its own signal, DN^2."""
-        noise = float(self.flat.row_variances.mean()) / self.flat.n
-        uneven = max(self.flat.spatial_variance - noise, 0.0) / max(self.signal, 1e-9) ** 2
-        return self.flat.frame_variance * uneven if self.signal > 0 else 0.0
+        return self.flat.frame_variance * self.unevenness if self.signal > 0 else 0.0
 
 
 @dataclass(frozen=True)

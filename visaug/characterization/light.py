@@ -27,6 +27,7 @@ NEEDS_CLEAR_FLATS = (
     "clear of 0 and of the converter's top"
 )
 NEEDS_PHOTONS = "flats with known photons per pixel"
+_SCATTER = 0.02  # deviation of the variances from their curve: the gain of any level alone is as far off
 _LEAST_EFFICIENCY = 1e-3  # e-/photon: below what silicon has anywhere between 300 and 1100 nm
 
 
@@ -48,10 +49,21 @@ def gain_and_efficiency(
     low, high = 1 / (gain + half), 1 / (gain - half) if gain > half else math.inf
     found.add("gain_e_per_dn", (1 / gain, low, high), "e-/DN", source)
     found.gain = MeasuredGain(gain, result.gain_error / gain, measured=True)
+    _scattered(found, result)
     _curvature(found, result, additivity.course([result.levels[i] for i in result.safe]))
     _efficiency(found, result)
     _transfer_curves(found, result)
     return result
+
+
+def _scattered(found: Findings, result: PhotonTransferResult) -> None:
+    if result.scatter > _SCATTER:
+        found.warn(
+            f"photon_transfer_scattered: the variances of {len(result.safe)} levels deviate by {result.scatter:.1%} from every "
+            "smooth course over the signal: the gain is not one (automatic or alternating gain, levels of several cameras), "
+            "or single levels are disturbed",
+            spoils=additivity.FROM_GAIN,
+        )
 
 
 def _curvature(found: Findings, result: PhotonTransferResult, course: additivity.VarianceFits) -> None:
@@ -182,8 +194,9 @@ def response_pattern(
     levels = [v for i in result.safe if (v := result.levels[i]).flat.shape == shape]
     darks: dict[int, tuple[GroupMoments, np.ndarray]] = {}
     line = result.response
-    fitted = line is not None and line.dark == "fitted"
-    signals = np.array([line.at(v.photons or 0.0) if line and fitted else v.light for v in levels])
+    gap = np.array([v.exposure_gap_s for v in levels])
+    rate, rate_error = line.dark_dn_per_s if line is not None else (0.0, 0.0)
+    signals = np.array([v.light for v in levels]) - rate * gap
     weights = np.array([v.flat.n / max(v.flat.variance, 1e-9) for v in levels])
     free = result.intercept_dn2 is not None  # dark frames do not tell the pattern either: flats alone
     if free and len(levels) < 2:
@@ -192,6 +205,7 @@ def response_pattern(
         return None
     weights *= signals - (weights @ signals / weights.sum() if free else 0.0)
     weights /= (weights * signals).sum()
+    uncertain = abs(float(weights @ gap)) * rate_error  # relative, of the light
     pattern = np.zeros(shape)
     for v, a in zip(levels, weights):
         pattern += a * mean_map(measured.frames, v.flat.group.indices)
@@ -223,7 +237,7 @@ def response_pattern(
     split = parts(pattern, noise, detrend=True)
     source = f"analysis of variance of the pixels' slopes over {len(levels)} levels, smooth shading taken out"
     for name in ("row", "column", "pixel"):
-        found.add(f"prnu.{name}", root(getattr(split, name)), "fraction", source)
+        found.add(f"prnu.{name}", root(getattr(split, name), relative=uncertain), "fraction", source)
     shading = np.ptp(surface(pattern))
     if shading > 0.01:
         found.warn(f"shading: the light or the response varies smoothly by {shading:.1%} over the frame")

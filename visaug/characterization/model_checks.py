@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from visaug.characterization import additivity, codes, defective, in_time, neighbours
+from visaug.characterization import additivity, codes, defective, exchangeable, in_time, neighbours
 from visaug.characterization.alike import merged_groups
 from visaug.characterization.facts import Facts, look
 from visaug.characterization.findings import Findings
@@ -30,14 +30,23 @@ class ModelCheck:
 CHECKS = (
     ModelCheck("every pixel answers to light", 0.001, ("stuck_pixels", "overscan")),
     ModelCheck("one step of the converter is 1 DN", 0.001, ("code_gaps", "bits_missing")),
-    ModelCheck("frames of a group differ by noise alone", 0.01, ("stale_frame", "cosmic_rays", "lamp_band")),
+    ModelCheck(
+        "frames of a group differ by noise alone",
+        0.01,
+        ("stale_frame", "cosmic_rays", "lamp_band", "frames_dependent"),
+    ),
     ModelCheck("the noise of neighbours is independent", 0.005, ("correlated_noise",)),
-    ModelCheck("variance is proportional to the signal", 0.005, ("photon_transfer_bent",)),
+    ModelCheck(
+        "variance is proportional to the signal", 0.006, ("photon_transfer_bent", "photon_transfer_scattered")
+    ),
+    ModelCheck("all pixels have one gain", 0.002, ("gain_uneven",)),
     ModelCheck("flats are dark frames plus light", 0.001, ("flat_pedestal", "dark_temperature")),
     ModelCheck("dark current grows as silicon's", 0.001, ("dark_current_flat",)),
     ModelCheck("the response is even or white", 0.005, ("periodic_response", "structured_light")),
     ModelCheck(
-        "headers agree with pixels", 0.001, ("mosaic_contradicted", "photons_implausible", "lossy_frames")
+        "headers agree with pixels",
+        0.001,
+        ("mosaic_contradicted", "photons_contradicted", "photons_implausible", "lossy_frames"),
     ),
 )
 
@@ -65,6 +74,7 @@ def tested(measured: Measured, found: Findings) -> Measured:
     """The groups with what neighbours share and what a lamp's bands add; warnings of what spoils a figure."""
     measured = neighbours.with_covariances(measured, found)
     if not found.filtered:
+        exchangeable.check(measured, found)
         measured = in_time.without_bands(measured, found)
     additivity.check_temperature(measured, found)
     return measured

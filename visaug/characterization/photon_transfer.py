@@ -20,6 +20,7 @@ _SAFE_SHARE = 0.85  # the camera's own gain may use more levels than the standar
 _SPAN = 3  # brightest over faintest level from which on a bend can be seen
 _DOUBT = 0.002
 _CUT = 1e-4
+_MISFIT = 0.001  # probability that variances of one gain scatter so far about the curve
 EVEN_DN = 0.6  # noise from which on rounding is an even error
 _COLLAPSE = 0.7  # variance below this share of the shot noise's tells clipping
 
@@ -36,6 +37,7 @@ class PhotonTransferResult:
         pedestal_dn: mean level at which that is.
         response: the signal's course over photons, None where the source is not calibrated.
         safe: positions of the levels that are clear of saturation.
+        scatter: root mean square deviation of the variances from the curve over them, 0 where it is that of their noise.
     """
 
     levels: tuple[FlatLevel, ...]
@@ -47,6 +49,7 @@ class PhotonTransferResult:
     pedestal_dn: float
     response: Response | None
     safe: tuple[int, ...]
+    scatter: float = 0.0
 
     @property
     def bent(self) -> bool:
@@ -96,31 +99,55 @@ def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTran
     value, error, df = found["gain"]
     if not value > 0:
         return None
-    added = _of_added(chosen, powers, weights, pedestal if not dark_tells else None)
+    x = np.array([v.signal if dark_tells else v.flat.mean - pedestal for v in chosen])
+    basis = np.stack([x**p for p in powers], axis=1)
+    inverse = np.linalg.pinv(basis * weights[:, None]) * weights
+    added = _errors(inverse, powers, [v.shared_error for v in chosen])
+    white = _errors(inverse, powers, [v.variance_error for v in chosen])
     error = math.hypot(error, added[1])
+    scatter, times, spare = _scatter(chosen, basis, inverse, dark_tells)
+    if scatter:
+        error, df = times * error, min(df, spare)
     bend, bend_error, _ = found["curvature"]
     return PhotonTransferResult(
         levels,
         value,
         error,
         df,
-        (bend, math.hypot(bend_error, added.get(2, 0.0) / value)) if 2 in powers else None,
+        (bend, max(math.hypot(bend_error, added.get(2, 0.0) / value), white.get(2, 0.0) / value))
+        if 2 in powers
+        else None,
         found["intercept"][:2] if 0 in powers else None,
         pedestal,
         response(chosen, dark_tells),
         safe,
+        scatter,
     )
 
 
-def _of_added(
-    levels: Sequence[FlatLevel], powers: tuple[int, ...], weights: np.ndarray, pedestal: float | None
-) -> dict[int, float]:
-    """Standard error of each coefficient by that of the covariances that were added to the variances."""
-    x = np.array([v.signal if pedestal is None else v.flat.mean - pedestal for v in levels])
-    basis = np.stack([x**p for p in powers], axis=1)
-    influence = np.linalg.pinv(basis * weights[:, None]) * weights
-    errors = np.array([v.shared_error for v in levels])
-    return {p: float(np.sqrt(((row * errors) ** 2).sum())) for p, row in zip(powers, influence)}
+def _scatter(
+    levels: Sequence[FlatLevel], basis: np.ndarray, inverse: np.ndarray, dark_tells: bool
+) -> tuple[float, float, int]:
+    """Relative deviation of the variances from their curve, how many times their noise that is, and its degrees of freedom.
+
+    Zeros where noise explains it.
+    """
+    spare = len(levels) - basis.shape[1]
+    if spare < 1:
+        return 0.0, 0.0, 0
+    y = np.array([v.variance_of_all + (0.0 if dark_tells else v.dark.variance) for v in levels])
+    errors = np.array([v.variance_error for v in levels])
+    fitted = basis @ (inverse @ y)
+    square = float((((y - fitted) / errors) ** 2).sum())
+    if stats.chi2.sf(square, spare) > _MISFIT:
+        return 0.0, 0.0, 0
+    relative = (y - fitted) / np.maximum(fitted, errors)
+    return math.sqrt(float((relative**2).sum()) / spare), math.sqrt(square / spare), spare
+
+
+def _errors(inverse: np.ndarray, powers: tuple[int, ...], errors: Sequence[float]) -> dict[int, float]:
+    """Standard error of each coefficient by those of the variances."""
+    return {p: float(np.sqrt(((row * errors) ** 2).sum())) for p, row in zip(powers, inverse)}
 
 
 def _powers(levels: Sequence[FlatLevel], dark_tells: bool) -> tuple[int, ...]:

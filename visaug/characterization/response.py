@@ -25,6 +25,7 @@ class Response:
         dark: how the dark current of flats longer than their dark frames was met: ``none`` (nothing to
             meet), ``known``, ``fitted`` (beside the light), or ``unknown`` (it counts as light).
         dark_share: by how much the slope would be higher if the dark current counted as light.
+        dark_dn_per_s: dark current that was fitted beside the light, and its standard error.
     """
 
     dn_per_photon: float
@@ -34,6 +35,7 @@ class Response:
     bent: bool
     dark: str
     dark_share: float
+    dark_dn_per_s: tuple[float, float] = (0.0, 0.0)
 
     def at(self, photons: float) -> float:
         """Signal of the light, DN."""
@@ -59,7 +61,8 @@ def response(levels: Sequence[FlatLevel], dark_tells: bool = True) -> Response |
         bend, bent = _bend(basis, photons, signals, levels)
     if bent:
         basis = np.concatenate([basis, (photons**2)[:, None]], axis=1)
-    influence = _influence(basis, photons)[0]
+    all_influence = _influence(basis, photons)
+    influence = all_influence[0]
     value = float(influence @ signals)
     if not value > 0:
         return None
@@ -76,7 +79,15 @@ def response(levels: Sequence[FlatLevel], dark_tells: bool = True) -> Response |
     error, df = mean_error([(rows, 19), (columns_too, 19), (light, spare), (rate, 19)])
     with_dark = _influence(photons[:, None], photons)[0] @ np.array([v.signal for v in levels])
     share = with_dark / value - 1 if dark != "none" and not bent else 0.0
-    return Response(value, error / value, df, bend / value if bent else 0.0, bent, dark, float(share))
+    rate_of_dark = _fitted(all_influence[1], signals, lamp) if dark == "fitted" else (0.0, 0.0)
+    return Response(
+        value, error / value, df, bend / value if bent else 0.0, bent, dark, float(share), rate_of_dark
+    )
+
+
+def _fitted(influence: np.ndarray, signals: np.ndarray, lamp: float) -> tuple[float, float]:
+    """A coefficient and its standard error by what the lamp does."""
+    return float(influence @ signals), math.sqrt(float((influence**2 * signals**2).sum()) * lamp)
 
 
 def _beside_the_light(

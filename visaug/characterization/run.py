@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.characterization import additivity, codes, dark, light, model_checks, still
+from visaug.characterization import additivity, codes, dark, evenness, light, model_checks, still
 from visaug.characterization.camera_content import CAMERA_KEYS
 from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
@@ -145,7 +145,10 @@ def _from_light(found: Findings, measured: Measured) -> tuple[Measured, PhotonTr
             spoils=("read_noise.*", "dsnu.*", "dark_current.*", "emva.*", "emva4.*"),
         )
     measured = measured.with_dark_signal() if dark_tells else measured
-    return measured, light.gain_and_efficiency(found, measured, dark_tells), dark_tells
+    transfer = light.gain_and_efficiency(found, measured, dark_tells)
+    if transfer is not None and not found.filtered:
+        evenness.check(measured, transfer, found)
+    return measured, transfer, dark_tells
 
 
 def _pattern(

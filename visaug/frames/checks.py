@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 _SATURATED_SHARE = 0.001
 _CLIPPED_SHARE = 0.01
 _PILED_SHARE = 0.02  # share of pixels at the largest value that indicates saturation, if the converter's range is unknown
+_FEW = 4  # groups of copies that are listed
 _CONSTANT_KINDS = ("bias", "dark", "flat", "scene")
 
 
@@ -47,11 +48,15 @@ def check(frames: FrameSet) -> list[str]:
             f" and {len(numbers) - 8} more" if len(numbers) > 8 else ""
         )
 
-    found = [
-        f"duplicate_frames: frames {name(same)} are identical to the last bit: copies, not exposures"
-        for same in hashes.values()
-        if len(same) > 1 and not set(same) <= {*constant, *saturated}
+    copies = [
+        name(same) for same in hashes.values() if len(same) > 1 and not set(same) <= {*constant, *saturated}
     ]
+    found = []
+    if copies:
+        more = f" and {len(copies) - _FEW} more such groups" if len(copies) > _FEW else ""
+        found.append(
+            f"duplicate_frames: frames {'; '.join(copies[:_FEW])}{more} are identical to the last bit: copies, not exposures"
+        )
     if constant:
         found.append(f"constant_frame: frames {name(constant)} have one value in all pixels")
     if saturated:

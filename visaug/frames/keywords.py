@@ -80,7 +80,9 @@ _NOT_DONE = (
     "NONE",
     "OMIT",
     "PERFORM",
+    "RAW",
     "SKIPPED",
+    "UNCALIBRATED",
 )  # PERFORM: still to be done (HST)
 # BUNIT of numbers that no converter gave: electrons, rates, fluxes (FITS standard 4.0, section 4.3)
 _NO_CODES = re.compile(
@@ -202,7 +204,7 @@ def _setting(header, comments, text) -> str | None:
 
 
 def _calibrated(text) -> str | None:
-    if text("CALSTAT"):
+    if text("CALSTAT").upper() not in set(_NOT_DONE) - {"F"}:  # here F says that a flat was divided
         return f"CALSTAT = {text('CALSTAT')}"
     if _NO_CODES.fullmatch(text("BUNIT")):
         return f"BUNIT = {text('BUNIT')}"

@@ -1,0 +1,151 @@
+"""Whether what frames of a group have beyond their mean is independent from frame to frame.
+
+For frames x_i = pattern + independent noise, whatever the pattern and the frames' own variances, sum_ij A_ij x_i x_j has the
+expectation 0 for every symmetric A without a diagonal whose rows sum to 0. Two cameras in one folder, frames that are turned
+or shifted, a pattern that changes, and averaging over time in the camera make such sums large.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy import stats
+
+from visaug.characterization.findings import Findings
+from visaug.characterization.groups import Measured
+from visaug.characterization.moments import GroupMoments
+from visaug.frames import FrameSet
+
+_FEWEST = 4  # frames: of three no such sum is left
+_MOST = 12  # frames of a group: its first and last half dozen
+_SIDE = 512  # pixels of the window
+_OUTLIER = 5.0  # standard deviations: single pixels that jump are another matter
+_FALSE = 0.001  # probability of a false alarm in one set
+_MATTERS = 0.01  # correlation of the noise of two frames
+_SPOILED = ("gain_e_per_dn", "quantum_efficiency", "read_noise.*", "full_well_e", "prnu.*", "dsnu.*", "dark_current.*",
+            "temporal.*", "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """Of one group: probability of its sums for independent noise, correlation of the frames' residuals by which they
+    exceed these, and its frames in order with the part of each in what they share most.
+    """
+
+    probability: float
+    correlation: float
+    in_sequence: bool
+    parts: tuple[tuple[int, ...], tuple[int, ...]]
+
+
+def check(measured: Measured, found: Findings) -> None:
+    """Warns where the noise of frames of one group is not independent."""
+    groups = [m for m in measured.moments if m.n >= _FEWEST and min(m.shape) > 3 and not m.clipped_high]
+    tested = [d for m in groups if (d := dependence(measured.frames, m)) is not None]
+    sure = [d for d in tested if d.probability < _FALSE / len(tested) and d.correlation > _MATTERS]
+    if not sure:
+        return
+    worst = max(sure, key=lambda d: d.correlation)
+    if worst.in_sequence:
+        what = "frames that follow each other are alike (averaging over time in the camera, or light that lingers)"
+    else:
+        sequences = [
+            ", ".join(str(measured.frames.records[i].sequence) for i in part[:6])
+            + (", ..." if len(part) > 6 else "")
+            for part in worst.parts
+        ]
+        what = (
+            f"frames {sequences[0]} have another pattern than frames {sequences[1]} (two cameras, frames that are turned or "
+            "shifted, a light or a gain that changes over the frame)"
+        )
+    found.warn(
+        f"frames_dependent: in {len(sure)} of {len(tested)} groups of frames taken alike the noise correlates from frame to "
+        f"frame by up to {worst.correlation:.3f}: {what}, so that their differences are not noise alone",
+        spoils=_SPOILED,
+    )
+
+
+def dependence(frames: FrameSet, moments: GroupMoments) -> Dependence | None:
+    """Of one group; None where its frames have no noise."""
+    indices = moments.group.indices
+    if len(indices) > _MOST:
+        indices = indices[: _MOST // 2] + indices[-_MOST // 2 :]
+    residuals = _residuals(frames, indices, moments.shape)
+    if residuals is None:
+        return None
+    n, pixels = residuals.shape
+    variances = (residuals**2).mean(1) * n / (n - 1)
+    basis = contrasts(n)
+    gram = residuals @ residuals.T / pixels
+    sums = np.einsum("kij,ij->k", basis, gram)
+    weighted = basis * np.sqrt(variances)[:, None] * np.sqrt(variances)
+    covariance = 2 * np.einsum("kij,lij->kl", weighted, weighted) / pixels * _unevenness(residuals)
+    square = float(sums @ np.linalg.solve(covariance, sums))
+    excess = max(square - len(basis), 0.0) / square if square else 0.0
+    shared = np.einsum("k,kij->ij", sums, basis)  # what the frames share, as seen by the contrasts
+    correlation = float(np.sqrt(excess * (shared**2).sum() / (n * (n - 1)))) / float(variances.mean())
+    return Dependence(
+        float(stats.chi2.sf(square, len(basis))), correlation, _follows(shared), _split(indices, shared)
+    )
+
+
+@lru_cache(maxsize=16)
+def contrasts(n: int) -> np.ndarray:
+    """(K, n, n) orthonormal basis of the symmetric matrices without a diagonal whose rows sum to 0, K = n (n - 3) / 2."""
+    pairs = np.array(np.triu_indices(n, 1)).T
+    rows = np.zeros((n, len(pairs)))
+    for k, (i, j) in enumerate(pairs):
+        rows[i, k] = rows[j, k] = 1
+    free = np.linalg.svd(rows)[2][n:]
+    made = np.zeros((len(free), n, n))
+    made[:, pairs[:, 0], pairs[:, 1]] = free / np.sqrt(2)
+    return made + made.transpose(0, 2, 1)
+
+
+def _residuals(frames: FrameSet, indices: tuple[int, ...], shape: tuple[int, int]) -> np.ndarray | None:
+    """(n, P) of every frame about the mean; level, rows, columns and a change of the whole light or gain taken out."""
+    r0, c0 = (max((size - _SIDE) // 2, 0) for size in shape)
+    part = np.stack([frames.read(i)[r0 : r0 + _SIDE, c0 : c0 + _SIDE] for i in indices]).astype(np.float64)
+    part -= part.mean(2, keepdims=True)
+    part -= part.mean(1, keepdims=True)
+    mean = part.mean(0)
+    square = float((mean**2).sum())
+    left = part - mean
+    if square > 0:
+        left -= (left * mean).sum((1, 2), keepdims=True) / square * mean
+    left = left.reshape(len(indices), -1)
+    scale = np.sqrt((left**2).mean(1))
+    if not (scale > 0).all():
+        return None
+    return left[:, (np.abs(left) < _OUTLIER * scale[:, None]).all(0)]
+
+
+def _unevenness(residuals: np.ndarray) -> float:
+    """Mean square over squared mean of the pixels' variance, from products of the differences of separate frames."""
+    steps = np.diff(residuals, axis=0)[::2] ** 2
+    a, b = steps[0::2], steps[1::2]
+    ratios = [float((p * q).mean() / (p.mean() * q.mean())) for p, q in zip(a, b)]
+    return max(float(np.mean(ratios)), 1.0)
+
+
+def _follows(shared: np.ndarray) -> bool:
+    """Whether frames that follow each other share more than any others do."""
+    n = len(shared)
+    by_distance = [float(np.diagonal(shared, d).mean()) for d in range(1, n - 1)]
+    return (
+        by_distance[0] > 0
+        and by_distance[0] == max(by_distance)
+        and by_distance[0] > 2 * max(by_distance[1:])
+    )
+
+
+def _split(indices: tuple[int, ...], shared: np.ndarray) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """The frames by the sign of their part in what they share most."""
+    part = np.linalg.eigh(shared)[1][:, -1]
+    first = part * part[0] > 0
+    return (
+        tuple(i for i, here in zip(indices, first) if here),
+        tuple(i for i, here in zip(indices, first) if not here),
+    )
