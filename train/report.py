@@ -74,7 +74,9 @@ def timing_section(ablation: Ablation, seconds: Mapping[str, float] | None = Non
     """How long each part took: data, runs, and what else is given in `seconds`."""
     runs = {f"train {arm}, seed {seed}": run.seconds for (arm, seed), (run, _) in ablation.scored.items()}
     parts = {"render and convert the data": ablation.study.data_seconds, **runs, **(seconds or {})}
-    text = f"Seconds of each part, {sum(parts.values()):.0f} s in total."
+    text = (
+        f"Seconds of each part, {sum(parts.values()):.0f} s in total; parts that ran side by side count each."
+    )
     return Section("Computing time", [figure(plot_timing(parts), text)])
 
 
