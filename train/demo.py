@@ -9,6 +9,7 @@ from pathlib import Path
 import visaug
 from visaug.core.cores import cores
 from visaug.core.errors import InputError
+from visaug.core.progress import phase_of
 from visaug.report.html import Page, Section, figure, write_page
 from visaug.report.provenance import footer
 from visaug.report.real_camera import real_camera_section
@@ -93,8 +94,14 @@ def train_side_by_side(
 
 
 def _diagnose(output: Path, seed: int, progress: Progress | None = None) -> float:
+    """The seconds that it took; the progress tells phases, as other work is told beside it."""
+
+    def show(step: str, done: int, total: int) -> None:
+        if progress:
+            progress(f"diagnosis: {phase_of(step)}", done, total)
+
     began = time.monotonic()
-    _found(output, seed, progress)
+    _found(output, seed, show)
     return time.monotonic() - began
 
 
