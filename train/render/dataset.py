@@ -140,8 +140,6 @@ def render_dataset(root: str | Path, settings: RenderSettings, progress: Progres
                 write_json(listing, [_record(number, view) for number, view in zip(numbers, views)])
             done += count
             first += count
-            if progress:
-                progress("rendering", done, total)
     return root
 
 
