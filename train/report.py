@@ -61,7 +61,7 @@ def _strength(ablation: Ablation) -> list[Section]:
         return []
     table = ablation.noise.table()
     text = (
-        "Standard deviations in 8-bit steps at the size of the network's input. An arm whose noise is below that of the "
+        "Standard deviations in 8-bit levels at the size of the network's input. An arm whose noise is below that of the "
         "training images can hardly change what the network learns. Figures of images are those of white noise alone: "
         'row noise, column patterns and other structure are not included. "none": no area of this level.'
     )
