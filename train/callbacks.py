@@ -6,6 +6,7 @@ from typing import Any
 
 from torch import nn
 
+from visaug.core.cores import cores
 from visaug.core.errors import InputError
 
 Progress = Callable[[str, int, int], None]
@@ -35,9 +36,7 @@ def follow(model: Any, title: str, progress: Progress | None) -> None:
         if trainer.device.type == "cpu" and "OMP_NUM_THREADS" not in os.environ:
             import torch
 
-            torch.set_num_threads(
-                len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-            )
+            torch.set_num_threads(cores())
 
     model.add_callback("on_train_start", use_all_cores)
     if progress is None:

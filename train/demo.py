@@ -3,11 +3,13 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 
 import visaug
+from visaug.core.cores import cores
 from visaug.core.errors import InputError
+from visaug.core.progress import phase_of
 from visaug.report.html import Page, Section, figure, write_page
 from visaug.report.provenance import footer
 from visaug.report.real_camera import real_camera_section
@@ -30,12 +32,15 @@ from visaug_train.studies.laboratory import (
     take_frames,
 )
 from visaug_train.studies.story import hidden_effect_sections, story_sections
+from visaug_train.training import prepare, start_network
+from visaug_train.workers import Workers
 
 Progress = Callable[[str, int, int], None]
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 SHORT, FULL = CONFIGS / "demo_short.yaml", CONFIGS / "demo.yaml"
 DIAGNOSED, DOMAIN = "vis_diagnosed", "lightbox"  # the arm and the test set of the headline
 NAME = "lightbox camera"
+MOST_PROCESSES = 4  # each takes about 1 GB of memory
 
 
 def demo_config(output: str | Path, seed: int = 0, full: bool = False) -> Config:
@@ -65,12 +70,47 @@ def _found(output: Path, seed: int, progress: Progress | None = None) -> Path:
     return diagnosed_camera(LIGHTBOX_CAMERA, NAME, output / "lightbox_camera", seed, progress)
 
 
+def train_side_by_side(
+    output: str | Path, seed: int = 0, progress: Progress | None = None, full: bool = False
+) -> float:
+    """Diagnose, render and train in several processes; returns the seconds of the diagnosis, 0 where it was there.
+
+    Arms that need no diagnosis are trained beside it. A run that fails is tried again, and told of, by `run_ablation`.
+    """
+    config = demo_config(output, seed, full)
+    runs = (len(config.arms) + 1) * len(config.seeds)
+    with Workers(min(cores(), MOST_PROCESSES), runs, progress) as workers:
+        diagnosis = workers.submit(_diagnose, config.output, seed)
+        study = prepare(config, progress)
+        start_network(study, progress)
+        for number in config.seeds:
+            for arm in config.arms:
+                workers.train(study, arm, number)
+        seconds = diagnosis.result()
+        study = replace(study, config=with_diagnosed(config, seed))
+        for number in config.seeds:
+            workers.train(study, DIAGNOSED, number)
+    return seconds
+
+
+def _diagnose(output: Path, seed: int, progress: Progress | None = None) -> float:
+    """The seconds that it took; the progress tells phases, as other work is told beside it."""
+
+    def show(step: str, done: int, total: int) -> None:
+        if progress:
+            progress(f"diagnosis: {phase_of(step)}", done, total)
+
+    began = time.monotonic()
+    _found(output, seed, show)
+    return time.monotonic() - began
+
+
 def run_ablation(
     output: str | Path, seed: int = 0, progress: Progress | None = None, full: bool = False
 ) -> Ablation:
     """Diagnose, render, train the arms, score them on the test sets; goes on where it was stopped."""
     config = with_diagnosed(demo_config(output, seed, full), seed, progress)
-    ablation = ablate(config, progress, partial(print, flush=True))
+    ablation = ablate(config, progress)
     ablation.write(Path(output) / "tables")
     return ablation
 
@@ -100,8 +140,7 @@ def run_demo(
         say(part, 1, 1)
 
     check_arms(demo_config(output, seed, full))  # before the minutes of a diagnosis
-    with timed("diagnosis of the lightbox-like camera"):
-        _found(output, seed, progress)
+    seconds["diagnosis of the lightbox-like camera"] = train_side_by_side(output, seed, progress, full)
     ablation = run_ablation(output, seed, progress, full)
     said = finding(ablation, output, seed)
     with timed("pictures and intervals"):

@@ -61,7 +61,7 @@ def _strength(ablation: Ablation) -> list[Section]:
         return []
     table = ablation.noise.table()
     text = (
-        "Standard deviations in 8-bit steps at the size of the network's input. An arm whose noise is below that of the "
+        "Standard deviations in 8-bit levels at the size of the network's input. An arm whose noise is below that of the "
         "training images can hardly change what the network learns. Figures of images are those of white noise alone: "
         'row noise, column patterns and other structure are not included. "none": no area of this level.'
     )
@@ -74,7 +74,9 @@ def timing_section(ablation: Ablation, seconds: Mapping[str, float] | None = Non
     """How long each part took: data, runs, and what else is given in `seconds`."""
     runs = {f"train {arm}, seed {seed}": run.seconds for (arm, seed), (run, _) in ablation.scored.items()}
     parts = {"render and convert the data": ablation.study.data_seconds, **runs, **(seconds or {})}
-    text = f"Seconds of each part, {sum(parts.values()):.0f} s in total."
+    text = (
+        f"Seconds of each part, {sum(parts.values()):.0f} s in total; parts that ran side by side count each."
+    )
     return Section("Computing time", [figure(plot_timing(parts), text)])
 
 

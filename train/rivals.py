@@ -111,7 +111,7 @@ class RandomMotionBlur(nn.Module):
 
 
 class IsoNoise(nn.Module):
-    """x + n (1 - x), n Poisson of mean s i (in 8-bit steps): s the image's standard deviation, i the intensity."""
+    """x + n (1 - x), n Poisson of mean s i (in 8-bit levels): s the image's standard deviation, i the intensity."""
 
     def __init__(self, p: float, intensity: Pair) -> None:
         super().__init__()

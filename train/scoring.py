@@ -28,9 +28,10 @@ def run_and_score(
 
 
 def other_summaries(study: Study, run: Run, progress: Progress | None = None) -> dict[str, dict[str, Any]]:
-    """Scores by domain of a run's other weights; empty where it kept none."""
+    """Scores by domain of a run's other weights; empty where it kept none, or where no validation told best from last."""
     other = other_weights(study.config.weights)
-    if not run.weights.with_stem(other).is_file():
+    arguments = {**study.config.training, **study.config.arm(run.arm).training}
+    if not arguments.get("val", True) or not run.weights.with_stem(other).is_file():
         return {}
     return {name: each.summary() for name, each in evaluate_run(study, run, progress, other).items()}
 

@@ -114,7 +114,7 @@ class Strengths:
         rows = [["training images carry", *cells(self.images, False)]]
         rows += [[f"test set {name} shows", *cells(each, False)] for name, each in self.tests.items()]
         rows += [[f"arm {name} adds", *cells(each, True)] for name, each in self.arms.items()]
-        title = "Noise, standard deviation in 8-bit steps (images: white part alone, an upper bound where there is texture)"
+        title = "Noise, standard deviation in 8-bit levels (images: white part alone, an upper bound where there is texture)"
         return ResultTable(title, ["", *LEVELS], rows)
 
     def warnings(self) -> list[str]:

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from PIL import Image
 
 import visaug
 from visaug.frames import FrameRecord, FrameSet
+from visaug.report.headline import COUNTED
 from visaug.report.pages import write_comparison, write_diagnosis
 from visaug.report.plots.error import plot_error_steps, plot_ranking
 from visaug.report.plots.view import plot_view
@@ -112,10 +114,16 @@ def test_diagnosis_page_tells_the_answer(camera, frames, tmp_path):
         "Something grows",
         "two temperatures",
         "8 bias, 12 flat",
+        COUNTED,
     ):
         assert piece in text
     # the error falling, the ranking, and the worst view, before and after in one picture
     assert path.read_text().count("<img") == 3
+
+
+def test_the_count_beside_a_probability_stands_in_the_documentation():
+    results = Path(__file__).resolve().parents[2] / "docs" / "results.md"
+    assert COUNTED in " ".join(results.read_text().split())
 
 
 def test_diagnosis_page_of_a_camera_that_holds(camera, frames, tmp_path):

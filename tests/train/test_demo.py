@@ -2,6 +2,7 @@
 
 import json
 import re
+from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 
@@ -12,13 +13,28 @@ import visaug
 from visaug.effects import catalogue
 from visaug_train import demo
 from visaug_train.studies import laboratory
+from visaug_train.training import train_run
+from visaug_train.workers import Workers
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+
+
+class InThisProcess(Workers):
+    """Work in this process, whose modules the tests change."""
+
+    def submit(self, function, *arguments):
+        done = Future()
+        done.set_result(function(*arguments, self.progress))
+        return done
+
+    def train(self, study, arm, seed):
+        train_run(study, arm, seed, self.progress)
 
 
 @pytest.fixture
 def quick_diagnosis(monkeypatch):
     """A diagnosis of fewer pixels that tries two effects."""
+    monkeypatch.setattr(demo, "Workers", InThisProcess)
     tried = {"amplifier_glow", "row_noise"}  # few, so that the test is fast
     without = [name for name, effect in catalogue().items() if not effect.base and name not in tried]
     monkeypatch.setattr(visaug, "diagnose", partial(visaug.diagnose, sets=60, without=without))

@@ -5,7 +5,6 @@ gives the same bytes on the same device. A split's json is written last: where i
 """
 
 import json
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ import cv2
 import numpy as np
 import torch
 
+from visaug.core.cores import cores
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import write_bytes, write_json
@@ -133,7 +133,7 @@ def render_dataset(root: str | Path, settings: RenderSettings, progress: Progres
             if not listing.is_file():
                 cuts = [slice(start, min(start + BATCH, count)) for start in range(0, count, BATCH)]
                 render = partial(_render_part, root, settings, domain, caster)
-                with one_torch_thread(), ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+                with one_torch_thread(), ThreadPoolExecutor(cores()) as pool:
                     jobs = pool.map(render, [views[cut] for cut in cuts], [numbers[cut] for cut in cuts])
                     for cut, _ in zip(cuts, jobs):
                         if progress:
@@ -141,8 +141,6 @@ def render_dataset(root: str | Path, settings: RenderSettings, progress: Progres
                 write_json(listing, [_record(number, view) for number, view in zip(numbers, views)])
             done += count
             first += count
-            if progress:
-                progress("rendering", done, total)
     return root
 
 

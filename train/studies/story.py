@@ -38,7 +38,7 @@ def story_sections(
 ) -> list[Section]:
     """The sections of a kept diagnosis: of `frames`, from the incomplete `camera` on."""
     intro = Text(
-        "The other way round: a camera's file and frames that it took, and the file is incomplete. The"
+        "A camera's file, and frames that it took; the file is incomplete. The"
         " frames were simulated by code that shares nothing with the model. Which physical effect is "
         "missing, and how strong is it?"
     )

@@ -60,7 +60,7 @@ def check_bits(bits: int | None, kind: str) -> None:
         raise InputError(
             f"{bits} bit are given for an image of {kind}, whose range is known",
             field="bits",
-            expected="nothing here: it states the range of images of uint16",
+            expected="no number of bits; only images of uint16 need one",
         )
 
 

@@ -1,3 +1,3 @@
 """What every room builds on: random streams, errors, whole files, strict documents, progress."""
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"

@@ -82,6 +82,16 @@ def with_interval(value: float | None, low: float | None, high: float | None, un
     return f"{shown[0]} [{shown[1]}, {shown[2]}]{tail}"
 
 
+def deviation_text(z: float) -> str:
+    """A number of standard deviations, in two digits.
+
+    Examples:
+        >>> [deviation_text(z) for z in (0.517, -14.23, 143.2)]
+        ['0.52', '-14', '140']
+    """
+    return f"{float(f'{z:.2g}'):g}"
+
+
 def share_text(share: float) -> str:
     """A share in per cent, never 0.
 

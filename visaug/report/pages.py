@@ -3,7 +3,14 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from visaug.core.wording import p_text, probability_text, share_text, statistic_text, with_interval
+from visaug.core.wording import (
+    deviation_text,
+    p_text,
+    probability_text,
+    share_text,
+    statistic_text,
+    with_interval,
+)
 from visaug.report.headline import (
     AMONG,
     PROBABILITY,
@@ -90,7 +97,7 @@ def write_comparison(
 def _largest(where: list[dict[str, Any]]) -> list[tuple[str, str]]:
     if not where:
         return []
-    size = f"{abs(where[0]['z']):.2g} standard deviations"
+    size = f"{deviation_text(abs(where[0]['z']))} standard deviations"
     return [(size, f"largest difference: {statistic_text(where[0]['worst'])}")]
 
 
@@ -221,7 +228,7 @@ def _worst_frames(where: list[dict[str, Any]]) -> dict[str, str]:
 
 def where_table(where: list[dict[str, Any]]) -> Table:
     rows = [
-        [view_title(w["view"]), share_text(w["share"]), statistic_text(w["worst"]), f"{w['z']:.2g}"]
+        [view_title(w["view"]), share_text(w["share"]), statistic_text(w["worst"]), deviation_text(w["z"])]
         for w in where[:10]
     ]
     head = ["view", "share of the misfit", "worst statistic", "standard deviations"]
@@ -243,7 +250,7 @@ def _accepted_table(content: dict[str, Any]) -> Table:
 def _captions(where: list[dict[str, Any]]) -> dict[str, str]:
     return {
         w["view"]: f"{share_text(w['share'])} of the misfit; {statistic_text(w['worst'])}: "
-        f"{w['z']:.2g} standard deviations from the model."
+        f"{deviation_text(w['z'])} standard deviations from the model."
         for w in reversed(where)
     }
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from visaug.core.wording import number
+from visaug.core.wording import deviation_text, number
 from visaug.report.headline import comparison_headline, view_title
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
 from visaug.report.next_step import after_pictures, picture_inputs
@@ -25,7 +25,7 @@ def write_picture_comparison(path: str | Path, result: "PictureComparison") -> P
             number(d["measured"]),
             number(d["modelled"]),
             d["unit"],
-            f"{d['z']:.2g}",
+            deviation_text(d["z"]),
         ]
         for d in content["differences"]
     ]

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from visaug.app.cli.tables import print_table
-from visaug.core.wording import share_text, statistic_text, with_interval
+from visaug.core.wording import deviation_text, share_text, statistic_text, with_interval
 from visaug.report.headline import (
     characterization_headline,
     comparison_headline,
@@ -108,7 +108,7 @@ def print_places(where: list[dict[str, Any]]) -> None:
             view_title(place["view"]),
             share_text(place["share"]),
             statistic_text(place["worst"]),
-            f"{place['z']:.2g}",
+            deviation_text(place["z"]),
         ]
         for place in where[:10]
     ]

@@ -85,4 +85,5 @@ def plot_ranking(ranking: Sequence[Mapping[str, Any]]) -> "Figure":
 def wrapped(action: str) -> str:
     import textwrap
 
-    return "\n".join(textwrap.wrap(action.replace("_", "_\u200b"), 16)) or action
+    lines = textwrap.wrap(action.replace("_", "_ "), 16)
+    return "\n".join(line.replace("_ ", "_") for line in lines) or action
