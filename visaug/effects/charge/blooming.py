@@ -15,10 +15,11 @@ class Blooming(Effect):
     """Charge above the full well flows into the first wells with free capacity.
 
     The fraction `share` of the excess flows and the rest is drained (an anti-blooming gate). Channel stops of a CCD keep it in
-    the `column`, up and down which it flows. Each direction is a queue: the flow past a pixel, w_i = max(0, w_(i-1) + excess_i
-    - room_i), is the running sum minus its running minimum. `isotropic`, where no side is preferred: every full pixel passes
-    a quarter of what it receives to each of its four neighbours, so that a point source fills a disc. Charge that leaves the
-    sensor, or that has found no room after 500 pixels, is lost. Requires a camera with a full well.
+    the `column`, up and down which it flows. Each direction is a queue: the flow past a pixel,
+    w_i = max(0, w_(i-1) + excess_i - room_i), is the running sum minus its running minimum. With `isotropic` no side is
+    preferred: every full pixel passes a quarter of what it receives to each of its four neighbours, so that a point source
+    fills a disc. Charge that leaves the sensor, or that has found no room after 500 pixels, is lost. Requires a camera with a
+    full well.
     """
 
     name = "blooming"
