@@ -34,6 +34,7 @@ from benchmark.sets import camera_yaml
 from benchmark.small import CHART, PLAN, SENSOR, chart
 from benchmark.strengths import TYPICAL, scaled
 from visaug import Camera, FrameSet
+from visaug.characterization.alarms import alarms
 from visaug.diagnosis import choice, criterion, search, stage
 from visaug.diagnosis.criterion import Evidence
 from visaug.diagnosis.state import State
@@ -186,6 +187,7 @@ def record_one(file: Path, one: Problem) -> None:
         "unexplained": found.unexplained is not None,
         "p": (found.p_value_before, found.p_value_after),
         "ranking": [(entry.effect, entry.probability) for entry in found.ranking],
+        "checks": [warning.partition(":")[0] for warning in alarms(found.frame_set)],
         "cpu_s": time.process_time() - start,
     }
     partial = file.with_suffix(".partial")
@@ -193,6 +195,7 @@ def record_one(file: Path, one: Problem) -> None:
     partial.rename(file)
     told = " ~ ".join("/".join(pair) for pair in kept["ambiguous"])
     rest = "unexplained" if kept["unexplained"] else ""
+    checks = f"(checks: {', '.join(kept['checks'])})" if kept["checks"] else ""
     print(
         one.seed,
         one.kind,
@@ -201,6 +204,7 @@ def record_one(file: Path, one: Problem) -> None:
         *found.accepted,
         told,
         rest,
+        checks,
         f"{kept['cpu_s']:.0f} s",
         flush=True,
     )

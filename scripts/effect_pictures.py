@@ -33,6 +33,7 @@ CAMERA = {
 LADDER = [0.0, 200.0, 1500.0, 8000.0, 19000.0]  # photons of flats
 FRAMES = 8
 BLUES, GREYS = "#1f5fa8", "#9a9a9a"
+OTHER_FORMS = {"blooming": {"spread": "isotropic"}}  # with a picture of their own
 
 
 def shown(effect: type[Effect]) -> dict[str, float]:
@@ -40,11 +41,11 @@ def shown(effect: type[Effect]) -> dict[str, float]:
     return {n: p.trials[-1] for n, p in effect.parameters.items() if p.strength and p.trials}
 
 
-def cameras(effect: type[Effect]) -> tuple[Camera, Camera]:
+def cameras(effect: type[Effect], **form: str) -> tuple[Camera, Camera]:
     """A small CMOS camera without and with the effect; a base term is taken out of its chain."""
     camera = Camera.load(CAMERA)
     if not effect.base:
-        camera = camera.with_effect(effect.name, **shown(effect))
+        camera = camera.with_effect(effect.name, **shown(effect), **form)
     without = Camera(camera.spec)
     without.effects = [other for other in without.effects if other.name != effect.name]
     return without, camera
@@ -78,11 +79,11 @@ def expose(camera: Camera, photons: torch.Tensor, seed: int = 1, developed: bool
     return frames.squeeze(1).numpy()
 
 
-def strip(effect: type[Effect], path: Path) -> str:
+def strip(effect: type[Effect], path: Path, **form: str) -> str:
     """Writes without | with | difference side by side; returns what the difference's colours span."""
     frames = torch.cat([scene().flip(-1), scene()])  # the frame before shows the scene mirrored
     developed = effect.stage == Stage.PICTURE
-    off, on = (expose(camera, frames, developed=developed)[1] for camera in cameras(effect))
+    off, on = (expose(camera, frames, developed=developed)[1] for camera in cameras(effect, **form))
     top = np.quantile(off, 0.97)
     change = on - off
     span = max(float(np.quantile(np.abs(change), 0.995)), 0.5)

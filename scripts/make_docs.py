@@ -33,6 +33,8 @@ def main(names: list[str]) -> None:
         if not names or effect.name in names:
             span = pictures.strip(effect, folder / f"{effect.name}.png")
             pictures.signature(effect, folder / f"{effect.name}_signature.png")
+            for form in pictures.OTHER_FORMS.get(effect.name, {}).items():
+                pictures.strip(effect, folder / f"{effect.name}_{form[1]}.png", **dict([form]))
             (folder / f"{effect.name}.md").write_text(page(effect, span))
     (folder / "index.md").write_text(index(effects))
     if not names or "chain" in names:
@@ -80,6 +82,15 @@ def page(effect: type[Effect], span: str) -> str:
         "",
         f"![{effect.name}: without, with, difference]({effect.name}.png)",
         "",
+    ]
+    for option, word in pictures.OTHER_FORMS.get(effect.name, {}).items():
+        lines += [
+            f"The same with `{option}: {word}`:",
+            "",
+            f"![{effect.name}, {word}: without, with, difference]({effect.name}_{word}.png)",
+            "",
+        ]
+    lines += [
         "Statistics of simulated frames without (grey) and with (blue) the effect:",
         "",
         f"![signature of {effect.name}]({effect.name}_signature.png)",

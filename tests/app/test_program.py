@@ -233,6 +233,7 @@ def test_new_effect_runs_as_it_is(program_run, tmp_path):
         ("banding", {"periodic_banding", "lamp_flicker"}, {"smear"}),
         ("EMI", {"slanted_interference", "periodic_banding"}, {"dust"}),  # no part of another word
         ("ghosting", {"lens_flare", "image_lag"}, {"row_noise"}),
+        ("smear", {"smear", "charge_transfer_inefficiency", "parasitic_light"}, {"row_noise"}),
         ("prnu", {"prnu"}, {"row_noise"}),
         ("fixed pattern noise", {"prnu", "dsnu", "row_parity"}, {"row_noise"}),  # all words, in any case
         ("flicker", {"lamp_flicker", "flicker_noise", "light_drift"}, {"dust"}),

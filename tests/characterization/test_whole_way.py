@@ -116,3 +116,27 @@ def test_a_diagnosis_of_the_camera_that_was_measured_raises_no_error():
     assert not found.adequate_after
     assert found.unexplained is not None
     assert "level" in found.unexplained.axis
+
+
+@pytest.mark.slow
+def test_unequal_codes_of_a_real_ccd_are_named():
+    """Of the effects of the converter: the widths of its codes repeat after four, as a code-density test shows too."""
+    frames = ccd_window()
+    counts = np.zeros(4096)
+    for i in range(len(frames)):
+        counts += np.bincount(frames.read(i).astype(int).ravel(), minlength=4096)
+    expected = np.convolve(counts, np.r_[0.5, np.ones(3), 0.5] / 4, "same")
+    code = np.arange(4096)
+    inner = (expected > 20) & (code > 8) & (code < 4000)
+    widths = [
+        counts[inner & (code % 4 == k)].sum() / expected[inner & (code % 4 == k)].sum() for k in range(4)
+    ]
+    assert min(widths[:2]) > 1.02
+    assert max(widths[2:]) < 0.99
+    camera = characterize(frames).camera
+    others = set(catalogue()) - {"code_widths", "missing_codes", "bit_truncation"}
+    found = visaug.diagnose(camera, frames, without=sorted(others), sets=60)
+    assert found.accepted == ("code_widths",)
+    assert found.camera.choices()["code_widths.pattern"] == "stage"
+    assert found.camera.values()["code_widths.period"] == 4
+    assert found.to_json()["error"]["after"] < 0.95

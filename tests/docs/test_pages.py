@@ -106,3 +106,14 @@ def test_commits_are_recognised():
         "4bfd655",
         "b479d4b1",
     ]
+
+
+def test_every_effect_has_a_page_and_the_readme_counts_them():
+    effects = visaug.effects.catalogue()
+    pages = {path.stem for path in (ROOT / "docs/effects").glob("*.md")}
+    assert pages == {*effects, "index"}
+    further = sum(not effect.base for effect in effects.values())
+    said = (
+        f"{len(effects)} effects: {len(effects) - further} terms of the base chain and {further} further ones"
+    )
+    assert said in " ".join((ROOT / "README.md").read_text().split())

@@ -237,6 +237,63 @@ def test_blooming_keeps_charge_and_is_symmetric(run_effect):
     assert torch.equal(run_effect("blooming", below, share=1.0), below)
 
 
+def toppled(image: np.ndarray, well: float, share: float) -> np.ndarray:
+    """The fullest pixel passes all it has above the full well to its neighbours, again and again.
+
+    Which pixel comes first makes no difference to the end (Levine and Peres 2009).
+    """
+    charge = np.pad(image.astype(float) - share * np.maximum(image - well, 0), 1)
+    moving = np.pad(share * np.maximum(image.astype(float) - well, 0), 1)
+    inside = np.zeros(charge.shape, bool)
+    inside[1:-1, 1:-1] = True
+    while (excess := np.where(inside, moving, 0.0)).max() > 1e-3:
+        i, j = np.unravel_index(excess.argmax(), excess.shape)
+        carried, moving[i, j] = moving[i, j], 0.0
+        for a, b in ((i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)):
+            taken = min(carried / 4, max(well - charge[a, b], 0.0)) if inside[a, b] else 0.0
+            charge[a, b] += taken
+            moving[a, b] += carried / 4 - taken
+    return charge[1:-1, 1:-1]
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_isotropic_blooming_is_that_of_pixels_toppled_one_by_one(run_effect, share):
+    """Two spots that meet, a border near one of them, two full wells; tolerance: what is no longer followed."""
+    rng = np.random.default_rng(3)
+    scene = rng.uniform(0, 3000, (2, 1, 24, 30)).astype(np.float32)
+    scene[:, 0, 11, 12], scene[:, 0, 13, 17], scene[:, 0, 2, 24] = 3e5, 2e5, 5e4
+    out = run_effect(
+        "blooming",
+        torch.from_numpy(scene),
+        known={"full_well_e": [11000.0, 9500.0]},
+        share=share,
+        spread="isotropic",
+    )
+    for image, bloomed, well in zip(scene[:, 0], out[:, 0].numpy(), (11000.0, 9500.0)):
+        np.testing.assert_allclose(bloomed, toppled(image, well, share), rtol=1e-5, atol=1.0)
+
+
+def test_isotropic_blooming_fills_a_disc_and_keeps_the_charge(run_effect):
+    """200 full wells fill pi r^2 pixels, r = 8; the border of the disc is no wider than two pixels."""
+    scene = torch.zeros(1, 1, 41, 41)
+    scene[..., 20, 20] = 200 * 11000.0
+    out = run_effect("blooming", scene, share=1.0, spread="isotropic")[0, 0].double()
+    assert float(out.sum()) == pytest.approx(200 * 11000.0, rel=1e-5)
+    assert torch.allclose(out, out.T)
+    assert torch.allclose(out, out.flip(0))
+    y, x = torch.meshgrid(torch.arange(41) - 20, torch.arange(41) - 20, indexing="ij")
+    away = (x**2 + y**2).sqrt()
+    assert bool((out[away < 7] > 10999).all())
+    assert bool((out[away > 9] < 1).all())
+
+
+def test_a_level_above_the_full_well_keeps_the_share_that_finds_no_room(run_effect):
+    level = torch.full((1, 1, 20, 20), 15000.0)
+    for spread in ("column", "isotropic"):
+        out = run_effect("blooming", level, share=0.25, spread=spread)
+        torch.testing.assert_close(out, torch.full_like(out, 14000.0))
+
+
 def test_transfer_leaves_a_trail_that_grows_with_the_transfers(run_effect):
     stars = torch.zeros(1, 1, 300, 2)
     stars[0, 0, 19, 0] = stars[0, 0, 199, 1] = 10000.0  # 20 and 200 transfers from the register at the top

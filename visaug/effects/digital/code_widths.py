@@ -8,6 +8,7 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 NEAREST = 0.49  # of a threshold to its ideal place, in code widths: thresholds stay in order
 NARROWEST = 1e-6  # width of a code that is never met
+LONGEST = 256  # codes of the last stage
 
 
 class CodeWidths(Effect):
@@ -15,9 +16,11 @@ class CodeWidths(Effect):
 
     `thresholds`: each threshold has an independent error, as in flash and single-slope converters. `bits`: each bit has an
     error of its weight that is proportional to the root of the weight, as the capacitors of a converter by successive
-    approximation have; codes are widest or absent at multiples of large powers of two. Offset and gain of the converter do
-    not change. A measured table (`map`: relative widths of the codes from a code-density test, at least two and at most 1,
-    repeated where it is shorter than the range) replaces the pattern and `dnl`.
+    approximation have; codes are widest or absent at multiples of large powers of two. `stage`: the thresholds of the last
+    stage of a pipelined or subranging converter, with independent errors, serve every range of the stages before it, so the
+    errors repeat after `period` codes. Offset and gain of the converter do not change. A measured table (`map`: relative widths
+    of the codes from a code-density test, at least two and at most 1, repeated where it is shorter than the range) replaces the
+    pattern and `dnl`.
 
     Acts on the signal before it is rounded: what lies within the k-th code's own thresholds is moved to k - 1/2 ... k + 1/2.
     """
@@ -29,7 +32,8 @@ class CodeWidths(Effect):
     summary = "The codes of the converter are of unequal width, the same in every frame."
     equation = (
         "y <- k - 1/2 + (y - T_k) / (T_(k+1) - T_k) for T_k <= y < T_(k+1), T_k = k - 1/2 + e_k; thresholds: e_k = "
-        "dnl z_k / sqrt(2); bits: e_k = dnl sum_i bit_i(k) 2^((i - n) / 2) z_i without its slope; z ~ N(0, 1) per camera"
+        "dnl z_k / sqrt(2); stage: e_k = dnl z_(k mod period) / sqrt(2); bits: e_k = dnl sum_i bit_i(k) 2^((i - n) / 2) z_i "
+        "without its slope; z ~ N(0, 1) per camera"
     )
     source = "IEEE Std 1241-2010, differential nonlinearity and code-density test"
     separates = (
@@ -49,8 +53,18 @@ class CodeWidths(Effect):
     )
     pattern = Parameter(
         "thresholds",
-        options=("thresholds", "bits"),
-        source="thresholds: flash, slope; bits: successive approximation",
+        options=("thresholds", "stage", "bits"),
+        source="thresholds: flash, slope; stage: pipelined, subranging; bits: successive approximation",
+    )
+    period = Parameter(
+        4.0,
+        unit="codes",
+        low=2.0,
+        high=LONGEST,
+        integer=True,
+        trials=(4, 8, 16),
+        source="codes that the last stage resolves; 2 to 4 bits in pipelined converters",
+        of=("stage",),
     )
 
     def apply(self, signal, p, stream, context):
@@ -79,10 +93,13 @@ class CodeWidths(Effect):
             edges = widths.cumsum(0) * (codes / widths.sum())
             off = edges - torch.arange(1, codes + 1, device=edges.device)
             return torch.nn.functional.pad(off[:-1], (1, 1)).view(1, 1, -1)
-        if p.pattern == "thresholds":
+        if p.pattern != "bits":
             drawn = fixed.over(range(1), range(codes + 1)).normal("column").squeeze(2)
+            inner = torch.arange(codes + 1, device=drawn.device)
+            if p.pattern == "stage":
+                own = inner % p.period.round().squeeze(-1)  # (B or 1, 1, codes + 1)
+                drawn = torch.take_along_dim(drawn, own.long(), -1)
             off = (p.dnl.squeeze(-1) / math.sqrt(2) * drawn).clamp(-NEAREST, NEAREST)
-            inner = torch.arange(codes + 1, device=off.device)
             return off * ((inner > 0) & (inner < codes))
         return _of_bits(p.dnl.squeeze(-1), fixed, context.bit_depth)
 

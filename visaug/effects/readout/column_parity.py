@@ -1,10 +1,13 @@
 """Interleaved and side-by-side readout channels."""
 
+import numpy as np
 import torch
 
 from visaug.effects.effect import Effect, Parameter, Stage
 
 MOST = 64  # channels; column-parallel sensors have 2 to 64 outputs
+READ = (2, 3, 4, 6, 8, 12, 16)  # interleaved channels that a look at the columns distinguishes,
+CERTAIN = 1e-3  # if channels without offsets differ as much with a probability below this
 
 
 class ColumnParity(Effect):
@@ -62,6 +65,29 @@ class ColumnParity(Effect):
     layout = Parameter(
         "interleaved", options=("interleaved", "blocks"), source="blocks: taps side by side, as in large CCDs"
     )
+
+    @classmethod
+    def looks(cls, seen):
+        """Interleaved channels by the column means of the mean dark frame, with gains that differ too.
+
+        A fit that starts without gains never finds them, since the variance that they add has no slope at 0.
+        """
+        from scipy.stats import f_oneway  # heavy to import
+
+        profile, step = seen.dark_e.mean(0), np.diff(seen.columns[:2])
+        if len(profile) < 4 * READ[0]:
+            return []
+        columns = np.rint(seen.columns / step).astype(int)
+        tests = {
+            n: f_oneway(*(profile[columns % n == k] for k in range(n))) for n in READ if len(profile) >= 4 * n
+        }
+        channels = max(tests, key=lambda n: tests[n].statistic)
+        if tests[channels].pvalue > CERTAIN / len(tests):
+            return []
+        levels = [profile[columns % channels == k].mean() for k in range(channels)]
+        share = 1 - 1 / tests[channels].statistic  # of their variance that is not chance
+        offset_e = float(np.std(levels) * np.sqrt(share))
+        return [{"offset_e": offset_e, "gain": cls.gain.trials[0], "channels": float(channels)}]
 
     def apply(self, signal, p, stream, context):
         channels = p.channels.round()  # what a fit gives may lie between
