@@ -60,7 +60,8 @@ def vis_noise(vis: Vis) -> nn.Module:
     }
     given = {name: getattr(vis, name) for name in ("gain_db", "exposure", "strength", "full_scale_photons")}
     options |= {name: value for name, value in given.items() if value is not None}
-    if any(_varies(entry) for entry in vis.effects):
+    drawn = (value for entry in vis.effects for value in entry.values())
+    if any(e.get("p", 1.0) < 1 for e in vis.effects) or any(isinstance(v, list | tuple) for v in drawn):
         return RandomEffects(cameras, vis.effects, vis.p, options)
     for entry in vis.effects:
         effect = {key: value for key, value in entry.items() if key != "p"}
@@ -138,10 +139,6 @@ class RandomEffects(nn.Module):
                     camera = ready
             self._noises[case] = SensorNoise(camera, **self.options)
         return self._noises[case]
-
-
-def _varies(effect: dict[str, Any]) -> bool:
-    return effect.get("p", 1.0) < 1 or any(isinstance(value, list | tuple) for value in effect.values())
 
 
 def _at(effect: dict[str, Any], end: int) -> dict[str, Any]:

@@ -16,10 +16,7 @@ LEAST_CONFIDENCE = 0.5
 
 
 def estimate_pose(
-    points: np.ndarray,
-    confidence: np.ndarray,
-    model_m: np.ndarray,
-    camera: Pinhole,
+    points: np.ndarray, confidence: np.ndarray, model_m: np.ndarray, camera: Pinhole
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Quaternion (4, scalar first) and translation (3, m) of a target from its keypoints (K, 2) in pixels.
 

@@ -25,12 +25,8 @@ if TYPE_CHECKING:
     from visaug_train.training import Study
 
 LEVELS = {"black": 0.0, "20 %": 0.2, "50 %": 0.5, "white": 1.0}
-BANDS = {
-    "black": (-1, 0.02),
-    "20 %": (0.15, 0.25),
-    "50 %": (0.4, 0.6),
-    "white": (0.95, 2),
-}  # of the blocks' means
+# of the blocks' means
+BANDS = {"black": (-1, 0.02), "20 %": (0.15, 0.25), "50 %": (0.4, 0.6), "white": (0.95, 2)}
 CELLS = 9  # 2 x 2 cells in a block
 LEAST_BLOCKS = 20
 MOST_IMAGES = 24

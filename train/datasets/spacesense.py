@@ -39,9 +39,8 @@ VALIDATION = frozenset(
         "Ulysses",
     ]
 )
-RESERVED = frozenset(
-    ["Van_Allen_Probe", "Venus_Express", "Voyager", "WIND", "XMM_newton"]
-)  # for future tests
+# for future tests
+RESERVED = frozenset(["Van_Allen_Probe", "Venus_Express", "Voyager", "WIND", "XMM_newton"])
 
 
 def _lists(root: Path) -> dict[str, list[Path]]:

@@ -189,8 +189,7 @@ def take_views(
         write_json(folder / "camera.json", views.camera.to_json())
         poses = zip(files, views.quaternions.tolist(), views.translations.tolist())
         write_json(
-            listing,
-            [{"filename": f.name, "q_vbs2tango_true": q, "r_Vo2To_vbs_true": r} for f, q, r in poses],
+            listing, [{"filename": f.name, "q_vbs2tango_true": q, "r_Vo2To_vbs_true": r} for f, q, r in poses]
         )
     return replace(views, name=domain, files=files)
 

@@ -101,13 +101,7 @@ def _rows(camera: TargetCamera, true: TargetCamera | None) -> Iterator[list[str]
             else f"{entry['value'] / gain:.3g} [{entry['low'] / gain:.3g}, {entry['high'] / gain:.3g}]"
         )
         value = known.get(key, 0.0) / (known["gain_e_per_dn"] if in_dn else 1.0) if known else None
-        yield [
-            camera.name,
-            str(camera.pictures),
-            label,
-            "" if value is None else f"{value:.3g}",
-            estimate,
-        ]
+        yield [camera.name, str(camera.pictures), label, "" if value is None else f"{value:.3g}", estimate]
 
 
 def _flat(content: dict[str, Any]) -> dict[str, float]:

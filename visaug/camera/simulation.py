@@ -191,10 +191,11 @@ def conditions(
     keys = [derive_key(seed, "frame", record.sequence) for record in records]
     camera_key = derive_key(seed, "camera")
     stream = Stream(keys, [camera_key] * len(records), 1, (range(r0, r1), range(c0, c1)), drawn=maps)
+    own = camera.spec.temperature_c
     return stream, {
         "exposure_s": torch.tensor([record.exposure_s for record in records]),
         "gain_db": torch.tensor([float(record.gain_db) for record in records]),
-        "temperature_c": torch.tensor([_temperature(camera, record) for record in records]),
+        "temperature_c": torch.tensor([float(own if (t := r.temperature_c) is None else t) for r in records]),
     }
 
 
@@ -262,10 +263,6 @@ def window_of(camera: Camera, record: FrameRecord) -> tuple[int, int, int, int]:
             expected=f"rows up to {rows}, columns up to {columns}",
         )
     return window
-
-
-def _temperature(camera: Camera, record: FrameRecord) -> float:
-    return camera.spec.temperature_c if record.temperature_c is None else float(record.temperature_c)
 
 
 def _photons(plan: FrameSet, i: int, shape: tuple[int, int]) -> Tensor:

@@ -20,9 +20,8 @@ _MISFIT = 0.002  # probability that a sound set deviates from the straight line 
 _PEDESTAL = 1e-3  # probability that a sound set shows a pedestal
 _WITHIN = 3.0  # standard errors of the intercept
 _OTHER_C = 2.0  # a fifth of the dark current, which doubles every 8 degrees
-_TELLS = (
-    10.0  # difference of chi square by which one of two courses of as many parameters is told from the other
-)
+# difference of chi square by which one of two courses of as many parameters is told from the other
+_TELLS = 10.0
 
 
 @dataclass(frozen=True)

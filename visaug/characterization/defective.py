@@ -16,9 +16,8 @@ from visaug.frames import FrameSet, Group
 _APART = 8.0  # noise of single pixels: levels, or values, that differ by more differ by no chance
 _MOST = 0.1  # share of the pixels beyond which they are no defects of an otherwise sound sensor
 _NO_LIGHT = 0.02  # response over the median's: below, a line is covered
-_LIT = (
-    0.5  # response over the median's of the line beside a covered one: light that falls off has no such edge
-)
+# response over the median's of the line beside a covered one: light that falls off has no such edge
+_LIT = 0.5
 _MOST_COVERED = 0.4  # share of the lines that may be covered at one edge
 
 

@@ -246,9 +246,8 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
         least = np.where(below, frame, least)
         steps.append(float(np.abs(frame - before).mean(dtype=np.float64)))
         before = frame
-    noise = (
-        0.5 * math.sqrt(math.pi) * float(np.median(steps))
-    )  # of normal noise, from the mean absolute difference
+    # of normal noise, from the mean absolute difference
+    noise = 0.5 * math.sqrt(math.pi) * float(np.median(steps))
     return _Peaks(
         first,
         second,

@@ -8,7 +8,7 @@ import numpy as np
 
 from visaug.characterization import additivity, spatial
 from visaug.characterization.findings import Findings, MeasuredGain
-from visaug.characterization.groups import FlatLevel, Measured
+from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.mosaic import Mosaic
 from visaug.characterization.nonuniformity import Parts, parts, surface
@@ -269,7 +269,7 @@ def gain_law(found: Findings, measured: Measured, result: PhotonTransferResult) 
     """How the gain follows its setting: slope of measured over nominal decibels, 1 where it does exactly."""
     points = [(measured.gain_db, result.gain_dn_per_e, result.gain_error)]
     for gain_db, levels in measured.other_gains.items():
-        other = transfer(_with_noise(levels))
+        other = transfer([v for v in levels if v.flat.n > 1 and v.dark.n > 1])
         if other is not None:
             points.append((gain_db, other.gain_dn_per_e, other.gain_error))
     if len(points) < 2:
@@ -294,7 +294,3 @@ def gain_law(found: Findings, measured: Measured, result: PhotonTransferResult) 
     }
     if abs(slope - 1) > 3 * error + 0.02:
         found.warn(f"gain_law: 1 dB of the setting is {slope:.3f} dB of gain, not 1")
-
-
-def _with_noise(levels: tuple[FlatLevel, ...]) -> list[FlatLevel]:
-    return [v for v in levels if v.flat.n > 1 and v.dark.n > 1]

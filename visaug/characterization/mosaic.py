@@ -11,9 +11,8 @@ from visaug.characterization.facts import Facts
 from visaug.frames import FrameSet
 
 PLACES = ((0, 0), (0, 1), (1, 0), (1, 1))
-_UNLIKE_GREENS = (
-    0.08  # of the signal: crosstalk from red and blue parts the greens of one sensor by a few per cent
-)
+# of the signal: crosstalk from red and blue parts the greens of one sensor by a few per cent
+_UNLIKE_GREENS = 0.08
 _PLAIN = 0.02  # of the signal: neighbours on a diagonal of a monochrome sensor differ by less
 
 

@@ -26,9 +26,8 @@ from visaug.characterization.views import colour_plane
 from visaug.core.errors import InputError
 from visaug.frames import FrameSet
 
-_DOUBLING_C = (
-    8.0  # of dark current in silicon near room temperature: 0.64 eV (half the band gap, diffusion aside)
-)
+# of dark current in silicon near room temperature: 0.64 eV (half the band gap, diffusion aside)
+_DOUBLING_C = 8.0
 _NO_TEMPERATURE_C = 20.0
 _MOST_BEND = 0.15  # of the effect `nonlinearity`
 

@@ -77,7 +77,9 @@ def standard(shape: float) -> Standard:
     distribution = np.where(x <= 0, lower, 1 - lower)
     # So is the density there. A straight line in place of it is half a percent too high, which hundreds of
     # frames tell.
-    log_density = np.log(np.maximum(_density(u, v, shape), 1e-300) * standard_deviation(shape))
+    log_density = np.log(
+        np.maximum(1 / (u ** (shape - 1) + v ** (shape - 1)), 1e-300) * standard_deviation(shape)
+    )
     density = np.exp(np.interp(x, q[keep], log_density[keep], left=-700.0, right=-700.0))
     density /= density.sum() * _STEP
     padded = np.zeros(_FINER * x.size)
@@ -85,7 +87,3 @@ def standard(shape: float) -> Standard:
     spectrum = np.fft.rfft(np.roll(padded, -x.size // 2)).real * _STEP
     nodes = np.arange(spectrum.size) * 2 * np.pi / (2 * _REACH * _FINER)
     return Standard(x, distribution, CubicSpline(nodes, spectrum))
-
-
-def _density(u: np.ndarray, v: np.ndarray, shape: float) -> np.ndarray:
-    return 1 / (u ** (shape - 1) + v ** (shape - 1))

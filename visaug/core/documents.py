@@ -50,11 +50,7 @@ def parse_json(text: str, file: str | Path | None = None) -> Any:
     """The content of JSON text; `file` is named in the message."""
     try:
         content = json.loads(
-            text,
-            object_pairs_hook=_unique,
-            parse_int=_int,
-            parse_float=_float,
-            parse_constant=_no_constant,
+            text, object_pairs_hook=_unique, parse_int=_int, parse_float=_float, parse_constant=_no_constant
         )
         if "\\u" in text:  # half of a surrogate pair can be written as an escape, but is not text
             json.dumps(content, ensure_ascii=False).encode()

@@ -141,7 +141,7 @@ def compare_pictures(
         name: {
             "level_dn": s.levels.level,
             "noise_dn": np.sqrt(s.levels.variance),
-            "error_dn": _noise_error(s),
+            "error_dn": np.sqrt(s.levels.variance) * s.levels.error / 2,
         }
         for name, s in zip(("renders", "target"), sets, strict=True)
     }
@@ -181,10 +181,6 @@ def _prepared(name: str, frames: FrameSet, seed: int, warnings: list[str]) -> _S
     blocks, _ = sample(pictures, seed)
     rounding = Rounding(pictures.steps, pictures.is_jpeg)
     return _Set(pictures, noise_by_level(blocks, rounding, len(pictures)), rounding)
-
-
-def _noise_error(one: _Set) -> np.ndarray:
-    return np.sqrt(one.levels.variance) * one.levels.error / 2
 
 
 def _noise(renders: _Set, target: _Set) -> list[StatisticDifference]:

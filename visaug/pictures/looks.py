@@ -72,9 +72,8 @@ def _texture(pictures: np.ndarray, regions: Regions) -> float:
         coefficients = blocks_of(picture)[0][regions.lit[n] >= 0]
         power += [(coefficients[:, which] ** 2).mean(1).sum() for which in (CHOICE, NOISE)]
     count = np.count_nonzero(CHOICE)
-    kept = (
-        stats.chi2.cdf(stats.chi2.ppf(0.9, count), count + 2) / 0.9
-    )  # of a chi-square below its 90 % quantile
+    # of a chi-square below its 90 % quantile
+    kept = stats.chi2.cdf(stats.chi2.ppf(0.9, count), count + 2) / 0.9
     return max(float(power[0] / power[1] / kept - 1), 0.0) if power[1] > 0 else 0.0
 
 

@@ -138,9 +138,8 @@ class PicturePart:
         rank = rng.random(len(variance))
         signs = rng.choice([-1.0, 1.0], len(self.scenes.numbers))[chosen]
         by_chance = signs @ pictured.deviations + expectation
-        by_chance /= np.sqrt(
-            stats.chi2.ppf(rank, freedom) / freedom
-        )  # as wide as an error that few pictures tell
+        # as wide as an error that few pictures tell
+        by_chance /= np.sqrt(stats.chi2.ppf(rank, freedom) / freedom)
         own = self._behind_the_lens(pictures, shaded, chosen).ratio
         given = np.zeros_like(own) if self.given is None else self.given.of(chosen).ratio
         return self._as_normal(own - given + by_chance, chosen)
@@ -290,11 +289,7 @@ class PicturePart:
 
 
 def picture_part(
-    frames: FrameSet,
-    camera: Camera,
-    transfer: str,
-    scenes: FrameSet | None,
-    warn: Callable[[str], object],
+    frames: FrameSet, camera: Camera, transfer: str, scenes: FrameSet | None, warn: Callable[[str], object]
 ) -> tuple[PicturePart, Selection]:
     """The pictures of a set as a part, and which of them and what window are used.
 

@@ -83,8 +83,9 @@ def find_regions(
     coefficients, level, usable = (np.stack(part) for part in zip(*parts, strict=True))
     usable &= _highest(pictures) < saturated
     sky, spread = _sky(coefficients, level)
-    if sky is not None and (black is None or sky > black + _MOST_DN) and not _is_told(level, sky, spread):
-        sky = None
+    if sky is not None and (black is None or sky > black + _MOST_DN):
+        lit = np.mean(level > sky + _FAR * spread) >= _LIT_SHARE  # pictures of one level may be of any
+        sky = sky if lit else None
     around = np.ones((1, 3, 3), bool)
     near = level < (_level_at(level, sky, spread) + _FAR * spread if sky is not None else -np.inf)
     dark = ndimage.binary_erosion(near, around, border_value=1)
@@ -123,11 +124,6 @@ def _sky(coefficients: np.ndarray, level: np.ndarray) -> tuple[float | None, flo
     if high == 0 or low > _STRUCTURE * high + 0.1:  # all of one code, or with structure
         return None, 0.0
     return middle, spread
-
-
-def _is_told(level: np.ndarray, sky: float, spread: float) -> bool:
-    """Whether something is brighter than the sky; pictures of one level may be of any."""
-    return bool(np.mean(level > sky + _FAR * spread) >= _LIT_SHARE)
 
 
 def _level_at(level: np.ndarray, sky: float, spread: float) -> np.ndarray:

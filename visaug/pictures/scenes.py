@@ -24,9 +24,8 @@ BUDGET = 1_200_000  # pixels of a set
 MOST = 60  # pictures
 FEWEST = 6
 SATURATED = 0.97  # of the level at which the camera saturates
-BEYOND = (
-    10**0.5
-)  # light of a saturated pixel over what saturates: not known, between 1 and 10 on a logarithmic scale
+# light of a saturated pixel over what saturates: not known, between 1 and 10 on a logarithmic scale
+BEYOND = 10**0.5
 _RENDERS = 12  # pictures that tell whether there is any noise
 _OWN = 3.0  # px: standard deviation of the Gaussian that smooths a flat region
 _REST = 0.7
@@ -65,11 +64,7 @@ class Scenes:
 
 
 def scenes_of(
-    frames: FrameSet,
-    camera: Camera,
-    transfer: str,
-    scenes: FrameSet | None,
-    warn: Callable[[str], object],
+    frames: FrameSet, camera: Camera, transfer: str, scenes: FrameSet | None, warn: Callable[[str], object]
 ) -> tuple[Scenes, np.ndarray, Selection]:
     """The scenes of a set of pictures, the pictures (n, H, W) in 1/255 of full scale, and which of them and what window are used.
 

@@ -19,9 +19,8 @@ _TAIL = 0.25  # blocks just above the sky's reach over those within: a surface o
 _NORMAL_QUARTILE = 0.6745
 _LIT_DN = 30.0
 _ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
-_ONLY_ROUNDING = (
-    1.01  # times what JPEG rounds away: the least variance that can be found, which all smaller ones give
-)
+# times what JPEG rounds away: the least variance that can be found, which all smaller ones give
+_ONLY_ROUNDING = 1.01
 _DARKER = 0.05  # blocks below the sky's reach over those within: dead lines are few, and nothing is darker than no light
 
 

@@ -12,15 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visaug.pictures.blocks import (
-    CHOICE,
-    PIXELS_ROUNDED,
-    Blocks,
-    Levels,
-    Rounding,
-    flat_limit,
-    texture_share,
-)
+from visaug.pictures.blocks import CHOICE, PIXELS_ROUNDED, Blocks, Levels, Rounding, flat_limit, texture_share
 
 _RATIO = 1.06  # of one tried deviation to the next
 _DEVIATIONS = 0.1 * _RATIO ** np.arange(125)  # of low coefficients, in DN: up to 140

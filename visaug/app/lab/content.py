@@ -32,11 +32,12 @@ def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str
     candidates = _candidates(bench)
     effects, rows = _effects(bench), _numbers(bench, wanted or {})
     own = {effect["name"] for effect in effects}
+    selection = bench.session.fits.lab.selection
     listed = {entry["name"] for entry in candidates}
     return {
         "camera": bench.given.name,
         "frames": described(bench.frames),
-        "part": _part(bench),
+        "part": None if selection.is_all else str(selection),  # what of a large set is looked at
         "warnings": list(all_warnings(bench.frames)),
         "output": str(bench.output) if bench.output else None,
         "error": _error(bench),
@@ -61,12 +62,6 @@ def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str
         "at": bench.past.at,
         "own": bench.own_picture,
     }
-
-
-def _part(bench: Bench) -> str | None:
-    """What of a large set is looked at, in words; None where all of it is."""
-    selection = bench.session.fits.lab.selection
-    return None if selection.is_all else str(selection)
 
 
 def verdict(bench: Bench) -> str:

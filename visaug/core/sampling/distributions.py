@@ -7,9 +7,8 @@ from visaug.core.sampling.tukey_lambda import quantile_of_tail
 
 SMALL_MEAN = 25.0  # below it the Poisson quantile is summed exactly, above it Giles' expansion has both far tails right
 
-MOST_MEAN = (
-    1e20  # of a Poisson count; a larger mean counts as this one. No converter's range is left above it
-)
+# of a Poisson count; a larger mean counts as this one. No converter's range is left above it
+MOST_MEAN = 1e20
 
 
 def tail(bits: Tensor) -> tuple[Tensor, Tensor]:

@@ -12,12 +12,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI, COLUMNS = 100, 3
-TITLE, GAP, HEAD, FOOT = (
-    52,
-    16,
-    40,
-    40,
-)  # pixels: title; between crops; above for name and conditions, below for the noise
+# pixels: title; between crops; above for name and conditions, below for the noise
+TITLE, GAP, HEAD, FOOT = 52, 16, 40, 40
 ZOOM, PART_ROWS, PART_COLUMNS = 4, 45, 80  # of the magnified part
 
 

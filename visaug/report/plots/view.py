@@ -18,17 +18,12 @@ _MARKERS = ("o", "s", "^", "D")
 _FEW = 16  # curves of so few points get markers
 APART = 4.0  # ratio of ranges from which curves get axes of their own
 GIVEN, CORRECTED = "camera as given", "corrected camera"
-CHARACTER, ENTRY = (
-    0.062,
-    0.5,
-)  # inches of a character of 8 points, and of the line and gaps of an entry of the legend
+# inches of a character of 8 points, and of the line and gaps of an entry of the legend
+CHARACTER, ENTRY = 0.062, 0.5
 
 
 def plot_view(
-    measured: "ViewPlot",
-    modelled: "ViewPlot | None" = None,
-    focus: str = "",
-    after: "ViewPlot | None" = None,
+    measured: "ViewPlot", modelled: "ViewPlot | None" = None, focus: str = "", after: "ViewPlot | None" = None
 ) -> "Figure":
     """What a view shows of the measured frames and, if given, of the modelled ones, in the same axes.
 
@@ -92,7 +87,8 @@ def _draw_panel(
         if picture is not None:
             _draw_curves(axes, picture, colour, name, chosen, alone)
     if measured.log_x:
-        axes.set_xscale("log" if _all_positive(measured, "x") else "symlog")
+        positive = all(np.min(curve.x, initial=1.0) > 0 for curve in measured.curves)
+        axes.set_xscale("log" if positive else "symlog")
     if measured.log_y:
         axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
@@ -207,7 +203,3 @@ def _mark(axes: Any, box: tuple[float, float, float, float], shape: tuple[int, .
     axes.add_patch(
         Rectangle(corner, right - left, bottom - top, fill=False, edgecolor=MEASURED, linewidth=1.8)
     )
-
-
-def _all_positive(picture: "ViewPlot", axis: str) -> bool:
-    return all(np.min(getattr(curve, axis), initial=1.0) > 0 for curve in picture.curves)
