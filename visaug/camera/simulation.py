@@ -16,7 +16,6 @@ from visaug.core.sampling import Stream, derive_key
 from visaug.frames import FrameRecord, FrameSet
 
 BATCH_PIXELS = 600_000  # about what stays in a processor's cache while a batch goes through the chain
-STEPPED = 1000  # frames whose states are stepped at a time
 
 
 def simulate(
@@ -210,8 +209,9 @@ def _stepped(
 ) -> dict[str, Tensor]:
     """The memory after frames that are not wanted, as far as it is one number for a whole frame."""
     state = {name: value for name, value in memory.items() if is_of_whole_frame(value)}
-    for first in range(skipped.start, skipped.stop, STEPPED):
-        positions = range(first, min(first + STEPPED, skipped.stop))
+    stepped = 1000  # frames whose states are stepped at a time
+    for first in range(skipped.start, skipped.stop, stepped):
+        positions = range(first, min(first + stepped, skipped.stop))
         levels = [_mean_photons(plan, i) for i in positions]
         photons = torch.tensor(levels).view(-1, 1, 1, 1).expand(-1, 1, SMALL, SMALL)
         _exposed(camera, plan, positions, photons, seed, (0, SMALL, 0, SMALL), state)

@@ -17,9 +17,7 @@ from visaug.frames import FrameSet
 from visaug.frames.units import celsius
 
 _DEPTHS = (8, 10, 12, 14, 16)
-_PILE = 1e-3  # share of a flat's pixels at the converter's top that no signal piles up by itself
 _MASTER = 0.55  # of the temporal variance of a raw frame: two or more frames averaged have half or less
-_TELLING = 0.2  # DN^2: below, rounding hides the noise of a single frame
 
 
 def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[FrameSet, list[Facts]]:
@@ -122,7 +120,8 @@ def _without_masters(frames: FrameSet, facts: list[Facts], found: Findings) -> t
         found_here = temporal_variances(frames, raw)
         variances |= dict(zip(raw, found_here))
         usual = min(usual, float(np.median(found_here)))
-    if usual > _TELLING:
+    telling = 0.2  # DN^2: below, rounding hides the noise of a single frame
+    if usual > telling:
         masters += [i for i, v in variances.items() if v < _MASTER * usual]
     kept = _leave_out(frames, sorted(masters), found, "because of their variance")
     return kept, [f for i, f in enumerate(facts) if i not in set(masters)] if kept is not frames else facts
@@ -167,7 +166,8 @@ def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits:
     largest = max(f.largest for f in facts)
     if largest > (1 << 16) - 1:  # sums of frames, or a type of more than 16 bits
         return
-    piles = {f.largest for f in facts if f.at_largest > _PILE and f.largest == largest and f.noise < largest}
+    pile = 1e-3  # share of a flat's pixels at the converter's top that no signal piles up by itself
+    piles = {f.largest for f in facts if f.at_largest > pile and f.largest == largest and f.noise < largest}
     tops = [n for n in _DEPTHS if piles and largest == (1 << n) - 1]
     if tops:
         found.bit_depth = tops[0]

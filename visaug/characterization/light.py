@@ -27,7 +27,6 @@ NEEDS_CLEAR_FLATS = (
     "clear of 0 and of the converter's top"
 )
 NEEDS_PHOTONS = "flats with known photons per pixel"
-_LEAST_EFFICIENCY = 1e-3  # e-/photon: below what silicon has anywhere between 300 and 1100 nm
 
 
 def gain_and_efficiency(
@@ -113,7 +112,8 @@ def _efficiency(found: Findings, result: PhotonTransferResult) -> None:
         [((value * result.gain_error / gain) ** 2, result.df), ((value * line.relative_error) ** 2, line.df)]
     )
     found.add("quantum_efficiency", symmetric(value, error, df), "e-/photon", "responsivity over gain", 1.0)
-    if value < _LEAST_EFFICIENCY:
+    least_efficiency = 1e-3  # e-/photon: below what silicon has anywhere between 300 and 1100 nm
+    if value < least_efficiency:
         found.warn(
             f"photons_implausible: a quantum efficiency of {value:.2g} is that of no sensor; are the photons "
             "per pixel, not per cm2 "

@@ -23,7 +23,6 @@ from visaug.core.intervals import (
     widen,
 )
 
-_UNEVEN = 0.05  # spread of log sigma from which on it bends the histogram's shape
 CLIPPED = 0.002  # share of pixels at 0 above which moments of bias frames are cut
 NEEDS_STILL = "two or more bias frames (lens capped, shortest exposure)"
 
@@ -105,7 +104,8 @@ def _own_noise(
     source = f"covariance of the pixels' variances between halves of {still.n} {still.group.kind} frames"
     found.add("read_noise.spread", symmetric(own.spread, own.spread_error), "1", source)
     rms = interval[0]
-    if own.established and own.spread > _UNEVEN:
+    uneven = 0.05  # spread of log sigma from which on it bends the histogram's shape
+    if own.established and own.spread > uneven:
         found.drop(
             "read_noise.shape", "pixels of equal noise: here every pixel has its own, see read_noise.spread"
         )

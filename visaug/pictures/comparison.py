@@ -30,7 +30,6 @@ from visaug.statistics.tail import SIGNIFICANT
 if TYPE_CHECKING:
     from visaug.camera import Camera
 
-_FEWEST = 5  # pictures of a set
 _CLEAN = 0.1  # share by which low coefficients may exceed the noise where a level counts
 _COLUMNS = ["view", "statistic", "unit", "measured", "modelled", "standard_deviation", "z"]
 
@@ -172,11 +171,12 @@ def _prepared(name: str, frames: FrameSet, seed: int, warnings: list[str]) -> _S
     if not any(r.kind == "image" for r in frames.records):
         raise InputError("holds no ordinary pictures", field=name, expected="a folder of pictures")
     pictures = largest_group(frames, lambda text: warnings.append(f"{text} ({name})"))
-    if len(pictures) < _FEWEST:
+    fewest = 5  # pictures of a set
+    if len(pictures) < fewest:
         raise InputError(
             f"too few pictures of one kind: {len(pictures)}",
             field=name,
-            expected=f"{_FEWEST} or more of one size",
+            expected=f"{fewest} or more of one size",
         )
     blocks, _ = sample(pictures, seed)
     rounding = Rounding(pictures.steps, pictures.is_jpeg)

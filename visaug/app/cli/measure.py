@@ -137,10 +137,9 @@ def characterize(
         _write_sheets(sheets, frames, camera, seed, quiet)
     if not silent:
         written(output, maps_path, json_path, report_path, *sheets)
-        pictured = all(record.kind == "image" for record in frames.records)
-        if not pictured or "gain_e_per_dn" in result.parameters:
+        if not frames.is_pictures or "gain_e_per_dn" in result.parameters:
             inputs = replace(Inputs.of(None, frames, output), transfer=result.transfer)
-            summaries.print_next(after_characterization(inputs, pictured))
+            summaries.print_next(after_characterization(inputs, frames.is_pictures))
 
 
 def _write_sheets(

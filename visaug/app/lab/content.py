@@ -18,9 +18,6 @@ from visaug.statistics import VIEWS
 from visaug.statistics.distance import Error
 from visaug.statistics.places import Place
 
-NOTICEABLE = 0.01  # least reduction of the error that is worth an effect
-FIRST = 4  # views that are shown before the others
-
 
 def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str, Any]:
     """Everything that changes on the page.
@@ -34,6 +31,7 @@ def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str
     own = {effect["name"] for effect in effects}
     selection = bench.session.fits.lab.selection
     listed = {entry["name"] for entry in candidates}
+    first = 4  # views that are shown before the others
     return {
         "camera": bench.given.name,
         "frames": described(bench.frames),
@@ -55,8 +53,8 @@ def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str
         "verdicts": [verdict_row(v.to_json()) for v in bench.diagnosis.effects] if bench.diagnosis else [],
         "addable": [name for name in bench.can_add() if name not in listed],
         "where": [_place(place) for place in _places(bench)],
-        "views": views[:FIRST],
-        "other_views": views[FIRST:],
+        "views": views[:first],
+        "other_views": views[first:],
         "numbers": [row for row in rows if row["path"].split(".")[0] not in own],
         "history": [action for action, _ in bench.past.entries],
         "at": bench.past.at,
@@ -173,7 +171,8 @@ def _notes(bench: Bench) -> list[str]:
     """What there is to add to the verdict."""
     found, notes = bench.diagnosis, []
     errors = [step.error for step in bench.now.steps[-2:] if step.error]
-    if bench.now.added and len(errors) == 2 and errors[1].value > errors[0].value - NOTICEABLE:
+    noticeable = 0.01  # least reduction of the error that is worth an effect
+    if bench.now.added and len(errors) == 2 and errors[1].value > errors[0].value - noticeable:
         notes.append(f"{bench.now.added[-1]} does not lower the error: without it the camera is as close.")
     if not found:
         return notes

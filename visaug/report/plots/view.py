@@ -15,11 +15,8 @@ if TYPE_CHECKING:
 
 _LINES = ("-", "--", ":", "-.")
 _MARKERS = ("o", "s", "^", "D")
-_FEW = 16  # curves of so few points get markers
 APART = 4.0  # ratio of ranges from which curves get axes of their own
 GIVEN, CORRECTED = "camera as given", "corrected camera"
-# inches of a character of 8 points, and of the line and gaps of an entry of the legend
-CHARACTER, ENTRY = 0.062, 0.5
 
 
 def plot_view(
@@ -124,9 +121,11 @@ def _legend(figure: "Figure", axes: Any, curves: int) -> None:
         firsts = [next(i for i, label in enumerate(labels) if label.startswith(who)) for who in _who(labels)]
         handles, labels = [handles[i] for i in firsts], _who(labels)
     width = figure.get_figwidth()  # a legend wider than the figure would squeeze the axes
-    labels = [textwrap.fill(label, int((width - ENTRY) / CHARACTER)) for label in labels]
+    # inches of a character of 8 points, and of the line and gaps of an entry of the legend
+    character, entry = 0.062, 0.5
+    labels = [textwrap.fill(label, int((width - entry) / character)) for label in labels]
     longest = max((len(line) for label in labels for line in label.split("\n")), default=0)
-    columns = 2 if 2 * (ENTRY + longest * CHARACTER) < width else 1
+    columns = 2 if 2 * (entry + longest * character) < width else 1
     figure.legend(handles, labels, loc="outside upper left", ncols=columns, fontsize=8)
 
 
@@ -137,6 +136,7 @@ def _who(labels: list[str]) -> list[str]:
 def _draw_curves(
     axes: Any, picture: "ViewPlot", colour: str, name: str, chosen: list[int], alone: bool
 ) -> None:
+    few = 16  # curves of so few points get markers
     for i in chosen:
         if i >= len(picture.curves):
             continue
@@ -149,7 +149,7 @@ def _draw_curves(
             y,
             color=colour,
             linestyle=_LINES[0 if alone else i % len(_LINES)],
-            marker=_MARKERS[0 if alone else i % len(_MARKERS)] if len(y) <= _FEW else None,
+            marker=_MARKERS[0 if alone else i % len(_MARKERS)] if len(y) <= few else None,
             markersize=4,
             linewidth={"measured": 1.2, CORRECTED: 1.6}.get(name, 2.6),
             alpha={"measured": 0.95, CORRECTED: 0.85}.get(name, 0.55),
