@@ -12,6 +12,7 @@ import torch
 from visaug_train.geometry import Keypoints, Pinhole, project_targets, rotation_matrix
 from visaug_train.render.spacecraft import SceneTensors, spacecraft
 
+CHUNK = 1 << 13  # rays at a time: few enough for the work to stay in the processor's cache
 FAR = 1e9
 
 
@@ -58,9 +59,8 @@ class RayCaster:
         radiance = torch.zeros(len(views) * camera.height * camera.width)
         covered = torch.zeros_like(radiance)
         sun, fill = self._lights(views)
-        chunk = 1 << 13  # rays at a time: few enough for the work to stay in the processor's cache
-        for first in range(0, len(directions), chunk):
-            part = slice(first, first + chunk)
+        for first in range(0, len(directions), CHUNK):
+            part = slice(first, first + CHUNK)
             owner = owners[part]
             value, hit = self._radiance(origins[owner], directions[part], sun[owner], fill[owner])
             radiance.index_add_(0, places[part][hit], value / s**2)

@@ -21,6 +21,7 @@ from visaug.core.sampling.tukey_lambda import standard_deviation
 if TYPE_CHECKING:
     from visaug.camera.camera import Camera
 
+STEP, OTHER = 0x9E3779B97F4A7C15 - 2**64, 0xD1B54A32D192ED03 - 2**64
 LARGE_MEAN = 16.0
 TERMS = 52  # of the Poisson sum: P(N > 52) is below 1e-11 at a mean of 16
 
@@ -44,9 +45,8 @@ def noisy(
     channel = torch.arange(channels, **place).view(1, -1, 1, 1)
     row = torch.arange(r0, r0 + rows, **place).view(1, 1, -1, 1)
     column = torch.arange(c0, c0 + columns, **place)
-    step, other = 0x9E3779B97F4A7C15 - 2**64, 0xD1B54A32D192ED03 - 2**64
-    seeds = mix(mix(keys.view(-1, 1, 1, 1) + channel * step) + row) + column * step
-    one, two = mix(seeds), mix(seeds ^ other)
+    seeds = mix(mix(keys.view(-1, 1, 1, 1) + channel * STEP) + row) + column * STEP
+    one, two = mix(seeds), mix(seeds ^ OTHER)
     radius = torch.sqrt(-2 * torch.log(_unit(one)))  # Box and Muller's two normals
     angle = (2 * math.pi) * _unit(one >> 32)
     w, z = radius * torch.cos(angle), radius * torch.sin(angle)

@@ -7,6 +7,10 @@ import numpy as np
 from visaug.characterization.defective import Extremes
 from visaug.characterization.findings import Findings
 
+_CERTAIN = 20  # pixels at the codes on either side: an empty one between them has a probability of exp(-20)
+_REACH = 300  # DN, the widest gap that is looked for: 8 bits in a word of 16 stretch to 257
+_FEWEST = 4  # gaps: the peaks of a mosaic, or two levels, leave fewer
+_ALIKE = 1  # DN by which gaps of one stretched scale differ, by rounding
 NEEDS_WHOLE_STEPS = "frames whose steps are 1 DN: as the converter gave them, neither scaled nor multiplied"
 
 
@@ -31,20 +35,15 @@ def step_dn(seen: Extremes) -> float | None:
 
 def _step(counts: np.ndarray) -> float | None:
     """Of one level: runs of empty codes between two codes that many pixels have, all of one length but for rounding."""
-    # pixels at the codes on either side: an empty one between them has a probability of exp(-20)
-    certain = 20
-    filled = np.flatnonzero(counts >= certain)
-    fewest = 4  # gaps: the peaks of a mosaic, or two levels, leave fewer
-    if len(filled) < fewest + 1:
+    filled = np.flatnonzero(counts >= _CERTAIN)
+    if len(filled) < _FEWEST + 1:
         return None
     steps = np.diff(filled)
     used = np.flatnonzero(counts)
     between = np.searchsorted(used, filled[1:]) - np.searchsorted(used, filled[:-1]) - 1
     gaps = (steps > 1) & (between == 0)
     clean = steps[between == 0]
-    reach = 300  # DN, the widest gap that is looked for: 8 bits in a word of 16 stretch to 257
-    alike = 1  # DN by which gaps of one stretched scale differ, by rounding
-    if gaps.sum() < fewest or np.ptp(clean) > alike or clean.max() > reach:
+    if gaps.sum() < _FEWEST or np.ptp(clean) > _ALIKE or clean.max() > _REACH:
         return None
     return float(clean.mean())
 

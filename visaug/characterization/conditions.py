@@ -17,7 +17,9 @@ from visaug.frames import FrameSet
 from visaug.frames.units import celsius
 
 _DEPTHS = (8, 10, 12, 14, 16)
+_PILE = 1e-3  # share of a flat's pixels at the converter's top that no signal piles up by itself
 _MASTER = 0.55  # of the temporal variance of a raw frame: two or more frames averaged have half or less
+_TELLING = 0.2  # DN^2: below, rounding hides the noise of a single frame
 
 
 def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[FrameSet, list[Facts]]:
@@ -31,8 +33,7 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
     frames = frames.subset([i for i, r in enumerate(frames.records) if r.kind in KINDS])
     frames = _in_celsius(frames, found)
     frames = _one_setting(frames, found)
-    masters = [i for i, r in enumerate(frames.records) if r.combined != 1]
-    frames = _leave_out(frames, masters, found, "as their headers or the column `combined` say")
+    frames = _without_told_masters(frames, found)
     facts = look(frames)
     lossy.check(frames, facts, found)
     frames, facts = _aligned(frames, facts, found, told_bits)
@@ -96,6 +97,11 @@ def _without_copies(frames: FrameSet, facts: list[Facts]) -> tuple[FrameSet, lis
     return frames.subset(kept), [facts[i] for i in kept]
 
 
+def _without_told_masters(frames: FrameSet, found: Findings) -> FrameSet:
+    masters = [i for i, r in enumerate(frames.records) if r.combined != 1]
+    return _leave_out(frames, masters, found, "as their headers or the column `combined` say")
+
+
 def _leave_out(frames: FrameSet, masters: Sequence[int], found: Findings, why: str) -> FrameSet:
     if not masters or len(masters) == len(frames):
         return frames
@@ -120,8 +126,7 @@ def _without_masters(frames: FrameSet, facts: list[Facts], found: Findings) -> t
         found_here = temporal_variances(frames, raw)
         variances |= dict(zip(raw, found_here))
         usual = min(usual, float(np.median(found_here)))
-    telling = 0.2  # DN^2: below, rounding hides the noise of a single frame
-    if usual > telling:
+    if usual > _TELLING:
         masters += [i for i, v in variances.items() if v < _MASTER * usual]
     kept = _leave_out(frames, sorted(masters), found, "because of their variance")
     return kept, [f for i, f in enumerate(facts) if i not in set(masters)] if kept is not frames else facts
@@ -166,8 +171,7 @@ def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits:
     largest = max(f.largest for f in facts)
     if largest > (1 << 16) - 1:  # sums of frames, or a type of more than 16 bits
         return
-    pile = 1e-3  # share of a flat's pixels at the converter's top that no signal piles up by itself
-    piles = {f.largest for f in facts if f.at_largest > pile and f.largest == largest and f.noise < largest}
+    piles = {f.largest for f in facts if f.at_largest > _PILE and f.largest == largest and f.noise < largest}
     tops = [n for n in _DEPTHS if piles and largest == (1 << n) - 1]
     if tops:
         found.bit_depth = tops[0]

@@ -8,7 +8,7 @@ import numpy as np
 
 from visaug.characterization import additivity, spatial
 from visaug.characterization.findings import Findings, MeasuredGain
-from visaug.characterization.groups import Measured
+from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.mosaic import Mosaic
 from visaug.characterization.nonuniformity import Parts, parts, surface
@@ -27,6 +27,7 @@ NEEDS_CLEAR_FLATS = (
     "clear of 0 and of the converter's top"
 )
 NEEDS_PHOTONS = "flats with known photons per pixel"
+_LEAST_EFFICIENCY = 1e-3  # e-/photon: below what silicon has anywhere between 300 and 1100 nm
 
 
 def gain_and_efficiency(
@@ -112,8 +113,7 @@ def _efficiency(found: Findings, result: PhotonTransferResult) -> None:
         [((value * result.gain_error / gain) ** 2, result.df), ((value * line.relative_error) ** 2, line.df)]
     )
     found.add("quantum_efficiency", symmetric(value, error, df), "e-/photon", "responsivity over gain", 1.0)
-    least_efficiency = 1e-3  # e-/photon: below what silicon has anywhere between 300 and 1100 nm
-    if value < least_efficiency:
+    if value < _LEAST_EFFICIENCY:
         found.warn(
             f"photons_implausible: a quantum efficiency of {value:.2g} is that of no sensor; are the photons "
             "per pixel, not per cm2 "
@@ -269,7 +269,7 @@ def gain_law(found: Findings, measured: Measured, result: PhotonTransferResult) 
     """How the gain follows its setting: slope of measured over nominal decibels, 1 where it does exactly."""
     points = [(measured.gain_db, result.gain_dn_per_e, result.gain_error)]
     for gain_db, levels in measured.other_gains.items():
-        other = transfer([v for v in levels if v.flat.n > 1 and v.dark.n > 1])
+        other = transfer(_with_noise(levels))
         if other is not None:
             points.append((gain_db, other.gain_dn_per_e, other.gain_error))
     if len(points) < 2:
@@ -294,3 +294,7 @@ def gain_law(found: Findings, measured: Measured, result: PhotonTransferResult) 
     }
     if abs(slope - 1) > 3 * error + 0.02:
         found.warn(f"gain_law: 1 dB of the setting is {slope:.3f} dB of gain, not 1")
+
+
+def _with_noise(levels: tuple[FlatLevel, ...]) -> list[FlatLevel]:
+    return [v for v in levels if v.flat.n > 1 and v.dark.n > 1]

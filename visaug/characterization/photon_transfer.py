@@ -14,6 +14,12 @@ from visaug.characterization.moments import GroupMoments
 from visaug.characterization.response import Response, response
 from visaug.core.intervals import jackknife
 
+_FIT_SHARE = 0.7  # EMVA 1288: the fits of gain and responsivity end at 70 % of saturation
+_LINEAR_SHARE = (0.05, 0.95)
+_SAFE_SHARE = 0.85  # the camera's own gain may use more levels than the standard's fit
+_SPAN = 3  # brightest over faintest level from which on a bend can be seen
+_DOUBT = 0.002
+_CUT = 1e-4
 EVEN_DN = 0.6  # noise from which on rounding is an even error
 _COLLAPSE = 0.7  # variance below this share of the shot noise's tells clipping
 
@@ -49,8 +55,7 @@ class PhotonTransferResult:
 
 
 def _established(estimate: tuple[float, float] | None, df: float) -> bool:
-    doubt = 0.002
-    return estimate is not None and abs(estimate[0]) > float(stats.t.ppf(1 - doubt / 2, df)) * estimate[1]
+    return estimate is not None and abs(estimate[0]) > float(stats.t.ppf(1 - _DOUBT / 2, df)) * estimate[1]
 
 
 def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTransferResult | None:
@@ -121,8 +126,7 @@ def _of_added(
 def _powers(levels: Sequence[FlatLevel], dark_tells: bool) -> tuple[int, ...]:
     """Powers of the signal in the fit: as many as the levels carry."""
     signals = [v.flat.mean if not dark_tells else v.signal for v in levels]
-    span = 3  # brightest over faintest level from which on a bend can be seen
-    carries = len(levels) >= 4 and max(signals) >= span * min(signals)
+    carries = len(levels) >= 4 and max(signals) >= _SPAN * min(signals)
     return (1, 2) if dark_tells and carries else (1,) if dark_tells else (0, 1)
 
 
@@ -139,17 +143,15 @@ def saturated_level(levels: Sequence[FlatLevel]) -> int | None:
 def safe_levels(
     levels: Sequence[FlatLevel], saturation: int | None, dark_tells: bool = True
 ) -> tuple[int, ...]:
-    safe_share = 0.85  # the camera's own gain may use more levels than the standard's fit
-    limit = math.inf if saturation is None else safe_share * levels[saturation].signal
+    limit = math.inf if saturation is None else _SAFE_SHARE * levels[saturation].signal
     chosen = [
         i
         for i, v in enumerate(levels)
         if 0 < v.signal <= limit and v.flat.clipped_high == 0 and v.photons != 0
     ]
     chosen = [i for i in chosen if levels[i].variance_of_all > 0 or not dark_tells]
-    cut = 1e-4
     if not dark_tells:
-        return tuple(i for i in chosen if rounds_evenly(levels[i].flat) and levels[i].flat.clipped_low < cut)
+        return tuple(i for i in chosen if rounds_evenly(levels[i].flat) and levels[i].flat.clipped_low < _CUT)
     if not chosen and saturation is not None:
         chosen = [i for i in range(saturation + 1) if levels[i].signal > 0]
     return tuple(chosen)
@@ -167,8 +169,7 @@ def rounds_evenly(moments: GroupMoments) -> bool:
 def last_fitted(levels: Sequence[FlatLevel], saturation: int | None) -> int:
     """Position of the last level of the standard's fits: up to 70 % of saturation."""
     top = len(levels) - 1 if saturation is None else saturation
-    fit_share = 0.7  # EMVA 1288: the fits of gain and responsivity end at 70 % of saturation
-    limit = (fit_share if saturation is not None else 1.0) * levels[top].signal
+    limit = (_FIT_SHARE if saturation is not None else 1.0) * levels[top].signal
     return max((i for i, v in enumerate(levels[: top + 1]) if v.signal <= limit), default=top)
 
 
@@ -220,11 +221,10 @@ def linearity_curve(levels: Sequence[FlatLevel], saturation: int | None) -> dict
 
 def _linear_levels(levels: Sequence[FlatLevel], saturation: int | None) -> list[FlatLevel]:
     top = levels[-1 if saturation is None else saturation].signal
-    linear_share = (0.05, 0.95)
     return [
         v
         for v in levels[: None if saturation is None else saturation + 1]
-        if v.photons is not None and linear_share[0] * top <= v.signal <= linear_share[1] * top
+        if v.photons is not None and _LINEAR_SHARE[0] * top <= v.signal <= _LINEAR_SHARE[1] * top
     ]
 
 
