@@ -156,9 +156,8 @@ class Checkpoints:
         if trainer.best_fitness == trainer.fitness:
             with whole_file(weights / BEST) as temporary:
                 shutil.copyfile(trainer.best, temporary)
-        checkpoint = torch.load(
-            trainer.last, map_location="cpu", weights_only=False
-        )  # this process wrote it just now
+        # this process wrote it just now
+        checkpoint = torch.load(trainer.last, map_location="cpu", weights_only=False)
         checkpoint["exact"] = {
             "network": _network(trainer).state_dict(),
             "average": trainer.ema.ema.state_dict(),

@@ -62,7 +62,8 @@ def check_arms(config: Config, announce: Say | None = None) -> None:
         try:
             get_cfg(overrides=arguments)
         except (SyntaxError, TypeError, ValueError) as error:  # how ultralytics refuses an argument
-            raise InputError(f"{name}: {_plain(error)}", field="training") from None
+            plain = re.sub(r"\x1b\[[0-9;]*m", "", str(error)).strip().split("\n")[0]
+            raise InputError(f"{name}: {plain}", field="training") from None
     if config.cluster is None or config.cluster.address is None:  # else the nodes decide
         check_device(list(given.values()), announce)
 
@@ -80,8 +81,3 @@ def start_weights(start: Start) -> bytes:
     if (found := hashlib.sha256(content).hexdigest()) != start.sha256:
         raise InputError(f"has the SHA-256 {found}", file=file, expected=str(start.sha256))
     return content
-
-
-def _plain(error: Exception) -> str:
-    """An error of ultralytics without colours and lists of all arguments."""
-    return re.sub(r"\x1b\[[0-9;]*m", "", str(error)).strip().split("\n")[0]

@@ -71,7 +71,8 @@ def _spread(
         if error is not None:
             wrong[run] = error
         if progress:
-            progress(f"runs on {_nodes(ray)} nodes", len(runs) - len(waiting), len(runs))
+            nodes = sum(bool(node["Alive"]) for node in ray.nodes())
+            progress(f"runs on {nodes} nodes", len(runs) - len(waiting), len(runs))
     return wrong
 
 
@@ -83,7 +84,3 @@ def _in_folder(study: Study, work: Work, arm: str, seed: int, folder: str) -> st
     except Exception as error:
         return note_failure(study, arm, seed, error)
     return None
-
-
-def _nodes(ray: Any) -> int:
-    return sum(bool(node["Alive"]) for node in ray.nodes())

@@ -39,9 +39,8 @@ class Source(ConfigSection):
     domain: str
     split: Literal["train", "validation", "test"] | None = None
     root: Path | None = None
-    share: SharePair | None = (
-        None  # of the images in random order (by split_seed): [0.9, 1.0] are the last tenth
-    )
+    # of the images in random order (by split_seed): [0.9, 1.0] are the last tenth
+    share: SharePair | None = None
 
 
 class Data(ConfigSection):
@@ -248,12 +247,6 @@ def _beside(path: Path, name: str) -> str:
     return str(path.parent / name) if (path.parent / name).is_file() else name
 
 
-def _keys() -> list[str]:
-    """All keys that parts of a config have."""
-    parts = (Config, Data, Rendered, Source, Start, Hidden, MadeCamera, Cluster, Arm, Vis)
-    return sorted({key for part in parts for key in part.model_fields})
-
-
 def check_config(content: Any, path: Path | None = None) -> Config:
     """A checked Config, or an InputError that names the first key at fault."""
     if not isinstance(content, dict):
@@ -269,7 +262,9 @@ def check_config(content: Any, path: Path | None = None) -> Config:
         problems = {"extra_forbidden": "is not a key of a config", "missing": "is missing"}
         problem = problems.get(first["type"], first["msg"])
         if first["type"] == "extra_forbidden":
-            problem += did_you_mean(str(first["loc"][-1]), _keys())
+            parts = (Config, Data, Rendered, Source, Start, Hidden, MadeCamera, Cluster, Arm, Vis)
+            known = sorted({key for part in parts for key in part.model_fields})
+            problem += did_you_mean(str(first["loc"][-1]), known)
         raise InputError(problem, file=path, field=key) from None
     if (config.data.root is None) == (config.data.rendered is None):
         raise InputError("give one of root and rendered", file=path, field="data")

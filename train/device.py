@@ -10,8 +10,6 @@ from visaug.core.errors import InputError
 from visaug_train.config import Config
 
 Say = Callable[[str], None]
-# Of the trial: steps after the one that warms up, and images in each; seconds on a CPU, and enough to fill a GPU.
-TRIAL_STEPS, CPU_IMAGES, GPU_IMAGES = 2, 2, 16
 
 
 def check_device(given: Sequence[dict[str, Any]], say: Say | None = None) -> None:
@@ -101,9 +99,11 @@ def seconds_per_image(config: Config, device: torch.device) -> float:
     network = model.to(device).train()
     for parameter in network.parameters():
         parameter.requires_grad_(True)
-    batch = torch.zeros(GPU_IMAGES if on_gpu else CPU_IMAGES, 3, side, side, device=device)
+    # Of the trial: steps after the one that warms up, and images in each; seconds on a CPU, and enough to fill a GPU.
+    trial_steps, cpu_images, gpu_images = 2, 2, 16
+    batch = torch.zeros(gpu_images if on_gpu else cpu_images, 3, side, side, device=device)
     began = 0.0
-    for step in range(TRIAL_STEPS + 1):
+    for step in range(trial_steps + 1):
         if step == 1:  # the first warms up
             _wait(device)
             began = time.perf_counter()
@@ -111,7 +111,7 @@ def seconds_per_image(config: Config, device: torch.device) -> float:
             output = network(batch)
         _total(output).backward()
     _wait(device)
-    return (time.perf_counter() - began) / TRIAL_STEPS / len(batch)
+    return (time.perf_counter() - began) / trial_steps / len(batch)
 
 
 def _total(output: Any) -> torch.Tensor:

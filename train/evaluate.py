@@ -216,11 +216,7 @@ def _pose_row(i: int, pose: Pose | None, poses: PoseSet, seen: bool) -> dict[str
 
 
 def _row(
-    i: int,
-    each: Detections,
-    similarity: dict[str, np.ndarray],
-    targets: Targets,
-    poses: PoseSet,
+    i: int, each: Detections, similarity: dict[str, np.ndarray], targets: Targets, poses: PoseSet
 ) -> dict[str, float]:
     best = int(np.argmax(each.scores)) if len(each) else None
     seen, visible = bool(targets.seen[i]), bool(targets.inside[i].any())

@@ -24,14 +24,12 @@ class ImageNames:
         self.others = {name for names in (elsewhere or {}).values() for name in names}
         self.others |= {Path(name).stem for name in self.others}
         self.names = {name: i for i, name in enumerate(poses.ids)}
-        self.depth = (
-            len(PureWindowsPath(poses.ids[0]).parts) if poses.ids else 1
-        )  # folders that a name must have
+        # folders that a name must have
+        self.depth = len(PureWindowsPath(poses.ids[0]).parts) if poses.ids else 1
         stems = Counter(map(_stem, poses.ids))
         self.names |= {_stem(name): i for i, name in enumerate(poses.ids) if stems[_stem(name)] == 1}
-        self.names |= {
-            name.replace("/", "-"): i for i, name in enumerate(poses.ids)
-        }  # as `convert` names its copies
+        # as `convert` names its copies
+        self.names |= {name.replace("/", "-"): i for i, name in enumerate(poses.ids)}
 
     def find(self, text: object, file: Path, field: str) -> int | None:
         """The image's number; None for an image of another domain or split of the folder.
@@ -57,9 +55,7 @@ class ImageNames:
     def none_found(self, file: Path) -> InputError:
         """What to raise for a file whose images are all of other domains."""
         return InputError(
-            f"names no image of {self.poses.name}",
-            file=file,
-            expected=f"images such as {self.poses.ids[0]}",
+            f"names no image of {self.poses.name}", file=file, expected=f"images such as {self.poses.ids[0]}"
         )
 
 

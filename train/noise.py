@@ -1,5 +1,6 @@
 """An arm's noise as modules on batches (B, C, H, W) in [0, 1]."""
 
+from collections.abc import Callable
 from typing import Any
 
 import torch
@@ -10,35 +11,26 @@ from visaug.camera import Camera
 from visaug.camera.spec import check_spec
 from visaug.core.errors import InputError
 from visaug_train import rivals
-from visaug_train.arms import Arm, Vis, White
+from visaug_train.arms import Arm, ConfigSection, Vis, White
 from visaug_train.batch_noise import GaussianBlur, GaussianNoise, WhiteSensorNoise, WhiteTwin, chosen, uniform
 
 
 def batch_noise(arm: Arm) -> nn.Module:
     """All steps of an arm in physical order: optics, sensor, additions to the picture, occlusions."""
-    parts: list[nn.Module] = []
-    if arm.sun_flare is not None:
-        parts.append(rivals.SunFlare(**arm.sun_flare.model_dump()))
-    if arm.motion_blur is not None:
-        parts.append(rivals.RandomMotionBlur(**arm.motion_blur.model_dump()))
-    if arm.blur is not None:
-        parts.append(GaussianBlur(arm.blur.p, arm.blur.sigma_px))
-    if arm.vis is not None:
-        parts.append(vis_noise(arm.vis))
-    if arm.white is not None:
-        parts.append(white_noise(arm.white))
-    if arm.gaussian is not None:
-        parts.append(GaussianNoise(arm.gaussian.p, arm.gaussian.std))
-    for part, module in (
+    steps: list[tuple[ConfigSection | None, Callable[..., nn.Module]]] = [
+        (arm.sun_flare, rivals.SunFlare),
+        (arm.motion_blur, rivals.RandomMotionBlur),
+        (arm.blur, GaussianBlur),
+        (arm.vis, lambda **_: vis_noise(arm.vis)),  # pyright: ignore[reportArgumentType]
+        (arm.white, lambda **_: white_noise(arm.white)),  # pyright: ignore[reportArgumentType]
+        (arm.gaussian, GaussianNoise),
         (arm.iso_noise, rivals.IsoNoise),
         (arm.brightness_contrast, rivals.BrightnessContrast),
         (arm.randconv, rivals.RandConv),
         (arm.corruptions, rivals.Corruptions),
         (arm.erase, rivals.RandomErase),
-    ):
-        if part is not None:
-            parts.append(module(**part.model_dump()))
-    return nn.Sequential(*parts)
+    ]
+    return nn.Sequential(*(make(**part.model_dump()) for part, make in steps if part is not None))
 
 
 def white_noise(white: White) -> nn.Module:
@@ -60,7 +52,8 @@ def vis_noise(vis: Vis) -> nn.Module:
     }
     given = {name: getattr(vis, name) for name in ("gain_db", "exposure", "strength", "full_scale_photons")}
     options |= {name: value for name, value in given.items() if value is not None}
-    if any(_varies(entry) for entry in vis.effects):
+    drawn = (value for entry in vis.effects for value in entry.values())
+    if any(e.get("p", 1.0) < 1 for e in vis.effects) or any(isinstance(v, list | tuple) for v in drawn):
         return RandomEffects(cameras, vis.effects, vis.p, options)
     for entry in vis.effects:
         effect = {key: value for key, value in entry.items() if key != "p"}
@@ -138,10 +131,6 @@ class RandomEffects(nn.Module):
                     camera = ready
             self._noises[case] = SensorNoise(camera, **self.options)
         return self._noises[case]
-
-
-def _varies(effect: dict[str, Any]) -> bool:
-    return effect.get("p", 1.0) < 1 or any(isinstance(value, list | tuple) for value in effect.values())
 
 
 def _at(effect: dict[str, Any], end: int) -> dict[str, Any]:

@@ -10,16 +10,10 @@ from visaug_train.geometry import Pinhole
 # error. They are the calibration's of lightbox and sunlamp; rendered images have exact poses and no floor (SPEC 2019).
 POSITION_FLOOR, ATTITUDE_FLOOR_DEG = 0.002173, 0.169
 FLOORED_DOMAINS = ("lightbox", "sunlamp")
-# Of the confidence of an image's surest keypoint: YOLO's visibility of a clear point is near 1 and is cut at 0.5; heatmap
-# networks give clear points 0.2 to 0.6, and AlphaPose up to 6.
-LEAST_CONFIDENCE = 0.5
 
 
 def estimate_pose(
-    points: np.ndarray,
-    confidence: np.ndarray,
-    model_m: np.ndarray,
-    camera: Pinhole,
+    points: np.ndarray, confidence: np.ndarray, model_m: np.ndarray, camera: Pinhole
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Quaternion (4, scalar first) and translation (3, m) of a target from its keypoints (K, 2) in pixels.
 
@@ -31,7 +25,10 @@ def estimate_pose(
     """
     finite = np.isfinite(points).all(axis=1) & np.isfinite(confidence) & (confidence > 0)
     used = np.flatnonzero(finite)
-    used = used[confidence[used] >= LEAST_CONFIDENCE * confidence[used].max(initial=0)]
+    # Of the confidence of an image's surest keypoint: YOLO's visibility of a clear point is near 1 and is cut at 0.5; heatmap
+    # networks give clear points 0.2 to 0.6, and AlphaPose up to 6.
+    least_confidence = 0.5
+    used = used[confidence[used] >= least_confidence * confidence[used].max(initial=0)]
     if len(used) < 4:
         return None
     image, model = points[used].astype(float), model_m[used].astype(float)

@@ -21,7 +21,6 @@ from visaug_train.reduction import fitting, read_image, reduced
 from visaug_train.speed import PoseSet
 
 Progress = Callable[[str, int, int], None]
-LEAST_SCORE, MOST_PER_IMAGE = 0.001, 20
 
 
 def load_predictions(
@@ -158,6 +157,7 @@ def predict(
     size = size or fitting(poses.camera, image_size)
     back = np.array([poses.camera.width, poses.camera.height]) / size
     detections = []
+    least_score, most_per_image = 0.001, 20
     for first in range(0, len(poses), 64):
         images = [
             reduced(read_image(file, poses.camera, cv2.IMREAD_COLOR), size, reduce)
@@ -166,8 +166,8 @@ def predict(
         results: Any = model.predict(
             images,
             imgsz=image_size,
-            conf=LEAST_SCORE,
-            max_det=MOST_PER_IMAGE,
+            conf=least_score,
+            max_det=most_per_image,
             batch=32,
             verbose=False,
             save=False,

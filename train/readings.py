@@ -15,7 +15,6 @@ from visaug_train.metrics import Detections
 from visaug_train.speed import PoseSet
 
 Say = Callable[[str], None]
-BEYOND_DOUBT = 0.25  # of the median error as given
 LEAST_IMAGES = 3  # below these a wrong prediction may fit another reading by chance
 UNITS = {"metres": 1.0, "centimetres": 0.01, "millimetres": 0.001}
 
@@ -23,7 +22,8 @@ UNITS = {"metres": 1.0, "centimetres": 0.01, "millimetres": 0.001}
 def clearly(errors: Sequence[float]) -> int:
     """Which reading is meant: the first, which is the expected one, unless another is far nearer to the truth."""
     best = int(np.argmin(errors))
-    return best if errors[best] < BEYOND_DOUBT * errors[0] else 0
+    beyond_doubt = 0.25  # of the median error as given
+    return best if errors[best] < beyond_doubt * errors[0] else 0
 
 
 def pose_readings(

@@ -23,7 +23,6 @@ from visaug_train.training import batch_noise
 
 DETECTION, KEYPOINTS = ("box_ap", "iou"), ("keypoint_ap_paper", "oks_paper")
 KEYPOINTS_COCO = ("keypoint_ap_coco", "oks_coco")
-MOST_ABREAST = 2  # arms beside the baseline that fit into the page's width
 
 
 def write_report(ablation: Ablation) -> Path:
@@ -82,7 +81,8 @@ def timing_section(ablation: Ablation, seconds: Mapping[str, float] | None = Non
 
 def _results(ablation: Ablation) -> Iterator[Text | Table | Figure]:
     config = ablation.config
-    overview = overview_table(ablation.means, ablation.differences, config.baseline, most=MOST_ABREAST)
+    most_abreast = 2  # arms beside the baseline that fit into the page's width
+    overview = overview_table(ablation.means, ablation.differences, config.baseline, most=most_abreast)
     overview = marked(overview, transductive(ablation.study))
     yield Table(overview.head, overview.rows, f"{overview.title}.")
     for name in config.arms:

@@ -1,6 +1,6 @@
 """Finished runs of a study: means, differences with intervals, tables, files."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -72,9 +72,8 @@ class Ablation:
     failures: tuple[Failure, ...]
     noise: Strengths | None = None
     others: Mapping[tuple[str, int], Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
-    _known: dict[tuple, np.ndarray] = field(
-        default_factory=dict, repr=False
-    )  # resampled scores, which cost most
+    # resampled scores, which cost most
+    _known: dict[tuple, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property
     def config(self) -> Config:
@@ -123,7 +122,12 @@ class Ablation:
         if not self.seeds(self.config.baseline):
             return []
         others = [arm for arm in self.means if arm != self.config.baseline]
-        found = [d for arm in others for domain in self.study.tests for d in self._compared(arm, domain)]
+        found = [
+            ArmDifference(arm, domain, measure, *values)
+            for arm in others
+            for domain in self.study.tests
+            for measure, values in self.compare((arm, domain), (self.config.baseline, domain)).items()
+        ]
         corrected = holm(np.array([d.p_value_in_family for d in found]))
         return [replace(d, p_value_in_family=float(p)) for d, p in zip(found, corrected)]
 
@@ -162,11 +166,6 @@ class Ablation:
             f"the intervals cover the choice of test images only{shared and ', and the training starts from one network'}"
             ": with one seed, how training varies is not in them"
         )
-
-    def _compared(self, arm: str, domain: str) -> Iterator[ArmDifference]:
-        found = self.compare((arm, domain), (self.config.baseline, domain))
-        for measure, values in found.items():
-            yield ArmDifference(arm, domain, measure, *values)
 
     def compare(
         self, own: tuple[str, str], other: tuple[str, str]

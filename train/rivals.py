@@ -27,10 +27,7 @@ class RandomErase(nn.Module):
         low, high = (float(torch.tensor(end).log()) for end in self.aspect)
         aspect = uniform(b, (low, high), images).exp()
         height, width = (area * aspect).sqrt().clamp(1, h), (area / aspect).sqrt().clamp(1, w)
-        top, left = (
-            uniform(b, (0, 1), images) * (h - height),
-            uniform(b, (0, 1), images) * (w - width),
-        )
+        top, left = (uniform(b, (0, 1), images) * (h - height), uniform(b, (0, 1), images) * (w - width))
         y, x = (torch.arange(n, device=images.device) for n in (h, w))
         rows = (y >= top[:, None]) & (y < (top + height)[:, None])
         columns = (x >= left[:, None]) & (x < (left + width)[:, None])

@@ -38,9 +38,6 @@ Progress = Callable[[str, int, int], None]
 Predict = Callable[[PoseSet], list[Detections]]
 
 GAIN_STEPS_DB = (0.0, 6.0, 12.0, 18.0, 24.0, 30.0, 36.0)  # above the camera's own: factors of two up to 64
-EXPOSURES = (1.0, 0.3, 0.1, 0.03, 0.01)  # shares of the saturating light, about half a decade each
-TEMPERATURES_C = (-20.0, 0.0, 20.0, 40.0, 60.0)  # the industrial range of cameras
-FACTORS = (0.0, 1.0, 3.0, 10.0, 30.0)  # on an effect's own strength; 0 is the camera without it
 SCORES = ("keypoint_ap", "oks", "position_error", "attitude_error_deg")
 LABELS = {
     "keypoint_ap": "keypoint AP (COCO)",
@@ -138,6 +135,9 @@ def points_of(camera: Camera, axes: Sequence[str] | None = None) -> list[Severit
         if axis not in known:
             raise InputError(f"{axis} has no curve", field="severity", expected=f"of {', '.join(known)}")
     found = []
+    exposures = (1.0, 0.3, 0.1, 0.03, 0.01)  # shares of the saturating light, about half a decade each
+    temperatures_c = (-20.0, 0.0, 20.0, 40.0, 60.0)  # the industrial range of cameras
+    factors = (0.0, 1.0, 3.0, 10.0, 30.0)  # on an effect's own strength; 0 is the camera without it
     for axis in axes or known:
         if axis == "gain_db":
             found += [
@@ -145,15 +145,15 @@ def points_of(camera: Camera, axes: Sequence[str] | None = None) -> list[Severit
                 for g in camera.spec.gain_db + np.array(GAIN_STEPS_DB)
             ]
         elif axis == "exposure":
-            found += [SeverityPoint(axis, share, camera, share) for share in EXPOSURES]
+            found += [SeverityPoint(axis, share, camera, share) for share in exposures]
         elif axis == "temperature_c":
             found += [
-                SeverityPoint(axis, degrees, camera.replace({axis: degrees})) for degrees in TEMPERATURES_C
+                SeverityPoint(axis, degrees, camera.replace({axis: degrees})) for degrees in temperatures_c
             ]
         else:
             found += [
                 SeverityPoint(axis, f, changed)
-                for f in FACTORS
+                for f in factors
                 if (changed := _scaled(camera, strengths[axis], f))
             ]
     return found

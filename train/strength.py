@@ -25,16 +25,8 @@ if TYPE_CHECKING:
     from visaug_train.training import Study
 
 LEVELS = {"black": 0.0, "20 %": 0.2, "50 %": 0.5, "white": 1.0}
-BANDS = {
-    "black": (-1, 0.02),
-    "20 %": (0.15, 0.25),
-    "50 %": (0.4, 0.6),
-    "white": (0.95, 2),
-}  # of the blocks' means
-CELLS = 9  # 2 x 2 cells in a block
-LEAST_BLOCKS = 20
-MOST_IMAGES = 24
-ROUNDING = 12**-0.5  # what rounding to 8 bit leaves, whatever the image
+# of the blocks' means
+BANDS = {"black": (-1, 0.02), "20 %": (0.15, 0.25), "50 %": (0.4, 0.6), "white": (0.95, 2)}
 INVISIBLE = 1.1  # an arm that raises all noise by less than a tenth
 
 
@@ -64,7 +56,8 @@ def strength_of(noise: torch.nn.Module, shape: tuple[int, int] = (64, 64)) -> St
 
 def carried(poses: PoseSet, size: tuple[int, int], how: str) -> Strength:
     """The white noise of images as the network gets them, at each level."""
-    chosen = np.unique(np.linspace(0, len(poses) - 1, MOST_IMAGES).astype(int))
+    most_images = 24
+    chosen = np.unique(np.linspace(0, len(poses) - 1, most_images).astype(int))
     levels, blocks = [], []
     for i in chosen:
         image = reduced(read_image(poses.files[i], poses.camera, cv2.IMREAD_GRAYSCALE), size, how)
@@ -74,12 +67,14 @@ def carried(poses: PoseSet, size: tuple[int, int], how: str) -> Strength:
         squares = _diagonals(cut[None])[0].reshape(rows // 6, 3, columns // 6, 3) ** 2
         blocks.append(squares.mean(axis=(1, 3)).ravel())
     level, variance = np.concatenate(levels), np.concatenate(blocks)
+    cells = 9  # 2 x 2 cells in a block
     # The median of the mean of nine squares lies a little below the variance.
-    low = chi2.ppf(0.5, CELLS) / CELLS
+    low = chi2.ppf(0.5, cells) / cells
     found = {}
+    least_blocks = 20
     for name, (least, most) in BANDS.items():
         here = variance[(level >= least) & (level <= most)]
-        found[name] = float(np.sqrt(np.median(here) / low)) if len(here) >= LEAST_BLOCKS else float("nan")
+        found[name] = float(np.sqrt(np.median(here) / low)) if len(here) >= least_blocks else float("nan")
     return Strength(found, found)
 
 
@@ -133,7 +128,8 @@ class Strengths:
     def _raised(self, name: str, level: str) -> float:
         """Noise with this arm over noise with the baseline, both on top of what the images carry."""
         there = self.images.total[level]
-        there = ROUNDING if np.isnan(there) else max(there, ROUNDING)
+        rounding = 12**-0.5  # what rounding to 8 bit leaves, whatever the image
+        there = rounding if np.isnan(there) else max(there, rounding)
         base = self.arms[self.baseline].total[level] if self.baseline in self.arms else 0.0
         return float(np.hypot(there, self.arms[name].total[level]) / np.hypot(there, base))
 

@@ -66,6 +66,11 @@ class ResultTable:
         return "\n".join(lines) + "\n"
 
 
+def signed(change: float, low: float, high: float) -> str:
+    """A difference with its 95 % interval."""
+    return f"{change:+.3f} [{low:+.3f}, {high:+.3f}]"
+
+
 def value(summary: Mapping[str, Any], measure: str) -> float:
     """A measure out of a domain's summary."""
     found: Any = summary
@@ -114,8 +119,8 @@ def difference_table(differences: Sequence[Any], baseline: str) -> ResultTable:
             _number(d.reference + d.difference),
             f"{d.difference:+.4f}",
             f"[{d.low:+.4f}, {d.high:+.4f}]",
-            _yes(d.clear),
-            _yes(d.clear_in_family),
+            "yes" if d.clear else "no",
+            "yes" if d.clear_in_family else "no",
         ]
         for d in differences
     ]
@@ -132,10 +137,6 @@ def by_chance(differences: Sequence[Any]) -> str:
         f'"Clear among all rows" is by the correction of Holm over all rows of the study: by chance there would be any in 5 % '
         "of the studies."
     )
-
-
-def _yes(value: bool) -> str:
-    return "yes" if value else "no"
 
 
 def marked(table: ResultTable, notes: Mapping[str, str]) -> ResultTable:
@@ -222,7 +223,7 @@ def change(difference: Any) -> str:
     better = MEASURES[d.measure][2]
     words = {1: "better" if better else "worse", -1: "worse" if better else "better", 0: "not clear"}
     said = words[int(d.low > 0) - int(d.high < 0)]
-    return f"{said}: {d.difference:+.3f} [{d.low:+.3f}, {d.high:+.3f}]"
+    return f"{said}: {signed(d.difference, d.low, d.high)}"
 
 
 POSE_COLUMNS = {

@@ -175,14 +175,7 @@ def start_network(study: Study, progress: Progress | None = None) -> str | None:
     if not (folder / "run.json").is_file():
         title = f"training the network that all arms start from, seed {start.seed}"
         seconds = _train(
-            config,
-            batch_noise(arm),
-            arguments,
-            study.data_yaml,
-            folder,
-            start.seed,
-            title,
-            progress,
+            config, batch_noise(arm), arguments, study.data_yaml, folder, start.seed, title, progress
         )
         around = surroundings(arguments.get("device"), followed(arguments).get("amp"))
         write_json(folder / "run.json", {**decided, "surroundings": around, "seconds": seconds})

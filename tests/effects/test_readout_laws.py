@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 import torch
 
+from visaug.effects.readout.coloured import coloured
+
 BLACK_DN, TOP_DN, E_PER_DN, FULL_WELL_E = 240.0, 65535.0, 0.2, 11000.0  # of the bench `run_effect`
 
 
@@ -128,3 +130,12 @@ def test_noise_after_the_gain_is_in_dn(run_effect):
     """3 DN at 0.2 e-/DN are 0.6 e-. 40 000 pixels tell a standard deviation to 0.35 %: 2 % are more than 5 standard errors."""
     out = run_effect("read_noise", torch.zeros(1, 1, 200, 200), sigma_e=0.0, shape=0.14, after_gain_dn=3.0)
     assert float(out.std()) == pytest.approx(3.0 * E_PER_DN, rel=0.02)
+
+
+@pytest.mark.parametrize("exponent", [0.0, 1.0, 2.0])
+def test_coloured_records_have_variance_1(exponent):
+    """The mean power of 4000 independent records is within 5 standard errors of 1: a false alarm in 2e6."""
+    white = torch.randn(4000, 1, 64, generator=torch.Generator().manual_seed(5))
+    power = coloured(white, torch.full((1, 1, 1, 1), exponent)).square().mean(-1).flatten().double().numpy()
+    assert abs(power.mean() - 1) < 5 * power.std(ddof=1) / np.sqrt(len(power))
+    assert 5 * power.std(ddof=1) / np.sqrt(len(power)) < 0.15

@@ -18,14 +18,8 @@ from visaug_train.datasets.spe3r import SPE3R
 from visaug_train.geometry import Keypoints
 from visaug_train.speed import PoseSet
 
-READERS: list[Reader] = [
-    SHIRT,
-    SPE3R,
-    SPARK,
-    SPACESENSE,
-    BOP,
-    COCO,
-]  # COCO last: its files have no name of their own
+# COCO last: its files have no name of their own
+READERS: list[Reader] = [SHIRT, SPE3R, SPARK, SPACESENSE, BOP, COCO]
 
 
 def reader_of(root: str | Path) -> Reader | None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
-from visaug_train.datasets.reader import SPLIT_WORDS, Reader, image_size, matrix_quaternions
+from visaug_train.datasets.reader import SPLIT_WORDS, Reader, image_size, matrix_quaternions, numbers_of
 from visaug_train.geometry import Keypoints, Pinhole
 from visaug_train.speed import PoseSet
 
@@ -56,7 +56,7 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
                 raise InputError(
                     "names an image that is missing", file=listing, field=key, expected=f"{scene}/rgb"
                 )
-            own = _numbers(cameras[key], "cam_K", 9, listing, key).reshape(3, 3)
+            own = numbers_of(cameras[key], "cam_K", 9, listing, key).reshape(3, 3)
             matrix = own if matrix is None else matrix
             if not np.allclose(own, matrix, rtol=0, atol=1e-6):
                 raise InputError(
@@ -69,8 +69,8 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
                 shifts.append(np.full(3, np.nan))
             else:
                 objects.add(truth.get("obj_id"))
-                turns.append(_numbers(truth, "cam_R_m2c", 9, scene / "scene_gt.json", key))
-                shifts.append(_numbers(truth, "cam_t_m2c", 3, scene / "scene_gt.json", key) * M_PER_MM)
+                turns.append(numbers_of(truth, "cam_R_m2c", 9, scene / "scene_gt.json", key))
+                shifts.append(numbers_of(truth, "cam_t_m2c", 3, scene / "scene_gt.json", key) * M_PER_MM)
             info = _only(infos.get(key, []), scene / "scene_gt_info.json", key)
             boxes.append(_box(info, scene / "scene_gt_info.json", key))
     if len(objects) > 1:
@@ -103,8 +103,8 @@ def _corners(root: Path, number: Any) -> Keypoints | None:
         raise InputError(
             "is missing", file=file, field=str(number), expected="min_x ... size_z of this object"
         )
-    low = np.array([_numbers(info, f"min_{axis}", 0, file, str(number)) for axis in "xyz"])
-    size = np.array([_numbers(info, f"size_{axis}", 0, file, str(number)) for axis in "xyz"])
+    low = np.array([numbers_of(info, f"min_{axis}", 0, file, str(number)) for axis in "xyz"])
+    size = np.array([numbers_of(info, f"size_{axis}", 0, file, str(number)) for axis in "xyz"])
     corners = np.array(list(product((0, 1), repeat=3)))
     names = tuple("corner_" + "".join(map(str, corner)) for corner in corners)
     return Keypoints(f"obj_{int(number):06d}", names, (low + corners * size) * M_PER_MM)
@@ -142,21 +142,8 @@ def _box(info: dict[str, Any] | None, file: Path, key: str) -> np.ndarray:
     """The visible part's box as x0 y0 x1 y1; NaN where it is not given."""
     if info is None or "bbox_visib" not in info:
         return np.full(4, np.nan)
-    x, y, width, height = _numbers(info, "bbox_visib", 4, file, key)
+    x, y, width, height = numbers_of(info, "bbox_visib", 4, file, key)
     return np.array([x, y, x + width, y + height]) if min(width, height) > 0 else np.full(4, np.nan)
-
-
-def _numbers(entry: Any, name: str, count: int, file: Path, key: str) -> np.ndarray:
-    """`count` finite numbers; 0 means a single one."""
-    try:
-        array = np.array(entry[name], dtype=float)
-    except (TypeError, ValueError, KeyError):
-        array = np.array(np.nan)
-    if array.shape != ((count,) if count else ()) or not np.isfinite(array).all():
-        raise InputError(
-            "is missing or malformed", file=file, field=f"{key}.{name}", expected=f"{count or 1} numbers"
-        )
-    return array
 
 
 BOP = Reader("BOP", ("*/*/scene_camera.json",), _domains, _read)

@@ -15,7 +15,7 @@ import numpy as np
 
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
-from visaug_train.datasets.reader import SPLIT_WORDS, Reader
+from visaug_train.datasets.reader import SPLIT_WORDS, Reader, numbers_of
 from visaug_train.geometry import Keypoints, Pinhole
 from visaug_train.speed import PoseSet
 
@@ -91,9 +91,9 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
             raise InputError(
                 "is a second target of its image", file=listing, field=where, expected="one an image"
             )
-        x, y, width, height = _numbers(entry, "bbox", 4, listing, where)
+        x, y, width, height = numbers_of(entry, "bbox", 4, listing, where)
         boxes[row] = x, y, x + width, y + height
-        points[row] = _numbers(entry, "keypoints", points[row].size, listing, where).reshape(-1, 3)
+        points[row] = numbers_of(entry, "keypoints", points[row].size, listing, where).reshape(-1, 3)
     unknown = np.full((len(images), 7), np.nan)
     width, height = sizes.pop()
     # There is no lens in COCO: only the size of this camera is used.
@@ -126,7 +126,7 @@ def _model(categories: list[Any], file: Path) -> tuple[Keypoints, Any]:
     names = tuple(map(str, found[0]["keypoints"]))
     sigmas, flip = found[0].get("sigmas"), found[0].get("flip_idx")
     if sigmas is not None:
-        sigmas = _numbers(found[0], "sigmas", len(names), file, "categories")
+        sigmas = numbers_of(found[0], "sigmas", len(names), file, "categories")
         if not (sigmas > 0).all():
             raise InputError(
                 "must be above 0", file=file, field="categories.sigmas", expected="one number a point"
@@ -148,18 +148,6 @@ def _located(root: Path, word: str, names: list[str], listing: Path) -> tuple[Pa
             return tuple(place / name for name in names)
     tried = ", ".join(str(place) for place in places)
     raise InputError(f"{names[0]} is missing", file=listing, field="images", expected=f"it in one of {tried}")
-
-
-def _numbers(entry: dict[str, Any], key: str, count: int, file: Path, where: str) -> np.ndarray:
-    try:
-        array = np.array(entry.get(key), dtype=float)
-    except (TypeError, ValueError):
-        array = np.array(np.nan)
-    if array.shape != (count,) or not np.isfinite(array).all():
-        raise InputError(
-            "is missing or malformed", file=file, field=f"{where}.{key}", expected=f"{count} numbers"
-        )
-    return array
 
 
 class _CocoReader(Reader):

@@ -5,6 +5,7 @@ import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -68,6 +69,19 @@ def matrix_quaternions(matrices: np.ndarray, file: Path) -> np.ndarray:
             "is no rotation", file=file, field=f"record {wrong[0]}", expected="R R^T = 1, det R = 1"
         )
     return np.roll(Rotation.from_matrix(matrices).as_quat(), 1, axis=1)
+
+
+def numbers_of(entry: Any, name: str, count: int, file: Path, key: str) -> np.ndarray:
+    """`count` finite numbers of an entry of a JSON file; 0 means a single one."""
+    try:
+        array = np.array(entry[name], dtype=float)
+    except (TypeError, ValueError, KeyError):
+        array = np.array(np.nan)
+    if array.shape != ((count,) if count else ()) or not np.isfinite(array).all():
+        raise InputError(
+            "is missing or malformed", file=file, field=f"{key}.{name}", expected=f"{count or 1} numbers"
+        )
+    return array
 
 
 def columns(file: Path, words: Sequence[str], numbers: Sequence[str]) -> tuple[list[list[str]], np.ndarray]:

@@ -17,7 +17,6 @@ from visaug_train.datasets.reader import Reader, columns, image_size, matrix_qua
 from visaug_train.geometry import Pinhole, rotation_matrix
 from visaug_train.speed import PoseSet
 
-FIELD_OF_VIEW_DEG = 50.0  # over the width
 TO_OPENCV = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])  # x right, y down, z forward, from AirSim's axes
 POSITION = tuple(f"target_spacecraft_in_camera_pos_{axis}(m)" for axis in "xyz")
 QUATERNION = tuple(f"target_spacecraft_in_camera_quat_{part}" for part in "wxyz")
@@ -39,9 +38,8 @@ VALIDATION = frozenset(
         "Ulysses",
     ]
 )
-RESERVED = frozenset(
-    ["Van_Allen_Probe", "Venus_Express", "Voyager", "WIND", "XMM_newton"]
-)  # for future tests
+# for future tests
+RESERVED = frozenset(["Van_Allen_Probe", "Venus_Express", "Voyager", "WIND", "XMM_newton"])
 
 
 def _lists(root: Path) -> dict[str, list[Path]]:
@@ -70,7 +68,8 @@ def _read(root: Path, domain: str, split: str) -> PoseSet:
         quaternions.append(matrix_quaternions(turns, table))
         translations.append(values[:, :3] @ TO_OPENCV.T)
     width, height = image_size(files[0])
-    focal_px = width / 2 / math.tan(math.radians(FIELD_OF_VIEW_DEG) / 2)
+    field_of_view_deg = 50.0  # over the width
+    focal_px = width / 2 / math.tan(math.radians(field_of_view_deg) / 2)
     matrix = np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])
     return PoseSet(
         f"{domain}/{split}",

@@ -41,7 +41,6 @@ SPEED_PLUS_CAMERA = Pinhole(
     np.array([-0.22383016606510672, 0.51409797089106379, -0.00066499611998340662, -0.00021404771667484594,
               -0.13124227429077406]),
 )  # fmt: skip
-BATCH = 16
 LINEAR_WHITE_DN = 32767.5  # of 65535 in images_linear/: twice the 8-bit image's white fits in
 
 
@@ -124,6 +123,7 @@ def render_dataset(root: str | Path, settings: RenderSettings, progress: Progres
     caster = RayCaster(camera, settings.samples, device=device)
     total = sum(sum(splits.values()) for splits in settings.images.values())
     done = 0
+    batch = 16
     for domain, splits in settings.images.items():
         first = 0
         for split, count in splits.items():
@@ -131,7 +131,7 @@ def render_dataset(root: str | Path, settings: RenderSettings, progress: Progres
             listing = root / domain / f"{split}.json"
             views = [_draw(camera, settings, domain, number) for number in numbers]
             if not listing.is_file():
-                cuts = [slice(start, min(start + BATCH, count)) for start in range(0, count, BATCH)]
+                cuts = [slice(start, min(start + batch, count)) for start in range(0, count, batch)]
                 render = partial(_render_part, root, settings, domain, caster)
                 with one_torch_thread(), ThreadPoolExecutor(cores()) as pool:
                     jobs = pool.map(render, [views[cut] for cut in cuts], [numbers[cut] for cut in cuts])

@@ -30,7 +30,6 @@ from visaug_train.speed import PoseSet
 
 Progress = Callable[[str, int, int], None]
 PLAIN = "plain"  # the test set of the camera that hides nothing
-FIRST_VIEW = 1_000_000  # sequence numbers of test images, so that their noise is not that of the frame set
 TOGETHER = 16  # images in memory at once
 SPECIMEN = 1  # the seed of the one camera that takes frames and test images: its fixed patterns are the same
 
@@ -158,6 +157,8 @@ def take_views(
     images = folder / domain / "images"
     listing = folder / domain / "test.json"
     files = tuple(images / file.name for file in views.files)
+    # sequence numbers of test images, so that their noise is not that of the frame set
+    first_view = 1_000_000
     if not listing.is_file():
         full_dn = 2**camera.bit_depth - 1
         white_photons = light * full_dn * camera.spec.gain_e_per_dn / camera.spec.quantum_efficiency
@@ -166,7 +167,7 @@ def take_views(
             cleans = {file.name: noiseless(file) * np.float32(white_photons) for file in chosen}
             records = [
                 FrameRecord(
-                    FIRST_VIEW + first + i,
+                    first_view + first + i,
                     file.name,
                     "scene",
                     camera.spec.exposure_s,
@@ -189,8 +190,7 @@ def take_views(
         write_json(folder / "camera.json", views.camera.to_json())
         poses = zip(files, views.quaternions.tolist(), views.translations.tolist())
         write_json(
-            listing,
-            [{"filename": f.name, "q_vbs2tango_true": q, "r_Vo2To_vbs_true": r} for f, q, r in poses],
+            listing, [{"filename": f.name, "q_vbs2tango_true": q, "r_Vo2To_vbs_true": r} for f, q, r in poses]
         )
     return replace(views, name=domain, files=files)
 

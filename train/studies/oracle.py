@@ -128,22 +128,12 @@ def _gain(ablation: "Ablation", arm: str, domains: tuple[str, ...]) -> ArmGain |
 
 def gain_table(found: list[ArmGain], baseline: str, oracle: str) -> tables.ResultTable:
     """A row for each arm and domain."""
-
-    def cell(each: tuple[float, float, float]) -> str:
-        return f"{each[0]:+.3f} [{each[1]:+.3f}, {each[2]:+.3f}]"
-
-    head = [
-        "arm",
-        "test set",
-        baseline,
-        "change by the arm",
-        f"change by {oracle}",
-        f"share of what {oracle} gains",
-    ]
+    won, share = f"change by {oracle}", f"share of what {oracle} gains"
+    head = ["arm", "test set", baseline, "change by the arm", won, share]
+    signed = tables.signed
     rows = [
-        [g.arm, " and ".join(g.domains), f"{g.baseline:.3f}", cell(g.gain), cell(g.oracle), str(g)]
+        [g.arm, " and ".join(g.domains), f"{g.baseline:.3f}", signed(*g.gain), signed(*g.oracle), str(g)]
         for g in found
     ]
-    return tables.ResultTable(
-        "Keypoint AP50-95 (COCO's): what knowing the camera gains, and the share of it", head, rows
-    )
+    title = "Keypoint AP50-95 (COCO's): what knowing the camera gains, and the share of it"
+    return tables.ResultTable(title, head, rows)

@@ -1,6 +1,6 @@
 """Loss of a network by a hidden effect, and the gain by its diagnosis: the outcome of a study with `hidden`."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -36,7 +36,7 @@ class Change:
         return int(self.low > 0) - int(self.high < 0)
 
     def __str__(self) -> str:
-        return f"{self.after - self.before:+.3f} [{self.low:+.3f}, {self.high:+.3f}]"
+        return tables.signed(self.after - self.before, self.low, self.high)
 
 
 @dataclass(frozen=True)
@@ -57,21 +57,14 @@ class Outcome:
     def finding(self) -> str:
         """What came out, whichever way, in a few sentences."""
         name, domain = self.hidden.effect["name"], self.hidden.domain
-        cost = self.cost
-        said = [
-            f"{domain} ({name}): the effect "
-            + (
-                f"costs the network {-(cost.after - cost.before):.3f}"
-                if cost.clear < 0
-                else "costs nothing clear:"
-            )
-            + f" keypoint AP ({cost.before:.3f} without it, {cost.after:.3f} with it; {cost})."
-        ]
+        cost, lost = self.cost, self.cost.before - self.cost.after
+        costs = f"costs the network {lost:.3f}" if cost.clear < 0 else "costs nothing clear:"
         accepted = ", ".join(self.hidden.answer["accepted"]) or "nothing"
-        said.append(
-            f"The diagnosis named {accepted}"
-            + (", which is right." if self.hidden.right else ", which is wrong.")
-        )
+        points = f"{cost.before:.3f} without it, {cost.after:.3f} with it; {cost}"
+        said = [
+            f"{domain} ({name}): the effect {costs} keypoint AP ({points}).",
+            f"The diagnosis named {accepted}, which is {'right' if self.hidden.right else 'wrong'}.",
+        ]
         if self.named is not None:
             verdict = {1: "raises", 0: "does not clearly change", -1: "lowers"}[self.named.clear]
             said.append(
@@ -87,7 +80,7 @@ class Outcome:
             said.append("Who knew the effect would have trained the same way.")
         elif self.known is not None:
             said.append(f"Who knew the effect gains {self.known}.")
-        if cost.before - cost.after < COST:
+        if lost < COST:
             said.append(f"It costs less than {COST}, so there is little to win back.")
         return " ".join(said)
 
@@ -128,38 +121,21 @@ def outcomes(ablation: "Ablation") -> list[Outcome]:
 
 def effect_table(ablation: "Ablation") -> tables.ResultTable:
     """A row for each hidden effect: the diagnosis, the loss, and the gain by each training."""
-    head = [
-        "hidden effect",
-        "named",
-        "AP without it",
-        "AP with it",
-        "cost",
-        "trained with what was named",
-        "change",
-        "change by a wrong effect",
-        "named over wrong",
-        "change by who knew",
-    ]
-    rows = []
-    for o in outcomes(ablation):
-        same = o.hidden.known == o.hidden.named
-        rows.append(
-            [
-                o.hidden.effect["name"],
-                ", ".join(o.hidden.answer["accepted"]) or "nothing",
-                f"{o.cost.before:.3f}",
-                f"{o.cost.after:.3f}",
-                str(o.cost),
-                "" if o.named is None else f"{o.named.after:.3f}",
-                "" if o.named is None else str(o.named),
-                "" if o.wrong is None else f"{o.wrong} ({o.hidden.wrong})",
-                "" if o.over_wrong is None else str(o.over_wrong),
-                "the same run" if same else "" if o.known is None else str(o.known),
-            ]
-        )
-    return tables.ResultTable(
-        "Hidden effects: keypoint AP50-95 (COCO's) on the camera that has them", head, rows
-    )
+    columns: dict[str, Callable[[Outcome], object]] = {
+        "hidden effect": lambda o: o.hidden.effect["name"],
+        "named": lambda o: ", ".join(o.hidden.answer["accepted"]) or "nothing",
+        "AP without it": lambda o: f"{o.cost.before:.3f}",
+        "AP with it": lambda o: f"{o.cost.after:.3f}",
+        "cost": lambda o: o.cost,
+        "trained with what was named": lambda o: o.named and f"{o.named.after:.3f}",
+        "change": lambda o: o.named,
+        "change by a wrong effect": lambda o: o.wrong and f"{o.wrong} ({o.hidden.wrong})",
+        "named over wrong": lambda o: o.over_wrong,
+        "change by who knew": lambda o: "the same run" if o.hidden.known == o.hidden.named else o.known,
+    }
+    rows = [[str(of(o) or "") for of in columns.values()] for o in outcomes(ablation)]
+    title = "Hidden effects: keypoint AP50-95 (COCO's) on the camera that has them"
+    return tables.ResultTable(title, list(columns), rows)
 
 
 def proof_sections(ablation: "Ablation") -> list[Section]:
@@ -247,17 +223,10 @@ def _diagnoses(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
         found = next((e for e in each.found if e["name"] == name), {})
         for key, value in each.effect.items():
             if key != "name":
-                rows.append(
-                    [
-                        name,
-                        key,
-                        _shown(value),
-                        _shown(found.get(key, "not named" if not found else "default")),
-                    ]
-                )
-    yield Table(
-        ["effect", "parameter", "hidden", "found"], rows, "What was hidden, and what the diagnosis found."
-    )
+                other = found.get(key, "not named" if not found else "default")
+                rows.append([name, key, _shown(value), _shown(other)])
+    head = ["effect", "parameter", "hidden", "found"]
+    yield Table(head, rows, "What was hidden, and what the diagnosis found.")
     for each in ablation.study.hidden:
         steps = [step for step in each.answer["steps"] if step["error"] is not None]
         if steps:

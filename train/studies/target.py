@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from visaug_train.training import Study
 
 Progress = Callable[[str, int, int], None]
-MOST_PICTURES = 300  # of a source, evenly spaced
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,8 @@ def make_cameras(
 
 
 def _estimated(config: Config, name: str, poses: PoseSet) -> TargetCamera:
-    files = poses.files[:: -(-len(poses) // MOST_PICTURES)]
+    most_pictures = 300  # of a source, evenly spaced
+    files = poses.files[:: -(-len(poses) // most_pictures)]
     size, how = _seen_size(config, name, poses), config.data.reduction
     digest = hashlib.sha256(f"{visaug.__version__} {size} {how}".encode())
     for file in files:

@@ -42,11 +42,10 @@ def gain_finding(gain: ArmGain, oracle: str) -> str:
     """What came out for one arm, whichever way, in a sentence."""
     change, low, high = gain.gain
     verdict = "raises" if low > 0 else "lowers" if high < 0 else "does not clearly change"
-    known, known_low, known_high = gain.oracle
     return (
         f"Arm {gain.arm} {verdict} the keypoint AP on {' and '.join(gain.domains)}: {gain.baseline:.3f} to "
-        f"{gain.baseline + change:.3f} ({change:+.3f} [{low:+.3f}, {high:+.3f}]). Arm {oracle} changes it by {known:+.3f} "
-        f"[{known_low:+.3f}, {known_high:+.3f}]; share of that gain: {gain}."
+        f"{gain.baseline + change:.3f} ({tables.signed(change, low, high)}). Arm {oracle} changes it by "
+        f"{tables.signed(*gain.oracle)}; share of that gain: {gain}."
     )
 
 
@@ -101,13 +100,7 @@ def _rows(camera: TargetCamera, true: TargetCamera | None) -> Iterator[list[str]
             else f"{entry['value'] / gain:.3g} [{entry['low'] / gain:.3g}, {entry['high'] / gain:.3g}]"
         )
         value = known.get(key, 0.0) / (known["gain_e_per_dn"] if in_dn else 1.0) if known else None
-        yield [
-            camera.name,
-            str(camera.pictures),
-            label,
-            "" if value is None else f"{value:.3g}",
-            estimate,
-        ]
+        yield [camera.name, str(camera.pictures), label, "" if value is None else f"{value:.3g}", estimate]
 
 
 def _flat(content: dict[str, Any]) -> dict[str, float]:

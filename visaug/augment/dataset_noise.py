@@ -13,8 +13,6 @@ from visaug.augment.image_io import read_picture
 from visaug.augment.sensor_noise import SensorNoise
 from visaug.core.errors import InputError
 
-SAMPLED_FILES = 8  # training images that are looked at for their transfer function
-
 
 def with_transfer(noise: nn.Module, dataset: Any) -> tuple[nn.Module, str]:
     """The noise with "auto" resolved by the files of a dataset, and what was assumed in words."""
@@ -53,7 +51,8 @@ def with_bands(noise: nn.Module, channels: int) -> tuple[nn.Module, str]:
 def transfer_of_files(files: Sequence[str]) -> tuple[str, str]:
     """What most of a few images, evenly spaced among the files, say of their transfer function."""
     found: Counter[tuple[str, str]] = Counter()
-    for file in files[:: max(1, len(files) // SAMPLED_FILES)][:SAMPLED_FILES]:
+    sampled_files = 8  # training images that are looked at for their transfer function
+    for file in files[:: max(1, len(files) // sampled_files)][:sampled_files]:
         with suppress(InputError, OSError, KeyError):
             picture = read_picture(Path(file))
             found[picture.transfer, picture.reason] += 1

@@ -19,9 +19,8 @@ from visaug.core.extras import extra
 from visaug.core.sampling import derive_key
 
 KEYS = ("keys", "pattern_keys")
-SHARED = (
-    "pattern_is_shared"  # in draws of one of several images of a sample: the pattern is that of others too
-)
+# in draws of one of several images of a sample: the pattern is that of others too
+SHARED = "pattern_is_shared"
 
 
 def signed(key: int) -> int:

@@ -12,9 +12,6 @@ import numpy as np
 from visaug.augment.image_io import Picture
 
 LOSSY = (".jpg", ".jpeg")
-FEW_COLOURS = 32  # a segmentation of an image has so many classes or instances; a shaded picture has hundreds of colours
-GRAYS = 256  # distinct colours of an 8-bit gray image: a name such as "mask" is believed up to here
-SAMPLED = 4096  # pixels that are looked at first: a picture has shown more colours by then
 MEASURED = {"depth", "distance", "disparity", "flow", "normals", "nocs"}  # no limit on their number of values
 CLASSES = {
     "mask",
@@ -52,10 +49,12 @@ def why_labels(name: str, picture: Picture) -> str | None:
     if light.dtype.kind == "f":
         return _measured(light)
     named = words & CLASSES
-    colours = number_of_colours(light, GRAYS if named else FEW_COLOURS)
-    if named and colours <= GRAYS:
+    few_colours = 32  # a segmentation of an image has so many classes or instances; a shaded picture has hundreds of colours
+    grays = 256  # distinct colours of an 8-bit gray image: a name such as "mask" is believed up to here
+    colours = number_of_colours(light, grays if named else few_colours)
+    if named and colours <= grays:
         return f"named {', '.join(sorted(named))}"
-    if 1 < colours <= FEW_COLOURS:
+    if 1 < colours <= few_colours:
         return "two values" if colours == 2 else "few colours"
     return None
 
@@ -70,7 +69,8 @@ def number_of_colours(light: np.ndarray, most: int) -> int:
     """Number of distinct values of pixels (H, W, C) of whole numbers; anything above `most` where there are more."""
     pixels = light.reshape(-1, light.shape[2]).astype(np.uint64)
     packed = pixels @ (np.uint64(1) << (np.uint64(16) * np.arange(light.shape[2], dtype=np.uint64)))
-    seen = len(np.unique(packed[:: max(1, len(packed) // SAMPLED)]))
+    sampled = 4096  # pixels that are looked at first: a picture has shown more colours by then
+    seen = len(np.unique(packed[:: max(1, len(packed) // sampled)]))
     return seen if seen > most else len(np.unique(packed))
 
 

@@ -3,9 +3,6 @@
 import torch
 from torch import Tensor
 
-PLANCK_J_S = 6.62607015e-34
-LIGHT_SPEED_M_PER_S = 299_792_458.0
-
 
 def irradiance_to_photons(
     irradiance_w_per_m2: Tensor | float,
@@ -23,7 +20,9 @@ def irradiance_to_photons(
 
     Source: EMVA 1288 release 4 Linear, eq. 3: 50.34 A[um^2] t[ms] lambda[um] E[uW/cm^2].
     """
-    photon_energy_j = PLANCK_J_S * LIGHT_SPEED_M_PER_S / wavelength_m
+    planck_j_s = 6.62607015e-34
+    light_speed_m_per_s = 299_792_458.0
+    photon_energy_j = planck_j_s * light_speed_m_per_s / wavelength_m
     return irradiance_w_per_m2 * pixel_area_m2 * exposure_s / photon_energy_j
 
 

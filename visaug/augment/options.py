@@ -18,21 +18,16 @@ CHOICES = {
     "black_level": ("subtract", "keep"),
     "resolution": ("network", "sensor"),
 }
-LEAST, MOST = (
-    -0.5,
-    1.5,
-)  # of image values: beyond, the image is of another scale; between, it is cut by the sensor
+# of image values: beyond, the image is of another scale; between, it is cut by the sensor
+LEAST, MOST = -0.5, 1.5
 
 
 MOST_COLOURS = 3  # red, green and blue; what has more channels of light has bands
-LEAST_EXPOSURE = (
-    1e-6  # of the saturation exposure: a pixel of the largest full wells (1e6 e-) then holds one electron
-)
+# of the saturation exposure: a pixel of the largest full wells (1e6 e-) then holds one electron
+LEAST_EXPOSURE = 1e-6
 # An image that goes below the first, with more than this share of its values below 0, has had its mean subtracted:
 # resampling and a subtracted black level go less far, or in fewer pixels.
 NORMALIZED, NORMALIZED_SHARE = -0.05, 0.25
-BRIGHT_SHARE = 0.25  # of values above white: more is no highlight but another scale
-LEAST_STRENGTH = 1e-3  # at its inverse square, 1e6 times the electrons: noise below the last of 16 bits
 
 
 def check_choice(name: str, word: Any) -> str:
@@ -57,13 +52,14 @@ def check_number(name: str, value: Any, low: float, high: float, above: bool = F
 
 
 def check_strength(value: Any) -> float:
-    """A factor on the noise: 0, or a number from `LEAST_STRENGTH` to 100."""
+    """A factor on the noise: 0, or a number from `least_strength` to 100."""
     value = check_number("strength", value, 0, 100)
-    if 0 < value < LEAST_STRENGTH:
+    least_strength = 1e-3  # at its inverse square, 1e6 times the electrons: noise below the last of 16 bits
+    if 0 < value < least_strength:
         raise InputError(
             f"{value!r} is not valid",
             field="strength",
-            expected=f"0, or a number from {LEAST_STRENGTH:g} to 100",
+            expected=f"0, or a number from {least_strength:g} to 100",
         )
     return value
 
@@ -164,11 +160,12 @@ def _refuse_scale(images: Tensor, low: float, high: float) -> None:
     """By what the values look like: normalised, high dynamic range, or whole numbers of 8, 12 or 16 bit."""
     there = images[~images.isnan()].float()
     negative = float((there < 0).float().mean())
+    bright_share = 0.25  # of values above white: more is no highlight but another scale
     if low < LEAST or negative > NORMALIZED_SHARE:
         advice = "put the noise before Normalize, or undo it"
     elif high <= MOST:
         return  # dips below black, as a resampled image has them: the sensor cuts them
-    elif float((there > 1).float().mean()) < BRIGHT_SHARE:
+    elif float((there > 1).float().mean()) < bright_share:
         advice = "scale a high-dynamic-range image so that white is 1, or clamp its highlights with images.clamp(0, 1)"
     else:
         advice = "divide an image of 8 bit by 255, one of 16 bit by 65535, an HDR image by its value of white"

@@ -18,9 +18,8 @@ if TYPE_CHECKING:
 
 LEVELS = (13, 64, 128, 191, 242)  # of 255, in the picture's own encoding
 MIDDLE = LEVELS[2]
-VISIBLE = (
-    6.0  # 8-bit levels at MIDDLE: a contrast of 5 %, several times what the eye resolves in pixels at 4x
-)
+# 8-bit levels at MIDDLE: a contrast of 5 %, several times what the eye resolves in pixels at 4x
+VISIBLE = 6.0
 # Tried in this order until the noise is visible: dB above the camera's own gain, and share of the saturation exposure.
 CONDITIONS = (
     (0, 1.0),

@@ -181,9 +181,8 @@ def _checked(train: Callable[[Any], Any]) -> Callable[[Any], Any]:
     def checked(trainer: Any) -> Any:
         check_sources(trainer)
         starts = trainer.callbacks.setdefault("on_train_start", [])
-        starts.extend(
-            one for one in TRAVELLERS if one not in starts
-        )  # of a model that is older than the hook
+        # of a model that is older than the hook
+        starts.extend(one for one in TRAVELLERS if one not in starts)
         return train(trainer)
 
     return checked

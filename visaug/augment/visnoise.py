@@ -122,9 +122,8 @@ class VISNoise(IntensityAugmentationBase2D):
             return self.sensor.apply_draws(input, draws)
         return self.sensor.apply_draws(input, nth_frame(draws, self._number_of_image(params)))
 
-    _images: Counter[bytes] | None = (
-        None  # within a call of a container with several images: those so far, by their draws
-    )
+    # within a call of a container with several images: those so far, by their draws
+    _images: Counter[bytes] | None = None
 
     def _number_of_image(self, params: Mapping[str, Tensor]) -> int:
         """How many images of the running call of a container had these draws before."""

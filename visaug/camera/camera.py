@@ -27,12 +27,8 @@ from visaug.effects.effect import ends
 
 def shipped() -> dict[str, Path]:
     """The cameras in the package: names and files."""
-    folder = resources.files("visaug.camera") / "data"
-    return {
-        Path(str(file)).stem: Path(str(file))
-        for file in sorted(folder.iterdir(), key=str)
-        if str(file).endswith(".yaml")
-    }
+    files = sorted(Path(str(file)) for file in (resources.files("visaug.camera") / "data").iterdir())
+    return {file.stem: file for file in files if file.suffix == ".yaml"}
 
 
 def camera_file(source: str | Path) -> Path:

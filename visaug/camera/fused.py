@@ -124,7 +124,8 @@ def expose(run: Mapping[str, Values], signal: Tensor, stream: Stream, context: C
     lines = [np.zeros((channels, size), np.float32) for size in (height, height, width, width)]
     source, out = signal.contiguous(), torch.empty(signal.shape)
     keys = keys_of(stream.keys, stream.keys)  # patterns are not drawn: they are in the maps
-    in_kernel(source, out, _numbers(run, batch, context), keys, lines, maps, _origin(stream))
+    origin = stream.window[0].start, stream.window[1].start
+    in_kernel(source, out, _numbers(run, batch, context), keys, lines, maps, origin)
     return out
 
 
@@ -164,10 +165,6 @@ def ends(images: Tensor) -> tuple[float, float]:
     found: list[tuple[float, float]] = []
     in_threads(lambda first, last: found.append(kernel().ends(rows, first, last)), len(rows))
     return float(min(low for low, _ in found)), float(max(high for _, high in found))
-
-
-def _origin(stream: Stream) -> tuple[int, int]:
-    return stream.window[0].start, stream.window[1].start
 
 
 def _pattern(

@@ -22,7 +22,6 @@ from visaug.camera import Camera
 from visaug.core.sampling import Stream, derive_key
 
 SMALL = 2  # rows and columns of the window in which states of whole frames are stepped
-PROBE = 48  # rows and columns of the window in which it is tried how long pixels remember
 FORGOTTEN = 1e-3  # share of the difference between two histories that may be left: of a lag of 5 % less than its noise in any mean
 DEEPEST = 16  # frames before a used one that are simulated at most
 
@@ -84,7 +83,8 @@ def with_states_of(memory: Memory, stepped: Mapping[str, Tensor]) -> Memory:
 
 def _forgotten_after(camera: Camera, level: float) -> int:
     """Frames after which two histories, a bright one and a dark one, have led to the same frames."""
-    size = min(PROBE, *camera.resolution)
+    probe = 48  # rows and columns of the window in which it is tried how long pixels remember
+    size = min(probe, *camera.resolution)
     frames = []
     for before, seed in ((1.0, 1), (0.0, 2)):
         memory: Memory = {}

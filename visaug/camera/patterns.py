@@ -19,9 +19,6 @@ from scipy.special import ndtr, ndtri
 
 from visaug.core.errors import InputError
 
-DEGREE = 7  # of the trend: enough for a glow at one edge, too little for a band
-COMPONENTS = 4  # at most
-SMOOTHING = 5  # bins of the periodogram that are averaged; single peaks are kept
 LINE = 8.0  # times the mean of its neighbours: a period, no chance
 
 
@@ -139,20 +136,19 @@ def fit_profile(offsets_e: np.ndarray) -> LineLaw:
     offsets = np.asarray(offsets_e, np.float64)
     mixture = fit_mixture(offsets)
     scores = ndtri(mixture.cdf(offsets).clip(1e-6, 1 - 1e-6))
-    trend = np.polynomial.polynomial.polyfit(_places(len(offsets)), scores, DEGREE)
+    degree = 7  # of the trend: enough for a glow at one edge, too little for a band
+    trend = np.polynomial.polynomial.polyfit(_places(len(offsets)), scores, degree)
     rest = scores - _trend(trend, len(offsets))
     return LineLaw(mixture, trend, _smooth(np.abs(np.fft.rfft(rest)) ** 2 / len(rest)))
 
 
-def fit_mixture(values: np.ndarray, components: int = COMPONENTS) -> Mixture:
-    """The Gaussian mixture with the least BIC of at most `components` parts, by expectation and
-    maximisation.
-    """
+def fit_mixture(values: np.ndarray) -> Mixture:
+    """The Gaussian mixture with the least BIC of at most four parts, by expectation and maximisation."""
     spread = values.std()
     if spread < 1e-9:
         return Mixture(np.ones(1), np.array([values.mean()]), np.array([1e-9]))
     best, least = None, np.inf
-    for count in range(1, components + 1):
+    for count in range(1, 5):
         mixture, likelihood = _maximise(values, count, 0.02 * spread)
         criterion = (3 * count - 1) * np.log(len(values)) - 2 * likelihood
         if criterion < least:
@@ -203,12 +199,13 @@ def _smooth(power: np.ndarray) -> np.ndarray:
     """A running mean; lines stay. The zero frequency, which the polynomial took, is its neighbour's."""
     power = power.copy()
     power[0] = power[1]
-    padded = np.pad(power, SMOOTHING // 2, mode="reflect")
-    window = np.lib.stride_tricks.sliding_window_view(padded, SMOOTHING)
+    smoothing = 5  # bins of the periodogram that are averaged; single peaks are kept
+    padded = np.pad(power, smoothing // 2, mode="reflect")
+    window = np.lib.stride_tricks.sliding_window_view(padded, smoothing)
     line = power > LINE * np.median(window, axis=1) / np.log(2)
     calm = np.where(line, np.median(window, axis=1) / np.log(2), power)
     mean = np.convolve(
-        np.pad(calm, SMOOTHING // 2, mode="reflect"), np.full(SMOOTHING, 1 / SMOOTHING), "valid"
+        np.pad(calm, smoothing // 2, mode="reflect"), np.full(smoothing, 1 / smoothing), "valid"
     )
     smooth = np.where(line, power, mean)
     return smooth * power.mean() / max(smooth.mean(), 1e-300)

@@ -75,7 +75,8 @@ def spreads(camera: "Camera") -> Spreads:
     table = torch.tensor(list(found.values()), dtype=torch.float64).reshape(-1, 6)
     law, nominal, deviation, low, high, step = table.T
     below, above = (torch.special.ndtr((end - nominal) / deviation) for end in (low, high))
-    factor = _factor(camera, tuple(found))
+    matrix = correlations(camera.spec.correlated, tuple(found))
+    factor = None if matrix is None else torch.from_numpy(np.linalg.cholesky(matrix))
     even, whole = bool((law != NORMAL).any()), bool(step.any())
     return Spreads(tuple(found), law, nominal, deviation, low, high, below, above, step, factor, even, whole)
 
@@ -100,11 +101,6 @@ def _law(spread: Any, nominal: float, bounds: Parameter) -> tuple[float, ...] | 
         return None
     low = nominal if kind == "half_normal" else bounds.low
     return NORMAL, nominal, deviation, low, bounds.high, step
-
-
-def _factor(camera: "Camera", paths: tuple[str, ...]) -> Tensor | None:
-    matrix = correlations(camera.spec.correlated, paths)
-    return None if matrix is None else torch.from_numpy(np.linalg.cholesky(matrix))
 
 
 def correlations(pairs: list[tuple[str, str, float]], paths: tuple[str, ...]) -> np.ndarray | None:

@@ -16,15 +16,8 @@ from visaug.core.documents import parse_yaml
 from visaug.core.errors import InputError
 from visaug.core.files import whole_folder, write_bytes, write_text, write_yaml
 
-ABOUT = (
-    "name",
-    "source",
-    "assumed",
-    "licence",
-    "randomize",
-    "correlated",
-    "reading",
-)  # keys that are no figures
+# keys that are no figures
+ABOUT = ("name", "source", "assumed", "licence", "randomize", "correlated", "reading")
 
 
 def figures(content: dict[str, Any]) -> dict[str, Any]:

@@ -16,7 +16,6 @@ from visaug.core.sampling import Stream, derive_key
 from visaug.frames import FrameRecord, FrameSet
 
 BATCH_PIXELS = 600_000  # about what stays in a processor's cache while a batch goes through the chain
-STEPPED = 1000  # frames whose states are stepped at a time
 
 
 def simulate(
@@ -191,10 +190,11 @@ def conditions(
     keys = [derive_key(seed, "frame", record.sequence) for record in records]
     camera_key = derive_key(seed, "camera")
     stream = Stream(keys, [camera_key] * len(records), 1, (range(r0, r1), range(c0, c1)), drawn=maps)
+    own = camera.spec.temperature_c
     return stream, {
         "exposure_s": torch.tensor([record.exposure_s for record in records]),
         "gain_db": torch.tensor([float(record.gain_db) for record in records]),
-        "temperature_c": torch.tensor([_temperature(camera, record) for record in records]),
+        "temperature_c": torch.tensor([float(own if (t := r.temperature_c) is None else t) for r in records]),
     }
 
 
@@ -209,8 +209,9 @@ def _stepped(
 ) -> dict[str, Tensor]:
     """The memory after frames that are not wanted, as far as it is one number for a whole frame."""
     state = {name: value for name, value in memory.items() if is_of_whole_frame(value)}
-    for first in range(skipped.start, skipped.stop, STEPPED):
-        positions = range(first, min(first + STEPPED, skipped.stop))
+    stepped = 1000  # frames whose states are stepped at a time
+    for first in range(skipped.start, skipped.stop, stepped):
+        positions = range(first, min(first + stepped, skipped.stop))
         levels = [_mean_photons(plan, i) for i in positions]
         photons = torch.tensor(levels).view(-1, 1, 1, 1).expand(-1, 1, SMALL, SMALL)
         _exposed(camera, plan, positions, photons, seed, (0, SMALL, 0, SMALL), state)
@@ -262,10 +263,6 @@ def window_of(camera: Camera, record: FrameRecord) -> tuple[int, int, int, int]:
             expected=f"rows up to {rows}, columns up to {columns}",
         )
     return window
-
-
-def _temperature(camera: Camera, record: FrameRecord) -> float:
-    return camera.spec.temperature_c if record.temperature_c is None else float(record.temperature_c)
 
 
 def _photons(plan: FrameSet, i: int, shape: tuple[int, int]) -> Tensor:

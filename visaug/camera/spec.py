@@ -307,7 +307,7 @@ def _check_randomize(spec: CameraSpec, file: Path | None) -> None:
 
 def _check_spread(spread: Any, parameter: Parameter, field: str, file: Path | None) -> None:
     laws = "a number, {std: x}, {half_normal: x}, {uniform: [a, b]} or {log_uniform: [a, b]}"
-    kind, size = ("std", spread)
+    kind, size = "std", spread
     if isinstance(spread, dict):
         if len(spread) != 1:
             raise InputError(f"{spread!r} is not a spread", file=file, field=field, expected=laws)

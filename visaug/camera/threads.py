@@ -9,16 +9,15 @@ from functools import lru_cache
 import numpy as np
 import torch
 
-ROWS_PER_TASK = 64
-TASKS_PER_THREAD = 4
-
 
 def in_threads(work: Callable[[int, int], None], rows: int) -> None:
     """Calls `work(first, last)` until all rows are done, by as many threads as torch has: one in a DataLoader worker."""
-    threads = min(torch.get_num_threads(), max(1, rows // ROWS_PER_TASK))
+    rows_per_task = 64
+    threads = min(torch.get_num_threads(), max(1, rows // rows_per_task))
     if threads == 1:
         return work(0, rows)
-    bounds = np.linspace(0, rows, TASKS_PER_THREAD * threads + 1).astype(int).tolist()
+    tasks_per_thread = 4
+    bounds = np.linspace(0, rows, tasks_per_thread * threads + 1).astype(int).tolist()
     tasks = iter(list(itertools.pairwise(bounds)))
 
     def share() -> None:

@@ -16,13 +16,9 @@ from visaug.characterization.photon_transfer import safe_levels, saturated_level
 
 FROM_GAIN = ("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "dsnu.*", "dark_current.*", "full_well_e", "prnu.*",
               "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
-_MISFIT = 0.002  # probability that a sound set deviates from the straight line by so much
-_PEDESTAL = 1e-3  # probability that a sound set shows a pedestal
-_WITHIN = 3.0  # standard errors of the intercept
 _OTHER_C = 2.0  # a fifth of the dark current, which doubles every 8 degrees
-_TELLS = (
-    10.0  # difference of chi square by which one of two courses of as many parameters is told from the other
-)
+# difference of chi square by which one of two courses of as many parameters is told from the other
+_TELLS = 10.0
 
 
 @dataclass(frozen=True)
@@ -43,18 +39,21 @@ class VarianceFits:
 
         Averages of m have 1/m of each variance, so that their line lies (1 - 1/m) of the dark variance too low.
         """
-        slack = _WITHIN * abs(self.intercept_dn2 / self.lift) if self.lift else 0.0
+        within = 3.0  # standard errors of the intercept
+        slack = within * abs(self.intercept_dn2 / self.lift) if self.lift else 0.0
         return -dark_dn2 - slack <= self.intercept_dn2 <= -dark_dn2 / 2 + slack
 
     @property
     def deviates(self) -> bool:
         """Whether the straight line is rejected, as a whole or for one that is lifted."""
         value, df = self.straight
-        return self.is_lifted or (df > 0 and float(stats.chi2.sf(value, df)) < _MISFIT)
+        misfit = 0.002  # probability that a sound set deviates from the straight line by so much
+        return self.is_lifted or (df > 0 and float(stats.chi2.sf(value, df)) < misfit)
 
     @property
     def is_lifted(self) -> bool:
-        return abs(self.lift) > float(stats.norm.isf(_PEDESTAL / 2))
+        pedestal = 1e-3  # probability that a sound set shows a pedestal
+        return abs(self.lift) > float(stats.norm.isf(pedestal / 2))
 
     @property
     def pedestal(self) -> bool:

@@ -12,10 +12,6 @@ from visaug.frames import FrameSet, Group
 
 KINDS = ("bias", "dark", "flat")
 SAME_C = 0.6  # a sensor's reading wanders by that much
-_SAME_EXPOSURE = 1e-3  # shutters and headers round
-_SAME_LIGHT = 0.01
-_SAME_LEVEL = 0.1  # a lamp that flickers less stays one level: the share of its change is taken out
-_FALLING = 0.4
 
 
 def merged_groups(frames: FrameSet, facts: Sequence[Facts]) -> list[Group]:
@@ -45,7 +41,8 @@ def degrees_apart(a: float | None, b: float | None) -> float:
 
 
 def _same_exposure(a: float, b: float) -> bool:
-    return b - a <= _SAME_EXPOSURE * b
+    same_exposure = 1e-3  # shutters and headers round
+    return b - a <= same_exposure * b
 
 
 def _by_temperature(frames: FrameSet, members: list[int]) -> list[list[int]]:
@@ -64,8 +61,9 @@ def _by_light(frames: FrameSet, members: list[int], facts: Sequence[Facts], floo
         by_photons.setdefault(frames.records[i].photons, []).append(i)
     lone = [i for p, same in by_photons.items() if len(same) == 1 and p for i in same]
     groups = [same for same in by_photons.values() if same[0] not in lone]
+    same_light = 0.01
     groups += _clusters(
-        lone, lambda i: frames.records[i].photons or 0.0, lambda a, b: b <= (1 + _SAME_LIGHT) * a
+        lone, lambda i: frames.records[i].photons or 0.0, lambda a, b: b <= (1 + same_light) * a
     )
     noise = float(np.median([facts[i].noise for i in members]))
 
@@ -73,12 +71,14 @@ def _by_light(frames: FrameSet, members: list[int], facts: Sequence[Facts], floo
         return facts[i].mean - floor
 
     found = []
+    same_level = 0.1  # a lamp that flickers less stays one level: the share of its change is taken out
+    falling = 0.4
     for group in groups:
-        steps = _clusters(group, level, lambda a, b: b - a <= _SAME_LEVEL * max(b, 0.0) + 0.1 * noise)
+        steps = _clusters(group, level, lambda a, b: b - a <= same_level * max(b, 0.0) + 0.1 * noise)
         single = [i for step in steps if len(step) == 1 for i in step] if len(steps) > 1 else []
         found += [step for step in steps if step[0] not in single]
         # Falling light: neighbours still tell the noise, for the change of the light is taken out.
-        found += _clusters(single, level, lambda a, b: b - a <= _FALLING * max(b, 0.0))
+        found += _clusters(single, level, lambda a, b: b - a <= falling * max(b, 0.0))
     return found
 
 

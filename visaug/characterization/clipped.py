@@ -26,10 +26,6 @@ from visaug.characterization.rounded import (
 from visaug.characterization.still import CLIPPED, add_in_electrons, add_profiles
 from visaug.core.intervals import mean_error, root, symmetric, t_quantile, variance_combination
 
-_ROUNDS = 2
-_BLIND = 3.0  # upper over lower bound of the read noise from which on it counts as not determined
-_DITHER_DN = 0.3  # spread of values below which the mean of many pixels keeps the steps of the converter
-_OPEN = 20.0  # half width of a logarithm of which nothing is known
 _UNCUT = "a higher black level: too few pixels of dark frames are above 0"
 _FINER = "a finer converter or more gain: the noise is below half a DN"
 
@@ -82,7 +78,8 @@ def _of_fine(sample: CodeHistograms, master: np.ndarray) -> _Solution:
     fit = fit_locations(sample, np.zeros(len(sample.rows)), None, free)
     rows, columns = (LineLocations(np.zeros(n), 0.0) for n in master.shape)
     pixel_variance = None
-    for _ in range(_ROUNDS):
+    rounds = 2
+    for _ in range(rounds):
         rows, columns, pixel_variance = lines(master, fit, rows, columns, pixel_variance)
         centre = columns.places[sample.columns] + rows.places[sample.rows] - rows.places.mean()
         fit = fit_locations(sample, centre, fit, free)
@@ -100,8 +97,9 @@ def _of_coarse(sample: CodeHistograms, master: np.ndarray, profile: SigmaLikelih
 
 def _noise_and_pattern(found: Findings, still: GroupMoments, solution: _Solution, source: str) -> None:
     fit, t = solution.fit, t_quantile(BLOCKS - 1)
+    unknown = 20.0  # half width of a logarithm of which nothing is known
     if not math.isnan(fit.shape):
-        half = min(t * math.sqrt(fit.covariance[0, 0]), _OPEN)
+        half = min(t * math.sqrt(fit.covariance[0, 0]), unknown)
         _read_noise(
             found, (fit.sigma, fit.sigma * math.exp(-half), fit.sigma * math.exp(half)), source, _UNCUT
         )
@@ -117,7 +115,8 @@ def _noise_and_pattern(found: Findings, still: GroupMoments, solution: _Solution
 
 def _read_noise(found: Findings, interval: tuple[float, float, float], source: str, needs: str) -> bool:
     """Read noise from its value and bounds in DN; False, and an upper bound, where they are far apart."""
-    if interval[2] < _BLIND * interval[1]:
+    blind = 3.0  # upper over lower bound of the read noise from which on it counts as not determined
+    if interval[2] < blind * interval[1]:
         add_in_electrons(found, "read_noise.sigma", interval, source)
         return True
     unit, scale = ("DN", 1.0) if found.gain is None else ("e-", 1 / found.gain.dn_per_e)
@@ -172,7 +171,8 @@ def _coarse(
     )
     noise = (solution.fit.sigma, *bounds)
     told = _read_noise(found, noise, f"{source}, normal noise, interval by likelihood ratio", _FINER)
-    if told and math.hypot(solution.fit.sigma, math.sqrt(solution.pixel_variance)) >= _DITHER_DN:
+    dither_dn = 0.3  # spread of values below which the mean of many pixels keeps the steps of the converter
+    if told and math.hypot(solution.fit.sigma, math.sqrt(solution.pixel_variance)) >= dither_dn:
         return
     for name in [n for n in found.parameters if n.startswith(("dsnu.", "dark_current."))]:
         found.drop(name, _FINER)

@@ -32,7 +32,8 @@ def lines(
     Without a value the fit's spread is that of all three together.
     """
     column_errors = master.std(0, ddof=1) / math.sqrt(len(master))
-    row_errors = _row_errors(master)
+    # columns are common to all rows and do not count
+    row_errors = (master - master.mean(0)).std(1, ddof=1) / math.sqrt(master.shape[1])
     share = 0.5 * fit.spread**2 if pixel_var is None else pixel_var
     for _ in range(6 if pixel_var is None else 2):  # each depends on the others
         columns = locations(master.mean(0), column_errors, fit, share, rows.places)
@@ -40,11 +41,6 @@ def lines(
         if pixel_var is None:
             share = fit.spread**2 - min(columns.variance + rows.variance, 0.98 * fit.spread**2)
     return rows, columns, share
-
-
-def _row_errors(master: np.ndarray) -> np.ndarray:
-    """Standard error of each row's mean: columns are common to all rows and do not count."""
-    return (master - master.mean(0)).std(1, ddof=1) / math.sqrt(master.shape[1])
 
 
 def locations(
@@ -89,8 +85,7 @@ def cut_mean(fit: RoundedFit, within: float, electrons: float = 0.0, dn_per_e: f
         cut = np.interp(x[:, None] - codes - 0.5, x, below, left=0.0, right=1.0).sum(1)
     else:
         cut = (np.cumsum(below) - 0.5 * below) * step * fit.sigma  # the mean of max(0, x + noise), by parts
-        cut -= (
-            density / fit.sigma / 24
-        )  # of codes, whose cut is at half a DN: Euler and Maclaurin's first term
+        # of codes, whose cut is at half a DN: Euler and Maclaurin's first term
+        cut -= density / fit.sigma / 24
     keep = np.concatenate([[True], np.diff(cut) > 0]) & (np.abs(x) < 60 * fit.sigma)
     return x[keep], np.maximum.accumulate(cut[keep])

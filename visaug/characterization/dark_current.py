@@ -12,7 +12,6 @@ from scipy import optimize
 from visaug.characterization.moments import GroupMoments
 
 _STEP_C = 0.6  # a sensor's reading wanders by less; steps of a ladder are wider
-_UNKNOWN = 3  # parameters of a law with its black level: as many settings tell them
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,8 @@ def joint_law(temperature_c: np.ndarray, exposure_s: np.ndarray, level: np.ndarr
     n = len(level)
     steps = np.rint((temperature_c - temperature_c.min()) / _STEP_C)
     points = len(np.unique(np.stack([steps, exposure_s]), axis=1).T)
-    if n < 6 or points < _UNKNOWN or np.ptp(temperature_c) < 0.5 or len(np.unique(exposure_s)) < 2:
+    unknown = 3  # parameters of a law with its black level: as many settings tell them
+    if n < 6 or points < unknown or np.ptp(temperature_c) < 0.5 or len(np.unique(exposure_s)) < 2:
         return None
     centre = float(np.average(temperature_c, weights=exposure_s + 1e-12))
     rate = np.polyfit(exposure_s, level, 1)[0]

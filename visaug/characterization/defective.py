@@ -14,12 +14,9 @@ from visaug.characterization.views import cropped, repaired
 from visaug.frames import FrameSet, Group
 
 _APART = 8.0  # noise of single pixels: levels, or values, that differ by more differ by no chance
-_MOST = 0.1  # share of the pixels beyond which they are no defects of an otherwise sound sensor
 _NO_LIGHT = 0.02  # response over the median's: below, a line is covered
-_LIT = (
-    0.5  # response over the median's of the line beside a covered one: light that falls off has no such edge
-)
-_MOST_COVERED = 0.4  # share of the lines that may be covered at one edge
+# response over the median's of the line beside a covered one: light that falls off has no such edge
+_LIT = 0.5
 
 
 @dataclass(frozen=True)
@@ -161,7 +158,8 @@ def _covered(response: np.ndarray) -> int:
         sharp = response[lit + 1] > _LIT  # one line may be covered in part
     else:
         sharp = response[lit] > _LIT
-    return lit if 0 < lit <= _MOST_COVERED * len(response) and sharp else 0
+    most_covered = 0.4  # share of the lines that may be covered at one edge
+    return lit if 0 < lit <= most_covered * len(response) and sharp else 0
 
 
 def cut(frames: FrameSet, seen: Extremes, window: tuple[int, int, int, int]) -> tuple[FrameSet, Extremes]:
@@ -188,7 +186,8 @@ def stuck_pixels(seen: Extremes, found: Findings) -> np.ndarray | None:
     share = float(stuck.mean())
     if not share:
         return None
-    if share > _MOST:
+    most = 0.1  # share of the pixels beyond which they are no defects of an otherwise sound sensor
+    if share > most:
         found.warn(
             f"stuck_pixels: {share:.0%} of the pixels do not answer to light; they are too many to be left out",
             spoils=("*",),

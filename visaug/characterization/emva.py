@@ -90,7 +90,7 @@ def _dark_sweep(measured: Measured, temperature_c: float | None) -> list[GroupMo
     same = [
         m
         for m in (*measured.darks, *measured.biases)
-        if m.n > 1 and _alike(temperature_c, m.group.temperature_c)
+        if m.n > 1 and degrees_apart(temperature_c, m.group.temperature_c) <= SAME_C
     ]
     usual = np.median([m.n for m in same]) if same else 0
     small = [m for m in same if m.n <= 4 * usual]
@@ -111,10 +111,6 @@ def _dark_ladder(measured: Measured) -> list[GroupMoments]:
         if len({m.group.exposure_s for m in ladder}) > 2:
             return ladder
     return []
-
-
-def _alike(a: float | None, b: float | None) -> bool:
-    return degrees_apart(a, b) <= SAME_C
 
 
 def _saturation(found: Findings, levels: tuple[FlatLevel, ...], saturation: int | None, efficiency) -> None:

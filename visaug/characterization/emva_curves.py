@@ -11,7 +11,6 @@ from visaug.characterization.groups import FlatLevel
 from visaug.characterization.moments import GroupMoments
 
 HIGH_PASS = 5  # the standard's box of 5 x 5
-_BINS = 256
 
 
 def high_pass(values: np.ndarray) -> np.ndarray:
@@ -64,14 +63,15 @@ def pattern_curves(values: np.ndarray, noise: float) -> dict[str, np.ndarray]:
         curves[f"{name}_mean"] = lines.mean(0)
         curves[f"{name}_middle"] = lines[lines.shape[0] // 2]
         curves[f"{name}_least"], curves[f"{name}_most"] = lines.min(0), lines.max(0)
-    counts, edges = np.histogram(centred, _BINS)
+    bins = 256
+    counts, edges = np.histogram(centred, bins)
     curves["deviation"], curves["count"] = 0.5 * (edges[1:] + edges[:-1]), counts
     spread = centred.std()
     width = edges[1] - edges[0]
     curves["normal"] = centred.size * width * stats.norm.pdf(curves["deviation"], scale=max(spread, 1e-12))
     size = np.sort(np.abs(centred), axis=None)
-    chosen = np.unique(np.linspace(0, size.size - 1, _BINS).astype(int))
-    tail = np.arange(max(size.size - _BINS, 0), size.size)  # the largest few one by one
+    chosen = np.unique(np.linspace(0, size.size - 1, bins).astype(int))
+    tail = np.arange(max(size.size - bins, 0), size.size)  # the largest few one by one
     at = np.union1d(chosen, tail)
     curves["beyond"], curves["percent_beyond"] = size[at], 100 * (size.size - at) / size.size
     return curves

@@ -42,9 +42,8 @@ class Findings:
     effects: list[dict[str, Any]] = field(default_factory=list)  # of a camera.yaml, beyond the base chain
     assumed: list[str] = field(default_factory=list)  # paths of a camera.yaml that nothing measured
     stuck: np.ndarray | None = None  # (H, W) pixels that do not answer to light
-    filtered: bool = (
-        False  # whether pixels were mixed after they were read: rows and columns then share noise too
-    )
+    # whether pixels were mixed after they were read: rows and columns then share noise too
+    filtered: bool = False
     smoothed: bool = False  # whether all noise correlates alike: one filter over everything
     lit: tuple[int, int, int, int] | None = None  # rows and columns that see light, where others see none
     banded: frozenset[int] = frozenset()  # sequence numbers of flats in which bands of a lamp roll

@@ -15,9 +15,6 @@ from visaug.characterization.facts import Facts
 from visaug.characterization.moments import GroupMoments, measure
 from visaug.frames import FrameSet
 
-_SAME_GAP = 0.02
-_STACK = 4  # a flat with that many times more frames than the sweep's is a stack for spatial figures
-
 
 @dataclass(frozen=True)
 class FlatLevel:
@@ -45,7 +42,8 @@ class FlatLevel:
     def exposure_gap_s(self) -> float:
         """Exposure of the flat less that of its dark frames, as far as more than a log's rounding."""
         flat_s, dark_s = self.flat.group.exposure_s, self.dark.group.exposure_s
-        return 0.0 if abs(flat_s - dark_s) <= _SAME_GAP * max(flat_s, dark_s) else flat_s - dark_s
+        same_gap = 0.02
+        return 0.0 if abs(flat_s - dark_s) <= same_gap * max(flat_s, dark_s) else flat_s - dark_s
 
     @property
     def degrees_apart(self) -> float:
@@ -128,7 +126,8 @@ class Measured:
         """Levels of the photon transfer, without big stacks where a sweep stands beside them."""
         levels = [v for v in self.levels if v.flat.n > 1 and v.dark.n > 1]
         usual = np.median([v.flat.n for v in levels]) if levels else 0
-        small = [v for v in levels if v.flat.n <= _STACK * usual]
+        stack = 4  # a flat with that many times more frames than the sweep's is a stack for spatial figures
+        small = [v for v in levels if v.flat.n <= stack * usual]
         return tuple(small if len(small) >= 3 else levels)
 
     @property

@@ -19,18 +19,10 @@ from visaug.characterization.views import repaired
 from visaug.frames import FrameSet, Group
 
 _STALE = 5e-4  # probability that one group of sound frames has such an outlier
-_FEWEST = 4
 _HIT = 1e-3  # probability that noise makes a hit somewhere in a set
-_TAIL = 3.0  # with tails of a power of 6.7 (Tukey-lambda of -0.15) as many values exceed their greatest dip so far once in 1000
 _HEAVY = 0.1  # probability that dips of normal noise count as heavy tails
 _QUIET = 1.1  # times the noise of the quietest dark frames
-_JUMPING = 0.1  # share of the pixels with a hit that have another
-_EDGE = 3.0  # standard deviations above which a pixel beside a hit belongs to it
-_LINES = ((0, 1), (1, 0), (1, 1), (1, -1))  # directions in which pixels of a track adjoin
 _PILE = 0.02  # share of the pixels that no noise has at its largest value
-_BANDS = 1e-3  # probability of a false alarm in one set
-_ROLLING = 1.5  # variance of row means over what noise gives them
-_WIDE = 48  # columns, of which the median has less than a fifth of a pixel's noise
 _AROUND = np.ones((3, 3), bool)
 
 
@@ -41,8 +33,9 @@ def without_stale(
     (1969) 1). Flats of another level are a level of their own.
     """
     stale = []
+    fewest = 4
     for group in groups:
-        if group.kind == "flat" or len(group.indices) < _FEWEST:
+        if group.kind == "flat" or len(group.indices) < fewest:
             continue
         means = np.array([facts[i].mean for i in group.indices])
         worst = int(np.abs(means - np.median(means)).argmax())
@@ -107,6 +100,7 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     quiet = min((p.noise for g, p in zip(several, peaks) if g.kind != "flat"), default=0.0)
     hits: list[tuple[int, np.ndarray, np.ndarray]] = []
     seen: dict[tuple[int, int], np.ndarray] = {}
+    edge = 3.0  # standard deviations above which a pixel beside a hit belongs to it
     for group, p in zip(several, peaks):
         if p.full or p.cut or (group.kind != "flat" and not dips):
             continue
@@ -123,7 +117,7 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
         for n, i in enumerate(group.indices):
             mine = p.frame == n
             if (hit & mine).any():
-                hits.append((i, hit & mine, (excess > _EDGE) & mine))
+                hits.append((i, hit & mine, (excess > edge) & mine))
     most = {shape: _most_often(counts, len(several)) for shape, counts in seen.items()}
     chosen = {}
     for i, hit, bright in hits:
@@ -159,7 +153,8 @@ def _tail(dips: Sequence[tuple[_Peaks, int]]) -> float:
     quiet = [(p, n) for p, n in dips if p.noise <= _QUIET * least]
     size = sum(p.first.size for p, _ in quiet)
     heavy = [p.dip for p, n in quiet if p.dip > _normal_gap(float(f"{_HEAVY / size:.2e}"), n) * p.noise + 1]
-    return _TAIL * max(heavy, default=0.0)
+    tail = 3.0  # with tails of a power of 6.7 (Tukey-lambda of -0.15) as many values exceed their greatest dip so far once in 1000
+    return tail * max(heavy, default=0.0)
 
 
 def _most_often(counts: np.ndarray, groups: int) -> int:
@@ -170,8 +165,9 @@ def _most_often(counts: np.ndarray, groups: int) -> int:
     """
     share = float(counts.sum()) / counts.size / groups
     again = int((counts > 1).sum())
+    jumping = 0.1  # share of the pixels with a hit that have another
     if stats.poisson.sf(again - 1, counts.size * stats.binom.sf(1, groups, share)) < _HIT:
-        return 0 if again > _JUMPING * (counts > 0).sum() else 1
+        return 0 if again > jumping * (counts > 0).sum() else 1
     return next(k for k in range(1, groups + 1) if counts.size * stats.binom.sf(k, groups, share) < 0.1)
 
 
@@ -181,11 +177,12 @@ def _hits(excess: np.ndarray, frame: np.ndarray, n: int, groups: int, skewness: 
     """
     allowed = _HIT / groups / excess.size / 3  # of a pixel, for each length
     hit = excess > _gap(allowed, n, skewness)
+    lines = ((0, 1), (1, 0), (1, 1), (1, -1))  # directions in which pixels of a track adjoin
     for length in (2, 3):
         # Pixels in a line, all brightest in one frame: four directions, n frames.
-        chance = (allowed / len(_LINES) * n ** (length - 1)) ** (1 / length)
+        chance = (allowed / len(lines) * n ** (length - 1)) ** (1 / length)
         bright = excess > _gap(chance, n, skewness)
-        for down, across in _LINES:
+        for down, across in lines:
             line = bright.copy()
             for k in range(1, length):
                 line &= _moved(bright, k * down, k * across) & (_moved(frame, k * down, k * across) == frame)
@@ -225,7 +222,8 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
     """In one pass; the change of whole frames, of the rows of flats too (a lamp that flickers), is taken out."""
     one = frames.read(group.indices[0])
     level, levels = float(np.median(one)), np.median(one, 1, keepdims=True)
-    by_rows = group.kind == "flat" and one.shape[1] >= _WIDE
+    wide = 48  # columns, of which the median has less than a fifth of a pixel's noise
+    by_rows = group.kind == "flat" and one.shape[1] >= wide
     first = one.astype(np.float32)
     second = np.full(one.shape, -np.inf, np.float32)
     least, next_least = first.copy(), np.full(one.shape, np.inf, np.float32)
@@ -246,9 +244,8 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
         least = np.where(below, frame, least)
         steps.append(float(np.abs(frame - before).mean(dtype=np.float64)))
         before = frame
-    noise = (
-        0.5 * math.sqrt(math.pi) * float(np.median(steps))
-    )  # of normal noise, from the mean absolute difference
+    # of normal noise, from the mean absolute difference
+    noise = 0.5 * math.sqrt(math.pi) * float(np.median(steps))
     return _Peaks(
         first,
         second,
@@ -275,7 +272,8 @@ def _rough_gain(groups: Sequence[Group], peaks: Sequence[_Peaks]) -> float:
 def without_bands(measured: Measured, found: Findings) -> Measured:
     """Levels that know what rows share in flats and not in dark frames, which light that changes within a frame adds."""
     tested = [v for v in measured.levels if v.flat.n > 1 and v.dark.n > 1 and v.signal > 0]
-    banded = [v for v in tested if _excess_p(v.flat, v.dark) < _BANDS / max(len(tested), 1)]
+    bands = 1e-3  # probability of a false alarm in one set
+    banded = [v for v in tested if _excess_p(v.flat, v.dark) < bands / max(len(tested), 1)]
     if not banded:
         return measured
     if any(_rolls(measured.frames, v.flat, v.dark) for v in banded):
@@ -306,7 +304,8 @@ def _rolls(frames: FrameSet, flat: GroupMoments, dark: GroupMoments) -> bool:
     change = change - (basis @ np.linalg.lstsq(basis, change.T, rcond=None)[0]).T
     df = (len(rows) - 1) * (rows.shape[1] - 2)
     expected = (f.pixel + max(d.row - d.pixel, 0.0)) / flat.shape[1]
-    return expected > 0 and float((change**2).sum()) / df > _ROLLING * expected
+    rolling = 1.5  # variance of row means over what noise gives them
+    return expected > 0 and float((change**2).sum()) / df > rolling * expected
 
 
 def _excess_p(flat: GroupMoments, dark: GroupMoments) -> float:

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from visaug.characterization.result import Characterization
 
 HOT, DEAD, UNSTEADY = 1, 2, 4
-_ODD = 8.0  # robust standard deviations
-_BELOW_0 = 0.023  # share of pixels whose rate comes out negative where its error is half the mean rate
 
 
 def add_maps(found: Findings, measured: Measured) -> None:
@@ -37,17 +35,18 @@ def add_maps(found: Findings, measured: Measured) -> None:
             defects[which] |= bit
 
     warmest = _warmest(measured)
+    odd = 8.0  # robust standard deviations
     if warmest:
         rate = _rates(measured, warmest)
-        mark(_stands_out(rate) > _ODD, HOT)
+        mark(_stands_out(rate) > odd, HOT)
         scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
         found.maps["dark_current"] = (rate * scale).astype(np.float32)
     still = measured.still
     if still is not None and still.n >= 8:
-        mark(_stands_out(_deviation(measured, still)) > _ODD, UNSTEADY)
+        mark(_stands_out(_deviation(measured, still)) > odd, UNSTEADY)
     response = found.maps.get("response")
     if response is not None:
-        mark(np.abs(_stands_out(response)) > _ODD, DEAD)
+        mark(np.abs(_stands_out(response)) > odd, DEAD)
     if found.stuck is not None:
         mark(found.stuck, DEAD)
     if defects is not None:
@@ -135,7 +134,8 @@ def camera_maps(result: Characterization) -> dict[str, np.ndarray]:
     if "read_noise" in maps and "read_noise_nonuniform" in words:
         found["read_noise"] = maps["read_noise"]
     rate = maps.get("dark_current")
-    if rate is not None and (rate < 0).mean() < _BELOW_0 and "dark_current" in content:
+    below_0 = 0.023  # share of pixels whose rate comes out negative where its error is half the mean rate
+    if rate is not None and (rate < 0).mean() < below_0 and "dark_current" in content:
         found["dark_current_nonuniformity"] = np.maximum(rate, 0) / rate.mean(dtype=np.float64)
     for name, values in found.items():
         if values.shape != tuple(content["resolution"]):

@@ -11,10 +11,6 @@ from visaug.characterization.facts import Facts
 from visaug.frames import FrameSet
 
 PLACES = ((0, 0), (0, 1), (1, 0), (1, 1))
-_UNLIKE_GREENS = (
-    0.08  # of the signal: crosstalk from red and blue parts the greens of one sensor by a few per cent
-)
-_PLAIN = 0.02  # of the signal: neighbours on a diagonal of a monochrome sensor differ by less
 
 
 @dataclass(frozen=True)
@@ -79,7 +75,8 @@ def find_mosaic(frames: FrameSet, facts: Sequence[Facts]) -> Mosaic | None:
             "other two are alike; the greens are those that the flats show, red and blue are not told apart"
         )
         pattern = None
-    if pattern is None and contradicted is None and crossed < _PLAIN:
+    plain = 0.02  # of the signal: neighbours on a diagonal of a monochrome sensor differ by less
+    if pattern is None and contradicted is None and crossed < plain:
         return None
     a, b, c, d = map(float, response)
     return Mosaic((a, b, c, d), pattern, contradicted)
@@ -89,4 +86,6 @@ def _contradicted(pattern: str, response: np.ndarray) -> bool:
     """Whether the flats show the greens on the other diagonal than the pattern: a colour is no plain difference of two greens."""
     greens = abs(float(np.subtract(*response[[i for i, c in enumerate(pattern) if c == "G"]])))
     others = abs(float(np.subtract(*response[[i for i, c in enumerate(pattern) if c != "G"]])))
-    return greens > max(_UNLIKE_GREENS, others)
+    # of the signal: crosstalk from red and blue parts the greens of one sensor by a few per cent
+    unlike_greens = 0.08
+    return greens > max(unlike_greens, others)

@@ -20,10 +20,6 @@ from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.frames import FrameSet
 
 LAGS = ((0, 1), (1, 0), (1, 1), (1, -1))  # each with its mirror image: the eight neighbours
-_FALSE = 0.0025  # probability of a false alarm of the flats, and again of the dark frames
-_SIDE = 512  # pixels: a window of that side tells covariances to 0.2 % of the variance from two frames
-_SMOOTHED = 0.05  # correlation with the next pixel: half of what a Gaussian filter of 0.4 px makes
-_ALIKE = 0.25  # of the larger correlation: after one filter, rounding alone makes them differ
 _SPOILED = ("gain_e_per_dn", "quantum_efficiency", "read_noise.*", "full_well_e", "prnu.*", "dsnu.*", "dark_current.*",
             "temporal.*", "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
 _OF_THE_STANDARD = ("emva.system_gain_dn_per_e", "emva.quantum_efficiency", "emva.saturation_e", "emva.dark_noise_e",
@@ -55,11 +51,12 @@ def covariances(frames: FrameSet, moments: GroupMoments) -> Covariances:
     Taking them out leaves -v/W between pixels of one row and -v/H between those of one column: added back.
     """
     height, width = moments.shape
-    r0, c0 = max((height - _SIDE) // 2, 0), max((width - _SIDE) // 2, 0)
-    part = slice(r0, r0 + _SIDE), slice(c0, c0 + _SIDE)
+    side = 512  # pixels: a window of that side tells covariances to 0.2 % of the variance from two frames
+    r0, c0 = max((height - side) // 2, 0), max((width - side) // 2, 0)
+    part = slice(r0, r0 + side), slice(c0, c0 + side)
     indices = moments.group.indices
     mean = mean_map(frames, indices)[part]
-    h, w = min(height, _SIDE), min(width, _SIDE)
+    h, w = min(height, side), min(width, side)
     sums, square = np.zeros(len(LAGS)), 0.0
     for i in indices:
         r = frames.read(i)[part] - mean
@@ -170,15 +167,18 @@ def _correlations(groups: Sequence[Covariances]) -> tuple[np.ndarray, np.ndarray
 
 
 def _significant(value: np.ndarray, error: np.ndarray) -> bool:
-    limit = float(stats.norm.isf(_FALSE / 2 / len(LAGS)))
+    false = 0.0025  # probability of a false alarm of the flats, and again of the dark frames
+    limit = float(stats.norm.isf(false / 2 / len(LAGS)))
     return bool((np.abs(value) > limit * error).any())
 
 
 def _alike(light: np.ndarray, dark: np.ndarray) -> bool:
     """Whether noise of light and of dark frames correlates alike along rows and along columns, as after one filter."""
     beside = np.minimum(light[:2], dark[:2])
+    smoothed = 0.05  # correlation with the next pixel: half of what a Gaussian filter of 0.4 px makes
+    alike = 0.25  # of the larger correlation: after one filter, rounding alone makes them differ
     return bool(
-        (beside > _SMOOTHED).all() and (np.abs(light - dark)[:2] < _ALIKE * np.maximum(light, dark)[:2]).all()
+        (beside > smoothed).all() and (np.abs(light - dark)[:2] < alike * np.maximum(light, dark)[:2]).all()
     )
 
 

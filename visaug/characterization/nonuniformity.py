@@ -11,7 +11,6 @@ from scipy import stats
 from visaug.characterization.moments import GroupMoments
 from visaug.core.intervals import variance_combination
 
-_DEFECT = 8.0  # robust standard deviations: beyond are defects, no sample of a normal pattern
 Interval = tuple[float, float, float]
 
 
@@ -79,13 +78,14 @@ def parts(pattern: np.ndarray, noise: Sequence[tuple[float, GroupMoments]], detr
 def two_way(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """Row effects (H,), column effects (W,), residual map with defects set to 0, and their number."""
     filled = values
+    defect = 8.0  # robust standard deviations: beyond are defects, no sample of a normal pattern
     for _ in range(3):
         mean = filled.mean()
         rows, columns = filled.mean(1) - mean, filled.mean(0) - mean
         fitted = mean + rows[:, None] + columns[None]
         residual = values - fitted
         spread = 1.4826 * np.median(np.abs(residual - np.median(residual)))
-        bad = np.abs(residual) > _DEFECT * max(spread, 1e-12)
+        bad = np.abs(residual) > defect * max(spread, 1e-12)
         if not bad.any() or bad.mean() > 0.05:
             bad[:] = False
             break

@@ -27,8 +27,6 @@ from visaug.core.intervals import t_quantile
 if TYPE_CHECKING:
     from visaug.camera import Camera
 
-_DROPPED_FROM = 4  # batches of fewer frames keep their smallest and largest mean
-
 
 def procedure(found: Findings, measured: Measured, camera: Camera | None) -> None:
     """Read noise, DSNU and dark current; the gain comes from the camera, or figures stay in DN."""
@@ -121,11 +119,12 @@ def _dark(found: Findings, measured: Measured) -> None:
     scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
     unit, suffix = ("DN/s", "dn") if found.gain is None else ("e-/s", "e")
     by_temperature: dict[float, list[tuple[float, float]]] = {}
+    dropped_from = 4  # batches of fewer frames keep their smallest and largest mean
     for m in measured.darks:
         if m.group.temperature_c is None:
             continue
         means = np.sort(m.frame_means)
-        kept = means[1:-1] if len(means) >= _DROPPED_FROM else means
+        kept = means[1:-1] if len(means) >= dropped_from else means
         by_temperature.setdefault(m.group.temperature_c, []).append(
             (m.group.exposure_s, float(kept.mean()) * scale)
         )

@@ -11,7 +11,6 @@ from visaug.characterization.moments import GroupMoments
 from visaug.frames import FrameSet
 
 _FRAMES = 6  # halves of three frames each tell a variance apart from its chance
-_BEYOND = 6.0  # standard errors
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,8 @@ class PixelNoiseSpread:
 
     @property
     def established(self) -> bool:
-        return self.spread > _BEYOND * self.spread_error
+        beyond = 6.0  # standard errors
+        return self.spread > beyond * self.spread_error
 
 
 def pixel_noise(frames: FrameSet, still: GroupMoments) -> PixelNoiseSpread | None:

@@ -142,21 +142,13 @@ def tells(curve: Mapping[str, np.ndarray]) -> bool:
     return len(np.unique(next(iter(curve.values())))) > 1
 
 
-FIGURES: dict[str, tuple[str, Callable[[Characterization], Figure]]] = {
-    "photon_transfer": ("photon_transfer", photon_transfer),
-    "linearity": ("linearity", linearity),
-    "read_noise": ("read_noise", read_noise),
-    "dark_current": ("dark_current", dark_current),
-    "nonuniformity": ("nonuniformity", nonuniformity),
-    "gain_law": ("gain_law", gain_law),
-    "noise_level": ("noise_level", noise_level),
-}
-NEEDS = {
-    "photon_transfer": "flats at several levels and dark frames",
-    "linearity": "calibrated flats at three or more levels",
-    "read_noise": "two or more bias frames that do not clip",
-    "dark_current": "dark frames at two or more exposures",
-    "nonuniformity": "two or more bias frames",
-    "gain_law": "flats at two or more gain settings",
-    "noise_level": "pictures with flat regions",
+# By the name of the curve that is drawn: the function, and the frames that are needed.
+FIGURES: dict[str, tuple[Callable[[Characterization], Figure], str]] = {
+    "photon_transfer": (photon_transfer, "flats at several levels and dark frames"),
+    "linearity": (linearity, "calibrated flats at three or more levels"),
+    "read_noise": (read_noise, "two or more bias frames that do not clip"),
+    "dark_current": (dark_current, "dark frames at two or more exposures"),
+    "nonuniformity": (nonuniformity, "two or more bias frames"),
+    "gain_law": (gain_law, "flats at two or more gain settings"),
+    "noise_level": (noise_level, "pictures with flat regions"),
 }

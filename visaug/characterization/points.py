@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -25,7 +26,10 @@ class OperatingPoint:
     def to_json(self) -> dict[str, Any]:
         """Every figure, and the arrays of every plot of release 4."""
         curves = {
-            name: {key: [_finite(v) for v in values.tolist()] for key, values in arrays.items()}
+            name: {
+                key: [v if math.isfinite(v) else None for v in values.tolist()]
+                for key, values in arrays.items()
+            }
             for name, arrays in self.result.curves.items()
             if name.startswith("emva4_")
         }
@@ -96,7 +100,3 @@ def _colours(frames: FrameSet) -> list[tuple[str, FrameSet]]:
     greens = iter(("G1", "G2"))
     names = [c if c != "G" else next(greens) for c in pattern]
     return [(f"colour {name}", colour_plane(frames, n // 2, n % 2)) for n, name in enumerate(names)]
-
-
-def _finite(value: float) -> float | None:
-    return value if value == value and abs(value) != float("inf") else None

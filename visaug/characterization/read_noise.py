@@ -14,8 +14,6 @@ from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.frames import FrameSet
 
 _BLOCKS = 20
-_BINS_PER_SIGMA = 8
-_REACH_SIGMA = 40.0
 
 
 @dataclass(frozen=True)
@@ -88,9 +86,11 @@ def _histogram(
     assert t is not None
     centre = mean_map(frames, indices)
     sigma = math.sqrt(max(t.pixel, 0.05))
-    points = round(n * sigma / _BINS_PER_SIGMA) // 2 * 2 + 1  # odd, so that none lies on the edge of a bin
+    bins_per_sigma = 8
+    points = round(n * sigma / bins_per_sigma) // 2 * 2 + 1  # odd, so that none lies on the edge of a bin
     width = points / n  # residuals of whole DN lie on multiples of 1/n
-    half = math.ceil(_REACH_SIGMA * sigma / width)
+    reach_sigma = 40.0
+    half = math.ceil(reach_sigma * sigma / width)
     rows_flicker, columns_flicker = (
         unsteady(t.row, t.pixel, t.row_df),
         unsteady(t.column, t.pixel, t.column_df),

@@ -12,9 +12,6 @@ from scipy import stats
 from visaug.characterization.groups import FlatLevel
 from visaug.core.intervals import mean_error, row_blocks
 
-_DOUBT = 0.002
-_COLLINEAR = 50.0  # condition number (of columns of norm 1) from which on light and dark current are one
-
 
 @dataclass(frozen=True)
 class Response:
@@ -104,7 +101,8 @@ def _beside_the_light(
         return pedestal, "known"
     basis = np.stack([photons, gap], axis=1) / photons[:, None]
     condition = np.linalg.cond(basis / np.linalg.norm(basis, axis=0))
-    if len(levels) >= 4 and condition < _COLLINEAR:
+    collinear = 50.0  # condition number (of columns of norm 1) from which on light and dark current are one
+    if len(levels) >= 4 and condition < collinear:
         return [gap], "fitted"
     return pedestal, "unknown"
 
@@ -142,7 +140,8 @@ def _bend(
     value = float(influence @ signals)
     lamp, df = _lamp(whole, photons, signals, levels)
     error = math.sqrt(float((influence**2 * signals**2).sum()) * lamp)
-    return value, abs(value) > float(stats.t.ppf(1 - _DOUBT / 2, df)) * error > 0
+    doubt = 0.002
+    return value, abs(value) > float(stats.t.ppf(1 - doubt / 2, df)) * error > 0
 
 
 def _left_out(profiles: list[np.ndarray], influence: np.ndarray) -> float:

@@ -223,8 +223,8 @@ class Characterization:
 
         return {
             name: draw(self)
-            for name, (needs, draw) in plots.FIGURES.items()
-            if needs in self.curves and plots.tells(self.curves[needs])
+            for name, (draw, _) in plots.FIGURES.items()
+            if name in self.curves and plots.tells(self.curves[name])
         }
 
     def plot_photon_transfer(self) -> Figure:
@@ -251,7 +251,7 @@ class Characterization:
     def _plot(self, name: str) -> Figure:
         from visaug.characterization import plots
 
-        needs, draw = plots.FIGURES[name]
-        if needs not in self.curves:
-            raise InputError("the frames give no such curve", field=name, expected=plots.NEEDS[name])
+        draw, needed = plots.FIGURES[name]
+        if name not in self.curves:
+            raise InputError("the frames give no such curve", field=name, expected=needed)
         return draw(self)

@@ -21,13 +21,7 @@ from visaug.core.intervals import t_quantile
 from visaug.frames import FrameSet
 
 BLOCKS = 20  # of rows, for standard errors
-_PIXELS, _PIXELS_OF_COARSE = 3000, 20000
-_BINS_PER_SIGMA = 6
-_ITERATIONS = 12
-_FAINTEST, _STRONGEST = 0.02, 1.2  # DN, of the profile's grid
-_LEAST_LOG_SPREAD = -4.0  # under log sigma: a spread of 2 % of the noise is none
 _RIDGE = 1e-6  # of the information: keeps what is not told at no information
-_GAIN = 0.02  # log-likelihood that a further step would gain: a seventh of a standard error
 
 
 @dataclass(frozen=True)
@@ -80,13 +74,13 @@ def take_sample(
 ) -> CodeHistograms:
     """Counts of pixels drawn by chance; more of a coarse converter's, whose pixels are alike in many."""
     height, width = still.shape
-    chosen = np.random.default_rng(seed).permutation(height * width)[
-        : _PIXELS_OF_COARSE if coarse else _PIXELS
-    ]
+    pixels, pixels_of_coarse = 3000, 20000
+    chosen = np.random.default_rng(seed).permutation(height * width)[: pixels_of_coarse if coarse else pixels]
     rows, columns = np.divmod(np.sort(chosen), width)
     values = np.stack([frames.read(i)[rows, columns] for i in indices])
     sigma = 1.4826 * np.median(np.abs(values - values.mean(0)))
-    step = max(1, round(max(sigma, 1.0) / _BINS_PER_SIGMA))
+    bins_per_sigma = 6
+    step = max(1, round(max(sigma, 1.0) / bins_per_sigma))
     origin = max(int(values.min()) - 1, 0)
     values = values - origin
     edges = _edges(float(np.median(values)) + 5 * max(sigma, 1.0), float(values.max()), step)
@@ -137,12 +131,15 @@ def fit_locations(
 
     p = first
     value = _log_likelihood(p, sample, centre).sum()
-    for _ in range(_ITERATIONS):  # Fisher scoring: the information is the scores' outer product
+    iterations = 12
+    least_log_spread = -4.0  # under log sigma: a spread of 2 % of the noise is none
+    gain = 0.02  # log-likelihood that a further step would gain: a seventh of a standard error
+    for _ in range(iterations):  # Fisher scoring: the information is the scores' outer product
         scores = _scores(p, sample, centre)[list(free)]
         gradient = scores.sum(1)
         step = np.zeros(4)
         step[list(free)] = np.linalg.solve(scores @ scores.T + _RIDGE * np.eye(len(free)), gradient)
-        if gradient @ step[list(free)] < _GAIN:
+        if gradient @ step[list(free)] < gain:
             break
         step *= min(
             1.0, *(most / max(abs(s), 1e-12) for s, most in zip(step, (0.3, 0.1, math.exp(p[0]), 0.5)))
@@ -150,7 +147,7 @@ def fit_locations(
         for _ in range(6):
             trial = p + step
             trial[1] = np.clip(trial[1], *tukey.SHAPE_BOUNDS)
-            trial[3] = max(trial[3], p[0] + _LEAST_LOG_SPREAD)
+            trial[3] = max(trial[3], p[0] + least_log_spread)
             new = _log_likelihood(trial, sample, centre).sum()
             if new > value:
                 p, value = trial, new
@@ -181,7 +178,8 @@ class SigmaLikelihood:
         mids = np.concatenate([[0.0], 0.5 * (sample.edges[:-1] + sample.edges[1:]), sample.edges[-1:] + 0.5])
         mean = sample.counts @ mids / sample.frames
         self._start = np.array([float(mean.mean()), math.log(max(float(mean.std()), 0.05))])
-        self._grid = np.log(np.geomspace(_FAINTEST, _STRONGEST, 25))
+        faintest, strongest = 0.02, 1.2  # DN, of the profile's grid
+        self._grid = np.log(np.geomspace(faintest, strongest, 25))
         self._found = [self._at(log_sigma) for log_sigma in self._grid]
         self._losses = np.array([loss for loss, _ in self._found])
 

@@ -26,12 +26,6 @@ from visaug.characterization.views import colour_plane
 from visaug.core.errors import InputError
 from visaug.frames import FrameSet
 
-_DOUBLING_C = (
-    8.0  # of dark current in silicon near room temperature: 0.64 eV (half the band gap, diffusion aside)
-)
-_NO_TEMPERATURE_C = 20.0
-_MOST_BEND = 0.15  # of the effect `nonlinearity`
-
 
 def characterize(
     frames: FrameSet | str | Path,
@@ -77,7 +71,7 @@ def characterize(
             raise InputError(
                 "nothing can be measured", field="kind", expected="bias, dark, flat or image frames"
             )
-        from visaug.pictures.characterization import camera_of_pictures
+        from visaug.pictures.camera import camera_of_pictures
 
         size = camera_of_pictures(found, frames, seed)
         result = _result(found, None, None, "pictures")
@@ -274,8 +268,11 @@ def _dark_rate(found: Findings, settings: dict[str, float]) -> None:
     if found.dark_rate is None or "dark_current.a_e_per_s" in found.parameters:
         return
     rate, temperature_c = found.dark_rate
-    at = _NO_TEMPERATURE_C if temperature_c is None else temperature_c
-    b = math.log(2) / _DOUBLING_C
+    no_temperature_c = 20.0
+    at = no_temperature_c if temperature_c is None else temperature_c
+    # of dark current in silicon near room temperature: 0.64 eV (half the band gap, diffusion aside)
+    doubling_c = 8.0
+    b = math.log(2) / doubling_c
     settings["dark_current.a_e_per_s"], settings["dark_current.b_per_c"] = rate * math.exp(-b * at), b
     settings.setdefault("temperature_c", at)
     if temperature_c is None:
@@ -289,7 +286,8 @@ def _nonlinearity(found: Findings, settings: dict[str, float]) -> None:
         return
     top_dn = 2 ** settings["bit_depth"] - 1 - (black.value if black else 0.0)
     quadratic = found.bend_per_e * top_dn / found.gain.dn_per_e
-    if abs(quadratic) <= _MOST_BEND:
+    most_bend = 0.15  # of the effect `nonlinearity`
+    if abs(quadratic) <= most_bend:
         found.effects.append({"name": "nonlinearity", "quadratic": quadratic, "full_scale": "converter"})
 
 

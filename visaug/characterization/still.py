@@ -23,7 +23,6 @@ from visaug.core.intervals import (
     widen,
 )
 
-_UNEVEN = 0.05  # spread of log sigma from which on it bends the histogram's shape
 CLIPPED = 0.002  # share of pixels at 0 above which moments of bias frames are cut
 NEEDS_STILL = "two or more bias frames (lens capped, shortest exposure)"
 
@@ -105,7 +104,8 @@ def _own_noise(
     source = f"covariance of the pixels' variances between halves of {still.n} {still.group.kind} frames"
     found.add("read_noise.spread", symmetric(own.spread, own.spread_error), "1", source)
     rms = interval[0]
-    if own.established and own.spread > _UNEVEN:
+    uneven = 0.05  # spread of log sigma from which on it bends the histogram's shape
+    if own.established and own.spread > uneven:
         found.drop(
             "read_noise.shape", "pixels of equal noise: here every pixel has its own, see read_noise.spread"
         )
@@ -149,7 +149,9 @@ def temporal_parts(found: Findings, still: GroupMoments) -> None:
                     "emva4.prnu_pixel*",
                 ),
             )
-            _add_effect(found, f"{name}_noise", f"temporal.{name}_e")
+            if f"temporal.{name}_e" in found.parameters:
+                sigma_e = found.parameters[f"temporal.{name}_e"].value
+                found.effects.append({"name": f"{name}_noise", "sigma_e": sigma_e})
     frame = [
         (1 / (height * width), t.frame, t.frame_df),
         (-1 / (height * width), t.row, t.row_df),
@@ -169,12 +171,6 @@ def temporal_parts(found: Findings, still: GroupMoments) -> None:
             found.effects.append(drift | ({} if follows is None else {"correlation": max(follows, 0.0)}))
             if follows is None:
                 found.assumed.append("effects.black_level_drift.correlation")
-
-
-def _add_effect(found: Findings, name: str, parameter: str) -> None:
-    """An effect of the camera with the value that was found, in electrons."""
-    if parameter in found.parameters:
-        found.effects.append({"name": name, "sigma_e": found.parameters[parameter].value})
 
 
 def dark_pattern(found: Findings, measured: Measured, still: GroupMoments) -> Parts:

@@ -15,10 +15,6 @@ from scipy.special import gammaln, log_ndtr
 
 from visaug.camera.patterns import Mixture, fit_mixture
 
-_FALSE_PEAKS = 0.01
-_FEWEST_FREQUENCIES = 8
-_MOST_ORDER = 6
-
 
 @dataclass(frozen=True)
 class LineProfile:
@@ -35,7 +31,8 @@ class LineProfile:
         """Frequencies (cycles per line) whose power no white normal pattern would show (1 % in all)."""
         power, even = self.power[1:].copy(), len(self.values) % 2 == 0
         m = len(power) - even
-        if m < _FEWEST_FREQUENCIES:
+        fewest_frequencies = 8
+        if m < fewest_frequencies:
             return np.empty(0)
         rank = (m + 1) // 2
         median = np.partition(power[:m], rank - 1)[rank - 1]
@@ -55,10 +52,11 @@ def _least_peak(m: int, rank: int) -> float:
     Above an order statistic M the values are independent M + Exp(1): the m - rank of them exceed c M in at most
     (m - rank) E[exp(-(c - 1) M)], and E[exp(-s M)] is a ratio of gamma functions (A. Renyi's representation).
     """
+    false_peaks = 0.01
 
     def excess(s: float) -> float:
         logs = gammaln(m + 1) + gammaln(m - rank + 1 + s) - gammaln(m - rank + 1) - gammaln(m + 1 + s)
-        return logs + np.log((m - rank + 1) / _FALSE_PEAKS)
+        return logs + np.log((m - rank + 1) / false_peaks)
 
     return 1 + root_scalar(excess, bracket=(0.0, 1e4)).root
 
@@ -76,7 +74,8 @@ def polynomial(values: np.ndarray) -> np.ndarray:
     n = len(values)
     x = np.linspace(-1, 1, n)
     best, least = np.zeros(1), np.inf
-    for order in range(min(_MOST_ORDER, n - 2) + 1):
+    most_order = 6
+    for order in range(min(most_order, n - 2) + 1):
         coefficients = np.polyfit(x, values, order)
         rest = float(((values - np.polyval(coefficients, x)) ** 2).mean()) + 1e-12
         criterion = n * np.log(rest) + (order + 1) * np.log(n)

@@ -14,11 +14,9 @@ from visaug.core.sampling.tukey_lambda import quantile, standard_deviation
 from visaug.effects.readout.read_noise import LEAST_SHAPE
 
 GAUSSIAN_SHAPE = 0.14  # nearest to a normal law by the correlation of quantiles
-LIKELIEST_GAUSSIAN = 0.1345  # the same by likelihood
 SHAPE_BOUNDS = (LEAST_SHAPE, 0.6)
 _STEP = 1 / 64
 _REACH = 128.0
-_FINER = 4  # nodes of the characteristic function: its powers of n show every kink of a coarser spline
 
 
 @dataclass(frozen=True)
@@ -56,9 +54,10 @@ def hold_both_gaussians(interval: tuple[float, float, float]) -> tuple[float, fl
     correlation of quantiles.
     """
     value, low, high = interval
-    if low > GAUSSIAN_SHAPE or high < LIKELIEST_GAUSSIAN:
+    likeliest_gaussian = 0.1345  # the same by likelihood
+    if low > GAUSSIAN_SHAPE or high < likeliest_gaussian:
         return interval
-    return value, min(low, LIKELIEST_GAUSSIAN), max(high, GAUSSIAN_SHAPE)
+    return value, min(low, likeliest_gaussian), max(high, GAUSSIAN_SHAPE)
 
 
 @lru_cache(maxsize=256)
@@ -77,15 +76,14 @@ def standard(shape: float) -> Standard:
     distribution = np.where(x <= 0, lower, 1 - lower)
     # So is the density there. A straight line in place of it is half a percent too high, which hundreds of
     # frames tell.
-    log_density = np.log(np.maximum(_density(u, v, shape), 1e-300) * standard_deviation(shape))
+    log_density = np.log(
+        np.maximum(1 / (u ** (shape - 1) + v ** (shape - 1)), 1e-300) * standard_deviation(shape)
+    )
     density = np.exp(np.interp(x, q[keep], log_density[keep], left=-700.0, right=-700.0))
     density /= density.sum() * _STEP
-    padded = np.zeros(_FINER * x.size)
+    finer = 4  # nodes of the characteristic function: its powers of n show every kink of a coarser spline
+    padded = np.zeros(finer * x.size)
     padded[: x.size] = density
     spectrum = np.fft.rfft(np.roll(padded, -x.size // 2)).real * _STEP
-    nodes = np.arange(spectrum.size) * 2 * np.pi / (2 * _REACH * _FINER)
+    nodes = np.arange(spectrum.size) * 2 * np.pi / (2 * _REACH * finer)
     return Standard(x, distribution, CubicSpline(nodes, spectrum))
-
-
-def _density(u: np.ndarray, v: np.ndarray, shape: float) -> np.ndarray:
-    return 1 / (u ** (shape - 1) + v ** (shape - 1))

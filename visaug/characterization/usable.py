@@ -12,8 +12,6 @@ from visaug.characterization.findings import Findings
 from visaug.characterization.views import cropped, repaired
 from visaug.frames import FrameSet
 
-_REACH = 16  # rows or columns within which the value of a constant one's pixel is taken from another
-
 
 def usable(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:
     """The frames without overscan, constant rows and columns, and flats of a lamp whose bands roll over the rows.
@@ -83,5 +81,6 @@ def _near(k: int, sound: np.ndarray) -> np.ndarray:
     """Sound lines of the same parity around line k, which a mosaic's colours share."""
     same = np.flatnonzero(sound)
     same = same[same % 2 == k % 2]
-    near = same[np.abs(same - k) <= _REACH]
+    reach = 16  # rows or columns within which the value of a constant one's pixel is taken from another
+    near = same[np.abs(same - k) <= reach]
     return near if len(near) else np.flatnonzero(sound)

@@ -33,9 +33,8 @@ def connected(address: str | None) -> Iterator[Any]:
 
 
 def _connect(ray: Any, address: str | None) -> None:
-    os.environ.setdefault(
-        "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0"
-    )  # or Ray says what a future release will do
+    # or Ray says what a future release will do
+    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
     _knock(address)
     try:
         ray.init(address=address, logging_level="ERROR", include_dashboard=False if not address else None)

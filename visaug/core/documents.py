@@ -14,16 +14,14 @@ import yaml
 
 from visaug.core.errors import InputError
 
-YAML_BYTES = 2**20  # of a file; camera files have a few thousand
-YAML_NODES = 100_000  # after the expansion of aliases
-YAML_DEPTH = 40
 LARGEST_INT = 2**63  # what NumPy and Torch still hold is below
 
 
 def read_yaml(path: str | Path, expected: str = "a YAML file") -> Any:
     """The content of a YAML file as dict, list, str, int, float, bool or None."""
     path = Path(path)
-    content = _read(path, expected, YAML_BYTES)
+    yaml_bytes = 2**20  # of a file; camera files have a few thousand
+    content = _read(path, expected, yaml_bytes)
     return parse_yaml(content, path)
 
 
@@ -50,11 +48,7 @@ def parse_json(text: str, file: str | Path | None = None) -> Any:
     """The content of JSON text; `file` is named in the message."""
     try:
         content = json.loads(
-            text,
-            object_pairs_hook=_unique,
-            parse_int=_int,
-            parse_float=_float,
-            parse_constant=_no_constant,
+            text, object_pairs_hook=_unique, parse_int=_int, parse_float=_float, parse_constant=_no_constant
         )
         if "\\u" in text:  # half of a surrogate pair can be written as an escape, but is not text
             json.dumps(content, ensure_ascii=False).encode()
@@ -96,16 +90,18 @@ class _Loader(yaml.SafeLoader):
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         self._depth += 1
-        if self._depth > YAML_DEPTH:
-            raise yaml.YAMLError(f"nested more than {YAML_DEPTH} deep")
+        yaml_depth = 40
+        if self._depth > yaml_depth:
+            raise yaml.YAMLError(f"nested more than {yaml_depth} deep")
         node = super().compose_node(parent, index)
         self._depth -= 1
         return node
 
     def get_single_node(self) -> yaml.Node | None:
         node = super().get_single_node()
-        if node is not None and _expanded(node, {}) > YAML_NODES:
-            raise yaml.YAMLError(f"more than {YAML_NODES} values once its aliases are expanded")
+        yaml_nodes = 100_000  # after the expansion of aliases
+        if node is not None and _expanded(node, {}) > yaml_nodes:
+            raise yaml.YAMLError(f"more than {yaml_nodes} values once its aliases are expanded")
         return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:

@@ -48,7 +48,7 @@ def extra(file: str | Path | None = None, field: str | None = None) -> Iterator[
         raise _missing(name, file, field) from None
 
 
-def check_installed(*modules: str, file: str | Path | None = None, field: str | None = None) -> None:
+def check_installed(*modules: str, file: str | Path | None = None) -> None:
     """Raise InputError where one of the modules is missing, without importing it: before long work that needs it."""
     for name in modules:
         try:
@@ -56,7 +56,7 @@ def check_installed(*modules: str, file: str | Path | None = None, field: str | 
         except ValueError:  # no package, but an entry of sys.modules without a specification
             found = False
         if not found:
-            raise _missing(name, file, field)
+            raise _missing(name, file, None)
 
 
 def _missing(name: str, file: str | Path | None, field: str | None) -> InputError:

@@ -73,9 +73,9 @@ def mean_error(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
     return math.sqrt(max(total, 0.0)), (total**2 / spread if spread > 0 else math.inf)
 
 
-def row_blocks(rows: int, most: int = 20) -> np.ndarray:
+def row_blocks(rows: int) -> np.ndarray:
     """(blocks, rows) weights: each leaves one block of rows out, 1 where kept and 0 where left out."""
-    blocks = min(most, rows)
+    blocks = min(20, rows)
     keep = np.ones((blocks, rows))
     for b, members in enumerate(np.array_split(np.arange(rows), blocks)):
         keep[b, members] = 0

@@ -3,8 +3,6 @@
 from collections.abc import Iterable
 from difflib import SequenceMatcher, get_close_matches
 
-AS_NEAR = 0.05  # difference of two similarities (0 to 1) below which neither word is the likelier one
-
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """``"; did you mean a or b?"`` of the nearest known words, at most three; empty where none is near.
@@ -17,5 +15,6 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     if not near:
         return ""
     alike = [SequenceMatcher(None, name, word).ratio() for name in near]
-    best = [name for name, ratio in zip(near, alike, strict=True) if ratio >= alike[0] - AS_NEAR]
+    as_near = 0.05  # difference of two similarities (0 to 1) below which neither word is the likelier one
+    best = [name for name, ratio in zip(near, alike, strict=True) if ratio >= alike[0] - as_near]
     return f"; did you mean {' or '.join(best)}?"

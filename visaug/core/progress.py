@@ -5,12 +5,8 @@ from contextlib import contextmanager
 from time import monotonic
 
 EVERY_S = 30.0  # seconds between lines where there is no terminal: what a log of an hour can bear
-WORDS = {
-    "trying again": "refitting",
-    "following": "refitting",
-    "trying": "trying",
-    "refining": "refining",
-}  # how a step begins: the name of its phase
+# how a step begins: the name of its phase
+WORDS = {"trying again": "refitting", "following": "refitting", "trying": "trying", "refining": "refining"}
 Progress = Callable[[str, int, int], None]
 
 

@@ -10,7 +10,6 @@ from visaug.effects.effect import Effect, Stage
 from visaug.effects.parameter import Parameter, check_value
 
 TEXTS = ("summary", "equation", "source", "why_not", "separates", "map_unit")
-TRIAL = (2, 3, 96, 128)  # shape of the frames to which an effect is applied when it is registered
 TAKEN = ("name", "map")  # keys of an effect in a camera file that are no parameters
 
 
@@ -64,7 +63,8 @@ def try_effect(effect: type[Effect]) -> None:
         InputError: `apply` raises, returns anything but a finite tensor of the signal's shape, or changes its input.
     """
     level = 0.5 if effect.stage == Stage.PICTURE else 500.0
-    signal = torch.full(TRIAL, level)
+    trial = (2, 3, 96, 128)  # shape of the frames to which an effect is applied when it is registered
+    signal = torch.full(trial, level)
     where = f"effect {effect.name}: apply"
     one = effect(**{name: p.trials[0] for name, p in effect.parameters.items() if p.trials})
     strengths = [one.values()[name] for name in effect.strengths()]

@@ -32,15 +32,13 @@ class Stage(IntEnum):
     """Stages of the chain in physical order. Input and output of `apply` are in the unit of the stage."""
 
     OPTICS = 1  # mean photons per pixel, on their way to the sensor
-    GENERATION = (
-        2  # mean electrons per pixel and exposure: photo-electrons and dark electrons, before shot noise
-    )
+    # mean electrons per pixel and exposure: photo-electrons and dark electrons, before shot noise
+    GENERATION = 2
     CHARGE = 3  # electrons counted in the pixel: after shot noise, while stored, shared and transferred
     READOUT = 4  # electrons, as the voltage that stands for them: amplifiers and lines, before the converter
     DIGITAL = 5  # DN of the converter
-    PICTURE = (
-        6  # the developed picture in [0, 1], encoded as it is shown; frames of a frame set end before it
-    )
+    # the developed picture in [0, 1], encoded as it is shown; frames of a frame set end before it
+    PICTURE = 6
 
 
 @dataclass

@@ -22,9 +22,7 @@ REFERENCE_C = 20.0  # to which hot_pixels and dark_current_rts refer
 # at 300 K, that is 0.19 e-/s for each um^3 and TeV/g; activation energy 0.63 eV.
 LEAKAGE_300_K_E_PER_S = 0.19
 ACTIVATION_EV = 0.63
-SITES_PER_UM3 = 1 / 50_000  # for each TeV/g; Virmontois et al. (2012)
 MOST_SITES = 0.2  # of a pixel, on average: above it most leaking pixels have several
-ELECTRONS_PER_UM = 80.0  # of a minimum ionising particle in silicon, as in cosmic_rays
 
 
 def entries(
@@ -71,8 +69,9 @@ def entries(
             )
     dose = dose_tev_per_g_year * years
     volume_um3 = pixel_um**2 * depleted_um
-    sites = SITES_PER_UM3 * volume_um3 * dose  # in a pixel, on average
-    site_e_per_s = leakage_e_per_s_um3(REFERENCE_C) / SITES_PER_UM3
+    sites_per_um3 = 1 / 50_000  # for each TeV/g; Virmontois et al. (2012)
+    sites = sites_per_um3 * volume_um3 * dose  # in a pixel, on average
+    site_e_per_s = leakage_e_per_s_um3(REFERENCE_C) / sites_per_um3
     b_per_c = ACTIVATION_EV / (BOLTZMANN_EV_PER_K * (REFERENCE_C + ZERO_C_K) ** 2)
     effects: list[dict[str, Any]] = []
     added = 0.0
@@ -84,24 +83,23 @@ def entries(
         )
     elif sites:
         added = sites * site_e_per_s
-        spread = math.sqrt(
-            2 / sites
-        )  # variance 2 rate^2 for each site: of a Poisson sum of exponential numbers
+        # variance 2 rate^2 for each site: of a Poisson sum of exponential numbers
+        spread = math.sqrt(2 / sites)
         effects.append({"name": "dark_current_nonuniformity", "spread": spread})
     if sites and rts_share:
         jumping = min(rts_share * damaged, 1.0)
         effects.append({"name": "dark_current_rts", "density": jumping, "amplitude_e_per_s": site_e_per_s})
+    electrons_per_um = 80.0  # of a minimum ionising particle in silicon, as in cosmic_rays
     if tracks_per_cm2_s:
         rate = tracks_per_cm2_s * (pixel_um * 1e-4) ** 2 * 1e6  # cm^2 of 10^6 pixels
-        charge = ELECTRONS_PER_UM * pixel_um
+        charge = electrons_per_um * pixel_um
         effects.append({"name": "cosmic_rays", "rate_per_mpx_s": rate, "charge_e_per_px": charge})
     if transfer_loss_per_tev_g:
         loss = transfer_loss_per_tev_g * dose
         effects.append({"name": "charge_transfer_inefficiency", "share_per_transfer": loss})
     for entry in effects:
-        catalogue()[entry["name"]](
-            **{key: value for key, value in entry.items() if key != "name"}
-        )  # checks the range
+        # checks the range
+        catalogue()[entry["name"]](**{key: value for key, value in entry.items() if key != "name"})
     return {"dark_current_e_per_s": added, "effects": effects}
 
 

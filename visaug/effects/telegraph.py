@@ -10,8 +10,6 @@ from visaug.core.sampling.philox import mix
 from visaug.effects.effect import Context, Values
 
 STATE = 0x5DEECE66D  # of the key of a state, apart from that of whether it is drawn
-FIRST_LOOK = 2.0  # frames that are looked back at once, in units of the mean time between draws
-MOST_LOOK = 64
 
 
 def kept_states(
@@ -48,7 +46,9 @@ def kept_states(
 
 def _state(own: Tensor, frame: int, duty: float, kept: float) -> Tensor:
     """Of each defect, by its own key: what was drawn in the last frame, up to this one, in which its state was drawn."""
-    look = min(math.ceil(FIRST_LOOK / (1 - kept)), MOST_LOOK)
+    first_look = 2.0  # frames that are looked back at once, in units of the mean time between draws
+    most_look = 64
+    look = min(math.ceil(first_look / (1 - kept)), most_look)
     upper = torch.zeros(len(own), dtype=torch.bool, device=own.device)
     open_ = torch.arange(len(own), device=own.device)
     while len(open_):

@@ -11,12 +11,6 @@ import numpy as np
 from visaug.frames.names import facts_of_name
 from visaug.frames.record import FrameRecord
 
-_CELL = 4  # px
-_BLOCK = 16  # px
-_STRUCTURED = 12.0  # variance of means of cells over that of independent pixels; filters of noise reach 9
-_MANY = 0.2  # of the blocks, that show a scene
-_LOOKED_AT = 3  # frames
-
 
 class _Readable(Protocol):
     def read(self, i: int) -> np.ndarray: ...
@@ -35,7 +29,8 @@ def as_dark(records: Sequence[FrameRecord], pixels: _Readable) -> list[FrameReco
     kinds = named_kinds(records)
     if len(records) < 2 or not set(kinds) <= {"dark", "bias"} or any(r.kind != "image" for r in records):
         return None
-    spread = np.unique(np.linspace(0, len(records) - 1, _LOOKED_AT).astype(int))
+    looked_at = 3  # frames
+    spread = np.unique(np.linspace(0, len(records) - 1, looked_at).astype(int))
     if any(shows_a_scene(pixels.read(int(i))) is not False for i in spread):
         return None
     return [replace(r, kind=str(kind)) for r, kind in zip(records, kinds, strict=True)]
@@ -45,18 +40,22 @@ def shows_a_scene(frame: np.ndarray) -> bool | None:
     """Whether many blocks have structure coarser than noise that is neither of a row nor of a column; None where the frame
     (H, W) is smaller than two blocks.
     """
-    rows, columns = (n // _BLOCK * _BLOCK for n in frame.shape)
-    if min(rows, columns) < 2 * _BLOCK:
+    block = 16  # px
+    rows, columns = (n // block * block for n in frame.shape)
+    if min(rows, columns) < 2 * block:
         return None
     part = frame[:rows, :columns].astype(np.float64)
-    blocks = part.reshape(rows // _BLOCK, _BLOCK, columns // _BLOCK, _BLOCK).transpose(0, 2, 1, 3)
+    blocks = part.reshape(rows // block, block, columns // block, block).transpose(0, 2, 1, 3)
     blocks = (
         blocks
         - blocks.mean(3, keepdims=True)
         - blocks.mean(2, keepdims=True)
         + blocks.mean((2, 3), keepdims=True)
     )
-    cells = blocks.reshape(*blocks.shape[:2], _BLOCK // _CELL, _CELL, _BLOCK // _CELL, _CELL).mean((3, 5))
-    inner = blocks - np.repeat(np.repeat(cells, _CELL, 2), _CELL, 3)
-    coarse, fine = cells.var((2, 3)) * _CELL**2, inner.var((2, 3)) + 1 / 12
-    return bool((coarse > _STRUCTURED * fine).mean() > _MANY)
+    cell = 4  # px
+    cells = blocks.reshape(*blocks.shape[:2], block // cell, cell, block // cell, cell).mean((3, 5))
+    inner = blocks - np.repeat(np.repeat(cells, cell, 2), cell, 3)
+    coarse, fine = cells.var((2, 3)) * cell**2, inner.var((2, 3)) + 1 / 12
+    structured = 12.0  # variance of means of cells over that of independent pixels; filters of noise reach 9
+    many = 0.2  # of the blocks, that show a scene
+    return bool((coarse > structured * fine).mean() > many)

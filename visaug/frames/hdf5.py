@@ -9,7 +9,7 @@ import numpy as np
 
 from visaug.core.errors import InputError
 from visaug.core.extras import extra
-from visaug.frames.limits import Index, check_index, check_shape
+from visaug.frames.limits import Index, check_index, check_shape, chosen_array
 
 SUFFIXES = (".h5", ".hdf5", ".hdf", ".mat")
 _MATLAB = "MATLAB_class"  # attribute of the arrays of MATLAB 7.3, whose axes HDF5 holds in reverse
@@ -23,14 +23,7 @@ class Hdf5File:
     def __init__(self, path: Path, key: str | None = None) -> None:
         self.path, self.key = path, key
         self._file = open_hdf5(path)
-        sets = [name for name, _, _ in _data_sets(self._file)]
-        name = key or (sets[0] if len(sets) == 1 else None)
-        if name not in sets:
-            raise InputError(
-                f"holds no data set {key!r}" if key else "holds several data sets",
-                file=path,
-                expected="one of " + ", ".join(sets[:20]) + " after a #",
-            )
+        name = chosen_array([name for name, _, _ in _data_sets(self._file)], key, path, "data set")
         self._set = self._file[name]
         self._reversed = _MATLAB in self._set.attrs
         self.shape, self.dtype = _shape(self._set), self._set.dtype

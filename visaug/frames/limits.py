@@ -46,6 +46,15 @@ def check_axes(shape: Sequence[int], file: Path | str) -> None:
 Index = tuple[int | slice, ...]  # of an array, its leading axes first; a slice takes an axis whole
 
 
+def chosen_array(names: Sequence[str], key: str | None, file: Path, what: str) -> str:
+    """The array that is asked for, or the only one in a file; `what` it is called there."""
+    name = key or (names[0] if len(names) == 1 else None)
+    if name not in names:
+        problem = f"holds no {what} {key!r}" if key else f"holds several {what}s"
+        raise InputError(problem, file=file, expected=f"one of {', '.join(names[:20])} after a #")
+    return name
+
+
 def check_index(index: Index, shape: Sequence[int], file: Path | str, key: str | None) -> None:
     """Refuse an index outside an array of this shape."""
     wrong = any(isinstance(i, int) and not 0 <= i < n for i, n in zip(index, shape, strict=False))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from visaug.core.errors import InputError
-from visaug.frames.limits import Index, check_index, check_shape
+from visaug.frames.limits import Index, check_index, check_shape, chosen_array
 
 
 class MatFile:
@@ -16,14 +16,7 @@ class MatFile:
 
     def __init__(self, path: Path, key: str | None = None) -> None:
         self.path, self.key = path, key
-        names = [name for name, _, _ in mat_arrays(path)]
-        name = key or (names[0] if len(names) == 1 else None)
-        if name not in names:
-            raise InputError(
-                f"holds no array {key!r}" if key else "holds several arrays",
-                file=path,
-                expected="one of " + ", ".join(names[:20]) + " after a #",
-            )
+        name = chosen_array([name for name, _, _ in mat_arrays(path)], key, path, "array")
         self._whole: np.ndarray = _loaded(path, [name])[name]
         self.shape, self.dtype, self.held_bytes = self._whole.shape, self._whole.dtype, self._whole.nbytes
 

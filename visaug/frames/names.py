@@ -36,7 +36,6 @@ _FIRST_NUMBER = re.compile(
 )
 _SIGN = re.compile(r"(?<![a-z])(?:minus|neg|plus|m)_?$|[-−+]$")
 _CAMERA = re.compile(r"(?:asi|zwo|qhy|qhyccd|altair|hypercam|atik|touptek|omegon|svbony|sv|playerone)[_ -]$")
-_COLDEST_C, _WARMEST_C = -200.0, 125.0  # of sensors that take pictures: liquid nitrogen, automotive grade 1
 
 
 @dataclass
@@ -174,9 +173,8 @@ def _number(match: re.Match, before: str) -> tuple[float | None, str, str]:
     ):
         return _plain(match), text, before
     first, sign, second = pair[1], pair[2], match["value"]
-    attached = (
-        re.search(r"[a-z+−-]$", before[: pair.start()]) is not None
-    )  # `T25_5C`, `m10_5C`: no running number
+    # `T25_5C`, `m10_5C`: no running number
+    attached = re.search(r"[a-z+−-]$", before[: pair.start()]) is not None
     text, before = pair[0] + text, before[: pair.start()]
     if not second.isdigit():
         return _plain(match), match[0], before + pair[0]
@@ -208,7 +206,8 @@ def _celsius(match: re.Match) -> tuple[float | None, str]:
             value = -value
     elif _CAMERA.search(before) or (re.search("[a-z]$", before) and not _BEFORE_CELSIUS.search(before)):
         return None, ""
-    return (value, text) if value is not None and _COLDEST_C <= value <= _WARMEST_C else (None, text)
+    coldest_c, warmest_c = -200.0, 125.0  # of sensors that take pictures: liquid nitrogen, automotive grade 1
+    return (value, text) if value is not None and coldest_c <= value <= warmest_c else (None, text)
 
 
 def _decibels(match: re.Match) -> tuple[float | None, str]:

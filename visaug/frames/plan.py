@@ -20,9 +20,6 @@ class PlannedGroup:
     records: tuple[FrameRecord, ...]
 
 
-_DIMMEST = 10.0  # photons at saturation
-_MOST_FRAMES = 100_000  # of one setting
-_BRIGHTEST = 10.0  # of saturation: beyond, percentages or photons were meant
 LEVELS = (0.005, 0.02, 0.08, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1.1)  # of saturation: two flats lie beyond it
 
 
@@ -51,16 +48,18 @@ def plan_groups(
         levels: light of the flats in shares of saturation; the standard asks for nine or more, one beyond it.
         suffix: format of the files.
     """
-    if not _DIMMEST <= saturation_photons <= 1e12:
+    dimmest = 10.0  # photons at saturation
+    if not dimmest <= saturation_photons <= 1e12:
         raise InputError(
             f"{saturation_photons:g} is out of range",
             field="saturation_photons",
-            expected=f"photons per pixel from {_DIMMEST:g} to 1e12",
+            expected=f"photons per pixel from {dimmest:g} to 1e12",
         )
+    most_frames = 100_000  # of one setting
     for name, count in (("repeats", repeats), ("bias_frames", bias_frames)):
-        if not 2 <= count <= _MOST_FRAMES:
+        if not 2 <= count <= most_frames:
             raise InputError(
-                f"{count} is out of range", field=name, expected=f"2 to {_MOST_FRAMES} frames per setting"
+                f"{count} is out of range", field=name, expected=f"2 to {most_frames} frames per setting"
             )
     if not temperatures_c or not gains_db or not dark_exposures_s:
         raise InputError(
@@ -68,10 +67,11 @@ def plan_groups(
             field="plan",
             expected="one or more temperatures, gains and dark exposures",
         )
+    brightest = 10.0  # of saturation: beyond, percentages or photons were meant
     if not levels or not all(
-        0.5 < level * saturation_photons <= _BRIGHTEST * saturation_photons for level in levels
+        0.5 < level * saturation_photons <= brightest * saturation_photons for level in levels
     ):
-        expected = f"shares of saturation, of one photon or more, up to {_BRIGHTEST:g}"
+        expected = f"shares of saturation, of one photon or more, up to {brightest:g}"
         raise InputError(f"{list(levels)}", field="levels", expected=expected)
     groups: list[PlannedGroup] = []
     warm, base_gain = temperatures_c[0], float(gains_db[0])

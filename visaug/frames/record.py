@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from visaug.core.errors import InputError
 
 KINDS = ("bias", "dark", "flat", "scene", "image")
 MOSAICS = ("RGGB", "BGGR", "GRBG", "GBRG")
 Window = tuple[int, int, int, int]  # r0, r1, c0, c1: rows r0..r1-1 and columns c0..c1-1 of the sensor
+# Least and largest value, and what is expected.
+_LIMITS: dict[str, tuple[float, float, str]] = {
+    "exposure_s": (1e-12, 1e6, "seconds: 0, or 1e-12 to 1e6"),
+    "gain_db": (-100.0, 120.0, "decibels between -100 and 120"),
+    "temperature_c": (-273.15, 300.0, "degrees Celsius between -273.15 and 300"),
+    "photons": (0.0, 1e12, "photons per pixel, 0 or more"),
+    "combined": (0, 1e6, "how many exposures were averaged, 1 for a raw frame"),
+    "bit_depth": (1, 32, "1 to 32 bits"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,30 +68,22 @@ class FrameRecord:
             raise InputError(
                 f"{self.kind!r} is not a kind of frame", field="kind", expected=" or ".join(KINDS)
             )
-        if self.exposure_s != 0:
-            _check("exposure_s", self.exposure_s, 1e-12, 1e6, "seconds: 0, or 1e-12 to 1e6")
-        _check("gain_db", self.gain_db, -100.0, 120.0, "decibels between -100 and 120")
-        if self.temperature_c is not None:
-            _check(
-                "temperature_c", self.temperature_c, -273.15, 300.0, "degrees Celsius between -273.15 and 300"
-            )
-        if self.photons is not None:
-            _check("photons", self.photons, 0.0, 1e12, "photons per pixel, 0 or more")
-        _check("combined", self.combined, 0, 1e6, "how many exposures were averaged, 1 for a raw frame")
+        for field, (low, high, expected) in _LIMITS.items():
+            value = getattr(self, field)
+            if value is None or (field == "exposure_s" and value == 0):
+                continue
+            if not (math.isfinite(value) and low <= value <= high):
+                raise InputError(f"{value:g} is out of range", field=field, expected=expected)
         if self.bayer is not None and self.bayer not in MOSAICS:
             raise InputError(
                 f"{self.bayer!r} is not a colour filter pattern", field="bayer", expected=" or ".join(MOSAICS)
             )
-        if self.bit_depth is not None:
-            _check("bit_depth", self.bit_depth, 1, 32, "1 to 32 bits")
         if self.window is not None:
             r0, r1, c0, c1 = self.window
             if not (0 <= r0 < r1 and 0 <= c0 < c1):
-                raise InputError(
-                    f"{format_window(self.window)} is not a window",
-                    field="region",
-                    expected="r0:r1,c0:c1 with 0 <= r0 < r1 and 0 <= c0 < c1",
-                )
+                problem = f"{format_window(self.window)} is not a window"
+                expected = "r0:r1,c0:c1 with 0 <= r0 < r1 and 0 <= c0 < c1"
+                raise InputError(problem, field="region", expected=expected)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,19 +104,7 @@ class Group:
     bayer: str | None = None
 
 
-_CONDITIONS = (
-    "kind",
-    "exposure_s",
-    "temperature_c",
-    "gain_db",
-    "photons",
-    "clean",
-    "window",
-    "setting",
-    "filter",
-    "combined",
-    "bayer",
-)
+_CONDITIONS = tuple(field.name for field in fields(Group) if field.name != "indices")
 
 
 def group_records(records: tuple[FrameRecord, ...]) -> tuple[Group, ...]:
@@ -144,8 +133,3 @@ def parse_window(text: str) -> Window:
 
 def format_window(window: Window) -> str:
     return "{}:{},{}:{}".format(*window)
-
-
-def _check(field: str, value: float, low: float, high: float, expected: str) -> None:
-    if not (math.isfinite(value) and low <= value <= high):
-        raise InputError(f"{value:g} is out of range", field=field, expected=expected)

@@ -75,9 +75,8 @@ def read_descriptor(
             elif word == "i" and unknown:
                 continue
             elif re.fullmatch("[a-z]{1,3}", word) and all(_is_number(v) for v in rest.split()):
-                unknown.append(
-                    line.strip()
-                )  # of a later release: its images are of a kind that is not known here
+                # of a later release: its images are of a kind that is not known here
+                unknown.append(line.strip())
                 state = None
             else:
                 raise ValueError

@@ -18,7 +18,6 @@ from visaug.frames.record import FrameRecord
 from visaug.frames.values import check_frame, check_values
 
 _PROBED = 8  # frames looked at to find where the bits lie
-_CLEANS_KEPT = 8
 
 
 class Store(Protocol):
@@ -145,6 +144,7 @@ class FileStore:
     def clean(self, i: int) -> np.ndarray:
         name = self._records[i].clean
         assert name is not None
+        cleans_kept = 8
         if name not in self._cleans:
             pixels = self._reader.read(name, self._shape_of_raw(self._records[i]))
             check_values(pixels, None, self._root / name)
@@ -157,7 +157,7 @@ class FileStore:
                     expected="the size of its frame, {} x {}".format(*size),
                 )
             self._cleans[name] = pixels.astype(np.float32)
-            if len(self._cleans) > _CLEANS_KEPT:
+            if len(self._cleans) > cleans_kept:
                 self._cleans.popitem(last=False)
         self._cleans.move_to_end(name)
         return self._cleans[name]

@@ -24,7 +24,6 @@ FURTHER = ("region", "setting", "filter", "combined", "bayer", "bit_depth", "tim
 SETTINGS = ("gain", "offset", "iso", "readoutm", "readout_mode")  # columns that together are the setting
 _REQUIRED = ("file", "kind")
 _MAY_LACK_EXPOSURE = ("bias", "image")
-_ALIKE = 0.75  # similarity of difflib from which an unknown column is taken for a slip of the pen
 
 
 def read_table(path: str | Path, warnings: list[str] | None = None) -> list[FrameRecord]:
@@ -141,10 +140,11 @@ def _check_header(header: list[str], path: Path) -> list[str]:
         if name and header.count(name) > 1:
             raise InputError(f"the column {name!r} is listed twice", file=path, field="header")
     ignored = [name for name in header if name and name not in known]
+    alike = 0.75  # similarity of difflib from which an unknown column is taken for a slip of the pen
     for name in ignored:
         missing = [column for column in (*COLUMNS, *FURTHER) if column not in header]
         likely = [c for c in missing if name == c.rsplit("_", 1)[0]]
-        likely = likely or difflib.get_close_matches(name, missing, 1, _ALIKE)
+        likely = likely or difflib.get_close_matches(name, missing, 1, alike)
         if likely:
             raise InputError(
                 f"{name!r} is not a column of a frame set; did you mean {likely[0]}?",

@@ -15,15 +15,10 @@ _SECONDS = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "m
 # Sensors that take pictures lie between liquid nitrogen and automotive grade 1 with a margin; a temperature above in
 # a header is one in Kelvin where that makes sense, else no measurement.
 COLDEST_C, WARMEST_C, WARMEST_K = -200.0, 150.0, 400.0
-_NONE_C = (
-    -ZERO_C_K,
-    -273.0,
-    -273.1,
-    -273.2,
-)  # drivers of cameras without a thermometer, beside 999 and its kin
-_OTHER_DEGREES = re.compile(
-    r"fahrenheit|[\[(]\s*(deg\s*f|f|mk|millikelvin)\s*[\])]"
-)  # not converted: rare, and unsure
+# drivers of cameras without a thermometer, beside 999 and its kin
+_NONE_C = (-ZERO_C_K, -273.0, -273.1, -273.2)
+# not converted: rare, and unsure
+_OTHER_DEGREES = re.compile(r"fahrenheit|[\[(]\s*(deg\s*f|f|mk|millikelvin)\s*[\])]")
 
 
 def unit_of(comment: str) -> float | None:

@@ -9,8 +9,6 @@ import numpy as np
 from visaug.core.errors import InputError
 from visaug.frames.record import FrameRecord
 
-_WRAPPED_SHARE = 0.01  # of a dark frame's pixels: more than hot pixels that saturate
-
 
 def check_values(pixels: np.ndarray, bit_depth: int | None, file: str | Path) -> None:
     """Refuse NaN, negative DN and DN above the converter's range."""
@@ -56,12 +54,13 @@ def check_frame(record: FrameRecord, pixels: np.ndarray) -> None:
             file=record.file,
             expected="the values of the converter: multiply by its full scale (65535 for 16 bits), or write whole numbers",
         )
+    wrapped_share = 0.01  # of a dark frame's pixels: more than hot pixels that saturate
     if record.kind != "flat" and pixels.dtype.kind == "u":
         top = np.iinfo(pixels.dtype).max
         if pixels.max() <= 0.75 * top:
             return
         high, low = (pixels > 0.75 * top).mean(), (pixels < 0.25 * top).mean()
-        if min(high, low) > _WRAPPED_SHARE and 1 - high - low < 0.1 * high:
+        if min(high, low) > wrapped_share and 1 - high - low < 0.1 * high:
             raise InputError(
                 f"has {high:.0%} of its pixels near {top} and the others near 0: a subtraction below 0 wrapped around",
                 file=record.file,

@@ -21,8 +21,6 @@ from visaug.frames.table import write_table
 if TYPE_CHECKING:
     from visaug.frames.frameset import FrameSet
 
-_MOST_GAPS = 100  # places of an array for each frame of it that is there
-
 
 def save(
     frames: FrameSet,
@@ -175,6 +173,7 @@ def _places(frames: FrameSet) -> list[tuple[str, str | None, tuple[int, ...]]]:
 def _write_stack(frames: FrameSet, path: Path, places: dict[int, tuple[str | None, tuple[int, ...]]]) -> None:
     dtype = _smallest_type(frames, places)
     arrays: dict[str | None, np.ndarray] = {}
+    most_gaps = 100  # places of an array for each frame of it that is there
     for key in {key for key, _ in places.values()}:
         members = {i: index for i, (k, index) in places.items() if k == key}
         lengths = {len(index) for index in members.values()}
@@ -184,7 +183,7 @@ def _write_stack(frames: FrameSet, path: Path, places: dict[int, tuple[str | Non
                 "frames of different sizes or index depths share one array", file=path, field=key
             )
         outer = tuple(max(n) + 1 for n in zip(*members.values()))
-        if prod(outer) > _MOST_GAPS * len(members):
+        if prod(outer) > most_gaps * len(members):
             raise InputError(
                 f"an array of {' x '.join(map(str, outer))} frames for {len(members)} of them",
                 file=path.name,

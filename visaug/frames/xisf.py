@@ -16,7 +16,6 @@ from visaug.frames.limits import check_shape
 
 SUFFIX = ".xisf"
 _TYPES = {"UInt8": "u1", "UInt16": "u2", "UInt32": "u4", "Float32": "f4", "Float64": "f8"}
-_MOST_HEAD = 50_000_000  # bytes; an XML head with thumbnails has a few
 
 
 def xisf_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -72,11 +71,12 @@ def read_xisf(path: Path) -> np.ndarray:
 
 def _head(path: Path) -> tuple[ElementTree.Element, dict[str, Any], dict[str, str]]:
     """The image's element, its FITS keywords and their comments."""
+    most_head = 50_000_000  # bytes; an XML head with thumbnails has a few
     try:
         with open(path, "rb") as handle:
             start = handle.read(16)
             length = int.from_bytes(start[8:12], "little")
-            if start[:8] != b"XISF0100" or length > _MOST_HEAD:
+            if start[:8] != b"XISF0100" or length > most_head:
                 raise ValueError("no XISF head")
             text = handle.read(length).rstrip(b"\0")
         if b"<!DOCTYPE" in text or b"<!ENTITY" in text:

@@ -11,10 +11,7 @@ from visaug.inspection.finding import Finding
 from visaug.inspection.material import FrameGroup
 from visaug.statistics.views.codes import NEIGHBOURS, SIDE
 
-_DEPTHS = (8, 10, 12, 14, 16)  # of usual converters
 _EXPECTED = 50.0  # pixels of a code that its neighbours predict, from which its absence tells
-_PILED = 1e-3  # share of the pixels at an end of the range from which it is clipped
-_FINEST = 6  # low bits that may be lost
 
 
 @dataclass(frozen=True)
@@ -55,7 +52,8 @@ def codes_of(looks: list[FrameGroup], container: int | None) -> CodeCounts:
             counts[: len(found)] += found
     used = np.flatnonzero(counts)
     step = 1
-    while step < 1 << _FINEST and not (used % (2 * step)).any():
+    finest = 6  # low bits that may be lost
+    while step < 1 << finest and not (used % (2 * step)).any():
         step *= 2
     told = looks[0].bits
     shift = 0
@@ -63,7 +61,8 @@ def codes_of(looks: list[FrameGroup], container: int | None) -> CodeCounts:
     if container == 16 and told is None and (lost in (4, 6) or (lost == 2 and highest >= 1 << 14)):
         shift = lost  # 12, 10 or 14 bits at the top of 16; nobody loses four
     least = 16 - shift if shift else 10 if container == 16 else 8
-    bits = told or next(b for b in (*_DEPTHS, 24) if b >= least and highest >> shift < 1 << b)
+    depths = (8, 10, 12, 14, 16)  # of usual converters
+    bits = told or next(b for b in (*depths, 24) if b >= least and highest >> shift < 1 << b)
     return CodeCounts(counts, step >> shift, bits, shift, told is not None, whole)
 
 
@@ -140,7 +139,8 @@ def _clipped(codes: CodeCounts, looks: list[FrameGroup], at_top: bool) -> Findin
     """A pile at the lowest or the highest code, higher than the codes beside it lead to expect."""
     shares = [_pile(look, at_top, codes) for look in looks]
     share = max(shares, default=0.0)
-    if share < _PILED:
+    piled = 1e-3  # share of the pixels at an end of the range from which it is clipped
+    if share < piled:
         return None
     look = looks[int(np.argmax(shares))]
     code = int(look.frames.max() if at_top else look.frames.min())

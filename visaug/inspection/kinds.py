@@ -8,8 +8,6 @@ from visaug.frames import FrameSet
 from visaug.frames.dark_folder import named_kinds, shows_a_scene
 from visaug.statistics.reduction import block_means, edges
 
-_LIT = 0.25  # of the largest code, from which uniform frames are taken for flats
-
 
 def kinds_of(frames: FrameSet) -> tuple[list[str], str]:
     """The kind of each frame, and by what it was told."""
@@ -34,6 +32,7 @@ def _by_level(frames: FrameSet, unknown: list[int]) -> dict[int, str]:
     least = 1023.0 if frames.bit_depth == 16 else 255.0  # no converter of 8 bits fills 16
     found: dict[int, str] = {}
     before: np.ndarray | None = None
+    lit = 0.25  # of the largest code, from which uniform frames are taken for flats
     for i in unknown:
         frame = frames.read(i)
         highest = max(float(np.quantile(frame, 0.9999)), 1.0)
@@ -45,7 +44,7 @@ def _by_level(frames: FrameSet, unknown: list[int]) -> dict[int, str]:
                 found.update({k: "scene" for k in found if found[k] == "image" and k == i - 1})
             before = frame
         else:
-            found[i] = "flat" if float(np.median(frame)) > _LIT * scale else "dark"
+            found[i] = "flat" if float(np.median(frame)) > lit * scale else "dark"
     return found
 
 

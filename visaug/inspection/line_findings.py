@@ -14,10 +14,6 @@ from visaug.inspection.lines import RowMeans, Wave
 from visaug.inspection.spectra import WINDOWED, Continuum
 from visaug.statistics.views.spectrum import power as spectrum
 
-_DIRECTED = (
-    9.21  # Rayleigh's 2 n R^2, that random directions exceed in 1 % (chi-square of 2 degrees of freedom)
-)
-
 
 def line_findings(lines: RowMeans) -> list[Finding]:
     """Everything that was found in the rows."""
@@ -89,12 +85,14 @@ def _phases(wave: Wave, n: int) -> tuple[str, float | None]:
     if not wave.new:
         return "the same phase in every frame", None
     unit = wave.amplitudes / np.maximum(np.abs(wave.amplitudes), 1e-12)
+    # Rayleigh's 2 n R^2, that random directions exceed in 1 % (chi-square of 2 degrees of freedom)
+    directed = 9.21
     if n >= 6:
         turn = (unit[1:] * unit[:-1].conj()).mean()
-        if abs(turn) ** 2 * 2 * (n - 1) > _DIRECTED:
+        if abs(turn) ** 2 * 2 * (n - 1) > directed:
             advance = float(np.angle(turn) / (2 * math.pi))
             return f"its phase moves on by {advance:+.2g} periods per frame", advance
-        if abs(unit.mean()) ** 2 * 2 * n > _DIRECTED:
+        if abs(unit.mean()) ** 2 * 2 * n > directed:
             return "changing in each frame, with a preferred phase", None
     return "new phase in each frame", None
 
@@ -104,9 +102,8 @@ def _offset_findings(lines: RowMeans, fixed: Continuum, temporal: Continuum | No
     if temporal is not None:
         if temporal.rise > 0 and temporal.gain_rise > needed(5, 2):
             yield _flicker(lines, temporal)
-        alias = 2 * float(
-            temporal.beyond(length / 2) - temporal.white
-        )  # bound on 1/f noise faster than the rows
+        # bound on 1/f noise faster than the rows
+        alias = 2 * float(temporal.beyond(length / 2) - temporal.white)
         freedom = 2 * temporal.bins * temporal.shape
         if temporal.gain_white > needed() and temporal.white > alias:
             size = deviation(temporal.level, freedom, temporal.floor)

@@ -24,14 +24,7 @@ from visaug.inspection.spectra import (
 from visaug.statistics.views.spectrum import power as spectrum
 
 LEAST_PERIODS = 3  # in a frame, of a fixed banding; slower changes are slopes and bumps
-_LEAST_NEW = 1.5  # in a frame, of one that is new in each
-_SHORTEST = 2.05  # lines; shorter periods are odd against even lines
-_NOTHING = 1e-12  # DN^2, below which frames are of one value
 _BESIDE = 1.25  # cycles per frame
-_ABOVE = 3.0  # times the power two cycles per frame lower: a line stands above both sides
-_SLOW = 4  # cycles per frame, whose power a step is held against
-_MOST = 8  # regular parts taken off one after another
-_QUARTERS = (1, 2, 3)  # of the frame, at which another part of the readout may begin
 
 
 @dataclass(frozen=True)
@@ -115,7 +108,8 @@ def rows_of(look: FrameGroup, axis: str) -> RowMeans:
     """The rows of frames, their regular parts taken off one after another, the clearest first."""
     means = look.data.frames.mean(2, dtype=np.float64)
     found = RowMeans(look, axis, means - means.mean(1, keepdims=True))
-    for _ in range(_MOST):
+    most = 8  # regular parts taken off one after another
+    for _ in range(most):
         fixed, temporal = found.continua(windowed=True)
         options = [
             o for o in (*_steps(found, fixed), _parity(found, fixed), _wave(found, fixed, temporal)) if o
@@ -160,7 +154,9 @@ def _steps(lines: RowMeans, fixed: Continuum) -> Iterator:
     if not lines.look.is_uniform:
         return
     profile, length = lines.fixed, lines.length
-    for quarter in _QUARTERS:
+    slow = 4  # cycles per frame, whose power a step is held against
+    quarters = (1, 2, 3)  # of the frame, at which another part of the readout may begin
+    for quarter in quarters:
         place = length * quarter // 4
         reach = min(length // 4, 96)
         here = np.arange(place - reach, min(place + reach, length))
@@ -170,9 +166,9 @@ def _steps(lines: RowMeans, fixed: Continuum) -> Iterator:
             np.linalg.lstsq(design, profile[here], rcond=None)[0],
             np.linalg.inv(design.T @ design),
         )
-        variance = covariance[0, 0] * max(float(fixed.floors[_SLOW - 1]) + fixed.white, 1e-12)
+        variance = covariance[0, 0] * max(float(fixed.floors[slow - 1]) + fixed.white, 1e-12)
         gain = float(solved[0] ** 2 / variance)
-        if place not in lines.steps and gain > needed_t(len(_QUARTERS), fixed.bins):
+        if place not in lines.steps and gain > needed_t(len(quarters), fixed.bins):
             step = float(solved[0]), math.sqrt(variance), gain
 
             def take(place=place, step=step) -> None:
@@ -210,20 +206,24 @@ def _wave(lines: RowMeans, fixed: Continuum, temporal: Continuum | None):
     spectra = [(smoothed_off(lines.fixed)[None], fixed)] if lines.look.is_uniform else []
     spectra += [] if temporal is None else [(lines.new, temporal)]
     found = None
+    least_new = 1.5  # in a frame, of one that is new in each
+    shortest = 2.05  # lines; shorter periods are odd against even lines
+    nothing = 1e-12  # DN^2, below which frames are of one value
+    above = 3.0  # times the power two cycles per frame lower: a line stands above both sides
     for profiles, level in spectra:
         frequency, power = fine_spectrum(profiles)
-        least = LEAST_PERIODS if level is fixed else _LEAST_NEW
-        allowed = (frequency >= least) & (frequency <= length / _SHORTEST)
+        least = LEAST_PERIODS if level is fixed else least_new
+        allowed = (frequency >= least) & (frequency <= length / shortest)
         for wave in lines.waves:  # what a sine leaves beside itself is no other one
             allowed &= np.abs(frequency - wave.frequency) > _BESIDE
         narrow = fine_spectrum(tapered(profiles))[1]
         below = np.concatenate([np.zeros(2 * FINER), narrow[: -2 * FINER]])
-        allowed &= narrow > _ABOVE * below  # a smooth bump has more at lower frequencies
+        allowed &= narrow > above * below  # a smooth bump has more at lower frequencies
         degree = 3 if level is fixed else 0  # slopes and bumps are fixed
         raw = lines.fixed[None] if level is fixed else profiles
         for strength in (power / np.maximum(level.at(frequency), 1e-12), power):
             top = int(np.where(allowed, strength, 0.0).argmax())
-            if not allowed[top] or power[top] <= _NOTHING:
+            if not allowed[top] or power[top] <= nothing:
                 continue
             exact = sharpened(raw, float(frequency[top]), least - 0.25, degree)
             # Judged against what is left without it, which its own power does not raise.

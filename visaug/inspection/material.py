@@ -11,13 +11,6 @@ from visaug.frames import FrameSet, Group
 from visaug.statistics import GroupData
 
 FAR = 8.0  # robust standard deviations beyond which a pixel does not take part in the statistics of lines
-MOST_VALUES = (
-    40_000_000  # pixels of all frames of a group, of which up to twenty copies are held at once: 3 GB
-)
-LEAST_SIDE = 16  # lines: fewer tell no spectrum
-_ACROSS = 8  # cycles across the frame, whose power stands for that of none
-FULL_SCALE = 65535.0  # DN of 1.0 in frames of fractions: 16 bits
-BLOCK = 16  # px, of the slow part of the pattern
 
 
 @dataclass(frozen=True)
@@ -88,7 +81,8 @@ class FrameGroup:
     def pattern_variance(self) -> float:
         """Variance of the pixels of the mean frame, their temporal noise included, lines and slow parts removed, DN^2."""
         height, width = self.shape
-        slow = max(1, height // BLOCK) * max(1, width // BLOCK) / (height * width)
+        block = 16  # px, of the slow part of the pattern
+        slow = max(1, height // block) * max(1, width // block) / (height * width)
         return self.data.pattern_variance / (1 - 1 / height - 1 / width - slow)
 
     @cached_property
@@ -101,7 +95,8 @@ class FrameGroup:
         if not self.coloured:
             return np.ones(half)
         noise = self.data.noise_pixels if self.count > 1 else self.data.pattern_pixels[None]
-        power = np.abs(np.fft.fft(np.fft.rfft(noise, axis=2)[:, :, 2:_ACROSS], axis=1)) ** 2
+        across = 8  # cycles across the frame, whose power stands for that of none
+        power = np.abs(np.fft.fft(np.fft.rfft(noise, axis=2)[:, :, 2:across], axis=1)) ** 2
         found = power.mean((0, 2))[1 : half + 1] / noise[0].size / np.mean(noise**2, dtype=np.float64)
         reach = max(half // 16, 2)
         padded = np.pad(found, reach, mode="reflect")
@@ -140,23 +135,27 @@ def looks(frames: FrameSet, kinds: list[str], guessed: bool = False) -> tuple[li
     records = [replace(r, kind=kind) for r, kind in zip(frames.records, kinds, strict=True)]
     told = frames.with_records(records)
     found: list[FrameGroup] = []
+    # pixels of all frames of a group, of which up to twenty copies are held at once: 3 GB
+    most_values = 40_000_000
+    least_side = 16  # lines: fewer tell no spectrum
+    full_scale = 65535.0  # DN of 1.0 in frames of fractions: 16 bits
     for group in told.groups():
         by_shape: dict[tuple[int, int], list[int]] = {}
         for i in group.indices:
             by_shape.setdefault(told.shape(i), []).append(i)
         for shape, indices in by_shape.items():
-            if min(shape) < LEAST_SIDE:
+            if min(shape) < least_side:
                 notes.append(f"small_frames: {len(indices)} frames of {shape[0]} x {shape[1]} are too small")
                 continue
-            most = max(MOST_VALUES // (shape[0] * shape[1]), 2)
+            most = max(most_values // (shape[0] * shape[1]), 2)
             if len(indices) > most:
                 notes.append(f"part_of_the_frames: {most} of {len(indices)} {group.kind} frames are used")
                 indices = indices[:most]
             stack = told.read_many(indices)
             if frames.bit_depth is None and 0 < stack.max() <= 1:
-                stack *= np.float32(FULL_SCALE)
+                stack *= np.float32(full_scale)
                 notes.append(
-                    f"fractions: the frames hold fractions of 1; sizes are given for {FULL_SCALE:.0f} DN"
+                    f"fractions: the frames hold fractions of 1; sizes are given for {full_scale:.0f} DN"
                 )
             for part in _levels(stack, group.kind):
                 members = [indices[k] for k in part]

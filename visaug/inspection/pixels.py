@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -13,36 +14,29 @@ from visaug.inspection.finding import ALPHA, Finding, Size, deviation
 from visaug.inspection.material import FAR, FrameGroup
 
 MOST_PLACES = 20_000  # defects listed
-_STRONG = (
-    0.5  # of the variance of the temporal noise: more has the fixed pattern of no ordinary sensor in the dark
-)
-_STRONG_LIT = 0.03  # of the level: photo response non-uniformity is below one or two per cent
-_LEAST_FRAMES = 6  # that tell a pixel of two levels from noise
-_QUIET = 0.05  # of the usual variance: a line with less follows no signal
-_STUCK = 4  # frames in which a pixel has one value while the others have noise
+# of the variance of the temporal noise: more has the fixed pattern of no ordinary sensor in the dark
+_STRONG = 0.5
 _AROUND = 3  # px on either side, that a defect is compared with
-_DRAWS = 8  # times that the frames are dealt anew to the pixels
 _POOL = 200_000  # pixels that tell the law of what noise does
 
 
 def line_defects(look: FrameGroup, axis: str) -> tuple[Finding | None, np.ndarray]:
     """Rows far from their neighbours in the mean frame, or without noise of their own; and which they are."""
-    middle = np.asarray(
-        stats.trim_mean(look.frames.mean(0, dtype=np.float64), 0.1, axis=1)
-    )  # without single pixels
+    # without single pixels
+    middle = np.asarray(stats.trim_mean(look.frames.mean(0, dtype=np.float64), 0.1, axis=1))
     off = _apart(middle)
     height, width = look.shape
     robust = 1.4826 * float(np.median(np.abs(off)))
     scale = max(robust, look.noise_dn / math.sqrt(look.count * width), 0.02)
     # A wave or a bump has tops above both sides, but no higher than lines elsewhere, or next to them, differ.
     change = np.abs(np.diff(middle))
-    aside = np.maximum(
-        np.pad(change, (2, 0))[:-1], np.pad(change, (0, 2))[1:]
-    )  # of the two lines on either side
+    # of the two lines on either side
+    aside = np.maximum(np.pad(change, (2, 0))[:-1], np.pad(change, (0, 2))[1:])
     bad = np.abs(off) > np.maximum(max(FAR * scale, 3 * float(np.quantile(change, 0.9))), 3 * aside)
+    quiet = 0.05  # of the usual variance: a line with less follows no signal
     if look.count > 1:
         own = (look.frames - look.frames.mean(0)).var((0, 2), dtype=np.float64)
-        bad |= own < _QUIET * np.median(own)
+        bad |= own < quiet * np.median(own)
     if not 0 < bad.sum() <= height // 10:
         return None, np.zeros(height, bool)
     which = np.flatnonzero(bad)
@@ -124,17 +118,17 @@ def _standing_out(look: FrameGroup) -> tuple[np.ndarray, np.ndarray]:
         least = (each * sign).min(0)
         far[far] = least > np.maximum(limit, 0.5 * np.abs(pattern[far]))
     still = np.zeros(look.shape, bool)
+    stuck = 4  # frames in which a pixel has one value while the others have noise
     if look.count > 1 and look.noise_variance > 0.5:
-        still = np.ptp(look.frames, axis=0) == 0 if look.count >= _STUCK else still
+        still = np.ptp(look.frames, axis=0) == 0 if look.count >= stuck else still
         still &= pattern < -4 * math.sqrt(look.pattern_variance)
     return far & (pattern > 0), (far & (pattern < 0)) | still
 
 
 def _lone(image: np.ndarray, where: np.ndarray, least: float) -> np.ndarray:
     """Which of the chosen pixels are far from the pixels around them, which change less: a steep slope is no defect."""
-    padded = np.pad(
-        image, _AROUND, mode="reflect", reflect_type="odd"
-    )  # beyond an edge as steep as before it
+    # beyond an edge as steep as before it
+    padded = np.pad(image, _AROUND, mode="reflect", reflect_type="odd")
     around = sliding_window_view(padded, (2 * _AROUND + 1, 2 * _AROUND + 1))[where].reshape(
         int(where.sum()), -1
     )
@@ -157,7 +151,8 @@ def _unstable(look: FrameGroup) -> np.ndarray:
     """
     none = np.zeros(look.shape, bool)
     n = look.count
-    if n < _LEAST_FRAMES:
+    least_frames = 6  # that tell a pixel of two levels from noise
+    if n < least_frames:
         return none
     noise = look.raw.noise_pixels.reshape(n, -1)
     cut = max(1, n // 8)
@@ -165,7 +160,8 @@ def _unstable(look: FrameGroup) -> np.ndarray:
     usual = np.flatnonzero(spread <= np.quantile(spread, 0.995))
     pool = noise[:, usual[:: max(1, len(usual) // _POOL)]]
     rng = np.random.default_rng(0)
-    chance = np.concatenate([_inner_range(rng.permuted(pool, axis=1), cut) for _ in range(_DRAWS)])
+    draws = 8  # times that the frames are dealt anew to the pixels
+    chance = np.concatenate([_inner_range(rng.permuted(pool, axis=1), cut) for _ in range(draws)])
     edge, top = np.quantile(chance, [0.999, 0.9999])
     decay = max((top - edge) / math.log(10), 1e-6)  # exponential beyond
     limit = edge + decay * math.log(1e-3 * spread.size / ALPHA)
@@ -197,20 +193,28 @@ def _defects(look: FrameGroup, what: str, word: str, where: np.ndarray) -> Findi
         f"{' in every frame' if kind else ''}.",
         f"{len(rows)} {word} pixel{plural}",
         look.count * float(np.log1p((heights / max(look.noise_dn, 0.3)) ** 2).sum()),
-        amplitude_dn=typical,
-        low=max(typical - 2 * error, 0.0),
-        high=typical + 2 * error,
-        share=len(rows) / where.size,
-        details={"pixels": len(rows)},
-        places=tuple(
-            (int(r), int(c), word, float(h)) for r, c, h in list(zip(rows, columns, heights))[:MOST_PLACES]
-        ),
+        **_pixels(where, word, heights, typical, error),
         shown={"image": look.raw.mean, "where": where},
     )
 
 
+def _pixels(
+    where: np.ndarray, word: str, heights: np.ndarray, typical: float, error: float
+) -> dict[str, Any]:
+    """What findings of single pixels have in common: size, share and places."""
+    places = list(zip(*np.nonzero(where), heights))[:MOST_PLACES]
+    return {
+        "amplitude_dn": typical,
+        "low": max(typical - 2 * error, 0.0),
+        "high": typical + 2 * error,
+        "share": len(heights) / where.size,
+        "details": {"pixels": len(heights)},
+        "places": tuple((int(r), int(c), word, float(h)) for r, c, h in places),
+    }
+
+
 def _jumps(look: FrameGroup, where: np.ndarray) -> Finding | None:
-    rows, columns = np.nonzero(where)
+    rows = np.nonzero(where)[0]
     if not len(rows):
         return None
     noise = look.raw.noise_pixels[:, where]
@@ -226,14 +230,7 @@ def _jumps(look: FrameGroup, where: np.ndarray) -> Finding | None:
         "apart from frame to frame.",
         f"{len(rows)} unstable pixel{plural}",
         float(np.log1p((noise / max(look.noise_dn, 0.3)) ** 2).sum()),
-        amplitude_dn=typical,
-        low=max(typical - 2 * error, 0.0),
-        high=typical + 2 * error,
-        share=len(rows) / where.size,
-        details={"pixels": len(rows)},
-        places=tuple(
-            (int(r), int(c), "unstable", float(h)) for r, c, h in list(zip(rows, columns, size))[:MOST_PLACES]
-        ),
+        **_pixels(where, "unstable", size, typical, error),
         shown={"frames": look.frames, "where": where},
     )
 
@@ -251,7 +248,8 @@ def _pattern(look: FrameGroup) -> Finding | None:
     size = pixel_pattern(look)
     level = float(look.data.level)
     strong = size["low"] ** 2 > _STRONG * look.noise_variance
-    if not strong or (look.is_lit and size["low"] < _STRONG_LIT * level):
+    strong_lit = 0.03  # of the level: photo response non-uniformity is below one or two per cent
+    if not strong or (look.is_lit and size["low"] < strong_lit * level):
         return None
     value = size["amplitude_dn"]
     return Finding(

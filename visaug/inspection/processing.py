@@ -15,11 +15,8 @@ from visaug.pictures.files import largest_group, quality_of
 _FAR = 6  # px, at which noise of neighbours is not shared by optics, pixels or filters
 _SIDE = 8  # px, of a block of JPEG
 _STEPS = np.arange(2, 61)  # of JPEG's rounding, that pixels in whole DN can show
-_MOST_BLOCKS = 1000
-_OF_NO_LINE = (np.arange(1, _SIDE**2) >= _SIDE) & (
-    np.arange(1, _SIDE**2) % _SIDE > 0
-)  # that rows and columns do not reach
-_ROUNDED = 0.25  # of the characteristic function at 1/step, above which coefficients are multiples of it
+# that rows and columns do not reach
+_OF_NO_LINE = (np.arange(1, _SIDE**2) >= _SIDE) & (np.arange(1, _SIDE**2) % _SIDE > 0)
 _COEFFICIENTS = 4  # of 49, that are so
 _TOLD = 0.5  # DN of noise, below which rounding hides its law
 _MANY = 0.05  # of the pixels: more are no defects
@@ -234,9 +231,10 @@ def _by_pixels(look: FrameGroup) -> tuple[tuple[int, int], float, int, float] | 
     still = np.array([np.mean(np.abs(_coefficients(look, *place)) < 0.5) for place in places])
     order = np.argsort(-still)
     usual = np.median([_characteristic(look, *places[k]) for k in order[_SIDE :: _SIDE * 2]], axis=0)
+    rounded = 0.25  # of the characteristic function at 1/step, above which coefficients are multiples of it
     for place in dict.fromkeys([(0, 0), places[order[0]]]):
         excess = _characteristic(look, *place) - usual
-        which = np.flatnonzero((excess.max(1) > _ROUNDED) & _OF_NO_LINE)
+        which = np.flatnonzero((excess.max(1) > rounded) & _OF_NO_LINE)
         if len(which) >= _COEFFICIENTS:
             steps = _STEPS[excess[which].argmax(1)]
             return place, float(np.median(steps)), len(which), 2e3 * len(which)
@@ -246,12 +244,13 @@ def _by_pixels(look: FrameGroup) -> tuple[tuple[int, int], float, int, float] | 
 def _coefficients(look: FrameGroup, down: int, across: int) -> np.ndarray:
     """(blocks, 63) coefficients of 8 x 8 blocks of the first frames on one place of the grid, without the mean."""
     height, width = ((n - k) // _SIDE for n, k in zip(look.shape, (down, across)))
-    take = max(1, min(look.count, _MOST_BLOCKS // (height * width)))
+    most_blocks = 1000
+    take = max(1, min(look.count, most_blocks // (height * width)))
     part = look.frames[:take, down : down + height * _SIDE, across : across + width * _SIDE]
     blocks = (
         part.reshape(take, height, _SIDE, width, _SIDE).transpose(0, 1, 3, 2, 4).reshape(-1, _SIDE, _SIDE)
     )
-    blocks = blocks[:: -(-len(blocks) // _MOST_BLOCKS)]
+    blocks = blocks[:: -(-len(blocks) // most_blocks)]
     return np.asarray(fft.dctn(blocks, axes=(1, 2), norm="ortho")).reshape(len(blocks), -1)[:, 1:]
 
 

@@ -23,11 +23,6 @@ from visaug.inspection.pixels import line_defects, pixel_findings, pixel_pattern
 from visaug.inspection.processing import compression, noise_law, processing_findings
 from visaug.inspection.result import Inspection, Measurement
 
-_MOST_LOOKS = 6  # groups of frames inspected, spread over kinds and levels
-_SAME_PERIOD = 0.03  # relative, of one banding in two groups
-_STEEPER = 1.5  # times as strong in light as in the dark, from which a pattern is a gain
-_FEW = 8  # frames below which more tell more
-
 
 def inspect(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -> Inspection:
     """What pattern is in these frames; no camera file, exposure or calibrated light is needed.
@@ -103,7 +98,8 @@ def _chosen(groups: list[FrameGroup]) -> list[FrameGroup]:
     """At most so many groups: of each kind that of the most frames, then by their number."""
     first = {look.kind: look for look in reversed(groups)}
     ordered = [*first.values(), *(look for look in groups if look is not first[look.kind])]
-    kept = ordered[:_MOST_LOOKS]
+    most_looks = 6  # groups of frames inspected, spread over kinds and levels
+    kept = ordered[:most_looks]
     return sorted(kept, key=lambda look: groups.index(look))
 
 
@@ -172,7 +168,8 @@ def _is_same(one: Finding, other: Finding) -> bool:
     alike &= (one.what, one.kind, one.axis) == (other.what, other.kind, other.axis)
     if one.period is None or other.period is None:
         return alike
-    return alike and abs(math.log(one.period / other.period)) < _SAME_PERIOD
+    same_period = 0.03  # relative, of one banding in two groups
+    return alike and abs(math.log(one.period / other.period)) < same_period
 
 
 _NATURED = (
@@ -196,7 +193,8 @@ def _with_nature(
     uniform = sorted((look for look, _ in parts if look.is_uniform), key=lambda look: look.data.level)
     size = {id(look): f.amplitude_dn or 0.0 for look, f in same}
     dim, bright = size.get(id(uniform[0]), 0.0), size.get(id(uniform[-1]))
-    nature = "gain" if bright is not None and bright > _STEEPER * dim else "offset"
+    steeper = 1.5  # times as strong in light as in the dark, from which a pattern is a gain
+    nature = "gain" if bright is not None and bright > steeper * dim else "offset"
     text = "it grows with the light: a gain" if nature == "gain" else "it is as large in the dark: an offset"
     return replace(finding, nature=nature, text=f"{finding.text[:-1]}; {text}.")
 
@@ -259,9 +257,10 @@ def _more(groups: list[FrameGroup]) -> list[str]:
     kinds = {look.kind for look in groups}
     most = max(look.count for look in groups)
     said = []
-    if most < _FEW:
+    few = 8  # frames below which more tell more
+    if most < few:
         said.append(
-            f"{_FEW} frames or more of the same exposure: unstable pixels, the phase of banding, drift"
+            f"{few} frames or more of the same exposure: unstable pixels, the phase of banding, drift"
         )
     if not kinds & {"dark", "bias"}:
         said.append("dark frames (lens capped): offsets, read noise and black level without the light's part")

@@ -10,18 +10,6 @@ from scipy import optimize, stats
 
 from visaug.inspection.finding import needed
 
-EXPONENTS = (
-    0.7,
-    1.0,
-    1.4,
-    2.0,
-    3.0,
-)  # of the rise: 1 for flicker noise, 2 for a random walk or the tail of a bump
-_OUTLYING = 2e-3  # probability of a bin from which it is taken for a line and left out of the continuum
-_DECADES = 4  # of power, over which that of a line is spread evenly by its logarithm
-_RARE = 0.01  # share of the frequencies that are lines, beforehand
-_ROUNDS = 12
-
 
 @dataclass(frozen=True)
 class Continuum:
@@ -89,13 +77,16 @@ def _settled(
 ) -> tuple[float, Continuum]:
     """The fit to the bins that are no lines above it, and its log likelihood, in which lines may have any power."""
     usual, found = use, None
+    outlying = 2e-3  # probability of a bin from which it is taken for a line and left out of the continuum
     for _ in range(3):
-        usual = use & (stats.gamma.sf(power * shape / np.maximum(level, 1e-12), shape) > _OUTLYING)
+        usual = use & (stats.gamma.sf(power * shape / np.maximum(level, 1e-12), shape) > outlying)
         found = _fit(j[usual], power[usual], shape, floors, floors[usual])
         level = np.maximum(found.at(j), 1e-12)
     assert found is not None
     told = stats.gamma.logpdf(power, shape, scale=level / shape)
-    lines = -np.log(np.maximum(power, 1e-12)) + math.log(_RARE / (_DECADES * math.log(10)))
+    decades = 4  # of power, over which that of a line is spread evenly by its logarithm
+    rare = 0.01  # share of the frequencies that are lines, beforehand
+    lines = -np.log(np.maximum(power, 1e-12)) + math.log(rare / (decades * math.log(10)))
     return float(np.where(usual, told, lines)[use].sum()), found
 
 
@@ -107,11 +98,13 @@ def _fit(j: np.ndarray, power: np.ndarray, shape: float, floors: np.ndarray, flo
     ones = np.ones(len(j))
     fits = {"floor": _fitted(power, np.zeros((len(j), 0)), floor, shape)}
     fits["white"] = _fitted(power, ones[:, None], floor, shape)
-    risen = [(_fitted(power, np.stack([ones, j**-a], 1), floor, shape), a) for a in EXPONENTS]
+    # of the rise: 1 for flicker noise, 2 for a random walk or the tail of a bump
+    exponents = (0.7, 1.0, 1.4, 2.0, 3.0)
+    risen = [(_fitted(power, np.stack([ones, j**-a], 1), floor, shape), a) for a in exponents]
     (best, coefficients), exponent = max(risen, key=lambda fit: fit[0][0])
     alone = _fitted(power, (j**-exponent)[:, None], floor, shape)[0]
     gain_rise = 2 * (best - fits["white"][0])
-    if gain_rise < needed(len(EXPONENTS), 2):  # a white spectrum is enough
+    if gain_rise < needed(len(exponents), 2):  # a white spectrum is enough
         white = float(fits["white"][1][0])
         gain = 2 * (fits["white"][0] - fits["floor"][0])
         return Continuum(floors, white, 0.0, 1.0, gain, gain_rise, len(j), shape)
@@ -128,7 +121,8 @@ def _fitted(
     least = np.maximum(floor, 1e-9 * float(power.mean()) + 1e-12)
     level = np.maximum(float(power.mean()), least)
     x = np.zeros(design.shape[1])
-    for _ in range(_ROUNDS if design.shape[1] else 0):
+    rounds = 12
+    for _ in range(rounds if design.shape[1] else 0):
         weight = 1 / level
         x, _ = optimize.nnls(design * weight[:, None], (power - floor) * weight)
         level = np.maximum(floor + design @ x, least)
@@ -146,9 +140,8 @@ def tapered(lines: np.ndarray) -> np.ndarray:
     return (lines - lines.mean(-1, keepdims=True)) * (window / math.sqrt(np.mean(window**2)))
 
 
-FINER = (
-    2  # frequencies looked at for each that a frame resolves: an oscillation between two bins loses little
-)
+# frequencies looked at for each that a frame resolves: an oscillation between two bins loses little
+FINER = 2
 
 
 def fine_spectrum(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

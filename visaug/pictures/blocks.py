@@ -315,8 +315,7 @@ def _flat_ones(low: np.ndarray, sums: np.ndarray, rounding: Rounding) -> tuple[n
         if not len(kept):
             return kept, variance, np.inf
         variance = rounding.variance(sums[kept].sum(0), per_block * len(kept))
-    cut = (
-        stats.chi2.cdf(stats.chi2.ppf(0.9, count), count + 2) / 0.9
-    )  # mean of a chi-square below its 90 % quantile, per degree
+    # mean of a chi-square below its 90 % quantile, per degree
+    cut = stats.chi2.cdf(stats.chi2.ppf(0.9, count), count + 2) / 0.9
     structure = low[kept].mean() / rounding.chosen_mean(variance) / cut - 1
     return kept, variance, max(float(structure), 0.0)

@@ -35,10 +35,7 @@ _NO_CAMERA = (
     "dsnu.column_e",
     "prnu.pixel",
 )
-_FEWEST_LEVELS = 4
 _MISFIT = 2.0  # times the errors of the levels
-_CUT = 3.0  # standard deviations of noise above code 0
-_UNKNOWN = 3.0  # an interval of the gain wider than this factor either way is no measurement
 
 
 def camera_of_pictures(found: Findings, frames: FrameSet, seed: int) -> tuple[int, int] | None:
@@ -131,7 +128,8 @@ def _noise_in_dn(found: Findings, pictures: PictureSet, levels: Levels, rounding
 def _camera(
     found: Findings, pictures: PictureSet, blocks: Blocks, levels: Levels, rounding: Rounding
 ) -> tuple[int, int] | None:
-    if len(levels.level) < _FEWEST_LEVELS or np.ptp(levels.level) < 20:
+    fewest_levels = 4
+    if len(levels.level) < fewest_levels or np.ptp(levels.level) < 20:
         _no_camera(found, "flat regions at several levels")
         found.warn(
             "one_level: flat regions lie at one level only; without a slope there is no gain, and no camera"
@@ -141,17 +139,18 @@ def _camera(
     if sky:
         whole = (sky.level - sky.reach, sky.level + sky.reach)
         levels = noise_by_level(blocks, rounding, len(pictures), whole)
-    if pictures.is_jpeg and sky and sky.level < _CUT * math.sqrt(levels.variance[0]):
+    cut = 3.0  # standard deviations of noise above code 0
+    if pictures.is_jpeg and sky and sky.level < cut * math.sqrt(levels.variance[0]):
         # A decoder cuts what JPEG has moved below 0, so noise there follows no law of the sensor.
-        levels, sky = levels.above(_CUT), None
+        levels, sky = levels.above(cut), None
         found.warn(
             "black_cut_by_jpeg: black lies at code 0 and JPEG cuts its noise again; noise near black is left out"
         )
-        if len(levels.level) < _FEWEST_LEVELS:
+        if len(levels.level) < fewest_levels:
             _no_camera(found, "flat regions at several levels")
             return None
     levels, sky = _without_rounded(found, levels, rounding, sky)
-    if len(levels.level) < _FEWEST_LEVELS:
+    if len(levels.level) < fewest_levels:
         _no_camera(found, "flat regions at several levels whose noise JPEG has not rounded away")
         return None
     start = VarianceLaw(
@@ -175,7 +174,8 @@ def _camera(
         return None
     best = readings[0]
     low, high = min(r.gain[1] for r in readings), max(r.gain[2] for r in readings)
-    if not (high < _UNKNOWN**2 * low and math.isfinite(high)):
+    unknown = 3.0  # an interval of the gain wider than this factor either way is no measurement
+    if not (high < unknown**2 * low and math.isfinite(high)):
         _no_camera(found, "more pictures, or flat regions over a wider range of levels")
         found.warn(
             f"gain_unknown: the gain lies between {low:.3g} and {high:.3g} e-/DN; that is no measurement"

@@ -30,7 +30,6 @@ from visaug.statistics.tail import SIGNIFICANT
 if TYPE_CHECKING:
     from visaug.camera import Camera
 
-_FEWEST = 5  # pictures of a set
 _CLEAN = 0.1  # share by which low coefficients may exceed the noise where a level counts
 _COLUMNS = ["view", "statistic", "unit", "measured", "modelled", "standard_deviation", "z"]
 
@@ -141,7 +140,7 @@ def compare_pictures(
         name: {
             "level_dn": s.levels.level,
             "noise_dn": np.sqrt(s.levels.variance),
-            "error_dn": _noise_error(s),
+            "error_dn": np.sqrt(s.levels.variance) * s.levels.error / 2,
         }
         for name, s in zip(("renders", "target"), sets, strict=True)
     }
@@ -172,19 +171,16 @@ def _prepared(name: str, frames: FrameSet, seed: int, warnings: list[str]) -> _S
     if not any(r.kind == "image" for r in frames.records):
         raise InputError("holds no ordinary pictures", field=name, expected="a folder of pictures")
     pictures = largest_group(frames, lambda text: warnings.append(f"{text} ({name})"))
-    if len(pictures) < _FEWEST:
+    fewest = 5  # pictures of a set
+    if len(pictures) < fewest:
         raise InputError(
             f"too few pictures of one kind: {len(pictures)}",
             field=name,
-            expected=f"{_FEWEST} or more of one size",
+            expected=f"{fewest} or more of one size",
         )
     blocks, _ = sample(pictures, seed)
     rounding = Rounding(pictures.steps, pictures.is_jpeg)
     return _Set(pictures, noise_by_level(blocks, rounding, len(pictures)), rounding)
-
-
-def _noise_error(one: _Set) -> np.ndarray:
-    return np.sqrt(one.levels.variance) * one.levels.error / 2
 
 
 def _noise(renders: _Set, target: _Set) -> list[StatisticDifference]:

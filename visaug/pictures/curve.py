@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import optimize, special
 
-_MOST_CODES = 1023  # that are summed; finer ones differ by the variance of rounding alone
 _LEVELS = 255 * np.linspace(0, 1, 140) ** 2
 TONES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "linear": lambda y: y,
@@ -36,7 +35,8 @@ class VarianceLaw:
 
     def developed(self) -> tuple[np.ndarray, np.ndarray]:
         """Mean and variance of the picture's value, in 1/255, at each of `_LEVELS` of light."""
-        codes = min(self.codes, _MOST_CODES)
+        most_codes = 1023  # that are summed; finer ones differ by the variance of rounding alone
+        codes = min(self.codes, most_codes)
         step = 255 / codes
         k = np.arange(1, codes + 1)
         threshold = 255 * TONES[self.tone]((k - 0.5) / codes)

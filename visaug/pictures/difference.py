@@ -13,8 +13,6 @@ from visaug.pictures.looks import measured
 from visaug.pictures.regions import find_regions
 from visaug.pictures.scenes import chosen_of, read_windows
 
-_BUDGET = 8_000_000  # pixels of a set that are looked at
-
 
 @dataclass(frozen=True)
 class StatisticDifference:
@@ -60,8 +58,9 @@ def difference(
 def look_differences(renders: PictureSet, target: PictureSet) -> list[StatisticDifference]:
     """What the cameras of two sets make of black, bright and flat areas and of edges: statistics that both sets tell."""
     sides = []
+    budget = 8_000_000  # pixels of a set that are looked at
     for pictures in (target, renders):
-        chosen, window = chosen_of(pictures, _BUDGET)
+        chosen, window = chosen_of(pictures, budget)
         taken = read_windows(pictures, chosen, window)
         regions = find_regions(taken, 255.0, Rounding(pictures.steps, pictures.is_jpeg))
         found = measured(taken, regions)

@@ -20,14 +20,8 @@ from visaug.pictures.symmetry import FEWEST, Sums, area_sums
 _U, _V = np.indices((SIDE, SIDE))
 _FINE, _COARSE = INNER & (_U + _V > 9), INNER & (_U + _V > 4) & (_U + _V < 8)
 _ACROSS, _DOWN = INNER & (_U + _V > 4) & (_V > _U), INNER & (_U + _V > 4) & (_U > _V)
-_CONTRAST = 40.0  # 1/255 of full scale: an edge stands clear of the noise
-_REACH = 4  # px on either side of an edge
 _ALONG = 0.3  # slope along an edge, as a share of that across it
-_SHARPEST = 0.8  # quantile: blunt edges are the scene's, the sharpest are the camera's
 _HALOS = (4, 12)  # px
-_STREAK = 16  # px
-_PILE = 5.0  # times as many pixels at the highest code as at those below
-_OUTLYING = 5.0  # robust standard deviations at which steps between pixels are cut
 
 
 @dataclass(frozen=True)
@@ -72,9 +66,8 @@ def _texture(pictures: np.ndarray, regions: Regions) -> float:
         coefficients = blocks_of(picture)[0][regions.lit[n] >= 0]
         power += [(coefficients[:, which] ** 2).mean(1).sum() for which in (CHOICE, NOISE)]
     count = np.count_nonzero(CHOICE)
-    kept = (
-        stats.chi2.cdf(stats.chi2.ppf(0.9, count), count + 2) / 0.9
-    )  # of a chi-square below its 90 % quantile
+    # of a chi-square below its 90 % quantile
+    kept = stats.chi2.cdf(stats.chi2.ppf(0.9, count), count + 2) / 0.9
     return max(float(power[0] / power[1] / kept - 1), 0.0) if power[1] > 0 else 0.0
 
 
@@ -94,7 +87,8 @@ def _saturation(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarra
         )
         for k, w in ((1, 1), (11, 10))
     )
-    told = (at >= 20) & (at > _PILE * below / 10)
+    pile = 5.0  # times as many pixels at the highest code as at those below
+    told = (at >= 20) & (at > pile * below / 10)
     return np.where(told, top, 0.0), told.astype(float)
 
 
@@ -113,10 +107,11 @@ def _noise_ratio(above: np.ndarray, below: np.ndarray):
 def _blocking(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray]:
     """Squared steps between the pixels at the borders of blocks of 8 x 8, over those in their middles."""
     above, below = np.zeros(len(pictures)), np.zeros(len(pictures))
+    outlying = 5.0  # robust standard deviations at which steps between pixels are cut
     for axis in (1, 2):
         step = np.diff(pictures, axis=axis).swapaxes(1, axis)
         scale = 1.4826 * np.median(np.abs(step[:, ::3, ::5]), axis=(1, 2))[:, None, None] + 0.5
-        square = np.clip(step / scale, -_OUTLYING, _OUTLYING) ** 2
+        square = np.clip(step / scale, -outlying, outlying) ** 2
         above += square[:, SIDE - 1 :: SIDE].mean((1, 2))
         below += square[:, SIDE // 2 - 1 :: SIDE].mean((1, 2))
     return above, below
@@ -125,10 +120,11 @@ def _blocking(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray]
 def _sharpness(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray]:
     """Steepest slope per pixel of edges over their whole height, of the sharpest fifth of edges along either axis."""
     found = []
+    sharpest = 0.8  # quantile: blunt edges are the scene's, the sharpest are the camera's
     for picture in pictures:
         ratios = [_edges(p) for p in (picture, picture.T)]
         ratios = np.concatenate(ratios)
-        found.append(np.quantile(ratios, _SHARPEST) if len(ratios) >= 20 else np.nan)
+        found.append(np.quantile(ratios, sharpest) if len(ratios) >= 20 else np.nan)
     told = np.isfinite(found)
     return np.where(told, found, 0.0), told.astype(float)
 
@@ -138,12 +134,14 @@ def _edges(picture: np.ndarray) -> np.ndarray:
     slope = np.gradient(picture, axis=1)
     along = np.gradient(picture, axis=0)
     size = np.abs(slope)
-    height = ndimage.maximum_filter1d(picture, 2 * _REACH + 1, axis=1) - ndimage.minimum_filter1d(
-        picture, 2 * _REACH + 1, axis=1
+    reach = 4  # px on either side of an edge
+    height = ndimage.maximum_filter1d(picture, 2 * reach + 1, axis=1) - ndimage.minimum_filter1d(
+        picture, 2 * reach + 1, axis=1
     )
-    steepest = size >= ndimage.maximum_filter1d(size, 2 * _REACH + 1, axis=1)
-    edge = steepest & (height > _CONTRAST) & (np.abs(along) < _ALONG * size)
-    edge[:, :_REACH] = edge[:, -_REACH:] = False
+    steepest = size >= ndimage.maximum_filter1d(size, 2 * reach + 1, axis=1)
+    contrast = 40.0  # 1/255 of full scale: an edge stands clear of the noise
+    edge = steepest & (height > contrast) & (np.abs(along) < _ALONG * size)
+    edge[:, :reach] = edge[:, -reach:] = False
     return size[edge] / height[edge]
 
 
@@ -158,11 +156,10 @@ def _halo(width: int):
 
 def _streak(pictures: np.ndarray, regions: Regions) -> tuple[np.ndarray, np.ndarray]:
     """The same for light smeared along columns less light smeared along rows."""
+    streak = 16  # px
 
     def smeared(light: np.ndarray) -> np.ndarray:
-        return ndimage.gaussian_filter(light, (0, _STREAK, 0)) - ndimage.gaussian_filter(
-            light, (0, 0, _STREAK)
-        )
+        return ndimage.gaussian_filter(light, (0, streak, 0)) - ndimage.gaussian_filter(light, (0, 0, streak))
 
     return _scattered(pictures, regions, smeared)
 

@@ -35,7 +35,6 @@ TOGETHER = 300_000  # pixels that go through the chain at a time
 PLACE = "regions of pictures"
 SLOW = 8.0  # px: standard deviation of a Gaussian; shading is slower, blur is faster
 GIVEN, OWN_SEED = 8, 2**40  # takes by the camera file that tell its symmetries, and the first of their seeds
-STRONGEST = 4.0  # by which light is raised or lowered to come to a scene's level
 IS_FALLOFF = np.array([statistic.view == "falloff" for statistic in STATISTICS])
 
 
@@ -138,9 +137,8 @@ class PicturePart:
         rank = rng.random(len(variance))
         signs = rng.choice([-1.0, 1.0], len(self.scenes.numbers))[chosen]
         by_chance = signs @ pictured.deviations + expectation
-        by_chance /= np.sqrt(
-            stats.chi2.ppf(rank, freedom) / freedom
-        )  # as wide as an error that few pictures tell
+        # as wide as an error that few pictures tell
+        by_chance /= np.sqrt(stats.chi2.ppf(rank, freedom) / freedom)
         own = self._behind_the_lens(pictures, shaded, chosen).ratio
         given = np.zeros_like(own) if self.given is None else self.given.of(chosen).ratio
         return self._as_normal(own - given + by_chance, chosen)
@@ -266,7 +264,8 @@ class PicturePart:
         slow = [
             torch.from_numpy(ndimage.gaussian_filter(x.numpy(), (0, 0, SLOW, SLOW))) for x in (light, passed)
         ]
-        through = (slow[0] / slow[1].clamp_min(1e-6)).clamp(1 / STRONGEST, STRONGEST)
+        strongest = 4.0  # by which light is raised or lowered to come to a scene's level
+        through = (slow[0] / slow[1].clamp_min(1e-6)).clamp(1 / strongest, strongest)
         s = self.scenes
         dark = torch.tensor(s.black / 255)
         dark = srgb_to_linear(dark) if s.transfer == "srgb" else dark
@@ -290,11 +289,7 @@ class PicturePart:
 
 
 def picture_part(
-    frames: FrameSet,
-    camera: Camera,
-    transfer: str,
-    scenes: FrameSet | None,
-    warn: Callable[[str], object],
+    frames: FrameSet, camera: Camera, transfer: str, scenes: FrameSet | None, warn: Callable[[str], object]
 ) -> tuple[PicturePart, Selection]:
     """The pictures of a set as a part, and which of them and what window are used.
 

@@ -16,9 +16,7 @@ from visaug.pictures.blocks import LINE, NOISE, Levels, Rounding, blocks_of, is_
 from visaug.pictures.curve import Sky, VarianceLaw
 from visaug.pictures.files import PictureSet
 
-_EDGE = 8.0  # low coefficients of a line above this many medians are an edge of the scene
 _LIT = 10.0  # light, in 1/255 of full scale, from which a place tells of its response
-_DARK = 4.0  # squared light below which a response adds nothing to offsets
 
 
 @dataclass(frozen=True)
@@ -149,10 +147,11 @@ def _dark_and_response(plain: _Places, lit: _Places) -> tuple[VariancePart | Non
     if first is None:
         return None, None
     value, offset, light = first
+    dark = 4.0  # squared light below which a response adds nothing to offsets
     if second is None or second[2] <= 0:
         return (
             (VariancePart(value.variance / offset, value.error / offset), None)
-            if light < _DARK * offset
+            if light < dark * offset
             else (None, None)
         )
     shares = np.array([[offset, light], second[1:]])
@@ -188,8 +187,9 @@ class _Lines:
             linear, flat, usable = linear.transpose(1, 0, 3, 2), flat.T, usable.T
         line = linear[..., 0]  # (R, C, 8): vertical frequencies
         low = (line[..., 1:4] ** 2).mean(-1)
+        edge = 8.0  # low coefficients of a line above this many medians are an edge of the scene
         if flat.any():
-            flat = flat & (low < _EDGE * np.median(low[flat]))
+            flat = flat & (low < edge * np.median(low[flat]))
         values = line[..., LINE & usable[:, 0]] * flat[..., None]
         if not values.shape[-1]:
             return

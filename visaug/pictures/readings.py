@@ -85,11 +85,6 @@ def readings_of(curve: NoiseCurve, start: VarianceLaw) -> list[Reading]:
     return [_reading(law, chi, curve) for law, chi in allowed]
 
 
-def _misfit(chi: float, curve: NoiseCurve) -> float:
-    parameters = 3 if curve.sky else 2
-    return math.sqrt(max(chi / max(len(curve.levels.level) - parameters, 1), 1.0))
-
-
 def _with_contrast(law: VarianceLaw, chi: float, curve: NoiseCurve) -> VarianceLaw | None:
     """The law with a part that grows with the square of light, as texture of one contrast does, beyond the pixels' response.
 
@@ -136,7 +131,8 @@ def _figures(law: VarianceLaw, fixed: float) -> np.ndarray:
 
 def _reading(law: VarianceLaw, chi: float, curve: NoiseCurve) -> Reading:
     scale, fixed = curve.pictures.scale, _deviation(curve.pattern.pixel) ** 2
-    textured, misfit = _with_contrast(law, chi, curve), _misfit(chi, curve)
+    freedom = max(len(curve.levels.level) - (3 if curve.sky else 2), 1)
+    textured, misfit = _with_contrast(law, chi, curve), math.sqrt(max(chi / freedom, 1.0))
     contrast = textured.prnu if textured else 0.0
     gain, read, black = _with_ends(law, curve, fixed, misfit, textured)
     if curve.sky is not None:

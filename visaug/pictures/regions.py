@@ -27,16 +27,10 @@ from visaug.pictures.blocks import (
 
 SMOOTH = 2.5  # blocks: standard deviation of the Gaussian that takes stray light off the sky
 _FAR = 4.0  # robust standard deviations of the sky's blocks
-_LEAST_DN = 0.5
 _MOST_DN = 15.0  # of the sky's spread: more is no sky
-_LEAST_SHARE = 0.05  # of all blocks
-_LIT_SHARE = 0.01  # of all blocks: where fewer are brighter than the rest, all pictures are of one level
 _AGREE = 0.3  # of the pictures that show sky at a place
-_ENOUGH = 10  # pictures for that
 _STRUCTURE = 1.5  # low coefficients of a sky exceed high ones by no more than this
-_EDGE = 8.0  # low coefficients of a line above this many medians are an edge of the scene
 _CLASSES = 3  # of lit blocks, by level
-_FEWEST = 40  # blocks of a class
 _U, _V = np.indices((SIDE, SIDE))
 KEPT = _U + _V > 4  # coefficients that the choice does not look at
 
@@ -83,8 +77,10 @@ def find_regions(
     coefficients, level, usable = (np.stack(part) for part in zip(*parts, strict=True))
     usable &= _highest(pictures) < saturated
     sky, spread = _sky(coefficients, level)
-    if sky is not None and (black is None or sky > black + _MOST_DN) and not _is_told(level, sky, spread):
-        sky = None
+    lit_share = 0.01  # of all blocks: where fewer are brighter than the rest, all pictures are of one level
+    if sky is not None and (black is None or sky > black + _MOST_DN):
+        lit = np.mean(level > sky + _FAR * spread) >= lit_share  # pictures of one level may be of any
+        sky = sky if lit else None
     around = np.ones((1, 3, 3), bool)
     near = level < (_level_at(level, sky, spread) + _FAR * spread if sky is not None else -np.inf)
     dark = ndimage.binary_erosion(near, around, border_value=1)
@@ -109,25 +105,22 @@ def _sky(coefficients: np.ndarray, level: np.ndarray) -> tuple[float | None, flo
     """
     flat = level.ravel()
     limit = np.quantile(flat, 0.2)
+    least_dn = 0.5
     for _ in range(20):
         inside = flat[flat <= limit]
         middle = float(np.median(inside))
-        spread = max(1.4826 * float(np.median(np.abs(inside - middle))), _LEAST_DN)
+        spread = max(1.4826 * float(np.median(np.abs(inside - middle))), least_dn)
         limit, before = middle + _FAR * spread, limit
         if abs(limit - before) < 1e-6:
             break
     dark = level <= limit
-    if dark.mean() < _LEAST_SHARE or spread > _MOST_DN:
+    least_share = 0.05  # of all blocks
+    if dark.mean() < least_share or spread > _MOST_DN:
         return None, 0.0
     low, high = (float(np.median((coefficients[dark][:, which] ** 2).mean(1))) for which in (CHOICE, NOISE))
     if high == 0 or low > _STRUCTURE * high + 0.1:  # all of one code, or with structure
         return None, 0.0
     return middle, spread
-
-
-def _is_told(level: np.ndarray, sky: float, spread: float) -> bool:
-    """Whether something is brighter than the sky; pictures of one level may be of any."""
-    return bool(np.mean(level > sky + _FAR * spread) >= _LIT_SHARE)
 
 
 def _level_at(level: np.ndarray, sky: float, spread: float) -> np.ndarray:
@@ -136,7 +129,8 @@ def _level_at(level: np.ndarray, sky: float, spread: float) -> np.ndarray:
     Halves and columns of a sensor may differ by more than the noise; what recurs at a place is no dim part of a scene.
     """
     least, common = (np.quantile(level, q, axis=0) for q in (0.05, _AGREE))
-    agree = (common - least < _FAR * spread) & (common < sky + _MOST_DN) & (len(level) >= _ENOUGH)
+    enough = 10  # pictures for that
+    agree = (common - least < _FAR * spread) & (common < sky + _MOST_DN) & (len(level) >= enough)
     return np.where(agree, common, sky)
 
 
@@ -147,15 +141,17 @@ def _without_structure(
     if not len(levels.level) or not lit.any():
         return np.zeros(lit.shape, bool)
     flat = lit & is_flat(coefficients, levels.variance_at(level), rounding)
+    edge = 8.0  # low coefficients of a line above this many medians are an edge of the scene
     for line in (coefficients[..., 1:4, 0], coefficients[..., 0, 1:4]):
         power = (line**2).mean(-1)
-        flat &= power < _EDGE * np.median(power[flat]) if flat.any() else False
+        flat &= power < edge * np.median(power[flat]) if flat.any() else False
     return flat
 
 
 def _by_level(dark: np.ndarray, lit: np.ndarray, level: np.ndarray, sky: float | None) -> Regions:
     classes = np.full(lit.shape, -1)
-    count = min(_CLASSES, int(lit.sum()) // _FEWEST)
+    fewest = 40  # blocks of a class
+    count = min(_CLASSES, int(lit.sum()) // fewest)
     levels = []
     if count:
         edges = np.quantile(level[lit], np.linspace(0, 1, count + 1)[1:-1])

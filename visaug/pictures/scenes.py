@@ -22,14 +22,7 @@ from visaug.statistics.subsample import Selection
 
 BUDGET = 1_200_000  # pixels of a set
 MOST = 60  # pictures
-FEWEST = 6
 SATURATED = 0.97  # of the level at which the camera saturates
-BEYOND = (
-    10**0.5
-)  # light of a saturated pixel over what saturates: not known, between 1 and 10 on a logarithmic scale
-_RENDERS = 12  # pictures that tell whether there is any noise
-_OWN = 3.0  # px: standard deviation of the Gaussian that smooths a flat region
-_REST = 0.7
 
 
 @dataclass(frozen=True)
@@ -65,11 +58,7 @@ class Scenes:
 
 
 def scenes_of(
-    frames: FrameSet,
-    camera: Camera,
-    transfer: str,
-    scenes: FrameSet | None,
-    warn: Callable[[str], object],
+    frames: FrameSet, camera: Camera, transfer: str, scenes: FrameSet | None, warn: Callable[[str], object]
 ) -> tuple[Scenes, np.ndarray, Selection]:
     """The scenes of a set of pictures, the pictures (n, H, W) in 1/255 of full scale, and which of them and what window are used.
 
@@ -83,11 +72,12 @@ def scenes_of(
         NoSensorNoise: the pictures are renders or screenshots.
     """
     pictures = largest_group(frames, warn)
-    if len(pictures) < FEWEST:
+    fewest = 6
+    if len(pictures) < fewest:
         raise InputError(
             f"only {len(pictures)} picture{'s' * (len(pictures) != 1)} of this size",
             field="frames",
-            expected=f"at least {FEWEST} of one size",
+            expected=f"at least {fewest} of one size",
         )
     if pictures.top_dn >= 2**camera.bit_depth:
         raise InputError(
@@ -137,9 +127,8 @@ def scenes_of(
 
 
 def _refuse_renders(pictures: PictureSet, chosen: np.ndarray, rounding: Rounding) -> None:
-    few = replace(
-        pictures, indices=tuple(pictures.indices[n] for n in chosen[:: -(-len(chosen) // _RENDERS)])
-    )
+    renders = 12  # pictures that tell whether there is any noise
+    few = replace(pictures, indices=tuple(pictures.indices[n] for n in chosen[:: -(-len(chosen) // renders)]))
     blocks, _ = sample(few, 0)
     if is_rendered(blocks, noise_by_level(blocks, rounding, len(few)), rounding):
         raise NoSensorNoise(f"{no_noise(pictures)}; there is no camera to compare with")
@@ -193,10 +182,12 @@ def _saturation(camera: Camera, pictures: np.ndarray, transfer: str) -> float:
 
 def smooth_scenes(pictures: np.ndarray, regions: Regions) -> np.ndarray:
     """The scenes behind pictures: the sky at its level, flat regions smoothed within themselves, the rest nearly as it is."""
-    found = ndimage.gaussian_filter(pictures, (0, _REST, _REST))
+    rest = 0.7
+    found = ndimage.gaussian_filter(pictures, (0, rest, rest))
     flat = (regions.lit >= 0).repeat(SIDE, 1).repeat(SIDE, 2)
     weight = flat.astype(np.float32)
-    parts = [ndimage.gaussian_filter(x, (0, _OWN, _OWN)) for x in (pictures * weight, weight)]
+    own = 3.0  # px: standard deviation of the Gaussian that smooths a flat region
+    parts = [ndimage.gaussian_filter(x, (0, own, own)) for x in (pictures * weight, weight)]
     found[flat] = (parts[0] / np.maximum(parts[1], 1e-6))[flat]
     if regions.sky is not None:
         found[regions.dark.repeat(SIDE, 1).repeat(SIDE, 2)] = regions.sky
@@ -254,7 +245,9 @@ def _light(smooth: np.ndarray, black: float, saturated: float, transfer: str) ->
     linear = (srgb_to_linear(share) if transfer == "srgb" else share).numpy()
     light = (linear[:-1] - linear[-1]).clip(0) / (1 - linear[-1])
     light = light.reshape(smooth.shape)
-    return np.where(smooth >= saturated, BEYOND * light, light).astype(np.float32)
+    # light of a saturated pixel over what saturates: not known, between 1 and 10 on a logarithmic scale
+    beyond = 10**0.5
+    return np.where(smooth >= saturated, beyond * light, light).astype(np.float32)
 
 
 def _expected(

@@ -12,16 +12,9 @@ from visaug.pictures.curve import Sky
 from visaug.pictures.files import PictureSet
 
 _GROUPS = 12
-_SKY_SHARE = 0.1
-_SKY_DN = 2.0
-_SKY_STEP_DN = 0.25
-_TAIL = 0.25  # blocks just above the sky's reach over those within: a surface of changing brightness has about as many
-_NORMAL_QUARTILE = 0.6745
-_LIT_DN = 30.0
 _ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
-_ONLY_ROUNDING = (
-    1.01  # times what JPEG rounds away: the least variance that can be found, which all smaller ones give
-)
+# times what JPEG rounds away: the least variance that can be found, which all smaller ones give
+_ONLY_ROUNDING = 1.01
 _DARKER = 0.05  # blocks below the sky's reach over those within: dead lines are few, and nothing is darker than no light
 
 
@@ -46,26 +39,31 @@ def find_sky(blocks: Blocks, levels: Levels) -> Sky | None:
     may be any level.
     Offsets of rows and columns spread the levels of its blocks. Those below its level hold no light and give the spread.
     """
-    steps = np.arange(0.0, blocks.level.max(initial=0.0) + _SKY_STEP_DN, _SKY_STEP_DN)
+    sky_step_dn = 0.25
+    steps = np.arange(0.0, blocks.level.max(initial=0.0) + sky_step_dn, sky_step_dn)
     ordered = np.sort(blocks.level)
-    inside = np.searchsorted(ordered, steps + _SKY_DN) - np.searchsorted(ordered, steps - _SKY_DN)
-    enough = inside >= max(_SKY_SHARE * len(ordered), 1)
+    sky_dn = 2.0
+    inside = np.searchsorted(ordered, steps + sky_dn) - np.searchsorted(ordered, steps - sky_dn)
+    sky_share = 0.1
+    enough = inside >= max(sky_share * len(ordered), 1)
     if not enough.any():
         return None
     first = int(np.argmax(enough))
     end = first + int(np.argmin(np.append(enough[first:], False)))
     most = steps[first + int(np.argmax(inside[first:end]))]
-    dark = float(np.median(ordered[np.abs(ordered - most) <= _SKY_DN]))
+    dark = float(np.median(ordered[np.abs(ordered - most) <= sky_dn]))
     if levels.structure[np.argmin(np.abs(levels.level - dark))] > 0.1:
         return None
     below = dark - ordered[ordered < dark]
-    spread = float(np.median(below)) / _NORMAL_QUARTILE if len(below) else 0.0
+    normal_quartile = 0.6745
+    spread = float(np.median(below)) / normal_quartile if len(below) else 0.0
     reach = Sky(dark, 0.0, spread).reach
     within, beyond = (
         np.count_nonzero((ordered > dark + k * reach) & (ordered <= dark + (k + 1) * reach)) for k in (0, 1)
     )
     darker = np.count_nonzero(ordered < dark - reach)
-    if beyond > _TAIL * within or darker > _DARKER * within or not np.any(ordered > dark + reach):
+    tail = 0.25  # blocks just above the sky's reach over those within: a surface of changing brightness has about as many
+    if beyond > tail * within or darker > _DARKER * within or not np.any(ordered > dark + reach):
         return None
     near = np.abs(blocks.level - dark) < reach
     seen = np.unique(blocks.picture[near])
@@ -84,14 +82,15 @@ def is_rendered(blocks: Blocks, levels: Levels, rounding: Rounding) -> bool:
     Of a camera even the smoothest lit blocks hold its noise. JPEG may round it away there, so its files are judged by levels: lit
     ones where there are any, for rounding hides the noise of a quiet camera's black sky.
     """
-    lit = blocks.coefficients[blocks.level > _LIT_DN]
+    lit_dn = 30.0
+    lit = blocks.coefficients[blocks.level > lit_dn]
     if len(lit) >= 10 and not rounding.is_jpeg:
         fine = (lit[:, NOISE] ** 2).mean(1)
         if np.quantile(fine, 0.1) < _ONLY_ROUNDING_DN2:
             return True
     weight = levels.blocks.sum(0)
-    if weight[levels.level > _LIT_DN].any():
-        weight = np.where(levels.level > _LIT_DN, weight, 0)
+    if weight[levels.level > lit_dn].any():
+        weight = np.where(levels.level > lit_dn, weight, 0)
     rounded = rounded_away(levels, rounding) if rounding.is_jpeg else levels.variance < _ONLY_ROUNDING_DN2
     return bool(weight[rounded].sum() > 0.9 * weight.sum() > 0)
 

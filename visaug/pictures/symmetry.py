@@ -16,7 +16,6 @@ from visaug.pictures.blocks import SIDE
 from visaug.statistics.statistic import Statistic
 
 FEWEST = 6  # pictures that tell
-_STEEPEST = 0.03  # relative change per pixel that still counts as shading
 _RAMP = (np.arange(SIDE) - (SIDE - 1) / 2) / (SIDE * SIDE * (SIDE**2 - 1) / 12)  # slope of a block's pixels
 _LAGS = (1, 4, 12)
 
@@ -103,11 +102,12 @@ def _falloff(pictures: np.ndarray, flat: np.ndarray, black: float, corner: tuple
     n, height, width = pictures.shape
     blocks = pictures.reshape(n, height // SIDE, SIDE, width // SIDE, SIDE)
     light = np.maximum(blocks.mean((2, 4)) - black, 1.0)
+    steepest = 0.03  # relative change per pixel that still counts as shading
     slopes = [
         np.clip(
             np.tensordot(blocks.sum(axis), _RAMP, ([2 if axis == 4 else 3], [0])) / light,
-            -_STEEPEST,
-            _STEEPEST,
+            -steepest,
+            steepest,
         )
         for axis in (4, 2)
     ]

@@ -12,24 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visaug.pictures.blocks import (
-    CHOICE,
-    PIXELS_ROUNDED,
-    Blocks,
-    Levels,
-    Rounding,
-    flat_limit,
-    texture_share,
-)
+from visaug.pictures.blocks import CHOICE, PIXELS_ROUNDED, Blocks, Levels, Rounding, flat_limit, texture_share
 
 _RATIO = 1.06  # of one tried deviation to the next
 _DEVIATIONS = 0.1 * _RATIO ** np.arange(125)  # of low coefficients, in DN: up to 140
 _EDGES = np.concatenate([[0.0], 0.01 * _RATIO ** (3 * np.arange(85)), [np.inf]])  # bins of their mean square
-_DRAWS = 4000
-_MOST = 4.0  # power of texture over that of noise; blocks beyond hold edges, whose spectrum is another
-_GROUPS = 6  # of the blocks of a level, by texture
-_ROUNDS = 4
-_STEPS = 150  # of the likelihood's maximization
 
 
 @dataclass(frozen=True)
@@ -68,7 +55,8 @@ def texture_in(blocks: Blocks, levels: Levels, rounding: Rounding, dark: float =
     noise = levels.variance[lit].copy()
     share, error = 0.0, 0.0
     expected: list[np.ndarray] = []
-    for _ in range(_ROUNDS):
+    rounds = 4
+    for _ in range(rounds):
         expected = [_expected(x, v, kernel) for x, v in zip(low, noise, strict=True)]
         groups = [g for j, t in enumerate(expected) for g in _groups(j, t, sums[j], rounding)]
         if not groups:
@@ -85,7 +73,8 @@ def _kernel(rounding: Rounding) -> np.ndarray:
     """(deviations, bins) probability of the mean square of the low coefficients of white noise, rounded as JPEG does."""
     steps = rounding.steps[CHOICE]
     rng = np.random.default_rng(0)
-    normal = rng.normal(size=(_DRAWS, len(steps)))
+    draws = 4000
+    normal = rng.normal(size=(draws, len(steps)))
     rounded = rng.normal(0, np.sqrt(PIXELS_ROUNDED), normal.shape)
     found = np.empty((len(_DEVIATIONS), len(_EDGES) - 1))
     for row, deviation in zip(found, _DEVIATIONS, strict=True):
@@ -93,7 +82,7 @@ def _kernel(rounding: Rounding) -> np.ndarray:
         if rounding.is_jpeg:
             x = np.rint(x / steps) * steps + rounded
         row[:] = np.histogram((x**2).mean(1), _EDGES)[0]
-    found += 1 / _DRAWS  # a block beyond every draw is improbable, not impossible
+    found += 1 / draws  # a block beyond every draw is improbable, not impossible
     return found / found.sum(1, keepdims=True)
 
 
@@ -109,7 +98,8 @@ def _expected(low: np.ndarray, noise: float, kernel: np.ndarray) -> np.ndarray:
     seen = count > 0
     rows, count = rows[:, seen], count[seen]
     weight = np.full(len(rows), 1 / len(rows))
-    for _ in range(_STEPS):
+    steps = 150  # of the likelihood's maximization
+    for _ in range(steps):
         weight *= rows @ (count / (weight @ rows)) / count.sum()
     of_bin = np.zeros(len(seen))
     of_bin[seen] = (weight * texture) @ rows / (weight @ rows)
@@ -120,9 +110,11 @@ def _groups(
     number: int, texture: np.ndarray, sums: np.ndarray, rounding: Rounding
 ) -> list[tuple[int, float, float, int]]:
     """Number of the level, mean texture, variance of the high coefficients and number of blocks of groups of like texture."""
-    chosen = np.flatnonzero(texture < _MOST)
+    most = 4.0  # power of texture over that of noise; blocks beyond hold edges, whose spectrum is another
+    chosen = np.flatnonzero(texture < most)
     chosen = chosen[np.argsort(texture[chosen], kind="stable")]
-    parts = np.array_split(chosen, max(min(_GROUPS, len(chosen) // 8), 1))
+    groups = 6  # of the blocks of a level, by texture
+    parts = np.array_split(chosen, max(min(groups, len(chosen) // 8), 1))
     counts = rounding.counts()
     return [
         (number, float(texture[p].mean()), rounding.variance(sums[p].sum(0), counts * len(p)), len(p))

@@ -27,7 +27,7 @@ def write_characterization(
         camera_file: where the measured camera was written.
     """
     content = result.to_json()
-    pictured = all(record.kind == "image" for record in frames.records)
+    pictured = frames.is_pictures
     inputs = replace(Inputs.of(None, frames, camera_file), transfer=result.transfer)
     pictures = [
         figure(drawn, CAPTIONS.get(name, name.replace("_", " ")), wide=drawn.get_figwidth() > 8)

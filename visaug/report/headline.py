@@ -4,7 +4,14 @@ from collections.abc import Mapping
 from math import isclose
 from typing import Any
 
-from visaug.core.wording import deviation_text, p_text, probability_text, statistic_text, with_interval
+from visaug.core.wording import (
+    deviation_text,
+    p_text,
+    probability_text,
+    share_text,
+    statistic_text,
+    with_interval,
+)
 
 Content = Mapping[str, Any]
 
@@ -47,9 +54,19 @@ def view_title(name: str) -> str:
     """The plain name of a view."""
     from visaug.statistics import VIEWS
 
-    return next(
-        (view.title for view in VIEWS if view.name == name), name.replace("_", " ").capitalize()
-    ).rstrip(".")
+    titles = {view.name: view.title for view in VIEWS}
+    return titles.get(name, name.replace("_", " ").capitalize()).rstrip(".")
+
+
+WHERE_HEAD = ["view", "share of the misfit", "worst statistic", "standard deviations"]
+
+
+def where_rows(where: list[dict[str, Any]]) -> list[list[str]]:
+    """Where model and frames differ, the ten largest shares, under `WHERE_HEAD`."""
+    return [
+        [view_title(w["view"]), share_text(w["share"]), statistic_text(w["worst"]), deviation_text(w["z"])]
+        for w in where[:10]
+    ]
 
 
 def comparison_headline(content: Content) -> str:

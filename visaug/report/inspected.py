@@ -13,20 +13,19 @@ from visaug.report.provenance import footer
 if TYPE_CHECKING:
     from visaug.inspection import Finding, Inspection
 
+FINDING_HEAD = ["finding", "kind", "size [95 % interval]", "period"]
 _KINDS = {"fixed": "fixed", "per_frame": "new in each frame", None: "–"}
 
 
 def write_inspection(path: str | Path, result: "Inspection") -> Path:
     """What patterns the frames have, what they cannot tell, and the command that follows."""
     blocks: list[Text | Table | Figure] = [
-        Text(_sentence(result.answer), "finding"),
+        Text(f"{result.answer[:1].upper()}{result.answer[1:]}.", "finding"),
         Text(" ".join(measured_texts(result))),
     ]
     if result.findings:
-        head = ["finding", "kind", "size [95 % interval]", "period"]
-        blocks.append(
-            Table(head, [finding_row(f) for f in result.findings], caption="In the order of their evidence.")
-        )
+        rows = [finding_row(f) for f in result.findings]
+        blocks.append(Table(FINDING_HEAD, rows, caption="In the order of their evidence."))
     step = next_step(result)
     blocks.append(Text(step.text, command=step.command))
     sections = [Section("Answer", blocks)]
@@ -108,7 +107,3 @@ def _pictured(finding: "Finding") -> Section:
 def _name(finding: "Finding") -> str:
     name = finding.what.replace("_", " ")
     return f"{name} ({finding.axis}s)" if finding.axis and finding.axis not in finding.what else name
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:] + "."

@@ -52,12 +52,13 @@ class Inputs:
         """The files that a camera and frames were loaded from."""
         from visaug.effects.catalogue import loaded_files
 
+        here = Path.cwd()  # paths below it are given from it
         return cls(
             str(frames.loaded_from) if frames and frames.loaded_from else cls.frames,
             (camera and camera.loaded_from) or cls.camera,
             None if better is None else str(better),
             frames.told_bits if frames else None,
-            tuple(_short(path) for path in loaded_files()),
+            tuple(str(p.relative_to(here) if p.is_relative_to(here) else p) for p in loaded_files()),
             pictured=bool(frames and frames.is_pictures),
         )
 
@@ -151,8 +152,3 @@ def after_diagnosis(content: Mapping[str, Any], inputs: Inputs) -> NextStep:
 
 def _line(*words: str) -> str:
     return shlex.join(("visaug", *words))
-
-
-def _short(path: Path) -> str:
-    """The path from the working folder, where it lies below it."""
-    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)

@@ -16,7 +16,7 @@ PARTS = {
 }
 
 
-def components(camera: "Camera", image: np.ndarray, seed: int = 0) -> dict[str, np.ndarray]:
+def components(camera: "Camera", image: np.ndarray) -> dict[str, np.ndarray]:
     """Each noise component alone, in DN of the camera's converter.
 
     A component is the difference between two exposures with the same random numbers, with it and without it.
@@ -24,7 +24,6 @@ def components(camera: "Camera", image: np.ndarray, seed: int = 0) -> dict[str, 
     Args:
         camera: the camera at its nominal values.
         image: (H, W) in [0, 1], linear in light; 1 is where the camera saturates.
-        seed: of the noise and the fixed patterns.
 
     Returns:
         Name -> (H, W) float32, in the order of the chain; shot noise first.
@@ -42,9 +41,8 @@ def components(camera: "Camera", image: np.ndarray, seed: int = 0) -> dict[str, 
     nominal = camera.values()
 
     def expose(taken: "Camera", values: dict[str, float]) -> np.ndarray:
-        stream = Stream(
-            [derive_key(seed, "frame")], [derive_key(seed, "camera")], 1, (range(rows), range(columns))
-        )
+        window = range(rows), range(columns)
+        stream = Stream([derive_key(0, "frame")], [derive_key(0, "camera")], 1, window)
         return taken.expose(photons, stream, values)[0, 0].numpy()
 
     plain = camera

@@ -14,19 +14,15 @@ from visaug.core.wording import (
 from visaug.report.headline import (
     AMONG,
     PROBABILITY,
+    WHERE_HEAD,
     comparison_headline,
     diagnosis_details,
     diagnosis_headline,
     effect_texts,
-    view_title,
+    where_rows,
 )
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
-from visaug.report.next_step import (
-    Inputs,
-    NextStep,
-    after_comparison,
-    after_diagnosis,
-)
+from visaug.report.next_step import Inputs, NextStep, after_comparison, after_diagnosis
 from visaug.report.plots.error import plot_error_steps, plot_ranking
 from visaug.report.plots.used import plot_used
 from visaug.report.provenance import footer
@@ -170,19 +166,13 @@ def diagnosis_sections(
             plot_ranking(content["ranking"]), "How much of the misfit each effect alone explains."
         )
         sections.append(Section("Ranking", [picture]))
-    left: list[Text] = []
     if content["unexplained"]:
-        left.append(Text(content["unexplained"]["description"], "finding"))
-        left.append(Text("visaug effects new NAME writes a file in which you can model it.", "note"))
-    if left:
-        sections.append(Section("What is left", left))
+        left = Text(content["unexplained"]["description"], "finding")
+        model = Text("visaug effects new NAME writes a file in which you can model it.", "note")
+        sections.append(Section("What is left", [left, model]))
     if content.get("effects"):
-        head = [
-            "effect",
-            "verdict",
-            "strength [95 % interval] or limit",
-            "frames that would show or separate it",
-        ]
+        strength, frames_for = "strength [95 % interval] or limit", "frames that would show or separate it"
+        head = ["effect", "verdict", strength, frames_for]
         rows = [verdict_row(entry) for entry in content["effects"]]
         table = Table(head, rows, caption="Of each effect, what these frames show. Limits are those of 95 %.")
         sections.append(Section("What these frames show, and what they cannot", [table]))
@@ -202,18 +192,13 @@ def _diagnosis_facts(content: dict[str, Any]) -> list[tuple[str, str]]:
     for name in content["accepted"][:2]:
         entry = known.get(name, {})
         for key, e in list((entry.get("parameters") or {}).items())[:1]:
-            facts.append(
-                (
-                    with_interval(e["value"], e.get("low"), e.get("high"), e.get("unit", "")),
-                    f"{name}: {key}, 95 % interval",
-                )
-            )
+            value = with_interval(e["value"], e.get("low"), e.get("high"), e.get("unit", ""))
+            facts.append((value, f"{name}: {key}, 95 % interval"))
         if entry.get("probability") is not None:
             facts.append((probability_text(entry["probability"]), f"probability of {name} {AMONG}"))
     if error["before"] is not None:
-        facts.append(
-            (f"{error['before']:.2g} → {with_interval(error['after'], low, high)}", "error before and after")
-        )
+        change = f"{error['before']:.2g} → {with_interval(error['after'], low, high)}"
+        facts.append((change, "error before and after"))
     return facts
 
 
@@ -227,14 +212,8 @@ def _worst_frames(where: list[dict[str, Any]]) -> dict[str, str]:
 
 
 def where_table(where: list[dict[str, Any]]) -> Table:
-    rows = [
-        [view_title(w["view"]), share_text(w["share"]), statistic_text(w["worst"]), deviation_text(w["z"])]
-        for w in where[:10]
-    ]
-    head = ["view", "share of the misfit", "worst statistic", "standard deviations"]
-    return Table(
-        head, rows, caption="Where the model as given and the frames differ, the largest share first."
-    )
+    caption = "Where the model as given and the frames differ, the largest share first."
+    return Table(WHERE_HEAD, where_rows(where), caption)
 
 
 def _accepted_table(content: dict[str, Any]) -> Table:

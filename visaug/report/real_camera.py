@@ -121,38 +121,19 @@ def real_camera_section(seed: int = 0) -> Section:
         "them the same frames as the plain chain makes them from the parameters that were published for "
         "this camera, nothing fitted."
     )
-    return Section(
-        "A real camera beside its model",
-        [
-            Text(intro),
-            Text(difference(measured, modelled), "finding"),
-            figure(
-                sensor.plot_photon_transfer(measured, modelled),
-                "Photon transfer: temporal variance of flats against their mean above dark. The slope is "
-                "the gain, the fall at the end is the converter's limit.",
-                wide=False,
-            ),
-            figure(
-                sensor.plot_dark_histogram(measured, modelled),
-                "Dark frames at 5.16 ms: how many pixels lie how far from the mean, on a logarithmic axis "
-                "that shows the tails.",
-                wide=False,
-            ),
-            figure(
-                sensor.plot_row_spectrum(measured, modelled),
-                "Spectrum of the dark noise along the row, of noise that changes from frame to frame (EMVA 1288's horizontal "
-                "spectrogram); independent pixels give 1; frequency 0 is the power that a whole row "
-                "has in common.",
-                wide=False,
-            ),
-            figure(
-                sensor.plot_dark_columns(measured, modelled),
-                "Column means of the dark stack: the pattern that stays from frame to frame.",
-                wide=False,
-            ),
-            Table(["quantity", "measured", "modelled"], _rows(measured, modelled)),
-        ],
-    )
+    captions = {
+        sensor.plot_photon_transfer: "Photon transfer: temporal variance of flats against their mean above dark. The slope is "
+        "the gain, the fall at the end is the converter's limit.",
+        sensor.plot_dark_histogram: "Dark frames at 5.16 ms: how many pixels lie how far from the mean, on a logarithmic axis that "
+        "shows the tails.",
+        sensor.plot_row_spectrum: "Spectrum of the dark noise along the row, of noise that changes from frame to frame (EMVA "
+        "1288's horizontal spectrogram); independent pixels give 1; frequency 0 is the power that a whole row has in common.",
+        sensor.plot_dark_columns: "Column means of the dark stack: the pattern that stays from frame to frame.",
+    }
+    drawn = [figure(plot(measured, modelled), caption, wide=False) for plot, caption in captions.items()]
+    rows = Table(["quantity", "measured", "modelled"], _rows(measured, modelled))
+    found = Text(difference(measured, modelled), "finding")
+    return Section("A real camera beside its model", [Text(intro), found, *drawn, rows])
 
 
 def difference(measured: SensorCurves, modelled: SensorCurves) -> str:

@@ -159,11 +159,8 @@ def _defects(result: Characterization, what: str) -> dict[str, Any] | None:
 
 def _figures(result: Characterization) -> list[Figure]:
     return [
-        figure(draw(result), title, f"{title}. {draw.__doc__}", wide=False)
-        for title, curve, needs, draw in FIGURES
-        if curve in result.curves and len(next(iter(result.curves[curve].values()))) and _known(result, needs)
+        figure(draw(result), title, f"{title}. {shown}", wide=False)
+        for title, shown, curve, needs, draw in FIGURES
+        if curve in result.curves and len(next(iter(result.curves[curve].values())))
+        if all(name in result.parameters for name in needs)
     ]
-
-
-def _known(result: Characterization, needs: Sequence[str]) -> bool:
-    return all(name in result.parameters for name in needs)

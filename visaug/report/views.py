@@ -68,7 +68,8 @@ class ViewGallery:
         text = f"{measured.title}. {caption}".strip()
         drawn = plot_view(measured, modelled, focus=focus, after=after[0] if after else None)
         wide = bool(measured.maps) or drawn.get_figwidth() > 6
-        return figure(drawn, text, wide=wide, raster=bool(measured.maps) or _many_points(measured))
+        raster = bool(measured.maps) or sum(len(curve.x) for curve in measured.curves) > 4000
+        return figure(drawn, text, wide=wide, raster=raster)
 
     def pictures(
         self,
@@ -93,7 +94,3 @@ def all_views() -> list[str]:
 def _tells(picture: "ViewPlot") -> bool:
     """Whether there is more to see than a single point or a line at one value."""
     return bool(picture.maps) or any(len(c.x) > 1 and len(np.unique(c.y)) > 1 for c in picture.curves)
-
-
-def _many_points(picture) -> bool:
-    return sum(len(curve.x) for curve in picture.curves) > 4000

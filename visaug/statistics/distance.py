@@ -15,8 +15,6 @@ import numpy as np
 
 from visaug.statistics import Statistic
 
-LEAST_SHARE = 0.3  # of the standard deviation of all sets: that of the others is not taken to be less
-
 
 @dataclass(frozen=True)
 class Error:
@@ -35,7 +33,8 @@ def variance(sets: np.ndarray) -> np.ndarray:
 
 def least_spread(scale: np.ndarray, least: np.ndarray) -> np.ndarray:
     """(statistics,) lower limits of the standard deviations from few sets; 0 for a statistic that is constant."""
-    return np.where(scale > 0, np.maximum(LEAST_SHARE * scale, least), 0.0)
+    least_share = 0.3  # of the standard deviation of all sets: that of the others is not taken to be less
+    return np.where(scale > 0, np.maximum(least_share * scale, least), 0.0)
 
 
 def largest_of_each(deviations: np.ndarray, floor: np.ndarray) -> np.ndarray:

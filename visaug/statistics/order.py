@@ -8,7 +8,6 @@ from itertools import pairwise
 from visaug.frames import FrameRecord
 
 SPOILED = "what a frame keeps of those before it (image_lag, rts_noise) and slow drift (black_level_drift, light_drift)"
-NAMED = 5  # numbers that are listed
 
 
 def history_warnings(records: Sequence[FrameRecord]) -> list[str]:
@@ -43,5 +42,6 @@ def history_warnings(records: Sequence[FrameRecord]) -> list[str]:
 
 
 def _listed(numbers: Sequence[int]) -> str:
-    shown = ", ".join(map(str, numbers[:NAMED]))
-    return f"{shown} and {len(numbers) - NAMED} others" if len(numbers) > NAMED else shown
+    named = 5  # numbers that are listed
+    shown = ", ".join(map(str, numbers[:named]))
+    return f"{shown} and {len(numbers) - named} others" if len(numbers) > named else shown

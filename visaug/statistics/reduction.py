@@ -9,6 +9,7 @@ import numpy as np
 
 from visaug.frames import FrameRecord, FrameSet, Group
 from visaug.statistics import kernels
+from visaug.statistics.conditions import MAX_GROUPS, by_condition, choose, labels
 from visaug.statistics.fixed import block_offsets, centre, profile_numbers, without_lone
 from visaug.statistics.stack import (
     LEAST_SCALE,
@@ -21,14 +22,7 @@ from visaug.statistics.stack import (
 )
 from visaug.statistics.statistic import Statistic
 
-MAX_GROUPS = {"bias": 2, "dark": 8, "flat": 9, "scene": 6}  # of each kind, spread evenly over the conditions
-
-
-ALONE = 8.0  # robust standard deviations from its neighbours from which a pixel is one by itself
-TOLD_BY = 100_000  # pixels of a large frame that tell that scale, to half a percent
-
 SLOW = 16  # px, of the blocks whose means are the slow part of a pattern
-STEP_REACH = 12  # lines on either side of a step, at most
 UNNAMED = Statistic("", "", "", ())
 
 
@@ -319,7 +313,9 @@ class FrameData:
         noise = self.stacks.noise(group.indices)
         if reference is not None and reference.mean.shape != noise.shape:
             reference = None
-        return GroupData(group, noise, reference, self._labels[_conditions(group)] if self.named else "")
+        return GroupData(
+            group, noise, reference, self._labels[replace(group, indices=())] if self.named else ""
+        )
 
     @cached_property
     def _labels(self) -> dict[Group, str]:
@@ -328,78 +324,11 @@ class FrameData:
         return {g: f"{word}, {self.place}" for g, word in found.items()} if self.place else found
 
 
-def labels(groups: Iterable[Group]) -> dict[Group, str]:
-    """A label for each condition: by the fields that usually distinguish them, else by all, else by a number."""
-    conditions = [_conditions(g) for g in groups]
-    words = [_label(g) for g in conditions]
-    words = [
-        _label(g, full=True) if words.count(w) > 1 else w for g, w in zip(conditions, words, strict=True)
-    ]
-    numbers = [f" ({words[: i + 1].count(w)})" if words.count(w) > 1 else "" for i, w in enumerate(words)]
-    return {g: w + n for g, w, n in zip(conditions, words, numbers, strict=True)}
-
-
-def _conditions(group: Group) -> Group:
-    return replace(group, indices=())
-
-
-def _label(group: Group, full: bool = False) -> str:
-    g = group
-    parts = [g.kind]
-    if g.kind == "scene":
-        parts.append(str(g.clean).rsplit("/", 1)[-1].split(".")[0])
-    if g.kind == "flat" and g.photons is not None:
-        parts.append(f"{g.photons:g} ph")
-    if g.kind == "dark" or (g.kind == "flat" and g.photons is None) or full:
-        parts.append(f"{g.exposure_s:g} s")
-    if (g.kind in ("dark", "flat") or full) and g.temperature_c is not None:
-        parts.append(f"{g.temperature_c:g} C")
-    if g.gain_db:
-        parts.append(f"{g.gain_db:g} dB")
-    if full and g.window is not None:
-        parts.append("at {0},{2}".format(*g.window))
-    return " ".join(parts)
-
-
 def used_groups(frames: FrameSet, use: Iterable[int]) -> list[Group]:
     """The groups of a set with only the frames in `use`; groups that keep none are left out."""
     allowed = set(use)
     kept = [replace(g, indices=tuple(i for i in g.indices if i in allowed)) for g in frames.groups()]
     return [g for g in kept if g.indices]
-
-
-def spread(items: list, most: int) -> list:
-    """At most so many of the items, evenly spread, the first and the last among them."""
-    if len(items) <= most:
-        return items
-    if most == 1:
-        return [items[len(items) // 2]]
-    return [items[round(i * (len(items) - 1) / (most - 1))] for i in range(most)]
-
-
-def choose(groups: list[Group], most: int) -> list[Group]:
-    """At most so many groups, evenly spread over the conditions, the one with the most frames among them."""
-    ordered = sorted(groups, key=by_condition)
-    chosen = spread(ordered, most)
-    if len(chosen) < len(ordered):
-        fullest = max(ordered, key=lambda g: len(g.indices))
-        if fullest not in chosen:
-            near = min(
-                range(len(chosen)), key=lambda k: abs(ordered.index(chosen[k]) - ordered.index(fullest))
-            )
-            chosen[near] = fullest
-    return chosen
-
-
-def by_condition(group: Group) -> tuple:
-    """Sorts groups of a kind: by temperature, light, exposure."""
-    return (
-        group.temperature_c or 0.0,
-        group.photons or 0.0,
-        group.exposure_s,
-        group.gain_db,
-        group.clean or "",
-    )
 
 
 def _centred(image: np.ndarray) -> np.ndarray:
@@ -411,7 +340,9 @@ def _centred(image: np.ndarray) -> np.ndarray:
 def without_lone_pixels(image: np.ndarray) -> np.ndarray:
     """An image (H, W) in which a pixel far from all its neighbours has the mean of the middle two of the four."""
     calm = np.empty_like(image)
-    without_lone(image, max(4, image.size // TOLD_BY), ALONE, MAD, LEAST_SCALE, calm)
+    alone = 8.0  # robust standard deviations from its neighbours from which a pixel is one by itself
+    told_by = 100_000  # pixels of a large frame that tell that scale, to half a percent
+    without_lone(image, max(4, image.size // told_by), alone, MAD, LEAST_SCALE, calm)
     return calm
 
 
@@ -424,7 +355,8 @@ def cubics(length: int) -> np.ndarray:
 
 def reach_of_steps(length: int) -> int:
     """Lines on either side of a step in a profile."""
-    return min(STEP_REACH, max(1, length // 4))
+    step_reach = 12  # lines on either side of a step, at most
+    return min(step_reach, max(1, length // 4))
 
 
 @lru_cache(maxsize=64)

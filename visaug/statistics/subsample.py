@@ -20,16 +20,11 @@ from typing import Any
 
 from visaug.core.errors import InputError
 from visaug.frames import FrameSet, Group
-from visaug.statistics.reduction import MAX_GROUPS, by_condition, choose, spread
+from visaug.statistics.conditions import MAX_GROUPS, by_condition, choose, spread
 from visaug.statistics.split import Folds, share_out
 
 BUDGET = 3_600_000  # pixels of a set; to simulate and measure it takes about a fifth of a second of one processor core
-SMALLEST = 50_000  # pixels of a frame: more frames rather than larger ones
-FEWEST = 3  # frames of a condition, where it has them
-IN_WINDOWS = 2 / 3  # of the budget, where full frames are simulated beside
 FULL = 4_000_000  # pixels of the full discovery frames, beside those of windows
-MOST_FULL = 3  # full frames of a condition that find: noise is known from the windows
-PAIR = 2  # of the shortest darks at least: two frames show temporal noise
 MARGIN = 8  # px around a window that are simulated with it: what neighbours give each other crosses its edge
 
 Window = tuple[int, int, int, int]
@@ -118,11 +113,13 @@ def select(frames: FrameSet, budget: int = BUDGET, full: int = FULL) -> Selectio
     rows, columns = sizes[usable[0]]
     groups = _groups(frames.subset(usable), usable)
     area = rows * columns
-    least = area if area <= 1.5 * SMALLEST else SMALLEST
+    smallest = 50_000  # pixels of a frame: more frames rather than larger ones
+    least = area if area <= 1.5 * smallest else smallest
     chosen = _spread_out(groups, _allotted([len(g.indices) for g in groups], budget // least), frames)
     window = _middle(rows, columns, budget / len(chosen))
+    in_windows = 2 / 3  # of the budget, where full frames are simulated beside
     if window is not None:  # the full frames take the rest of the time
-        window = _middle(rows, columns, IN_WINDOWS * budget / len(chosen))
+        window = _middle(rows, columns, in_windows * budget / len(chosen))
     folds, noise = (NONE, False) if window is None else _full_frames(frames, chosen, groups, full)
     corner = _corner(frames, usable[0])
     size = (rows, columns)
@@ -173,8 +170,9 @@ def _groups(frames: FrameSet, positions: Sequence[int]) -> list[Group]:
 
 
 def _allotted(counts: Sequence[int], most: int) -> list[int]:
-    """How many frames of each condition: `FEWEST` of all, and further ones where most are left for each that is taken."""
-    taken = [min(count, FEWEST) for count in counts]
+    """How many frames of each condition: `fewest` of all, and further ones where most are left for each that is taken."""
+    fewest = 3  # frames of a condition, where it has them
+    taken = [min(count, fewest) for count in counts]
     while sum(taken) < min(most, sum(counts)):
         open_to = [k for k, count in enumerate(counts) if taken[k] < count]
         taken[max(open_to, key=lambda k: counts[k] / (taken[k] + 1))] += 1
@@ -201,9 +199,8 @@ def _middle(rows: int, columns: int, pixels: float) -> Window | None:
     if shrink > 0.9:
         return None
     height, width = (max(16, 2 * int(n * shrink / 2)) for n in (rows, columns))
-    top, left = (
-        2 * ((n - part) // 4) for n, part in ((rows, height), (columns, width))
-    )  # rows keep their parity
+    # rows keep their parity
+    top, left = (2 * ((n - part) // 4) for n, part in ((rows, height), (columns, width)))
     return top, top + height, left, left + width
 
 
@@ -224,20 +221,22 @@ def _full_frames(
     ends += flats[len(flats) * 5 // 8 : len(flats) * 5 // 8 + 1]
     rows, columns = frames.shape(chosen[0])
     area = rows * columns
-    each = min(MOST_FULL, max(1, pixels // (area * max(len(ends), 1))))
+    most_full = 3  # full frames of a condition that find: noise is known from the windows
+    each = min(most_full, max(1, pixels // (area * max(len(ends), 1))))
     scenes = spread(of["scene"], max(1, pixels // area - each * len(ends)))
     find: list[int] = []
     confirm: list[int] = []
     noise = False
+    pair = 2  # of the shortest darks at least: two frames show temporal noise
     for group, count in [(g, each) for g in ends] + [(g, 1) for g in scenes]:
         is_shortest = bool(ends) and group is ends[0]
-        least = PAIR if is_shortest else 1
+        least = pair if is_shortest else 1
         middle = group.indices[len(group.indices) // 2]
         first = _nearest([i for i in group.indices if i not in confirms], middle, max(count, least))
         others = [i for i in group.indices if i not in finds and i not in first]
         find += first
         confirm += _nearest(others, middle, max((count + 1) // 2, least))
-        noise |= is_shortest and len(first) >= PAIR
+        noise |= is_shortest and len(first) >= pair
     return Folds(tuple(sorted(find)), (), tuple(sorted(confirm))), noise
 
 

@@ -4,8 +4,6 @@ import numpy as np
 from scipy.stats import binomtest
 
 SIGNIFICANT = 0.02  # rate of false alarms
-TAIL = 0.9  # quantile of the null's largest values above which its tail is extrapolated
-CERTAIN = 0.05  # factor below the least probability that counting resolves: three scales of the tail
 
 
 def tail_factor(value: float, null: np.ndarray) -> float:
@@ -16,7 +14,8 @@ def tail_factor(value: float, null: np.ndarray) -> float:
     beyond = value - float(null.max())
     if beyond <= 0:
         return 1.0
-    start = float(np.quantile(null, TAIL))
+    tail = 0.9  # quantile of the null's largest values above which its tail is extrapolated
+    start = float(np.quantile(null, tail))
     excess = null[null > start] - start
     scale = float(excess.mean()) if len(excess) else 0.0
     return float(np.exp(-beyond / max(scale, 1e-9)))
@@ -29,4 +28,5 @@ def is_decided(value: float, null: np.ndarray) -> bool:
     `SIGNIFICANT`, or where `value` lies far beyond all of them.
     """
     share = binomtest(int(np.count_nonzero(null >= value)), len(null)).proportion_ci()
-    return not share.low <= SIGNIFICANT <= share.high or tail_factor(value, null) < CERTAIN
+    certain = 0.05  # factor below the least probability that counting resolves: three scales of the tail
+    return not share.low <= SIGNIFICANT <= share.high or tail_factor(value, null) < certain

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import torch
 
 from tests.diagnosis.small import SENSOR, stated_camera
 from visaug import FrameSet
@@ -48,6 +49,15 @@ def test_share_and_direction_of_what_blooms(share, upward):
     assert len(seen) == 6
     assert point["share"] == pytest.approx(share, rel=0.01)
     assert point["upward"] == pytest.approx(upward, abs=0.01)
+
+
+@pytest.mark.parametrize(("share", "upward"), [(1.0, 0.2), (0.6, 0.9)])
+def test_blooming_moves_charge_as_it_is_moved_pixel_by_pixel(run_effect, share, upward):
+    known = {"full_well_e": WELL_E}
+    image = torch.from_numpy(scene()[None, None]).float()
+    bloomed = run_effect("blooming", image, known=known, share=share, upward=upward)[0, 0].numpy()
+    expected = spill(scene(), share, upward)
+    np.testing.assert_allclose(np.minimum(bloomed, WELL_E), expected, rtol=1e-5)
 
 
 def test_what_runs_off_an_end_tells_no_share():

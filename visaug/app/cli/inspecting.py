@@ -7,35 +7,28 @@ import click
 from visaug.app.cli.options import (
     bit_depth_option,
     command,
-    force_option,
     frames_argument,
     is_silent,
-    json_option,
-    quiet_option,
-    report_option,
+    path_option,
+    result_options,
     write_result,
     written,
 )
 from visaug.app.cli.summaries import print_next
 from visaug.app.cli.tables import print_table
 from visaug.core.progress import progress_bars
-from visaug.report.inspected import finding_row, measured_texts, next_step
+from visaug.report.inspected import FINDING_HEAD, finding_row, measured_texts, next_step
 
 
 @command("inspect", example="visaug inspect dark/ --report inspection.html --defects defects.csv")
 @frames_argument
 @bit_depth_option
-@click.option(
-    "--defects",
-    "defects_path",
-    metavar="F.csv",
-    type=click.Path(path_type=Path),
-    help="Write the places of hot, dead and unstable pixels and of defective lines.",
+@path_option(
+    "--defects defects_path",
+    "F.csv",
+    "Write the places of hot, dead and unstable pixels and of defective lines.",
 )
-@force_option
-@json_option
-@report_option
-@quiet_option
+@result_options
 def inspect(
     frames_path: Path,
     bit_depth: int | None,
@@ -57,19 +50,17 @@ def inspect(
     from visaug.frames.pixels_alone import load_pixels
 
     frames = load_pixels(frames_path, bit_depth)
-    with progress_bars(quiet=quiet or is_silent(quiet, json_path)) as progress:
+    silent = is_silent(quiet, json_path)
+    with progress_bars(quiet=silent) as progress:
         progress("inspecting", 0, 1)
         result = visaug.inspect(frames)
         progress("inspecting", 1, 1)
-    silent = is_silent(quiet, json_path)
     if not silent:
         click.echo(result.answer)
         for line in measured_texts(result):
             click.echo(line)
         if result.findings:
-            print_table(
-                ["finding", "kind", "size [95 % interval]", "period"], map(finding_row, result.findings)
-            )
+            print_table(FINDING_HEAD, map(finding_row, result.findings))
             for finding in result.findings:
                 click.echo(f"- {finding.text}")
         for title, lines in (

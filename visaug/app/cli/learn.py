@@ -1,5 +1,6 @@
 """Commands of the pose harness: demo, prepare, train, ablate, evaluate."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from visaug.app.cli.options import (
     is_silent,
     json_option,
     output_option,
+    path_option,
     write_result,
     written,
 )
@@ -107,13 +109,12 @@ def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
     "visaug evaluate configs/demo.yaml --arm vis --severity sony_imx174 -o severity/",
 )
 @click.argument("config_path", metavar="[CONFIG]", required=False, type=click.Path(path_type=Path))
-@click.option(
+@path_option(
     "--predictions",
-    metavar="P",
-    type=click.Path(path_type=Path),
-    help="Predictions of any network: keypoints in the COCO results format (JSON), or poses (CSV).",
+    "P",
+    "Predictions of any network: keypoints in the COCO results format (JSON), or poses (CSV).",
 )
-@click.option("--data", metavar="DIR", type=click.Path(path_type=Path), help="Folder of a pose data set.")
+@path_option("--data", "DIR", "Folder of a pose data set.")
 @click.option("--domain", metavar="NAME", help="Test set of that folder.")
 @click.option(
     "--split", metavar="NAME", help="train, validation or test; by default the test split where there is one."
@@ -121,18 +122,11 @@ def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
 @keypoints_option
 @arm_option
 @effects_option()
-@click.option(
-    "--images",
-    metavar="F.json",
-    type=click.Path(path_type=Path),
-    help="COCO annotations file, needed if P gives image_id instead of file names.",
-)
-@click.option(
-    "--poses",
-    "poses_csv",
-    metavar="F.csv",
-    type=click.Path(path_type=Path),
-    help="Write the poses computed from the keypoints: file, q1..q4, r1..r3. All there is for images without labels.",
+@path_option("--images", "F.json", "COCO annotations file, needed if P gives image_id instead of file names.")
+@path_option(
+    "--poses poses_csv",
+    "F.csv",
+    "Write the poses computed from the keypoints: file, q1..q4, r1..r3. All there is for images without labels.",
 )
 @click.option(
     "--severity",
@@ -184,6 +178,7 @@ def evaluate(
         raise InputError("go with --data", field="--poses and --split", expected="--data and --domain")
     if (curves or output) and severity_camera is None:
         raise InputError("go with --severity", field="--curve and --output", expected="--severity CAMERA")
+    elsewhere = None if data is None or domain is None else (data, domain, split)
     if severity_camera is not None:
         if config_path is None or poses_csv or json_path:
             raise InputError(
@@ -191,7 +186,6 @@ def evaluate(
                 field="--severity",
                 expected="CONFIG, without --poses and --json; for another network visaug_train.severity.severity",
             )
-        elsewhere = None if data is None or domain is None else (data, domain, split)
         folder = output or Path("severity")
         with extra(), progress_bars() as progress:
             from visaug_train import commands
@@ -206,12 +200,9 @@ def evaluate(
 
         scores: dict[str, Any]
         if config_path is not None:
-            elsewhere = None if data is None or domain is None else (data, domain, split)
             scores = commands.evaluate(config_path, seed, progress, arm, elsewhere, poses_csv)
         else:
-            assert predictions is not None  # see above
-            assert data is not None
-            assert domain is not None
+            assert predictions is not None and data is not None and domain is not None  # noqa: PT018 - see above
             scores = commands.evaluate_predictions(
                 predictions, data, domain, keypoints, split, images, poses_csv
             )
@@ -226,44 +217,29 @@ def evaluate(
 
 def print_scores(scores: dict[str, dict[str, Any]]) -> None:
     """One line for each domain."""
-    head = [
-        "domain",
-        "images",
-        "IoU",
-        "OKS (paper)",
-        "OKS (COCO)",
-        "box AP",
-        "keypoint AP (paper)",
-        "(COCO)",
-        "E_t, m",
-        "E_q, deg",
-        "SPEC (floors)",
-        "(no floors)",
-        "answered",
-        "SPEC of these",
-    ]
+    columns: dict[str, Callable[[dict[str, Any]], float | None]] = {
+        "IoU": lambda s: s["iou"],
+        "OKS (paper)": lambda s: s["oks"]["paper"],
+        "OKS (COCO)": lambda s: s["oks"]["coco"],
+        "box AP": lambda s: s["box_ap50_95"],
+        "keypoint AP (paper)": lambda s: s["keypoint_ap50_95"]["paper"],
+        "(COCO)": lambda s: s["keypoint_ap50_95"]["coco"],
+        "E_t, m": lambda s: s["position_error_m"],
+        "E_q, deg": lambda s: s["attitude_error_deg"],
+        "SPEC (floors)": lambda s: s["spec_score_floored"],
+        "(no floors)": lambda s: s["spec_score_unfloored"],
+        "answered": lambda s: s["poses_found"],
+        "SPEC of these": lambda s: s["answered"]["spec_score"],
+    }
     rows = []
     for domain, s in scores.items():
         if "spec_score" not in s:
             click.echo(f"{domain}: {s['images']} images without labels, poses of {s['poses_found']:.0%}")
             continue
-        values = (
-            s["iou"],
-            s["oks"]["paper"],
-            s["oks"]["coco"],
-            s["box_ap50_95"],
-            s["keypoint_ap50_95"]["paper"],
-            s["keypoint_ap50_95"]["coco"],
-            s["position_error_m"],
-            s["attitude_error_deg"],
-            s["spec_score_floored"],
-            s["spec_score_unfloored"],
-            s["poses_found"],
-            s["answered"]["spec_score"],
-        )
+        values = [of(s) for of in columns.values()]
         rows.append([domain, str(s["images"]), *("" if v is None else f"{v:.4f}" for v in values)])
     if rows:
-        print_table(head, rows)
+        print_table(["domain", "images", *columns], rows)
 
 
 COMMANDS: list[click.Command] = [demo, prepare, train, ablate, evaluate]

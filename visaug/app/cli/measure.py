@@ -17,13 +17,12 @@ from visaug.app.cli.options import (
     force_option,
     frames_argument,
     is_silent,
-    json_option,
     load_camera,
     may_replace,
     may_write,
     output_option,
-    quiet_option,
-    report_option,
+    path_option,
+    result_options,
     write_result,
     written,
 )
@@ -59,31 +58,24 @@ MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of
     help="EMVA 1288 with likelihood fits, or the paper's procedure, which uses bias and dark frames only.",
 )
 @output_option("camera.yaml", "Write the measured camera.")
-@click.option(
-    "--maps",
-    "maps_path",
-    metavar="DIR",
-    type=click.Path(path_type=Path),
-    help="Write maps of every pixel as FITS: master bias, response, read noise, dark current, defects.",
+@path_option(
+    "--maps maps_path",
+    "DIR",
+    "Write maps of every pixel as FITS: master bias, response, read noise, dark current, defects.",
 )
 @click.option(
     "--use-maps",
     is_flag=True,
     help="The camera of -o names the maps in --maps (.npy) in place of patterns drawn by chance.",
 )
-@click.option(
-    "--sheet",
-    "sheets",
-    metavar="F.html|F.json",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="Write the EMVA 1288 release 4 data sheet for each operating point, as a page to print or as JSON. "
+@path_option(
+    "--sheet sheets",
+    "F.html|F.json",
+    "Write the EMVA 1288 release 4 data sheet for each operating point, as a page to print or as JSON. "
     "May be repeated.",
+    multiple=True,
 )
-@force_option
-@json_option
-@report_option
-@quiet_option
+@result_options
 def characterize(
     frames_path: Path,
     camera_name: str | None,
@@ -124,13 +116,14 @@ def characterize(
         progress("characterizing", 0, 1)
         result = visaug.characterize(frames, camera, seed=seed, method=method)
         progress("characterizing", 1, 1)
-    if not is_silent(quiet, json_path):
+    silent = is_silent(quiet, json_path)
+    if not silent:
         noiseless = result.is_noiseless
         summaries.print_characterization(result.to_json(), str(output) if output and not noiseless else None)
     # The measurements are written before the camera, because writing a camera fails where none was determined.
     write_result(json_path, result.to_json())
     if output and result.is_noiseless:
-        click.echo("no sensor noise found: no camera is written", err=is_silent(quiet, json_path))
+        click.echo("no sensor noise found: no camera is written", err=silent)
         output = None
     if output:
         result.save_camera(output, maps_path if use_maps else None)
@@ -142,12 +135,11 @@ def characterize(
         write_characterization(report_path, result, frames, output)
     if sheets:
         _write_sheets(sheets, frames, camera, seed, quiet)
-    if not is_silent(quiet, json_path):
+    if not silent:
         written(output, maps_path, json_path, report_path, *sheets)
-        pictured = all(record.kind == "image" for record in frames.records)
-        if not pictured or "gain_e_per_dn" in result.parameters:
+        if not frames.is_pictures or "gain_e_per_dn" in result.parameters:
             inputs = replace(Inputs.of(None, frames, output), transfer=result.transfer)
-            summaries.print_next(after_characterization(inputs, pictured))
+            summaries.print_next(after_characterization(inputs, frames.is_pictures))
 
 
 def _write_sheets(
@@ -178,19 +170,15 @@ transfer_option = click.option(
 @command("compare", example="visaug compare frames/ --camera camera.yaml --report comparison.html")
 @frames_argument
 @camera_option(required=False)
-@click.option(
+@path_option(
     "--target",
-    metavar="PICTURES",
-    type=click.Path(path_type=Path),
-    help="Pictures of the target domain: FRAMES are then pictures too, with the camera's noise where one is given.",
+    "PICTURES",
+    "Pictures of the target domain: FRAMES are then pictures too, with the camera's noise where one is given.",
 )
 @transfer_option
 @effects_option()
 @bit_depth_option
-@force_option
-@json_option
-@report_option
-@quiet_option
+@result_options
 @click.option(
     "--fail-on-misfit",
     is_flag=True,
@@ -219,6 +207,7 @@ def compare(
     if target is None and camera_name is None:
         raise InputError("is missing", field="--camera", expected="a camera, or --target PICTURES")
     camera = load_camera(camera_name) if camera_name else None
+    silent = is_silent(quiet, json_path)
     if target is not None:
         from visaug.pictures.comparison import compare_pictures
 
@@ -226,12 +215,12 @@ def compare(
         wanted = visaug.FrameSet.load(target, None, bit_depth)
         with progress_bars(quiet=quiet) as progress:
             found = compare_pictures(renders, wanted, camera, transfer, seed, progress)
-        if not is_silent(quiet, json_path):
+        if not silent:
             summaries.print_comparison(found.to_json())
         write_result(json_path, found.to_json())
         if report_path:
             found.report(report_path)
-        if not is_silent(quiet, json_path):
+        if not silent:
             written(json_path, report_path)
             summaries.print_next(after_pictures(found.to_json(), picture_inputs(found)))
         if fail_on_misfit and not found.adequate:
@@ -243,7 +232,7 @@ def compare(
         result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
     inputs = replace(Inputs.of(camera, frames), transfer=_told(transfer))
     content = result.to_json()
-    if not is_silent(quiet, json_path):
+    if not silent:
         summaries.print_comparison(content)
     pictures: dict[str, Path] = {}
     if report_path:
@@ -252,7 +241,7 @@ def compare(
         pictures = write_comparison(report_path, result, camera, frames, seed, inputs)
         content["pictures"] = {name: str(path) for name, path in pictures.items()}
     write_result(json_path, content)
-    if not is_silent(quiet, json_path):
+    if not silent:
         written(json_path, report_path, *pictures.values())
         summaries.print_next(after_comparison(content, inputs))
     if fail_on_misfit and not result.adequate:
@@ -297,18 +286,14 @@ def _told(transfer: str) -> str | None:
     metavar="ADDRESS",
     help="Run the simulations on a Ray cluster: its address, `auto`, or `local` for this machine (extra `cluster`).",
 )
-@click.option(
+@path_option(
     "--scenes",
-    metavar="PICTURES",
-    type=click.Path(path_type=Path),
-    help="Where FRAMES are ordinary pictures: others of such scenes, e.g. the training images. Vignetting needs them.",
+    "PICTURES",
+    "Where FRAMES are ordinary pictures: others of such scenes, e.g. the training images. Vignetting needs them.",
 )
 @transfer_option
 @output_option("camera2.yaml", "Write the refitted camera with the missing effects.")
-@force_option
-@json_option
-@report_option
-@quiet_option
+@result_options
 def diagnose(
     frames_path: Path,
     camera_name: str,
@@ -352,11 +337,8 @@ def diagnose(
         )
     if not is_silent(quiet, json_path):
         summaries.print_diagnosis(result.to_json())
-    chosen = [
-        *(word for name in without for word in ("--without", name)),
-        *(("--seed", str(seed)) if seed else ()),
-    ]
-    chosen += ["--scenes", str(scenes)] if scenes else []
+    chosen = [word for name in without for word in ("--without", name)]
+    chosen += [*(("--seed", str(seed)) if seed else ()), *(("--scenes", str(scenes)) if scenes else ())]
     inputs = replace(Inputs.of(camera, frames, output), transfer=_told(transfer), options=tuple(chosen))
     if output:
         result.camera.save(output)

@@ -33,20 +33,11 @@ class _Command(click.Command):
 
 def command(name: str, *, example: str) -> Callable[[Callable], click.Command]:
     """A command with `--seed` and an example under its help."""
-
-    def decorate(function: Callable) -> click.Command:
-        seeded = click.option(
-            "--seed",
-            type=click.IntRange(min=0),
-            default=0,
-            show_default=True,
-            help="Seed of all random numbers.",
-        )(function)
-        return click.command(name, cls=_Command, epilog="\b\nExample:\n  " + example.replace("\n", "\n  "))(
-            seeded
-        )
-
-    return decorate
+    seed, epilog = click.IntRange(min=0), "\b\nExample:\n  " + example.replace("\n", "\n  ")
+    seeded = click.option(
+        "--seed", type=seed, default=0, show_default=True, help="Seed of all random numbers."
+    )
+    return lambda function: click.command(name, cls=_Command, epilog=epilog)(seeded(function))
 
 
 def camera_option(required: bool = True) -> Decorator:
@@ -73,32 +64,36 @@ def _check_report(context: click.Context, parameter: click.Parameter, path: Path
     return _check_result(context, parameter, path)
 
 
-frames_argument = click.argument("frames_path", metavar="FRAMES", type=click.Path(path_type=Path))
-json_option = click.option(
-    "--json",
-    "json_path",
-    metavar="F",
-    type=click.Path(path_type=Path),
-    callback=_check_result,
-    help="Write the result as JSON; `-` writes it to standard output and suppresses all other output.",
-)
-quiet_option = click.option(
-    "-q", "--quiet", is_flag=True, help="Print errors only, no progress and no tables."
-)
-report_option = click.option(
-    "--report",
-    "report_path",
-    metavar="F.html",
-    type=click.Path(path_type=Path),
-    callback=_check_report,
-    help="Write a report as one HTML file.",
-)
+def path_option(names: str, metavar: str, text: str, **more: Any) -> Decorator:
+    """An option that takes a path; `names` as "--json json_path"."""
+    return click.option(*names.split(), metavar=metavar, type=click.Path(path_type=Path), help=text, **more)
 
 
 def output_option(metavar: str, text: str, **more: Any) -> Decorator:
-    return click.option(
-        "-o", "--output", "output", metavar=metavar, type=click.Path(path_type=Path), help=text, **more
-    )
+    return path_option("-o --output output", metavar, text, **more)
+
+
+frames_argument = click.argument("frames_path", metavar="FRAMES", type=click.Path(path_type=Path))
+force_option = click.option("--force", is_flag=True, is_eager=True, help="Overwrite existing files.")
+json_option = path_option(
+    "--json json_path",
+    "F",
+    "Write the result as JSON; `-` writes it to standard output and suppresses all other output.",
+    callback=_check_result,
+)
+
+
+def result_options(function: Callable) -> Callable:
+    """The options --force, --json, --report and --quiet of a command that measures."""
+    report = "Write a report as one HTML file."
+    for option in (
+        click.option("-q", "--quiet", is_flag=True, help="Print errors only, no progress and no tables."),
+        path_option("--report report_path", "F.html", report, callback=_check_report),
+        json_option,
+        force_option,
+    ):
+        function = option(function)
+    return function
 
 
 def _load_effects(_: click.Context, __: click.Parameter, files: tuple[Path, ...]) -> tuple[Path, ...]:
@@ -114,16 +109,9 @@ def effects_option(
     text: str = "File with your own effects that the camera uses.", *, pass_on: bool = False
 ) -> Decorator:
     """`--effects FILE.py`, loaded before the command runs; handed to it as `effects` where `pass_on`."""
-    return click.option(
-        "--effects",
-        "effects",
-        metavar="FILE.py",
-        multiple=True,
-        type=click.Path(path_type=Path),
-        callback=_load_effects,
-        expose_value=pass_on,
-        help=text + " May be repeated.",
-    )
+    text += " May be repeated."
+    more = {"multiple": True, "callback": _load_effects, "expose_value": pass_on}
+    return path_option("--effects effects", "FILE.py", text, **more)
 
 
 bit_depth_option = click.option(
@@ -133,7 +121,6 @@ bit_depth_option = click.option(
     type=click.IntRange(1, 32),
     help="Bits of the converter, for example 12 for 12-bit data in 16-bit files.",
 )
-force_option = click.option("--force", is_flag=True, is_eager=True, help="Overwrite existing files.")
 
 
 def may_write(path: Path | None, force: bool) -> None:

@@ -43,9 +43,8 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the program; ends the process with status 0, 1 where part of the work failed, 2 on bad input or an error of the
     operating system, 130 when interrupted, 143 when terminated.
     """
-    logging.getLogger("tifffile").addHandler(
-        logging.NullHandler()
-    )  # the error of a damaged file is one line, without the library's own
+    # the error of a damaged file is one line, without the library's own
+    logging.getLogger("tifffile").addHandler(logging.NullHandler())
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminate)
     try:
@@ -76,9 +75,8 @@ def main(arguments: list[str] | None = None) -> None:
         click.echo(f"visaug: {one_line(mistake)}", err=True)
         sys.exit(2)
     except Exception as failure:
-        loop = (
-            str(failure) if str(failure).startswith("Symlink loop") else None
-        )  # pathlib's, which is no OSError
+        # pathlib's, which is no OSError
+        loop = str(failure) if str(failure).startswith("Symlink loop") else None
         fault = loop or users_fault(failure)
         if fault is None:
             raise

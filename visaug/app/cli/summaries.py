@@ -5,13 +5,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from visaug.app.cli.tables import print_table
-from visaug.core.wording import deviation_text, share_text, statistic_text, with_interval
+from visaug.core.wording import with_interval
 from visaug.report.headline import (
+    WHERE_HEAD,
     characterization_headline,
     comparison_headline,
     diagnosis_details,
     diagnosis_headline,
-    view_title,
+    where_rows,
 )
 from visaug.report.next_step import NextStep
 
@@ -25,13 +26,8 @@ def print_characterization(result: dict[str, Any], camera_file: str | None = Non
     if headline:
         click.echo(headline)
     rows = [
-        [
-            name,
-            with_interval(entry["value"], entry.get("low"), entry.get("high")),
-            entry["unit"],
-            entry["from"],
-        ]
-        for name, entry in result["parameters"].items()
+        [name, with_interval(e["value"], e.get("low"), e.get("high")), e["unit"], e["from"]]
+        for name, e in result["parameters"].items()
     ]
     print_table(["parameter", "value [95 % interval]", "unit", "source"], rows)
     for entry in result["not_determined"]:
@@ -50,7 +46,10 @@ def print_survey(found: "Survey") -> None:
         ["kind", "frames", "exposure s", "temperature C", "gain dB", "setting", "filter", "photons"], rows
     )
     told = [
-        [_files(files), *(_cell(v) if v is not None else "?" for v in key)]
+        [
+            files[0] if len(files) == 1 else f"{files[0]} and {len(files) - 1} more",
+            *(_cell(v) if v is not None else "?" for v in key),
+        ]
         for key, files in found.told_by().items()
     ]
     print_table(["files", "kind", "from", "exposure s", "from", "temperature C", "from"], told)
@@ -60,17 +59,14 @@ def print_survey(found: "Survey") -> None:
         click.echo("the table is not complete: fill in the blank cells before you use it")
 
 
-def _files(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
-
-
 def _cell(value: float | str | None) -> str:
     return "" if value is None else value if isinstance(value, str) else f"{value:g}"
 
 
 def print_comparison(result: dict[str, Any]) -> None:
     """Where the model fails, then the answer in one sentence."""
-    print_places(result["where"])
+    if result["where"]:
+        print_table(WHERE_HEAD, where_rows(result["where"]))
     print_used(result)
     click.echo(comparison_headline(result))
 
@@ -100,17 +96,3 @@ def print_used(result: dict[str, Any]) -> None:
         click.echo(f"used: {used['description']}")
     for warning in result.get("warnings", ()):
         click.echo(f"warning: {warning}", err=True)
-
-
-def print_places(where: list[dict[str, Any]]) -> None:
-    rows = [
-        [
-            view_title(place["view"]),
-            share_text(place["share"]),
-            statistic_text(place["worst"]),
-            deviation_text(place["z"]),
-        ]
-        for place in where[:10]
-    ]
-    if rows:
-        print_table(["view", "share of the misfit", "worst statistic", "standard deviations"], rows)

@@ -46,12 +46,7 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
     plan = with_chart(camera, FrameSet.load(plan_path, resolution=camera.resolution))
     with progress_bars() as progress:
         frames = simulate(camera, plan, seed=seed, progress=progress)
-        frames.save(
-            output,
-            keep_names=True,
-            overwrite=force,
-            beside=lambda folder: camera.save(folder / "camera.yaml"),
-        )
+        frames.save(output, keep_names=True, overwrite=force, beside=lambda f: camera.save(f / "camera.yaml"))
     click.echo(f"wrote {len(frames)} frames to {output}")
 
 
@@ -136,23 +131,12 @@ def plan(
 @command("frames", example="visaug frames measured/ -o measured/frames.csv --bit-depth 12 --temperature 20")
 @click.argument("folder", metavar="FOLDER", type=click.Path(path_type=Path))
 @bit_depth_option
-@click.option(
-    "--exposure",
-    "exposure_s",
-    type=float,
-    metavar="S",
-    help="Exposure time of files that do not state it, in seconds.",
-)
-@click.option(
-    "--temperature",
-    "temperature_c",
-    type=float,
-    metavar="C",
-    help="Temperature of files that do not state it, in C.",
-)
-@click.option(
-    "--gain-db", "gain_db", type=float, metavar="DB", help="Gain of files that do not state it, in dB."
-)
+@click.option("--exposure", "exposure_s", type=float, metavar="S",
+              help="Exposure time of files that do not state it, in seconds.")  # fmt: skip
+@click.option("--temperature", "temperature_c", type=float, metavar="C",
+              help="Temperature of files that do not state it, in C.")  # fmt: skip
+@click.option("--gain-db", "gain_db", type=float, metavar="DB",
+              help="Gain of files that do not state it, in dB.")  # fmt: skip
 @click.option("--resolution", metavar="ROWSxCOLUMNS", help="Resolution of .raw files.")
 @output_option("frames.csv", "Write the table; the column `file` is relative to its folder.")
 @force_option
@@ -197,17 +181,8 @@ def frames(
     help="List the effects that are called or described so: banding, EMI, ghosting, PRNU.",
 )
 @output_option("FILE.py", "File that `new` writes.  [default: NAME.py]")
-@click.option(
-    "--effects",
-    "files",
-    metavar="my.py",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="File with your own effects to include. May be repeated.",
-)
-def effects(
-    words: tuple[str, ...], search: str | None, output: Path | None, files: tuple[Path, ...], seed: int
-) -> None:
+@effects_option("File with your own effects to include.")
+def effects(words: tuple[str, ...], search: str | None, output: Path | None, seed: int) -> None:
     """List or describe effects, write a template, or check a file of your own.
 
     Without arguments all effects are listed, grouped by where they act; with --search those that match. NAME describes one;
@@ -215,11 +190,7 @@ def effects(
     keep.
     """
     from visaug.app.cli import effect_pages
-    from visaug.core.errors import InputError
-    from visaug.effects.catalogue import load_file
 
-    for file in files:
-        load_file(file)
     match words:
         case ():
             effect_pages.print_catalogue(search or "")
@@ -234,11 +205,8 @@ def effects(
         case (name,) if name not in ("new", "check"):
             effect_pages.print_effect(name)
         case _:
-            raise InputError(
-                " ".join(words),
-                field="visaug effects",
-                expected="nothing, a NAME, new NAME, or check FILE.py",
-            )
+            said = "nothing, a NAME, new NAME, or check FILE.py"
+            raise InputError(" ".join(words), field="visaug effects", expected=said)
 
 
 COMMANDS: list[click.Command] = [simulate, plan, frames, effects]

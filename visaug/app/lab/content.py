@@ -18,9 +18,6 @@ from visaug.statistics import VIEWS
 from visaug.statistics.distance import Error
 from visaug.statistics.places import Place
 
-NOTICEABLE = 0.01  # least reduction of the error that is worth an effect
-FIRST = 4  # views that are shown before the others
-
 
 def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str, Any]:
     """Everything that changes on the page.
@@ -32,11 +29,13 @@ def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str
     candidates = _candidates(bench)
     effects, rows = _effects(bench), _numbers(bench, wanted or {})
     own = {effect["name"] for effect in effects}
+    selection = bench.session.fits.lab.selection
     listed = {entry["name"] for entry in candidates}
+    first = 4  # views that are shown before the others
     return {
         "camera": bench.given.name,
         "frames": described(bench.frames),
-        "part": _part(bench),
+        "part": None if selection.is_all else str(selection),  # what of a large set is looked at
         "warnings": list(all_warnings(bench.frames)),
         "output": str(bench.output) if bench.output else None,
         "error": _error(bench),
@@ -54,19 +53,13 @@ def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str
         "verdicts": [verdict_row(v.to_json()) for v in bench.diagnosis.effects] if bench.diagnosis else [],
         "addable": [name for name in bench.can_add() if name not in listed],
         "where": [_place(place) for place in _places(bench)],
-        "views": views[:FIRST],
-        "other_views": views[FIRST:],
+        "views": views[:first],
+        "other_views": views[first:],
         "numbers": [row for row in rows if row["path"].split(".")[0] not in own],
         "history": [action for action, _ in bench.past.entries],
         "at": bench.past.at,
         "own": bench.own_picture,
     }
-
-
-def _part(bench: Bench) -> str | None:
-    """What of a large set is looked at, in words; None where all of it is."""
-    selection = bench.session.fits.lab.selection
-    return None if selection.is_all else str(selection)
 
 
 def verdict(bench: Bench) -> str:
@@ -178,7 +171,8 @@ def _notes(bench: Bench) -> list[str]:
     """What there is to add to the verdict."""
     found, notes = bench.diagnosis, []
     errors = [step.error for step in bench.now.steps[-2:] if step.error]
-    if bench.now.added and len(errors) == 2 and errors[1].value > errors[0].value - NOTICEABLE:
+    noticeable = 0.01  # least reduction of the error that is worth an effect
+    if bench.now.added and len(errors) == 2 and errors[1].value > errors[0].value - noticeable:
         notes.append(f"{bench.now.added[-1]} does not lower the error: without it the camera is as close.")
     if not found:
         return notes

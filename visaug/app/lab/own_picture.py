@@ -70,12 +70,15 @@ class OwnPicture:
         """
         taken = add_noise(self.picture, SensorNoise(camera, exposure=exposure), seed)
         window = middle(self.picture, LARGEST_MAP, LARGEST_MAP)
-        before, after = (_colours(p.pixels[window], p.colours) for p in (self.picture, taken))
+        before, after = (
+            p.pixels[window][..., 0 if p.colours == 1 else slice(p.colours)] for p in (self.picture, taken)
+        )
         height, width = self.picture.pixels.shape[:2]
         whole = before.shape[:2] == (height, width)
         part = "" if whole else f", the middle of {height} x {width} pixels"
+        kind = "sRGB" if self.picture.transfer == "srgb" else "linear in light"
         return {
-            "title": f"{self.name}{part}; taken for {self._transfer()}",
+            "title": f"{self.name}{part}; taken for {kind} ({self.picture.reason})",
             "names": ["before", "after"],
             "y_label": f"{self.white:g} is white",
             "white": self.white,
@@ -83,12 +86,3 @@ class OwnPicture:
             "curves": [],
             "maps": [map_data(self.name, before, after)],
         }
-
-    def _transfer(self) -> str:
-        kind = "sRGB" if self.picture.transfer == "srgb" else "linear in light"
-        return f"{kind} ({self.picture.reason})"
-
-
-def _colours(pixels: np.ndarray, colours: int) -> np.ndarray:
-    """(H, W) or (H, W, 3), without transparency."""
-    return pixels[..., 0] if colours == 1 else pixels[..., :colours]

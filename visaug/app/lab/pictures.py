@@ -20,10 +20,9 @@ from visaug.report.pages import described, diagnosis_sections, write_comparison,
 from visaug.report.plots.error import plot_error_steps
 from visaug.report.provenance import footer
 from visaug.report.views import ViewGallery
-from visaug.statistics.reduction import labels
+from visaug.statistics.conditions import labels
 
 COMPARED = "_compared"  # ends a key with which views show their worst statistic: before the comparison nobody knows it
-KEPT = 4  # cameras whose pictures are kept
 
 
 def key_of(camera: Camera) -> str:
@@ -47,10 +46,11 @@ class ViewPlots:
     def announce(self, camera: Camera, compared: bool = False) -> str:
         """The key under which pictures of a camera can be asked for; another one after the comparison."""
         key = key_of(camera)
+        kept = 4  # cameras whose pictures are kept
         with self._drawing:
             self._galleries.setdefault(key, (camera, None))
             self._galleries.move_to_end(key)
-            while len(self._galleries) > KEPT:
+            while len(self._galleries) > kept:
                 self._galleries.popitem(last=False)
         return key + COMPARED * compared
 

@@ -13,7 +13,6 @@ import numpy as np
 
 LINEAR, SRGB = "linear", "srgb"
 EXIF_IFD, EXIF_COLOUR_SPACE = 0x8769, 0xA001
-CICP_LINEAR, CICP_SRGB_LIKE = (8,), (1, 4, 5, 6, 13, 14, 15)  # ITU-T H.273, table 3
 
 
 @dataclass(frozen=True)
@@ -37,8 +36,9 @@ class Hints:
 
 def transfer_of(hints: Hints, dtype: np.dtype, colours: int) -> tuple[str, str]:
     """("linear" or "srgb", the reason for messages)."""
-    if hints.cicp in CICP_LINEAR + CICP_SRGB_LIKE:
-        return (LINEAR if hints.cicp in CICP_LINEAR else SRGB), "cICP chunk"
+    cicp_linear, cicp_srgb_like = (8,), (1, 4, 5, 6, 13, 14, 15)  # ITU-T H.273, table 3
+    if hints.cicp in cicp_linear + cicp_srgb_like:
+        return (LINEAR if hints.cicp in cicp_linear else SRGB), "cICP chunk"
     gamma = profile_gamma(hints.icc) if hints.icc else None
     if gamma is not None:
         return (LINEAR if abs(gamma - 1) < 0.05 else SRGB), "ICC profile"

@@ -5,11 +5,8 @@ from torch import Tensor
 
 from visaug.core.sampling.tukey_lambda import quantile_of_tail
 
-SMALL_MEAN = 25.0  # below it the Poisson quantile is summed exactly, above it Giles' expansion has both far tails right
-
-MOST_MEAN = (
-    1e20  # of a Poisson count; a larger mean counts as this one. No converter's range is left above it
-)
+# of a Poisson count; a larger mean counts as this one. No converter's range is left above it
+MOST_MEAN = 1e20
 
 
 def tail(bits: Tensor) -> tuple[Tensor, Tensor]:
@@ -39,13 +36,14 @@ def poisson(mean: Tensor, bits: Tensor) -> Tensor:
     """Poisson count by its quantile function, float32, in the shape of `mean`.
 
     A mean above MOST_MEAN counts as that.
-    Below SMALL_MEAN the distribution function is summed. Above it, the expansion Q_N2 of M. Giles, "Approximation of the
+    Below small_mean the distribution function is summed. Above it, the expansion Q_N2 of M. Giles, "Approximation of the
     inverse Poisson cumulative distribution function", ACM TOMS 42 (2016) 7, eq. 2.8, rounded down.
     """
     rate = mean.double().clamp(0, MOST_MEAN)
     p, side = tail(bits)
     u = torch.where(side < 0, p, 1 - p)
-    small = rate.clamp_max(SMALL_MEAN)
+    small_mean = 25.0  # below it the Poisson quantile is summed exactly, above it Giles' expansion has both far tails right
+    small = rate.clamp_max(small_mean)
     term = torch.exp(-small)
     total, count = term, torch.zeros_like(small)
     for n in range(1, 84):
@@ -53,8 +51,8 @@ def poisson(mean: Tensor, bits: Tensor) -> Tensor:
         term = term * (small / n)
         total = total + term
     w = -side * torch.special.ndtri(p)
-    large = rate.clamp_min(SMALL_MEAN)
+    large = rate.clamp_min(small_mean)
     root = large.sqrt()
     x = large + root * w + (1 / 3 + w**2 / 6) - (w / 36 + w**3 / 72) / root
     x = x + (-8 / 405 + w**2 * (7 / 810 + w**2 / 270)) / large
-    return torch.where(rate < SMALL_MEAN, count, x.floor().clamp_min(0)).float()
+    return torch.where(rate < small_mean, count, x.floor().clamp_min(0)).float()

@@ -90,9 +90,8 @@ def scramble(_typing, _word, _shift, _factor, _more):
 def log(x):
     """Natural logarithm of a positive float32, within 1e-7 of it or of 1 (Cephes, logf)."""
     bits = float_bits(x)  # pyright: ignore[reportCallIssue]
-    exponent = i32(bits - i32(0x3F3504F3)) & i32(
-        -(2**23)
-    )  # times 2^23, so that the rest lies within a factor sqrt(2) of 1
+    # times 2^23, so that the rest lies within a factor sqrt(2) of 1
+    exponent = i32(bits - i32(0x3F3504F3)) & i32(-(2**23))
     t = as_float(i32(bits - i32(exponent))) - ONE  # pyright: ignore[reportCallIssue]
     p = f32(7.0376836292e-2)
     for c in (
@@ -220,9 +219,8 @@ def _many(mean, words, out):
         inverse, whole = ONE / root, np.floor(m)
         x = root * w + (THIRD + w2 * SIXTH) - w * (PER_36 + w2 * PER_72) * inverse
         x += (GILES_0 + w2 * (GILES_2 + w2 * GILES_4)) * inverse * inverse
-        out[i] = max(
-            ZERO, whole + np.floor((m - whole) + x)
-        )  # apart, so that a large mean does not round the rest
+        # apart, so that a large mean does not round the rest
+        out[i] = max(ZERO, whole + np.floor((m - whole) + x))
 
 
 @njit(inline="always")

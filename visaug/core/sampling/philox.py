@@ -8,10 +8,7 @@ Two implementations of the same function: torch operators (any device, `torch.co
 import torch
 from torch import Tensor
 
-M0, M1 = 0xD2511F53, 0xCD9E8D57
-W0, W1 = 0x9E3779B9, 0xBB67AE85
 MASK = 0xFFFFFFFF
-ROUNDS = 10
 
 
 def philox(counter: tuple[Tensor, Tensor, Tensor, Tensor], key: tuple[Tensor, Tensor]) -> tuple[Tensor, ...]:
@@ -26,12 +23,15 @@ def philox(counter: tuple[Tensor, Tensor, Tensor, Tensor], key: tuple[Tensor, Te
     """
     c0, c1, c2, c3 = counter
     k0, k1 = key
-    for _ in range(ROUNDS):
-        p0 = c0 * M0  # an unsigned 64-bit product; int64 wraps to the same bits
-        p1 = c2 * M1
+    m0, m1 = 0xD2511F53, 0xCD9E8D57
+    w0, w1 = 0x9E3779B9, 0xBB67AE85
+    rounds = 10
+    for _ in range(rounds):
+        p0 = c0 * m0  # an unsigned 64-bit product; int64 wraps to the same bits
+        p1 = c2 * m1
         c0, c1, c2, c3 = ((p1 >> 32) & MASK) ^ c1 ^ k0, p1 & MASK, ((p0 >> 32) & MASK) ^ c3 ^ k1, p0 & MASK
-        k0 = (k0 + W0) & MASK
-        k1 = (k1 + W1) & MASK
+        k0 = (k0 + w0) & MASK
+        k1 = (k1 + w1) & MASK
     return c0, c1, c2, c3
 
 

@@ -129,7 +129,13 @@ class Stream:
         """Standard normal, float32."""
         if not self._native():
             return distributions.normal(self._bits(vary))
-        return self._kept(lambda: self._native_normal(vary), vary)
+
+        def drawn() -> Tensor:
+            keys, r0, c0, out = self._native_arguments(vary)
+            kernels.fill_normal(keys, r0, c0, out)
+            return torch.from_numpy(out)
+
+        return self._kept(drawn, vary)
 
     def pattern(self, column: Tensor, row: Tensor, pixel: Tensor) -> Tensor:
         """Sum of Gaussian parts of columns, rows and pixels with these standard deviations, (B or 1, 1, 1, 1), float32."""
@@ -151,11 +157,6 @@ class Stream:
         if place not in self._drawn:
             self._drawn[place] = make()
         return self._drawn[place]
-
-    def _native_normal(self, vary: str) -> Tensor:
-        keys, r0, c0, out = self._native_arguments(vary)
-        kernels.fill_normal(keys, r0, c0, out)
-        return torch.from_numpy(out)
 
     def tukey_lambda(self, shape: Tensor | float, vary: str = "pixel") -> Tensor:
         """Tukey-lambda noise of mean 0 and standard deviation 1, float32; differentiable in `shape`.

@@ -4,8 +4,6 @@ import torch
 
 from visaug.effects.effect import Effect, Parameter, Stage
 
-DEEPEST_E = 1e9  # in place of an unlimited full well
-
 
 class BlackSun(Effect):
     """The reset level of a pixel under a very bright source collects light before it is sampled (eclipse).
@@ -39,6 +37,7 @@ class BlackSun(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        well = context.full_well_e.clamp_max(DEEPEST_E)
+        deepest_e = 1e9  # in place of an unlimited full well
+        well = context.full_well_e.clamp_max(deepest_e)
         fallen = torch.minimum(signal, well) - p.share * (signal - p.onset * well).clamp_min(0)
         return torch.where(p.share > 0, fallen.clamp_min(0), signal)

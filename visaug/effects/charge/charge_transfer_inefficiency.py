@@ -5,7 +5,6 @@ import torch.nn.functional as F
 
 from visaug.effects.effect import Effect, Parameter, Stage
 
-REFERENCE_E = 1000.0  # charge to which `share_per_transfer` refers
 MOST = 0.9  # share that a transfer may leave behind
 
 
@@ -64,7 +63,8 @@ class ChargeTransferInefficiency(Effect):
         places = context.columns(signal) if sideways else context.rows(signal)
         length = context.resolution[1 if sideways else 0]
         transfers = length - places if far else places + 1
-        density = (signal.clamp_min(1) / REFERENCE_E) ** (p.density_exponent - 1)
+        reference_e = 1000.0  # charge to which `share_per_transfer` refers
+        density = (signal.clamp_min(1) / reference_e) ** (p.density_exponent - 1)
         share = (p.share_per_transfer * density).clamp_max(MOST)
         lost = -torch.expm1(transfers * torch.log1p(-share)) * signal
         axis = -1 if sideways else -2

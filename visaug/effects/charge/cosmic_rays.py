@@ -6,8 +6,6 @@ import torch
 
 from visaug.effects.effect import Effect, Parameter, Stage
 
-LONGEST_PX = 200  # tracks are cut here; at a mean of 20 px one in 22000 is
-
 
 class CosmicRays(Effect):
     """The number of tracks is Poisson; start and direction are uniform, length and charge per pixel exponential.
@@ -92,7 +90,8 @@ class CosmicRays(Effect):
         angle = 2 * math.pi * uniform("direction")
         length = -torch.log1p(-uniform("length")) * each(p.length_px)
         charge = -torch.log1p(-uniform("charge")) * each(p.charge_e_per_px)
-        step = torch.arange(min(LONGEST_PX, math.ceil(float(length.max()))), device=signal.device)
+        longest_px = 200  # tracks are cut here; at a mean of 20 px one in 22000 is
+        step = torch.arange(min(longest_px, math.ceil(float(length.max()))), device=signal.device)
         r = (row[:, None] + torch.sin(angle)[:, None] * step).round().long()
         c = (column[:, None] + torch.cos(angle)[:, None] * step).round().long()
         deposit = charge[:, None] * (length[:, None] - step).clamp(0, 1)  # the last step is a part of a px

@@ -52,9 +52,8 @@ class ImageLag(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        most = torch.where(
-            p.share > 0, context.full_well_e, torch.inf
-        )  # at zero strength nothing is clipped here
+        # at zero strength nothing is clipped here
+        most = torch.where(p.share > 0, context.full_well_e, torch.inf)
         if not context.sequence:
             return signal if p.saturates == "node" else torch.minimum(signal, (1 - p.share) * most)
         key = f"{self.name}.held"

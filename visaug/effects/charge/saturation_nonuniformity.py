@@ -4,8 +4,6 @@ import torch
 
 from visaug.effects.effect import Effect, Parameter, Stage
 
-DEEPEST_E = 1e9  # in place of an unlimited full well
-
 
 class SaturationNonuniformity(Effect):
     """Pixels fill at different levels, and near the full well a part of the charge is lost before it is complete.
@@ -51,7 +49,8 @@ class SaturationNonuniformity(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        well = context.full_well_e.clamp_max(DEEPEST_E)
+        deepest_e = 1e9  # in place of an unlimited full well
+        well = context.full_well_e.clamp_max(deepest_e)
         over = signal - well * (1 - p.spread * stream.fixed.normal().abs()).clamp_min(0)
         knee = (p.knee * well).clamp_min(1e-9)
         escaped = over.clamp_min(0) + p.knee * well * torch.log1p(torch.exp(-over.abs() / knee))

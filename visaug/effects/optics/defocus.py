@@ -9,7 +9,6 @@ from visaug.effects.optics.spread import convolve, pixels_around
 from visaug.effects.parameter import Parameter
 
 STRIPS = 16  # of the disc's part of a pixel, whose area is then right to 1e-3
-LEAST_PX = 0.25  # a disc within the middle of a pixel is a point
 
 
 class Defocus(Effect):
@@ -48,7 +47,8 @@ class Defocus(Effect):
 
 def disc(radius_px):
     """Kernels (B, 1, K, K): the share of the disc's area in each pixel, by strips at even angles x = radius sin(angle)."""
-    radius = radius_px.clamp_min(LEAST_PX)
+    least_px = 0.25  # a disc within the middle of a pixel is a point
+    radius = radius_px.clamp_min(least_px)
     x, y = (
         place.unsqueeze(-1)
         for place in pixels_around(math.ceil(float(radius.detach().max()) - 0.5), radius_px)

@@ -9,7 +9,6 @@ from visaug.effects.optics.spread import filtered, frequencies
 from visaug.effects.parameter import Parameter
 
 FIRST_ZERO = 3.8317059702075125 / math.pi  # of the Airy pattern, in wavelengths times the f-number: 1.2197
-MOST_FOLDS = 4  # of the spectrum, by the pixels: all there are for a radius of 0.28 px or more
 
 
 class Diffraction(Effect):
@@ -57,7 +56,8 @@ def transfer(signal, radius_px):
     """Of the Airy pattern integrated over pixels and taken at each, (B, 1, H, W)."""
     per_cutoff = radius_px / FIRST_ZERO
     cutoff = float((1 / per_cutoff.detach().clamp_min(1e-9)).max())  # cycles/px
-    folds = min(MOST_FOLDS, math.ceil(max(cutoff - 0.5, 0)))
+    most_folds = 4  # of the spectrum, by the pixels: all there are for a radius of 0.28 px or more
+    folds = min(most_folds, math.ceil(max(cutoff - 0.5, 0)))
     f_rows, f_columns = frequencies(signal)
     total = torch.zeros_like(per_cutoff)
     for m in range(-folds, folds + 1):

@@ -5,7 +5,6 @@ import torch
 from visaug.effects.effect import Effect, Parameter, Stage
 
 MOST = 200  # specks of a sensor
-EDGE = 4  # power of the distance in the fall-off: a flat shadow with a soft edge
 
 
 class Dust(Effect):
@@ -58,13 +57,14 @@ class Dust(Effect):
         share = {what: own.uniform("column")[:, :1].unbind(-1) for what, own in drawn.items()}
         rows, columns = context.rows(signal) + 0.5, context.columns(signal) + 0.5
         passed = torch.ones_like(p.depth)
+        edge = 4  # power of the distance in the fall-off: a flat shadow with a soft edge
         for i in range(int(p.specks.detach().round().max())):
             radius2 = (p.radius_px * (2 / 3 + 5 / 6 * _at(share["radius"], i))) ** 2
             away2 = (rows - height * _at(share["row"], i)) ** 2 + (
                 columns - width * _at(share["column"], i)
             ) ** 2
             own = (1 + 2 * _at(share["depth"], i)) / 3 * (i < p.specks.round())
-            passed = passed * (1 - p.depth * own * torch.exp(-((away2 / radius2) ** (EDGE // 2))))
+            passed = passed * (1 - p.depth * own * torch.exp(-((away2 / radius2) ** (edge // 2))))
         return signal * passed
 
 

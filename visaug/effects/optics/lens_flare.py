@@ -6,8 +6,6 @@ import torch.nn.functional as F
 from visaug.effects.effect import Effect, Parameter, Stage
 from visaug.effects.optics.spread import PROFILES, gaussian_blur, halo
 
-GHOSTS = ((1.0, 0.7), (1.8, 0.3))  # size relative to `ghost_scale`, and share of the ghosts' light
-
 
 class LensFlare(Effect):
     """Light reflected between lens surfaces forms ghosts: defocused copies, mirrored and scaled.
@@ -62,7 +60,8 @@ class LensFlare(Effect):
         flare = p.halo_share * (halo(source, p.halo_width_px, p.halo_profile) - source)
         flare = flare - p.ghost_share * source
         blurred = gaussian_blur(source, p.ghost_blur_px, p.ghost_blur_px)
-        for size, share in GHOSTS:
+        ghosts = ((1.0, 0.7), (1.8, 0.3))  # size relative to `ghost_scale`, and share of the ghosts' light
+        for size, share in ghosts:
             flare = flare + p.ghost_share * share * self._ghost(blurred, p.ghost_scale * size, context)
         return signal + flare
 

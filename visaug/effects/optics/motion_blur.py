@@ -8,8 +8,6 @@ from visaug.effects.effect import Effect, Stage
 from visaug.effects.optics.spread import convolve, pixels_around
 from visaug.effects.parameter import Parameter
 
-LEAST_PX = 1e-3  # a shorter way is one
-
 
 class MotionBlur(Effect):
     """The image moves uniformly along a straight line while the shutter is open.
@@ -61,7 +59,8 @@ class MotionBlur(Effect):
 
 def line(length_px, angle_deg):
     """Kernels (B, 1, K, K): the share of the line that lies in each pixel."""
-    half = length_px.clamp_min(LEAST_PX) / 2
+    least_px = 1e-3  # a shorter way is one
+    half = length_px.clamp_min(least_px) / 2
     x, y = pixels_around(math.ceil(float(half.detach().max())), length_px)
     angle = torch.deg2rad(angle_deg)
     first, last = -half, half

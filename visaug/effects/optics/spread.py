@@ -7,7 +7,6 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-TRUNCATE = 4.0  # standard deviations at which a Gaussian kernel is truncated
 PROFILES = ("gaussian", "exponential", "power_law")
 
 
@@ -47,7 +46,8 @@ def pixels_around(reach: int, like: Tensor) -> tuple[Tensor, Tensor]:
 
 def _gaussian(sigma: Tensor) -> Tensor:
     """Kernels (B, 1, 1, K), each cut at its own width: an image does not depend on others of its batch."""
-    own_reach = (TRUNCATE * sigma.detach() + 1).floor()
+    truncate = 4.0  # standard deviations at which a Gaussian kernel is truncated
+    own_reach = (truncate * sigma.detach() + 1).floor()
     reach = int(own_reach.max())
     away = torch.arange(-reach, reach + 1, device=sigma.device, dtype=sigma.dtype).view(1, 1, 1, -1).abs()
     scale = math.sqrt(2) * sigma.clamp_min(1e-3)

@@ -9,7 +9,6 @@ from visaug.effects.optics.spread import convolve, pixels_around
 from visaug.effects.parameter import Parameter
 
 REACH = 3.0  # decay lengths at which a spike is cut
-CORE_PX = 3.0  # within it, the finite size of the source hides the fall-off
 
 
 class StarBurst(Effect):
@@ -65,11 +64,12 @@ def _spikes(p, dtype):
     reach = (REACH * length.detach()).ceil()
     x, y = pixels_around(int(reach.max()), length)
     total = torch.zeros_like(length)
+    core_px = 3.0  # within it, the finite size of the source hides the fall-off
     for blade in range(int(p.blades.detach().round().max())):
         turned = angle + 2 * math.pi * blade / p.blades.round()
         along = x * torch.cos(turned) - y * torch.sin(turned)  # rows are counted downwards
         across = x * torch.sin(turned) + y * torch.cos(turned)
-        fall = torch.exp(-along.abs() / length) / (1 + (along / CORE_PX) ** 2)
+        fall = torch.exp(-along.abs() / length) / (1 + (along / core_px) ** 2)
         total = total + fall * (1 - across.abs()).clamp_min(0) * (blade < p.blades.round())
     total = total * (torch.maximum(x.abs(), y.abs()) <= reach)
     return total / total.sum((2, 3), keepdim=True)

@@ -2,8 +2,6 @@
 
 from visaug.effects.effect import Effect, Parameter, Stage
 
-ALL_BUT = 0.999  # of the light that cos^4 can lose, short of 90 degrees
-
 
 class Vignetting(Effect):
     """Transmission falls from 1 on the axis as a power of the distance in half diagonals of the sensor, or as cos^4.
@@ -75,7 +73,8 @@ class Vignetting(Effect):
         y = context.rows(signal) + 0.5 - height * (0.5 + p.centre_row)
         x = context.columns(signal) + 0.5 - width * (0.5 + p.centre_column)
         r2 = (x**2 + y**2) / (height**2 + width**2) * 4 + 1e-12  # never 0: a root of 0 has no gradient
+        all_but = 0.999  # of the light that cos^4 can lose, short of 90 degrees
         if p.law == "cos4":
-            tangent2 = (1 - p.corner_loss.clamp_max(ALL_BUT)) ** -0.5 - 1  # of the field angle in the corner
+            tangent2 = (1 - p.corner_loss.clamp_max(all_but)) ** -0.5 - 1  # of the field angle in the corner
             return signal * (1 + tangent2 * r2) ** -2
         return signal * (1 - p.corner_loss * r2 ** (p.power / 2)).clamp_min(0)

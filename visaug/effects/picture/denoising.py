@@ -6,7 +6,6 @@ import torch.nn.functional as F
 from visaug.effects.effect import Effect, Stage
 from visaug.effects.parameter import Parameter
 
-SPLINE = (1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16)  # B3 scaling function of the starlet transform
 SCALES = 2  # of the transform: structures of one and two pixels
 
 
@@ -82,6 +81,7 @@ def _smoothed(signal, step, axis):
     reach, length = 2 * step, signal.shape[axis]
     padded = F.pad(signal, (reach, reach, 0, 0) if axis == -1 else (0, 0, reach, reach), mode="replicate")
     total = torch.zeros_like(signal)
-    for k, weight in enumerate(SPLINE):
+    spline = (1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16)  # B3 scaling function of the starlet transform
+    for k, weight in enumerate(spline):
         total = total + weight * padded.narrow(axis, k * step, length)
     return total

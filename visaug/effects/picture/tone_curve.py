@@ -5,8 +5,6 @@ import torch
 from visaug.effects.effect import Effect, Stage
 from visaug.effects.parameter import Parameter
 
-LEAST = 1e-6  # a power has no finite slope at 0; below it the curve is a straight line
-
 
 class ToneCurve(Effect):
     """The values of the picture follow a curve that rises from 0 to 1: a power, the sRGB curve, or a table.
@@ -45,8 +43,9 @@ class ToneCurve(Effect):
             bent = 1.055 * signal.clamp_min(0.0031308) ** (1 / 2.4) - 0.055
             return torch.where(signal <= 0.0031308, signal * 12.92, bent)
         power = 1 / p.gamma
-        bent = signal.clamp_min(LEAST) ** power
-        return torch.where(signal < LEAST, signal * LEAST ** (power - 1), bent)
+        least = 1e-6  # a power has no finite slope at 0; below it the curve is a straight line
+        bent = signal.clamp_min(least) ** power
+        return torch.where(signal < least, signal * least ** (power - 1), bent)
 
     def moments(self, mean, p, context):
         if p.curve == "srgb" or context.maps.get(self.name) is not None:

@@ -18,7 +18,6 @@ def coloured(white: Tensor, exponent: Tensor) -> Tensor:
     frequency = torch.arange(1, white.shape[-1] + 1, device=white.device)
     shape = torch.exp(-exponent / 2 * torch.log(frequency)).flatten(2)  # (B or 1, 1, frequencies)
     variance = 4 * shape.square().sum(-1, keepdim=True) - 3 * shape[..., -1:].square()
-    spectrum = torch.nn.functional.pad(
-        white * (shape / variance.sqrt()), (1, 0)
-    )  # no constant: that is drift
+    # no constant: that is drift
+    spectrum = torch.nn.functional.pad(white * (shape / variance.sqrt()), (1, 0))
     return torch.fft.irfft(spectrum, norm="forward")

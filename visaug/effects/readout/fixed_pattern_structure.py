@@ -140,9 +140,8 @@ class FixedPatternStructure(Effect):
 
     def _steps(self, signal, p, context):
         place, extent = self._place(signal, p, context)
-        first, second = (
-            (place + 1 - edge * extent).clamp(0, 1) for edge in (p.edge, p.second_edge)
-        )  # a pixel that an edge falls into has its share, which gives the edge a derivative
+        # a pixel that an edge falls into has its share, which gives the edge a derivative
+        first, second = ((place + 1 - edge * extent).clamp(0, 1) for edge in (p.edge, p.second_edge))
         return first + p.second * second
 
     @classmethod

@@ -7,8 +7,6 @@ import torch
 
 from visaug.effects.effect import Effect, Parameter, Stage
 
-FINER = 8  # points of a spectrum for each that a frame's rows resolve
-
 
 class PeriodicBanding(Effect):
     """A clock, a switching supply or the mains interferes with the readout, row after row.
@@ -66,11 +64,12 @@ class PeriodicBanding(Effect):
         count, height = lines.shape
         if count == 0 or height < 4:
             return []
-        power = (np.abs(np.fft.rfft(lines, FINER * height)) ** 2).mean(0)
-        top = FINER + int(power[FINER:].argmax())  # a whole period or more in a frame
+        finer = 8  # points of a spectrum for each that a frame's rows resolve
+        power = (np.abs(np.fft.rfft(lines, finer * height)) ** 2).mean(0)
+        top = finer + int(power[finer:].argmax())  # a whole period or more in a frame
         seen_e = 2 * math.sqrt(power[top]) / height
         amplitudes = {max(seen_e, least) for least in (1e-3, cls.parameters["amplitude_e"].trials[0])}
-        return [{"amplitude_e": a, "period_rows": FINER * height / top} for a in sorted(amplitudes)]
+        return [{"amplitude_e": a, "period_rows": finer * height / top} for a in sorted(amplitudes)]
 
     def moments(self, mean, p, context):
         return mean, p.amplitude_e**2 * (1 + p.second_harmonic**2) / 2

@@ -5,8 +5,6 @@ from itertools import pairwise
 import numpy as np
 
 MOST = 256  # lines of a profile; of a longer one means of neighbours are taken
-# Of the profile. What is narrower are single lines that stand out, as every sensor has some, and no level.
-NARROWEST = 1 / 16
 
 
 def edges(profile: np.ndarray, count: int) -> tuple[list[int], np.ndarray]:
@@ -22,7 +20,9 @@ def edges(profile: np.ndarray, count: int) -> tuple[list[int], np.ndarray]:
     starts = np.unique(np.linspace(0, len(profile), MOST + 1).astype(int)[:-1])
     sums = np.concatenate([[0.0], np.cumsum(np.add.reduceat(profile.astype(np.float64), starts))])
     lines = np.append(starts, len(profile))
-    least = max(1, int(NARROWEST * len(starts)))
+    # Of the profile. What is narrower are single lines that stand out, as every sensor has some, and no level.
+    narrowest = 1 / 16
+    least = max(1, int(narrowest * len(starts)))
     inner = np.arange(least, len(starts) - least + 1)
     places = [inner] if count == 1 else [inner[i] for i in np.triu_indices(len(inner), least)]
     bounds = [np.zeros_like(places[0]), *places, np.full_like(places[0], len(starts))]

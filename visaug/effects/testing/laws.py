@@ -16,16 +16,8 @@ from visaug.effects.testing import instruments
 
 Law = Callable[[type[Effect]], None]
 SIGMAS = 5.0  # standard errors that a statistical law allows
-STRONGER = (
-    1.0,
-    10.0,
-    100.0,
-    1e4,
-)  # factors of a usual strength: rare events do not reach a small image at that
-STEPS = (
-    1e-6,
-    1e-2,
-)  # relative steps of central differences: of float64 laws, and of those with float32 numbers
+# relative steps of central differences: of float64 laws, and of those with float32 numbers
+STEPS = (1e-6, 1e-2)
 SLACK = 1e-3  # relative difference of a gradient and a central difference
 FRAMES = 2000  # frames, each of a camera of its own, whose moments are compared with the declared ones
 
@@ -79,6 +71,8 @@ def zero_strength_is_identity(effect: type[Effect]) -> None:
     if not zero:
         return
     image = instruments.scene(effect)
+    # factors of a usual strength: rare events do not reach a small image at that
+    stronger = (1.0, 10.0, 100.0, 1e4)
     for choice in instruments.choices(effect):
         run = partial(instruments.run, effect, image, **choice)
         for sequence in (False, True):
@@ -89,7 +83,7 @@ def zero_strength_is_identity(effect: type[Effect]) -> None:
         for name in zero:
             p = effect.parameters[name]
             usual = float(instruments.usual(p))
-            tried = [min(max(factor * usual, p.low), p.high) for factor in STRONGER]
+            tried = [min(max(factor * usual, p.low), p.high) for factor in stronger]
             changed = any(
                 not torch.equal(
                     run(context=instruments.context(sequence=True), **{**zero, name: value}), image

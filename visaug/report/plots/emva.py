@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from visaug.core.extras import extra
+from visaug.report.plots.style import blank
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,16 +17,10 @@ if TYPE_CHECKING:
     from visaug.characterization import Characterization
 
 _POINT, _LINE, _SOFT, _THIRD = "#c2410c", "#0b5cad", "#7a8594", "#157f5b"
-_SIZE = (4.3, 2.25)  # inches: ten fill a page of A4
 
 
 def _new() -> tuple[Figure, Axes]:
-    with extra():
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-
-    figure = Figure(figsize=_SIZE, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = blank(4.3, 2.25)  # inches: ten fill a page of A4
     axes = figure.subplots()
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color="#e6eaef", linewidth=0.6)
@@ -118,17 +113,7 @@ def linearity(result: Characterization) -> Figure:
     return _finish(figure, axes, "photons per pixel (dashed: LE min, LE max)", "deviation (%)")
 
 
-def dark_mean(result: Characterization) -> Figure:
-    """Dark signal against exposure."""
-    return _dark(result, "mean_dn", "mean dark signal (DN)")
-
-
-def dark_variance(result: Characterization) -> Figure:
-    """Temporal variance of dark frames against exposure."""
-    return _dark(result, "variance_dn2", "dark variance (DN²)")
-
-
-def _dark(result: Characterization, which: str, label: str) -> Figure:
+def _dark(which: str, label: str, result: Characterization) -> Figure:
     c = result.curves["emva4_dark"]
     figure, axes = _new()
     t, y = 1e3 * c["exposure_s"], c[which]
@@ -141,101 +126,79 @@ def _dark(result: Characterization, which: str, label: str) -> Figure:
 
 def _plain(value: float, _: float) -> str:
     """Ticks of a logarithmic axis as plain numbers, those at 1, 2, 3 and 5 alone."""
-    return (
-        f"{value:g}"
-        if f"{value:e}"[0] in "1235" and f"{value:.0e}" == f"{value:.1e}".replace(".0", "")
-        else ""
+    shown = f"{value:e}"[0] in "1235" and f"{value:.0e}" == f"{value:.1e}".replace(".0", "")
+    return f"{value:g}" if shown else ""
+
+
+def _spectrogram(direction: str, what: str, unit: str, result: Characterization) -> Figure:
+    c = result.curves[f"emva4_{what}"]
+    figure, axes = _new()
+    frequency, amplitude = c[f"{direction}_frequency"][1:], c[f"{direction}_amplitude"][1:]
+    axes.semilogy(frequency, np.maximum(amplitude, 1e-9), color=_POINT, linewidth=0.8, label="measured")
+    axes.axhline(c["noise"][0], color=_SOFT, linestyle="--", linewidth=1, label="temporal noise left")
+    for formatter in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
+        formatter(_plain)
+    return _finish(figure, axes, "cycles per pixel", f"{what.upper()} amplitude ({unit})")
+
+
+def _profile(direction: str, what: str, unit: str, result: Characterization) -> Figure:
+    c = result.curves[f"emva4_{what}"]
+    figure, axes = _new()
+    for key, colour, label in (
+        ("most", _SOFT, "largest"),
+        ("least", _THIRD, "smallest"),
+        ("middle", _POINT, "middle line"),
+        ("mean", _LINE, "mean"),
+    ):
+        axes.plot(c[f"{direction}_{key}"], color=colour, linewidth=0.7, label=label)
+    return _finish(figure, axes, "column" if direction == "horizontal" else "row", f"signal ({unit})")
+
+
+def _histogram(what: str, unit: str, result: Characterization) -> Figure:
+    c = result.curves[f"emva4_{what}"]
+    figure, axes = _new()
+    x, count, normal = c["deviation"], c["count"], c["normal"]
+    seen, likely = count > 0, normal > 0.3
+    axes.semilogy(x[seen], count[seen], ".", color=_POINT, markersize=3, label="measured")
+    axes.semilogy(x[likely], normal[likely], color=_LINE, label="normal, same deviation")
+    return _finish(figure, axes, f"deviation from the mean ({unit})", "pixels per bin")
+
+
+def _accumulated(what: str, unit: str, result: Characterization) -> Figure:
+    c = result.curves[f"emva4_{what}"]
+    figure, axes = _new()
+    axes.semilogy(c["beyond"], c["percent_beyond"], color=_POINT)
+    return _finish(figure, axes, f"deviation from the mean, at least ({unit})", "share of pixels (%)")
+
+
+# Title, what the figure shows, the curve and the parameters that it needs, the function.
+FIGURES: list[tuple[str, str | None, str, tuple[str, ...], Callable[[Characterization], Figure]]] = [
+    (title, draw.__doc__, curve, needs, draw)
+    for title, curve, needs, draw in (
+        ("Sensitivity", "emva4_sweep", ("emva4.responsivity_dn_per_photon",), sensitivity),
+        ("Photon transfer", "emva4_sweep", ("emva.system_gain_dn_per_e",), photon_transfer),
+        ("SNR", "emva4_sweep", ("emva.quantum_efficiency", "emva.dark_noise_dn"), snr),
+        ("Deviation from linearity", "emva4_linearity", (), linearity),
     )
-
-
-def _spectrogram(direction: str, what: str, unit: str) -> Callable[[Characterization], Figure]:
-    def draw(result: Characterization) -> Figure:
-        c = result.curves[f"emva4_{what}"]
-        figure, axes = _new()
-        axes.semilogy(
-            c[f"{direction}_frequency"][1:],
-            np.maximum(c[f"{direction}_amplitude"][1:], 1e-9),
-            color=_POINT,
-            linewidth=0.8,
-            label="measured",
-        )
-        axes.axhline(c["noise"][0], color=_SOFT, linestyle="--", linewidth=1, label="temporal noise left")
-        for formatter in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
-            formatter(_plain)
-        return _finish(figure, axes, "cycles per pixel", f"{what.upper()} amplitude ({unit})")
-
-    draw.__doc__ = f"{direction.capitalize()} spectrogram of the {what.upper()}."
-    return draw
-
-
-def _profile(direction: str, what: str, unit: str) -> Callable[[Characterization], Figure]:
-    def draw(result: Characterization) -> Figure:
-        c = result.curves[f"emva4_{what}"]
-        figure, axes = _new()
-        for key, colour, label in (
-            ("most", _SOFT, "largest"),
-            ("least", _THIRD, "smallest"),
-            ("middle", _POINT, "middle line"),
-            ("mean", _LINE, "mean"),
-        ):
-            axes.plot(c[f"{direction}_{key}"], color=colour, linewidth=0.7, label=label)
-        return _finish(figure, axes, "column" if direction == "horizontal" else "row", f"signal ({unit})")
-
-    draw.__doc__ = f"{direction.capitalize()} profiles of the map that the {what.upper()} is measured on."
-    return draw
-
-
-def _histogram(what: str, unit: str) -> Callable[[Characterization], Figure]:
-    def draw(result: Characterization) -> Figure:
-        c = result.curves[f"emva4_{what}"]
-        figure, axes = _new()
-        seen = c["count"] > 0
-        axes.semilogy(
-            c["deviation"][seen], c["count"][seen], ".", color=_POINT, markersize=3, label="measured"
-        )
-        likely = c["normal"] > 0.3
-        axes.semilogy(
-            c["deviation"][likely], c["normal"][likely], color=_LINE, label="normal, same deviation"
-        )
-        return _finish(figure, axes, f"deviation from the mean ({unit})", "pixels per bin")
-
-    draw.__doc__ = f"Logarithmic histogram of the {what.upper()}."
-    return draw
-
-
-def _accumulated(what: str, unit: str) -> Callable[[Characterization], Figure]:
-    def draw(result: Characterization) -> Figure:
-        c = result.curves[f"emva4_{what}"]
-        figure, axes = _new()
-        axes.semilogy(c["beyond"], c["percent_beyond"], color=_POINT)
-        return _finish(figure, axes, f"deviation from the mean, at least ({unit})", "share of pixels (%)")
-
-    draw.__doc__ = f"Accumulated logarithmic histogram of the {what.upper()}."
-    return draw
-
-
-def _both(draw: Callable[[str, str], Callable]) -> list[tuple[str, str, Callable]]:
-    return [
-        (f"emva4_{what}", what.upper(), draw(what, unit)) for what, unit in (("dsnu", "e-"), ("prnu", "%"))
-    ]
-
-
-# Title, the curve and the figures that it needs, the function.
-FIGURES: list[tuple[str, str, tuple[str, ...], Callable[[Characterization], Figure]]] = [
-    ("Sensitivity", "emva4_sweep", ("emva4.responsivity_dn_per_photon",), sensitivity),
-    ("Photon transfer", "emva4_sweep", ("emva.system_gain_dn_per_e",), photon_transfer),
-    ("SNR", "emva4_sweep", ("emva.quantum_efficiency", "emva.dark_noise_dn"), snr),
-    ("Deviation from linearity", "emva4_linearity", (), linearity),
-    ("Dark current from the mean", "emva4_dark", (), dark_mean),
-    ("Dark current from the variance", "emva4_dark", (), dark_variance),
 ]
-for _direction in ("horizontal", "vertical"):
-    for _curve, _name, _draw in _both(lambda what, unit, d=_direction: _spectrogram(d, what, unit)):
-        FIGURES.append((f"{_name} spectrogram, {_direction}", _curve, (), _draw))
-for _direction in ("horizontal", "vertical"):
-    for _curve, _name, _draw in _both(lambda what, unit, d=_direction: _profile(d, what, unit)):
-        FIGURES.append((f"{_name} profile, {_direction}", _curve, (), _draw))
-for _curve, _name, _draw in _both(_histogram):
-    FIGURES.append((f"{_name} histogram", _curve, (), _draw))
-for _curve, _name, _draw in _both(_accumulated):
-    FIGURES.append((f"{_name} histogram, accumulated", _curve, (), _draw))
+for _way, _shown, _key, _label in (
+    ("mean", "Dark signal against exposure.", "mean_dn", "mean dark signal (DN)"),
+    ("variance", "Temporal variance of dark frames against exposure.", "variance_dn2", "dark variance (DN²)"),
+):
+    FIGURES.append((f"Dark current from the {_way}", _shown, "emva4_dark", (), partial(_dark, _key, _label)))
+_drawn: list[tuple[str, str, Callable[..., Any]]] = [
+    (f"{{}} {kind}, {way}", f"{way.capitalize()} {shown}.", partial(draw, way))
+    for kind, shown, draw in (
+        ("spectrogram", "spectrogram of the {}", _spectrogram),
+        ("profile", "profiles of the map that the {} is measured on", _profile),
+    )
+    for way in ("horizontal", "vertical")
+]
+_drawn += [
+    ("{} histogram", "Logarithmic histogram of the {}.", _histogram),
+    ("{} histogram, accumulated", "Accumulated logarithmic histogram of the {}.", _accumulated),
+]
+for _title, _shown, _draw in _drawn:
+    for _what, _unit in (("dsnu", "e-"), ("prnu", "%")):
+        _name, _made = _what.upper(), partial(_draw, _what, _unit)
+        FIGURES.append((_title.format(_name), _shown.format(_name), f"emva4_{_what}", (), _made))

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from visaug.inspection import Finding
 
 _SIZE = (8.0, 2.7)  # inches
-_LAGS = 6  # px, of an autocorrelation
 _CODES = 60  # codes on either side of the most frequent one
 
 
@@ -139,9 +138,10 @@ def _sharing(finding: Finding) -> Figure:
     spectrum = np.abs(np.fft.fft2(about)) ** 2
     shared = np.fft.fftshift(np.fft.ifft2(spectrum).real) / max(float((about**2).sum()), 1e-12)
     r, c = shared.shape[0] // 2, shared.shape[1] // 2
-    reach = _LAGS + 0.5
+    lags = 6  # px, of an autocorrelation
+    reach = lags + 0.5
     drawn = right.imshow(
-        shared[r - _LAGS : r + _LAGS + 1, c - _LAGS : c + _LAGS + 1],
+        shared[r - lags : r + lags + 1, c - lags : c + lags + 1],
         cmap="RdBu_r",
         vmin=-0.6,
         vmax=0.6,

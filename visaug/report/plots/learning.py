@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from visaug.report.plots.images import image_grid
 from visaug.report.plots.style import MEASURED, MODELLED, SOFT, THIRD, blank, styled
 
 if TYPE_CHECKING:
@@ -14,8 +15,7 @@ ARM_COLOURS = (SOFT, MODELLED, MEASURED, THIRD, "#7c3aed", "#b45309", "#0f766e")
 
 
 def plot_training(
-    curves: Mapping[str, Sequence[Mapping[str, Sequence[float]]]],
-    quantities: Mapping[str, str],
+    curves: Mapping[str, Sequence[Mapping[str, Sequence[float]]]], quantities: Mapping[str, str]
 ) -> "Figure":
     """Quantities against the epoch, one panel each, one colour for each arm and one line for each of its seeds.
 
@@ -45,7 +45,6 @@ def plot_predictions(
     boxes_true: Sequence[np.ndarray],
     boxes_predicted: Sequence[np.ndarray | None],
     titles: Sequence[str],
-    columns: int = 4,
 ) -> "Figure":
     """Truth and prediction on test images.
 
@@ -57,46 +56,26 @@ def plot_predictions(
     """
     from matplotlib.patches import Rectangle
 
-    rows = -(-len(images) // columns)
-    height, breadth = images[0].shape[:2]
+    true, predicted = "#4ade80", "#fb923c"  # green, orange
     with styled():
-        figure = blank(8.0, rows * (8.0 / columns * height / breadth + 0.3) + 0.25)
-        grid = figure.subplots(rows, columns, squeeze=False)
-        for axes in grid.ravel():
-            axes.set_axis_off()
-        cells = zip(
-            grid.ravel(), images, keypoints_true, keypoints_predicted, boxes_true, boxes_predicted, titles
-        )
-        for axes, image, points, found, box, found_box, title in cells:
+        figure, cells = image_grid(images, 4, 0.3, 0.25)
+        shown = zip(cells, images, keypoints_true, keypoints_predicted, boxes_true, boxes_predicted, titles)
+        for axes, image, points, found, box, found_box, title in shown:
             axes.imshow(image, cmap="gray")
-            for corners, colour in ((box, "#4ade80"), (found_box, "#fb923c")):
+            for corners, colour in ((box, true), (found_box, predicted)):
                 if corners is not None:
-                    x0, y0, x1, y1 = corners
-                    axes.add_patch(
-                        Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=colour, linewidth=1)
-                    )
-            axes.scatter(
-                *np.asarray(points).T,
-                s=14,
-                facecolors="none",
-                edgecolors="#4ade80",
-                linewidths=1,
-                label="truth",
-            )
+                    size = corners[2] - corners[0], corners[3] - corners[1]
+                    axes.add_patch(Rectangle(corners[:2], *size, fill=False, edgecolor=colour, linewidth=1))
+            marker = {"s": 14, "facecolors": "none", "edgecolors": true, "linewidths": 1}
+            axes.scatter(*np.asarray(points).T, **marker, label="truth")
             if found is not None:
-                axes.plot(
-                    [points[:, 0], found[:, 0]],
-                    [points[:, 1], found[:, 1]],
-                    color="#fb923c",
-                    linewidth=0.6,
-                    alpha=0.8,
-                )
-                axes.scatter(
-                    *np.asarray(found).T, s=10, marker="x", color="#fb923c", linewidths=1, label="predicted"
-                )
+                lines = [points[:, 0], found[:, 0]], [points[:, 1], found[:, 1]]
+                axes.plot(*lines, color=predicted, linewidth=0.6, alpha=0.8)
+                marker = {"s": 10, "marker": "x", "color": predicted, "linewidths": 1}
+                axes.scatter(*np.asarray(found).T, **marker, label="predicted")
             axes.set(xlim=(0, image.shape[1]), ylim=(image.shape[0], 0))
             axes.set_title(title, fontsize=8.5)
-        handles, labels = grid[0, 0].get_legend_handles_labels()
+        handles, labels = cells[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower right", ncols=2, fontsize=8.5)
     return figure
 
@@ -109,14 +88,9 @@ def plot_timing(parts: Mapping[str, float]) -> "Figure":
         axes = figure.subplots()
         axes.barh(range(len(names)), [parts[name] for name in names], color=MODELLED, height=0.62)
         axes.set_yticks(range(len(names)), names)
+        beside = {"textcoords": "offset points", "xytext": (4, -3), "fontsize": 8.5}
         for i, name in enumerate(names):
-            axes.annotate(
-                f"{parts[name]:.0f} s",
-                (parts[name], i),
-                textcoords="offset points",
-                xytext=(4, -3),
-                fontsize=8.5,
-            )
+            axes.annotate(f"{parts[name]:.0f} s", (parts[name], i), **beside)
         axes.set_xlabel("seconds")
         axes.margins(x=0.1)
         axes.grid(axis="y", visible=False)

@@ -12,13 +12,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI, COLUMNS = 100, 3
-TITLE, GAP, HEAD, FOOT = (
-    52,
-    16,
-    40,
-    40,
-)  # pixels: title; between crops; above for name and conditions, below for the noise
-ZOOM, PART_ROWS, PART_COLUMNS = 4, 45, 80  # of the magnified part
+# pixels: title; between crops; above for name and conditions, below for the noise
+TITLE, GAP, HEAD, FOOT = 52, 16, 40, 40
 
 
 def plot_preview(title: str, given: "np.ndarray", samples: Sequence[NoiseSample]) -> "Figure":
@@ -35,10 +30,11 @@ def plot_preview(title: str, given: "np.ndarray", samples: Sequence[NoiseSample]
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-    part = liveliest(given, PART_ROWS, PART_COLUMNS)
+    zoom, part_rows, part_columns = 4, 45, 80  # of the magnified part
+    part = liveliest(given, part_rows, part_columns)
     height, width = given.shape[:2]
-    low = ZOOM * (part[0].stop - part[0].start)  # height of the magnified part
-    cell = max(width, ZOOM * PART_COLUMNS, 330)
+    low = zoom * (part[0].stop - part[0].start)  # height of the magnified part
+    cell = max(width, zoom * part_columns, 330)
     columns = 2 if len(samples) == 3 else min(COLUMNS, len(samples) + 1)
     rows = -(-(len(samples) + 1) // columns)
     tile = HEAD + height + GAP // 2 + low + FOOT + GAP
@@ -59,7 +55,7 @@ def plot_preview(title: str, given: "np.ndarray", samples: Sequence[NoiseSample]
             write(left, top - 22, plain(one.name), 9)
             write(left, top - 7, plain(one.conditions), 8)
             figure.figimage(one.crop, left, high - top - height)
-            magnified = one.crop[part].repeat(ZOOM, 0).repeat(ZOOM, 1)
+            magnified = one.crop[part].repeat(zoom, 0).repeat(zoom, 1)
             below = top + height + GAP // 2 + low
             figure.figimage(magnified, left, high - below)
             if one.sigma:

@@ -15,20 +15,12 @@ if TYPE_CHECKING:
 
 _LINES = ("-", "--", ":", "-.")
 _MARKERS = ("o", "s", "^", "D")
-_FEW = 16  # curves of so few points get markers
 APART = 4.0  # ratio of ranges from which curves get axes of their own
 GIVEN, CORRECTED = "camera as given", "corrected camera"
-CHARACTER, ENTRY = (
-    0.062,
-    0.5,
-)  # inches of a character of 8 points, and of the line and gaps of an entry of the legend
 
 
 def plot_view(
-    measured: "ViewPlot",
-    modelled: "ViewPlot | None" = None,
-    focus: str = "",
-    after: "ViewPlot | None" = None,
+    measured: "ViewPlot", modelled: "ViewPlot | None" = None, focus: str = "", after: "ViewPlot | None" = None
 ) -> "Figure":
     """What a view shows of the measured frames and, if given, of the modelled ones, in the same axes.
 
@@ -92,7 +84,8 @@ def _draw_panel(
         if picture is not None:
             _draw_curves(axes, picture, colour, name, chosen, alone)
     if measured.log_x:
-        axes.set_xscale("log" if _all_positive(measured, "x") else "symlog")
+        positive = all(np.min(curve.x, initial=1.0) > 0 for curve in measured.curves)
+        axes.set_xscale("log" if positive else "symlog")
     if measured.log_y:
         axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
@@ -128,9 +121,11 @@ def _legend(figure: "Figure", axes: Any, curves: int) -> None:
         firsts = [next(i for i, label in enumerate(labels) if label.startswith(who)) for who in _who(labels)]
         handles, labels = [handles[i] for i in firsts], _who(labels)
     width = figure.get_figwidth()  # a legend wider than the figure would squeeze the axes
-    labels = [textwrap.fill(label, int((width - ENTRY) / CHARACTER)) for label in labels]
+    # inches of a character of 8 points, and of the line and gaps of an entry of the legend
+    character, entry = 0.062, 0.5
+    labels = [textwrap.fill(label, int((width - entry) / character)) for label in labels]
     longest = max((len(line) for label in labels for line in label.split("\n")), default=0)
-    columns = 2 if 2 * (ENTRY + longest * CHARACTER) < width else 1
+    columns = 2 if 2 * (entry + longest * character) < width else 1
     figure.legend(handles, labels, loc="outside upper left", ncols=columns, fontsize=8)
 
 
@@ -141,6 +136,7 @@ def _who(labels: list[str]) -> list[str]:
 def _draw_curves(
     axes: Any, picture: "ViewPlot", colour: str, name: str, chosen: list[int], alone: bool
 ) -> None:
+    few = 16  # curves of so few points get markers
     for i in chosen:
         if i >= len(picture.curves):
             continue
@@ -153,7 +149,7 @@ def _draw_curves(
             y,
             color=colour,
             linestyle=_LINES[0 if alone else i % len(_LINES)],
-            marker=_MARKERS[0 if alone else i % len(_MARKERS)] if len(y) <= _FEW else None,
+            marker=_MARKERS[0 if alone else i % len(_MARKERS)] if len(y) <= few else None,
             markersize=4,
             linewidth={"measured": 1.2, CORRECTED: 1.6}.get(name, 2.6),
             alpha={"measured": 0.95, CORRECTED: 0.85}.get(name, 0.55),
@@ -207,7 +203,3 @@ def _mark(axes: Any, box: tuple[float, float, float, float], shape: tuple[int, .
     axes.add_patch(
         Rectangle(corner, right - left, bottom - top, fill=False, edgecolor=MEASURED, linewidth=1.8)
     )
-
-
-def _all_positive(picture: "ViewPlot", axis: str) -> bool:
-    return all(np.min(getattr(curve, axis), initial=1.0) > 0 for curve in picture.curves)

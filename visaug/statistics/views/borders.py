@@ -9,14 +9,7 @@ from visaug.statistics.view import Curve, Span, View, ViewPlot
 from visaug.statistics.views.drawn import block_box, chosen, direction, relative, spread_of_lines
 
 DEPTHS = (1, 2, 4, 8, 16, 32, 64)  # lines of an edge, and sides of a corner, in px
-SEAMS = (1, 2, 3)  # quarters of the rows, or columns, behind which another tap may begin
 REACH = 16  # lines on either side of a seam
-RIM = (
-    4,
-    16,
-    64,
-)  # lines of an edge, and sides of a corner in px, whose temporal noise is compared with that of all pixels
-BLOCKS = 4  # along rows and along columns, over which noise is compared
 STRONGEST = 4.0  # standard deviations that a pixel counts as at most
 FINE = 32  # the same, for places that differ from those around them
 
@@ -49,12 +42,13 @@ class Borders(View):
 
     @staticmethod
     def _levels(image: np.ndarray) -> Iterator[tuple[str, list[str], float]]:
+        seams = (1, 2, 3)  # quarters of the rows, or columns, behind which another tap may begin
         for axis, profile in (("row", image.mean(1)), ("column", image.mean(0))):
             for end, lines in (("first", profile), ("last", profile[::-1])):
                 for depth in _depths(len(lines)):
                     value = lines[:depth].mean() - lines[depth : 2 * depth].mean()
                     yield f"{end} {depth} {axis}s", [axis], float(value)
-            for quarter in SEAMS:
+            for quarter in seams:
                 place = len(profile) * quarter // 4
                 reach = min(REACH, len(profile) // 8)
                 step = profile[place : place + reach].mean() - profile[place - reach : place].mean()
@@ -140,9 +134,10 @@ def _ratio(mean_square: float, variance: float) -> float:
 
 def _blocks(squares: np.ndarray, variance: float) -> Iterator[tuple[str, float]]:
     """Of each block of an image of squares, the logarithm of their mean in units of the variance."""
-    means = block_means(squares, *(edges(n, BLOCKS) for n in squares.shape))
+    blocks = 4  # along rows and along columns, over which noise is compared
+    means = block_means(squares, *(edges(n, blocks) for n in squares.shape))
     for (i, j), value in np.ndenumerate(means):
-        yield f"block {i + 1},{j + 1} of {BLOCKS}x{BLOCKS}", _ratio(value, variance)
+        yield f"block {i + 1},{j + 1} of {blocks}x{blocks}", _ratio(value, variance)
 
 
 def _temporal(g: GroupData) -> Iterator[tuple[str, list[str], float]]:
@@ -152,17 +147,19 @@ def _temporal(g: GroupData) -> Iterator[tuple[str, list[str], float]]:
     for name, value in _blocks(squares, variance):
         yield f"temporal noise of {name}", ["smooth"], value
     lines = {"row": (squares.mean(1), g.noise_rows), "column": (squares.mean(0), g.noise_columns)}
+    # lines of an edge, and sides of a corner in px, whose temporal noise is compared with that of all pixels
+    rim = (4, 16, 64)
     for axis, (profile, means) in lines.items():
         common = ((means - means.mean(1, keepdims=True)).astype(np.float64) ** 2).mean(0)
         for end, step in (("first", 1), ("last", -1)):
-            for depth in (d for d in RIM if 4 * d <= len(profile)):
+            for depth in (d for d in rim if 4 * d <= len(profile)):
                 value = _ratio(profile[::step][:depth].mean(), variance)
                 yield f"temporal noise of the {end} {depth} {axis}s", [axis], value
             value = _ratio(common[::step][:REACH].mean(), max(float(common.mean()), 1e-12))
             yield f"{axis} noise of the {end} {REACH} {axis}s", [axis], value
     for down, rows in (("first", squares), ("last", squares[::-1])):
         for across, turned in (("first", rows), ("last", rows[:, ::-1])):
-            for side in (s for s in RIM if 4 * s <= min(squares.shape)):
+            for side in (s for s in rim if 4 * s <= min(squares.shape)):
                 value = _ratio(turned[:side, :side].mean(), variance)
                 yield (
                     f"temporal noise of the corner of {down} rows and {across} columns, {side} px",

@@ -9,7 +9,6 @@ from visaug.statistics.views.drawn import chosen
 NEIGHBOURS = np.array([1, 2, 3, 0, 3, 2, 1]) / 12  # of a code: weights with which they predict its frequency
 SIDE = 3
 FOLD = 16  # codes, after which the lowest four bits repeat
-NEAR = 60  # codes on either side, in the picture
 
 
 class Codes(View):
@@ -70,9 +69,10 @@ class Codes(View):
         present = np.flatnonzero(counts)
         middle = int(np.searchsorted(counts.cumsum(), counts.sum() / 2))
         at = {"dark: at zero": 0, "flat: at the highest code": len(counts) - 1}.get(name, middle)
-        if kind == "flat" and at == middle and len(present) > 4 * NEAR:  # where codes are fullest
-            at = int(np.convolve(counts, np.ones(NEAR), "same").argmax())
-        x = np.arange(max(0, at - NEAR), min(len(counts), at + NEAR + 1))
+        near = 60  # codes on either side, in the picture
+        if kind == "flat" and at == middle and len(present) > 4 * near:  # where codes are fullest
+            at = int(np.convolve(counts, np.ones(near), "same").argmax())
+        x = np.arange(max(0, at - near), min(len(counts), at + near + 1))
         marks = ((at - 0.5, at + 0.5),) if at in (0, len(counts) - 1) else ()
         curve = Curve(x, np.maximum(counts[x], 0.5), said)
         return ViewPlot(self.title, "DN code", "pixels", (curve,), log_y=True, marks=marks)

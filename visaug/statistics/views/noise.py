@@ -7,8 +7,6 @@ from visaug.statistics.stack import RATIOS
 from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import below_saturation, chosen, correlation, direction, quantiles
 
-TAIL = 24  # robust standard deviations, at which the picture of the tails ends
-
 
 class PhotonTransfer(View):
     """Temporal variance against mean level."""
@@ -149,18 +147,19 @@ class NoiseTails(View):
         if g is None:
             return None
         residual = g.residual
+        tail = 24  # robust standard deviations, at which the picture of the tails ends
         if name.startswith(("beyond", "up against", "far pixels")):
-            edges = np.arange(-TAIL - 0.25, TAIL + 0.5, 0.5)
-            share, _ = np.histogram(np.clip(residual / g.noise.scale, -TAIL, TAIL), bins=edges)
+            edges = np.arange(-tail - 0.25, tail + 0.5, 0.5)
+            share, _ = np.histogram(np.clip(residual / g.noise.scale, -tail, tail), bins=edges)
             curve = Curve((edges[1:] + edges[:-1]) / 2, share / residual.size, g.label)
             limit = float(next((w for w in name.split() if w.isdigit()), 5))
             return ViewPlot(
                 self.title,
-                f"temporal noise in robust standard deviations (the ends: {TAIL} and more)",
+                f"temporal noise in robust standard deviations (the ends: {tail} and more)",
                 "share of pixels",
                 (curve,),
                 log_y=True,
-                marks=((-TAIL, -limit), (limit, TAIL)),
+                marks=((-tail, -limit), (limit, tail)),
             )
         curve = quantiles(residual[:, ::2, ::2] if residual.size > 2e6 else residual, g.label)
         return ViewPlot(

@@ -4,8 +4,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from visaug.statistics.conditions import spread
 from visaug.statistics.kernels import far_pixels
-from visaug.statistics.reduction import block_means, cubics, edges, reach_of_steps, spread
+from visaug.statistics.reduction import block_means, cubics, edges, reach_of_steps
 from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import (
     NORMAL,
@@ -17,8 +18,6 @@ from visaug.statistics.views.drawn import (
     relative,
     spread_of_lines,
 )
-
-FOLD = 8  # lines, over which odd and even ones are averaged for the picture
 
 
 def _detrended(profile: np.ndarray) -> np.ndarray:
@@ -148,13 +147,14 @@ class Seams(View):
             return spread_of_lines(g, self.title, direction(name))
         lines, (unit, word) = direction(name), relative(g)
         profile = (g.pattern_rows if lines == "row" else g.pattern_columns).astype(np.float64) * unit
+        fold = 8  # lines, over which odd and even ones are averaged for the picture
         if name.startswith("odd"):
             profile = _detrended(profile)
-            folded = [profile[k::FOLD].mean() for k in range(FOLD)]
-            curve = Curve(np.arange(FOLD), np.array(folded), f"{lines}s, {g.label}")
+            folded = [profile[k::fold].mean() for k in range(fold)]
+            curve = Curve(np.arange(fold), np.array(folded), f"{lines}s, {g.label}")
             return ViewPlot(
                 self.title,
-                f"number of the {lines}, modulo {FOLD}",
+                f"number of the {lines}, modulo {fold}",
                 f"mean of these {lines}s, {word}",
                 (curve,),
             )

@@ -10,10 +10,7 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import direction
 
-DARK_PHOTONS = 20.0  # of which the shot noise is about the read noise
-RESPONSE = 0.007  # typical relative difference of pixels
 USABLE = 0.9  # of the highest level: pixels above may be saturated
-AROUND = 32  # px on either side of bright spots, in the picture
 
 
 def _shift(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
@@ -119,7 +116,9 @@ def _target(key: _Key) -> Target:
     clean = key.clean
     peak, middle = float(clean.max()), float(np.median(clean))
     bright = clean > 0.9 * peak if peak > 20 * max(middle, 1.0) else np.zeros(clean.shape, bool)
-    weight = (1 / (clean + DARK_PHOTONS + (RESPONSE * clean) ** 2)).astype(np.float32)
+    dark_photons = 20.0  # of which the shot noise is about the read noise
+    response = 0.007  # typical relative difference of pixels
+    weight = (1 / (clean + dark_photons + (response * clean) ** 2)).astype(np.float32)
     weight /= weight.max()
     usable = np.logical_not(binary_dilation(bright, iterations=2))
     shapes = {}
@@ -245,7 +244,8 @@ class Scene(View):
         """Mean residual of the pixels so far before or after bright spots, along one axis."""
         lines = direction(name)
         step = (1, 0) if lines == "column" else (0, 1)
-        x, y = np.arange(-AROUND, AROUND + 1), []
+        around = 32  # px on either side of bright spots, in the picture
+        x, y = np.arange(-around, around + 1), []
         for distance in x.tolist():
             reached = _shift(target.bright, step[0] * distance, step[1] * distance) & ~target.bright
             y.append(float(residual[reached].mean()) if reached.any() else np.nan)

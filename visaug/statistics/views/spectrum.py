@@ -8,9 +8,6 @@ from visaug.statistics.fixed import band_numbers, mean_power, peak_frequency
 from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import below_saturation, chosen, direction, relative, spectrum_marks
 
-BANDS = 6
-LEAST_POWER = 1e-3  # is added before a logarithm
-
 
 def power(lines: np.ndarray) -> np.ndarray:
     """Mean power spectrum of profiles (n, L) over frequencies 1 .. L/2, 1 for white noise of variance 1."""
@@ -23,13 +20,15 @@ def power(lines: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _octaves(length: int) -> np.ndarray:
-    return np.unique(np.round(np.geomspace(1, length + 1, BANDS + 1)).astype(int)) - 1
+    bands = 6
+    return np.unique(np.round(np.geomspace(1, length + 1, bands + 1)).astype(int)) - 1
 
 
 def band_statistics(group, view, name, spectrum, axes):
     edges = _octaves(len(spectrum))
     numbers = np.empty(len(edges) + 2)
-    band_numbers(spectrum, edges, LEAST_POWER, numbers)
+    least_power = 1e-3  # is added before a logarithm
+    band_numbers(spectrum, edges, least_power, numbers)
     *bands, peak, place, last = numbers.tolist()
     for i, value in enumerate(bands, 1):
         yield group.statistic(view, f"{name}, band {i}", axes, "log power"), value
