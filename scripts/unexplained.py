@@ -1,6 +1,6 @@
 """What the measured component of an unexplained cause gives: errors with and without it, for causes that no catalogue has.
 
-    python -m scripts.unexplained [SEED] [--names checkerboard,patchwork] [--times 4]
+    python -m scripts.unexplained [SEED] [--names checkerboard,patchwork] [--times 12]
 
 Each is diagnosed in a set of 47 frames of 64 x 80 pixels (see `scripts/decisions.py`), at a multiple of the strength at which it
 is faint; about a minute of a core each.
@@ -47,7 +47,7 @@ def main() -> None:
     )
     parser.add_argument("seed", nargs="?", type=int, default=1)
     parser.add_argument("--names", default=",".join(kind.name for kind in foreign.KINDS))
-    parser.add_argument("--times", type=float, default=4.0)
+    parser.add_argument("--times", type=float, default=12.0)
     given = parser.parse_args()
     print("| cause | accepted effects | parts | error without | error with them |")
     print("| --- | --- | --- | --- | --- |")

@@ -1,5 +1,6 @@
 """The measured component of what is unexplained: its rule, its parts against what was put into the frames, and its files."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,12 +9,14 @@ import pytest
 from benchmark.camera import Hidden
 from tests.diagnosis.small import SENSOR, frame_set
 from visaug import Camera
-from visaug.diagnosis import empirical
+from visaug.app.cli import main
+from visaug.diagnosis import Diagnosis, Residue, empirical
 from visaug.diagnosis.empirical import component, excess, file_beside
 from visaug.diagnosis.fitting.errors import Errors
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.reference import make_reference
 from visaug.diagnosis.laboratory import Laboratory
+from visaug.statistics.places import Places
 
 ROWS, COLUMNS = SENSOR.shape
 
@@ -132,10 +135,12 @@ def test_noise_that_grows_with_light_is_the_variance_curve(stated):
 def with_checkers(stated):
     """The component of a checkerboard, with errors relative to the stated camera as it is."""
     lab = Laboratory(frame_set(7, [voltage(checkers, 3.0)]), stated)
-    first = make_reference(lab, stated, (), 60, silent)
+    first = make_reference(lab, stated, (), 24, silent)
     plain = Fitted.unfitted(lab, first)
     errors = Errors(lab, first, plain)
-    return component(stated, errors, errors.told(plain), silent)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(empirical, "SETS_OF_ERROR", 24)
+        return component(stated, errors, errors.told(plain), silent)
 
 
 def test_the_error_on_hold_out_frames_falls(with_checkers):
@@ -172,3 +177,95 @@ def test_a_component_of_before_is_measured_anew(with_checkers, stated, tmp_path)
     again = component(better, Errors(lab, first, Fitted.unfitted(lab, first)), None, silent)
     np.testing.assert_allclose(again.arrays["map_e"], with_checkers.arrays["map_e"], atol=0.05)
     assert again.camera.effect_names == ["unexplained"]
+
+
+@pytest.fixture
+def unexplained(with_checkers, stated, monkeypatch, tmp_path):
+    """A diagnosis that named nothing, in the place of `visaug.diagnose`, and the words of a command in an own folder."""
+    residue = Residue("The frames differ from pixel to pixel.", ("pixel",), (), ())
+    one = with_checkers.error_before
+    found = Diagnosis(
+        stated,
+        (),
+        one,
+        0.001,
+        0.001,
+        False,
+        False,
+        Places(),
+        (),
+        (),
+        {},
+        (),
+        residue,
+        None,
+        (),
+        errors=object(),
+    )
+    monkeypatch.chdir(tmp_path)
+    stated.save("camera.yaml")
+    frame_set(7).save("frames")
+    monkeypatch.setattr("visaug.diagnosis.result.component", lambda *_: with_checkers)
+    monkeypatch.setattr("visaug.diagnose", lambda *_, **__: found)
+    return found, ["diagnose", "frames", "--camera", "camera.yaml"]
+
+
+def refused(words: list[str], capsys) -> str:
+    with pytest.raises(SystemExit) as left:
+        main(words)
+    assert left.value.code == 2
+    return capsys.readouterr().err
+
+
+def test_the_command_writes_and_tells_it(unexplained, with_checkers, tmp_path, capsys):
+    _, words = unexplained
+    main([*words, "-o", "better.yaml", "--unexplained", "--json", "r.json"])
+    told = capsys.readouterr().out
+    assert "Empirical component (fixed map): error on hold-out frames" in told
+    assert "wrote better_unexplained.npz" in told
+    assert Camera.load("better.yaml").effect_names == ["unexplained"]
+    part = json.loads((tmp_path / "r.json").read_text())["unexplained"]["component"]
+    assert part["parts"] == ["fixed map"]
+    assert part["file"] == "better_unexplained.npz"
+    assert part["error_after"] == with_checkers.error_after.value
+    main([*words, "-o", "plain.yaml", "--json", "plain.json"])
+    assert "component" not in json.loads((tmp_path / "plain.json").read_text())["unexplained"]
+    assert Camera.load("plain.yaml").effect_names == []
+    assert "mpirical" not in capsys.readouterr().out
+
+
+def test_files_of_others_stay(unexplained, tmp_path, capsys):
+    _, words = unexplained
+    (tmp_path / "better_unexplained.npz").write_text("mine")
+    told = refused([*words, "-o", "better.yaml", "--unexplained"], capsys)
+    assert "better_unexplained.npz: already exists; expected another name, or --force to overwrite it" in told
+    assert (tmp_path / "better_unexplained.npz").read_text() == "mine"
+    assert not (tmp_path / "better.yaml").exists()
+    assert "--unexplained: there is no camera; expected -o beside it" in refused(
+        [*words, "--unexplained"], capsys
+    )
+    main([*words, "-o", "better.yaml", "--unexplained", "--force"])
+    assert Camera.load("better.yaml").effect_names == ["unexplained"]
+
+
+def test_one_line_says_why_nothing_is_written(
+    unexplained, with_checkers, stated, tmp_path, monkeypatch, capsys
+):
+    found, words = unexplained
+    for part, line in (
+        (replace(with_checkers, arrays={}, camera=stated, error_after=None), "no part is significant"),
+        (
+            replace(with_checkers, error_after=with_checkers.error_before),
+            "does not lower the error and is not written",
+        ),
+    ):
+        monkeypatch.setattr("visaug.diagnosis.result.component", lambda *_, part=part: part)
+        main([*words, "-o", "better.yaml", "--unexplained", "--force"])
+        assert line in capsys.readouterr().out
+        assert Camera.load("better.yaml").effect_names == []
+    monkeypatch.setattr(
+        "visaug.diagnose", lambda *_, **__: replace(found, unexplained=None, p_value_after=0.5)
+    )
+    main([*words, "-o", "better.yaml", "--unexplained", "--force"])
+    assert "Nothing is left unexplained: no component is written." in capsys.readouterr().out
+    assert not (tmp_path / "better_unexplained.npz").exists()
