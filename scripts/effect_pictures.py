@@ -12,8 +12,9 @@ import torch
 from PIL import Image
 
 from visaug.camera import Camera
+from visaug.camera.spec import check_spec
 from visaug.core.sampling import Stream
-from visaug.effects import Effect, Stage, catalogue
+from visaug.effects import Effect, Stage, Unexplained, catalogue
 
 ROWS, COLUMNS = 120, 160
 CAMERA = {
@@ -44,11 +45,29 @@ def shown(effect: type[Effect]) -> dict[str, float]:
 def cameras(effect: type[Effect], **form: str) -> tuple[Camera, Camera]:
     """A small CMOS camera without and with the effect; a base term is taken out of its chain."""
     camera = Camera.load(CAMERA)
-    if not effect.base:
+    if effect is Unexplained:
+        camera = measured_camera()
+    elif not effect.base:
         camera = camera.with_effect(effect.name, **shown(effect), **form)
-    without = Camera(camera.spec)
+    without = Camera(camera.spec, None, camera.maps)
     without.effects = [other for other in without.effects if other.name != effect.name]
     return without, camera
+
+
+def measured_camera() -> Camera:
+    """The camera with a component as it may be measured: a checkerboard, a wave along the rows, noise above 2000 e-."""
+    y, x = np.indices((ROWS, COLUMNS))
+    power = np.zeros(ROWS)
+    power[[10, ROWS - 10]] = 8 * ROWS
+    parts = {
+        "map_e": np.where((y + x) % 2, 5.0, -5.0),
+        "row_power_e2": power,
+        "level_e": np.array([2000.0, 8000.0]),
+        "variance_e2": np.array([0.0, 900.0]),
+    }
+    maps = {f"unexplained.{name}": torch.from_numpy(v.astype(np.float32)) for name, v in parts.items()}
+    content = CAMERA | {"effects": [{"name": "unexplained", "map": "better_unexplained.npz"}]}
+    return Camera(check_spec(content), None, maps)
 
 
 def scene() -> torch.Tensor:

@@ -12,7 +12,7 @@ import chain_page
 import effect_pictures as pictures
 
 from visaug.camera.paths import path_of
-from visaug.effects import Effect, Stage, catalogue
+from visaug.effects import Effect, Stage, Unexplained, catalogue
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 STAGES = {
@@ -105,7 +105,7 @@ def is_tried(effect: type[Effect]) -> bool:
 
 
 def _parameters(effect: type[Effect]) -> list[str]:
-    if not effect.parameters:
+    if not effect.parameters and not effect.map_unit:
         return ["The effect has no parameters.", ""]
     lines = [
         "## Parameters",
@@ -124,13 +124,15 @@ def _parameters(effect: type[Effect]) -> list[str]:
         lines.append(f"| `{path}` | {p.unit if not p.options else ''} | {default} | {allowed} | {p.source} |")
     if effect.map_unit:
         path = f"{effect.name}.map" if effect.base else "map"
-        lines.append(f"| `{path}` | {effect.map_unit} | | a file | measured; .npy, TIFF or FITS |")
+        forms = ".npz" if effect is Unexplained else ".npy, TIFF or FITS"
+        lines.append(f"| `{path}` | {effect.map_unit} | | a file | measured; {forms} |")
     lines.append("")
     zeros = " and ".join(f"`{strength}`" for strength in effect.strengths())
     if zeros:
         lines += [f"The effect vanishes if {zeros} {'are' if ' and ' in zeros else 'is'} 0.", ""]
     if not effect.base:
         given = ", ".join(f"{name}: {value:g}" for name, value in pictures.shown(effect).items())
+        given = "map: better_unexplained.npz" if effect is Unexplained else given
         lines += ["```yaml", "effects:", f"  - {{name: {effect.name}, {given}}}", "```", ""]
     return lines
 

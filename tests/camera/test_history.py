@@ -100,7 +100,7 @@ def test_every_effect_that_remembers_is_known_to():
     camera = Camera.load(CAMERA)
     remember = set()
     for name, effect in catalogue().items():
-        if not effect.base:
+        if not effect.base and name != "unexplained":  # which needs a measured file
             reach = Reach.of(camera.with_effect(name))
             if reach.whole_frames or reach.depth:
                 remember.add(name)

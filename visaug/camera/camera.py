@@ -13,7 +13,7 @@ from torch import Tensor
 
 from visaug.camera import chain, paths
 from visaug.camera.colour import ColourPath, colour_path
-from visaug.camera.maps import load_maps, moved, named_maps
+from visaug.camera.maps import effect_of, load_maps, moved, named_maps
 from visaug.camera.own import own_cameras, own_folder
 from visaug.camera.spec import CameraSpec, check_spec, read_spec
 from visaug.core.errors import InputError
@@ -293,7 +293,8 @@ class Camera:
     @property
     def sensor_maps(self) -> dict[str, Tensor]:
         """The measured maps that are patterns of the sensor."""
-        return {name: value for name, value in self.maps.items() if not catalogue()[name].map_is_table}
+        known = catalogue()
+        return {name: value for name, value in self.maps.items() if not known[effect_of(name)].map_is_table}
 
     def finish(
         self,

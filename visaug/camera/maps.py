@@ -10,6 +10,7 @@ from torch import Tensor
 
 from visaug.core.errors import InputError
 from visaug.effects import catalogue
+from visaug.effects.readout.unexplained import Unexplained, fault_of
 
 if TYPE_CHECKING:
     from visaug.camera.spec import CameraSpec
@@ -25,7 +26,8 @@ def named_maps(spec: "CameraSpec") -> dict[str, tuple[str, str]]:
 def load_maps(spec: "CameraSpec", folder: Path | None) -> dict[str, Tensor]:
     """The camera's measured maps by effect, each (rows, columns) float32 in the effect's `map_unit`, or (n,) of a table.
 
-    A profile, (1, columns) or (rows, 1), holds for all rows or columns.
+    A profile, (1, columns) or (rows, 1), holds for all rows or columns. The arrays of `unexplained` have keys of their own,
+    such as `unexplained.map_e`.
 
     Args:
         spec: the camera; a map's name is relative to `folder` unless it is absolute.
@@ -36,7 +38,16 @@ def load_maps(spec: "CameraSpec", folder: Path | None) -> dict[str, Tensor]:
             finite or, of what cannot be below 0, negative.
     """
     found = {}
-    for effect, (name, key) in named_maps(spec).items():
+    named = named_maps(spec)
+    for i, entry in enumerate(spec.effects):
+        if entry["name"] == Unexplained.name and Unexplained.name not in named:
+            expected = "the file that `visaug diagnose --unexplained` writes"
+            raise InputError("is missing", field=f"effects.{i}.map", expected=expected)
+    for effect, (name, key) in named.items():
+        if effect == Unexplained.name:
+            parts = _read_parts(name, key, folder or Path(), spec.resolution)
+            found |= {f"{effect}.{part}": torch.from_numpy(values) for part, values in parts.items()}
+            continue
         if catalogue()[effect].map_is_table:
             found[effect] = torch.from_numpy(_read_table(name, key, folder or Path()))
             continue
@@ -45,6 +56,11 @@ def load_maps(spec: "CameraSpec", folder: Path | None) -> dict[str, Tensor]:
             raise InputError("holds negative values", file=(folder or Path()) / name, field=key)
         found[effect] = torch.from_numpy(np.broadcast_to(pixels, spec.resolution).copy())
     return found
+
+
+def effect_of(key: str) -> str:
+    """The effect that a measured map belongs to: `unexplained` of `unexplained.map_e`, any other key as it is."""
+    return key.partition(".")[0]
 
 
 def moved(name: str, old: Path | None, new: Path) -> str:
@@ -93,3 +109,18 @@ def _read_table(name: str, field: str, folder: Path) -> np.ndarray:
             "holds a value below 0, above 1 or not finite", file=file, field=field, expected="0 to 1"
         )
     return values.astype(np.float32)
+
+
+def _read_parts(name: str, field: str, folder: Path, resolution: tuple[int, int]) -> dict[str, np.ndarray]:
+    """The arrays of an .npz, float32 by name."""
+    file = folder / name
+    try:
+        with np.load(file, allow_pickle=False) as archive:
+            arrays = {key: archive[key] for key in archive.files}
+    except FileNotFoundError:
+        raise InputError("no such file", file=file, field=field) from None
+    except Exception as error:  # whatever the bytes lead to
+        raise InputError("cannot be read", file=file, field=field, expected="an .npz of arrays") from error
+    if fault := fault_of(arrays, resolution):
+        raise InputError(fault[0], file=file, field=field, expected=fault[1])
+    return {key: values.astype(np.float32) for key, values in arrays.items()}

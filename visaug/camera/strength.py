@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any
 
 from visaug.camera.camera import Camera
+from visaug.camera.maps import effect_of
 from visaug.camera.paths import place_of
 from visaug.effects import Stage, catalogue
 
@@ -18,6 +19,10 @@ RESPONSE = {"prnu": "", "dark_current_nonuniformity": "spread", "light_drift": "
 RESPONSE |= {"tap_mismatch": "gain", "row_parity": "gain"}
 # of s, by the unit
 POWERS = {"e-/DN": -2, "e-/s": -2, "e-/px": -2, "photons": -2, "1/(1000 e-)": 2}
+# of measured maps that their unit alone does not tell: levels are charge, variances squares
+MAP_POWERS = {"prnu": 1} | dict.fromkeys(
+    (f"unexplained.{part}" for part in ("level_e", "row_power_e2", "column_power_e2", "variance_e2")), -2
+)
 
 
 @cache
@@ -49,9 +54,9 @@ def at_strength(values: Mapping[str, Any], s: float) -> dict[str, Any]:
 def with_maps_at_strength(camera: Camera, s: float) -> Camera:
     """The camera with its measured maps at strength s > 0, each by its unit as the values are; these stay."""
     maps = {}
-    for effect, pattern in camera.maps.items():
-        kind = catalogue()[effect]
+    for key, pattern in camera.maps.items():
+        kind = catalogue()[effect_of(key)]
         unit = kind.map_unit.partition(" ")[0]
         power = -1 if unit == "e-" and kind.stage == Stage.READOUT else POWERS.get(unit, 0)
-        maps[effect] = pattern * s ** (1 if effect == "prnu" else power)
+        maps[key] = pattern * s ** MAP_POWERS.get(key, power)
     return Camera(camera.spec, camera.folder, maps) if maps else camera

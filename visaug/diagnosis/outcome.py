@@ -52,6 +52,7 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
         used=lab.selection,
         warnings=lab.warnings,
         effects=() if lab.units else verdicts(setting, end),
+        errors=setting.errors,
     )
 
 

@@ -1,7 +1,7 @@
 """The result of a diagnosis."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,8 @@ from visaug.camera import Camera
 from visaug.camera.paths import place_of
 from visaug.core.reporting import Reported
 from visaug.diagnosis.camera_file import Mistake
+from visaug.diagnosis.empirical import Component, component
+from visaug.diagnosis.fitting.errors import Errors
 from visaug.diagnosis.fitting.parameters import Coordinate, intervals
 from visaug.diagnosis.residue import Residue
 from visaug.diagnosis.verdict import Verdict
@@ -124,6 +126,8 @@ class Diagnosis(Reported):
         effects: the verdict on each effect of the catalogue that was considered.
         outside: probability that the cause is outside the catalogue and resembles the accepted effects; None if no effect was
             accepted.
+        component: the measured component of what is unexplained; None where it was not measured, see `with_component`.
+        errors: of cameras on these frames, as `error_after` is computed.
     """
 
     camera: Camera
@@ -149,6 +153,28 @@ class Diagnosis(Reported):
     camera_file: tuple[Mistake, ...] = ()
     effects: tuple[Verdict, ...] = ()
     outside: float | None = None
+    component: Component | None = None
+    errors: Errors | None = field(default=None, repr=False, compare=False)
+
+    def with_component(self, progress: Callable[[str, int, int], None] | None = None) -> "Diagnosis":
+        """The diagnosis with `component`: a fixed map, spectra of rows and columns, and a variance curve of what is unexplained.
+
+        They are measured from the discovery frames. `component.saved("better.yaml")` writes the camera with them.
+
+        Args:
+            progress: called with (description, done, total).
+
+        Returns:
+            The diagnosis as it is where nothing is unexplained.
+
+        Examples:
+            >>> found = visaug.diagnose(camera, frames).with_component()  # doctest: +SKIP
+            >>> found.component.parts, found.component.error_after  # doctest: +SKIP
+        """
+        if self.unexplained is None or self.errors is None:
+            return self
+        report = progress or (lambda *_: None)
+        return replace(self, component=component(self.camera, self.errors, self.error_after, report))
 
     def to_json(self) -> dict[str, Any]:
         """The result as written by `visaug diagnose --json`."""
@@ -173,7 +199,7 @@ class Diagnosis(Reported):
             "steps": [step.to_json() for step in self.steps],
             "frames": self.frames,
             "ambiguous": list(self.ambiguous),
-            "unexplained": self.unexplained.to_json() if self.unexplained else None,
+            "unexplained": self._unexplained_json(),
             "form": self.form,
             "cannot_show": list(self.cannot_show),
             "used": self.used.to_json() if self.used else None,
@@ -182,6 +208,12 @@ class Diagnosis(Reported):
             "effects": [verdict.to_json() for verdict in self.effects],
             "outside": self.outside,
         }
+
+    def _unexplained_json(self) -> dict[str, Any] | None:
+        if self.unexplained is None:
+            return None
+        more = {} if self.component is None else {"component": self.component.to_json()}
+        return self.unexplained.to_json() | more
 
     def to_frame(self) -> Any:
         """The ranking as a pandas DataFrame: effect, probability, error_after, parameter, value, low, high, unit, accepted.

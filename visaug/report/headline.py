@@ -144,7 +144,21 @@ def diagnosis_details(content: Content) -> list[str]:
         lines.append(content["form"])
     if content["unexplained"] and content["accepted"]:
         lines.append(f"Unexplained: {content['unexplained']['description']}")
+    if (part := (content["unexplained"] or {}).get("component")) is not None:
+        lines.append(_component(part))
     return lines
+
+
+def _component(part: Content) -> str:
+    """What the measured component of the unexplained difference holds, and what it gives."""
+    if not part["parts"]:
+        return "Of an empirical component no part is significant: none is written."
+    named = f"Empirical component ({', '.join(part['parts'])})"
+    if part["error_after"] is None:
+        return f"{named}: these frames do not tell the error with it."
+    after = with_interval(part["error_after"], *part["interval_after"])
+    told = f"{named}: error on hold-out frames {after} with it, {part['error_before']:.2g} without"
+    return f"{told}." if part["lowers"] else f"{told}. It does not lower the error and is not written."
 
 
 def effect_texts(names: list[str]) -> list[str]:

@@ -293,6 +293,13 @@ def _told(transfer: str) -> str | None:
 )
 @transfer_option
 @output_option("camera2.yaml", "Write the refitted camera with the missing effects.")
+@click.option(
+    "--unexplained",
+    "with_component",
+    is_flag=True,
+    help="Measure what no effect explains (a fixed map, spectra of rows and columns, a variance curve) and write it beside "
+    "the camera of -o, which names it as the effect `unexplained`.",
+)
 @result_options
 def diagnose(
     frames_path: Path,
@@ -304,6 +311,7 @@ def diagnose(
     scenes: Path | None,
     transfer: Literal["linear", "srgb"],
     output: Path | None,
+    with_component: bool,
     force: bool,
     json_path: Path | None,
     report_path: Path | None,
@@ -317,8 +325,13 @@ def diagnose(
     """
     import visaug
     from visaug.app.cli.effect_pages import find
+    from visaug.diagnosis.empirical import file_beside
 
     may_write(output, force)
+    if with_component:
+        if output is None:
+            raise InputError("there is no camera", field="--unexplained", expected="-o beside it")
+        may_write(file_beside(output), force)
     for name in without:
         find(name)
     camera = load_camera(camera_name)
@@ -335,20 +348,27 @@ def diagnose(
             transfer=transfer,
             scenes=scenes,
         )
+        result = result.with_component(progress) if with_component else result
+    part = result.component
+    if output and part is not None and part.helps:
+        part = part.saved(output)
+        result = replace(result, component=part)
+    elif output:
+        result.camera.save(output)
     if not is_silent(quiet, json_path):
         summaries.print_diagnosis(result.to_json())
+        if with_component and result.unexplained is None:
+            click.echo("Nothing is left unexplained: no component is written.")
     chosen = [word for name in without for word in ("--without", name)]
     chosen += [*(("--seed", str(seed)) if seed else ()), *(("--scenes", str(scenes)) if scenes else ())]
     inputs = replace(Inputs.of(camera, frames, output), transfer=_told(transfer), options=tuple(chosen))
-    if output:
-        result.camera.save(output)
     write_result(json_path, result.to_json())
     if report_path:
         from visaug.report import write_diagnosis
 
         write_diagnosis(report_path, result, camera, frames, seed, inputs)
     if not is_silent(quiet, json_path):
-        written(output, json_path, report_path)
+        written(output, part and part.file, json_path, report_path)
         summaries.print_next(after_diagnosis(result.to_json(), inputs))
 
 

@@ -24,10 +24,11 @@ ROOT = Path(__file__).parents[2]  # of the package
 
 
 def key(lab: Laboratory, camera: Camera, *words: object) -> str:
-    """Name of an entry that depends on the camera, the plan, the seed and the program's own code."""
+    """Name of an entry that depends on the camera and its maps, the plan, the seed and the program's own code."""
     sources = [source_of(name) for name in camera.effect_names]
+    maps = [(name, digest(values.numpy().tobytes())) for name, values in camera.maps.items()]
     return digest(
-        camera.to_yaml(), [part.identity() for part in lab.parts], lab.seed, _code(), sources, words
+        camera.to_yaml(), maps, [part.identity() for part in lab.parts], lab.seed, _code(), sources, words
     )
 
 

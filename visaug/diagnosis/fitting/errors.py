@@ -18,6 +18,7 @@ class Errors:
     """
 
     def __init__(self, lab: Laboratory, first: Reference, fitted: Fitted):
+        self.lab = lab
         find, confirm, _ = lab.measured
         self.distance = Distance(find.statistics, find.values, first.find.sets, first.find.least)
         self._confirming = Distance(
