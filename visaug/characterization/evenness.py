@@ -16,6 +16,7 @@ from visaug.frames import FrameSet
 
 _PARTS = 4  # along each side
 _LEAST = 8  # pixels along each side of a part
+_MOST = 12  # frames of a level
 _BRIGHTEST = 4  # levels, which tell the gain best
 _FALSE = 0.001  # probability that one gain deviates so far; with the approximations of its errors 0.002 in small sets
 _MATTERS = 0.02  # root mean square deviation of the gain
@@ -58,11 +59,11 @@ def relative_gains(
     bend = transfer.curvature_per_dn[0] if transfer.curvature_per_dn else 0.0
     top, bottom, noise = (np.zeros((_PARTS, _PARTS, 2, 2)) for _ in range(3))
     for dark in {id(v.dark): v.dark for v in levels}.values():  # whose error all their flats share
-        master = mean_map(frames, dark.group.indices)
+        master = mean_map(frames, _chosen(dark))
         quiet, quiet_share = _variances(frames, dark, master, None)
         total = np.zeros_like(top)
         for v in (v for v in levels if v.dark is dark):
-            mean = mean_map(frames, v.flat.group.indices)
+            mean = mean_map(frames, _chosen(v.flat))
             bright, share = _variances(frames, v.flat, mean, mean - master)
             signal = _by_cell(_cells(mean - master))
             expected = signal * (1 + bend * signal)
@@ -83,18 +84,23 @@ def _variances(
 ) -> tuple[np.ndarray, float]:
     """Temporal variance of each cell, and its relative standard error; what whole rows, parts or all the light do is out."""
     square = np.zeros_like(_cells(mean))
-    for i in moments.group.indices:
+    indices = _chosen(moments)
+    for i in indices:
         r = frames.read(i) - mean
         if light is not None:
             r -= float((r * light).sum() / (light * light).sum()) * light
         r -= r.mean(1, keepdims=True)
         cells = _cells(r)
         square += (cells - cells.mean((1, 2, 4, 5), keepdims=True)) ** 2
-    square /= moments.n - 1
+    square /= len(indices) - 1
     variance = _by_cell(square)
     # Of one law, the variances of the pixels scatter by the same share in every cell.
     share = (_by_cell(square**2).mean() / (variance**2).mean() - 1) / (square.shape[1] * square.shape[4])
     return variance, math.sqrt(float(share))
+
+
+def _chosen(moments: GroupMoments) -> tuple[int, ...]:
+    return moments.group.indices[:_MOST]
 
 
 def _cells(values: np.ndarray) -> np.ndarray:

@@ -2,7 +2,8 @@
 
 For frames x_i = pattern + independent noise, whatever the pattern and the frames' own variances, sum_ij A_ij x_i x_j has the
 expectation 0 for every symmetric A without a diagonal whose rows sum to 0. Two cameras in one folder, frames that are turned
-or shifted, a pattern that changes, and averaging over time in the camera make such sums large.
+or shifted, a pattern that changes, and averaging over time in the camera make such sums large. One frame alone that is apart adds
+to its own variance, which three frames tell: v_k follows from the squares of the residuals about the mean.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ _FEWEST = 4  # frames: of three no such sum is left
 _MOST = 12  # frames of a group: its first and last half dozen
 _SIDE = 512  # pixels of the window
 _OUTLIER = 5.0  # standard deviations: single pixels that jump are another matter
-_FALSE = 0.001  # probability of a false alarm in one set
+_FALSE = 0.001  # probability of a false alarm in one set, and again of a frame that is apart
+_APART = 0.05  # of the variance of the other frames
+_OF_MEDIAN = 1.3  # the median of few variances has an error of its own
 _MATTERS = 0.01  # correlation of the noise of two frames
 _SPOILED = ("gain_e_per_dn", "quantum_efficiency", "read_noise.*", "full_well_e", "prnu.*", "dsnu.*", "dark_current.*",
             "temporal.*", "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
@@ -42,10 +45,12 @@ class Dependence:
 
 def check(measured: Measured, found: Findings) -> None:
     """Warns where the noise of frames of one group is not independent."""
-    groups = [m for m in measured.moments if m.n >= _FEWEST and min(m.shape) > 3 and not m.clipped_high]
+    whole = [m for m in measured.moments if min(m.shape) > 3 and not m.clipped_high]
+    groups = [m for m in whole if m.n >= _FEWEST]
     tested = [d for m in groups if (d := dependence(measured.frames, m)) is not None]
     sure = [d for d in tested if d.probability < _FALSE / len(tested) and d.correlation > _MATTERS]
     if not sure:
+        _check_variances(measured, whole, found)
         return
     worst = max(sure, key=lambda d: d.correlation)
     if worst.in_sequence:
@@ -67,11 +72,50 @@ def check(measured: Measured, found: Findings) -> None:
     )
 
 
+def _check_variances(measured: Measured, groups: list[GroupMoments], found: Findings) -> None:
+    """Warns of frames that have more noise than the others of their group, or less, beyond what their light explains."""
+    dark = {id(v.flat): v.dark.mean for v in measured.levels}
+    several = [m for m in groups if m.n > 2]
+    apart: list[int] = []
+    for m in several:
+        indices = _chosen(m.group.indices)
+        residuals = _residuals(measured.frames, indices, m.shape)
+        if residuals is None:
+            continue
+        variances, error = frame_variances(residuals)
+        usual = float(np.median(variances))
+        levels = np.array([m.frame_means[m.group.indices.index(i)] for i in indices])
+        signal = m.mean - dark.get(id(m), 0.0)
+        by_light = (
+            np.abs(levels - np.median(levels)) / signal if signal > 0 and m.group.kind == "flat" else 0.0
+        )
+        excess = np.abs(variances / usual - 1) - by_light
+        least = float(stats.norm.isf(_FALSE / 2 / len(indices) / len(several)))
+        apart += [i for i, e in zip(indices, excess) if e > max(_APART, _OF_MEDIAN * least * error / usual)]
+    if apart:
+        numbers = ", ".join(str(measured.frames.records[i].sequence) for i in sorted(apart)[:8])
+        found.warn(
+            f"frames_dependent: frames {numbers}{', ...' if len(apart) > 8 else ''} differ from the others of their setting by "
+            "another noise or another pattern (another camera, moved, torn or disturbed frames)",
+            spoils=_SPOILED,
+        )
+
+
+def frame_variances(residuals: np.ndarray) -> tuple[np.ndarray, float]:
+    """Variance of the noise of each of n frames, from their residuals (n, P) about their mean, and its standard error."""
+    n, pixels = residuals.shape
+    square = (residuals**2).mean(1)
+    variances = (square - square.sum() / (n * (n - 1))) / (1 - 2 / n)
+    # Of normal noise, from the covariances of the squares; tails and uneven pixels by the fourth moment.
+    factor = (2 * (1 - 1 / n) ** 2 - 4 / n**2 + 2 / (n**2 * (n - 1))) / (1 - 2 / n) ** 2
+    kurtosis = float((residuals**4).mean() / (residuals**2).mean() ** 2)
+    usual = float(np.median(variances))
+    return variances, usual * float(np.sqrt(factor * max(kurtosis - 1, 2) / 2 / pixels))
+
+
 def dependence(frames: FrameSet, moments: GroupMoments) -> Dependence | None:
     """Of one group; None where its frames have no noise."""
-    indices = moments.group.indices
-    if len(indices) > _MOST:
-        indices = indices[: _MOST // 2] + indices[-_MOST // 2 :]
+    indices = _chosen(moments.group.indices)
     residuals = _residuals(frames, indices, moments.shape)
     if residuals is None:
         return None
@@ -89,6 +133,10 @@ def dependence(frames: FrameSet, moments: GroupMoments) -> Dependence | None:
     return Dependence(
         float(stats.chi2.sf(square, len(basis))), correlation, _follows(shared), _split(indices, shared)
     )
+
+
+def _chosen(indices: tuple[int, ...]) -> tuple[int, ...]:
+    return indices if len(indices) <= _MOST else indices[: _MOST // 2] + indices[-_MOST // 2 :]
 
 
 @lru_cache(maxsize=16)
