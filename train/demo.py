@@ -120,6 +120,8 @@ def run_demo(
 ) -> tuple[Path, list[str]]:
     """The whole job; returns the report's path and the finding, in three sentences.
 
+    It starts processes that import the calling script: call it under `if __name__ == "__main__":`.
+
     Args:
         output: folder of data, runs and report.html.
         seed: of the trainings and the diagnosis.

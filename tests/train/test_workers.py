@@ -2,6 +2,7 @@
 
 import os
 import time
+from typing import Any
 
 import pytest
 import torch
@@ -29,9 +30,12 @@ def study(rendered, output):
     )
 
 
+def network(file) -> Any:
+    return YOLO(str(file)).model
+
+
 def networks(study):
-    files = [run_folder(study, *run) / "weights" / "last.pt" for run in RUNS]
-    return [YOLO(str(file)).model.state_dict() for file in files]
+    return [network(run_folder(study, *run) / "weights" / "last.pt").state_dict() for run in RUNS]
 
 
 def wait_for(seconds, file, _progress):
@@ -51,7 +55,7 @@ def test_results_are_the_same_bits_for_any_number_of_processes(rendered, tmp_pat
         assert seen[-1] == ("training, 2 runs", 2, 2)
         assert all(list((run_folder(here, *run) / "predictions").iterdir()) for run in RUNS)
         found.append(networks(here))
-        assert not torch.equal(*(next(iter(network.values())) for network in found[-1]))
+        assert not torch.equal(*(next(iter(state.values())) for state in found[-1]))
         with Workers(processes, len(RUNS)) as workers:
             for run in RUNS:
                 workers.train(here, *run)
