@@ -14,10 +14,17 @@ from visaug.camera.paths import place_of
 from visaug.effects import Stage, catalogue
 
 RESPONSE = {"prnu": "", "dark_current_nonuniformity": "spread", "light_drift": "sigma"}
-# relative scatter: of gains, dark currents, the light
-RESPONSE |= {"tap_mismatch": "gain", "row_parity": "gain"}
-# of s, by the unit
-POWERS = {"e-/DN": -2, "e-/s": -2, "e-/px": -2, "photons": -2, "1/(1000 e-)": 2}
+RESPONSE |= {
+    "tap_mismatch": "gain",
+    "row_parity": "gain",
+}  # relative scatter: of gains, dark currents, the light
+POWERS = {  # of s, by the unit
+    "e-/DN": -2,
+    "e-/s": -2,
+    "e-/px": -2,
+    "photons": -2,
+    "1/(1000 e-)": 2,
+}
 
 
 @cache

@@ -337,8 +337,11 @@ def diagnose(
         )
     if not is_silent(quiet, json_path):
         summaries.print_diagnosis(result.to_json())
-    chosen = [word for name in without for word in ("--without", name)]
-    chosen += [*(("--seed", str(seed)) if seed else ()), *(("--scenes", str(scenes)) if scenes else ())]
+    chosen = [
+        *(word for name in without for word in ("--without", name)),
+        *(("--seed", str(seed)) if seed else ()),
+    ]
+    chosen += ["--scenes", str(scenes)] if scenes else []
     inputs = replace(Inputs.of(camera, frames, output), transfer=_told(transfer), options=tuple(chosen))
     if output:
         result.camera.save(output)
