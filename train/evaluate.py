@@ -96,10 +96,6 @@ class Evaluation:
         s = self.summary()
         return f"Evaluation({self.domain}, {s['images']} images, keypoint AP {s['keypoint_ap50_95']})"
 
-    def to_json(self) -> dict[str, Any]:
-        """The summary under the domain's name."""
-        return {self.domain: self.summary()}
-
     def write_csv(self, path: str | Path) -> None:
         """One line per image."""
         columns = list(self.table)

@@ -18,7 +18,7 @@ import numpy as np
 from visaug.core.errors import InputError
 from visaug.frames import hdf5
 from visaug.frames.hdf5 import Hdf5File
-from visaug.frames.limits import Index, check_axes, check_index, check_shape
+from visaug.frames.limits import Index, check_axes, check_index, check_shape, chosen_array
 from visaug.frames.matlab import MatFile, mat_arrays
 
 WHOLE_BYTES = 64 * 2**20  # a compressed array up to this size is decompressed at once and kept
@@ -94,15 +94,7 @@ class ArrayFile:
         if self.path.suffix.lower() == ".npz":
             self._archive = zipfile.ZipFile(self.path)
             names = [n for n in self._archive.namelist() if n.endswith(".npy")]
-            keys = [n.removesuffix(".npy") for n in names]
-            if self.key is None and len(keys) == 1:
-                self.key = keys[0]
-            if self.key not in keys:
-                raise InputError(
-                    f"holds no array {self.key!r}" if self.key else "holds several arrays",
-                    file=self.path,
-                    expected="one of " + ", ".join(keys) + " after a #",
-                )
+            self.key = chosen_array([n.removesuffix(".npy") for n in names], self.key, self.path, "array")
             member = self._archive.getinfo(f"{self.key}.npy")
             self._compressed = member.compress_type != zipfile.ZIP_STORED
             if self._compressed:

@@ -35,8 +35,15 @@ SETTING_KEYWORDS = (
     "GAINMODE",
 )
 _FILTER = ("FILTER", "FILTER1", "INSFILTE")
-# SNAPSHOT: MaxIm DL
-_COMBINED = ("NCOMBINE", "STACKCNT", "NIMAGES", "SNAPSHOT", "COADDS", "NCOADDS", "NCOADD")
+_COMBINED = (
+    "NCOMBINE",
+    "STACKCNT",
+    "NIMAGES",
+    "SNAPSHOT",
+    "COADDS",
+    "NCOADDS",
+    "NCOADD",
+)  # SNAPSHOT: MaxIm DL
 _BITS = ("BITDEPTH", "ADCBITS")
 _CEILING = ("DATAMAX", "SATURATE", "SATLEVEL")
 _BODY = (
@@ -71,6 +78,9 @@ _NOT_DONE = (
 _NO_CODES = re.compile(
     r"e-?|el|electrons?|photons?|ph|.*(?:jy\b|\berg|(?:/|\bper)\s*s(?:ec(?:ond)?s?)?\b|\bs(?:ec)?\^?-1).*",
     re.IGNORECASE,
+)
+_SAME_EXPOSURE = (
+    0.05  # keywords that differ by more (the time with the shutter's, asked and taken) contradict each other
 )
 _PER_DN = re.compile(r"(?:e-?|electrons?)\s*(?:/|per)\s*(?:adu|dn|count)", re.IGNORECASE)
 
@@ -145,8 +155,7 @@ def _exposure(
             raise InputError(f"{header[name]!r} is not a number", file=path, field=name) from None
 
     value, plain = value_of(name), seconds(header[name])
-    same_exposure = 0.05  # keywords that differ by more (the time with the shutter's, asked and taken) contradict each other
-    if any(abs(value_of(n) - value) > same_exposure * max(abs(value), 1e-9) for n in names[1:]):
+    if any(abs(value_of(n) - value) > _SAME_EXPOSURE * max(abs(value), 1e-9) for n in names[1:]):
         said["exposure_contradicted"] = f"{', '.join(f'{n} = {text(n)}' for n in names)}: the first counts"
     words["exposure_s"] = name
     if value != plain:

@@ -49,7 +49,7 @@ Index = tuple[int | slice, ...]  # of an array, its leading axes first; a slice 
 def chosen_array(names: Sequence[str], key: str | None, file: Path, what: str) -> str:
     """The array that is asked for, or the only one in a file; `what` it is called there."""
     name = key or (names[0] if len(names) == 1 else None)
-    if name not in names:
+    if name is None or name not in names:
         problem = f"holds no {what} {key!r}" if key else f"holds several {what}s"
         raise InputError(problem, file=file, expected=f"one of {', '.join(names[:20])} after a #")
     return name

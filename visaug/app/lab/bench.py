@@ -190,6 +190,7 @@ class Bench:
         assert self.comparison is not None
         fit, found = self.now.fit, self.diagnosis
         error = fit.error if fit and self.has_excess else None
+        full = None if self.now.quick else fit
         content = (found or self.comparison).to_json()
         content = {"ranking": [], "ambiguous": [], "unexplained": None, **content}
         return content | {
@@ -200,11 +201,7 @@ class Bench:
                 "interval_after": error and [error.low, error.high],
             },
             "fits": content["fits"]
-            | (
-                {"p_value_after": fit.p_value, "adequate_after": fit.adequate}
-                if fit and not self.now.quick
-                else {"p_value_after": None, "adequate_after": None}
-            ),
+            | {"p_value_after": full and full.p_value, "adequate_after": full and full.adequate},
             "ranking": self._ranking(content["ranking"]),
             "accepted": list(self.now.added),
             "steps": [step.to_json() for step in self.now.steps] if self.has_excess else [],

@@ -107,9 +107,7 @@ def _diagnosed(found: Diagnosis) -> str:
     said = diagnosis_headline(found.to_json())
     if not found.accepted or found.error_after is None:
         return said
-    left = (
-        "No significant difference is left." if found.adequate_after else "A significant difference is left."
-    )
+    left = f"{'No' if found.adequate_after else 'A'} significant difference is left."
     return f"{said} Adding it takes the error on hold-out frames from 1 to {_with_interval(found.error_after)}. {left}"
 
 
@@ -139,26 +137,25 @@ def _changes(bench: Bench) -> str:
 
 def _error(bench: Bench) -> dict[str, Any]:
     """The error of the current camera: a number, its interval, and what it means."""
+
+    def shown(
+        text: str, note: str, value: float | None = None, interval: str | None = None
+    ) -> dict[str, Any]:
+        return {"text": text, "interval": interval, "value": value, "note": note}
+
     if bench.comparison is None:
-        return {"text": "…", "interval": None, "value": None, "note": "not compared yet"}
+        return shown("…", "not compared yet")
     if not bench.has_excess:
-        return {
-            "text": "–",
-            "interval": None,
-            "value": None,
-            "note": "the camera as given shows no excess over chance that could be lowered",
-        }
+        return shown("–", "the camera as given shows no excess over chance that could be lowered")
     if not bench.now.fit:
-        return {"text": "1.00", "interval": None, "value": 1.0, "note": "lower is better"}
+        return shown("1.00", "lower is better", 1.0)
     error = bench.now.fit.error
     if error is None:
-        return {"text": "–", "interval": None, "value": None, "note": "its own spread hides any difference"}
-    return {
-        "text": f"{error.value:.2f}" if not bench.now.quick else f"≈ {error.value:.1f}",
-        "interval": f"[{error.low:.2f}, {error.high:.2f}]",
-        "value": min(max(error.value, 0.0), 1.0),
-        "note": "a quick estimate" if bench.now.quick else _meaning(error),
-    }
+        return shown("–", "its own spread hides any difference")
+    value, interval = min(max(error.value, 0.0), 1.0), f"[{error.low:.2f}, {error.high:.2f}]"
+    if bench.now.quick:
+        return shown(f"≈ {error.value:.1f}", "a quick estimate", value, interval)
+    return shown(f"{error.value:.2f}", _meaning(error), value, interval)
 
 
 def _meaning(error: Error) -> str:
