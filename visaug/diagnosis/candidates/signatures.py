@@ -75,11 +75,7 @@ def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], re
     """
     if not tried:
         return _nothing(reference)
-    moves = _moves(lab, reference, tried, range(FEW), report, "trying")
-    tried = _followed(lab, reference, tried, moves.mean(1))
-    again = [i for i, trial in enumerate(tried) if trial.following]
-    if again:
-        moves[again] = _moves(lab, reference, [tried[i] for i in again], range(FEW), report, "following")
+    tried, moves = _following_moves(lab, reference, tried, range(FEW), report)
     random = [i for i in range(len(tried)) if is_random(moves[i], reference.null_scale)]
     signed = _signed(reference, tried, moves)
     if random:
@@ -92,9 +88,22 @@ def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], re
 def simulated(
     lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report
 ) -> Signatures:
-    """Signatures from simulations with these numbers."""
+    """Signatures from simulations with these numbers; camera parameters that would follow far are moved along."""
+    if not tried:
+        return _nothing(reference)
+    return _signed(reference, *_following_moves(lab, reference, tried, numbers, report))
+
+
+def _following_moves(
+    lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report
+) -> tuple[list[Trial], np.ndarray]:
+    """The trials, those with parameters that follow far with these moved, and their shifts."""
     moves = _moves(lab, reference, tried, numbers, report, "trying")
-    return _signed(reference, tried, moves) if tried else _nothing(reference)
+    followed = _followed(lab, reference, tried, moves.mean(1))
+    again = [i for i, trial in enumerate(followed) if trial.following]
+    if again:
+        moves[again] = _moves(lab, reference, [followed[i] for i in again], numbers, report, "following")
+    return followed, moves
 
 
 def _nothing(reference: Reference) -> Signatures:
