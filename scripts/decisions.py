@@ -172,13 +172,13 @@ def record_one(file: Path, one: Problem) -> None:
         return
     file.parent.mkdir(parents=True, exist_ok=True)
     start = time.process_time()
-    camera = Camera.load(yaml.safe_load(camera_yaml(one.sensor)))
+    camera, frames = Camera.load(yaml.safe_load(camera_yaml(one.sensor))), frames_of(one)
     # Of clean sets the search is made to go on, so that there are candidates to refuse.
     level = patch.object(stage, "SIGNIFICANT", 2.0 if one.kind == "clean" else stage.SIGNIFICANT)
     left_out = one.names if one.kind == "leave_out" else ()
     recorder = Recorder()
     with level, recorder.recording():
-        found = search.diagnose(camera, frames_of(one), without=left_out, sets=SETS)
+        found = search.diagnose(camera, frames, without=left_out, sets=SETS)
     kept = {
         "problem": one,
         "accepted": found.accepted,
@@ -187,7 +187,7 @@ def record_one(file: Path, one: Problem) -> None:
         "unexplained": found.unexplained is not None,
         "p": (found.p_value_before, found.p_value_after),
         "ranking": [(entry.effect, entry.probability) for entry in found.ranking],
-        "checks": [warning.partition(":")[0] for warning in alarms(found.frame_set)],
+        "checks": [warning.partition(":")[0] for warning in alarms(frames)],
         "cpu_s": time.process_time() - start,
     }
     partial = file.with_suffix(".partial")
