@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from visaug.core.reporting import Reported
 from visaug.frames import FrameSet
 from visaug.inspection.finding import Finding
 
@@ -38,7 +39,7 @@ class Measurement:
 
 
 @dataclass(frozen=True)
-class Inspection:
+class Inspection(Reported):
     """What a handful of frames tells of a camera.
 
     Attributes:
@@ -124,12 +125,6 @@ class Inspection:
             lines.append(f"{'' if row < 0 else row},{'' if column < 0 else column},{kind},{height:.4g}")
         write_text(path, "\n".join(lines) + "\n")
         return Path(path)
-
-    def report(self, path: str | Path) -> Path:
-        """Write the page."""
-        from importlib import import_module
-
-        return import_module("visaug.report").write_inspection(path, self)
 
 
 def _plain(value: Any) -> Any:

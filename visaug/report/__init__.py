@@ -11,11 +11,14 @@ from visaug.report.sheet import sheet_json, write_sheet
 
 
 def write_report(path: Path, result: Any) -> None:
-    """Writes the report of a comparison, a comparison of pictures or a diagnosis."""
+    """Writes the report of a comparison, a comparison of pictures, an inspection or a diagnosis."""
     from visaug.diagnosis import Comparison
+    from visaug.inspection import Inspection
     from visaug.pictures.comparison import PictureComparison
 
-    if isinstance(result, Comparison):
+    if isinstance(result, Inspection):
+        write_inspection(path, result)
+    elif isinstance(result, Comparison):
         assert result.frame_set is not None
         write_comparison(path, result, result.camera, result.frame_set, result.seed)
     elif isinstance(result, PictureComparison):
