@@ -2,9 +2,12 @@
 
 Each part is what the discovery frames have beyond simulated sets of the same frames by the refitted camera: the power of the
 mean dark frame by spatial frequency, the power of line means in differences of consecutive dark frames by frequency, and the
-variance of pixels in differences by the level. One rule decides what is kept: a power is taken for a gamma variable with the
-mean and the variance of the simulated sets; single frequencies (levels) whose power is improbable at a rate of `RATE` per
-part are kept first, and of the others bands of 2, 4, 8 ... neighbours, with the mean excess of the band. The rest is 0.
+variance of pixels in differences by the level. Noise of unknown cause is in the mean of few frames too: to the simulated mean
+frames the deviations of the measured frames from their mean are added, with random signs.
+
+One rule decides what is kept: powers are taken for gamma variables with the mean and the variance of the simulated sets, and
+the ratio of a power and their mean for an F variable. Single frequencies (levels) whose power is improbable at `RATE` over all
+of the part are kept first, and of the others bands of 2, 4, 8 ... neighbours, with the mean excess of the band. The rest is 0.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from scipy.special import gammaincc
+from scipy.special import fdtrc
 
 from visaug.camera import Camera
 from visaug.camera.maps import moved
@@ -33,6 +36,7 @@ RATE = 0.01  # probability that a complete camera gets a part, for each part
 SETS = 40  # simulated sets that a power is compared with,
 SETS_OF_ERROR = 120  # and that the error with the component is computed from
 MOST = 16  # frames of one condition that are used
+OVERLAP = 1.5  # of the variance of a mean over consecutive differences, which share frames, and over independent ones
 ALIKE = 0.01  # of the highest level: levels of flats and darks that become one point of the curve
 PARTS = {
     "map_e": "fixed map",
@@ -165,12 +169,18 @@ def _measured(camera: Camera, part: MeasuredFrames, seed: int, report: Report) -
         return {}
     arrays = _temporal(camera, part, groups, seed, report)
     if groups.shortest:
-        # the mean frame has some of what changes from frame to frame, which is no pattern
-        noisy = _with(camera, arrays) if arrays else camera
-        own = _stack_e(camera, part.frames, groups.shortest).mean(0, dtype=np.float64)
-        every = range(len(groups.shortest))
-        sets = _simulated(noisy, part, groups.shortest, seed, report)
-        arrays |= _map(own, [_stack_e(camera, one, every).mean(0, dtype=np.float64) for one in sets])
+        stack = _stack_e(camera, part.frames, groups.shortest).astype(np.float64)
+        every, count = range(len(stack)), len(stack)
+        signs = np.random.default_rng(derive_key(seed, "signs")).choice([-1.0, 1.0], (SETS, count))
+        signs /= np.sqrt(
+            count * (count - 1)
+        )  # the mean of frames has 1 / n of their variance, deviations (n - 1) / n
+        left = stack - stack.mean(0)
+        sets = [
+            _stack_e(camera, one, every).mean(0, dtype=np.float64) + np.tensordot(sign, left, 1)
+            for one, sign in zip(_simulated(camera, part, groups.shortest, seed, report), signs, strict=True)
+        ]
+        arrays |= _map(stack.mean(0), sets, count - 1)
     return arrays
 
 
@@ -252,12 +262,13 @@ class _Excess(NamedTuple):
     share: np.ndarray
 
 
-def excess(power: np.ndarray, sets: np.ndarray, freedom: float) -> _Excess:
-    """What powers (n,) have beyond simulated ones (R, n), neighbours side by side; see the module for the rule.
+def excess(power: np.ndarray, sets: np.ndarray, freedom: float, independent: int = SETS) -> _Excess:
+    """What powers (n,) have beyond simulated ones (R, n), neighbours side by side and of similar size; see the module.
 
     Args:
-        freedom: shape of the gamma law of one independent power, half its degrees of freedom. The simulated sets may show a
-            smaller one; by chance they show a larger one.
+        freedom: shape of the gamma law of one power, half its degrees of freedom. The simulated sets may show a smaller one; by
+            chance they show a larger one.
+        independent: how many of the sets are.
     """
     count = len(power)
     found = _Excess(np.zeros(count), np.zeros(count))
@@ -265,17 +276,14 @@ def excess(power: np.ndarray, sets: np.ndarray, freedom: float) -> _Excess:
     while width < 2 * len(left):
         starts = np.arange(0, len(left), width)
         own, there = (np.add.reduceat(of[..., left], starts, axis=-1) for of in (power, sets))
-        mean = there.mean(0)
-        variance = there.var(0, ddof=1) * (1 + 1 / len(sets))
-        sizes = np.diff(np.append(starts, len(left)))
+        mean, sizes = there.mean(0), np.diff(np.append(starts, len(left)))
         with np.errstate(divide="ignore", invalid="ignore"):
-            shape = np.minimum(mean**2 / variance, freedom * sizes)
-            chance = gammaincc(shape, shape * own / mean)
+            shape = np.minimum(mean**2 / there.var(0, ddof=1), freedom * sizes)
+            chance = fdtrc(2 * shape, 2 * shape * independent, own / mean)
         beyond = np.where(mean > 0, chance < RATE / (2 * count), own > 0)  # less than 2 n bands are asked
-        of_band = np.repeat(np.arange(len(starts)), sizes)
-        kept = beyond[of_band]
-        found.value[left[kept]] = ((own - mean) / sizes)[of_band][kept]
-        found.share[left[kept]] = (1 - mean / np.maximum(own, 1e-300))[of_band][kept]
+        kept = np.repeat(beyond, sizes)
+        found.value[left[kept]] = np.repeat((own - mean) / sizes, sizes)[kept]
+        found.share[left[kept]] = np.repeat(1 - mean / np.maximum(own, 1e-300), sizes)[kept]
         left, width = left[~kept], 2 * width
     return found
 
@@ -283,33 +291,37 @@ def excess(power: np.ndarray, sets: np.ndarray, freedom: float) -> _Excess:
 def _spectrum(name: str, power: np.ndarray, sets: np.ndarray, pairs: int) -> Arrays:
     """The excess power of lines at every frequency; empty if there is none."""
     half = len(power) // 2 + 1
-    found = excess(power[:half], sets[:, :half], pairs).value
+    found = excess(power[:half], sets[:, :half], pairs / OVERLAP if pairs > 1 else 1.0).value
     if not found.any():
         return {}
     both = np.concatenate([found, found[1 : len(power) - half + 1][::-1]])
     return {name: both.astype(np.float32)}
 
 
-def _map(mean_frame: np.ndarray, sets: Sequence[np.ndarray]) -> Arrays:
+def _map(mean_frame: np.ndarray, sets: Sequence[np.ndarray], independent: int) -> Arrays:
     """The pattern beyond what the camera explains; empty if there is none.
 
-    Its mean over simulated cameras is subtracted. What these scatter about it, their drawn patterns and the temporal noise, is
-    the noise of a Wiener filter in bands of spatial frequency. The root of the filter is taken, so that the power of the
-    pattern, with that of a drawn one, is the measured power.
+    Its mean over simulated cameras is subtracted. What the sets scatter about it, drawn patterns and temporal noise, is the
+    noise of a Wiener filter in bands of spatial frequency. The root of the filter is taken, so that the power of the pattern,
+    with that of a drawn one, is the measured power.
     """
     rows, columns = mean_frame.shape
     middle = np.mean(sets, axis=0)
     own = np.fft.fft2(mean_frame - middle)
     y, x = np.indices(own.shape)
     mirrored = ((-y % rows) * columns + (-x % columns)).ravel()
-    half = np.flatnonzero(np.arange(own.size) <= mirrored)[1:]  # without the mean, which is the black level
+    half = np.arange(own.size) <= mirrored
+    half[0] = False  # the mean is the black level
     distance = np.hypot(np.fft.fftfreq(rows)[:, None], np.fft.fftfreq(columns)[None, :])
-    kind = np.where(y == 0, 0, np.where(x == 0, 1, 2))  # patterns of columns, of rows, and all others
-    half = half[np.lexsort((distance.ravel()[half], kind.ravel()[half]))]
     fewer = len(sets) / (len(sets) - 1)  # for the mean, which is that of the same sets
     there = fewer * np.array([np.abs(np.fft.fft2(one - middle)).ravel()[half] ** 2 for one in sets])
+    place = np.cumsum(half) - 1  # in `there`
     share = np.zeros(own.size)
-    share[half] = excess(np.abs(own).ravel()[half] ** 2, there, 1.0).share
+    for kind in (y == 0, x == 0, (y > 0) & (x > 0)):  # patterns of columns, of rows, and all others
+        of = np.flatnonzero(half & kind.ravel())
+        of = of[np.argsort(distance.ravel()[of], kind="stable")]
+        if len(of):
+            share[of] = excess(np.abs(own).ravel()[of] ** 2, there[:, place[of]], 1.0, independent).share
     if not share.any():
         return {}
     share[mirrored[half]] = share[half]
