@@ -182,7 +182,7 @@ def test_law_of_independent_frames(n, law):
         return x + rng.normal(0, 3, shape)
 
     def one():
-        dn = np.uint16(np.rint(300 + 8 * frames()))
+        dn = np.rint(300 + 8 * frames()).astype(np.uint16)
         made = FrameSet.from_arrays([FrameRecord(i, f"{i}", "bias") for i in range(n)], dn)
         (group,) = merged_groups(made, look(made))
         found = dependence(made, measure(made, group))
