@@ -109,7 +109,8 @@ def test_commits_are_recognised():
 
 
 def test_every_effect_has_a_page_and_the_readme_counts_them():
-    effects = visaug.effects.catalogue()
+    # other tests may have loaded effects of their own
+    effects = {n: e for n, e in visaug.effects.catalogue().items() if e.__module__.startswith("visaug.")}
     pages = {path.stem for path in (ROOT / "docs/effects").glob("*.md")}
     assert pages == {*effects, "index"}
     further = sum(not effect.base for effect in effects.values())

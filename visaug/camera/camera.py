@@ -293,8 +293,7 @@ class Camera:
     @property
     def sensor_maps(self) -> dict[str, Tensor]:
         """The measured maps that are patterns of the sensor."""
-        known = catalogue()
-        return {name: value for name, value in self.maps.items() if not known[effect_of(name)].map_is_table}
+        return {n: value for n, value in self.maps.items() if not catalogue()[effect_of(n)].map_is_table}
 
     def finish(
         self,
