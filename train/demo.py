@@ -180,7 +180,8 @@ def finding(ablation: Ablation, output: Path, seed: int = 0) -> list[str]:
         f"On the other test sets the mean OKS changes by: {others}. In brackets: 95 % intervals over "
         f"{len(ablation.seeds(DIAGNOSED))} pairs of trainings and the test images."
     )
-    named = " and ".join(answer["accepted"]) or "nothing"
+    *names, last = answer["accepted"] or ["nothing"]
+    named = f"{', '.join(names)} and {last}" if names else last
     found = f"From {BIASES + FLATS * len(LEVELS)} frames and the data sheet, the diagnosis found missing: {named}."
     return [found, trained, beside]
 
