@@ -7,7 +7,7 @@ from scipy import stats
 from visaug.characterization import characterize
 from visaug.characterization.alarms import all_warnings
 from visaug.characterization.alike import merged_groups
-from visaug.characterization.exchangeable import contrasts, dependence, frame_variances
+from visaug.characterization.exchangeable import chosen, contrasts, dependence, frame_variances, residuals_of
 from visaug.characterization.facts import look
 from visaug.characterization.moments import measure
 from visaug.frames import FrameRecord, FrameSet
@@ -185,8 +185,9 @@ def test_law_of_independent_frames(n, law):
         dn = np.rint(300 + 8 * frames()).astype(np.uint16)
         made = FrameSet.from_arrays([FrameRecord(i, f"{i}", "bias") for i in range(n)], dn)
         (group,) = merged_groups(made, look(made))
-        found = dependence(made, measure(made, group))
-        return 1.0 if found is None else found.probability
+        indices = chosen(group.indices)
+        residuals = residuals_of(made, indices, measure(made, group).shape)
+        return 1.0 if residuals is None else dependence(residuals, indices).probability
 
     assert stats.kstest([one() for _ in range(150)], "uniform").pvalue > 1e-4
 

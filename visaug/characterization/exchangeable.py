@@ -45,12 +45,19 @@ class Dependence:
 
 def check(measured: Measured, found: Findings) -> None:
     """Warns where the noise of frames of one group is not independent."""
-    whole = [m for m in measured.moments if min(m.shape) > 3 and not m.clipped_high]
-    groups = [m for m in whole if m.n >= _FEWEST]
-    tested = [d for m in groups if (d := dependence(measured.frames, m)) is not None]
+    groups = [m for m in measured.moments if m.n > 2 and min(m.shape) > 3 and not m.clipped_high]
+    tested, variances = [], []
+    for m in groups:
+        indices = chosen(m.group.indices)
+        residuals = residuals_of(measured.frames, indices, m.shape)
+        if residuals is None:
+            continue
+        variances.append((m, indices, *frame_variances(residuals)))
+        if m.n >= _FEWEST:
+            tested.append(dependence(residuals, indices))
     sure = [d for d in tested if d.probability < _FALSE / len(tested) and d.correlation > _MATTERS]
     if not sure:
-        _check_variances(measured, whole, found)
+        _check_variances(measured, variances, len(groups), found)
         return
     worst = max(sure, key=lambda d: d.correlation)
     if worst.in_sequence:
@@ -72,17 +79,21 @@ def check(measured: Measured, found: Findings) -> None:
     )
 
 
-def _check_variances(measured: Measured, groups: list[GroupMoments], found: Findings) -> None:
-    """Warns of frames that have more noise than the others of their group, or less, beyond what their light explains."""
+def _check_variances(
+    measured: Measured,
+    variances_of: list[tuple[GroupMoments, tuple[int, ...], np.ndarray, float]],
+    several: int,
+    found: Findings,
+) -> None:
+    """Warns of frames that have more noise than the others of their group, or less, beyond what their light explains.
+
+    Args:
+        variances_of: group, its frames, the variance of the noise of each, and its standard error.
+        several: number of groups of three or more frames.
+    """
     dark = {id(v.flat): v.dark.mean for v in measured.levels}
-    several = [m for m in groups if m.n > 2]
     apart: list[int] = []
-    for m in several:
-        indices = _chosen(m.group.indices)
-        residuals = _residuals(measured.frames, indices, m.shape)
-        if residuals is None:
-            continue
-        variances, error = frame_variances(residuals)
+    for m, indices, variances, error in variances_of:
         usual = float(np.median(variances))
         levels = np.array([m.frame_means[m.group.indices.index(i)] for i in indices])
         signal = m.mean - dark.get(id(m), 0.0)
@@ -90,7 +101,7 @@ def _check_variances(measured: Measured, groups: list[GroupMoments], found: Find
             np.abs(levels - np.median(levels)) / signal if signal > 0 and m.group.kind == "flat" else 0.0
         )
         excess = np.abs(variances / usual - 1) - by_light
-        least = float(stats.norm.isf(_FALSE / 2 / len(indices) / len(several)))
+        least = float(stats.norm.isf(_FALSE / 2 / len(indices) / several))
         apart += [i for i, e in zip(indices, excess) if e > max(_APART, _OF_MEDIAN * least * error / usual)]
     if apart:
         numbers = ", ".join(str(measured.frames.records[i].sequence) for i in sorted(apart)[:8])
@@ -113,12 +124,8 @@ def frame_variances(residuals: np.ndarray) -> tuple[np.ndarray, float]:
     return variances, usual * float(np.sqrt(factor * max(kurtosis - 1, 2) / 2 / pixels))
 
 
-def dependence(frames: FrameSet, moments: GroupMoments) -> Dependence | None:
-    """Of one group; None where its frames have no noise."""
-    indices = _chosen(moments.group.indices)
-    residuals = _residuals(frames, indices, moments.shape)
-    if residuals is None:
-        return None
+def dependence(residuals: np.ndarray, indices: tuple[int, ...]) -> Dependence:
+    """Of the frames with these indices, by their residuals (n, P), see `residuals_of`; n is 4 or more."""
     n, pixels = residuals.shape
     variances = (residuals**2).mean(1) * n / (n - 1)
     basis = contrasts(n)
@@ -135,7 +142,7 @@ def dependence(frames: FrameSet, moments: GroupMoments) -> Dependence | None:
     )
 
 
-def _chosen(indices: tuple[int, ...]) -> tuple[int, ...]:
+def chosen(indices: tuple[int, ...]) -> tuple[int, ...]:
     return indices if len(indices) <= _MOST else indices[: _MOST // 2] + indices[-_MOST // 2 :]
 
 
@@ -152,7 +159,7 @@ def contrasts(n: int) -> np.ndarray:
     return made + made.transpose(0, 2, 1)
 
 
-def _residuals(frames: FrameSet, indices: tuple[int, ...], shape: tuple[int, int]) -> np.ndarray | None:
+def residuals_of(frames: FrameSet, indices: tuple[int, ...], shape: tuple[int, int]) -> np.ndarray | None:
     """(n, P) of every frame about the mean; level, rows, columns and a change of the whole light or gain taken out."""
     r0, c0 = (max((size - _SIDE) // 2, 0) for size in shape)
     part = np.stack([frames.read(i)[r0 : r0 + _SIDE, c0 : c0 + _SIDE] for i in indices]).astype(np.float64)
