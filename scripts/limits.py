@@ -33,7 +33,7 @@ SETS = 120
 
 
 def at_factor(camera: Camera, verdict: Verdict) -> Camera | None:
-    """The camera with an effect at `FACTOR` times its limit; None where that is no value of the parameter."""
+    """The camera with an effect at `FACTOR` times its limit; None if the parameter cannot take that value."""
     assert verdict.parameter is not None
     assert verdict.limit is not None
     own = [t for t in trials(camera, frozenset()) if t.effect == verdict.effect and not t.is_other_form]

@@ -94,7 +94,7 @@ def train_side_by_side(
 
 
 def _diagnose(output: Path, seed: int, progress: Progress | None = None) -> float:
-    """The seconds that it took; the progress tells phases, as other work is told beside it."""
+    """Run the diagnosis and return its duration in seconds. Progress names phases, because other work reports beside it."""
 
     def show(step: str, done: int, total: int) -> None:
         if progress:

@@ -79,5 +79,5 @@ def test_workers_end_with_an_error_in_the_block(tmp_path):
 
 def test_an_error_of_the_work_is_that_of_the_result(tmp_path):
     with Workers(1) as workers:
-        failed = workers.submit(wait_for, 0, tmp_path)  # a folder is no file
+        failed = workers.submit(wait_for, 0, tmp_path)  # writing to a folder fails
         assert isinstance(failed.exception(), IsADirectoryError)

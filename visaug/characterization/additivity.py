@@ -17,7 +17,7 @@ from visaug.characterization.photon_transfer import safe_levels, saturated_level
 FROM_GAIN = ("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "dsnu.*", "dark_current.*", "full_well_e", "prnu.*",
               "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
 _OTHER_C = 2.0  # a fifth of the dark current, which doubles every 8 degrees
-# difference of chi square by which one of two courses of as many parameters is told from the other
+# difference in chi square above which one of two models with equally many parameters is preferred
 _TELLS = 10.0
 
 

@@ -280,7 +280,8 @@ def excess(power: np.ndarray, sets: np.ndarray, freedom: float, independent: int
         with np.errstate(divide="ignore", invalid="ignore"):
             shape = np.minimum(mean**2 / there.var(0, ddof=1), freedom * sizes)
             chance = fdtrc(2 * shape, 2 * shape * independent, own / mean)
-        beyond = np.where(mean > 0, chance < RATE / (2 * count), own > 0)  # less than 2 n bands are asked
+        # Bonferroni: fewer than 2 n bands are tested
+        beyond = np.where(mean > 0, chance < RATE / (2 * count), own > 0)
         kept = np.repeat(beyond, sizes)
         found.value[left[kept]] = np.repeat((own - mean) / sizes, sizes)[kept]
         found.share[left[kept]] = np.repeat(1 - mean / np.maximum(own, 1e-300), sizes)[kept]

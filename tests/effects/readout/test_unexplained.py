@@ -54,7 +54,7 @@ def dark_e(camera: Camera, count: int = FRAMES, rows=range(ROWS), columns=range(
 
 
 class Measured(Unexplained):
-    """With maps of any sensor, so that the laws are asked of an effect that does something."""
+    """Load maps that repeat over any sensor, so that the laws are tested on an effect that acts."""
 
     def apply(self, signal, p, stream, context):
         return super().apply(signal, p, stream, self._measured(context))

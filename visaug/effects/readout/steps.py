@@ -20,7 +20,7 @@ def edges(profile: np.ndarray, count: int) -> tuple[list[int], np.ndarray]:
     starts = np.unique(np.linspace(0, len(profile), MOST + 1).astype(int)[:-1])
     sums = np.concatenate([[0.0], np.cumsum(np.add.reduceat(profile.astype(np.float64), starts))])
     lines = np.append(starts, len(profile))
-    # Of the profile. What is narrower are single lines that stand out, as every sensor has some, and no level.
+    # smallest width of a level, as a share of the profile: narrower features are single outlying lines
     narrowest = 1 / 16
     least = max(1, int(narrowest * len(starts)))
     inner = np.arange(least, len(starts) - least + 1)
