@@ -2,7 +2,8 @@
 
     python scripts/bench.py diagnose [--only "47 of 64 x 80"] [--statistics]
 
-Times are processor seconds (user and system, all threads), so that a busy machine counts for little; ns are of one core.
+Times are processor seconds (user and system) of all threads and processes, so that a busy machine counts for little; ns are of
+one core. Memory is the largest sum over the processes, pages that they share counted once.
 Every diagnosis runs in a process of its own with an empty cache, and once more with the cache of the first.
 """
 
@@ -148,19 +149,38 @@ def diagnosed(folder: str, camera: str) -> None:
     def progress(phase: str, done: int, total: int) -> None:
         running[0] = " ".join(word for word in phase.split() if not word.isdigit())
 
-    start = time.process_time(), time.perf_counter()
+    begun, start = time.process_time(), time.perf_counter()
     result = visaug.diagnose(camera, folder, progress=progress)
-    print(
-        json.dumps(
-            {
-                "processor_s": time.process_time() - start[0],
-                "wall_s": time.perf_counter() - start[1],
-                "peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-                "phases": phases,
-                "found": str(result),
-            }
-        )
-    )
+    wall = time.perf_counter() - start
+    print(json.dumps({"begun_s": begun, "wall_s": wall, "phases": phases, "found": str(result)}))
+
+
+def measured(call: list[str], environment: dict[str, str]) -> dict:
+    """What a diagnosis in a process of its own prints, its processor seconds and its memory."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    peak = 0
+    with subprocess.Popen(call, env=environment, stdout=subprocess.PIPE, text=True) as running:
+        while running.poll() is None:
+            peak = max(peak, shared_memory(running.pid))
+            time.sleep(0.3)
+        assert running.stdout is not None
+        printed = json.loads(running.stdout.read().splitlines()[-1])
+    if running.returncode:
+        raise subprocess.CalledProcessError(running.returncode, call)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime - printed["begun_s"]
+    return {**printed, "processor_s": seconds, "peak_mib": peak / 2**20}
+
+
+def shared_memory(process: int) -> int:
+    """Bytes of a process and those that it has begun; a page that several share counts as their share of it."""
+    import psutil
+
+    try:
+        root = psutil.Process(process)
+        return sum(one.memory_full_info().pss for one in (root, *root.children(recursive=True)))
+    except psutil.Error:
+        return 0  # one has just ended
 
 
 def diagnosis_rows(only: list[str] | None) -> list[str]:
@@ -177,14 +197,7 @@ def diagnosis_rows(only: list[str] | None) -> list[str]:
             pixels = write_case(folder, name)
             environment = {**os.environ, "VISAUG_CACHE": str(Path(base) / "cache")}
             call = [sys.executable, __file__, "--child", str(folder), str(folder / "camera.yaml")]
-            first, second = (
-                json.loads(
-                    subprocess.run(
-                        call, env=environment, check=True, stdout=subprocess.PIPE
-                    ).stdout.splitlines()[-1]
-                )
-                for _ in range(2)
-            )
+            first, second = (measured(call, environment) for _ in range(2))
         noise = least(gaussian(pixels))
         phases = ", ".join(f"{phase} {count}" for phase, count in first["phases"].items())
         rows.append(

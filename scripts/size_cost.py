@@ -12,7 +12,8 @@ import numpy as np
 import torch
 
 from visaug import Camera, FrameSet
-from visaug.diagnosis.laboratory import Laboratory, fingerprints
+from visaug.diagnosis.laboratory import Laboratory
+from visaug.diagnosis.spread import Work
 from visaug.frames import FrameRecord
 from visaug.statistics.split import CONFIRM, FIND, WHOLE
 
@@ -55,7 +56,7 @@ def seconds(lab: Laboratory, uses: tuple[str, ...], model: Camera) -> float:
     found = []
     for number in range(REPEATS):
         start = time.process_time()
-        fingerprints(lab.parts_to_simulate, 0, uses, (model, number))
+        Work(lab.parts_to_simulate, 0, uses)((model, number))
         found.append(time.process_time() - start)
     return min(found)
 

@@ -10,6 +10,7 @@ from tests.diagnosis.states import Stated, leaving, refined
 from visaug.diagnosis import adding
 from visaug.diagnosis.adding import Adding
 from visaug.diagnosis.criterion import SHARE
+from visaug.diagnosis.fitting import fit
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.parameters import Coordinate
 from visaug.diagnosis.scatter import VarianceStrength
@@ -110,11 +111,11 @@ def test_sets_are_simulated_until_the_evidence_is_decided_and_anew_where_the_fit
     def refitted(lab, reference, *_, **__):
         return Fitted(reference, reference.camera, *np.ones((3, 1)))
 
-    monkeypatch.setattr(adding.cache, "reference", reference)
-    monkeypatch.setattr(adding.cache, "refit", refitted)
-    monkeypatch.setattr(adding, "refit", refitted)
+    for module in (adding, fit):
+        monkeypatch.setattr(module, "make_reference", reference)
+        monkeypatch.setattr(module, "refit", refitted)
     monkeypatch.setattr(adding, "evidence", lambda *_: SimpleNamespace(is_decided=decided))
-    monkeypatch.setattr(adding.cache, "is_far", lambda *_: far and len(made) == 1)
+    monkeypatch.setattr(fit, "is_far", lambda *_: far and len(made) == 1)
     monkeypatch.setattr(Adding, "_refitted", lambda self, reference, near: refitted(None, reference))
     scattering(monkeypatch, FITTED)
     before = leaving([9.0], stated)

@@ -186,11 +186,12 @@ def test_a_refit_may_begin_elsewhere(stated):
     assert there.misfit == pytest.approx(here.misfit, rel=0.01)
 
 
-def test_a_reference_that_was_begun_goes_on_where_it_was(stated):
+def test_a_reference_that_was_begun_goes_on_where_it_was(stated, tmp_path, monkeypatch):
     lab = Laboratory(frame_set(5), stated, 0)
     free = [c for c in base_coordinates(stated, lab.frames, True) if c.path == "quantum_efficiency"]
     few, many = (make_reference(lab, stated, free, n, lambda *_: None) for n in (4, 9))
     told = []
+    monkeypatch.setenv("VISAUG_CACHE", str(tmp_path))
     again = make_reference(lab, stated, free, 9, lambda *tick: told.append(tick[1:]), begun=few)
     for use in USES:
         assert np.array_equal(getattr(again, use).sets, getattr(many, use).sets)

@@ -10,10 +10,12 @@ from visaug.camera.simulation import simulate
 from visaug.diagnosis import kept as kept_sets
 from visaug.diagnosis.candidates.trials import trials
 from visaug.diagnosis.fitting.parameters import base_coordinates, moved
-from visaug.diagnosis.kept import KeptSet
+from visaug.diagnosis.kept import KeptSet, KeptSets
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.part import MeasuredFrames
+from visaug.diagnosis.spread import Work
 from visaug.effects import Effect, Parameter, Stage, registered
+from visaug.statistics.split import WHOLE
 
 SEED = 11
 
@@ -115,17 +117,32 @@ def test_statistics_are_those_of_sets_simulated_whole():
     np.testing.assert_array_equal(lab.finding(jobs), fresh.simulated(jobs)[0])
 
 
-def test_kept_sets_stay_within_their_memory(monkeypatch):
-    camera, frames = stated_camera(), frame_set(5)
-    lab = Laboratory(frames, camera)
-    lab.simulated([(camera, 0)])
-    (one,) = [sets.values() for sets in lab._kept._sets.values()]
-    monkeypatch.setattr(kept_sets, "MEMORY", int(2.5 * next(iter(one)).size))
+def test_kept_sets_stay_within_their_memory():
+    camera, parts = stated_camera(), Laboratory(frame_set(5), stated_camera()).parts_to_simulate
+    one = Work(parts, 0, (WHOLE,), is_reference=True)
+    one((camera, 0))
+    (size,) = [kept.size for sets in one.kept._sets.values() for kept in sets.values()]
+    kept = KeptSets(int(2.5 * size))
+    work = Work(parts, 0, (WHOLE,), is_reference=True, kept=kept)
     other = camera.replace({"black_level_dn": camera.spec.black_level_dn + 3})
-    lab.simulated([(other, k) for k in range(4)])
-    held = [kept for sets in lab._kept._sets.values() for kept in sets.values()]
-    assert sum(kept.size for kept in held) <= kept_sets.MEMORY
-    assert any(kept.camera is other for kept in held)
+    for job in ((camera, 0), *((other, k) for k in range(4))):
+        work(job)
+    held = [(of, one) for of, sets in kept._sets.items() for one in sets.values()]
+    assert sum(one.size for _, one in held) <= kept.memory
+    assert [of for of, _ in held] == [other, other]
+
+
+def test_a_missing_set_is_filled_when_it_is_missed_again():
+    camera, kept = stated_camera(), KeptSets()
+    near = camera.with_effect("row_noise", sigma_e=2.0)
+    kept.announce(camera)
+    assert kept.beside(near, 1, 0) == (None, False)
+    empty, is_new = kept.beside(near, 1, 0)
+    assert is_new
+    assert empty.camera is camera
+    kept.add(empty, 1, 0)
+    assert kept.beside(near, 1, 0) == (empty, False)
+    assert kept.beside(near, kept_sets.NUMBERS, 0) == (None, False)
 
 
 def test_a_camera_that_remembers_is_simulated_whole(plan):

@@ -106,9 +106,9 @@ def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
         made.update(camera=camera, paths=[c.path for c in coordinates])
         return SimpleNamespace()
 
-    monkeypatch.setattr(adding.cache, "reference", reference)
+    monkeypatch.setattr(adding, "make_reference", reference)
     monkeypatch.setattr(adding.Adding, "_refitted", lambda self, begun, near: begun)
-    monkeypatch.setattr(adding.cache, "settled", lambda lab, fitted, *_: fitted)
+    monkeypatch.setattr(adding, "settled", lambda lab, fitted, *_: fitted)
     both = leaving([0, 0, 0, 25], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
     camera = veiled["veil"].replace({"veiling_glare.width_px": 14.0})
     alone = leaving([300, 200, 90, 40], camera, "veiling_glare")
@@ -133,7 +133,7 @@ def test_quantum_efficiency_is_refitted_only_where_the_photons_of_flats_are_meas
         frames = frames.with_records([replace(r, photons=None) for r in frames.records])
     given = []
     monkeypatch.setattr(
-        search.cache, "reference", lambda lab, camera, coordinates, *_: given.append(coordinates)
+        search, "make_reference", lambda lab, camera, coordinates, *_: given.append(coordinates)
     )
     search.given_reference(Laboratory(frames, stated), stated, 20, lambda *_: None)
     Fits(stated, frames)._reference((), lambda *_: None)

@@ -49,9 +49,15 @@ def described(error: BaseException) -> str:
         return type(error).__name__
 
 
+def with_user_line(error: Exception) -> Exception:
+    """The exception, with what `user_line` tells of it kept on its way to another process, which loses the traceback."""
+    vars(error)["_user_line"] = user_line(error)
+    return error
+
+
 def user_line(error: BaseException) -> str | None:
     """`file: line n` of a user's effect file that raised the exception; None where no such file took part."""
-    at, trace = None, error.__traceback__
+    at, trace = vars(error).get("_user_line"), error.__traceback__
     while trace:
         if str(trace.tb_frame.f_globals.get("__name__", "")).startswith(USER_MODULE):
             at = f"{trace.tb_frame.f_code.co_filename}: line {trace.tb_lineno}"

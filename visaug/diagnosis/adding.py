@@ -4,13 +4,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from visaug.camera import Camera
-from visaug.diagnosis.candidates import cache
 from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.candidates.trials import Trial, exchanged
 from visaug.diagnosis.criterion import SHARE, Evidence, evidence
-from visaug.diagnosis.fitting.fit import Fitted, refit
+from visaug.diagnosis.fitting.fit import Fitted, refit, settled
 from visaug.diagnosis.fitting.parameters import Coordinate, effect_coordinates, moved, strengths_of
-from visaug.diagnosis.fitting.reference import Reference, Report
+from visaug.diagnosis.fitting.reference import Reference, Report, make_reference
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.scatter import VarianceStrength, scatter
 from visaug.diagnosis.state import State
@@ -77,7 +76,7 @@ class Adding:
         known = state.fitted.reference
         if len(known.sets) >= sets or state.scatters:
             return state
-        reference = cache.reference(self.lab, known.camera, known.coordinates, sets, self.report, begun=known)
+        reference = make_reference(self.lab, known.camera, known.coordinates, sets, self.report, begun=known)
         return replace(state, fitted=refit(self.lab, reference, self.report, begin=state.fitted.camera))
 
     def is_hopeless(self, state: State, candidate: Refined, sketch: State) -> bool:
@@ -213,9 +212,9 @@ class Adding:
             settle: whether the reference is simulated anew if the fit ends far from it.
         """
         known = near.fitted.reference
-        reference = cache.reference(self.lab, camera, coordinates, sets, self.report, known, begun)
+        reference = make_reference(self.lab, camera, coordinates, sets, self.report, known, begun)
         fitted = self._refitted(reference, near.fitted)
-        return cache.settled(self.lab, fitted, sets, self.report) if settle else fitted
+        return settled(self.lab, fitted, sets, self.report) if settle else fitted
 
     def _refitted(self, reference: Reference, near: Fitted) -> Fitted:
         """The best of three fits, started from the candidate's camera, the camera as given, and the earlier effects' parameters.

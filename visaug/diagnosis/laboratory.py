@@ -1,19 +1,18 @@
 """The measured frames and a model's, through the same fingerprint."""
 
-import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
-import torch
 
 from visaug.camera import Camera
 from visaug.characterization.alarms import all_warnings
-from visaug.diagnosis.kept import KeptSet, KeptSets
+from visaug.diagnosis import store
+from visaug.diagnosis.names import Names
 from visaug.diagnosis.part import MeasuredFrames, parts_of
+from visaug.diagnosis.spread import Job, Spread, Work, on_this_machine
 from visaug.frames import FrameSet
 from visaug.pictures.part import PicturePart, picture_part
 from visaug.statistics import Fingerprint, Statistic
@@ -22,10 +21,7 @@ from visaug.statistics.split import CONFIRM, FIND, WHOLE
 from visaug.statistics.subsample import select
 
 READ_NOISE_E = 1.5  # of a camera for which the strengths that effects name to try are made: 0.1 to 1 times the read noise
-
-Job = tuple[Camera, int]
-Work = Callable[[Job], tuple[np.ndarray, ...]]
-Spread = Callable[[Work, Sequence[Job]], Iterable[tuple[np.ndarray, ...]]]
+SAVED = 32  # simulated sets that are written to the store at a time
 
 
 class Laboratory:
@@ -40,7 +36,7 @@ class Laboratory:
         camera: fills in what the plan leaves open (the photons of flats with an uncalibrated source).
         seed: of all simulations; simulation k of one camera shares its random numbers with simulation k of another.
         folds: False takes all frames as ones that find, for a comparison in which nothing is fitted.
-        spread: does the simulations, in order; the threads of this machine, or a cluster.
+        spread: does the simulations, in order; the cores of this machine, or a cluster.
         report: called with (description, done, total) while frames are read.
         transfer: of ordinary pictures, how their values follow from light.
         scenes: other pictures of such scenes as ordinary pictures show.
@@ -58,7 +54,7 @@ class Laboratory:
         scenes: FrameSet | None = None,
     ):
         self.seed = seed
-        self.spread = spread or by_threads
+        self.spread = spread or on_this_machine()
         self.sequences: tuple[int, ...]
         self.units: dict[str, float] = {}
         self._given: FrameSet | None = None
@@ -155,20 +151,30 @@ class Laboratory:
     def _run(
         self, cameras: Sequence[Job], report: Callable[[int], None] | None, uses: Sequence[str]
     ) -> list[tuple[np.ndarray, ...]]:
-        distinct = {camera for camera, _ in cameras}
-        if len(distinct) == 1:  # a reference, from which others will differ little
-            self._kept.announce(*distinct)
-        work = partial(fingerprints, self.parts_to_simulate, self.seed, uses, kept=self._kept)
-        results = []
-        for result in self.spread(work, cameras):
-            results.append(result)
-            if report is not None:
-                report(len(results))
-        return results
+        names = [self._names.of(camera, number, uses) for camera, number in cameras]
+        found = store.load(names)
+        todo = {name: job for name, job in zip(names, cameras, strict=True) if name not in found}
+        work = Work(
+            self.parts_to_simulate, self.seed, tuple(uses), is_reference=len({c for c, _ in cameras}) == 1
+        )
+        new: dict[str, tuple[np.ndarray, ...]] = {}
+        known = len(names) - len(todo)
+        try:
+            for name, result in zip(todo, self.spread(work, list(todo.values())), strict=True):
+                found[name] = new[name] = result
+                known += 1
+                if report is not None:
+                    report(known)
+                if len(new) == SAVED:
+                    store.keep(new)
+                    new.clear()
+        finally:
+            store.keep(new)
+        return [found[name] for name in names]
 
     @cached_property
-    def _kept(self) -> KeptSets:
-        return KeptSets()
+    def _names(self) -> Names:
+        return Names([part.identity() for part in self.parts], self.seed)
 
     @cached_property
     def parts_to_simulate(self) -> tuple[MeasuredFrames | PicturePart, ...]:
@@ -188,57 +194,6 @@ def _joined(found: Sequence[Fingerprint]) -> Fingerprint:
 def _places(statistics: Sequence[Statistic]) -> dict[tuple[str, str, str], int]:
     """Index of each statistic by its identity."""
     return {(s.view, s.name, s.frames): i for i, s in enumerate(statistics)}
-
-
-def fingerprints(
-    parts: Sequence[MeasuredFrames | PicturePart],
-    seed: int,
-    uses: Sequence[str],
-    job: Job,
-    kept: KeptSets | None = None,
-) -> tuple[np.ndarray, ...]:
-    """Of one simulated set: one array of values for each use of its frames.
-
-    Args:
-        kept: sets of similar cameras; this one may be added.
-    """
-    camera, number = job
-    own = seed * 1_000_003 + number
-    found = []
-    for k, part in enumerate(parts):
-        if kept is None or isinstance(part, PicturePart):
-            found.append(part.simulated(camera, own, uses))
-            continue
-        base = kept.nearest(camera, number, k)
-        if (base is None or base.camera is not camera) and kept.wants(camera, number):
-            base = KeptSet(camera)
-            found.append(part.simulated(camera, own, uses, base))
-            kept.add(base, number, k)
-        else:
-            found.append(part.simulated(camera, own, uses, base))
-    return tuple(np.concatenate(values) for values in zip(*found, strict=True))
-
-
-def by_threads(work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
-    """The results in the order of the jobs, from the cores of this machine."""
-    with _single_threads(), ThreadPoolExecutor(workers()) as pool:
-        yield from pool.map(work, jobs)
-
-
-def workers() -> int:
-    """Sets that are simulated at a time."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-class _single_threads:
-    """One torch thread per set: whole sets run in parallel."""
-
-    def __enter__(self) -> None:
-        self.before = torch.get_num_threads()
-        torch.set_num_threads(1)
-
-    def __exit__(self, *_: object) -> None:
-        torch.set_num_threads(self.before)
 
 
 def _with_photons(frames: FrameSet, camera: Camera, used: Sequence[int]) -> FrameSet:

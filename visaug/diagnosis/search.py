@@ -14,16 +14,16 @@ from visaug.core.errors import InputError
 from visaug.core.nearest import did_you_mean
 from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.camera_file import corrected
-from visaug.diagnosis.candidates import cache
 from visaug.diagnosis.candidates.selection import candidates
+from visaug.diagnosis.candidates.signatures import scanned
 from visaug.diagnosis.candidates.trials import looked, trials
 from visaug.diagnosis.chance import Chance, chance
 from visaug.diagnosis.choice import Accepted, accepted, odds_between
 from visaug.diagnosis.criterion import ODDS
 from visaug.diagnosis.fitting.errors import Errors
-from visaug.diagnosis.fitting.fit import Fitted, refit
+from visaug.diagnosis.fitting.fit import Fitted, refit, settled
 from visaug.diagnosis.fitting.parameters import base_coordinates
-from visaug.diagnosis.fitting.reference import FAR, STAGES, Reference, Report, is_far
+from visaug.diagnosis.fitting.reference import FAR, STAGES, Reference, Report, is_far, make_reference
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.outcome import outcome
 from visaug.diagnosis.ranking import chosen_ranks, ranks
@@ -70,7 +70,7 @@ def diagnose(
             differently, which can change a borderline decision.
         progress: called with (description, done, total).
         sets: simulated sets of the camera, 50 or more; fewer are faster and less certain.
-        cluster: address of a Ray cluster that runs the simulations, or `local`; None uses the threads of this machine.
+        cluster: address of a Ray cluster that runs the simulations, or `local`; None uses the cores of this machine.
         transfer: of ordinary pictures, how their values follow from light.
         scenes: for ordinary pictures, others with such scenes, e.g. the training images; without them scenes are taken to
             have no preferred axis and no centre.
@@ -156,8 +156,8 @@ def tested(
     """The camera file, simulated and refitted, and whether it is adequate; with as many simulated sets as that takes."""
     first, *more = [stage for stage in STAGES if stage < sets] + [sets]
     null = given_reference(lab, camera, first, report)
-    state = State.plain(cache.settled(lab, refit(lab, null, report), min(first, SETS_AFTER), report))
-    signs = cache.signatures(lab, null, trials(camera, without), report)
+    state = State.plain(settled(lab, refit(lab, null, report), min(first, SETS_AFTER), report))
+    signs = scanned(lab, null, trials(camera, without), report)
     adding = Adding(lab, null, signs.trials, report)
     test = chance(lab, signs, state)
     for stage in more:
@@ -173,7 +173,7 @@ def tested(
 
 def given_reference(lab: Laboratory, camera: Camera, sets: int, report: Report) -> Reference:
     """Simulated sets of the camera file and their derivatives."""
-    return cache.reference(lab, camera, base_coordinates(camera, lab.frames, lab.calibrated), sets, report)
+    return make_reference(lab, camera, base_coordinates(camera, lab.frames, lab.calibrated), sets, report)
 
 
 def one_more(setting: Setting, history: History) -> tuple[Setting, SearchStage | None, str | None]:

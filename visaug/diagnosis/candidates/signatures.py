@@ -64,7 +64,8 @@ def scanned(lab: Laboratory, reference: Reference, tried: Sequence[Trial], repor
         (1, [t for t in others if t.effect not in random]),
     ):
         found += _signed(reference, chosen, _moves(lab, reference, chosen, range(count), report, "trying"))
-    return found
+    order = {effect: k for k, effect in enumerate(dict.fromkeys(trial.effect for trial in tried))}
+    return found.taken(sorted(range(len(found.trials)), key=lambda i: order[found.trials[i].effect]))
 
 
 def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:

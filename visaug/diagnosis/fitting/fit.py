@@ -9,7 +9,7 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.diagnosis.fitting.parameters import BLACK, WELL, moved
-from visaug.diagnosis.fitting.reference import USES, Reference, Report
+from visaug.diagnosis.fitting.reference import USES, Reference, Report, is_far, make_reference
 from visaug.diagnosis.fitting.robust import adjust, misfit, standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.statistics import Statistic
@@ -86,6 +86,14 @@ def refit(
         return fitted
     again = _descended(lab, reference, report, camera, iterations)
     return min(fitted, again, key=lambda f: f.misfit)
+
+
+def settled(lab: Laboratory, fitted: Fitted, sets: int, report: Report) -> Fitted:
+    """A fit; if it is far from its reference, the variance and derivatives are simulated anew at its end."""
+    if not is_far(fitted.reference, fitted.camera):
+        return fitted
+    near = make_reference(lab, fitted.camera, fitted.reference.coordinates, sets, report)
+    return refit(lab, near, report)
 
 
 def _descended(

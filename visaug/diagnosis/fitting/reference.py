@@ -19,7 +19,8 @@ WIDER = 4.0
 CERTAIN = 3.0  # standard errors by which a noisy derivative must differ from 0
 NOISY = 0.1  # share of noise in a derivative from which more simulations are used
 FAR = 6.0  # steps of a coordinate beyond which the reference is simulated anew
-STAGES = (60, 120, 200)  # simulated sets after each of which a test is asked whether it is decided
+FIRST = 60  # simulated sets whose spread tells the noise of a derivative
+STAGES = (FIRST, 120, 200)  # simulated sets after each of which a test is asked whether it is decided
 
 Report = Callable[[str, int, int], None]
 
@@ -117,27 +118,6 @@ class Reference:
     confirm: SimulatedStatistics
     whole: SimulatedStatistics
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """All simulated arrays by name, and the paths of the coordinates in their order."""
-        simulated = {
-            f"{use}_{part}": getattr(getattr(self, use), part)
-            for use in USES
-            for part in ("sets", "slopes", "least")
-        }
-        return {**simulated, "paths": np.array([c.path for c in self.coordinates], str)}
-
-    @classmethod
-    def from_arrays(
-        cls, camera: Camera, coordinates: Sequence[Coordinate], arrays: dict[str, np.ndarray]
-    ) -> "Reference":
-        """The reference of `arrays`."""
-        samples = (
-            SimulatedStatistics(*(arrays[f"{use}_{part}"] for part in ("sets", "slopes", "least")))
-            for use in USES
-        )
-        by_path = {c.path: c for c in coordinates}
-        return cls(camera, tuple(by_path[path] for path in arrays["paths"]), *samples)
-
     @property
     def sets(self) -> np.ndarray:
         return self.find.sets
@@ -231,6 +211,8 @@ def make_reference(
             an effect adds noise.
         begun: the same reference with fewer sets; these and its derivatives are reused.
     """
+    if begun is None and sets > FIRST:
+        begun = make_reference(lab, camera, coordinates, FIRST, report, known)
     label = f"simulating {sets} sets of the camera"
     done = 0 if begun is None else len(begun.sets)
     values = lab.simulated([(camera, k) for k in range(done, sets)], lambda n: report(label, done + n, sets))

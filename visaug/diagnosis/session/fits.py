@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from visaug.camera import Camera
 from visaug.diagnosis import FittedValue
 from visaug.diagnosis.adding import SETS_AFTER, Adding
-from visaug.diagnosis.candidates import cache
 from visaug.diagnosis.candidates.selection import candidates
 from visaug.diagnosis.candidates.signatures import scanned, signatures
 from visaug.diagnosis.candidates.trials import looked, trials
 from visaug.diagnosis.fitting.errors import Errors
-from visaug.diagnosis.fitting.fit import Fitted, refit
+from visaug.diagnosis.fitting.fit import Fitted, refit, settled
 from visaug.diagnosis.fitting.reference import Reference, Report, make_reference
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.result import estimates
@@ -135,7 +134,7 @@ class Fits:
     def _plain(self, without: Names, report: Report) -> State:
         """The camera refitted, nothing added."""
         fitted = refit(self.lab, self._reference(without, report), report)
-        return State.plain(cache.settled(self.lab, fitted, self._after, report))
+        return State.plain(settled(self.lab, fitted, self._after, report))
 
     def _with(self, before: State, name: str, report: Report) -> State:
         """One more effect: its best trial, its numbers refined, then everything refitted together."""

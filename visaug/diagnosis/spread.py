@@ -1,0 +1,202 @@
+"""Simulations spread over the cores of this machine."""
+
+from __future__ import annotations
+
+import itertools
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+import threading
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+import torch
+
+from visaug.camera import Camera
+from visaug.core.errors import with_user_line
+from visaug.diagnosis.kept import MEMORY, KeptSets
+from visaug.diagnosis.part import MeasuredFrames
+from visaug.effects import catalogue
+from visaug.pictures.part import PicturePart
+
+Job = tuple[Camera, int]  # and the number of the simulation
+Part = MeasuredFrames | PicturePart
+Spread = Callable[["Work", Sequence[Job]], Iterable[tuple[np.ndarray, ...]]]
+MOST = 16  # workers: each needs some 100 MB of its own
+LEAST_MEMORY = 64 * 2**20  # bytes of the sets that each process keeps
+WAITING = 2  # jobs for each process that are handed out at a time
+LOOKS_S = 2.0  # between two looks whether the process that forked this one is still there
+
+
+@dataclass(frozen=True)
+class Work:
+    """Simulates sets and takes their fingerprints, for some uses of the frames.
+
+    Args:
+        is_reference: whether all are sets of one camera, from which other cameras will differ little.
+        kept: sets of similar cameras, to which these may be added.
+    """
+
+    parts: Sequence[Part]
+    seed: int
+    uses: tuple[str, ...]
+    is_reference: bool = False
+    kept: KeptSets = field(default_factory=KeptSets)
+
+    def __call__(self, job: Job) -> tuple[np.ndarray, ...]:
+        """Of one simulated set: one array of values for each use of its frames."""
+        camera, number = job
+        if self.is_reference:
+            self.kept.announce(camera)
+        found = [self._of_part(k, camera, number) for k in range(len(self.parts))]
+        return tuple(np.concatenate(values) for values in zip(*found, strict=True))
+
+    def _of_part(self, k: int, camera: Camera, number: int) -> list[np.ndarray]:
+        part, own = self.parts[k], self.seed * 1_000_003 + number
+        if isinstance(part, PicturePart):
+            return part.simulated(camera, own, self.uses)
+        base, is_new = self.kept.beside(camera, number, k)
+        if base is None or not is_new:
+            return part.simulated(camera, own, self.uses, base)
+        values = part.simulated(base.camera, own, self.uses, base)
+        self.kept.add(base, number, k)
+        return values if base.camera is camera else part.simulated(camera, own, self.uses, base)
+
+
+def on_this_machine() -> Spread:
+    """By processes where they can be forked, else by threads, which hold one another up."""
+    is_child = multiprocessing.current_process().daemon  # of a DataLoader, for instance
+    return by_threads() if workers() == 1 or is_child or sys.platform != "linux" else Forked()
+
+
+def workers() -> int:
+    """Sets that are simulated at a time."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(cores, MOST)
+
+
+def by_threads() -> Spread:
+    """The results in the order of the jobs, from threads of this process."""
+    kept = KeptSets()
+
+    def spread(work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
+        with _single_threads(), ThreadPoolExecutor(workers()) as pool:
+            yield from pool.map(replace(work, kept=kept), jobs)
+
+    return spread
+
+
+class _single_threads:
+    """One torch thread per set: whole sets run in parallel."""
+
+    def __enter__(self) -> None:
+        self.before = torch.get_num_threads()
+        torch.set_num_threads(1)
+
+    def __exit__(self, *_: object) -> None:
+        torch.set_num_threads(self.before)
+
+
+class Forked:
+    """The results in the order of the jobs, from processes that are forked for the first ones and wait for more.
+
+    Plan and effects are inherited, so that only cameras and results travel. Where effects were loaded since, the processes are
+    forked anew. If one is killed, threads of this process do what is left.
+    """
+
+    def __init__(self) -> None:
+        self._pool: ProcessPoolExecutor | None = None
+        self._effects: dict = {}
+        self._threads: Spread | None = None
+
+    def __call__(self, work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
+        done = 0
+        if self._threads is None:
+            try:
+                for result in self._by_processes(work, jobs):
+                    yield result
+                    done += 1
+                return
+            except BrokenProcessPool:
+                self._threads = by_threads()
+        yield from self._threads(work, jobs[done:])
+
+    def _by_processes(self, work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
+        if not jobs:
+            return
+        pool = self._forked(work)
+        last: list = [None, b""]
+
+        def submitted(camera: Camera, number: int) -> Future:
+            if camera is not last[0]:
+                last[:] = camera, pickle.dumps((camera.spec, camera.folder, camera.maps))
+            return pool.submit(_in_process, work.uses, work.is_reference, last[1], number)
+
+        coming = itertools.starmap(submitted, jobs)
+        waiting = deque(itertools.islice(coming, WAITING * workers()))
+        try:
+            while waiting:
+                result = waiting.popleft().result()
+                waiting.extend(itertools.islice(coming, 1))
+                yield result
+        finally:
+            for future in waiting:
+                future.cancel()
+
+    def _forked(self, work: Work) -> ProcessPoolExecutor:
+        if self._pool is None or self._effects != dict(catalogue()):
+            if self._pool is not None:
+                self._pool.shutdown(wait=False)
+            self._effects = dict(catalogue())
+            self._pool = ProcessPoolExecutor(
+                workers(), multiprocessing.get_context("fork"), _begin, (work, os.getpid())
+            )
+            with (
+                warnings.catch_warnings()
+            ):  # of threads that a fork does not copy: the children use none of them
+                warnings.simplefilter("ignore", DeprecationWarning)
+                self._pool.submit(int).result()
+        return self._pool
+
+
+_work: Work | None = None  # of a forked process
+
+
+def _begin(work: Work, parent: int) -> None:
+    global _work
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends the work
+    torch.set_num_threads(1)
+    _work = replace(work, kept=KeptSets(max(MEMORY // workers(), LEAST_MEMORY)))
+    threading.Thread(target=_with_parent, args=(parent,), daemon=True).start()
+
+
+def _with_parent(parent: int) -> None:
+    """Ends this process with the one that forked it, however that ends."""
+    while os.getppid() == parent:
+        time.sleep(LOOKS_S)
+    os._exit(1)
+
+
+def _in_process(
+    uses: tuple[str, ...], is_reference: bool, camera: bytes, number: int
+) -> tuple[np.ndarray, ...]:
+    assert _work is not None
+    try:
+        return replace(_work, uses=uses, is_reference=is_reference)((_camera(camera), number))
+    except Exception as error:
+        raise with_user_line(error) from None
+
+
+@lru_cache(maxsize=8)
+def _camera(packed: bytes) -> Camera:
+    """The same object for the same camera, of which sets are kept. Its effects are those of this process."""
+    return Camera(*pickle.loads(packed))
