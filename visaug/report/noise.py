@@ -23,7 +23,8 @@ def components(camera: "Camera", image: np.ndarray) -> dict[str, np.ndarray]:
 
     Args:
         camera: the camera at its nominal values.
-        image: (H, W) in [0, 1], linear in light; 1 is where the camera saturates.
+        image: (H, W) in [0, 1], linear in light; 1 is where the camera saturates. It is the whole image of the camera, whatever
+            its size.
 
     Returns:
         Name -> (H, W) float32, in the order of the chain; shot noise first.
@@ -43,7 +44,7 @@ def components(camera: "Camera", image: np.ndarray) -> dict[str, np.ndarray]:
     def expose(taken: "Camera", values: dict[str, float]) -> np.ndarray:
         window = range(rows), range(columns)
         stream = Stream([derive_key(0, "frame")], [derive_key(0, "camera")], 1, window)
-        return taken.expose(photons, stream, values)[0, 0].numpy()
+        return taken.expose(photons, stream, values, resolution=(rows, columns))[0, 0].numpy()
 
     plain = camera
     for name in camera.effect_names:
