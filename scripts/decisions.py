@@ -13,7 +13,6 @@ that a diagnosis does not try by itself. `count` applies the criterion with othe
 
 import argparse
 import pickle
-import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -33,6 +32,7 @@ from benchmark.randomness import stream
 from benchmark.sets import camera_yaml
 from benchmark.small import CHART, PLAN, SENSOR, chart
 from benchmark.strengths import TYPICAL, scaled
+from scripts.processor import processor_s
 from visaug import Camera, FrameSet
 from visaug.characterization.alarms import alarms
 from visaug.diagnosis import choice, criterion, search, stage
@@ -171,7 +171,7 @@ def record_one(file: Path, one: Problem) -> None:
     if file.exists():
         return
     file.parent.mkdir(parents=True, exist_ok=True)
-    start = time.process_time()
+    start = processor_s()
     camera, frames = Camera.load(yaml.safe_load(camera_yaml(one.sensor))), frames_of(one)
     # Of clean sets the search is made to go on, so that there are candidates to refuse.
     level = patch.object(stage, "SIGNIFICANT", 2.0 if one.kind == "clean" else stage.SIGNIFICANT)
@@ -188,7 +188,7 @@ def record_one(file: Path, one: Problem) -> None:
         "p": (found.p_value_before, found.p_value_after),
         "ranking": [(entry.effect, entry.probability) for entry in found.ranking],
         "checks": [warning.partition(":")[0] for warning in alarms(frames)],
-        "cpu_s": time.process_time() - start,
+        "cpu_s": processor_s() - start,
     }
     partial = file.with_suffix(".partial")
     partial.write_bytes(pickle.dumps(kept))
