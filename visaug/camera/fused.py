@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from visaug.camera.threads import in_threads
+from visaug.camera.loops import in_kernel, kernel
 from visaug.core.sampling import Stream, derive_key
 from visaug.core.sampling.stream import kernels
 from visaug.core.sampling.tukey_lambda import standard_deviation
@@ -37,16 +37,6 @@ PATTERNS = {
     "PRNU_COLUMN": ("prnu", "column"),
     "DSNU_COLUMN": ("dsnu", "column"),
 }
-
-
-@cache
-def kernel() -> Any:
-    """The compiled loop's module, or None where numba cannot be imported."""
-    try:
-        from visaug.camera import fast_kernel
-    except ImportError:
-        return None
-    return fast_kernel
 
 
 def keys_of(frames: np.ndarray, cameras: np.ndarray) -> np.ndarray:
@@ -127,44 +117,6 @@ def expose(run: Mapping[str, Values], signal: Tensor, stream: Stream, context: C
     origin = stream.window[0].start, stream.window[1].start
     in_kernel(source, out, _numbers(run, batch, context), keys, lines, maps, origin)
     return out
-
-
-def in_kernel(
-    source: Tensor,
-    out: Tensor,
-    numbers: np.ndarray,
-    keys: np.ndarray,
-    lines: Sequence[np.ndarray],
-    maps: Sequence[np.ndarray],
-    origin: tuple[int, int],
-    white: int = 0,
-) -> None:
-    """Calls the kernel, whose `expose` explains the arguments, in threads."""
-    channels, height, width = source.shape[1:]
-    rows = [x.detach().numpy().reshape(-1, height, width) for x in (source, out)]
-    work = kernel().expose
-    in_threads(
-        lambda first, last: work(
-            *rows, first, last, channels, numbers, keys, *lines, *maps, origin, np.float32(white)
-        ),
-        len(rows[0]) * height,
-    )
-
-
-def ends(images: Tensor) -> tuple[float, float]:
-    """Least and greatest value of images, missing ones aside; inf and -inf where all are missing.
-
-    torch's own reduction starts its threads anew for each call, which costs a small image more than its noise.
-    """
-    if images.device.type != "cpu" or images.dtype != torch.float32 or kernel() is None:
-        there = images.isnan()
-        low, high = images.masked_fill(there, torch.inf).min(), images.masked_fill(there, -torch.inf).max()
-        least, greatest = torch.stack([low, high]).tolist()  # one wait for the device
-        return least, greatest
-    rows = images.contiguous().numpy().reshape(-1, images.shape[-1])
-    found: list[tuple[float, float]] = []
-    in_threads(lambda first, last: found.append(kernel().ends(rows, first, last)), len(rows))
-    return float(min(low for low, _ in found)), float(max(high for _, high in found))
 
 
 def _pattern(
