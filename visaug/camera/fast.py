@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -83,23 +83,6 @@ def take(
     return out
 
 
-class Drawn(NamedTuple):
-    """What is drawn for images before their pixels.
-
-    Attributes:
-        numbers: by column of `fast_kernel`, (B, NUMBERS) float32.
-        keys: of the streams, (B, KEYS) uint64.
-        rows, columns: gains and offsets (electrons) of lines, (2, sets C, H) and (2, sets C, W) float32; sets is B or 1.
-        maps: gain and offset (electrons) of pixels that are kept, (C, H, W) float32, or None.
-    """
-
-    numbers: np.ndarray
-    keys: np.ndarray
-    rows: np.ndarray
-    columns: np.ndarray
-    maps: tuple[Tensor | None, Tensor | None]
-
-
 def drawn(
     camera: "Camera",
     shape: Sequence[int],
@@ -109,7 +92,7 @@ def drawn(
     pattern_keys: Tensor,
     kept: bool,
     origin: tuple[int, int],
-) -> Drawn:
+) -> fused.Drawn:
     """What `take` draws for images of a shape (B, C, H, W), whose arguments these are, before their pixels."""
     k = loops.kernel()
     batch, channels, height, width = shape
@@ -130,7 +113,7 @@ def drawn(
             else None
         )
 
-    return Drawn(numbers, table, rows, columns, (kept_map("prnu.pixel"), kept_map("dsnu.pixel_e")))
+    return fused.Drawn(numbers, table, rows, columns, (kept_map("prnu.pixel"), kept_map("dsnu.pixel_e")))
 
 
 @lru_cache(maxsize=4)

@@ -7,16 +7,13 @@ little. Tests run it on a CPU with eager torch, and compiled on a GPU (`scripts/
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from visaug.camera.fused import Drawn
 from visaug.core.sampling.philox import MASK, mix
-
-if TYPE_CHECKING:
-    from visaug.camera.fast import Drawn
 
 STEP, OTHER = 0x9E3779B97F4A7C15 - 2**64, 0xD1B54A32D192ED03 - 2**64
 LARGE_MEAN = 16.0
@@ -111,7 +108,7 @@ def compiled() -> Callable[..., Tensor]:
 
 def take(
     images: Tensor,
-    drawn: "Drawn",
+    drawn: Drawn,
     keys: Tensor,
     origin: tuple[int, int],
     expression: Callable[..., Tensor] | None = None,

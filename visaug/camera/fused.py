@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -71,6 +71,23 @@ def _neutral() -> np.ndarray:
 def neutral(batch: int) -> np.ndarray:
     """The kernel's table of numbers for no effect at all, (B, NUMBERS) float32."""
     return _neutral().repeat(batch, 0)
+
+
+class Drawn(NamedTuple):
+    """What is drawn for images before their pixels.
+
+    Attributes:
+        numbers: by column of `fast_kernel`, (B, NUMBERS) float32.
+        keys: of the streams, (B, KEYS) uint64.
+        rows, columns: gains and offsets (electrons) of lines, (2, sets C, H) and (2, sets C, W) float32; sets is B or 1.
+        maps: gain and offset (electrons) of pixels that are kept, (C, H, W) float32, or None.
+    """
+
+    numbers: np.ndarray
+    keys: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+    maps: tuple[Tensor | None, Tensor | None]
 
 
 def runs(

@@ -72,11 +72,6 @@ def white_dn(camera: Camera, values: Mapping[str, Any]) -> Any:
     return np.maximum(np.minimum(converter, values["full_well_e"] / gain), 1)
 
 
-def saturation_e(camera: Camera, values: Mapping[str, Any]) -> Any:
-    """Electrons of the saturated exposure, min(full well, (max_dn - black level) G); see `white_dn`."""
-    return white_dn(camera, values) * gain_of(camera, values)
-
-
 def scale_of(
     camera: Camera,
     values: Mapping[str, Any],
