@@ -4,12 +4,10 @@ Unpacking goes on where it was stopped, into ``NAME.partial``, which gets its na
 checked.
 """
 
-import argparse
 import bz2
 import gzip
 import lzma
 import shutil
-import sys
 import tarfile
 import zipfile
 import zlib
@@ -162,31 +160,6 @@ def prepare_dataset(
     return "\n".join([*said, f"ready: {root}"])
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line of scripts/prepare_speed; 2 with one line on bad input."""
-    parser = argparse.ArgumentParser(
-        prog="prepare_speed",
-        description="Unpack and check a SPEED or SPEED+ archive: the same as `visaug prepare`.",
-        epilog="example: prepare_speed speedplusv2.zip -o datasets/speedplus --size 640x400",
-    )
-    parser.add_argument("archive", type=Path, help="the downloaded archive, or a folder already unpacked")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="where the dataset goes")
-    parser.add_argument("--size", help="also write ultralytics labels with copies of WIDTHxHEIGHT beside it")
-    parser.add_argument("--keypoints", default="tango", help="a keypoints file; Tango's where left out")
-    parser.add_argument("--coco", action="store_true", help="also write COCO annotations beside it")
-    given = parser.parse_args(arguments)
-    from visaug.core.progress import progress_bars
-
-    try:
-        with progress_bars() as progress:
-            print(prepare_dataset(**vars(given), progress=progress))
-    except (InputError, OSError) as error:
-        print(f"prepare_speed: {error}", file=sys.stderr)
-        print(f"not ready: {given.output}")
-        return 2
-    return 0
-
-
 def _size(text: str | None) -> tuple[int, int] | None:
     if text is None:
         return None
@@ -250,7 +223,3 @@ def _check_stream(archive: Path) -> None:
         with opener(archive) as stream:
             while stream.read(2**20):
                 pass
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -12,7 +12,6 @@ from visaug.core.errors import InputError
 from visaug.core.progress import phase_of
 from visaug.report.html import Page, Section, figure, write_page
 from visaug.report.provenance import footer
-from visaug.report.real_camera import real_camera_section
 from visaug_train.ablation import Ablation, ablate
 from visaug_train.arms import Arm, Vis
 from visaug_train.checks import check_arms
@@ -31,7 +30,7 @@ from visaug_train.studies.laboratory import (
     diagnosis_of,
     take_frames,
 )
-from visaug_train.studies.story import hidden_effect_sections, story_sections
+from visaug_train.studies.story import hidden_effect_sections, real_camera_section, story_sections
 from visaug_train.training import prepare, start_network
 from visaug_train.workers import Workers
 

@@ -6,7 +6,7 @@ import torch
 
 from visaug import Camera, InputError
 from visaug.augment import ImageNoise, SensorNoise
-from visaug.camera.fused import ends
+from visaug.camera.loops import ends
 
 CAMERA = {
     "resolution": [64, 96],

@@ -7,10 +7,10 @@ import pytest
 import torch
 from scipy.ndimage import convolve
 
-from tests.camera import bayer
+from tests.camera import bayer, on_gpu
 from visaug import InputError, VISNoise, simulate
 from visaug.augment import SensorNoise
-from visaug.camera import Camera, colour, fast, fast_gpu, shipped
+from visaug.camera import Camera, colour, fast, shipped
 from visaug.camera.colour import ColourPath
 from visaug.effects import Defocus
 from visaug.frames import FrameRecord, FrameSet
@@ -126,7 +126,7 @@ def test_noise_is_that_of_an_independent_colour_camera(method, quick):
 
 def test_the_path_of_a_gpu_has_the_same_law(monkeypatch):
     """Its expressions run on the CPU, in torch operators: one level, as above."""
-    monkeypatch.setattr(fast, "take", lambda *given, white: fast_gpu.take(*given, expression=fast_gpu.noisy))
+    monkeypatch.setattr(fast, "take", on_gpu.take)
     monkeypatch.setattr(colour, "_loops", lambda tensor: None)
     noise = SensorNoise(camera(), seed=9)
     ours = noise(torch.tensor((0.5, 0.35, 0.2)).view(1, 3, 1, 1).expand(IMAGES, 3, 96, 96)).double().numpy()

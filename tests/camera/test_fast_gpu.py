@@ -8,8 +8,8 @@ import pytest
 import torch
 from scipy import stats
 
+from tests.camera.on_gpu import take
 from visaug.camera import Camera
-from visaug.camera.fast_gpu import noisy, take
 from visaug.camera.scale import Scale
 from visaug.core.sampling import Stream
 
@@ -35,7 +35,7 @@ def test_law_is_the_exact_chains(level):
     exact = camera.expose(torch.full((1, 1, 400, 500), level), stream)
     values = {path: np.array([value]) for path, value in camera.values().items()}
     image, keys = torch.full((1, 1, 400, 500), level / 5000), torch.tensor([77])
-    quick = take(camera, image, plain(5000.0), values, keys, keys, expression=noisy)
+    quick = take(camera, image, plain(5000.0), values, keys, keys)
     quick = quick * 65535
     jitter = torch.rand(2, 200_000, generator=torch.Generator().manual_seed(1)).numpy()
     samples = [dn.round().numpy().ravel() + u for dn, u in zip((exact, quick), jitter)]
@@ -50,5 +50,5 @@ def test_kept_patterns_are_the_exact_chains():
     exact = camera.expose(torch.zeros(1, 1, 30, 40), Stream([1], keys, 1, window))
     values = {path: np.array([value]) for path, value in camera.values().items()}
     image = torch.zeros(1, 1, 30, 40)
-    quick = take(camera, image, plain(1.0), values, keys, keys, True, expression=noisy)
+    quick = take(camera, image, plain(1.0), values, keys, keys, True)
     assert (quick * 65535 - exact).abs().max() < 3  # read noise of 0.2 DN in each

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 
+from tests.camera.on_gpu import take
 from visaug.augment import SensorNoise
 from visaug.camera import Camera
-from visaug.camera.fast_gpu import noisy, take
 from visaug.camera.scale import Scale
 from visaug.core.sampling import Stream
 
@@ -43,7 +43,7 @@ def test_variance_in_dn_of_the_expression_for_gpus():
     values = {path: np.array([value]) for path, value in camera.values().items()}
     scale = Scale(np.ones(1), np.zeros(1), np.array([1 / 65535]))
     keys = torch.tensor([3])
-    dn = take(camera, torch.zeros(1, 1, SIDE, SIDE), scale, values, keys, keys, expression=noisy) * 65535
+    dn = take(camera, torch.zeros(1, 1, SIDE, SIDE), scale, values, keys, keys) * 65535
     assert dn.double().var().item() == pytest.approx(expected(0.0), rel=ERROR)
 
 

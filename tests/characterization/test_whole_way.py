@@ -1,6 +1,7 @@
 """Frames to camera to comparison: the camera that was measured, beside the frames that it was measured from."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +10,6 @@ import visaug
 from visaug.characterization import characterize
 from visaug.effects import catalogue
 from visaug.frames import FrameRecord, FrameSet
-from visaug.report.real_camera import FOLDER
 
 
 def numpy_frames(seed: int) -> FrameSet:
@@ -74,7 +74,7 @@ def ccd_window(
     exposures: tuple[float, ...] = (4e-5, 0.00118, 0.0029, 0.0046, 0.00632, 0.0086, 0.0103),
 ) -> FrameSet:
     """A window of the shipped CCD: one stack of dark frames, pairs of dark frames and flats of seven exposures."""
-    whole = FrameSet.load(FOLDER)
+    whole = FrameSet.load(Path(visaug.__file__).parent / "data" / "ccd12")
     chosen = [i for i, r in enumerate(whole.records) if r.exposure_s in exposures]
     chosen += [i for i, r in enumerate(whole.records) if r.kind == "dark" and r.exposure_s == 0.00516][:8]
     window = 144, 144 + rows, 192, 192 + columns

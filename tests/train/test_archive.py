@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from visaug.app.cli import main
 from visaug.core.errors import InputError
-from visaug_train.archive import main, prepare_archive
+from visaug_train.archive import prepare_archive
 from visaug_train.geometry import Keypoints
 from visaug_train.speed import read_poses
 
@@ -24,15 +25,24 @@ def archive(rendered, tmp_path_factory):
     return shutil.make_archive(str(folder / "speedplusv2"), "zip", folder / "in")
 
 
+def prepare(*words: object) -> int:
+    """The status of `visaug prepare`."""
+    try:
+        main(["prepare", *map(str, words)])
+    except SystemExit as end:
+        return int(end.code or 0)
+    return 0
+
+
 def test_one_command_makes_a_ready_dataset(archive, tmp_path, capsys):
-    assert main([archive, "-o", str(tmp_path / "data"), "--size", "80x50"]) == 0
+    assert prepare(archive, "-o", tmp_path / "data", "--size", "80x50") == 0
     printed = capsys.readouterr().out
     assert "synthetic/train: 8 images" in printed
     assert "sunlamp/test: 4 images" in printed
     assert (tmp_path / "data" / "camera.json").is_file()
     assert len(list((tmp_path / "data-80x50" / "labels" / "val").iterdir())) == 4
     assert not (tmp_path / "data.partial").exists()
-    assert main([archive, "-o", str(tmp_path / "data"), "--size", "80x50"]) == 0
+    assert prepare(archive, "-o", tmp_path / "data", "--size", "80x50") == 0
 
 
 def test_tar_is_unpacked_too(rendered, tmp_path):
@@ -58,12 +68,12 @@ def test_interrupted_unpacking_goes_on(archive, tmp_path):
 
 def test_wrong_archives_end_with_one_line(archive, tmp_path, capsys):
     (tmp_path / "text.zip").write_text("no archive")
-    assert main([str(tmp_path / "text.zip"), "-o", str(tmp_path / "a")]) == 2
-    assert main([str(tmp_path / "none.zip"), "-o", str(tmp_path / "a")]) == 2
-    assert main([archive, "-o", str(tmp_path / "a"), "--size", "big"]) == 2
+    assert prepare(tmp_path / "text.zip", "-o", tmp_path / "a") == 2
+    assert prepare(tmp_path / "none.zip", "-o", tmp_path / "a") == 2
+    assert prepare(archive, "-o", tmp_path / "a", "--size", "big") == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 3
-    assert all(line.startswith("prepare_speed: ") for line in lines)
+    assert all(line.startswith("visaug: ") for line in lines)
 
 
 def test_member_outside_is_refused(tmp_path):
@@ -108,12 +118,12 @@ def test_a_zip_that_cannot_be_unpacked_is_refused(archive, tmp_path, at, value):
         directory = content.index(b"PK\x01\x02", directory + 4)
     content[member.header_offset + at[0]] = content[directory + at[1]] = value
     (tmp_path / "a.zip").write_bytes(content)
-    assert main([str(tmp_path / "a.zip"), "-o", str(tmp_path / "data")]) == 2
+    assert prepare(tmp_path / "a.zip", "-o", tmp_path / "data") == 2
 
 
 def test_a_file_in_the_way_is_one_line(archive, tmp_path, capsys):
     (tmp_path / "data.partial").touch()
-    assert main([archive, "-o", str(tmp_path / "data")]) == 2
+    assert prepare(archive, "-o", tmp_path / "data") == 2
     assert "Traceback" not in capsys.readouterr().err
 
 
@@ -145,7 +155,7 @@ def test_sets_without_labels_serve_for_submissions(rendered, tmp_path, capsys):
     listing = tmp_path / "old" / "lightbox" / "test.json"
     records = json.loads(listing.read_text())
     listing.write_text(json.dumps([{"filename": record["filename"]} for record in records]))
-    assert main([str(tmp_path / "old"), "-o", str(tmp_path / "old")]) == 0
+    assert prepare(tmp_path / "old", "-o", tmp_path / "old") == 0
     printed = capsys.readouterr().out
     assert "lightbox/test: 4 images, no labels" in printed
     assert "speedplusv2" in printed
@@ -157,7 +167,7 @@ def test_sets_without_labels_serve_for_submissions(rendered, tmp_path, capsys):
 def test_coco_annotations_are_read_by_pycocotools_and_hold_the_projected_points(rendered, tmp_path):
     coco = pytest.importorskip("pycocotools.coco")
     data = shutil.copytree(rendered, tmp_path / "data")
-    assert main([str(data), "-o", str(data), "--coco"]) == 0
+    assert prepare(data, "-o", data, "--coco") == 0
     read = coco.COCO(str(tmp_path / "data-coco" / "lightbox-test.json"))
     poses, tango = read_poses(data, "lightbox"), Keypoints.load()
     assert read.cats[1]["keypoints"] == list(tango.names)

@@ -1,4 +1,4 @@
-"""The story of a hidden effect: frames of a camera whose file leaves something out, diagnosed."""
+"""Frames that come with the package beside their cameras' files: simulated ones with a hidden effect, and real ones."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -6,13 +6,17 @@ from pathlib import Path
 
 import visaug
 from visaug.core.documents import read_json
+from visaug.core.errors import InputError
 from visaug.core.files import write_json
+from visaug.report.headline import comparison_headline
 from visaug.report.html import Section, Text
 from visaug.report.next_step import Inputs
-from visaug.report.pages import diagnosis_sections
+from visaug.report.pages import diagnosis_sections, where_table
+from visaug.report.views import ViewGallery
 
 Progress = Callable[[str, int, int], None]
 FRAMES = Path(visaug.__file__).parent / "data" / "hidden_effect"
+REAL = FRAMES.with_name("ccd12")
 
 
 def hidden_effect_sections(output: Path, seed: int = 0, progress: Progress | None = None) -> list[Section]:
@@ -47,3 +51,34 @@ def story_sections(
     sections = diagnosis_sections(read_json(answer), camera, better, frames, seed, inputs)
     first = replace(sections[0], blocks=[intro, *sections[0].blocks])
     return [replace(each, title=f"Hidden effect: {each.title.lower()}") for each in (first, *sections[1:])]
+
+
+def real_camera() -> tuple[visaug.Camera, visaug.FrameSet]:
+    """The 12-bit CCD's published parameters and its frames, which are in the source tree alone.
+
+    Raises:
+        InputError: visaug was installed from a wheel, which has no frames under a share-alike licence.
+    """
+    if not REAL.is_dir():
+        raise InputError(
+            "is not in the wheel: its licence is CC BY-SA 3.0",
+            file=REAL,
+            expected="a clone, or the source archive",
+        )
+    camera = visaug.Camera.load(REAL / "camera.yaml")
+    return camera, visaug.FrameSet.load(REAL, resolution=camera.resolution, bit_depth=camera.bit_depth)
+
+
+def real_camera_section(seed: int = 0) -> Section:
+    """Whether the published parameters explain a real camera's frames, and the four views that differ most."""
+    camera, frames = real_camera()
+    content = visaug.compare(camera, frames, seed=seed).to_json()
+    intro = (
+        "Real frames: a 12-bit CCD (640 x 480), the EMVA 1288 reference set of Basler AG, 2011 (M. Grimm; CC BY-SA 3.0, and so "
+        "are the pictures of this section), cut to 192 x 256 pixels. Beside them the same frames as the base chain makes them "
+        "from the parameters that were published for this camera, nothing fitted."
+    )
+    views = list(dict.fromkeys(place["view"] for place in content["where"]))
+    pictures = ViewGallery(frames, camera, seed).pictures(views[:4])
+    blocks = [Text(intro), Text(comparison_headline(content), "finding"), *pictures.values()]
+    return Section("A real camera beside its model", [*blocks, where_table(content["where"])])

@@ -13,8 +13,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from visaug.camera.randomize import Spreads
-from visaug.core.errors import InputError
 from visaug.core.extras import extra
 from visaug.core.sampling import derive_key
 
@@ -26,52 +24,6 @@ SHARED = "pattern_is_shared"
 def signed(key: int) -> int:
     """The int64 with the same bits as an unsigned 64-bit key."""
     return key - 2**64 if key >= 2**63 else key
-
-
-def random_keys(count: int, generator: torch.Generator | None) -> Tensor:
-    return torch.randint(-(2**63), 2**63 - 1, (count,), dtype=torch.int64, generator=generator)
-
-
-def draw(
-    spreads_of: Sequence[Spreads],
-    count: int,
-    generator: torch.Generator | None = None,
-    pattern_key: int | None = None,
-    ranges: Mapping[str, tuple[float, float]] | None = None,
-) -> dict[str, Tensor]:
-    """Draws for `count` images.
-
-    Args:
-        spreads_of: random parameters of each camera of the population, from which each image gets one with equal probability.
-        generator: source of the randomness; None is torch's own, which `torch.manual_seed` sets.
-        pattern_key: the key of one camera's fixed patterns; None draws them anew for every image.
-        ranges: names and ends of further numbers, drawn uniformly; such a name replaces a camera's value.
-    """
-    draws = {"keys": random_keys(count, generator)}
-    if pattern_key is None:
-        draws["pattern_keys"] = random_keys(count, generator)
-    else:
-        draws["pattern_keys"] = torch.full((count,), signed(pattern_key), dtype=torch.int64)
-    draws["camera"] = torch.randint(0, len(spreads_of), (count,), generator=generator)
-    for number, random in enumerate(spreads_of):
-        uniform = torch.rand(count, len(random.paths), dtype=torch.float64, generator=generator)
-        for path, value in random.values(uniform).items():
-            other = draws.get(path)  # of another camera that has it too
-            draws[path] = value if other is None else torch.where(draws["camera"] == number, value, other)
-    for name, (low, high) in (ranges or {}).items():
-        uniform = torch.rand(count, generator=generator) if low < high else torch.zeros(count)
-        draws[name] = low + (high - low) * uniform
-    return draws
-
-
-def check_number_of_draws(draws: Mapping[str, Tensor], images: Tensor) -> None:
-    """Refuses draws of another number of images than these, (B, C, H, W)."""
-    if len(draws["keys"]) != len(images):
-        raise InputError(
-            f"are of {len(draws['keys'])} images",
-            field="draws",
-            expected=f"draw({len(images)}), one for each",
-        )
 
 
 def draws_to_json(draws: Mapping[str, Tensor] | Sequence[Any]) -> Any:
@@ -152,19 +104,3 @@ def nth_frame(draws: Mapping[str, Tensor], number: int) -> dict[str, Tensor]:
 
 def _frame_key(key: int, number: int) -> int:
     return signed(derive_key(key % 2**64, "frame", number)) if number else key
-
-
-def number_of_clips(draws: Mapping[str, Tensor]) -> int:
-    """Number of different fixed patterns among images that share some; 0 where each image has its own."""
-    count = len(draws["keys"])
-    if SHARED in draws:
-        return len(set(draws["pattern_keys"].tolist()))
-    if count == 1:
-        return 0
-    patterns = len(set(draws["pattern_keys"].tolist()))
-    return 0 if patterns == count or len(set(draws["keys"].tolist())) == patterns else patterns
-
-
-def pattern_key_of(seed: int) -> int:
-    """The key of the individual camera, hence of its maps, that a seed stands for; `simulate` has the same."""
-    return derive_key(seed, "camera")

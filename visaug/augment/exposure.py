@@ -1,105 +1,126 @@
-"""One exposure of a batch of images by one camera: numbers, scale and random numbers, for both implementations of the chain."""
+"""One exposure of a batch of images by one camera: numbers, scale and random numbers, and both implementations of the chain."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
 from torch import Tensor
+from torch.nn.functional import avg_pool2d
 
-from visaug.augment.draws import number_of_clips
-from visaug.camera import Camera, fast, fast_gpu
+from visaug.augment.draws import SHARED
+from visaug.camera import Camera, fast
 from visaug.camera.colour import ColourPath
-from visaug.camera.scale import Scale, scale_of
-from visaug.camera.strength import at_strength
+from visaug.camera.scale import at_strength, scale_of
 from visaug.core.sampling import Stream
 
 NOMINAL = torch.ones(1)  # share of the saturation exposure
 
 
-class Exposure(NamedTuple):
-    """What a camera does to a batch.
+class Exposure:
+    """What a camera does to a batch: its numbers, scale and random numbers, made once.
 
-    Attributes:
+    Args:
+        camera: one camera for all images.
         draws: of the images; see `visaug.augment.draws`.
         changed: the camera's numbers that are drawn for each image or given by the user, by path.
+        device: of the images.
+        may_be_fast: the fused implementation is taken where it has the camera's law.
         one_specimen: every image has the fixed pattern of one camera.
         strength, black_level, full_scale_photons, origin: options of `SensorNoise`.
+
+    Attributes:
+        fused: whether the fused implementation is taken; if not, the differentiable chain.
+        values: every number of the camera by path, arrays (1,) or (B,) where `fused`, else tensors (1 or B, 1, 1, 1).
+        scale: from image values to electrons and from DN to image values, of the same kind.
+        patterns: (B,) keys of the fixed patterns, or (1,) where all images have one.
     """
 
-    camera: Camera
-    draws: Mapping[str, Tensor]
-    changed: Mapping[str, Tensor]
-    one_specimen: bool
-    strength: float
-    black_level: str
-    full_scale_photons: float | None
-    origin: tuple[int, int] | None
+    def __init__(
+        self,
+        camera: Camera,
+        draws: Mapping[str, Tensor],
+        changed: Mapping[str, Tensor],
+        device: torch.device,
+        *,
+        may_be_fast: bool,
+        one_specimen: bool,
+        strength: float,
+        black_level: str,
+        full_scale_photons: float | None,
+        origin: tuple[int, int] | None,
+    ):
+        self.camera, self.keys, self.origin = camera, draws["keys"], origin
+        clips = 1 if one_specimen else _number_of_clips(draws) if may_be_fast else 0
+        self.kept = clips == 1
+        self.patterns = draws["pattern_keys"][:1] if self.kept else draws["pattern_keys"]
+        share = draws.get("exposure", NOMINAL)
+        self.values: Mapping[str, Any] = {}
+        # The tables take pixel patterns that are drawn anew for temporal noise, so none that some images share.
+        if may_be_fast and clips <= 1:
+            own = {path: value.detach().double().cpu().numpy().reshape(-1) for path, value in changed.items()}
+            self.values = at_strength(camera.arrays() | own, strength)
+        self.fused = bool(self.values) and fast.suits(camera, self.values, self.kept)
+        if self.fused:
+            share = share.double().numpy()
+        else:
+            self.values = {
+                path: torch.as_tensor(value, dtype=torch.float32, device=device).reshape(-1, 1, 1, 1)
+                for path, value in at_strength(camera.values() | dict(changed), strength).items()
+            }
+            share = share.to(device, torch.float32).view(-1, 1, 1, 1)
+        self.scale = scale_of(camera, self.values, share, black_level == "subtract", full_scale_photons)
 
-    def by_tables(self, light: Tensor, path: ColourPath | None = None, white: int = 0) -> Tensor | None:
-        """By the fused implementation, where it has the camera's law; else None.
+    def of_light(self, light: Tensor, path: ColourPath | None, scale: int) -> Tensor:
+        """One exposure of each image, (B, C, H, W) float32 in [0, 1].
 
         Args:
-            light: (B, C, H, W) float32, or whole numbers of which `white` is 1.
-            path: through colour filters, to one plane of the sensor.
+            light: (B, C, H, W) float32.
+            path: through colour filters, to one plane of the sensor and back to three channels.
+            scale: sensor pixels to each side of an image pixel, which is their mean.
         """
-        clips = 1 if self.one_specimen else number_of_clips(self.draws)
-        if clips > 1:  # the tables take pixel patterns that are drawn anew for temporal noise
-            return None
-        values = self.camera.arrays()
-        for name, value in self.changed.items():
-            values[name] = value.detach().double().cpu().numpy().reshape(-1)
-        values = values if self.strength == 1 else at_strength(values, self.strength)
-        kept = clips == 1
-        if not fast.suits(self.camera, values, kept):
-            return None
-        scale = self._scale(values, self.draws.get("exposure", NOMINAL).double().numpy())
-        keys, patterns = self.draws["keys"], self.draws["pattern_keys"]
-        patterns = patterns[:1] if kept else patterns
-        origin = self.origin or (0, 0)
+        if scale > 1:
+            light = light.repeat_interleave(scale, 2).repeat_interleave(scale, 3)
+        noisy = self.by_tables(light, path) if self.fused else self.by_chain(light, path)
         if path is not None:
-            light = path.plane(light)
-        if light.device.type == "cpu":
-            return fast.take(self.camera, light, scale, values, keys, patterns, kept, origin, white=white)
-        return fast_gpu.take(self.camera, light, scale, values, keys, patterns, kept, origin)
+            noisy = path.develop(noisy)
+        return avg_pool2d(noisy, scale) if scale > 1 else noisy
 
-    def by_chain(self, light: Tensor, path: ColourPath | None = None) -> Tensor:
-        """By the differentiable chain, effect by effect."""
-        values = {
-            name: torch.as_tensor(value, dtype=torch.float32, device=light.device).reshape(-1, 1, 1, 1)
-            for name, value in self._given().items()
-        }
-        scale = self._scale(values, self.draws.get("exposure", NOMINAL).to(light).view(-1, 1, 1, 1))
-        if path is not None:
-            light = path.light(light)
-        photons = light * (scale.electrons / values["quantum_efficiency"])
-        stream = self._stream(light, light.shape[1] if path is None else 1)
+    def by_chain(self, light: Tensor, path: ColourPath | None) -> Tensor:
+        """Planes of the sensor by the differentiable chain, effect by effect."""
+        stream = self.stream(light, light.shape[1] if path is None else 1)
         # Unless the image is a crop, it is the whole sensor: vignetting is centred on it.
-        rows, columns = light.shape[2:]
-        crop = self.origin or self.camera.sensor_maps
+        resolution = None if self.origin or self.camera.sensor_maps else (light.shape[2], light.shape[3])
+        light = light if path is None else path.light(light)
+        photons = light * (self.scale.electrons / self.values["quantum_efficiency"])
         mosaic = None if path is None else path.mosaic
-        dn = self.camera.expose(
-            photons, stream, values, resolution=None if crop else (rows, columns), mosaic=mosaic
-        )
-        plane = ((dn - scale.less_dn) * scale.per_dn).clamp(0, 1)
+        dn = self.camera.expose(photons, stream, self.values, resolution=resolution, mosaic=mosaic)
+        plane = ((dn - self.scale.less_dn) * self.scale.per_dn).clamp(0, 1)
         seen = light if mosaic is None else mosaic(light)
         return torch.where(seen.isnan(), torch.nan, plane)  # of which the chain would make a count of 0
 
+    def by_tables(self, light: Tensor, path: ColourPath | None, white: int = 0) -> Tensor:
+        """Planes of the sensor by the fused implementation; also of whole numbers of which `white` is 1."""
+        light = light if path is None else path.plane(light)
+        numbers = self.scale, self.values, self.keys, self.patterns, self.kept
+        return fast.take(self.camera, light, *numbers, self.origin or (0, 0), white=white)
+
     def finish(self, picture: Tensor) -> Tensor:
         """The picture after the effects of the picture stage."""
-        return self.camera.finish(picture, self._stream(picture, picture.shape[1]), self._given())
+        return self.camera.finish(picture, self.stream(picture, picture.shape[1]), self.values)
 
-    def _given(self) -> dict[str, Any]:
-        """Every number of the camera by path: given by the user, drawn for each image, or nominal."""
-        given = self.camera.values() | dict(self.changed)
-        return given if self.strength == 1 else at_strength(given, self.strength)
-
-    def _scale(self, values: Mapping[str, Any], share: Any) -> Scale:
-        subtract = self.black_level == "subtract"
-        return scale_of(self.camera, values, share, subtract, self.full_scale_photons)
-
-    def _stream(self, images: Tensor, planes: int) -> Stream:
+    def stream(self, images: Tensor, planes: int) -> Stream:
         """The random numbers of a number of sensor planes."""
         (rows, columns), (r0, c0) = images.shape[2:], self.origin or (0, 0)
         window = (range(r0, r0 + rows), range(c0, c0 + columns))
-        patterns = self.draws["pattern_keys"][:1] if self.one_specimen else self.draws["pattern_keys"]
-        return Stream(self.draws["keys"], patterns, planes, window, images.device)
+        return Stream(self.keys, self.patterns, planes, window, images.device)
+
+
+def _number_of_clips(draws: Mapping[str, Tensor]) -> int:
+    """Number of different fixed patterns among images that share some; 0 where each image has its own."""
+    count = len(draws["keys"])
+    if SHARED in draws:
+        return len(set(draws["pattern_keys"].tolist()))
+    if count == 1:
+        return 0
+    patterns = len(set(draws["pattern_keys"].tolist()))
+    return 0 if patterns == count or len(set(draws["keys"].tolist())) == patterns else patterns

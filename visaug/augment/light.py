@@ -1,7 +1,9 @@
-"""Ways in: mean photons per pixel from an image in [0, 1] or from an irradiance."""
+"""Light of images: photons from images and irradiances, sRGB, and the one plane of a monochrome sensor."""
 
 import torch
 from torch import Tensor
+
+LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear red, green and blue: ITU-R BT.709, the primaries of sRGB
 
 
 def irradiance_to_photons(
@@ -54,3 +56,22 @@ def linear_to_srgb(image: Tensor) -> Tensor:
     """Values linear in light, in [0, 1], to sRGB. Source: IEC 61966-2-1."""
     bent = 1.055 * image.clamp_min(0.0031308) ** (1 / 2.4) - 0.055
     return torch.where(image <= 0.0031308, image * 12.92, bent)
+
+
+def is_gray(light: Tensor) -> bool:
+    """Whether all channels are known to be equal."""
+    if light.shape[1] == 1 or torch.compiler.is_compiling():
+        return light.shape[1] == 1
+    return torch.equal(light, light[:, :1].expand_as(light))
+
+
+def luminance(light: Tensor) -> Tensor:
+    """The plane that a monochrome sensor sees, (B, 1, H, W), of linear light (B, C, H, W).
+
+    Y = 0.2126 R + 0.7152 G + 0.0722 B for three channels, else their mean; exactly the image where all are equal.
+    """
+    first = light[:, :1]
+    if light.shape[1] == 3:
+        red, green, blue = light.split(1, 1)
+        return green + LUMINANCE[0] * (red - green) + LUMINANCE[2] * (blue - green)
+    return first + (light - first).mean(1, keepdim=True)

@@ -1,14 +1,14 @@
 """What SensorNoise and its adapters accept: options and images, checked with errors that name what is wrong."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Integral
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from visaug.camera.fused import ends
+from visaug.camera.loops import ends
 from visaug.core.errors import InputError
 
 Range = float | tuple[float, float] | None
@@ -147,18 +147,27 @@ def check_images(images: Any) -> Tensor:
     return images
 
 
+def check_number_of_draws(draws: Mapping[str, Tensor], images: Tensor) -> None:
+    """Refuses draws of another number of images than these, (B, C, H, W)."""
+    if len(draws["keys"]) != len(images):
+        raise InputError(
+            f"are of {len(draws['keys'])} images",
+            field="draws",
+            expected=f"draw({len(images)}), one for each",
+        )
+
+
 def check_values(images: Tensor) -> None:
-    """Refuses values of another scale than [0, 1]; see `check_images`."""
+    """Refuses values of another scale than [0, 1]; see `check_images`.
+
+    What they look like is said: normalised, high dynamic range, or whole numbers of 8, 12 or 16 bit.
+    """
     if images.numel() == 0 or torch.compiler.is_compiling():
         return
     low, high = ends(images.detach())  # a missing value must not hide the scale of the others
-    if low < LEAST or high > MOST or low < NORMALIZED:
-        _refuse_scale(images.detach(), low, high)
-
-
-def _refuse_scale(images: Tensor, low: float, high: float) -> None:
-    """By what the values look like: normalised, high dynamic range, or whole numbers of 8, 12 or 16 bit."""
-    there = images[~images.isnan()].float()
+    if high <= MOST and low >= NORMALIZED:
+        return
+    there = images.detach()[~images.isnan()].float()
     negative = float((there < 0).float().mean())
     bright_share = 0.25  # of values above white: more is no highlight but another scale
     if low < LEAST or negative > NORMALIZED_SHARE:

@@ -7,12 +7,11 @@ from typing import Any
 
 import torch
 from torch import Tensor, distributed, nn
-from torch.nn.functional import avg_pool2d
 from torch.utils.data import get_worker_info
 
-from visaug.augment import draws as drawing
+from visaug.augment.draws import signed
 from visaug.augment.exposure import Exposure
-from visaug.augment.light import linear_to_srgb, srgb_to_linear
+from visaug.augment.light import is_gray, linear_to_srgb, luminance, srgb_to_linear
 from visaug.augment.options import (
     LEAST_EXPOSURE,
     Range,
@@ -21,17 +20,16 @@ from visaug.augment.options import (
     check_flag,
     check_images,
     check_number,
+    check_number_of_draws,
     check_range,
     check_seed,
     check_strength,
     check_values,
     light_channels,
 )
-from visaug.augment.planes import luminance, through_luminance
 from visaug.camera import Camera, fast
-from visaug.camera.colour import ColourPath
 from visaug.camera.randomize import spreads
-from visaug.camera.strength import with_maps_at_strength
+from visaug.camera.scale import with_maps_at_strength
 from visaug.core.errors import InputError
 from visaug.core.sampling import derive_key
 
@@ -91,7 +89,7 @@ class SensorNoise(nn.Module):
             time and dark current do not change.
         strength: factor on the standard deviation of all noise, temporal and fixed, at the same brightness, 0 to 100. 0
             returns the images unchanged, 1 is the camera. Implemented with 1/strength^2 of the electrons, see
-            `visaug.camera.strength`: shot noise stays Poisson, and effects that are not noise (blur, fractions, densities) do
+            `visaug.camera.scale`: shot noise stays Poisson, and effects that are not noise (blur, fractions, densities) do
             not change.
 
     Shape:
@@ -172,16 +170,25 @@ class SensorNoise(nn.Module):
 
     def draw(self, count: int, same_on_batch: bool = False) -> dict[str, Tensor]:
         """Draws random keys and parameters for `count` images; see `visaug.augment.draws`."""
-        key = drawing.pattern_key_of(self.seed or 0) if self.fixed_pattern == "camera" else None
-        ranges = {"gain_db": self.gain_db, "exposure": self.exposure}
-        drawn = drawing.draw(
-            self._spreads,
-            1 if same_on_batch else count,
-            self._random_source(),
-            key,
-            {name: ends for name, ends in ranges.items() if ends is not None},
-        )
-        return {name: value.expand(count) for name, value in drawn.items()} if same_on_batch else drawn
+        number, source = 1 if same_on_batch else count, self._random_source()
+        draws = {"keys": _keys(number, source)}
+        if self.fixed_pattern == "camera":  # the individual that `simulate` has at this seed
+            kept = signed(derive_key(self.seed or 0, "camera"))
+            draws["pattern_keys"] = torch.full((number,), kept, dtype=torch.int64)
+        else:
+            draws["pattern_keys"] = _keys(number, source)
+        draws["camera"] = torch.randint(0, len(self.cameras), (number,), generator=source)
+        for which, random in enumerate(self._spreads):
+            uniform = torch.rand(number, len(random.paths), dtype=torch.float64, generator=source)
+            for path, value in random.values(uniform).items():
+                other = draws.get(path)  # of another camera that has it too
+                draws[path] = value if other is None else torch.where(draws["camera"] == which, value, other)
+        for name, ends in (("gain_db", self.gain_db), ("exposure", self.exposure)):
+            if ends is not None:  # instead of a camera's own
+                low, high = ends
+                uniform = torch.rand(number, generator=source) if low < high else torch.zeros(number)
+                draws[name] = low + (high - low) * uniform
+        return {name: value.expand(count) for name, value in draws.items()} if same_on_batch else draws
 
     def _random_source(self) -> torch.Generator | None:
         """Torch's own generator, or one of the seed and DataLoader worker; another on each rank of a training."""
@@ -199,7 +206,10 @@ class SensorNoise(nn.Module):
         return self._generator[1]
 
     def forward(self, images: Tensor) -> Tensor:
-        return self.apply_draws(images, self.draw(check_images(images).shape[0]))
+        check_images(images)
+        check_values(images)
+        draws = self.draw(images.shape[0])
+        return self._noisy(images, draws, None)
 
     def apply_draws(self, images: Tensor, draws: Mapping[str, Tensor], transfer: str | None = None) -> Tensor:
         """Applies the noise given by `draws`: the same draws and images give the same noise.
@@ -209,25 +219,40 @@ class SensorNoise(nn.Module):
             draws: the result of `draw(B)`.
             transfer: meaning of "auto" for these images: "linear" (also if None) or "srgb".
         """
-        check_values(check_images(images))
-        drawing.check_number_of_draws(draws, images)
-        if self.strength == 0:
+        check_images(images)
+        check_values(images)
+        check_number_of_draws(draws, images)
+        return self._noisy(images, draws, transfer)
+
+    def _noisy(self, images: Tensor, draws: Mapping[str, Tensor], transfer: str | None) -> Tensor:
+        """What the cameras make of images that have been checked."""
+        if self.strength == 0 or len(images) == 0:
             return images
         lit = light_channels(images.shape[1], self.mono)
-        if lit < images.shape[1]:
-            return torch.cat([self.apply_draws(images[:, :lit], draws, transfer), images[:, lit:]], 1)
         encoded = (transfer if self.transfer == "auto" else self.transfer) == "srgb"
-        light = srgb_to_linear(images.float()) if encoded else images.float()
+        light = images[:, :lit].float()
+        light = srgb_to_linear(light) if encoded else light
+        groups = self._groups(draws)
+        pictures = [self._picture(camera, light[here], own, encoded) for camera, here, own in groups]
+        if len(pictures) == 1:
+            noisy = pictures[0].to(images.dtype)
+        else:
+            order = draws["camera"].argsort(stable=True)
+            noisy = torch.cat(pictures)[order.argsort()].to(images.dtype)
+        return noisy if lit == images.shape[1] else torch.cat([noisy, images[:, lit:]], 1)
+
+    def _groups(
+        self, draws: Mapping[str, Tensor]
+    ) -> list[tuple[Camera, Tensor | slice, Mapping[str, Tensor]]]:
+        """The cameras of a batch in order, each with its images and their draws."""
         if len(self.cameras) == 1:
-            return self._picture(self.cameras[0], light, draws, encoded).to(images.dtype)
-        noisy = torch.empty_like(light)
-        for number in draws["camera"].unique().tolist():
-            chosen = (draws["camera"] == number).nonzero().squeeze(1)
-            own = {k: v[chosen] for k, v in draws.items() if v.shape[:1] == draws["camera"].shape}
-            here = chosen.to(light.device)
-            picture = self._picture(self.cameras[number], light[here], own, encoded)
-            noisy = noisy.index_copy(0, here, picture)
-        return noisy.to(images.dtype)
+            return [(self.cameras[0], slice(None), draws)]
+        of, groups = draws["camera"], []
+        for number in of.unique().tolist():
+            here = (of == number).nonzero().squeeze(1)
+            own = {name: value[here] for name, value in draws.items() if value.shape[:1] == of.shape}
+            groups.append((self.cameras[number], here, own))
+        return groups
 
     def apply_to_words(self, images: Tensor, draws: Mapping[str, Tensor], white: int) -> Tensor | None:
         """Whole numbers, linear in light, of which `white` is the image value 1, in one pass: `apply_draws`, rounded.
@@ -238,50 +263,57 @@ class SensorNoise(nn.Module):
         Returns:
             The same shape and type; None where only `apply_draws` can: colour, several cameras, effects on the picture.
         """
-        drawing.check_number_of_draws(draws, images)
+        check_number_of_draws(draws, images)
         camera = self.cameras[0]
         plain = len(self.cameras) == 1 and not camera.finishes and self.strength > 0
         plain = plain and (images.shape[1] == 1 or are_bands(images.shape[1], self.mono))
-        if not plain or (camera.spec.colour and self.mono is None) or not self._may_be_fast(images):
+        if (
+            not plain
+            or (camera.spec.colour and self.mono is None)
+            or self._pixels_per_pixel(camera, images) > 1
+        ):
             return None
-        if self._pixels_per_pixel(camera, images) > 1:
-            return None
-        return self._exposure(camera, draws).by_tables(images, white=white)
+        exposure = self._exposure(camera, draws, images)
+        return exposure.by_tables(images, None, white) if exposure.fused else None
 
     def _picture(self, camera: Camera, light: Tensor, draws: Mapping[str, Tensor], encoded: bool) -> Tensor:
-        """How the channels of an image meet the sensor, and the encoded picture, after the effects of the picture stage."""
-        exposure = self._exposure(camera, draws)
-        path = camera.colour_path(self.origin or (0, 0)) if self.mono is None else None
-        if are_bands(light.shape[1], self.mono) and (self.mono is False or path is None):
-            noisy = self._take(exposure, light)
-        elif path is None:
-            noisy = through_luminance(light, lambda plane: self._take(exposure, plane))
-        else:
-            noisy = self._take(exposure, light, path)
-            noisy = noisy if light.shape[1] == 3 else luminance(noisy)
+        """The encoded picture that a camera makes of light, in one exposure of one plane, or of a sensor for each band.
+
+        A monochrome sensor sees the luminance Y, whose noise is added to every channel: out_c = cut(take(Y) + (c - Y)). Equal
+        channels stay equal; differences between channels are kept and get no noise.
+        """
+        scale = self._pixels_per_pixel(camera, light)
+        exposure = self._exposure(camera, draws, light)
+        colour = camera.colour_path(self.origin or (0, 0)) if self.mono is None else None
+        mono = colour is None and not are_bands(light.shape[1], self.mono)
+        gray = mono and is_gray(light)
+        seen = light[:, :1] if gray else luminance(light) if mono else light
+        noisy = exposure.of_light(seen, colour, scale)
+        if gray:
+            noisy = noisy.expand(light.shape).contiguous()
+        elif mono:
+            noisy = (noisy + (light - seen)).clamp(0, 1)
+        elif colour is not None and light.shape[1] == 1:
+            noisy = luminance(noisy)
         noisy = linear_to_srgb(noisy) if encoded else noisy
         return exposure.finish(noisy) if camera.finishes else noisy
 
-    def _exposure(self, camera: Camera, draws: Mapping[str, Tensor]) -> Exposure:
-        known = camera.arrays()
+    def _exposure(self, camera: Camera, draws: Mapping[str, Tensor], light: Tensor) -> Exposure:
+        may_be_fast, known = self._may_be_fast(light), camera.arrays()
         changed = {path: value for path, value in draws.items() if path in known}
-        for path, name in self._names.items():
-            changed[path] = getattr(self, name)
-        one = self.fixed_pattern == "camera"
-        options = self.strength, self.black_level, self.full_scale_photons, self.origin
-        return Exposure(camera, draws, changed, one, *options)
-
-    def _take(self, exposure: Exposure, light: Tensor, path: ColourPath | None = None) -> Tensor:
-        """One exposure of each image, scaled back to [0, 1]; through colour filters where there is a `path`."""
-        scale = self._pixels_per_pixel(exposure.camera, light)
-        if scale > 1:
-            light = light.repeat_interleave(scale, 2).repeat_interleave(scale, 3)
-        noisy = exposure.by_tables(light, path) if self._may_be_fast(light) else None
-        if noisy is None:
-            noisy = exposure.by_chain(light, path)
-        if path is not None:
-            noisy = path.develop(noisy)
-        return avg_pool2d(noisy, scale) if scale > 1 else noisy
+        changed |= {path: getattr(self, name) for path, name in self._names.items()}
+        return Exposure(
+            camera,
+            draws,
+            changed,
+            light.device,
+            may_be_fast=may_be_fast,
+            one_specimen=self.fixed_pattern == "camera",
+            strength=self.strength,
+            black_level=self.black_level,
+            full_scale_photons=self.full_scale_photons,
+            origin=self.origin,
+        )
 
     def _pixels_per_pixel(self, camera: Camera, light: Tensor) -> int:
         if self.resolution == "network":
@@ -315,6 +347,10 @@ class SensorNoise(nn.Module):
         if self._names:
             words.append(f"values of {', '.join(self._names)}")
         return ", ".join(words)
+
+
+def _keys(number: int, source: torch.Generator | None) -> Tensor:
+    return torch.randint(-(2**63), 2**63 - 1, (number,), dtype=torch.int64, generator=source)
 
 
 def _rank() -> int:

@@ -19,7 +19,7 @@ the white balance, as in D. Coffin's dcraw.
 """
 
 from collections.abc import Sequence
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from visaug.camera.threads import in_threads
+from visaug.camera.loops import in_threads
 from visaug.core.errors import InputError
 
 REACH = 2  # pixels to each side that a demosaicing looks at
@@ -112,11 +112,8 @@ class ColourPath:
         check_size(images)
         source = images.detach().contiguous()
         plane = torch.empty_like(source[:, :1])
-        arguments = source.numpy(), plane.numpy()[:, 0]
-        rows = plane.shape[0] * plane.shape[2]
-        in_threads(
-            lambda first, last: loops.mosaic(*arguments, first, last, self.filters, self.inverse), rows
-        )
+        arguments = source.numpy(), plane.numpy()[:, 0], self.filters, self.inverse
+        in_threads(partial(loops.mosaic, *arguments), plane.shape[0] * plane.shape[2])
         return plane
 
     def light(self, images: Tensor) -> Tensor:
@@ -135,8 +132,17 @@ class ColourPath:
     def develop(self, plane: Tensor) -> Tensor:
         """The picture (B, 3, H, W), linear in light, in [0, 1], of a plane (B, 1, H, W) whose 1 is saturation."""
         loops = _loops(plane)
-        if loops is not None:
-            return self._develop(loops, plane)
+        if loops is None:
+            return self._developed(plane)
+        balanced = plane.detach().clone(memory_format=torch.contiguous_format).numpy()[:, 0]
+        picture = torch.empty(len(plane), 3, *plane.shape[2:])
+        rows = plane.shape[0] * plane.shape[2]
+        in_threads(partial(loops.balance, balanced, self.filters, self.gains), rows)
+        in_threads(partial(loops.develop, balanced, picture.numpy(), self.weights), rows)
+        return picture
+
+    def _developed(self, plane: Tensor) -> Tensor:
+        """The same in torch."""
         gains = torch.ones_like(plane[:1])
         for channel in range(3):
             gains = torch.where(self._is(channel, plane), float(self.gains[channel]), gains)
@@ -147,14 +153,6 @@ class ColourPath:
             own = torch.einsum("kf,bfhw->bkhw", weights[row, column], sums[..., row::2, column::2])
             picture[..., row::2, column::2] = own
         return picture.clamp(0, 1)
-
-    def _develop(self, loops: Any, plane: Tensor) -> Tensor:
-        balanced = plane.detach().clone(memory_format=torch.contiguous_format).numpy()[:, 0]
-        picture = torch.empty(len(plane), 3, *plane.shape[2:])
-        out, rows = picture.numpy(), plane.shape[0] * plane.shape[2]
-        in_threads(lambda first, last: loops.balance(balanced, first, last, self.filters, self.gains), rows)
-        in_threads(lambda first, last: loops.develop(balanced, out, first, last, self.weights), rows)
-        return picture
 
     def _is(self, channel: int, like: Tensor) -> Tensor:
         """Where this filter lies, (1, 1, H, W)."""

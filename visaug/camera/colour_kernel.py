@@ -8,7 +8,7 @@ _options = {"nogil": True, "error_model": "numpy", "cache": True, "fastmath": {"
 
 
 @njit(**_options)
-def mosaic(images, plane, first_row, last_row, filters, inverse):
+def mosaic(images, plane, filters, inverse, first_row, last_row):
     """Rows [first_row, last_row) of all planes, one after another.
 
     Args:
@@ -32,7 +32,7 @@ def mosaic(images, plane, first_row, last_row, filters, inverse):
 
 
 @njit(**_options)
-def balance(plane, first_row, last_row, filters, gains):
+def balance(plane, filters, gains, first_row, last_row):
     """White balance of the plane, in place, and its clip at 1."""
     height, width = plane.shape[1:]
     for number in range(first_row, last_row):
@@ -58,7 +58,7 @@ def _widened(row, out):
 
 
 @njit(**_options)
-def develop(plane, out, first_row, last_row, weights):
+def develop(plane, out, weights, first_row, last_row):
     """Pictures (B, 3, H, W) of balanced planes (B, H, W); weights (2, 2, 3, 6) float32."""
     height, width = plane.shape[1:]
     lines = np.empty((5, width + 4), np.float32)

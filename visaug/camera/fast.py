@@ -1,4 +1,4 @@
-"""The base chain on images: the law of `Camera.expose` on a CPU without gradients.
+"""The base chain on images: the law of `Camera.expose`, without gradients, on a CPU or a GPU.
 
 Row and column patterns are the exact chain's own numbers, and so are pixel patterns that are kept; so is everything else where
 `fast_kernel` draws each part on its own.
@@ -9,14 +9,14 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from scipy.special import expit, ndtr
 from torch import Tensor
 
-from visaug.camera import fused
+from visaug.camera import fast_gpu, fused, loops
 from visaug.camera.scale import Scale, gain_of
 from visaug.core.sampling import Stream
 from visaug.core.sampling.tukey_lambda import quantile, standard_deviation
@@ -59,7 +59,7 @@ def take(
     """Images as the camera takes them.
 
     Args:
-        images: (B, C, H, W) float32 on the CPU, in [0, 1], linear in light; or whole numbers, uint8 or uint16.
+        images: (B, C, H, W) float32 in [0, 1], linear in light; on a CPU also whole numbers, uint8 or uint16.
         scale: from image values to electrons and from DN to image values, arrays (B,) or (1,).
         values: every number of the camera by path, (B,) or (1,).
         keys: (B,) int64 of the temporal noise.
@@ -72,30 +72,15 @@ def take(
     """
     channels, height, _ = images.shape[1:]
     own = drawn(camera, images.shape, scale, values, keys, pattern_keys, kept, origin)
+    if images.device.type != "cpu":
+        return fast_gpu.take(images, own, keys, origin)
     none = np.zeros((channels, height, 0), np.float32)
     maps = [none if of is None else of.numpy() for of in own.maps]
     out = torch.empty(images.shape, dtype=images.dtype)
-    fused.in_kernel(
+    loops.in_kernel(
         images.contiguous(), out, own.numbers, own.keys, [*own.rows, *own.columns], maps, origin, white
     )
     return out
-
-
-class Drawn(NamedTuple):
-    """What is drawn for images before their pixels.
-
-    Attributes:
-        numbers: by column of `fast_kernel`, (B, NUMBERS) float32.
-        keys: of the streams, (B, KEYS) uint64.
-        rows, columns: gains and offsets (electrons) of lines, (2, sets C, H) and (2, sets C, W) float32; sets is B or 1.
-        maps: gain and offset (electrons) of pixels that are kept, (C, H, W) float32, or None.
-    """
-
-    numbers: np.ndarray
-    keys: np.ndarray
-    rows: np.ndarray
-    columns: np.ndarray
-    maps: tuple[Tensor | None, Tensor | None]
 
 
 def drawn(
@@ -107,9 +92,9 @@ def drawn(
     pattern_keys: Tensor,
     kept: bool,
     origin: tuple[int, int],
-) -> Drawn:
+) -> fused.Drawn:
     """What `take` draws for images of a shape (B, C, H, W), whose arguments these are, before their pixels."""
-    k = fused.kernel()
+    k = loops.kernel()
     batch, channels, height, width = shape
     frames, cameras = (np.ascontiguousarray(own.numpy()).view(np.uint64) for own in (keys, pattern_keys))
     table = fused.keys_of(frames, cameras)
@@ -128,7 +113,7 @@ def drawn(
             else None
         )
 
-    return Drawn(numbers, table, rows, columns, (kept_map("prnu.pixel"), kept_map("dsnu.pixel_e")))
+    return fused.Drawn(numbers, table, rows, columns, (kept_map("prnu.pixel"), kept_map("dsnu.pixel_e")))
 
 
 @lru_cache(maxsize=4)
@@ -141,7 +126,7 @@ def _kept_map(key: int, effect: str, sigma: float, channels: int, window: tuple[
 
 def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: bool) -> np.ndarray:
     """The kernel's table, one row an image."""
-    k, n = fused.kernel(), fused.neutral(batch)
+    k, n = loops.kernel(), fused.neutral(batch)
     sigma, shape = values["read_noise.sigma_e"], values["read_noise.shape"]
     deviation = standard_deviation(shape)
     own_scale = camera.spec.read_noise.meaning == "scale"
@@ -173,7 +158,7 @@ def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: b
 @cache
 def _nodes() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Where read noise is interpolated: normal numbers in either part and their tails; from values to coefficients."""
-    k = fused.kernel()
+    k = loops.kernel()
     places = np.cos(np.pi * (np.arange(k.TERMS) + 0.5) / k.TERMS)
     to_far, to_farthest = float(k.FAR) ** 2, float(k.FARTHEST) ** 2
     squares = np.stack([to_far, to_farthest - to_far])[:, None] * (places + 1) / 2
@@ -197,7 +182,7 @@ def _set_short_cut(n: np.ndarray, shape: np.ndarray, deviation: np.ndarray) -> N
     """Which pixels may draw their count together with Gaussian offsets: not where the full well is near or whole electrons
     would show.
     """
-    k = fused.kernel()
+    k = loops.kernel()
     k.short_cut(n, deviation)
     gaussian = np.hypot(n[:, k.DSNU_PIXEL_E], n[:, k.AFTER_GAIN_E])
     for i in np.flatnonzero((gaussian > 0) & (gaussian < 1)):
@@ -225,7 +210,7 @@ def comb(sigma_e: float, shape: float, gaussian_e: float) -> float:
 
 def kernel():
     """The compiled loop's module, or None where numba cannot be imported; says so before it is compiled."""
-    module = fused.kernel()
+    module = loops.kernel()
     if module is not None:
         _announce()
     return module
@@ -233,7 +218,7 @@ def kernel():
 
 @lru_cache(maxsize=1)
 def _announce() -> None:
-    folder = Path(str(fused.kernel().expose.stats.cache_path))
+    folder = Path(str(loops.kernel().expose.stats.cache_path))
     if not any(folder.glob("fast_kernel.expose-*.nbi")):
         message = "compiling the fast sensor chain: once, about 10 s; kept in %s"
         logging.getLogger("visaug").warning(message, folder)

@@ -7,18 +7,13 @@ little. Tests run it on a CPU with eager torch, and compiled on a GPU (`scripts/
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from visaug.camera import fast
-from visaug.camera.scale import Scale
+from visaug.camera.fused import Drawn
 from visaug.core.sampling.philox import MASK, mix
-
-if TYPE_CHECKING:
-    from visaug.camera.camera import Camera
 
 STEP, OTHER = 0x9E3779B97F4A7C15 - 2**64, 0xD1B54A32D192ED03 - 2**64
 LARGE_MEAN = 16.0
@@ -112,23 +107,18 @@ def compiled() -> Callable[..., Tensor]:
 
 
 def take(
-    camera: "Camera",
     images: Tensor,
-    scale: Scale,
-    values: fast.Values,
+    drawn: Drawn,
     keys: Tensor,
-    pattern_keys: Tensor,
-    kept: bool = False,
-    origin: tuple[int, int] = (0, 0),
+    origin: tuple[int, int],
     expression: Callable[..., Tensor] | None = None,
 ) -> Tensor:
-    """As `fast.take`, on the images' device; `expression` is `noisy` itself or, where left out, compiled.
+    """As `fast.take`, which draws for the images; `expression` is `noisy` itself or, where left out, compiled.
 
     What is small is computed on the CPU and crosses in one copy: each copy and each operator costs a GPU's queue as much time
     as the noise of an image.
     """
     (_, channels, height, width), device = images.shape, images.device
-    drawn = fast.drawn(camera, images.shape, scale, values, keys, pattern_keys, kept, origin)
     shapes = (drawn.numbers.shape, (2, -1, channels, height, 1), (2, -1, channels, 1, width))
     parts = [
         part.astype(np.float32, copy=False).ravel() for part in (drawn.numbers, drawn.rows, drawn.columns)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from visaug.camera.threads import in_threads
+from visaug.camera.loops import in_kernel, kernel
 from visaug.core.sampling import Stream, derive_key
 from visaug.core.sampling.stream import kernels
 from visaug.core.sampling.tukey_lambda import standard_deviation
@@ -37,16 +37,6 @@ PATTERNS = {
     "PRNU_COLUMN": ("prnu", "column"),
     "DSNU_COLUMN": ("dsnu", "column"),
 }
-
-
-@cache
-def kernel() -> Any:
-    """The compiled loop's module, or None where numba cannot be imported."""
-    try:
-        from visaug.camera import fast_kernel
-    except ImportError:
-        return None
-    return fast_kernel
 
 
 def keys_of(frames: np.ndarray, cameras: np.ndarray) -> np.ndarray:
@@ -81,6 +71,23 @@ def _neutral() -> np.ndarray:
 def neutral(batch: int) -> np.ndarray:
     """The kernel's table of numbers for no effect at all, (B, NUMBERS) float32."""
     return _neutral().repeat(batch, 0)
+
+
+class Drawn(NamedTuple):
+    """What is drawn for images before their pixels.
+
+    Attributes:
+        numbers: by column of `fast_kernel`, (B, NUMBERS) float32.
+        keys: of the streams, (B, KEYS) uint64.
+        rows, columns: gains and offsets (electrons) of lines, (2, sets C, H) and (2, sets C, W) float32; sets is B or 1.
+        maps: gain and offset (electrons) of pixels that are kept, (C, H, W) float32, or None.
+    """
+
+    numbers: np.ndarray
+    keys: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+    maps: tuple[Tensor | None, Tensor | None]
 
 
 def runs(
@@ -127,44 +134,6 @@ def expose(run: Mapping[str, Values], signal: Tensor, stream: Stream, context: C
     origin = stream.window[0].start, stream.window[1].start
     in_kernel(source, out, _numbers(run, batch, context), keys, lines, maps, origin)
     return out
-
-
-def in_kernel(
-    source: Tensor,
-    out: Tensor,
-    numbers: np.ndarray,
-    keys: np.ndarray,
-    lines: Sequence[np.ndarray],
-    maps: Sequence[np.ndarray],
-    origin: tuple[int, int],
-    white: int = 0,
-) -> None:
-    """Calls the kernel, whose `expose` explains the arguments, in threads."""
-    channels, height, width = source.shape[1:]
-    rows = [x.detach().numpy().reshape(-1, height, width) for x in (source, out)]
-    work = kernel().expose
-    in_threads(
-        lambda first, last: work(
-            *rows, first, last, channels, numbers, keys, *lines, *maps, origin, np.float32(white)
-        ),
-        len(rows[0]) * height,
-    )
-
-
-def ends(images: Tensor) -> tuple[float, float]:
-    """Least and greatest value of images, missing ones aside; inf and -inf where all are missing.
-
-    torch's own reduction starts its threads anew for each call, which costs a small image more than its noise.
-    """
-    if images.device.type != "cpu" or images.dtype != torch.float32 or kernel() is None:
-        there = images.isnan()
-        low, high = images.masked_fill(there, torch.inf).min(), images.masked_fill(there, -torch.inf).max()
-        least, greatest = torch.stack([low, high]).tolist()  # one wait for the device
-        return least, greatest
-    rows = images.contiguous().numpy().reshape(-1, images.shape[-1])
-    found: list[tuple[float, float]] = []
-    in_threads(lambda first, last: found.append(kernel().ends(rows, first, last)), len(rows))
-    return float(min(low for low, _ in found)), float(max(high for _, high in found))
 
 
 def _pattern(
