@@ -85,6 +85,15 @@ def test_replace_refuses_a_path_that_the_camera_lacks(path, value):
         Camera.load(RICH).replace({path: value})
 
 
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [(64, "is not a list"), ([64], "is missing"), ([64, 2.5], "integer"), ([0, 8], "1 to 65535")],
+)
+def test_a_wrong_resolution_says_what_it_should_be(value, said):
+    with pytest.raises(InputError, match=rf"{said}.*\[rows, columns\]|\[rows, columns\].*{said}"):
+        Camera.load(RICH | {"resolution": value})
+
+
 @pytest.mark.parametrize("value", [-1.0, float("nan"), "much"])
 def test_replace_refuses_a_value_out_of_bounds(value):
     with pytest.raises(InputError, match="sigma_e"):

@@ -106,3 +106,9 @@ def test_a_locked_folder_is_refused_and_free_again_after(tmp_path):
         pass
     with folder_lock(tmp_path / "out"):
         pass
+
+
+def test_a_file_is_no_folder_to_write_into(tmp_path):
+    (tmp_path / "out").write_text("")
+    with pytest.raises(InputError, match="out: is a file; expected a folder"), folder_lock(tmp_path / "out"):
+        pass

@@ -94,16 +94,15 @@ def drawn(
     origin: tuple[int, int],
 ) -> fused.Drawn:
     """What `take` draws for images of a shape (B, C, H, W), whose arguments these are, before their pixels."""
-    k = loops.kernel()
     batch, channels, height, width = shape
     frames, cameras = (np.ascontiguousarray(own.numpy()).view(np.uint64) for own in (keys, pattern_keys))
     table = fused.keys_of(frames, cameras)
     numbers = _numbers(camera, batch, scale, values, kept)
     shared = kept and not camera.sensor_effects and all(values[path].size == 1 for path in PATTERNS)
     sets = 1 if shared else batch
-    rows = k.line_patterns(numbers, table, sets, channels, False, origin[0], height)
-    columns = k.line_patterns(numbers, table, sets, channels, True, origin[1], width)
     window = (range(origin[0], origin[0] + height), range(origin[1], origin[1] + width))
+    rows = fused.line_patterns(numbers, table, sets, channels, False, window[0])
+    columns = fused.line_patterns(numbers, table, sets, channels, True, window[1])
 
     def kept_map(path: str) -> Tensor | None:
         sigma = float(values[path][0]) if kept else 0.0

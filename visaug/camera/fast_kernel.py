@@ -28,7 +28,7 @@ from visaug.core.sampling.kernels import (
     log,
     mix,
     normals,
-    room_of,
+    part,
     rows_at_once,
     scramble,
     tukeys,
@@ -91,49 +91,52 @@ GILES_0, GILES_2, GILES_4 = f32(-8 / 405), f32(7 / 810), f32(1 / 270)
 TO_WHOLE = f32(1.5 * 2**23)  # to add and subtract it rounds to a whole number, halves to even, up to 2^22
 
 
+def scratch(width):
+    """What `expose` overwrites, for images of a width."""
+    size = rows_at_once.py_func(width) * width
+    return np.empty((10, size), np.float32), np.empty((3, size + 3), np.uint32), np.empty((3, size))
+
+
 @compiled
-def key_table(frames, cameras, names, depth, fixed):
-    """The keys of streams, (B, KEYS) uint64.
+def key_table(frames, cameras, names, depth, fixed, out):
+    """The keys of streams.
 
     Args:
         frames: (B,) uint64, keys of the temporal noise; cameras: (B,) or (1,), of the fixed patterns.
         names: (KEYS, 2) uint64, by which a stream is forked; depth: how many of the two count; fixed: 1 for a fixed pattern.
+        out: (B, KEYS) uint64, written.
     """
-    out = np.empty((len(frames), KEYS), np.uint64)
     for i in range(len(frames)):
         for j in range(KEYS):
             key = cameras[min(i, len(cameras) - 1)] if fixed[j] else frames[i]
             for name in names[j, : depth[j]]:
                 key = mix(key ^ name)
             out[i, j] = key
-    return out
 
 
 @compiled
-def line_patterns(numbers, keys, sets, channels, by_column, first, size):
-    """Gains and offsets of rows, or of columns, (2, sets C, size) float32.
+def line_patterns(numbers, keys, sets, channels, by_column, first, words, w, out):
+    """Adds gains and offsets of rows, or of columns.
 
     Args:
         numbers: (B, NUMBERS); keys: (B, KEYS).
         sets: B, or 1 where all images share theirs.
-        first, size: rows, or columns, of the sensor.
+        first: row, or column, of the sensor.
+        words, w: (size + 3,) uint32 and (size,) float32, overwritten.
+        out: (2, sets C, size) float32.
     """
-    out = np.zeros((2, sets * channels, size), np.float32)
-    words, w = np.empty(size + 3, np.uint32), np.empty(size, np.float32)
     streams, deviations = (PRNU_COLUMN, COLUMN_DEVIATIONS) if by_column else (PRNU_ROW, ROW_DEVIATIONS)
+    none, one = np.int64(0), np.int64(1)
+    place = (none, first, one, w.size) if by_column else (first, none, w.size, one)
     for i in range(sets):
-        for part in range(3):
-            sigma = numbers[i, deviations + part]
+        for kind in range(3):
+            sigma = numbers[i, deviations + kind]
             if sigma == ZERO:
                 continue
             for channel in range(channels):
-                if by_column:
-                    words_of_rows(keys[i, streams + part], channel, 0, first, 1, size, words)
-                else:
-                    words_of_rows(keys[i, streams + part], channel, first, 0, size, 1, words)
+                words_of_rows(keys[i, streams + kind], channel, *place, words)
                 normals(words, w)
-                _add_scaled(sigma, w, out[min(part, 1), i * channels + channel])
-    return out
+                _add_scaled(sigma, w, out[min(kind, 1), i * channels + channel])
 
 
 @compiled
@@ -154,7 +157,7 @@ def short_cut(numbers, deviation):
         n[FAINT_E] = min(FAINT_SKEWNESS * gaussian**3, hidden, MOST_E)
 
 
-@compiled
+@njit(inline="always")
 def _values(source, white, out):
     """Image values of whole numbers, of which `white` is 1; those of floats, where it is 0, as they are."""
     if white > ZERO:
@@ -165,7 +168,7 @@ def _values(source, white, out):
             out[x] = source[x]
 
 
-@compiled
+@part
 def _sum(by_row, by_column, by_pixel, out):
     """One number of each row, one of each column, and one of each pixel where there are any."""
     width = by_column.size
@@ -177,7 +180,7 @@ def _sum(by_row, by_column, by_pixel, out):
             out[i] += by_pixel[i]
 
 
-@compiled
+@njit(inline="always")
 def _light(source, electrons, gains, least, light):
     for x in range(light.size):
         light[x] = max(source[x] * electrons * (ONE + gains[x]), least)
@@ -188,7 +191,7 @@ def _is_apart(m, faint, limit):
     return (m > faint) & (m < SMALL_MEAN) | (m > limit)
 
 
-@compiled
+@part
 def _count_apart(light, dark, faint, limit):
     apart = i32(0)
     for x in range(light.size):
@@ -196,7 +199,7 @@ def _count_apart(light, dark, faint, limit):
     return apart
 
 
-@compiled
+@part
 def _two_words(key, place, one, other):
     """Twice 32 random bits for each pixel of a window: its column, mixed with three words of its row's key.
 
@@ -216,7 +219,7 @@ def _two_words(key, place, one, other):
             also[x] = u32(word ^ (word >> u32(14)))
 
 
-@compiled
+@part
 def _two_normals(one, other, w, z):
     """Two independent normal numbers from two words: the radius, and an angle, of Box and Muller."""
     for x in range(w.size):
@@ -230,7 +233,7 @@ def _two_normals(one, other, w, z):
         w[x] = as_float(float_bits(radius * cosine) ^ side)  # pyright: ignore[reportCallIssue]
 
 
-@compiled
+@part
 def _read_noise(z, n, e):
     """Electrons of read noise at normal numbers z."""
     c = n[CORE : CORE + TERMS]
@@ -253,7 +256,7 @@ def _read_noise(z, n, e):
             e[x] = n[READ_SCALE_E] * math.copysign(math.exp(value), z[x])
 
 
-@compiled
+@part
 def _add_quantiles(light, w, n, e):
     """Adds quantiles of count, gain and Gaussian offsets at normal quantiles w."""
     dark, prnu = n[DARK_E], n[PRNU_PIXEL]
@@ -269,19 +272,19 @@ def _add_quantiles(light, w, n, e):
         e[x] += even + w[x] * (s + r * bend)
 
 
-@compiled
+@njit(inline="always")
 def _add_scaled(scale, w, out):
     for x in range(out.size):
         out[x] += scale * w[x]
 
 
-@compiled
+@njit(inline="always")
 def _added(a, b, most, out):
     for x in range(out.size):
         out[x] = min(a[x], most) + b[x]
 
 
-@compiled
+@part
 def _add_normals(key, place, scale, words, w, out):
     if scale > ZERO:
         words_of_rows(key, *place, words)
@@ -289,7 +292,7 @@ def _add_normals(key, place, scale, words, w, out):
         _add_scaled(scale, w, out)
 
 
-@compiled
+@part
 def _apart(source, n, keys, place, gains, offsets, words, room, mean, w, e):
     """Electrons of a window, each part on its own."""
     _add_normals(keys[PRNU], place, n[PRNU_PIXEL], words, w, gains)
@@ -310,7 +313,7 @@ def _apart(source, n, keys, place, gains, offsets, words, room, mean, w, e):
     _add_normals(keys[AFTER_GAIN], place, n[AFTER_GAIN_E], words, w, e)
 
 
-@compiled
+@njit(inline="always")
 def _together(light, n, keys, place, offsets, one, other, w, z, e):
     """Electrons of a window, count and pixel offsets as one."""
     _two_words(keys[TOGETHER], place, one, other)
@@ -320,17 +323,18 @@ def _together(light, n, keys, place, offsets, one, other, w, z, e):
     _add_quantiles(light, w, n, e)
 
 
-@compiled
+@part
 def _replace(source, n, keys, place, gains, offsets, light, words, room, mean, w, result, e):
     """Draws each part on its own where that has to be: for AT_ONCE pixels of a row together."""
     channel, row, first, rows, width = place
     dark, faint, limit = n[DARK_E], n[FAINT_E], n[LIMIT_E]
+    single = np.int64(1)
     for r in range(rows):
         for x in range(0, width, AT_ONCE):
             a, b = r * width + x, r * width + min(x + AT_ONCE, width)
             if _count_apart(light[a:b], dark, faint, limit) == 0:
                 continue
-            here = (channel, row + r, first + x, 1, b - a)
+            here = (channel, row + r, first + x, single, b - a)
             w_, result_ = w[: b - a], result[: b - a]
             _apart(
                 source[a:b],
@@ -350,7 +354,7 @@ def _replace(source, n, keys, place, gains, offsets, light, words, room, mean, w
                     e[i] = result_[i - a]
 
 
-@compiled
+@part
 def _convert(e, source, n, white, out):
     """Electrons to DN, and DN to the values that are wanted; what is missing in the source stays missing."""
     e_per_dn, black, top = n[E_PER_DN], n[BLACK_DN], n[MAX_DN]
@@ -372,7 +376,7 @@ def _convert(e, source, n, white, out):
 @compiled
 def expose(
     source, out, first_row, last_row, channels, numbers, keys, row_gain, row_offset, column_gain, column_offset,
-    gain_maps, offset_maps, origin, white,
+    gain_maps, offset_maps, origin, white, floats, words, sums,
 ):  # fmt: skip
     """Rows [first_row, last_row) of all planes of a batch, one after another.
 
@@ -383,12 +387,11 @@ def expose(
         row_gain, row_offset: (B C or C, H) float32, fractions and electrons; column_...: the same by columns.
         gain_maps, offset_maps: (B C or C, H, W) float32; (C, H, 0) where there is none.
         origin: row and column of the sensor at which the images begin.
+        floats, words, sums: of `scratch`.
     """
     _, height, width = source.shape
-    at_once = rows_at_once(width)
-    size = at_once * width
-    floats, room = np.empty((8, size), np.float32), room_of(size)
-    one, other = np.empty(size + 3, np.uint32), np.empty(size, np.uint32)
+    at_once = floats.shape[1] // width
+    one, other, room = words[0], words[1], (words[2], floats[8:], sums)
     number = first_row
     while number < last_row:
         plane, y = number // height, number % height
@@ -419,16 +422,3 @@ def expose(
             if _count_apart(light, n[DARK_E], n[FAINT_E], n[LIMIT_E]) > 0:
                 _replace(seen, n, keys[image], place, gains, offsets, light, one, room, floats[7], w, z, e)
         _convert(e, seen, n, white, to)
-
-
-@compiled
-def ends(values, first, last):
-    """Least and greatest of the rows [first, last) of values (N, W) float32, missing ones aside; float64 (2,)."""
-    low = np.full(values.shape[1], f32(np.inf))
-    high = np.full(values.shape[1], f32(-np.inf))
-    for r in range(first, last):
-        row = values[r]
-        for x in range(row.size):  # a minimum for each column: a single one would go from pixel to pixel
-            low[x] = row[x] if row[x] < low[x] else low[x]
-            high[x] = row[x] if row[x] > high[x] else high[x]
-    return low.min(), high.max()

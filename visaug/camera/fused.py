@@ -41,7 +41,20 @@ PATTERNS = {
 
 def keys_of(frames: np.ndarray, cameras: np.ndarray) -> np.ndarray:
     """The kernel's table of keys, (B, KEYS), from those of frames, (B,) uint64, and of cameras, (B,) or (1,)."""
-    return kernel().key_table(frames, cameras, *_fork_names())
+    out = np.empty((len(frames), kernel().KEYS), np.uint64)
+    kernel().key_table(frames, cameras, *_fork_names(), out)
+    return out
+
+
+def line_patterns(
+    numbers: np.ndarray, keys: np.ndarray, sets: int, channels: int, by_column: bool, window: range
+) -> np.ndarray:
+    """Gains and offsets of the rows, or columns, of a window, (2, sets C, size) float32; other arguments as the kernel's."""
+    size = len(window)
+    out = np.zeros((2, sets * channels, size), np.float32)
+    words, w = np.empty(size + 3, np.uint32), np.empty(size, np.float32)
+    kernel().line_patterns(numbers, keys, sets, channels, by_column, window.start, words, w, out)
+    return out
 
 
 @cache

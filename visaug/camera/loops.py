@@ -63,13 +63,12 @@ def in_kernel(
     """Calls the kernel, whose `expose` explains the arguments, in threads."""
     channels, height, width = source.shape[1:]
     rows = [x.detach().numpy().reshape(-1, height, width) for x in (source, out)]
-    work = kernel().expose
-    in_threads(
-        lambda first, last: work(
-            *rows, first, last, channels, numbers, keys, *lines, *maps, origin, np.float32(white)
-        ),
-        len(rows[0]) * height,
-    )
+    k, same = kernel(), (channels, numbers, keys, *lines, *maps, origin, np.float32(white))
+
+    def share(first: int, last: int) -> None:
+        k.expose(*rows, first, last, *same, *k.scratch(width))
+
+    in_threads(share, len(rows[0]) * height)
 
 
 def ends(images: Tensor) -> tuple[float, float]:
@@ -77,12 +76,18 @@ def ends(images: Tensor) -> tuple[float, float]:
 
     torch's own reduction starts its threads anew for each call, which costs a small image more than its noise.
     """
-    if images.device.type != "cpu" or images.dtype != torch.float32 or kernel() is None:
+    if images.device.type != "cpu" or images.dtype != torch.float32:
         there = images.isnan()
         low, high = images.masked_fill(there, torch.inf).min(), images.masked_fill(there, -torch.inf).max()
         least, greatest = torch.stack([low, high]).tolist()  # one wait for the device
         return least, greatest
-    rows = images.contiguous().numpy().reshape(-1, images.shape[-1])
+    rows = images.detach().contiguous().numpy().reshape(-1, images.shape[-1])
     found: list[tuple[float, float]] = []
-    in_threads(lambda first, last: found.append(kernel().ends(rows, first, last)), len(rows))
-    return float(min(low for low, _ in found)), float(max(high for _, high in found))
+
+    def share(first: int, last: int) -> None:
+        some = rows[first:last]
+        low, high = np.fmin.reduce(some, None, initial=np.inf), np.fmax.reduce(some, None, initial=-np.inf)
+        found.append((float(low), float(high)))
+
+    in_threads(share, len(rows))
+    return min(low for low, _ in found), max(high for _, high in found)

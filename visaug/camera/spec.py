@@ -193,8 +193,12 @@ def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
             problem += did_you_mean(str(first["loc"][-1]), _KEYS)
         elif first["type"] == "missing":
             problem = "is missing"
+        elif first["type"] == "tuple_type":
+            problem = "is not a list"
+        size = first["loc"][:1] == ("resolution",) and first["type"] != "value_error"
         given = "" if first["type"] in ("extra_forbidden", "missing") else f" (got {first['input']!r})"
-        raise InputError(problem + given, file=file, field=path) from error
+        expected = "[rows, columns]" if size else None
+        raise InputError(problem + given, file=file, field=path, expected=expected) from error
     for i, entry in enumerate(spec.effects):
         _check_effect(entry, f"effects.{i}", file)
     names = [entry["name"] for entry in spec.effects]

@@ -90,9 +90,11 @@ def folder_lock(folder: str | Path) -> Iterator[None]:
     The lock ends with the process, however it ends. Where the system has no such locks, nothing is locked.
 
     Raises:
-        InputError: another process has it.
+        InputError: another process has it, or it is a file.
     """
     folder = Path(folder)
+    if folder.is_file():
+        raise InputError("is a file", file=folder, expected="a folder")
     folder.mkdir(parents=True, exist_ok=True)
     try:
         import fcntl

@@ -54,6 +54,12 @@ def compiled(function: Callable[..., Any]) -> Any:
         settings.CACHE_DIR = before
 
 
+def part(function: Callable[..., Any]) -> Any:
+    """A function that compiled ones alone call: neither kept on its own nor callable from Python, which halves its compilation."""
+    options: dict[str, Any] = {"cache": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return njit(**OPTIONS | options)(function)
+
+
 @intrinsic
 def float_bits(_typing, _number):
     """The bits of a float32."""
@@ -93,12 +99,10 @@ def log(x):
     # times 2^23, so that the rest lies within a factor sqrt(2) of 1
     exponent = i32(bits - i32(0x3F3504F3)) & i32(-(2**23))
     t = as_float(i32(bits - i32(exponent))) - ONE  # pyright: ignore[reportCallIssue]
-    p = f32(7.0376836292e-2)
-    for c in (
-        -1.1514610310e-1, 1.1676998740e-1, -1.2420140846e-1, 1.4249322787e-1, -1.6668057665e-1, 2.0000714765e-1,
-        -2.4999993993e-1, 3.3333331174e-1,
-    ):  # fmt: skip
-        p = p * t + f32(c)
+    p = f32(7.0376836292e-2) * t + f32(-1.1514610310e-1)
+    p = ((p * t + f32(1.1676998740e-1)) * t + f32(-1.2420140846e-1)) * t + f32(1.4249322787e-1)
+    p = ((p * t + f32(-1.6668057665e-1)) * t + f32(2.0000714765e-1)) * t + f32(-2.4999993993e-1)
+    p = p * t + f32(3.3333331174e-1)
     return t + (t * t) * (t * p - HALF) + f32(i32(exponent)) * LOG_2_PER_EXPONENT
 
 
@@ -107,9 +111,8 @@ def expm1(x):
     """exp(x) - 1 of a float32 from -80 to 80, within 2e-7 of it or of exp(x) (Cephes, expf)."""
     n = np.floor(x * PER_LOG_2 + HALF)
     r = x - n * LOG_2_HIGH - n * LOG_2_LOW
-    p = f32(1.9875691500e-4)
-    for c in (1.3981999507e-3, 8.3334519073e-3, 4.1665795894e-2, 1.6666665459e-1, 5.0000001201e-1):
-        p = p * r + f32(c)
+    p = (f32(1.9875691500e-4) * r + f32(1.3981999507e-3)) * r + f32(8.3334519073e-3)
+    p = ((p * r + f32(4.1665795894e-2)) * r + f32(1.6666665459e-1)) * r + f32(5.0000001201e-1)
     power = as_float((i32(n) + i32(127)) << i32(23))  # pyright: ignore[reportCallIssue]
     return power * (r * r * p + r) + (power - ONE)
 
@@ -157,7 +160,7 @@ def mix(x):
     return x ^ (x >> u64(31))
 
 
-@compiled
+@njit(inline="always")
 def _philox(first, row, channel, key, out):
     """Philox-4x32-10 for the counters (first + i, row, channel, 0): word j of counter i in out[j, i]."""
     m0, m1 = u64(0xD2511F53), u64(0xCD9E8D57)
@@ -174,7 +177,7 @@ def _philox(first, row, channel, key, out):
         a[i], b[i], c[i], d[i] = u32(c0), u32(c1), u32(c2), u32(c3)
 
 
-@compiled
+@part
 def words_of_rows(key, channel, row, first, rows, width, words):
     """32 random bits for each pixel of a window; the counter is the place on the sensor.
 
@@ -195,13 +198,13 @@ def words_of_rows(key, channel, row, first, rows, width, words):
                 words[start + 4 * i + j] = lanes[j, i]
 
 
-@compiled
+@part
 def normals(words, out):
     for i in range(out.size):
         out[i] = normal(words[i])
 
 
-@compiled
+@part
 def tukeys(words, shape, scale, out):
     """Tukey-lambda numbers times a scale."""
     shape = f32(1e-6) if abs(shape) < f32(1e-6) else shape
@@ -210,11 +213,12 @@ def tukeys(words, shape, scale, out):
         out[i] = tukey(words[i], shape, factor)
 
 
-@compiled
+@part
 def _many(mean, words, out):
     """Poisson counts of means from SMALL_MEAN on: Giles' expansion (see distributions.py)."""
+    normals(words, out)
     for i in range(out.size):
-        m, w = min(max(mean[i], SMALL_MEAN), MOST_MEAN), normal(words[i])
+        m, w = min(max(mean[i], SMALL_MEAN), MOST_MEAN), out[i]
         root, w2 = math.sqrt(m), w * w
         inverse, whole = ONE / root, np.floor(m)
         x = root * w + (THIRD + w2 * SIXTH) - w * (PER_36 + w2 * PER_72) * inverse
@@ -235,7 +239,7 @@ def _exp(x):
     return p
 
 
-@compiled
+@part
 def _few(mean, words, term, total, u, out):
     """Poisson counts of means up to SMALL_MEAN, by summing the distribution function; float64 keeps the upper tail."""
     for i in range(out.size):
@@ -255,13 +259,13 @@ def _few(mean, words, term, total, u, out):
             total[i] += term[i]
 
 
-@compiled
+@njit(inline="always")
 def room_of(width):
     """What `counts` needs for its small means."""
     return np.empty(width, np.uint32), np.empty((2, width), np.float32), np.empty((3, width))
 
 
-@compiled
+@part
 def counts(mean, words, room, out):
     """Poisson counts of a row of pixels; room: of `room_of`."""
     small, lit = i32(0), i32(0)
@@ -301,13 +305,13 @@ def forked(keys, names):
     return out
 
 
-@compiled
+@njit(inline="always")
 def rows_at_once(width):
     """Rows of a width that are worked on together: few enough to stay in the processor's cache, many enough for long loops."""
     return max(1, 2048 // width)
 
 
-@compiled
+@part
 def _blocks(shape):
     """Image, channel, first and last row of the blocks of a batch, (N, 4)."""
     batch, channels, rows, width = shape
