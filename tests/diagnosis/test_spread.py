@@ -65,7 +65,7 @@ def test_processes_and_threads_give_the_same_bits(monkeypatch, place, stated):
 
 def test_an_effect_that_is_loaded_later_is_known(place, stated):
     lab = laboratory(Forked())
-    lab.finding([(stated, 0)])
+    lab.finding([(stated, k) for k in range(3)])
     with registered():
         (place / "ripple.py").write_text(EFFECT.format(line=""))
         load_file(place / "ripple.py")
@@ -80,14 +80,14 @@ def test_a_fault_of_a_users_effect_names_its_line(place, stated):
         (place / "ripple.py").write_text(EFFECT.format(line='assert signal.shape[-1] != 80, "a fault"'))
         load_file(place / "ripple.py")
         with pytest.raises(Exception, match="a fault") as fault:
-            lab.finding([(stated.with_effect("ripple", sigma_e=3.0), 0)])
+            lab.finding([(stated, 0), (stated.with_effect("ripple", sigma_e=3.0), 0)])
     assert "ripple.py: line 11" in (user_line(fault.value) or "") + str(fault.value)
 
 
 def test_where_a_process_is_killed_threads_go_on(monkeypatch, stated):
     forked, whole = Forked(), laboratory(by_threads())
     lab = laboratory(forked)
-    lab.finding([(stated, 0)])
+    lab.finding([(stated, k) for k in range(3)])
     for process in list(forked._pool._processes.values()):
         os.kill(process.pid, signal.SIGKILL)
     monkeypatch.setenv("VISAUG_CACHE", "/dev/null/none")
@@ -103,7 +103,7 @@ from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.spread import Forked
 forked = Forked()
 camera = stated_camera()
-Laboratory(frame_set(5), camera, spread=forked).finding([(camera, 0)])
+Laboratory(frame_set(5), camera, spread=forked).finding([(camera, k) for k in range(3)])
 print(*forked._pool._processes, flush=True)
 os.kill(os.getpid(), 9)
 """

@@ -131,6 +131,10 @@ class Forked:
         yield from self._threads(work, jobs[done:])
 
     def _by_processes(self, work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
+        if self._pool is None and jobs:  # compiled loops that this process has loaded are inherited
+            with _single_threads():
+                yield work(jobs[0])
+            jobs = jobs[1:]
         if not jobs:
             return
         pool = self._forked(work)
