@@ -2,8 +2,10 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
@@ -93,6 +95,25 @@ def test_where_a_process_is_killed_threads_go_on(monkeypatch, stated):
     monkeypatch.setenv("VISAUG_CACHE", "/dev/null/none")
     jobs = [(stated, k) for k in range(3)]
     np.testing.assert_array_equal(lab.finding(jobs), whole.finding(jobs))
+
+
+def test_a_servers_thread_does_not_fork(stated):
+    forked, found = Forked(), []
+    lab, whole = laboratory(forked), laboratory(by_threads())
+    jobs = [(stated, k) for k in range(3)]
+    asking = threading.Thread(target=lambda: found.append(lab.finding(jobs)))
+    asking.start()
+    asking.join()
+    assert forked._pool is None
+    np.testing.assert_array_equal(found[0], whole.finding(jobs))
+
+
+def test_a_connection_of_the_parent_ends_with_it(stated):
+    here, there = socket.socketpair()
+    laboratory(Forked()).finding([(stated, k) for k in range(3)])
+    here.close()
+    there.settimeout(5)
+    assert there.recv(1) == b""  # no process holds the other end
 
 
 ORPHANS = """

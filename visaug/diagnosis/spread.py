@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import multiprocessing
 import os
 import pickle
 import signal
+import stat
 import sys
 import threading
 import time
@@ -110,7 +112,8 @@ class Forked:
     """The results in the order of the jobs, from processes that are forked for the first ones and wait for more.
 
     Plan and effects are inherited, so that only cameras and results travel. Where effects were loaded since, the processes are
-    forked anew. If one is killed, threads of this process do what is left.
+    forked anew. If one is killed, threads of this process do what is left, and all where not its main thread asks: a server's
+    connections and locks are not to be copied.
     """
 
     def __init__(self) -> None:
@@ -120,6 +123,8 @@ class Forked:
 
     def __call__(self, work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
         done = 0
+        if self._pool is None and threading.current_thread() is not threading.main_thread():
+            self._threads = self._threads or by_threads()
         if self._threads is None:
             try:
                 for result in self._by_processes(work, jobs):
@@ -177,6 +182,10 @@ _work: Work | None = None  # of a forked process
 
 def _begin(work: Work, parent: int) -> None:
     global _work
+    for name in os.listdir("/proc/self/fd"):  # an open connection ends with the parent's
+        with contextlib.suppress(OSError):
+            if stat.S_ISSOCK(os.fstat(int(name)).st_mode):
+                os.close(int(name))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends the work
     torch.set_num_threads(1)
     _work = replace(work, kept=KeptSets(max(MEMORY // workers(), LEAST_MEMORY)))
