@@ -25,7 +25,7 @@ import torch
 
 from visaug.camera import Camera
 from visaug.core.errors import with_user_line
-from visaug.diagnosis.kept import MEMORY, KeptSets
+from visaug.diagnosis.kept import KeptSets
 from visaug.diagnosis.part import MeasuredFrames
 from visaug.effects import catalogue
 from visaug.pictures.part import PicturePart
@@ -34,7 +34,6 @@ Job = tuple[Camera, int]  # and the number of the simulation
 Part = MeasuredFrames | PicturePart
 Spread = Callable[["Work", Sequence[Job]], Iterable[tuple[np.ndarray, ...]]]
 MOST = 16  # workers: each needs some 100 MB of its own
-LEAST_MEMORY = 64 * 2**20  # bytes of the sets that each process keeps
 WAITING = 2  # jobs for each process that are handed out at a time
 LOOKS_S = 2.0  # between two looks whether the process that forked this one is still there
 
@@ -45,26 +44,27 @@ class Work:
 
     Args:
         is_reference: whether all are sets of one camera, from which other cameras will differ little.
-        kept: sets of similar cameras, to which these may be added.
+        kept: sets of similar cameras, to which these may be added; None simulates each as a whole. Which sets are there must not
+            depend on who is first: statistics that are taken from a kept set can differ by rounding.
     """
 
     parts: Sequence[Part]
     seed: int
     uses: tuple[str, ...]
     is_reference: bool = False
-    kept: KeptSets = field(default_factory=KeptSets)
+    kept: KeptSets | None = field(default_factory=KeptSets)
 
     def __call__(self, job: Job) -> tuple[np.ndarray, ...]:
         """Of one simulated set: one array of values for each use of its frames."""
         camera, number = job
-        if self.is_reference:
+        if self.is_reference and self.kept is not None:
             self.kept.announce(camera)
         found = [self._of_part(k, camera, number) for k in range(len(self.parts))]
         return tuple(np.concatenate(values) for values in zip(*found, strict=True))
 
     def _of_part(self, k: int, camera: Camera, number: int) -> list[np.ndarray]:
         part, own = self.parts[k], self.seed * 1_000_003 + number
-        if isinstance(part, PicturePart):
+        if isinstance(part, PicturePart) or self.kept is None:
             return part.simulated(camera, own, self.uses)
         base, is_new = self.kept.beside(camera, number, k)
         if base is None or not is_new:
@@ -138,7 +138,7 @@ class Forked:
     def _by_processes(self, work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
         if self._pool is None and jobs:  # compiled loops that this process has loaded are inherited
             with _single_threads():
-                yield work(jobs[0])
+                yield replace(work, kept=None)(jobs[0])
             jobs = jobs[1:]
         if not jobs:
             return
@@ -188,7 +188,7 @@ def _begin(work: Work, parent: int) -> None:
                 os.close(int(name))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends the work
     torch.set_num_threads(1)
-    _work = replace(work, kept=KeptSets(max(MEMORY // workers(), LEAST_MEMORY)))
+    _work = replace(work, kept=None)
     threading.Thread(target=_with_parent, args=(parent,), daemon=True).start()
 
 
