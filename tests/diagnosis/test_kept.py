@@ -132,19 +132,6 @@ def test_kept_sets_stay_within_their_memory():
     assert [of for of, _ in held] == [other, other]
 
 
-def test_a_missing_set_is_filled_when_it_is_missed_again():
-    camera, kept = stated_camera(), KeptSets()
-    near = camera.with_effect("row_noise", sigma_e=2.0)
-    kept.announce(camera)
-    assert kept.beside(near, 1, 0) == (None, False)
-    empty, is_new = kept.beside(near, 1, 0)
-    assert is_new
-    assert empty.camera is camera
-    kept.add(empty, 1, 0)
-    assert kept.beside(near, 1, 0) == (empty, False)
-    assert kept.beside(near, kept_sets.NUMBERS, 0) == (None, False)
-
-
 def test_a_camera_that_remembers_is_simulated_whole(plan):
     found = KeptSet(stated_camera().with_effect("image_lag", share=0.05))
     frames = found.take(plan, SEED, range(len(plan)), 16)

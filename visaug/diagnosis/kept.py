@@ -278,65 +278,36 @@ class KeptSets:
     def __init__(self, memory: int = MEMORY) -> None:
         self.memory = memory
         self._sets: dict[Camera, dict[tuple[int, int], KeptSet]] = {}
-        self._models: dict[Camera, KeptSet] = {}  # empty ones, by which cameras are compared
-        self._missed: set[tuple[Camera, int, int]] = set()
-        self._without: set[Camera] = set()  # cameras of which no more sets are kept
         self._lock = threading.Lock()
 
     def __reduce__(self) -> tuple:
         return KeptSets, (self.memory,)  # another process keeps its own
+
+    def wants(self, camera: Camera, number: int) -> bool:
+        """Whether a set of this camera is to be kept."""
+        return number < NUMBERS and camera in self._sets
 
     def announce(self, camera: Camera) -> None:
         """Sets of this camera will be kept, in place of those that have not been used for longest."""
         with self._lock:
             self._sets[camera] = self._sets.pop(camera, {})
             for old in list(self._sets)[:-BASES]:
-                self._drop(old)
+                del self._sets[old]
 
-    def _drop(self, camera: Camera) -> None:
-        self._sets.pop(camera, None)
-        self._models.pop(camera, None)
-        self._without.discard(camera)
-        self._missed = {one for one in self._missed if one[0] is not camera}
-
-    def beside(self, camera: Camera, number: int, part: int) -> tuple[KeptSet | None, bool]:
-        """The set of this number from which least is to be simulated, and whether it is empty and to be filled first.
-
-        A set of another camera that is not kept is filled when it is missed for the second time: once would cost more than it
-        saves.
-        """
+    def nearest(self, camera: Camera, number: int, part: int) -> KeptSet | None:
+        """The kept set of this number from which least is to be simulated."""
         with self._lock:
-            own = self._sets.get(camera)
-            if (
-                own is not None
-                and (number, part) not in own
-                and number < NUMBERS
-                and camera not in self._without
-            ):
-                return KeptSet(camera), True
-            order = sorted(self._sets, key=lambda one: self._model(one).shared(camera))
-            for one in reversed(order):
-                found = self._sets[one].get((number, part))
-                if found is not None:  # the last is given up last
-                    self._sets[one] = self._sets.pop(one)
-                    return found, False
-                if one in self._without or number >= NUMBERS:
-                    continue
-                if (one, number, part) in self._missed:
-                    return KeptSet(one), True
-                self._missed.add((one, number, part))
-        return None, False
-
-    def _model(self, camera: Camera) -> KeptSet:
-        if camera not in self._models:
-            self._models[camera] = KeptSet(camera)
-        return self._models[camera]
+            there = [sets[number, part] for sets in self._sets.values() if (number, part) in sets]
+            found = max(there, key=lambda kept: kept.shared(camera), default=None)
+            if found is not None:  # the last is given up last
+                self._sets[found.camera] = self._sets.pop(found.camera)
+        return found
 
     def add(self, kept: KeptSet, number: int, part: int) -> None:
         """Keeps a set that was filled, if there is room for it."""
         with self._lock:
             if kept.remembers:
-                self._drop(kept.camera)
+                self._sets.pop(kept.camera, None)
             mine = self._sets.get(kept.camera)
             if mine is None:
                 return
@@ -347,8 +318,6 @@ class KeptSets:
                     sets.clear()
             if total <= self.memory:
                 mine[number, part] = kept
-            else:
-                self._without.add(kept.camera)
 
 
 def sensor_chain(camera: Camera) -> list[Effect]:

@@ -25,7 +25,7 @@ import torch
 
 from visaug.camera import Camera
 from visaug.core.errors import with_user_line
-from visaug.diagnosis.kept import KeptSets
+from visaug.diagnosis.kept import KeptSet, KeptSets
 from visaug.diagnosis.part import MeasuredFrames
 from visaug.effects import catalogue
 from visaug.pictures.part import PicturePart
@@ -66,12 +66,13 @@ class Work:
         part, own = self.parts[k], self.seed * 1_000_003 + number
         if isinstance(part, PicturePart) or self.kept is None:
             return part.simulated(camera, own, self.uses)
-        base, is_new = self.kept.beside(camera, number, k)
-        if base is None or not is_new:
+        base = self.kept.nearest(camera, number, k)
+        if (base is not None and base.camera is camera) or not self.kept.wants(camera, number):
             return part.simulated(camera, own, self.uses, base)
-        values = part.simulated(base.camera, own, self.uses, base)
+        base = KeptSet(camera)
+        values = part.simulated(camera, own, self.uses, base)
         self.kept.add(base, number, k)
-        return values if base.camera is camera else part.simulated(camera, own, self.uses, base)
+        return values
 
 
 def on_this_machine() -> Spread:
@@ -148,7 +149,7 @@ class Forked:
         def submitted(camera: Camera, number: int) -> Future:
             if camera is not last[0]:
                 last[:] = camera, pickle.dumps((camera.spec, camera.folder, camera.maps))
-            return pool.submit(_in_process, work.uses, work.is_reference, last[1], number)
+            return pool.submit(_in_process, work.uses, last[1], number)
 
         coming = itertools.starmap(submitted, jobs)
         waiting = deque(itertools.islice(coming, WAITING * workers()))
@@ -169,9 +170,8 @@ class Forked:
             self._pool = ProcessPoolExecutor(
                 workers(), multiprocessing.get_context("fork"), _begin, (work, os.getpid())
             )
-            with (
-                warnings.catch_warnings()
-            ):  # of threads that a fork does not copy: the children use none of them
+            with warnings.catch_warnings():
+                # of threads that a fork does not copy: the children use none of them
                 warnings.simplefilter("ignore", DeprecationWarning)
                 self._pool.submit(int).result()
         return self._pool
@@ -199,17 +199,15 @@ def _with_parent(parent: int) -> None:
     os._exit(1)
 
 
-def _in_process(
-    uses: tuple[str, ...], is_reference: bool, camera: bytes, number: int
-) -> tuple[np.ndarray, ...]:
+def _in_process(uses: tuple[str, ...], camera: bytes, number: int) -> tuple[np.ndarray, ...]:
     assert _work is not None
     try:
-        return replace(_work, uses=uses, is_reference=is_reference)((_camera(camera), number))
+        return replace(_work, uses=uses)((_camera(camera), number))
     except Exception as error:
         raise with_user_line(error) from None
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=1)
 def _camera(packed: bytes) -> Camera:
-    """The same object for the same camera, of which sets are kept. Its effects are those of this process."""
+    """A camera with the effects of this process; made once for the sets of one camera."""
     return Camera(*pickle.loads(packed))
