@@ -46,3 +46,19 @@ def rows_that_shift(x: np.ndarray, strength: float, moment) -> np.ndarray:
 
 def row_noise(strength: float) -> Hidden:
     return Hidden("shifting rows", "voltage", rows_that_shift, strength)
+
+
+# the file of an effect of a user's own, with a line and a factor of its law
+RIPPLE = '''
+from visaug.effects import Effect, Parameter, Stage
+
+class Ripple(Effect):
+    """A test's own."""
+    name = "ripple"
+    stage = Stage.READOUT
+    sigma_e = Parameter(1.0, unit="e-", strength=True)
+
+    def apply(self, signal, p, stream, context):
+        {line}
+        return signal + {factor} * p.sigma_e * stream.normal("row")
+'''

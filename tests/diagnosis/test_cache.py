@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.diagnosis.small import frame_set
+from tests.diagnosis.small import RIPPLE, frame_set
 from visaug.diagnosis import laboratory, search
 from visaug.diagnosis.candidates.signatures import scanned
 from visaug.diagnosis.fitting.parameters import base_coordinates
@@ -11,19 +11,6 @@ from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.names import source_of
 from visaug.diagnosis.spread import by_threads
 from visaug.effects import load_file
-
-EFFECT = '''
-from visaug.effects import Effect, Parameter, Stage
-
-class Ripple(Effect):
-    """A test's own."""
-    name = "ripple"
-    stage = Stage.READOUT
-    sigma_e = Parameter(1.0, unit="e-", strength=True)
-
-    def apply(self, signal, p, stream, context):
-        return signal + {factor} * p.sigma_e * stream.normal("row")
-'''
 
 
 class Counted:
@@ -112,7 +99,7 @@ def test_a_changed_effect_file_is_simulated_anew(stated, tmp_path):
     lab = Laboratory(frame_set(5), stated, 0)
     names = []
     for factor in (1, 2):  # the parameters stay, the law changes
-        file.write_text(EFFECT.format(factor=factor))
+        file.write_text(RIPPLE.format(factor=factor, line=""))
         load_file(file)
         camera = stated.with_effect("ripple", sigma_e=1.0)
         names.append((source_of("ripple"), lab._names.of(camera, 0, ("find",))))

@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from tests.diagnosis.small import frame_set, stated_camera
+from tests.diagnosis.small import RIPPLE, frame_set, stated_camera
 from visaug.core.errors import user_line
 from visaug.diagnosis import spread as spreads
 from visaug.diagnosis.laboratory import Laboratory
@@ -19,20 +19,6 @@ from visaug.diagnosis.spread import Forked, by_threads
 from visaug.effects import load_file, registered
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks")
-
-EFFECT = '''
-from visaug.effects import Effect, Parameter, Stage
-
-class Ripple(Effect):
-    """A test's own."""
-    name = "ripple"
-    stage = Stage.READOUT
-    sigma_e = Parameter(1.0, unit="e-", strength=True)
-
-    def apply(self, signal, p, stream, context):
-        {line}
-        return signal + p.sigma_e * stream.normal("row")
-'''
 
 
 @pytest.fixture(autouse=True)
@@ -69,7 +55,7 @@ def test_an_effect_that_is_loaded_later_is_known(place, stated):
     lab = laboratory(Forked())
     lab.finding([(stated, k) for k in range(3)])
     with registered():
-        (place / "ripple.py").write_text(EFFECT.format(line=""))
+        (place / "ripple.py").write_text(RIPPLE.format(factor=1, line=""))
         load_file(place / "ripple.py")
         rippled = stated.with_effect("ripple", sigma_e=30.0)
         found = lab.finding([(rippled, 0), (stated, 0)])
@@ -79,7 +65,9 @@ def test_an_effect_that_is_loaded_later_is_known(place, stated):
 def test_a_fault_of_a_users_effect_names_its_line(place, stated):
     lab = laboratory(Forked())
     with registered():
-        (place / "ripple.py").write_text(EFFECT.format(line='assert signal.shape[-1] != 80, "a fault"'))
+        (place / "ripple.py").write_text(
+            RIPPLE.format(factor=1, line='assert signal.shape[-1] != 80, "a fault"')
+        )
         load_file(place / "ripple.py")
         with pytest.raises(Exception, match="a fault") as fault:
             lab.finding([(stated, 0), (stated.with_effect("ripple", sigma_e=3.0), 0)])
