@@ -20,6 +20,20 @@ def test_slow_traps_keep_their_state(run_effect, kept):
         assert float((state[k] * state[k + 1]).mean()) == pytest.approx(0.21 * kept, abs=0.0105)
 
 
+def test_slow_traps_keep_their_state_from_batch_to_batch(run_effect):
+    """It is drawn anew in 2 % of the frames, whatever the batches, and distributed as at the beginning."""
+    settings = {"density": 1.0, "amplitude_e": 1.0, "amplitudes": "equal", "duty": 0.3, "kept": 0.98}
+    frames, memory = torch.zeros(64, 1, 60, 60), {}
+    apart = [
+        run_effect("rts_noise", part, sequence=True, memory=memory, **settings) for part in frames.split(16)
+    ]
+    state = torch.cat(apart).double() - 0.3
+    for first, last in ((0, 0), (63, 63), (3, 63), (60, 63)):
+        expected = 0.21 * 0.98 ** (last - first)
+        # 3600 pixels: 4 standard errors of a covariance, at most 0.21 / 60 each
+        assert float((state[first] * state[last]).mean()) == pytest.approx(expected, abs=0.014)
+
+
 def test_a_clamp_takes_the_mean_of_flicker_noise_away(run_effect):
     frames = torch.zeros(40, 1, 60, 80)
     free, clamped = (

@@ -17,9 +17,8 @@ def kept_states(
 ) -> Tensor:
     """States 0 and 1 along a sequence: that of the frame before with probability `p.kept`, else 1 with probability `p.duty`.
 
-    Whether a state is drawn anew, and what is drawn, are functions of the pixel and of the number of the frame in the sequence,
-    also before its beginning. What is remembered from frame to frame is therefore the number of the frame alone, so frames may
-    be skipped.
+    Whether a state is drawn anew, and what is drawn, are functions of the pixel and of the number of the frame in the sequence.
+    What is remembered from frame to frame is therefore the number of the frame alone, so frames may be skipped.
 
     Args:
         name: key in the context's memory.
@@ -33,33 +32,49 @@ def kept_states(
     """
     begun = context.memory.get(name)
     sequence, frame = (int(keys[0].view(np.int64)), 0) if begun is None else map(int, begun.flatten())
-    states = torch.zeros(len(keys), *where.shape[1:], device=where.device)
     duty, kept = (value.flatten().expand(len(keys)).tolist() for value in (p.duty, p.kept))
+    hit = where.any(0)
+    first, second = (number[0][hit].view(torch.int32).long() for number in places)
+    own = mix(mix(first << 32 | second) ^ sequence)
+    states = torch.zeros(len(keys), *hit.shape, device=hit.device)
+    upper = _looked_back(own, frame, duty[0], kept[0])
     for k, state in enumerate(states):
-        hit, *numbers = (each[min(k, len(each) - 1)] for each in (where, *places))
-        first, second = (number[hit].view(torch.int32).long() for number in numbers)
-        own = mix(mix(first << 32 | second) ^ sequence)
-        state[hit] = _state(own, frame + k, duty[k], kept[k]).float()
+        if k > 0:
+            drawn = _drawn(own, torch.tensor(frame + k, device=own.device))
+            upper = torch.where(_uniform(drawn) >= kept[k], _is_upper(drawn, duty[k]), upper)
+        state[hit] = upper.float()
     context.memory[name] = torch.tensor([sequence, frame + len(keys)]).view(1, 2, 1, 1)
-    return states
+    return states * where
 
 
-def _state(own: Tensor, frame: int, duty: float, kept: float) -> Tensor:
-    """Of each defect, by its own key: what was drawn in the last frame, up to this one, in which its state was drawn."""
+def _looked_back(own: Tensor, frame: int, duty: float, kept: float) -> Tensor:
+    """Of each defect, by its own key: what was drawn in the last frame, up to this one, in which its state was drawn.
+
+    It is drawn in frame 0 in any case: whether a state is drawn depends on none before, so it is distributed there as in any frame.
+    """
     first_look = 2.0  # frames that are looked back at once, in units of the mean time between draws
     most_look = 64
     look = min(math.ceil(first_look / (1 - kept)), most_look)
     upper = torch.zeros(len(own), dtype=torch.bool, device=own.device)
     open_ = torch.arange(len(own), device=own.device)
     while len(open_):
-        back = torch.arange(frame, frame - look, -1, device=own.device)
-        drawn = mix(own[open_][:, None] ^ mix(back))
-        is_drawn = _uniform(drawn) >= kept
+        back = torch.arange(frame, max(frame - look, -1), -1, device=own.device)
+        drawn = _drawn(own[open_][:, None], back)
+        is_drawn = (_uniform(drawn) >= kept) | (back == 0)
         last = is_drawn.int().argmax(1, keepdim=True)
         found = is_drawn.any(1)
-        upper[open_[found]] = _uniform(mix(drawn.gather(1, last)[found, 0] ^ STATE)) < duty
+        upper[open_[found]] = _is_upper(drawn.gather(1, last)[found, 0], duty)
         open_, frame = open_[~found], frame - look
     return upper
+
+
+def _drawn(own: Tensor, frame: Tensor) -> Tensor:
+    """Keys of what may be drawn in frames."""
+    return mix(own ^ mix(frame))
+
+
+def _is_upper(drawn: Tensor, duty: float) -> Tensor:
+    return _uniform(mix(drawn ^ STATE)) < duty
 
 
 def _uniform(keys: Tensor) -> Tensor:

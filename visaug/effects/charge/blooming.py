@@ -75,7 +75,12 @@ class Blooming(Effect):
         if p.spread == "isotropic":
             charge = signal.double()  # sums go beyond what float32 counts
             running = p.share * (charge - full_well).clamp_min(0)
-            return (charge - running + _taken_up(running, (full_well - charge).clamp_min(0))).to(signal.dtype)
+            room = (full_well - charge).clamp_min(0)
+            hit = (running > 0).flatten(1).any(1) & (room > 0).flatten(1).any(
+                1
+            )  # in other images nothing moves
+            filled = torch.zeros_like(room).index_put((hit,), _taken_up(running[hit], room[hit]))
+            return (charge - running + filled).to(signal.dtype)
         columns = signal.transpose(-1, -2)  # (B, C, W, H)
         hit = (columns > full_well).any(-1)  # all other columns stay as they are
         well, share, upward = (value.expand(*hit.shape, 1)[hit] for value in (full_well, p.share, p.upward))
@@ -103,7 +108,7 @@ def _filled(excess, room):
 def _taken_up(running, room):
     """How much of an excess that walks from pixel to pixel, to all four sides alike, each pixel takes up."""
     left = room
-    for step in range(MOST_STEPS):
+    for step in range(MOST_STEPS if len(room) else 0):
         if step % 8 == 0 and (float(running.detach().max()) < SETTLED_E or float(left.detach().max()) <= 0):
             break
         padded = F.pad(running, (1, 1, 1, 1))
