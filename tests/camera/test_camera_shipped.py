@@ -141,6 +141,13 @@ def test_a_name_in_any_case_is_a_shipped_camera(name, capsys):
     assert capsys.readouterr().out == shipped()["sony_imx174"].read_text()
 
 
+def test_a_wrong_path_is_told_what_its_folder_has(tmp_path):
+    for name in ("data_sheet.yaml", "other.yaml"):
+        (tmp_path / name).write_text("resolution: [8, 8]\n")
+    with pytest.raises(InputError, match=r"no such camera; its folder has data_sheet.yaml, other.yaml"):
+        Camera.load(tmp_path / "camera.yaml")
+
+
 def test_a_name_that_is_nearly_right_is_proposed():
     with pytest.raises(InputError, match=r"did you mean .*sony_imx174"):
         Camera.load("sony_imx147")

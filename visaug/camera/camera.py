@@ -47,8 +47,10 @@ def camera_file(source: str | Path) -> Path:
     known = {**package, **own}
     if path.parent == Path() and name in known:
         return known[name]
-    problem = "no such camera" + did_you_mean(name, known)
-    raise InputError(problem, file=source, expected="a camera.yaml, or a name that `visaug cameras` lists")
+    beside = sorted(file.name for file in path.parent.glob("*.yaml")) if path.parent != Path() else []
+    near = f"; its folder has {', '.join(beside[:3])}" if beside else did_you_mean(name, known)
+    expected = "a camera.yaml, or a name that `visaug cameras` lists"
+    raise InputError("no such camera" + near, file=source, expected=expected)
 
 
 class Camera:
