@@ -1,6 +1,7 @@
 """Mistakes in a camera file: each kind is named and corrected, none is found in a right file."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import yaml
@@ -9,7 +10,7 @@ from benchmark.camera import take
 from benchmark.sets import camera_yaml
 from benchmark.small import CHART, PLAN, SENSOR, chart
 from visaug import Camera, FrameSet
-from visaug.diagnosis.camera_file import corrected
+from visaug.diagnosis.camera_file import corrected, suspects
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.frames import FrameRecord
 
@@ -76,3 +77,15 @@ def test_a_right_file_has_no_mistake(frames, right):
     same, found = corrected(camera, frames, Laboratory(frames, camera))
     assert found == ()
     assert same is camera
+
+
+@pytest.mark.parametrize("factor", [1.35, 1.5, 1.7])
+def test_a_little_more_dark_current_than_in_the_file_is_no_mistake(right, factor):
+    """Hot pixels or a warmer sensor explain it as well as a figure per frame of 0.75 s, or one in DN."""
+    plan = [replace(s, seconds=0.75) if s.seconds == 0.2 else s for s in PLAN]
+    records = [
+        FrameRecord(i, f"{i}.npy", s.kind, s.seconds, s.celsius, 0.0, s.photons) for i, s in enumerate(plan)
+    ]
+    frames = FrameSet.from_arrays(records, list(take(SENSOR, plan, {}, 7, [])), bit_depth=SENSOR.bits)
+    camera = Camera.load(right).replace({"dark_current.a_e_per_s": DARK_E / factor})
+    assert suspects(camera, frames) == []

@@ -25,11 +25,13 @@ FAR = math.log(1.3)  # logarithm of the ratio of file and measurement below whic
 NEAR = math.log(
     1.15
 )  # and of the corrected figure and the measurement up to which they agree: intervals leave out the effects
+DOUBLED = 2.0  # ratio of dark currents below which hot pixels or a few degrees explain it as well
 CERTAIN = 4.0  # half widths of the measurement's 95 % interval by which a wrong figure must differ
 BETTER = 10.0  # decrease of the robust misfit (a log likelihood) by a correction
 SETS = 4  # simulated sets for the mean of a camera
 BLACK_DN = 5.0  # DN of a black level that is left out or subtracted already
 LIT = ("flat", "scene")
+DARK = "dark_current.a_e_per_s"
 
 
 @dataclass(frozen=True)
@@ -121,10 +123,11 @@ def suspects(camera: Camera, frames: FrameSet) -> list[Mistake]:
         )
         if abs(math.log(estimate.value / value)) < max(FAR, CERTAIN * width):
             continue
+        least = math.log(DOUBLED) if key == DARK else 0.0
         tried = sorted(
             (abs(math.log(right / estimate.value)), word, right, text)
             for word, right, text in _hypotheses(key, value, g, file, exposures)
-            if right > 0
+            if right > 0 and abs(math.log(right / value)) >= least
         )
         apart = abs(math.log(estimate.value / value))
         if tried and tried[0][0] < min(max(NEAR, 2 * width), 0.5 * apart):
@@ -145,7 +148,7 @@ def _hypotheses(
     unit = key.rsplit("_", 1)[-1]
     if key == GAIN:
         yield "inverse", 1 / value, "in DN/e- and not in e-/DN"
-    if key.endswith("_e") or key == "dark_current.a_e_per_s":
+    if key.endswith("_e") or key == DARK:
         yield "unit", value * gain, "in DN and not in electrons"
         yield "unit", value / gain, "in electrons of another gain, or multiplied by the gain"
     if key.startswith(("read_noise.sigma", "dsnu.")) and unit == "e":
@@ -161,7 +164,7 @@ def _hypotheses(
         yield "variance", math.sqrt(value), "a variance and not a standard deviation"
     if key == "quantum_efficiency":
         yield "per_cent", value * 100, "a hundredth of the fraction"
-    if key == "dark_current.a_e_per_s":
+    if key == DARK:
         for exposure in sorted(exposures | {file["exposure_s"]} if "exposure_s" in file else exposures):
             yield "per_frame", value / exposure, f"per frame of {exposure:g} s and not per second"
         for factor, name in ((1e3, "millisecond"), (1e6, "microsecond")):
