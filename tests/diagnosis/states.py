@@ -26,7 +26,8 @@ def leaving(residual, camera: Camera, *accepted: str) -> State:
         largest=np.linspace(2.5, 5.0, 120), camera=camera,
     )  # fmt: skip
     fitted = Fitted(reference, camera, left, left, left)  # pyright: ignore[reportArgumentType]
-    return State(fitted, accepted, (np.zeros(len(left)), np.zeros(len(left)), np.zeros(len(left))))
+    nothing, own = np.zeros(len(left)), np.arange(len(left))  # each statistic has a view of its own
+    return State(fitted, accepted, (nothing, nothing, nothing), (own, own, own))
 
 
 def refined(effect: str, camera: Camera, gain: float, cost: float = 1.0) -> Refined:

@@ -31,7 +31,11 @@ def state(measured: np.ndarray, sets: np.ndarray, slope: np.ndarray | None = Non
         samples.append(SimulatedStatistics(values, slopes[use], np.zeros(count)))
         residuals.append(measured[use] - values.mean(0))
     reference = Reference(None, coordinates, *samples)  # pyright: ignore[reportArgumentType]
-    return State.plain(Fitted(reference, None, *residuals))  # pyright: ignore[reportArgumentType]
+    fitted = Fitted(reference, None, *residuals)  # pyright: ignore[reportArgumentType]
+    find, confirm, whole = (
+        np.arange(len(left)) for left in residuals
+    )  # each statistic has a view of its own
+    return State.plain(fitted, (find, confirm, whole))
 
 
 def pair(

@@ -163,7 +163,8 @@ def test_of_two_fits_the_better_keeps_the_other_words_that_gain_nearly_as_much(s
 def leaving(residual) -> State:
     left = np.array(residual, float)
     reference = SimpleNamespace(null_scale=np.ones(len(left)), coordinates=())
-    return State.plain(Fitted(reference, None, left, left, left))  # pyright: ignore[reportArgumentType]
+    own = np.arange(len(left))
+    return State.plain(Fitted(reference, None, left, left, left), (own, own, own))  # pyright: ignore[reportArgumentType]
 
 
 def test_other_words_are_tried_first_with_the_numbers_that_were_found(stated, monkeypatch):

@@ -85,7 +85,8 @@ def chance_of(null: np.ndarray, shapes: np.ndarray):
 
     def p_of(residual: np.ndarray) -> float:
         fitted = Fitted(reference, None, residual, residual, residual)  # pyright: ignore[reportArgumentType]
-        return chance(lab, signed, State.plain(fitted)).p_value  # type: ignore[arg-type]
+        own = np.arange(len(residual))
+        return chance(lab, signed, State.plain(fitted, (own, own, own))).p_value  # type: ignore[arg-type]
 
     return p_of
 

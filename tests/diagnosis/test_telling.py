@@ -11,6 +11,7 @@ from tests.diagnosis.states import leaving
 from visaug.diagnosis import telling
 from visaug.diagnosis.candidates.signatures import Signatures
 from visaug.diagnosis.candidates.trials import Trial
+from visaug.diagnosis.fitting.law import FORM
 from visaug.statistics import Fingerprint, Statistic
 
 STATISTIC = Statistic("temporal_lines", "rows", "bias", ("time", "row"), "DN", "bias")
@@ -31,7 +32,7 @@ def test_a_difference_is_reported_if_and_only_if_the_camera_is_not_adequate(stat
 
 def test_a_reported_difference_is_in_standard_deviations_with_the_tolerance(stated):
     state = leaving([4.0, 40.0], stated)
-    state = replace(state, tolerances=(np.zeros(2), np.zeros(2), np.array([0.0, np.sqrt(399.0)])))
+    state = replace(state, explained=(np.zeros(2), np.zeros(2), np.array([0.0, np.sqrt(399.0) / FORM])))
     found = telling.residue(Fingerprint((STATISTIC, STATISTIC), np.ones(2)), state, True, None)
     assert found is not None
     assert [z for _, z in found.worst] == pytest.approx([4.0])  # not the second, of which 40 / 20 stay
@@ -43,7 +44,7 @@ def test_a_difference_in_the_form_of_an_accepted_effect_is_described(stated, fur
     state = leaving([furthest, 1.0, 0.5], stated.with_effect("row_noise"), "row_noise")
     assert telling.form([STATISTIC] * 3, state) is None
     nothing = np.zeros(3)
-    acting = replace(state, tolerances=(nothing, nothing, np.array([2.0, 0.0, 0.0])))
+    acting = replace(state, explained=(nothing, nothing, np.array([2.0 / FORM, 0.0, 0.0])))
     text = telling.form([STATISTIC] * 3, acting)
     assert (text is not None) == expected
     assert text is None or "row_noise" in text

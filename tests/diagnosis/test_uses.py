@@ -9,6 +9,7 @@ from visaug.diagnosis.criterion import evidence
 from visaug.diagnosis.fitting.law import FORM
 from visaug.diagnosis.fitting.reference import Null
 from visaug.diagnosis.fitting.uses import Use, scales, shifts
+from visaug.diagnosis.state import tolerance
 
 SHIFT = np.full(ALL, 0.8)
 
@@ -113,6 +114,14 @@ def test_an_accepted_effect_leaves_a_tolerance_of_what_it_explains():
     again = after.with_effect("smear", after.fitted)  # it explains nothing
     np.testing.assert_allclose(again.find.allowance, after.find.allowance)
     assert evidence(before, after, 1).accepts
+
+
+def test_the_tolerance_holds_in_the_whole_view_that_an_effect_changes():
+    """A tenth of the root mean square there, in standard deviations, where it explains less of a statistic itself."""
+    explained, scale = np.array([60.0, 0.0, 0.0, 0.0, 4.0, 5.0]), np.array([2.0, 1.0, 3.0, 0.0, 1.0, 0.0])
+    found = tolerance(explained, scale, np.array([0, 0, 0, 0, 1, 2]))
+    square = 30.0**2 / 3  # the fourth statistic is constant
+    np.testing.assert_allclose(found, [6.0, 0.1 * square**0.5, 0.3 * square**0.5, 0.0, 0.4, 0.5])
 
 
 def test_a_camera_is_adequate_if_its_largest_residual_is_as_in_simulated_sets():

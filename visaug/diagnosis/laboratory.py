@@ -107,6 +107,14 @@ class Laboratory:
     def statistics(self) -> tuple[Statistic, ...]:
         return self.measured[0].statistics
 
+    @cached_property
+    def views(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Number of the view of every statistic of the discovery frames, of the hold-out frames, and of the whole set."""
+        find, confirm, whole = (
+            np.unique([s.view for s in f.statistics], return_inverse=True)[1] for f in self.measured
+        )
+        return find, confirm, whole
+
     def whole_of(self, finding: np.ndarray) -> np.ndarray:
         """A shape (..., statistics) of the discovery frames, as one of the whole set: 0 where these have a statistic more."""
         place = self._place_in_finding

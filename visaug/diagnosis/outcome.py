@@ -71,7 +71,7 @@ def kept(setting: Setting, history: History, p_given: float) -> tuple[SearchStag
     steps = tuple(Step(stage.action, stage.error) for stage in history)
     if end.state.accepted or end.error is None or end.error.value <= 1:
         return end, steps
-    given = State.plain(setting.unfitted)
+    given = State.plain(setting.unfitted, end.state.views)
     error = setting.errors.told(given.fitted)
     return replace(end, state=given, p_value=p_given, error=error), (Step("keep the camera file", error),)
 

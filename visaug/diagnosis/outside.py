@@ -50,8 +50,7 @@ def log_odds_outside(state: State, statistics: Sequence[Statistic]) -> float:
     varies = use.null.scale > 0
     views = np.array([s.view for s in statistics])
     own = [varies & (views == view) for view in np.unique(views[varies])]
-    # the tolerance of a form is that share of what the effect explains
-    parts = (use.allowance / FORM, use.residual, use.null.residuals)
+    parts = (state.explained[2], use.residual, use.null.residuals)
     explained, left, simulated = (standardised(part, use.null.scale) ** 2 for part in parts)
     shown = np.sqrt([explained[view].mean() for view in own])
     told = [

@@ -156,7 +156,8 @@ def tested(
     """The camera file, simulated and refitted, and whether it is adequate; with as many simulated sets as that takes."""
     first, *more = [stage for stage in STAGES if stage < sets] + [sets]
     null = given_reference(lab, camera, first, report)
-    state = State.plain(settled(lab, refit(lab, null, report), min(first, SETS_AFTER), report))
+    fitted = settled(lab, refit(lab, null, report), min(first, SETS_AFTER), report)
+    state = State.plain(fitted, lab.views)
     signs = scanned(lab, null, trials(camera, without), report)
     adding = Adding(lab, null, signs.trials, report)
     test = chance(lab, signs, state)

@@ -9,7 +9,7 @@ from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.law import FORM
 from visaug.diagnosis.fitting.parameters import Coordinate
 from visaug.diagnosis.fitting.reference import Null, SimulatedStatistics
-from visaug.diagnosis.fitting.robust import p_value
+from visaug.diagnosis.fitting.robust import p_value, standardised
 from visaug.diagnosis.fitting.uses import Use
 from visaug.diagnosis.scatter import VarianceStrength
 from visaug.statistics.tail import SIGNIFICANT
@@ -22,33 +22,34 @@ class State:
     Attributes:
         fitted: the fitted camera.
         accepted: names of the effects added so far.
-        tolerances: residual that may stay because accepted effects do not have exactly the catalogue's forms: per statistic of
-            the discovery, the hold-out and all frames.
+        explained: residual that accepted effects explain: per statistic of the discovery, the hold-out and all frames.
+        views: number of the view of each of these statistics.
         scatters: accepted effects whose strength is estimated from the variance that they cause and not from a mean shift;
             that strength is not a fitted parameter.
     """
 
     fitted: Fitted
     accepted: tuple[str, ...]
-    tolerances: tuple[np.ndarray, np.ndarray, np.ndarray]
+    explained: tuple[np.ndarray, np.ndarray, np.ndarray]
+    views: tuple[np.ndarray, np.ndarray, np.ndarray]
     scatters: tuple[VarianceStrength, ...] = ()
 
     @classmethod
-    def plain(cls, fitted: Fitted) -> "State":
+    def plain(cls, fitted: Fitted, views: tuple[np.ndarray, np.ndarray, np.ndarray]) -> "State":
         """The state of a camera without added effects."""
         find, confirm, whole = (np.zeros(len(left)) for left in fitted.residuals)
-        return cls(fitted, (), (find, confirm, whole))
+        return cls(fitted, (), (find, confirm, whole), views)
 
     def with_effect(self, effect: str, fitted: Fitted) -> "State":
-        """The state with one more effect, whose form adds its tolerance: a share of what the effect explains."""
-        explained = (
+        """The state with one more effect, which explains what it removes of the residuals."""
+        removed = (
             np.maximum(np.abs(before) - np.abs(after), 0.0)
             for before, after in zip(self.fitted.residuals, fitted.residuals, strict=True)
         )
         find, confirm, whole = (
-            np.hypot(old, FORM * part) for old, part in zip(self.tolerances, explained, strict=True)
+            np.hypot(old, part) for old, part in zip(self.explained, removed, strict=True)
         )
-        return State(fitted, (*self.accepted, effect), (find, confirm, whole), self.scatters)
+        return State(fitted, (*self.accepted, effect), (find, confirm, whole), self.views, self.scatters)
 
     @cached_property
     def find(self) -> Use:
@@ -69,7 +70,8 @@ class State:
         return self._use(self.fitted.whole_residual, reference.whole, reference.whole_null, 2)
 
     def _use(self, residual: np.ndarray, sample: SimulatedStatistics, null: Null, number: int) -> Use:
-        return Use(residual, sample.sets, null, self.tolerances[number])
+        allowance = tolerance(self.explained[number], null.scale, self.views[number])
+        return Use(residual, sample.sets, null, allowance)
 
     @property
     def numbers(self) -> tuple[tuple[Coordinate, ...], np.ndarray, np.ndarray]:
@@ -92,3 +94,17 @@ class State:
     @property
     def is_adequate(self) -> bool:
         return self.p_value > SIGNIFICANT
+
+
+def tolerance(explained: np.ndarray, scale: np.ndarray, views: np.ndarray) -> np.ndarray:
+    """Residual (statistics,) that may stay because accepted effects do not have exactly the catalogue's forms.
+
+    It is a share of what the effects explain of a statistic, or of its view, whichever is more: another form also changes
+    statistics that the catalogue's form leaves as they are. Of a view this is the root mean square, in standard deviations.
+    """
+    squares, counts = (
+        np.bincount(views, weights)
+        for weights in (standardised(explained, scale) ** 2, (scale > 0).astype(float))
+    )
+    of_view = np.sqrt(squares / np.maximum(counts, 1.0))[views]
+    return FORM * np.maximum(explained, of_view * scale)

@@ -98,7 +98,7 @@ class Fits:
         error = Errors(self.lab, first, Fitted.unfitted(self.lab, first)).told(fitted)
         if quick:
             return CameraFit(camera, error, math.nan, Places(), {})
-        state = State.plain(fitted)
+        state = State.plain(fitted, self.lab.views)
         left = Distance(
             self.lab.statistics, reference.mean + fitted.residual, reference.sets, reference.find.least
         )
@@ -134,7 +134,7 @@ class Fits:
     def _plain(self, without: Names, report: Report) -> State:
         """The camera refitted, nothing added."""
         fitted = refit(self.lab, self._reference(without, report), report)
-        return State.plain(settled(self.lab, fitted, self._after, report))
+        return State.plain(settled(self.lab, fitted, self._after, report), self.lab.views)
 
     def _with(self, before: State, name: str, report: Report) -> State:
         """One more effect: its best trial, its numbers refined, then everything refitted together."""
