@@ -179,3 +179,17 @@ def test_the_other_options_of_an_effect_are_simulated_too(monkeypatch, stated, e
     one = accepted(monkeypatch, stated, simulations, [replace(even, otherwise=random)])
     assert simulations.sketches == ["even", "random"]
     assert (one and [j.refined.words["missing_codes.pattern"] for j in one.standing]) == (form and [form])
+
+
+@pytest.mark.parametrize(("behind", "is_alike"), [(0.0, True), (ODDS - 0.1, True), (ODDS + 0.1, False)])
+def test_other_options_that_are_about_as_probable_are_kept(monkeypatch, stated, behind, is_alike):
+    even, random = (
+        refined("missing_codes", stated.with_effect("missing_codes", density=0.02, pattern=word), 218.0)
+        for word in ("even", "random")
+    )
+    simulations = Simulations({"even": Stated(90.0), "random": Stated(90.0 - behind)})
+    one = accepted(monkeypatch, stated, simulations, [replace(even, otherwise=random)])
+    assert one is not None
+    kept = one.best.otherwise
+    assert (kept is not None) == is_alike
+    assert kept is None or kept.refined.words["missing_codes.pattern"] == "random"

@@ -1,5 +1,6 @@
 """Probabilities of the candidates, and which of them the frames do not distinguish."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +10,7 @@ from tests.diagnosis.states import judged, leaving, refined
 from visaug.diagnosis import ranking
 from visaug.diagnosis.choice import Accepted
 from visaug.diagnosis.criterion import ODDS
+from visaug.diagnosis.result import FittedValue
 
 NAMES = ("brighter_fatter", "interpixel_crosstalk")
 
@@ -84,3 +86,25 @@ def test_an_accepted_effect_has_intervals_and_keeps_its_probability(stated, sett
     again = ranking.ranks(setting, after, [one.refined, smear], [0.0, 10.0], found)
     assert again["row_noise"] == found["row_noise"]
     assert again["smear"].probability > 0.5
+
+
+def test_intervals_hold_the_values_of_other_options_that_are_about_as_probable(stated, setting, monkeypatch):
+    """A corner loss by a power of the radius, and by cos^4: neither form's interval holds what the other one gives."""
+    of_law = {"power": (0.205, 0.204, 0.206), "cos4": (0.199, 0.198, 0.200)}
+
+    def estimated(effect, camera, *_):
+        law = camera.choices()["vignetting.law"]
+        power = {"power": FittedValue(1.8, 1.7, 1.9)} if law == "power" else {}
+        return {"corner_loss": FittedValue(*of_law[law], "fraction"), **power}
+
+    monkeypatch.setattr(ranking, "estimates", estimated)
+    one, other = (
+        judged(refined("vignetting", camera, 40.0), leaving([0.0] * 4, camera, "vignetting"))
+        for camera in (stated.with_effect("vignetting", law=law) for law in of_law)
+    )
+    for otherwise, low in ((None, 0.204), (other, 0.198)):
+        chosen = Accepted((replace(one, otherwise=otherwise),), [0.0], [])
+        ranked, _ = ranking.chosen_ranks(setting, leaving([9.0] * 4, stated), chosen, one.state, None, {})
+        parameters = ranked["vignetting"].parameters
+        assert parameters["corner_loss"] == FittedValue(0.205, low, 0.206, "fraction")
+        assert parameters["power"] == FittedValue(1.8, 1.7, 1.9)

@@ -1,7 +1,7 @@
 """Choice between refined candidates: the most probable one, if the criterion accepts it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,11 +16,16 @@ RIVALS = 3  # number of rivals that are simulated together
 
 @dataclass(frozen=True)
 class Judged:
-    """A candidate with its simulated state and its evidence."""
+    """A candidate with its simulated state and its evidence.
+
+    Attributes:
+        otherwise: the same effect with other options, if these are accepted too and about as probable.
+    """
 
     refined: Refined
     state: State
     evidence: Evidence
+    otherwise: "Judged | None" = None
 
 
 @dataclass(frozen=True)
@@ -58,8 +63,17 @@ def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted
         rest = rest[len(close) :]
         for r in close:
             forms = [r] if r.otherwise is None else [r, r.otherwise]
-            judged = [_judged(state, form, adding) for form in forms]
-            tried.append(max(judged, key=lambda one: (one.evidence.accepts, one.evidence.score)))
+            best, *others = sorted(
+                (_judged(state, form, adding) for form in forms),
+                key=lambda one: (one.evidence.accepts, one.evidence.score),
+                reverse=True,
+            )
+            alike = [
+                one
+                for one in others
+                if one.evidence.accepts and one.evidence.score > best.evidence.score - ODDS
+            ]
+            tried.append(replace(best, otherwise=alike[0]) if alike else best)
         first = max(tried, key=lambda one: one.evidence.score)
         if first.evidence.accepts:
             return _chosen(state, first, [one for one in tried if one.evidence.accepts], found)

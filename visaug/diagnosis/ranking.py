@@ -9,7 +9,7 @@ import numpy as np
 from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.choice import Accepted, Judged
 from visaug.diagnosis.criterion import ODDS
-from visaug.diagnosis.result import Ranked, estimates
+from visaug.diagnosis.result import FittedValue, Ranked, estimates
 from visaug.diagnosis.separate import measurement
 from visaug.diagnosis.stage import Setting
 from visaug.diagnosis.state import State
@@ -46,7 +46,7 @@ def chosen_ranks(
     refused = -ODDS - np.log(max(len(chosen.others), 1))  # all together one in twenty
     behind = [refused + min(r.gain - top, 0.0) for r in chosen.others]
     ranked = ranks(setting, before, [*standing, *chosen.others], [*chosen.odds, *behind], earlier)
-    ranked = accepted_rank(ranked, after, best.refined.effect, error)
+    ranked = accepted_rank(ranked, after, best.refined.effect, error, best.otherwise)
     close = [r for r, odds in zip(standing, chosen.odds, strict=True) if odds > -ODDS]
     if len(close) < 2:
         return ranked, []
@@ -55,8 +55,14 @@ def chosen_ranks(
     return ranked, [{"effects": list(cameras), "measure": text}]
 
 
-def accepted_rank(ranked: Ranks, after: State, effect: str, error: Error | None) -> Ranks:
-    """With intervals of an accepted effect's parameters, from simulated sets of the camera with it."""
+def accepted_rank(
+    ranked: Ranks, after: State, effect: str, error: Error | None, otherwise: Judged | None = None
+) -> Ranks:
+    """With intervals of an accepted effect's parameters, from simulated sets of the camera with it.
+
+    Args:
+        otherwise: the same effect with other options that are about as probable; intervals reach to its values too.
+    """
     forms = {
         path.split(".", 1)[1]: word
         for path, word in after.fitted.camera.choices().items()
@@ -64,11 +70,20 @@ def accepted_rank(ranked: Ranks, after: State, effect: str, error: Error | None)
     }
     own = replace(
         ranked[effect],
-        parameters=estimates(effect, after.fitted.camera, *after.numbers),
+        parameters=_with_those(effect, after, otherwise),
         forms=forms,
         error_after=None if error is None else error.value,
     )
     return {**ranked, effect: own}
+
+
+def _with_those(effect: str, after: State, otherwise: Judged | None) -> dict[str, FittedValue]:
+    """The parameters of an effect, with intervals that also hold those of the same effect with other options."""
+    found = estimates(effect, after.fitted.camera, *after.numbers)
+    if otherwise is None:
+        return found
+    others = estimates(effect, otherwise.state.fitted.camera, *otherwise.state.numbers)
+    return {name: own.reaching(others[name]) if name in others else own for name, own in found.items()}
 
 
 def swapped_ranks(ranked: Ranks, own: Judged, rival: Judged) -> Ranks:

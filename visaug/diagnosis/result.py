@@ -30,6 +30,12 @@ class FittedValue:
     high: float | None
     unit: str = ""
 
+    def reaching(self, other: "FittedValue") -> "FittedValue":
+        """The same value with the interval that holds both intervals; as it is where one of them is not known."""
+        if self.low is None or self.high is None or other.low is None or other.high is None:
+            return self
+        return FittedValue(self.value, min(self.low, other.low), max(self.high, other.high), self.unit)
+
     def to_json(self) -> dict[str, Any]:
         return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit}
 
