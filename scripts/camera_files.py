@@ -15,13 +15,17 @@ from pathlib import Path
 from benchmark.judge import beside, share
 from visaug import Camera, FrameSet
 from visaug.characterization.usable import usable
+from visaug.core.errors import InputError
 from visaug.diagnosis.camera_file import corrected
 from visaug.diagnosis.laboratory import Laboratory
 
 
 def named(folder: Path) -> list[tuple[str, str]]:
-    """Key and kind of the mistakes that are named for a set."""
-    camera = Camera.load(folder / "camera.yaml")
+    """Key and kind of the mistakes that are named for a set; a fraction above its range is refused as one in per cent."""
+    try:
+        camera = Camera.load(folder / "camera.yaml")
+    except InputError as error:
+        return [(str(error.field), "per_cent")] if "a fraction" in str(error) else []
     frames = usable(FrameSet.of(folder, camera.resolution), camera.resolution)
     return [(m.key, m.mistake) for m in corrected(camera, frames, Laboratory(frames, camera))[1]]
 

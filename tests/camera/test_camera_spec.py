@@ -164,3 +164,12 @@ def test_a_datasheets_dark_current_doubles_as_told():
 def test_a_black_level_that_leaves_no_range_is_refused(bits, black):
     with pytest.raises(InputError, match="black_level_dn"):
         Camera.load(with_values(bit_depth=bits, black_level_dn=black))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "hint"),
+    [({"prnu": {"pixel": 0.8}}, "0.008 for 0.8 %"), ({"quantum_efficiency": 60}, "0.6 for 60 %")],
+)
+def test_a_share_in_per_cent_is_told_as_a_fraction(wrong, hint):
+    with pytest.raises(InputError, match=f"a fraction: {hint}"):
+        Camera.load({"resolution": [8, 8], "gain_e_per_dn": 0.5, **wrong})

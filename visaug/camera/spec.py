@@ -197,7 +197,9 @@ def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
             problem = "is not a list"
         size = first["loc"][:1] == ("resolution",) and first["type"] != "value_error"
         given = "" if first["type"] in ("extra_forbidden", "missing") else f" (got {first['input']!r})"
-        expected = "[rows, columns]" if size else None
+        is_share = first["type"] == "less_than_equal" and path.split(".")[0] in ("prnu", "quantum_efficiency")
+        fraction = f"a fraction: {first['input'] / 100:g} for {first['input']:g} %" if is_share else None
+        expected = "[rows, columns]" if size else fraction
         raise InputError(problem + given, file=file, field=path, expected=expected) from error
     for i, entry in enumerate(spec.effects):
         _check_effect(entry, f"effects.{i}", file)
