@@ -68,7 +68,7 @@ def kinds(axes, sets: list[tuple[dict, dict]]) -> None:
             judged = verdict(answer, result)
             is_outside = answer["kind"] in ("leave_out", "foreign")
             named = bool((result["diagnosis"] or {}).get("accepted"))
-            right = not named if is_outside else judged["right"]
+            right = not (named or judged["failed"]) if is_outside else judged["right"]
             wrong = named if is_outside else judged["wrong"]
             counts[shown.index(answer["kind"]), 2 if wrong else 0 if right else 1] += 1
     left = np.zeros(len(shown))

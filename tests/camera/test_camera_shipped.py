@@ -148,6 +148,16 @@ def test_a_wrong_path_is_told_what_its_folder_has(tmp_path):
         Camera.load(tmp_path / "camera.yaml")
 
 
+def test_a_folder_in_place_of_a_file_is_told_what_it_has(tmp_path):
+    for k in range(5):
+        (tmp_path / f"camera_{k}.yaml").write_text("resolution: [8, 8]\n")
+    told = (
+        r"is a folder; it has camera_0.yaml, camera_1.yaml, camera_2.yaml and 2 more; expected a camera.yaml"
+    )
+    with pytest.raises(InputError, match=told):
+        Camera.load(tmp_path)
+
+
 def test_a_name_that_is_nearly_right_is_proposed():
     with pytest.raises(InputError, match=r"did you mean .*sony_imx174"):
         Camera.load("sony_imx147")

@@ -99,6 +99,21 @@ def test_an_effect_is_dropped_if_the_later_one_alone_explains_everything(
     assert [stage.action for stage in found] == kept
 
 
+def test_the_rival_keeps_the_interval_that_holds_its_other_options(veiled, monkeypatch):
+    camera = veiled["flare"].with_effect("veiling_glare")
+    history = flare_and(veiled, leaving([0, 0, 0, 1], camera, "lens_flare", "veiling_glare"))
+    own, rival = history[1].standing
+    other = replace(rival, state=leaving([3, 20, 0, 0], veiled["veil"], "veiling_glare"))
+    rival = replace(rival, otherwise=other)
+    history = (history[0], replace(history[1], standing=(own, rival)), history[2])
+    handed = []
+    monkeypatch.setattr(swap, "accepted_rank", lambda ranked, *about: handed.append(about) or ranked)
+    monkeypatch.setattr(swap, "evidence", lambda *_: SimpleNamespace(accepts=False))
+    swap.reconsidered(setting(adequate=[rival.state]), history)  # pyright: ignore[reportArgumentType]
+    assert handed
+    assert all(effect == "veiling_glare" and last is other for _, effect, _, last in handed)
+
+
 def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
     made = {}
 

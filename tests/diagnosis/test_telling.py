@@ -51,6 +51,15 @@ def test_a_difference_in_the_form_of_an_accepted_effect_is_described(stated, fur
     assert telling.form([STATISTIC] * 3, replace(acting, accepted=())) is None
 
 
+@pytest.mark.parametrize(("left", "expected"), [(8.0, True), (60.0, False)])
+def test_in_the_view_of_an_effect_its_form_is_what_the_tolerance_covers(stated, left, expected):
+    """The effect explains the second of two statistics; in the first its form may leave some standard deviations, and not 60."""
+    state = leaving([left, 0.0], stated.with_effect("row_noise"), "row_noise")
+    explained, view = np.array([0.0, 2.0 / FORM]), np.zeros(2, int)
+    acting = replace(state, explained=(np.zeros(2), np.zeros(2), explained), views=(view, view, view))
+    assert (telling.form([STATISTIC] * 2, acting) is not None) == expected
+
+
 def test_effects_whose_shifts_and_scatter_are_below_the_limit_cannot_be_shown():
     """An effect counts with its strongest trial, by its shift and its scatter together."""
     names = ("row_noise", "row_noise", "smear", "light_drift")

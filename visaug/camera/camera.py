@@ -47,10 +47,16 @@ def camera_file(source: str | Path) -> Path:
     known = {**package, **own}
     if path.parent == Path() and name in known:
         return known[name]
-    beside = sorted(file.name for file in path.parent.glob("*.yaml")) if path.parent != Path() else []
-    near = f"; its folder has {', '.join(beside[:3])}" if beside else did_you_mean(name, known)
+    is_folder = path.is_dir()
+    folder = path if is_folder else path.parent
+    there = sorted(file.name for file in folder.glob("*.yaml")) if folder != Path() else []
+    problem = "no such camera" + did_you_mean(name, known)
+    if there:
+        more = f" and {len(there) - 3} more" if len(there) > 3 else ""
+        problem = "is a folder; it has " if is_folder else "no such camera; its folder has "
+        problem += ", ".join(there[:3]) + more
     expected = "a camera.yaml, or a name that `visaug cameras` lists"
-    raise InputError("no such camera" + near, file=source, expected=expected)
+    raise InputError(problem, file=source, expected=expected)
 
 
 class Camera:

@@ -62,6 +62,7 @@ def _stage(
     """The last stage with another state, in which one of two effects gave way to the other."""
     error = setting.errors.told(state.fitted)
     ranked = swapped_ranks(last.ranked, *exchanged)
-    for name in state.accepted[-2:]:
-        ranked = accepted_rank(ranked, state, name, error)
+    for one in (exchanged[1], *standing):
+        if one.refined.effect in state.accepted:
+            ranked = accepted_rank(ranked, state, one.refined.effect, error, one.otherwise)
     return replace(last, state=state, p_value=p_value, error=error, standing=standing, ranked=ranked)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from visaug.diagnosis.candidates.signatures import SHOWN, Signatures
+from visaug.diagnosis.fitting.law import FORM
 from visaug.diagnosis.fitting.reference import Reference
 from visaug.diagnosis.fitting.robust import standardised
 from visaug.diagnosis.residue import Residue, describe
@@ -29,9 +30,11 @@ def residue(measured: Fingerprint, state: State, missing: bool, nearest: str | N
 
 def form(statistics: Sequence[Statistic], state: State) -> str | None:
     """Describes residuals, over all frames, of statistics on which accepted effects act; None if there are none."""
-    acts = state.whole.allowance >= state.whole.null.scale
-    plain = np.where(acts, np.abs(standardised(state.whole.residual, state.whole.null.scale)), 0.0)
-    by_chance = float(np.quantile(state.fitted.reference.largest, 1 - SIGNIFICANT))
+    use, by_chance = state.whole, float(np.quantile(state.fitted.reference.largest, 1 - SIGNIFICANT))
+    # in other statistics of the view, what the tolerance does not cover is no matter of the form
+    is_covered = (use.allowance >= use.null.scale) & (np.abs(use.z) <= by_chance)
+    acts = (FORM * state.explained[2] >= use.null.scale) | is_covered
+    plain = np.where(acts, np.abs(standardised(use.residual, use.null.scale)), 0.0)
     if not state.accepted or plain.max() <= by_chance:
         return None
     i = int(plain.argmax())

@@ -18,12 +18,14 @@ def kept_states(
     """States 0 and 1 along a sequence: that of the frame before with probability `p.kept`, else 1 with probability `p.duty`.
 
     Whether a state is drawn anew, and what is drawn, are functions of the pixel and of the number of the frame in the sequence.
-    What is remembered from frame to frame is therefore the number of the frame alone, so frames may be skipped.
+    What is remembered from frame to frame is therefore the number of the frame alone, so frames may be skipped. `p` may differ
+    within a batch; in the frames before it the values of its first frame are assumed.
 
     Args:
         name: key in the context's memory.
         where: (B or 1, C, H, W), true for pixels that have a defect; the state of others is 0.
-        places: two uniform numbers of each pixel that belong to the camera, likewise.
+        places: two uniform numbers of each pixel that belong to the camera, likewise. A sequence is of one camera: those of the
+            first frame are used.
         p: with `duty` and `kept`.
         keys: (B,) uint64, of the frames; that of the first one is that of the sequence.
 

@@ -1,8 +1,12 @@
 """Charge while it is stored, shared and transferred."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
+
+from visaug.effects.charge.blooming import Blooming
 
 
 def poisson(mean, shape=(4, 1, 400, 500), seed=1):
@@ -271,6 +275,21 @@ def test_isotropic_blooming_is_that_of_pixels_toppled_one_by_one(run_effect, sha
     )
     for image, bloomed, well in zip(scene[:, 0], out[:, 0].numpy(), (11000.0, 9500.0)):
         np.testing.assert_allclose(bloomed, toppled(image, well, share), rtol=1e-5, atol=1.0)
+
+
+def test_one_image_with_several_shares_blooms_with_each():
+    """As the images of a batch, of which some overflow and some do not."""
+    share = torch.tensor([0.0, 0.5, 1.0]).view(-1, 1, 1, 1)
+    scene = torch.full((1, 1, 12, 12), 100.0)
+    scene[..., 5, 6] = 9000.0
+    context = SimpleNamespace(full_well_e=torch.full((1, 1, 1, 1), 1000.0))
+
+    def bloomed(images, shares):
+        return Blooming().apply(images, SimpleNamespace(share=shares, spread="isotropic"), None, context)
+
+    together = bloomed(scene, share)
+    assert torch.equal(together, bloomed(scene.expand(3, -1, -1, -1), share))
+    assert torch.equal(together, torch.cat([bloomed(scene, one) for one in share.split(1)]))
 
 
 def test_isotropic_blooming_fills_a_disc_and_keeps_the_charge(run_effect):

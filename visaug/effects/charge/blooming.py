@@ -74,11 +74,10 @@ class Blooming(Effect):
         full_well = context.full_well_e.clamp_max(DEEPEST_E)
         if p.spread == "isotropic":
             charge = signal.double()  # sums go beyond what float32 counts
-            running = p.share * (charge - full_well).clamp_min(0)
-            room = (full_well - charge).clamp_min(0)
-            hit = (running > 0).flatten(1).any(1) & (room > 0).flatten(1).any(
-                1
-            )  # in other images nothing moves
+            excess, room = (charge - full_well).clamp_min(0), (full_well - charge).clamp_min(0)
+            running, room = torch.broadcast_tensors(p.share * excess, room)
+            # in other images nothing moves
+            hit = (running > 0).flatten(1).any(1) & (room > 0).flatten(1).any(1)
             filled = torch.zeros_like(room).index_put((hit,), _taken_up(running[hit], room[hit]))
             return (charge - running + filled).to(signal.dtype)
         columns = signal.transpose(-1, -2)  # (B, C, W, H)
