@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ import visaug
 from benchmark import pictures as independent
 from visaug.app.cli import main
 from visaug.core.errors import InputError
+from visaug.diagnosis.candidates import signatures
+from visaug.diagnosis.candidates.trials import trials
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.effects import catalogue
 from visaug.frames import FrameRecord, FrameSet
@@ -208,3 +211,20 @@ def test_falloff_is_left_out_without_other_scenes_and_saturated_areas_are_not():
             assert not lab.measured[2].values[falloff].any()
         assert values[:, areas].any()
         assert lab.measured[2].values[areas].any()
+
+
+def test_strengths_to_try_follow_the_noise_of_the_pictures(monkeypatch):
+    """Trial values are made for a read noise of 1.5 e-; this camera has 14."""
+    lab = Laboratory(in_memory(taken({}, 1)), STATED)
+    tried = []
+
+    def unmoved(lab, reference, trials, numbers, *_):
+        tried.extend(trials)
+        return np.zeros((len(trials), len(numbers), len(lab.statistics)))
+
+    monkeypatch.setattr(signatures, "_moves", unmoved)
+    reference = SimpleNamespace(null_scale=np.ones(len(lab.statistics)), camera=STATED)
+    only_rows = [trial for trial in trials(STATED) if trial.effect == "row_noise"]
+    signatures.scanned(lab, reference, only_rows, lambda *_: None)  # pyright: ignore[reportArgumentType]
+    expected = [catalogue()["row_noise"].parameters["sigma_e"].trials[k] * 14 / 1.5 for k in (0, -1)]
+    assert [trial.by_name["sigma_e"] for trial in tried] == pytest.approx(expected)

@@ -29,6 +29,7 @@ class Laboratory:
 
     Of a large set it takes a share, `selection`: see `visaug.statistics.subsample`. `parts` are what is measured and
     simulated: the frames, or a window of them and some full frames beside. `frames` and `folds` are of the first part.
+    `units`: by unit, what trial values of effects are multiplied by; empty for frames.
     `calibrated`: whether the set contains the photons of all its flats.
 
     Args:

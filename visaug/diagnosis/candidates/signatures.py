@@ -1,6 +1,6 @@
 """Signatures: the shift of every statistic by each trial of an effect, computed by simulation."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,17 +47,18 @@ def scanned(lab: Laboratory, reference: Reference, tried: Sequence[Trial], repor
     """Simulates every trial once or twice with the random numbers of the reference's first sets, which finds what may match.
 
     Other forms of an effect that has no random numbers of its own are simulated once. A trial that changes no statistic much is
-    tried at its effect's strongest trial value too.
+    tried at its effect's strongest trial value too. Trial values are for frames of a camera; of pictures they follow the noise.
     """
+    tried = [trial.in_units(lab.units) for trial in tried]
     plain = [trial for trial in tried if not trial.is_other_form]
     moves = _moves(lab, reference, plain, range(FEW), report, "trying")
     sizes = np.abs(standardised(moves.mean(1), reference.null_scale)).max(1, initial=0.0)
     found = _signed(reference, plain, moves)
     random = {t.effect for t, move in zip(plain, moves, strict=True) if is_random(move, reference.null_scale)}
     faint = {t.kind for t, size in zip(plain, sizes, strict=True) if size < SHOWN}
-    others = [strongest(t) for t in plain if t.kind in faint and strongest(t) != t]
+    others = [most for t in plain if t.kind in faint and (most := strongest(t, lab.units)) != t]
     weak = {kind[0] for kind in faint}
-    others += [strongest(t) if t.effect in weak else t for t in tried if t.is_other_form]
+    others += [strongest(t, lab.units) if t.effect in weak else t for t in tried if t.is_other_form]
     others = [trial for trial in others if trial.fits(reference.camera)]
     for count, chosen in (
         (FEW, [t for t in others if t.effect in random]),
@@ -112,13 +113,14 @@ def _nothing(reference: Reference) -> Signatures:
     return Signatures((), nothing, nothing)
 
 
-def strongest(trial: Trial) -> Trial:
-    """The trial with the strengths that it has at their last trial value."""
+def strongest(trial: Trial, scale: Mapping[str, float] | None = None) -> Trial:
+    """The trial with the strengths that it has at their last trial value, multiplied by the scale of its unit."""
     effect = catalogue()[trial.effect]
     if effect.base or trial.is_fixed:
         return trial
     strong = {key: effect.parameters[key].trials for key in effect.strengths() if trial.by_name.get(key)}
-    return trial.with_values({key: values[-1] for key, values in strong.items() if values})
+    most = Trial(trial.effect, tuple((f"{trial.effect}.{key}", of[-1]) for key, of in strong.items() if of))
+    return trial.with_values(most.in_units(scale or {}).by_name)
 
 
 def _signed(reference: Reference, tried: Sequence[Trial], moves: np.ndarray) -> Signatures:

@@ -83,6 +83,18 @@ class Trial:
 
         return replace(self, values=tuple((path, scaled(path, value)) for path, value in self.values))
 
+    def in_units(self, scale: Mapping[str, float]) -> "Trial":
+        """The same with values of some units multiplied, each within the range of its parameter; see `Laboratory.units`."""
+        parameters = catalogue()[self.effect].parameters
+
+        def scaled(path: str, value: Any) -> Any:
+            p = parameters.get(path.split(".", 1)[-1])
+            return (
+                value if p is None or p.unit not in scale else min(max(value * scale[p.unit], p.low), p.high)
+            )
+
+        return replace(self, values=tuple((path, scaled(path, value)) for path, value in self.values))
+
     def fits(self, camera: Camera) -> bool:
         """Whether a camera can have these values."""
         try:
