@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -62,13 +61,10 @@ def report(folders: list[Path]) -> str:
     """Markdown: probabilities beside frequencies, and the coverage of 95 % intervals by effect."""
     pairs: list[tuple[float, bool]] = []
     intervals: dict[str, list[bool]] = {}
-    for folder in folders:
-        for kept in sorted(judge.beside(folder, "results").glob("*.json")):
-            answer = json.loads((judge.beside(folder, "answers") / kept.name).read_text())
-            result = json.loads(kept.read_text())
-            pairs += told(answer, result)
-            for name, is_inside in covered(answer, result):
-                intervals.setdefault(name, []).append(is_inside)
+    for _, answer, result in judge.answered(folders):
+        pairs += told(answer, result)
+        for name, is_inside in covered(answer, result):
+            intervals.setdefault(name, []).append(is_inside)
     lines = ["### Probabilities", "", "| stated | mean | right (95 %) |", "| --- | --- | --- |"]
     place = [min(int(p * BINS), BINS - 1) for p, _ in pairs]
     for k in sorted(set(place)):

@@ -124,8 +124,7 @@ def verdict(answer: dict[str, Any], result: dict[str, Any], usual: Sequence[str]
         right, wrong = accepted == expected - set(usual), bool(accepted - expected)
         right = right and (answer["kind"] != "mixed" or unexplained is not None)
     if answer.get("mistake"):
-        same = [told for told in mistakes if told[0].split(".")[0] == answer["mistake"][0].split(".")[0]]
-        right = right and tuple(answer["mistake"]) in mistakes and same == mistakes
+        right = right and names_mistake(answer["mistake"], mistakes)
     else:
         wrong = wrong or bool(mistakes)
     return {
@@ -135,6 +134,25 @@ def verdict(answer: dict[str, Any], result: dict[str, Any], usual: Sequence[str]
         "axis": axis,
         "failed": False,
     }
+
+
+def names_mistake(mistake: Sequence[str], named: Sequence[tuple[str, str]]) -> bool:
+    """Whether a mistake (key, kind) is among those named, and all others are in the same part of the file."""
+    part = mistake[0].split(".")[0]
+    return tuple(mistake) in named and all(key.split(".")[0] == part for key, _ in named)
+
+
+def answered(folders: Iterable[Path]) -> list[tuple[Path, dict[str, Any], dict[str, Any]]]:
+    """Folder, answer and result of each set that has a result."""
+    return [
+        (
+            folder,
+            json.loads((beside(folder, "answers") / kept.name).read_text()),
+            json.loads(kept.read_text()),
+        )
+        for folder in folders
+        for kept in sorted(beside(folder, "results").glob("*.json"))
+    ]
 
 
 def _usual(folder: Path, answer: dict[str, Any]) -> list[str]:
@@ -164,14 +182,11 @@ def _row(label: str, judged: list[dict[str, Any]], seconds: Iterable[float]) -> 
 def report(folders: list[Path]) -> str:
     """Markdown: for each kind and strength a pooled line and one for each effect."""
     groups: dict[tuple[str, str], dict[str, list[tuple[dict[str, Any], float]]]] = {}
-    for folder in folders:
-        for kept in sorted(beside(folder, "results").glob("*.json")):
-            answer = json.loads((beside(folder, "answers") / kept.name).read_text())
-            result = json.loads(kept.read_text())
-            label = " + ".join(answer["expect"]) or "nothing"
-            judged = verdict(answer, result, _usual(folder, answer))
-            group = groups.setdefault((answer["kind"], answer["strength"]), {})
-            group.setdefault(label, []).append((judged, result["seconds"]))
+    for folder, answer, result in answered(folders):
+        label = " + ".join(answer["expect"]) or "nothing"
+        judged = verdict(answer, result, _usual(folder, answer))
+        group = groups.setdefault((answer["kind"], answer["strength"]), {})
+        group.setdefault(label, []).append((judged, result["seconds"]))
     lines: list[str] = []
     for (kind, strength), by_label in sorted(groups.items()):
         lines += [f"### {kind}, {strength}", ""]

@@ -12,7 +12,7 @@ import json
 from collections import Counter
 from pathlib import Path
 
-from benchmark.judge import beside, share
+from benchmark.judge import beside, names_mistake, share
 from visaug import Camera, FrameSet
 from visaug.characterization.usable import usable
 from visaug.core.errors import InputError
@@ -21,7 +21,7 @@ from visaug.diagnosis.laboratory import Laboratory
 
 
 def named(folder: Path) -> list[tuple[str, str]]:
-    """Key and kind of the mistakes that are named for a set; a fraction above its range is refused as one in per cent."""
+    """Key and kind of the mistakes that are named for a set; a file that is refused names a value in per cent."""
     try:
         camera = Camera.load(folder / "camera.yaml")
     except InputError as error:
@@ -41,11 +41,7 @@ def main() -> None:
             answer = json.loads(file.read_text())
             told = named(folder / answer["identity"])
             mistake = answer["mistake"]
-            of = (
-                mistake[0].split(".")[0] if mistake else ""
-            )  # a file has all DSNU figures in the wrong unit, or none
-            parts = {key.split(".")[0] for key, _ in told}
-            is_right = tuple(mistake) in told and parts == {of} if mistake else not told
+            is_right = names_mistake(mistake, told) if mistake else not told
             counts[mistake[1] if mistake else "none", is_right] += 1
             if not is_right:
                 print(f"{answer['identity']}: {told or 'nothing named'}", flush=True)

@@ -4,14 +4,13 @@ Each FOLDER has sets of `python -m benchmark`, its results beside it. Left: whet
 named in each kind of set.
 """
 
-import json
 import sys
 from pathlib import Path
 
 import numpy as np
 
 from benchmark.calibration import BINS, told
-from benchmark.judge import beside, verdict, wilson
+from benchmark.judge import answered, verdict, wilson
 from visaug.report.plots.style import MEASURED, MODELLED, blank, styled
 
 KINDS = {
@@ -22,15 +21,6 @@ KINDS = {
     "leave_out": "left out of the catalogue",
     "foreign": "outside any catalogue",
 }
-
-
-def answered(folders: list[Path]) -> list[tuple[dict, dict]]:
-    """(answer, result) of each set that has a result."""
-    return [
-        (json.loads((beside(folder, "answers") / kept.name).read_text()), json.loads(kept.read_text()))
-        for folder in folders
-        for kept in sorted(beside(folder, "results").glob("*.json"))
-    ]
 
 
 def reliability(axes, pairs: list[tuple[float, bool]]) -> None:
@@ -88,7 +78,7 @@ def kinds(axes, sets: list[tuple[dict, dict]]) -> None:
 
 
 def main(output: Path, folders: list[Path]) -> None:
-    sets = answered(folders)
+    sets = [(answer, result) for _, answer, result in answered(folders)]
     with styled():
         figure = blank(10.0, 4.2)
         first, second = figure.subplots(1, 2)

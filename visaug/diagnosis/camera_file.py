@@ -121,7 +121,8 @@ def suspects(camera: Camera, frames: FrameSet) -> list[Mistake]:
             if estimate.low > 0
             else math.inf
         )
-        if abs(math.log(estimate.value / value)) < max(FAR, CERTAIN * width):
+        apart = abs(math.log(estimate.value / value))
+        if apart < max(FAR, CERTAIN * width):
             continue
         least = math.log(DOUBLED) if key == DARK else 0.0
         tried = sorted(
@@ -129,7 +130,6 @@ def suspects(camera: Camera, frames: FrameSet) -> list[Mistake]:
             for word, right, text in _hypotheses(key, value, g, file, exposures)
             if right > 0 and abs(math.log(right / value)) >= least
         )
-        apart = abs(math.log(estimate.value / value))
         if tried and tried[0][0] < min(max(NEAR, 2 * width), 0.5 * apart):
             _, word, right, text = tried[0]
             sentence = (
