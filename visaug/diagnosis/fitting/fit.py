@@ -10,13 +10,14 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.diagnosis.fitting.parameters import BLACK, WELL, moved
 from visaug.diagnosis.fitting.reference import USES, Reference, Report, is_far, make_reference
-from visaug.diagnosis.fitting.robust import adjust, misfit, standardised
+from visaug.diagnosis.fitting.robust import LIKELIHOOD, adjust, misfit, standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.statistics import Statistic
 
 STEPPED = 4  # simulations with common random numbers that follow the mean on the way,
 TWINS = 6  # and where it ends
 FAR_BLACK = 3.0  # steps of the black level after which it is first set by the bias frames' mean
+PROMISED = 0.25  # log likelihood; a step for which the derivatives promise less is not simulated
 OFF_BLACK = 5.0  # standard deviations of the bias frames' mean from which a fit begins again at their level
 
 
@@ -122,10 +123,13 @@ def _descended(
         return share * np.clip(step, -0.6 * priors, 0.6 * priors)
 
     for i in range(iterations):
-        step = _to_bias_level(lab, reference, measured - mean) if i == 0 else None
-        step = step_from(at, mean) if step is None else step
-        if i and np.all(np.abs(step) < 0.05 * steps):
-            break
+        left = measured - mean
+        step = _to_bias_level(lab, reference, left) if i == 0 else None
+        if step is None:
+            step = step_from(at, mean)
+            promised = best[0] - misfit(left - reference.slopes @ step, reference.scale)
+            if LIKELIHOOD * promised < PROMISED:
+                break
         camera = moved(camera, coordinates, list(at + step))
         at = np.array([c.read(camera) for c in coordinates])
         report("refitting the camera", i, iterations)

@@ -4,6 +4,8 @@ import numpy as np
 
 OUTLIER = 3.0  # standard deviations beyond which residuals are weighted down (Cauchy weights)
 
+LIKELIHOOD = OUTLIER**2 / 2  # log likelihood that a decrease of `misfit` by 1 stands for where residuals are small
+
 
 def standardised(residual: np.ndarray, scale: np.ndarray) -> np.ndarray:
     return np.divide(residual, scale, out=np.zeros_like(residual), where=scale > 0)
