@@ -265,3 +265,37 @@ def test_a_well_that_was_held_for_another_number_is_tried_by_itself(stated):
     reference = Reference(stated, tuple(free), *[SimulatedStatistics(sets, slopes, np.zeros(60))] * 3)
     fitted = refit(lab, reference, lambda *_: None)  # pyright: ignore[reportArgumentType]
     assert abs(fitted.z[0]) < 3.3
+
+
+class Straight:
+    """Sets of 60 unit normals whose mean the quantum efficiency moves by 400; counts the sets that are simulated."""
+
+    statistics = ()
+
+    def __init__(self, free, given, off):
+        self.free, self.at, self.sets = free, free.read(given), 0
+        self.given = self.finding([(given, k) for k in range(30)])
+        self.measured = [SimpleNamespace(values=self.given.mean(0) + 400 * off)] * 3
+
+    def finding(self, jobs, report=None):
+        self.sets += len(jobs)
+        moves = [400 * (self.free.read(camera) - self.at) for camera, _ in jobs]
+        return np.array(
+            [np.random.default_rng(n).normal(m, 1, 60) for m, (_, n) in zip(moves, jobs, strict=True)]
+        )
+
+    def simulated(self, jobs, report=None):
+        return [self.finding(jobs)] * 3
+
+
+@pytest.mark.parametrize(("errors", "sets"), [(0.3, 0), (0.6, 0), (1.0, 10), (20.0, 10)])
+def test_a_step_that_promises_little_is_taken_by_the_derivatives_alone(stated, errors, sets):
+    """In standard errors of the mean; their square over 2 is the log likelihood, of which 0.25 is simulated: 4 sets and 6."""
+    (free,) = [c for c in base_coordinates(stated, frame_set(0), True) if c.path == "quantum_efficiency"]
+    off = errors / np.sqrt(60) / 400
+    lab = Straight(free, stated, off)
+    sample = SimulatedStatistics(lab.given, np.full((60, 1), 400.0), np.ones(60))
+    lab.sets = 0
+    fitted = refit(lab, Reference(stated, (free,), *[sample] * 3), lambda *_: None)  # pyright: ignore[reportArgumentType]
+    assert lab.sets == sets
+    assert free.read(fitted.camera) - free.read(stated) == pytest.approx(off, rel=0.01)
