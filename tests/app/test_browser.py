@@ -44,7 +44,9 @@ def press(page, name):
     page.get_by_role("button", name=name, exact=True).click()
 
 
-@pytest.mark.parametrize("width", [420, 1280, 1920])
+@pytest.mark.parametrize(
+    "width", [1280, *(pytest.param(width, marks=pytest.mark.slow) for width in (420, 1920))]
+)
 def test_the_path_from_the_first_look_to_a_saved_camera(browser, open_lab, bench, width):
     with watched(browser, width) as page:
         open_lab(page)
