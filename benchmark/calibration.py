@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -49,12 +49,28 @@ def covered(answer: dict[str, Any], result: dict[str, Any]) -> list[tuple[str, b
     return rows
 
 
-def expected_error(pairs: list[tuple[float, bool]]) -> float:
-    """Expected calibration error: mean distance of probability and frequency in bins of equal width, weighted by their counts."""
+class Bin(NamedTuple):
+    """Names whose stated probability lies in a tenth of its range."""
+
+    low: float
+    mean: float  # of the stated probabilities
+    right: int
+    count: int
+
+
+def binned(pairs: list[tuple[float, bool]]) -> list[Bin]:
+    """The bins of equal width that hold names, in order."""
     values = np.array(pairs, float).reshape(-1, 2)
     place = np.minimum((values[:, 0] * BINS).astype(int), BINS - 1)
-    gaps = [abs(np.diff(values[place == k].mean(0))[0]) * np.mean(place == k) for k in np.unique(place)]
-    return float(np.sum(gaps))
+    each = [(k, values[place == k]) for k in np.unique(place)]
+    return [Bin(int(k) / BINS, float(here[:, 0].mean()), int(here[:, 1].sum()), len(here)) for k, here in each]
+
+
+def expected_error(pairs: list[tuple[float, bool]]) -> float:
+    """Expected calibration error: mean distance of probability and frequency in the bins, weighted by their counts."""
+    return sum(one.count * abs(one.right / one.count - one.mean) for one in binned(pairs)) / max(
+        len(pairs), 1
+    )
 
 
 def report(folders: list[Path]) -> str:
@@ -66,13 +82,10 @@ def report(folders: list[Path]) -> str:
         for name, is_inside in covered(answer, result):
             intervals.setdefault(name, []).append(is_inside)
     lines = ["### Probabilities", "", "| stated | mean | right (95 %) |", "| --- | --- | --- |"]
-    place = [min(int(p * BINS), BINS - 1) for p, _ in pairs]
-    for k in sorted(set(place)):
-        here = [pair for at, pair in zip(place, pairs, strict=True) if at == k]
-        mean = np.mean([p for p, _ in here])
-        lines.append(
-            f"| {k / BINS:.1f} to {(k + 1) / BINS:.1f} | {mean:.3f} | {judge.share(sum(r for _, r in here), len(here))} |"
-        )
+    lines += [
+        f"| {one.low:.1f} to {one.low + 1 / BINS:.1f} | {one.mean:.3f} | {judge.share(one.right, one.count)} |"
+        for one in binned(pairs)
+    ]
     lines += (
         ["", f"Expected calibration error: {expected_error(pairs):.3f} of {len(pairs)} names."]
         if pairs

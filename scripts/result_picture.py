@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmark.calibration import BINS, told
+from benchmark.calibration import binned, told
 from benchmark.judge import answered, verdict, wilson
 from visaug.report.plots.style import MEASURED, MODELLED, blank, styled
 
@@ -25,22 +25,15 @@ KINDS = {
 
 def reliability(axes, pairs: list[tuple[float, bool]]) -> None:
     """Share of right names in ten bins of the stated probability, with 95 % intervals (Wilson)."""
-    values = np.array(pairs, float).reshape(-1, 2)
-    place = np.minimum((values[:, 0] * BINS).astype(int), BINS - 1)
     axes.plot([0, 1], [0, 1], color="0.6", linewidth=1, label="as stated")
-    for k in np.unique(place):
-        mean, right = values[place == k].mean(0)
-        low, high = wilson(int(values[place == k, 1].sum()), int((place == k).sum()))
+    for k, one in enumerate(binned(pairs)):
+        right = one.right / one.count
+        low, high = wilson(one.right, one.count)
         error = [[max(right - low, 0)], [max(high - right, 0)]]
-        label = "counted, 95 %" if k == place.min() else None
-        axes.errorbar(mean, right, yerr=error, fmt="o", color=MEASURED, label=label)
+        label = None if k else "counted, 95 %"
+        axes.errorbar(one.mean, right, yerr=error, fmt="o", color=MEASURED, label=label)
         axes.annotate(
-            f"{(place == k).sum()}",
-            (mean, right),
-            (-6, 0),
-            textcoords="offset points",
-            ha="right",
-            va="center",
+            str(one.count), (one.mean, right), (-6, 0), textcoords="offset points", ha="right", va="center"
         )
     axes.set(
         xlabel="stated probability", ylabel="share of right names", xlim=(0, 1.05), ylim=(0, 1.05),
