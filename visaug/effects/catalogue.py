@@ -6,7 +6,7 @@ import importlib.util
 import pkgutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from types import ModuleType
 
@@ -33,8 +33,13 @@ _files: dict[tuple[Path, bytes], list[type[Effect]]] = {}  # what files gave, by
 
 def catalogue() -> dict[str, type[Effect]]:
     """Every known effect by name, in the order of the chain: the shipped ones, then those loaded from files."""
-    everything = {**_shipped(), **_loaded}
-    return dict(sorted(everything.items(), key=lambda item: (item[1].stage, item[1].order, item[0])))
+    return dict(_in_order(tuple(_loaded.items())))
+
+
+@lru_cache(maxsize=1)
+def _in_order(loaded: tuple[tuple[str, type[Effect]], ...]) -> list[tuple[str, type[Effect]]]:
+    everything = _shipped() | dict(loaded)
+    return sorted(everything.items(), key=lambda item: (item[1].stage, item[1].order, item[0]))
 
 
 def register(effect: type[Effect]) -> type[Effect]:
