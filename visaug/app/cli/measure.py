@@ -138,8 +138,9 @@ def characterize(
     if not silent:
         written(output, maps_path, json_path, report_path, *sheets)
         if not frames.is_pictures or "gain_e_per_dn" in result.parameters:
-            inputs = replace(Inputs.of(None, frames, output), transfer=result.transfer)
-            summaries.print_next(after_characterization(inputs, frames.is_pictures))
+            inputs = replace(Inputs.of(camera, frames, output), transfer=result.transfer)
+            step = after_characterization(inputs, frames.is_pictures, result.has_gain, camera is not None)
+            summaries.print_next(step)
 
 
 def _write_sheets(
