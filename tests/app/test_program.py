@@ -89,6 +89,8 @@ MISTAKES = [
     (["augment", ".", "-o", "out", "--camera", "no_such_camera"], "no_such_camera"),
     (["augment", ".", "-o", "out"], "--camera"),
     (["augment", ".", "-o", "out", "--camera", "camera.yaml", "--seed", "-1"], "--seed"),
+    (["augment", ".", "-o", "out", "--camera", "camera.yaml", "--seed", "a"], "'a' is not a whole number"),
+    (["augment", "a.png", "-o", "noisy.png", "--camera", "camera.yaml"], "a folder for the copies"),
     (["simulate", "nowhere.csv", "--camera", "camera.yaml", "-o", "out"], "nowhere.csv"),
     (["simulate", "plan.csv", "--camera", "bad.yaml", "-o", "out"], "bad.yaml"),
     (["simulate", "plan.csv", "--camera", "unknown.yaml", "-o", "out"], "read_noise.sigma"),

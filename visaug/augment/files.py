@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from visaug.augment.image_io import Picture, read_picture, write_picture
+from visaug.augment.image_io import SUFFIXES, Picture, read_picture, write_picture
 from visaug.augment.images import check_bits
 from visaug.augment.jobs import CopyPlan, find_label, label_place, plan_jobs
 from visaug.augment.journal import JOURNAL as JOURNAL
@@ -108,7 +108,7 @@ def augment_files(
 
     Raises:
         InputError: no pictures, none that can be used, two with the same place in `output`, an output that
-            would overwrite an original, or a file that visaug did not write in the place of a copy.
+            is called like a picture or would overwrite an original, or a file that visaug did not write in the place of a copy.
     """
     from visaug.augment.sensor_noise import SensorNoise
 
@@ -119,6 +119,8 @@ def augment_files(
         raise InputError(f"{copies} copies", field="copies", expected="1 or more")
     if bits is not None and not 1 <= bits <= 16:
         raise InputError(f"{bits} bit", field="bits", expected="1 to 16")
+    if output.suffix.lower() in SUFFIXES and not output.exists():
+        raise InputError("is the name of a picture", file=output, expected="a folder for the copies")
     jobs = plan_jobs([Path(path) for path in inputs], output, copies, include, exclude)
     noise = SensorNoise(camera, **options)
     work = _Work(output, noise, seed, p, bits, force, settings_of(noise, seed, p, bits, options))

@@ -277,8 +277,8 @@ def _say(done: "Augmented", output: Path) -> None:
     if done.like_labels:
         reasons = ", ".join(f"{why}: {count}" for why, count in sorted(done.like_labels.items()))
         click.echo(
-            f"warning: {_number(sum(done.like_labels.values()), 'file')} of these look like labels and got no noise "
-            f"({reasons}); --exclude PATTERN leaves them out, --force adds noise"
+            f"warning: {_number(sum(done.like_labels.values()), 'file')} of these got no noise, for looking like labels "
+            f"({reasons}); --exclude PATTERN leaves such files out, --force adds noise"
         )
     if done.assumed:
         parts = [f"{WORDS[kind]} for {count} ({why})" for (kind, why), count in sorted(done.assumed.items())]
