@@ -243,7 +243,9 @@ def compare(
         content["pictures"] = {name: str(path) for name, path in pictures.items()}
     write_result(json_path, content)
     if not silent:
-        written(json_path, report_path, *pictures.values())
+        written(json_path, report_path)
+        if pictures:
+            click.echo(f"wrote {len(pictures)} pictures to {next(iter(pictures.values())).parent}")
         summaries.print_next(after_comparison(content, inputs))
     if fail_on_misfit and not result.adequate:
         raise SystemExit(MISFIT)
