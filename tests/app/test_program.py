@@ -185,6 +185,7 @@ def test_augment(program_run, tmp_path):
     assert "1 picture" in out
     noisy = cv2.imread(str(tmp_path / "out/a.png"), cv2.IMREAD_UNCHANGED)
     assert noisy.dtype == np.uint16
+    assert "monochrome" not in out
     assert len(np.unique(noisy)) > 5
 
 
@@ -398,6 +399,7 @@ def test_augment_says_what_it_assumed_skipped_and_could_not_use(program_run, tmp
     assert "wrote 4 pictures" in out
     assert "transfer function: linear for 2 (16-bit), sRGB for 2 (8-bit colour)" in out
     assert "skipped 1 file: 1 .mov" in out
+    assert "monochrome, the same noise in the three channels of colour pictures: " in out
     assert "c.jpg" in out.split("could not be used")[1]
     assert sorted(path.name for path in (tmp_path / "out").glob("[!.]*")) == [
         "a_1.png",

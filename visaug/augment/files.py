@@ -45,6 +45,7 @@ class Augmented:
         skipped: suffix -> number of files in the folders that are no pictures, and were not carried.
         excluded: number of pictures that the patterns left out, and that were not carried.
         assumed: (transfer function, reason) -> number of copies written on that assumption.
+        coloured: number of copies written of colour pictures with noise.
         clipped: number of floating-point pictures with values outside [0, 1], which a sensor cuts.
         unlabelled: number of pictures without YOLO labels, where YOLO labels were copied for others.
         carried: number of other files that were copied as they are, with `labels`.
@@ -58,6 +59,7 @@ class Augmented:
     skipped: Counter[str] = field(default_factory=Counter)
     excluded: int = 0
     assumed: Counter[tuple[str, str]] = field(default_factory=Counter)
+    coloured: int = 0
     clipped: int = 0
     unlabelled: int = 0
     carried: int = 0
@@ -206,6 +208,7 @@ class _Work:
         chosen = self.noise.transfer != "auto"
         kind = (self.noise.transfer, "as given") if chosen else (picture.transfer, picture.reason)
         self.done.assumed[kind] += 1
+        self.done.coloured += picture.colours == 3
         if picture.pixels.dtype.kind == "f":
             light = picture.pixels[..., : picture.colours]
             self.done.clipped += bool((light < 0).any() or (light > 1).any())

@@ -201,6 +201,9 @@ def augment(
             black_level=black_level,
         )
     _say(done, output)
+    mono = [camera.name for camera in cameras if not camera.spec.colour]
+    if done.coloured and mono:
+        click.echo(f"monochrome, the same noise in the three channels of colour pictures: {', '.join(mono)}")
     if done.failed:
         head = f"{_number(len(done.failed), 'picture')} could not be used:"
         raise PartlyFailed("\n  ".join([head, *done.failed]))
