@@ -349,6 +349,18 @@ def test_frames_of_a_folder_as_a_table(program_run, tmp_path):
     assert frames.bit_depth == 12
 
 
+def test_laboratory_frames_without_kinds_are_told_how_to_get_them(program_run, tmp_path):
+    """Names that tell no kind: the frames are pictures to the program, which says so and names the command for a table."""
+    (tmp_path / "shots").mkdir()
+    noise = np.random.default_rng(0).normal(100, 3, (6, 32, 40))
+    for number, frame in enumerate(noise):
+        cv2.imwrite(str(tmp_path / "shots" / f"img{number}.png"), np.rint(frame).astype(np.uint16))
+    status, _, err = program_run("characterize", "shots", "--bit-depth", "12")
+    assert status == 0
+    assert "if they are: visaug frames shots -o shots/frames.csv" in err
+    assert "if they are" not in program_run("characterize", "shots", "--bit-depth", "12", "-q")[2]
+
+
 def test_a_plan_for_a_camera_and_by_hand(program_run, tmp_path):
     hot = {**CAMERA, "dark_current": {"a_e_per_s": 5.0, "b_per_c": 0.0}, "exposure_s": 0.02}
     (tmp_path / "hot.yaml").write_text(yaml.safe_dump(hot))

@@ -18,6 +18,7 @@ from visaug.app.cli.options import (
     frames_argument,
     is_silent,
     load_camera,
+    load_frames,
     may_replace,
     may_write,
     output_option,
@@ -111,7 +112,7 @@ def characterize(
         if path.suffix.lower() not in (".html", ".json"):
             raise InputError("is neither", file=path, field="--sheet", expected="a name in .html or .json")
     camera = load_camera(camera_name) if camera_name else None
-    frames = visaug.FrameSet.load(frames_path, camera.resolution if camera else None, bit_depth)
+    frames = load_frames(frames_path, camera.resolution if camera else None, bit_depth, quiet)
     with progress_bars(quiet=quiet) as progress:
         progress("characterizing", 0, 1)
         result = visaug.characterize(frames, camera, seed=seed, method=method)
@@ -228,7 +229,7 @@ def compare(
             raise SystemExit(MISFIT)
         return
     assert camera is not None
-    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
+    frames = load_frames(frames_path, camera.resolution, bit_depth, quiet)
     with progress_bars(quiet=quiet) as progress, _warning_of_renders(json_path, fail_on_misfit):
         result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
     inputs = replace(Inputs.of(camera, frames), transfer=_told(transfer))
@@ -338,7 +339,7 @@ def diagnose(
     for name in without:
         find(name)
     camera = load_camera(camera_name)
-    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
+    frames = load_frames(frames_path, camera.resolution, bit_depth, quiet)
     with progress_bars(single=True, quiet=quiet) as progress, _warning_of_renders(json_path):
         result = visaug.diagnose(
             camera,
@@ -404,15 +405,13 @@ def lab(
     Prints the address of a page that is served on this machine only, until Ctrl-C. Anyone who has the address
     can use the page and load effects, whose Python code is then executed.
     """
-    import visaug
-
     with extra():
         from visaug.app.lab import Bench, load_own, serve
     check_installed("matplotlib", "jinja2")
     may_write(output, force)
     own = [name for file in effects for name in load_own(file)]  # first: the camera may name one of them
     camera = load_camera(camera_name)
-    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
+    frames = load_frames(frames_path, camera.resolution, bit_depth)
     bench = Bench(camera, frames, own, seed=seed, output=output, force=force)
     try:
         serve(bench, port, say=click.echo, ready=click.launch if browser else None)
