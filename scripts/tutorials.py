@@ -72,7 +72,7 @@ def page(path: Path) -> str:
             file = path.with_name(f"{path.stem}_{figures}.png")
             value.savefig(file, dpi=80)
             parts.append(f"![Figure {figures}]({file.name})")
-    foot = f"*This page is [`{path.name}`]({path.name}), a notebook in jupytext's percent format, with its output.*"
+    foot = f"*This page is [`{path.name}`]({path.name}), a notebook in jupytext's\npercent format, with its output.*"
     return "\n\n".join([*parts, foot]) + "\n"
 
 

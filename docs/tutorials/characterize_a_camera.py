@@ -5,13 +5,15 @@
 # %% [markdown]
 # # Tutorial: characterize a camera
 #
-# The package contains frames of a real 12-bit CCD (Basler AG, 2011, CC BY-SA 3.0; crops of the EMVA 1288 reference set).
-# This tutorial measures its parameters from these frames, looks at the fits, and writes a camera file.
+# The package contains frames of a real 12-bit CCD (Basler AG, 2011, CC BY-SA 3.0; crops of the EMVA
+# 1288 reference set). This tutorial measures its parameters from these frames, looks at the fits, and
+# writes a camera file.
 
 # %% [markdown]
 # ## The frames
 #
-# A frame set is a folder with images and a table `frames.csv` with the conditions of each: see [Bring your frames](../frames.md).
+# A frame set is a folder with images and a table `frames.csv` with the conditions of each: see [Bring
+# your frames](../frames.md).
 
 # %%
 import visaug
@@ -26,7 +28,8 @@ for group in frames.groups()[:4]:
 # %% [markdown]
 # ## Parameters with intervals
 #
-# `characterize` estimates every parameter that the frames determine, each with a 95 % interval, and says what is not determined.
+# `characterize` estimates every parameter that the frames determine, each with a 95 % interval, and
+# says what is not determined.
 
 # %%
 found = visaug.characterize(frames)
@@ -54,8 +57,8 @@ for warning in found.warnings[:3]:
 # %% [markdown]
 # ## Use the camera
 #
-# `found.camera` is a camera as any other: to add noise to images, or to compare it with the frames in the
-# [next tutorial](find_missing_effect.md). `found.save_camera("camera.yaml")` writes it.
+# `found.camera` is a camera as any other: to add noise to images, or to compare it with the frames in
+# the [next tutorial](find_missing_effect.md). `found.save_camera("camera.yaml")` writes it.
 
 # %%
 print(found.to_camera_yaml()[:400])
@@ -63,5 +66,6 @@ print(found.to_camera_yaml()[:400])
 # %%
 import torch
 
+torch.manual_seed(0)
 noise = visaug.VISNoise(found.camera, exposure=0.1)
 noise(torch.full((1, 1, 64, 64), 0.5)).std()

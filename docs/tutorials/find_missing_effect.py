@@ -5,14 +5,16 @@
 # %% [markdown]
 # # Tutorial: find the missing effect
 #
-# A camera file states gain, read noise and fixed patterns. The frames show something that it does not explain. This tutorial
-# hides an effect in simulated frames, tests the camera file against them, identifies the effect, and checks the corrected camera.
+# A camera file states gain, read noise and fixed patterns. The frames show something that it does not
+# explain. This tutorial hides an effect in simulated frames, tests the camera file against them,
+# identifies the effect, and checks the corrected camera.
 
 # %% [markdown]
 # ## A camera and its frames
 #
-# With a real camera you would load both: `visaug.Camera.load("camera.yaml")` and `visaug.FrameSet.load("frames/")`. Here a
-# small sensor takes 9 bias, 6 dark and 12 flat frames, with row noise that its file does not contain.
+# With a real camera you would load both: `visaug.Camera.load("camera.yaml")` and
+# `visaug.FrameSet.load("frames/")`. Here a small sensor takes 9 bias, 6 dark and 12 flat frames, with
+# row noise that its file does not contain.
 
 # %%
 import numpy as np
@@ -51,8 +53,9 @@ frames
 # %% [markdown]
 # ## Compare
 #
-# `compare` takes the same frames with the camera file, computes several hundred statistics of both, and tests whether the camera
-# explains the measured ones. The p-value is the probability of a deviation at least as large if the camera file were complete.
+# `compare` takes the same frames with the camera file, computes several hundred statistics of both,
+# and tests whether the camera explains the measured ones. The p-value is the probability of a
+# deviation at least as large if the camera file were complete.
 
 # %%
 comparison = visaug.compare(camera, frames)
@@ -66,8 +69,9 @@ for line in comparison.differences(4):
 # %% [markdown]
 # ## Diagnose
 #
-# `diagnose` refits the parameters of the camera file, tries the effects of the catalogue, and accepts what explains the frames. To
-# save time, this tutorial tries two of them with few simulated sets; leave `without` and `sets` out to try all.
+# `diagnose` refits the parameters of the camera file, tries the effects of the catalogue, and accepts
+# what explains the frames. To save time, this tutorial tries two of them with few simulated sets;
+# leave `without` and `sets` out to try all.
 
 # %%
 from visaug.effects.catalogue import catalogue
@@ -82,8 +86,8 @@ for ranked in diagnosis.ranking[:1]:
         print(f"{ranked.effect}.{name}: {estimate.value:.3g} {interval} {estimate.unit}")
 
 # %% [markdown]
-# The true value is 1.4 e-. The error is 1 for the camera file as given, and 0 where the corrected camera is as close to the
-# frames as a second camera of the same type.
+# The true value is 1.4 e-. The error is 1 for the camera file as given, and 0 where the corrected
+# camera is as close to the frames as a second camera of the same type.
 
 # %%
 error = diagnosis.to_json()["error"]
@@ -94,8 +98,9 @@ print(f"camera explains the frames: {diagnosis.adequate_before} before, {diagnos
 # %% [markdown]
 # ## Use the corrected camera
 #
-# `diagnosis.camera` is the camera with the effect. `diagnosis.report("diagnosis.html")` writes everything as one page with
-# figures, and `diagnosis.to_frame()` gives the ranking of all candidates as a pandas DataFrame.
+# `diagnosis.camera` is the camera with the effect. `diagnosis.report("diagnosis.html")` writes
+# everything as one page with figures, and `diagnosis.to_frame()` gives the ranking of all candidates
+# as a pandas DataFrame.
 
 # %%
 noise = visaug.VISNoise(diagnosis.camera)

@@ -5,13 +5,15 @@
 # %% [markdown]
 # # Tutorial: noise for a training
 #
-# A network that is trained on rendered images meets noise for the first time when it sees a real camera. This tutorial adds
-# the noise of a camera to rendered images, checks that it follows the physics, and puts it into a training pipeline.
+# A network that is trained on rendered images meets noise for the first time when it sees a real
+# camera. This tutorial adds the noise of a camera to rendered images, checks that it follows the
+# physics, and puts it into a training pipeline.
 
 # %% [markdown]
 # ## A rendered image
 #
-# A bright body before a black sky, in [0, 1] and linear in light: (batch, channel, row, column), as torch has it.
+# A bright body before a black sky, in [0, 1] and linear in light: (batch, channel, row, column), as
+# torch has it.
 
 # %%
 import matplotlib.pyplot as plt
@@ -26,8 +28,9 @@ clean.shape
 # %% [markdown]
 # ## One camera, three exposures
 #
-# `VISNoise` is a `torch.nn.Module` and a kornia augmentation. A camera is named, loaded from a file, or measured (see the next
-# tutorial). `exposure` is the share of the light that saturates the sensor: less light, the same brightness, more noise.
+# `VISNoise` is a `torch.nn.Module` and a kornia augmentation. A camera is named, loaded from a file,
+# or measured (see the next tutorial). `exposure` is the share of the light that saturates the sensor:
+# less light, the same brightness, more noise.
 
 # %%
 torch.manual_seed(0)
@@ -45,10 +48,11 @@ figure
 # %% [markdown]
 # ## Is it physical?
 #
-# Shot noise has a variance that grows in proportion to the signal; read noise adds a constant. A plot of variance against mean,
-# the photon transfer curve, is therefore a straight line. Two exposures of the same uniform image differ by temporal noise alone,
-# so half the variance of their difference is its variance. `fixed_pattern="camera"` keeps one individual camera for both, and
-# `gain_db=0` its gain, which this camera file otherwise draws anew for each image.
+# Shot noise has a variance that grows in proportion to the signal; read noise adds a constant. A plot
+# of variance against mean, the photon transfer curve, is therefore a straight line. Two exposures of
+# the same uniform image differ by temporal noise alone, so half the variance of their difference is
+# its variance. `fixed_pattern="camera"` keeps one individual camera for both, and `gain_db=0` its
+# gain, which this camera file otherwise draws anew for each image.
 
 # %%
 noise = visaug.VISNoise("sony_imx174", exposure=0.05, gain_db=0, fixed_pattern="camera")
@@ -65,8 +69,9 @@ axis.set(xlabel="mean / full scale", ylabel="variance / full scale squared", tit
 figure
 
 # %% [markdown]
-# The slope is one over the number of electrons at full scale. The camera file has the same number: its converter ends at 4095 DN,
-# of which the black level is no signal, and only a twentieth of the light is used.
+# The slope is one over the number of electrons at full scale. The camera file has the same number:
+# its converter ends at 4095 DN, of which the black level is no signal, and only a twentieth of the
+# light is used.
 
 # %%
 camera = visaug.Camera.load("sony_imx174")
@@ -77,8 +82,9 @@ print(f"electrons at full scale: {1 / slope:.0f} from the slope, {full_scale_e:.
 # %% [markdown]
 # ## In a training
 #
-# A network should meet a range of conditions. Gain and exposure are drawn for each image from the ranges that are given; fixed
-# patterns are drawn anew, as if each image came from another camera of the type. The draws can be kept and replayed.
+# A network should meet a range of conditions. Gain and exposure are drawn for each image from the
+# ranges that are given; fixed patterns are drawn anew, as if each image came from another camera of
+# the type. The draws can be kept and replayed.
 
 # %%
 augment = visaug.VISNoise("sony_imx174", gain_db=(0, 24), exposure=(0.02, 1.0), p=0.8)
@@ -89,6 +95,7 @@ print(f"residual noise per image: {(noisy - batch).std(dim=(1, 2, 3)).numpy().ro
 print(f"replayed bit by bit: {torch.equal(noisy, again)}")
 
 # %% [markdown]
-# Several cameras are a list, of which each image gets one: `visaug.VISNoise(["sony_imx174", "star_tracker"])`. The adapters for
-# torchvision, albumentations and ultralytics take the same options, see [Augment images](../augment.md). Labels need no change:
-# noise moves nothing.
+# Several cameras are a list, of which each image gets one:
+# `visaug.VISNoise(["sony_imx174", "star_tracker"])`. The adapters for torchvision, albumentations and
+# ultralytics take the same options, see [Augment images](../augment.md). Labels need no change: noise
+# moves nothing.

@@ -89,6 +89,8 @@ MISTAKES = [
     (["augment", ".", "-o", "out", "--camera", "no_such_camera"], "no_such_camera"),
     (["augment", ".", "-o", "out"], "--camera"),
     (["augment", ".", "-o", "out", "--camera", "camera.yaml", "--seed", "-1"], "--seed"),
+    (["augment", ".", "-o", "out", "--camera", "camera.yaml", "--seed", "a"], "'a' is not a whole number"),
+    (["augment", "a.png", "-o", "noisy.png", "--camera", "camera.yaml"], "a folder for the copies"),
     (["simulate", "nowhere.csv", "--camera", "camera.yaml", "-o", "out"], "nowhere.csv"),
     (["simulate", "plan.csv", "--camera", "bad.yaml", "-o", "out"], "bad.yaml"),
     (["simulate", "plan.csv", "--camera", "unknown.yaml", "-o", "out"], "read_noise.sigma"),
@@ -183,6 +185,7 @@ def test_augment(program_run, tmp_path):
     assert "1 picture" in out
     noisy = cv2.imread(str(tmp_path / "out/a.png"), cv2.IMREAD_UNCHANGED)
     assert noisy.dtype == np.uint16
+    assert "monochrome" not in out
     assert len(np.unique(noisy)) > 5
 
 
@@ -346,6 +349,18 @@ def test_frames_of_a_folder_as_a_table(program_run, tmp_path):
     assert frames.bit_depth == 12
 
 
+def test_laboratory_frames_without_kinds_are_told_how_to_get_them(program_run, tmp_path):
+    """Names that tell no kind: the frames are pictures to the program, which says so and names the command for a table."""
+    (tmp_path / "shots").mkdir()
+    noise = np.random.default_rng(0).normal(100, 3, (6, 32, 40))
+    for number, frame in enumerate(noise):
+        cv2.imwrite(str(tmp_path / "shots" / f"img{number}.png"), np.rint(frame).astype(np.uint16))
+    status, _, err = program_run("characterize", "shots", "--bit-depth", "12")
+    assert status == 0
+    assert "if they are: visaug frames shots -o shots/frames.csv" in err
+    assert "if they are" not in program_run("characterize", "shots", "--bit-depth", "12", "-q")[2]
+
+
 def test_a_plan_for_a_camera_and_by_hand(program_run, tmp_path):
     hot = {**CAMERA, "dark_current": {"a_e_per_s": 5.0, "b_per_c": 0.0}, "exposure_s": 0.02}
     (tmp_path / "hot.yaml").write_text(yaml.safe_dump(hot))
@@ -396,6 +411,7 @@ def test_augment_says_what_it_assumed_skipped_and_could_not_use(program_run, tmp
     assert "wrote 4 pictures" in out
     assert "transfer function: linear for 2 (16-bit), sRGB for 2 (8-bit colour)" in out
     assert "skipped 1 file: 1 .mov" in out
+    assert "monochrome, the same noise in the three channels of colour pictures: " in out
     assert "c.jpg" in out.split("could not be used")[1]
     assert sorted(path.name for path in (tmp_path / "out").glob("[!.]*")) == [
         "a_1.png",

@@ -126,6 +126,23 @@ def test_what_is_refused_names_its_key_in_one_line(content, path):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (
+            {"read_noise": 6},
+            "read_noise: has no keys of its own (got 6); expected for example {sigma_e: 6.0}",
+        ),
+        ({"effects": "row_noise"}, "effects: is not a list (got 'row_noise'); expected for example [{name: "),
+        ({"gain_e_per_dn": "two"}, "gain_e_per_dn: is not a number (got 'two')"),
+    ],
+)
+def test_a_value_of_another_kind_is_told_with_an_example(wrong, said):
+    with pytest.raises(InputError) as caught:
+        Camera.load({"resolution": [8, 8], "gain_e_per_dn": 0.5, **wrong})
+    assert said in str(caught.value)
+
+
 @pytest.mark.parametrize("text", ["- a\n- b\n", "", "name: [\n", "\x00"])
 def test_what_is_no_camera_file_names_the_file(tmp_path: Path, text):
     (tmp_path / "camera.yaml").write_text(text)

@@ -54,6 +54,15 @@ def test_bits_of_every_type(dtype, levels, said):
     assert any(w.startswith("bit_depth_assumed") for w in result.warnings) == said
 
 
+@pytest.mark.parametrize(("stated", "said"), [(12, False), (14, True), (16, True)])
+def test_flats_at_the_top_of_fewer_bits_than_stated_are_named(stated, said):
+    records, frames = sweep((200, 900, 1900))
+    result = visaug.characterize(FrameSet.from_arrays(records, frames, bit_depth=stated))
+    spoiled = {w.word: w.spoils for w in result.warning_details}
+    assert ("bit_depth_contradicted" in spoiled) == said
+    assert result.assumed["bit_depth"] == stated
+
+
 def test_a_flat_of_unknown_temperature_is_paired_by_exposure():
     """Dark frames of 0.01 s at 20 degC and of 10 s at 0 degC: the partner of a flat of 0.01 s has its exposure."""
     rng = np.random.default_rng(4)

@@ -269,7 +269,11 @@ def test_duplicate_and_constant_frames_are_named():
     frames[4] = frames[1]
     assert "frames 1, 4 " in checked(frames, ["bias"] * 6)["duplicate_frames"]
     frames[5] = 7
-    assert "frames 5 " in checked(frames, ["bias"] * 6)["constant_frame"]
+    assert checked(frames, ["bias"] * 6)["constant_frame"].endswith(
+        "frames 5 have one value in all pixels (7 DN)"
+    )
+    frames[0] = 9
+    assert checked(frames, ["bias"] * 6)["constant_frame"].endswith("(7 to 9 DN)")
 
 
 def test_bias_that_saw_light_is_named():

@@ -70,7 +70,27 @@ def test_what_follows_from_an_answer():
     assert second == "visaug diagnose f --camera c.yaml --effects my_effect.py"
     assert after_characterization(written).command == "visaug compare f --camera b.yaml"
     assert "augment" in after_characterization(written, of_pictures=True).command
+    unwritten = after_characterization(inputs, on_camera=True).command
+    assert unwritten == "visaug characterize f --camera c.yaml -o camera.yaml"
     assert after_pictures(NOTHING, Inputs("f")).command == ""
+
+
+def test_frames_that_do_not_tell_the_gain_give_no_command_that_fails(tmp_path):
+    """Two bias frames: the gain is unknown, so `-o camera.yaml` would be refused; a camera that has the gain helps."""
+    noise = np.random.default_rng(1).normal(100, 3, (2, 32, 40))
+    records = [FrameRecord(i, f"{i}.npy", "bias") for i in range(2)]
+    FrameSet.from_arrays(records, np.rint(noise).astype(np.uint16), bit_depth=12).save(tmp_path)
+    visaug.Camera.load(CAMERA).save(tmp_path / "known.yaml")
+    alone = CliRunner().invoke(program, ["characterize", str(tmp_path)])
+    assert alone.exit_code == 0
+    assert alone.output.splitlines()[-1].strip() == "visaug plan"
+    report = tmp_path / "r.html"
+    known = ["characterize", str(tmp_path), "--camera", str(tmp_path / "known.yaml"), "--report", str(report)]
+    helped = CliRunner().invoke(program, known)
+    last = shlex.split(helped.output.splitlines()[-1])
+    assert last[:3] == ["visaug", "characterize", str(tmp_path)]
+    assert last[last.index("--camera") + 1] == str(tmp_path / "known.yaml")
+    assert "Next: write the camera file." in report.read_text()
 
 
 def test_images_that_are_to_look_like_pictures_keep_their_black_level():

@@ -15,6 +15,7 @@ from visaug.report.headline import COUNTED
 from visaug.report.pages import write_comparison, write_diagnosis
 from visaug.report.plots.error import plot_error_steps, plot_ranking
 from visaug.report.plots.view import plot_view
+from visaug.report.verdict_text import verdict_row
 
 CAMERA = {
     "name": "plain",
@@ -178,3 +179,12 @@ def test_every_view_is_drawn_measured_beside_modelled(frames):
             assert axes.get_xlabel(), view.name
             assert axes.get_ylabel(), view.name
     assert drawn >= 5
+
+
+def test_a_limit_of_a_parameter_that_an_effect_makes_smaller_is_a_lower_one():
+    """Heavier tails have a smaller shape: absent means that the shape lies above the limit."""
+    absent = {"verdict": "absent", "from": None, "frames": None}
+    tails = {"effect": "read_noise", "parameter": "read_noise.shape", "unit": "1", "limit": 0.02}
+    rows = {"effect": "row_noise", "parameter": "row_noise.sigma_e", "unit": "e-", "limit": 0.3}
+    assert verdict_row(absent | tails)[2] == "shape > 0.02"
+    assert verdict_row(absent | rows)[2] == "sigma_e < 0.3 e-"

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from visaug.augment.image_io import Picture, read_picture, write_picture
+from visaug.augment.image_io import SUFFIXES, Picture, read_picture, write_picture
 from visaug.augment.images import check_bits
 from visaug.augment.jobs import CopyPlan, find_label, label_place, plan_jobs
 from visaug.augment.journal import JOURNAL as JOURNAL
@@ -45,6 +45,7 @@ class Augmented:
         skipped: suffix -> number of files in the folders that are no pictures, and were not carried.
         excluded: number of pictures that the patterns left out, and that were not carried.
         assumed: (transfer function, reason) -> number of copies written on that assumption.
+        coloured: number of copies written of colour pictures with noise.
         clipped: number of floating-point pictures with values outside [0, 1], which a sensor cuts.
         unlabelled: number of pictures without YOLO labels, where YOLO labels were copied for others.
         carried: number of other files that were copied as they are, with `labels`.
@@ -58,6 +59,7 @@ class Augmented:
     skipped: Counter[str] = field(default_factory=Counter)
     excluded: int = 0
     assumed: Counter[tuple[str, str]] = field(default_factory=Counter)
+    coloured: int = 0
     clipped: int = 0
     unlabelled: int = 0
     carried: int = 0
@@ -108,7 +110,7 @@ def augment_files(
 
     Raises:
         InputError: no pictures, none that can be used, two with the same place in `output`, an output that
-            would overwrite an original, or a file that visaug did not write in the place of a copy.
+            is called like a picture or would overwrite an original, or a file that visaug did not write in the place of a copy.
     """
     from visaug.augment.sensor_noise import SensorNoise
 
@@ -119,6 +121,8 @@ def augment_files(
         raise InputError(f"{copies} copies", field="copies", expected="1 or more")
     if bits is not None and not 1 <= bits <= 16:
         raise InputError(f"{bits} bit", field="bits", expected="1 to 16")
+    if output.suffix.lower() in SUFFIXES and not output.exists():
+        raise InputError("is the name of a picture", file=output, expected="a folder for the copies")
     jobs = plan_jobs([Path(path) for path in inputs], output, copies, include, exclude)
     noise = SensorNoise(camera, **options)
     work = _Work(output, noise, seed, p, bits, force, settings_of(noise, seed, p, bits, options))
@@ -204,6 +208,7 @@ class _Work:
         chosen = self.noise.transfer != "auto"
         kind = (self.noise.transfer, "as given") if chosen else (picture.transfer, picture.reason)
         self.done.assumed[kind] += 1
+        self.done.coloured += picture.colours == 3
         if picture.pixels.dtype.kind == "f":
             light = picture.pixels[..., : picture.colours]
             self.done.clipped += bool((light < 0).any() or (light > 1).any())

@@ -96,8 +96,10 @@ def visible(
     assert noise is not None
     assert tried is not None
     gain, share = _words(tried[0]), _words(tried[1])
+    mono = ", monochrome" if picture.colours == 3 and not camera.spec.colour else ""
     return noise, (
         f"gain {gain} dB{' (chosen)' if gain_db is None else ''}, exposure {share}{' (chosen)' if exposure is None else ''}"
+        f"{mono}"
     )
 
 

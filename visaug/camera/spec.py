@@ -179,6 +179,26 @@ def read_spec(path: Path) -> CameraSpec:
     return check_spec(content, path)
 
 
+_PROBLEMS = {  # of pydantic's types, in words of a YAML file
+    "tuple_type": "is not a list",
+    "list_type": "is not a list",
+    "model_type": "has no keys of its own",
+    "dict_type": "has no keys of its own",
+    "string_type": "is not a word",
+    "float_type": "is not a number",
+    "float_parsing": "is not a number",
+}
+_FORMS = {
+    "read_noise": "for example {sigma_e: 6.0}",
+    "dark_current": "for example {reference_e_per_s: 1.5, reference_temperature_c: 36, doubling_c: 8}",
+    "prnu": "for example {pixel: 0.006}",
+    "dsnu": "for example {pixel_e: 1.1}",
+    "colour": "for example {cfa: RGGB}",
+    "effects": "for example [{name: row_noise, sigma_e: 1.2}]",
+    "assumed": "for example [quantum_efficiency]",
+}
+
+
 def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
     """A checked CameraSpec, or an InputError that names the first key at fault by its path."""
     _refuse_switches(content, "", file)
@@ -193,13 +213,13 @@ def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
             problem += did_you_mean(str(first["loc"][-1]), _KEYS)
         elif first["type"] == "missing":
             problem = "is missing"
-        elif first["type"] == "tuple_type":
-            problem = "is not a list"
+        else:
+            problem = _PROBLEMS.get(first["type"], problem)
         size = first["loc"][:1] == ("resolution",) and first["type"] != "value_error"
         given = "" if first["type"] in ("extra_forbidden", "missing") else f" (got {first['input']!r})"
         is_share = first["type"] == "less_than_equal" and path.split(".")[0] in ("prnu", "quantum_efficiency")
         fraction = f"a fraction: {first['input'] / 100:g} for {first['input']:g} %" if is_share else None
-        expected = "[rows, columns]" if size else fraction
+        expected = "[rows, columns]" if size else fraction or _FORMS.get(path)
         raise InputError(problem + given, file=file, field=path, expected=expected) from error
     for i, entry in enumerate(spec.effects):
         _check_effect(entry, f"effects.{i}", file)

@@ -44,7 +44,7 @@ def camera_content(result: Characterization) -> dict[str, Any]:
     """
     found = {**result.assumed, **{k: e.value for k, e in result.parameters.items() if k in CAMERA_KEYS}}
     found = {k: v for k, v in found.items() if k not in result.left_out}
-    if "gain_e_per_dn" not in found:
+    if not result.has_gain:
         raise InputError(
             "the frames do not tell the gain, so there is no camera in electrons",
             field="gain_e_per_dn",

@@ -186,14 +186,20 @@ def _aligned(
 def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits: int | None) -> None:
     """Bits of the converter: as told, as the files' type tells, or by where bright flats pile up."""
     depth = frames.bit_depth
-    if told_bits is not None or (depth is not None and depth < 16):
-        found.bit_depth = min(told_bits or 16, depth or 16, 16)
-        return
     largest = max(f.largest for f in facts)
-    if largest > (1 << 16) - 1:  # sums of frames, or a type of more than 16 bits
-        return
     piles = {f.largest for f in facts if f.at_largest > _PILE and f.largest == largest and f.noise < largest}
     tops = [n for n in _DEPTHS if piles and largest == (1 << n) - 1]
+    if told_bits is not None or (depth is not None and depth < 16):
+        found.bit_depth = min(told_bits or 16, depth or 16, 16)
+        if tops and tops[0] < found.bit_depth:
+            found.warn(
+                f"bit_depth_contradicted: frames pile up at {largest:g} DN, the highest code of {tops[0]} bits, "
+                f"and {found.bit_depth} bits are stated",
+                spoils=("bit_depth",),
+            )
+        return
+    if largest > (1 << 16) - 1:  # sums of frames, or a type of more than 16 bits
+        return
     if tops:
         found.bit_depth = tops[0]
         return

@@ -105,6 +105,11 @@ class Characterization:
         return any(w.word == "no_sensor_noise" for w in self.warning_details)
 
     @property
+    def has_gain(self) -> bool:
+        """Whether the gain is measured or given, without which nothing can be said in electrons."""
+        return "gain_e_per_dn" in {**self.assumed, **self.parameters}.keys() - set(self.left_out)
+
+    @property
     def transfer(self) -> str | None:
         """`srgb` where the pictures' values follow from light by a tone curve like it; None for linear values."""
         return "srgb" if any(w.word == "tone_curve" for w in self.warning_details) else None

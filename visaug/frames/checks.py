@@ -58,7 +58,9 @@ def check(frames: FrameSet) -> list[str]:
             f"duplicate_frames: frames {'; '.join(copies[:_FEW])}{more} are identical to the last bit: copies, not exposures"
         )
     if constant:
-        found.append(f"constant_frame: frames {name(constant)} have one value in all pixels")
+        values = sorted({means[i] for i in constant})
+        listed = f"{values[0]:.10g} DN" if len(values) == 1 else f"{values[0]:.10g} to {values[-1]:.10g} DN"
+        found.append(f"constant_frame: frames {name(constant)} have one value in all pixels ({listed})")
     if saturated:
         found.append(
             f"saturated_flat: more than {_SATURATED_SHARE:.1%} of the pixels of flats "

@@ -35,7 +35,8 @@ def write_characterization(
     ]
     found: list[Text | Table | Figure] = []
     if not pictured or "gain_e_per_dn" in content["parameters"]:  # else there is no camera to write
-        found.append(next_text(after_characterization(inputs, pictured)))
+        step = after_characterization(inputs, pictured, result.has_gain, result.base is not None)
+        found.append(next_text(step))
     headline = characterization_headline(content, camera_file.name if camera_file else None)
     if headline:
         found.insert(0, Text(headline, "finding"))
@@ -106,7 +107,7 @@ CAPTIONS = {
     "linearity": "Linearity: how far the response departs from a straight line.",
     "read_noise": "Read noise: distribution of the dark temporal noise, and the Tukey-lambda that fits it.",
     "dark_current": "Dark current against temperature.",
-    "nonuniformity": "Nonuniformity: fixed patterns in the dark and in light.",
+    "nonuniformity": "Fixed pattern of the mean bias frame: means of its rows and columns, and their power spectra.",
     "gain_law": "Gain against its setting in dB.",
     "noise_level": "Noise-level function: noise of flat regions of ordinary pictures against their level.",
 }

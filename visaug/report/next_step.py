@@ -76,8 +76,10 @@ class Inputs:
             *words,
         )
 
-    def characterizing(self) -> str:
-        return _line("characterize", self.frames, *self._depth(), "-o", "camera.yaml")
+    def characterizing(self, on_camera: bool = False) -> str:
+        """Args: on_camera: whether the numbers that the frames do not tell come from `camera`."""
+        base = ("--camera", self.camera, *self._own()) if on_camera else ()
+        return _line("characterize", self.frames, *base, *self._depth(), "-o", "camera.yaml")
 
     def augmenting(self, camera: str) -> str:
         look = ("--transfer", self.transfer or "linear", "--black-level", "keep")
@@ -94,10 +96,19 @@ class Inputs:
         return tuple(word for file in self.effects for word in ("--effects", file))
 
 
-def after_characterization(inputs: Inputs, of_pictures: bool = False) -> NextStep:
-    """After `visaug characterize`; pictures of an unknown camera cannot be compared with it."""
+def after_characterization(
+    inputs: Inputs, of_pictures: bool = False, has_gain: bool = True, on_camera: bool = False
+) -> NextStep:
+    """After `visaug characterize`; pictures of an unknown camera cannot be compared with it.
+
+    Args:
+        has_gain: whether the gain is known, without which there is no camera file.
+        on_camera: whether a camera was given beside the frames.
+    """
+    if not has_gain:
+        return NextStep("Next: list the frames that determine the gain, and take them.", "visaug plan")
     if inputs.better is None:
-        return NextStep("Next: write the camera file.", inputs.characterizing())
+        return NextStep("Next: write the camera file.", inputs.characterizing(on_camera))
     if of_pictures:
         return NextStep(f"Next: train with this camera. {PICTURES}", inputs.augmenting(inputs.better))
     return NextStep(

@@ -3,6 +3,7 @@
 from typing import Any
 
 Content = dict[str, Any]
+FALLING = ("read_noise.shape", "full_well_e")  # parameters that an effect makes smaller
 
 
 def amount(value: float | None, unit: str | None) -> str:
@@ -19,7 +20,8 @@ def verdict_row(entry: Content) -> list[str]:
     elif entry["limit"] is None:
         strength = ""
     else:
-        sign = "<" if entry["verdict"] == "absent" else "shown from"
+        below = ">" if entry["parameter"] in FALLING else "<"
+        sign = below if entry["verdict"] == "absent" else "shown from"
         strength = f"{key} {sign} {amount(entry['limit'], unit)}"
     word = entry["verdict"]
     if entry["from"]:

@@ -18,6 +18,7 @@ from visaug.app.cli.options import (
     frames_argument,
     is_silent,
     load_camera,
+    load_frames,
     may_replace,
     may_write,
     output_option,
@@ -111,7 +112,7 @@ def characterize(
         if path.suffix.lower() not in (".html", ".json"):
             raise InputError("is neither", file=path, field="--sheet", expected="a name in .html or .json")
     camera = load_camera(camera_name) if camera_name else None
-    frames = visaug.FrameSet.load(frames_path, camera.resolution if camera else None, bit_depth)
+    frames = load_frames(frames_path, camera.resolution if camera else None, bit_depth, quiet)
     with progress_bars(quiet=quiet) as progress:
         progress("characterizing", 0, 1)
         result = visaug.characterize(frames, camera, seed=seed, method=method)
@@ -138,8 +139,9 @@ def characterize(
     if not silent:
         written(output, maps_path, json_path, report_path, *sheets)
         if not frames.is_pictures or "gain_e_per_dn" in result.parameters:
-            inputs = replace(Inputs.of(None, frames, output), transfer=result.transfer)
-            summaries.print_next(after_characterization(inputs, frames.is_pictures))
+            inputs = replace(Inputs.of(camera, frames, output), transfer=result.transfer)
+            step = after_characterization(inputs, frames.is_pictures, result.has_gain, camera is not None)
+            summaries.print_next(step)
 
 
 def _write_sheets(
@@ -227,7 +229,7 @@ def compare(
             raise SystemExit(MISFIT)
         return
     assert camera is not None
-    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
+    frames = load_frames(frames_path, camera.resolution, bit_depth, quiet)
     with progress_bars(quiet=quiet) as progress, _warning_of_renders(json_path, fail_on_misfit):
         result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
     inputs = replace(Inputs.of(camera, frames), transfer=_told(transfer))
@@ -242,7 +244,9 @@ def compare(
         content["pictures"] = {name: str(path) for name, path in pictures.items()}
     write_result(json_path, content)
     if not silent:
-        written(json_path, report_path, *pictures.values())
+        written(json_path, report_path)
+        if pictures:
+            click.echo(f"wrote {len(pictures)} pictures to {next(iter(pictures.values())).parent}")
         summaries.print_next(after_comparison(content, inputs))
     if fail_on_misfit and not result.adequate:
         raise SystemExit(MISFIT)
@@ -335,7 +339,7 @@ def diagnose(
     for name in without:
         find(name)
     camera = load_camera(camera_name)
-    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
+    frames = load_frames(frames_path, camera.resolution, bit_depth, quiet)
     with progress_bars(single=True, quiet=quiet) as progress, _warning_of_renders(json_path):
         result = visaug.diagnose(
             camera,
@@ -401,15 +405,13 @@ def lab(
     Prints the address of a page that is served on this machine only, until Ctrl-C. Anyone who has the address
     can use the page and load effects, whose Python code is then executed.
     """
-    import visaug
-
     with extra():
         from visaug.app.lab import Bench, load_own, serve
     check_installed("matplotlib", "jinja2")
     may_write(output, force)
     own = [name for file in effects for name in load_own(file)]  # first: the camera may name one of them
     camera = load_camera(camera_name)
-    frames = visaug.FrameSet.load(frames_path, camera.resolution, bit_depth)
+    frames = load_frames(frames_path, camera.resolution, bit_depth)
     bench = Bench(camera, frames, own, seed=seed, output=output, force=force)
     try:
         serve(bench, port, say=click.echo, ready=click.launch if browser else None)

@@ -1,6 +1,7 @@
 """What the commands share: the camera, the seed, an example in the help, and one way to write results."""
 
 import json
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ from visaug.core.extras import check_installed
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
+    from visaug.frames import FrameSet
 
 Decorator = Callable[[Callable], Callable]
 STANDARD_OUTPUT = Path("-")
@@ -157,6 +159,24 @@ def load_camera(name: str) -> "Camera":
     from visaug.camera import Camera
 
     return Camera.load(name)
+
+
+def load_frames(
+    path: Path, resolution: tuple[int, int] | None, bit_depth: int | None, quiet: bool = False
+) -> "FrameSet":
+    """The frames; a line to standard error where those of a laboratory may have been taken for ordinary pictures."""
+    import visaug
+
+    frames = visaug.FrameSet.load(path, resolution, bit_depth)
+    untold = frames.is_pictures and path.is_dir() and not (path / "frames.csv").exists()
+    if untold and not quiet and (frames.bit_depth or 0) > 8:
+        command = shlex.join(["visaug", "frames", str(path), "-o", str(path / "frames.csv")])
+        click.echo(
+            "read as ordinary pictures, since no name or header tells bias, dark or flat frames; "
+            f"if they are: {command}",
+            err=True,
+        )
+    return frames
 
 
 def is_silent(quiet: bool, json_path: Path | None) -> bool:

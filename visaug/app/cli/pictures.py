@@ -201,6 +201,9 @@ def augment(
             black_level=black_level,
         )
     _say(done, output)
+    mono = [camera.name for camera in cameras if not camera.spec.colour]
+    if done.coloured and mono:
+        click.echo(f"monochrome, the same noise in the three channels of colour pictures: {', '.join(mono)}")
     if done.failed:
         head = f"{_number(len(done.failed), 'picture')} could not be used:"
         raise PartlyFailed("\n  ".join([head, *done.failed]))
@@ -277,8 +280,8 @@ def _say(done: "Augmented", output: Path) -> None:
     if done.like_labels:
         reasons = ", ".join(f"{why}: {count}" for why, count in sorted(done.like_labels.items()))
         click.echo(
-            f"warning: {_number(sum(done.like_labels.values()), 'file')} of these look like labels and got no noise "
-            f"({reasons}); --exclude PATTERN leaves them out, --force adds noise"
+            f"warning: {_number(sum(done.like_labels.values()), 'file')} of these got no noise, for looking like labels "
+            f"({reasons}); --exclude PATTERN leaves such files out, --force adds noise"
         )
     if done.assumed:
         parts = [f"{WORDS[kind]} for {count} ({why})" for (kind, why), count in sorted(done.assumed.items())]

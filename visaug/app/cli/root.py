@@ -89,6 +89,8 @@ def said(mistake: click.ClickException) -> str:
     text = " ".join(mistake.format_message().split()).rstrip(".")
     if isinstance(mistake, click.MissingParameter) and "--camera" in getattr(mistake.param, "opts", ()):
         text = "--camera is missing; expected for example --camera sony_imx174 (`visaug cameras` lists all)"
+    text = text.replace("is not a valid integer range", "is not a whole number")
+    text = text.replace("is not a valid float range", "is not a number")
     context = getattr(mistake, "ctx", None)
     return printable(f"{text}; see `{context.command_path} --help`" if context else text)
 
