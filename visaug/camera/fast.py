@@ -219,5 +219,5 @@ def kernel():
 def _announce() -> None:
     folder = Path(str(loops.kernel().expose.stats.cache_path))
     if not any(folder.glob("fast_kernel.expose-*.nbi")):
-        message = "compiling the fast sensor chain: once, about 10 s; kept in %s"
+        message = "compiling the fast sensor chain: once, about 9 s; kept in %s"
         logging.getLogger("visaug").warning(message, folder)

@@ -292,7 +292,7 @@ def _add_normals(key, place, scale, words, w, out):
         _add_scaled(scale, w, out)
 
 
-@part
+@njit(inline="always")
 def _apart(source, n, keys, place, gains, offsets, words, room, mean, w, e):
     """Electrons of a window, each part on its own."""
     _add_normals(keys[PRNU], place, n[PRNU_PIXEL], words, w, gains)
@@ -323,35 +323,29 @@ def _together(light, n, keys, place, offsets, one, other, w, z, e):
     _add_quantiles(light, w, n, e)
 
 
-@part
+@njit(inline="always")
 def _replace(source, n, keys, place, gains, offsets, light, words, room, mean, w, result, e):
-    """Draws each part on its own where that has to be: for AT_ONCE pixels of a row together."""
+    """Draws each part on its own: everywhere, or where that has to be, for AT_ONCE pixels of a row together."""
     channel, row, first, rows, width = place
     dark, faint, limit = n[DARK_E], n[FAINT_E], n[LIMIT_E]
-    single = np.int64(1)
-    for r in range(rows):
-        for x in range(0, width, AT_ONCE):
-            a, b = r * width + x, r * width + min(x + AT_ONCE, width)
-            if _count_apart(light[a:b], dark, faint, limit) == 0:
+    whole = limit < ZERO
+    high, wide = (rows, width) if whole else (np.int64(1), np.int64(AT_ONCE))
+    for r in range(0, rows, high):
+        for x in range(0, width, wide):
+            size = high * min(wide, width - x)
+            a = r * width + x
+            b = a + size
+            if not whole and _count_apart(light[a:b], dark, faint, limit) == 0:
                 continue
-            here = (channel, row + r, first + x, single, b - a)
-            w_, result_ = w[: b - a], result[: b - a]
+            here = (channel, row + r, first + x, high, size // high)
+            to = e[a:b] if whole else result[:size]
             _apart(
-                source[a:b],
-                n,
-                keys,
-                here,
-                gains[a:b],
-                offsets[a:b],
-                words[: b - a + 3],
-                room,
-                mean[: b - a],
-                w_,
-                result_,
+                source[a:b], n, keys, here, gains[a:b], offsets[a:b], words, room, mean[:size], w[:size], to
             )
-            for i in range(a, b):
-                if _is_apart(light[i] + dark, faint, limit):
-                    e[i] = result_[i - a]
+            if not whole:
+                for i in range(a, b):
+                    if _is_apart(light[i] + dark, faint, limit):
+                        e[i] = to[i - a]
 
 
 @part
@@ -375,30 +369,31 @@ def _convert(e, source, n, white, out):
 
 @compiled
 def expose(
-    source, out, first_row, last_row, channels, numbers, keys, row_gain, row_offset, column_gain, column_offset,
+    source, out, sizes, first_row, last_row, channels, numbers, keys, row_gain, row_offset, column_gain, column_offset,
     gain_maps, offset_maps, origin, white, floats, words, sums,
 ):  # fmt: skip
     """Rows [first_row, last_row) of all planes of a batch, one after another.
 
     Args:
-        source, out: (B C, H, W) float32, or whole numbers of which `white` is the image value 1; 0 for float32.
+        source, out: (B C H W,) float32, or whole numbers of which `white` is the image value 1; 0 for float32.
+        sizes: H and W.
         channels: C.
         numbers: (B, NUMBERS) float32; keys: (B, KEYS) uint64.
-        row_gain, row_offset: (B C or C, H) float32, fractions and electrons; column_...: the same by columns.
-        gain_maps, offset_maps: (B C or C, H, W) float32; (C, H, 0) where there is none.
+        row_gain, row_offset: (B C H or C H,) float32, fractions and electrons.
+        column_gain, column_offset: (B C or C, W) float32.
+        gain_maps, offset_maps: (B C H W or C H W,) float32; empty where there is none.
         origin: row and column of the sensor at which the images begin.
         floats, words, sums: of `scratch`.
     """
-    _, height, width = source.shape
+    height, width = sizes
     at_once = floats.shape[1] // width
     one, other, room = words[0], words[1], (words[2], floats[8:], sums)
     number = first_row
     while number < last_row:
         plane, y = number // height, number % height
         rows = min(at_once, height - y, last_row - number)
-        number += rows
         image, channel = plane // channels, plane % channels
-        own = plane if len(row_gain) > channels else channel  # patterns of each image, or of one camera
+        of_camera = channel * height + y  # patterns of each image, or of one camera
         n, place = numbers[image], (channel, y + origin[0], origin[1], rows, width)
         pixels = rows * width
         seen, gains, offsets, light = (
@@ -408,17 +403,23 @@ def expose(
             floats[3, :pixels],
         )
         w, z, e = floats[4, :pixels], floats[5, :pixels], floats[6, :pixels]
-        gain_map = gain_maps[plane if len(gain_maps) > channels else channel, y : y + rows].reshape(-1)
-        offset_map = offset_maps[plane if len(offset_maps) > channels else channel, y : y + rows].reshape(-1)
-        _sum(row_gain[own, y : y + rows], column_gain[own], gain_map, gains)
-        _sum(row_offset[own, y : y + rows], column_offset[own], offset_map, offsets)
-        to = out[plane, y : y + rows].reshape(-1)
-        _values(source[plane, y : y + rows].reshape(-1), white, seen)
-        if n[LIMIT_E] < ZERO:
-            _apart(seen, n, keys[image], place, gains, offsets, one, room, light, w, e)
-        else:
+        row, own = (number, plane) if len(column_gain) > channels else (of_camera, channel)
+        gain_at = (number if gain_maps.size > channels * height * width else of_camera) * width
+        offset_at = (number if offset_maps.size > channels * height * width else of_camera) * width
+        _sum(row_gain[row : row + rows], column_gain[own], gain_maps[gain_at : gain_at + pixels], gains)
+        _sum(
+            row_offset[row : row + rows],
+            column_offset[own],
+            offset_maps[offset_at : offset_at + pixels],
+            offsets,
+        )
+        start = number * width
+        _values(source[start : start + pixels], white, seen)
+        whole = n[LIMIT_E] < ZERO
+        if not whole:
             _light(seen, n[ELECTRONS], gains, n[LEAST_E], light)
             _together(light, n, keys[image], place, offsets, one, other, w, z, e)
-            if _count_apart(light, n[DARK_E], n[FAINT_E], n[LIMIT_E]) > 0:
-                _replace(seen, n, keys[image], place, gains, offsets, light, one, room, floats[7], w, z, e)
-        _convert(e, seen, n, white, to)
+        if whole or _count_apart(light, n[DARK_E], n[FAINT_E], n[LIMIT_E]) > 0:
+            _replace(seen, n, keys[image], place, gains, offsets, light, one, room, z, w, floats[7], e)
+        _convert(e, seen, n, white, out[start : start + pixels])
+        number += rows

@@ -62,13 +62,14 @@ def in_kernel(
 ) -> None:
     """Calls the kernel, whose `expose` explains the arguments, in threads."""
     channels, height, width = source.shape[1:]
-    rows = [x.detach().numpy().reshape(-1, height, width) for x in (source, out)]
-    k, same = kernel(), (channels, numbers, keys, *lines, *maps, origin, np.float32(white))
+    flat = [x.detach().numpy().reshape(-1) for x in (source, out)]
+    rows, maps = ([x.reshape(-1) for x in some] for some in (lines[:2], maps))
+    k, same = kernel(), (channels, numbers, keys, *rows, *lines[2:], *maps, origin, np.float32(white))
 
     def share(first: int, last: int) -> None:
-        k.expose(*rows, first, last, *same, *k.scratch(width))
+        k.expose(*flat, (height, width), first, last, *same, *k.scratch(width))
 
-    in_threads(share, len(rows[0]) * height)
+    in_threads(share, len(flat[0]) // width)
 
 
 def ends(images: Tensor) -> tuple[float, float]:

@@ -1,5 +1,6 @@
 """The command group, and the one place where a user's mistake becomes exit status 2."""
 
+import gc
 import logging
 import os
 import signal
@@ -43,6 +44,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the program; ends the process with status 0, 1 where part of the work failed, 2 on bad input or an error of the
     operating system, 130 when interrupted, 143 when terminated.
     """
+    gc.set_threshold(10_000)  # imports and compilation make hundreds of thousands of objects that stay
     # the error of a damaged file is one line, without the library's own
     logging.getLogger("tifffile").addHandler(logging.NullHandler())
     if threading.current_thread() is threading.main_thread():

@@ -28,7 +28,13 @@ LOG_2_PER_EXPONENT, PER_LOG_2 = f32(math.log(2) * 2.0**-23), f32(1 / math.log(2)
 LOG_2_HIGH, LOG_2_LOW = f32(0.693359375), f32(-2.12194440e-4)  # their sum is log 2; the first has few digits
 
 settings: Any = config  # numba's own
-OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract", "nsz"}}
+OPTIONS = {
+    "cache": True,
+    "nogil": True,
+    "no_cfunc_wrapper": True,
+    "error_model": "numpy",
+    "fastmath": {"contract", "nsz"},
+}
 
 
 @cache
@@ -56,7 +62,7 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 def part(function: Callable[..., Any]) -> Any:
     """A function that compiled ones alone call: neither kept on its own nor callable from Python, which halves its compilation."""
-    options: dict[str, Any] = {"cache": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    options: dict[str, Any] = {"cache": False, "no_cpython_wrapper": True}
     return njit(**OPTIONS | options)(function)
 
 
