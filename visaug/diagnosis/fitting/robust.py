@@ -4,7 +4,7 @@ import numpy as np
 
 OUTLIER = 3.0  # standard deviations beyond which residuals are weighted down (Cauchy weights)
 
-LIKELIHOOD = OUTLIER**2 / 2  # log likelihood that a decrease of `misfit` by 1 stands for where residuals are small
+LIKELIHOOD = OUTLIER**2 / 2  # log likelihood of a `misfit` of 1, where residuals are small
 
 
 def standardised(residual: np.ndarray, scale: np.ndarray) -> np.ndarray:
