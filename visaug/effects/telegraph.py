@@ -9,9 +9,6 @@ from torch import Tensor
 from visaug.core.sampling.philox import mix
 from visaug.effects.effect import Context, Values
 
-MOST_DUTY = (
-    0.9  # fraction of the time in the upper level; one that is always there is a fixed pattern and no signal
-)
 STATE = 0x5DEECE66D  # of the key of a state, apart from that of whether it is drawn
 
 

@@ -4,7 +4,7 @@ import torch
 
 from visaug.effects.charge.dark_electrons import add_dark_electrons
 from visaug.effects.effect import Effect, Parameter, Stage
-from visaug.effects.telegraph import MOST_DUTY, kept_states
+from visaug.effects.telegraph import kept_states
 
 REFERENCE_C = 20.0
 
@@ -54,7 +54,7 @@ class DarkCurrentRTS(Effect):
     b_per_c = Parameter(
         0.077, unit="1/C", high=0.3, source="0.57 eV (Hopkins and Hopkinson): E / (k T^2) at 20 C"
     )
-    duty = Parameter(0.5, high=MOST_DUTY, trials=(0.25,), source="fraction of the time in the upper level")
+    duty = Parameter(0.5, high=1.0, source="fraction of the time in the upper level; 1: hot pixels")
     kept = Parameter(0.8, high=0.99, trials=(0.0, 0.8), source="seconds to days (Hopkins and Hopkinson)")
 
     def apply(self, signal, p, stream, context):

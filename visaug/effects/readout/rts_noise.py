@@ -3,7 +3,7 @@
 import torch
 
 from visaug.effects.effect import Effect, Parameter, Stage
-from visaug.effects.telegraph import MOST_DUTY, kept_states
+from visaug.effects.telegraph import kept_states
 
 
 class RTSNoise(Effect):
@@ -52,7 +52,7 @@ class RTSNoise(Effect):
         source="mean; a few to tens of electrons (Wang et al.)",
     )
     duty = Parameter(
-        0.5, unit="1", high=MOST_DUTY, trials=(0.2, 0.5), source="fraction of the time in the upper level"
+        0.5, unit="1", high=1.0, trials=(0.2, 0.5), source="fraction of the time in the upper level"
     )
     kept = Parameter(
         0.0,
