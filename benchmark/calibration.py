@@ -63,7 +63,9 @@ def binned(pairs: list[tuple[float, bool]]) -> list[Bin]:
     values = np.array(pairs, float).reshape(-1, 2)
     place = np.minimum((values[:, 0] * BINS).astype(int), BINS - 1)
     each = [(k, values[place == k]) for k in np.unique(place)]
-    return [Bin(int(k) / BINS, float(here[:, 0].mean()), int(here[:, 1].sum()), len(here)) for k, here in each]
+    return [
+        Bin(int(k) / BINS, float(here[:, 0].mean()), int(here[:, 1].sum()), len(here)) for k, here in each
+    ]
 
 
 def expected_error(pairs: list[tuple[float, bool]]) -> float:

@@ -110,7 +110,7 @@ def augment_files(
 
     Raises:
         InputError: no pictures, none that can be used, two with the same place in `output`, an output that
-            is called like a picture or would overwrite an original, or a file that visaug did not write in the place of a copy.
+            has the name of a picture, or would overwrite an original, or a file that visaug did not write in the place of a copy.
     """
     from visaug.augment.sensor_noise import SensorNoise
 

@@ -58,7 +58,7 @@ def check(frames: FrameSet) -> list[str]:
             f"duplicate_frames: frames {'; '.join(copies[:_FEW])}{more} are identical to the last bit: copies, not exposures"
         )
     if constant:
-        values = sorted({means[i] for i in constant})
+        values = sorted({float(means[i]) for i in constant})
         listed = f"{values[0]:.10g} DN" if len(values) == 1 else f"{values[0]:.10g} to {values[-1]:.10g} DN"
         found.append(f"constant_frame: frames {name(constant)} have one value in all pixels ({listed})")
     if saturated:
