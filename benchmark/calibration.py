@@ -70,9 +70,8 @@ def binned(pairs: list[tuple[float, bool]]) -> list[Bin]:
 
 def expected_error(pairs: list[tuple[float, bool]]) -> float:
     """Expected calibration error: mean distance of probability and frequency in the bins, weighted by their counts."""
-    return sum(one.count * abs(one.right / one.count - one.mean) for one in binned(pairs)) / max(
-        len(pairs), 1
-    )
+    gaps = [one.count * abs(one.right / one.count - one.mean) for one in binned(pairs)]
+    return sum(gaps) / max(len(pairs), 1)
 
 
 def report(folders: list[Path]) -> str:

@@ -267,10 +267,8 @@ def test_a_well_that_was_held_for_another_number_is_tried_by_itself(stated):
     assert abs(fitted.z[0]) < 3.3
 
 
-class Straight:
+class Straight(Bent):
     """Sets of 60 unit normals whose mean the quantum efficiency moves by 400; counts the sets that are simulated."""
-
-    statistics = ()
 
     def __init__(self, free, given, off):
         self.free, self.at, self.sets = free, free.read(given), 0
@@ -279,13 +277,10 @@ class Straight:
 
     def finding(self, jobs, report=None):
         self.sets += len(jobs)
-        moves = [400 * (self.free.read(camera) - self.at) for camera, _ in jobs]
-        return np.array(
-            [np.random.default_rng(n).normal(m, 1, 60) for m, (_, n) in zip(moves, jobs, strict=True)]
-        )
+        return super().finding(jobs)
 
-    def simulated(self, jobs, report=None):
-        return [self.finding(jobs)] * 3
+    def _set(self, camera, number):
+        return np.random.default_rng(number).normal(400 * (self.free.read(camera) - self.at), 1, 60)
 
 
 @pytest.mark.parametrize(("errors", "sets"), [(0.3, 0), (0.6, 0), (1.0, 10), (20.0, 10)])
