@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
+from threadpoolctl import threadpool_limits
+
 from visaug.camera import Camera
 from visaug.characterization.alarms import found_by_checks
 from visaug.characterization.usable import usable
@@ -106,7 +108,9 @@ def diagnose(
     )
     report = progress or (lambda *_: None)
     of_pictures = {"transfer": transfer, "scenes": None if scenes is None else FrameSet.of(scenes)}
-    with nullcontext() if cluster is None else connected(cluster) as ray:
+    # linear algebra of a few hundred statistics is slower in several threads, which wait for one another
+    one_thread = threadpool_limits(1, user_api="blas")
+    with one_thread, nullcontext() if cluster is None else connected(cluster) as ray:
         spread = None if cluster is None else by_ray(ray)
         lab = Laboratory(frames, camera, seed, spread=spread, report=report, **of_pictures)
         right, mistakes = corrected(camera, frames, lab)

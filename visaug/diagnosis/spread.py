@@ -22,6 +22,7 @@ from functools import lru_cache
 
 import numpy as np
 import torch
+from threadpoolctl import threadpool_limits
 
 from visaug.camera import Camera
 from visaug.core.errors import with_user_line
@@ -188,6 +189,7 @@ def _begin(work: Work, parent: int) -> None:
                 os.close(int(name))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends the work
     torch.set_num_threads(1)
+    threadpool_limits(1, user_api="blas")
     _work = replace(work, kept=None)
     threading.Thread(target=_with_parent, args=(parent,), daemon=True).start()
 

@@ -160,8 +160,7 @@ def _descended(
         best = min(best, (*alone, camera, mean), key=lambda fit: fit[0])
     _, at, camera, _ = best
     means = _means_at(lab, reference, camera)
-    # what is left of a step is small, or was tried and found worse
-    last = step_from(at, means[0]) if damping == 0 else np.zeros(len(at))
+    last = step_from(at, means[0])  # what the derivatives still promise; damped where a longer step was worse
     camera = moved(camera, coordinates, list(at + last)) if coordinates else camera
     left = (
         f.values - mean - getattr(reference, use).slopes @ last
