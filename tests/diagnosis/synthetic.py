@@ -45,17 +45,20 @@ def pair(
     true_scatter: np.ndarray | float = 0.0,
     scatter: np.ndarray | float = 0.0,
     are_common: bool = True,
+    counts: tuple[int, int] = (PLAIN, WITH),
 ) -> tuple[State, State]:
     """States without and with an effect that shifts the means by `shift`, where the measured frames are shifted by `truth`.
 
     Args:
         true_scatter, scatter: standard deviations that are added to those of the measured frames and of sets with the effect.
         are_common: whether sets with the effect share their random numbers with those without.
+        counts: numbers of simulated sets without and with the effect.
     """
     rng = np.random.default_rng(seed)
-    plain = rng.standard_normal((PLAIN, ALL))
-    own = plain[:WITH] if are_common else rng.standard_normal((WITH, ALL))
-    own = own + shift + scatter * rng.standard_normal((WITH, ALL))
+    numbers = rng.standard_normal((max(counts), ALL))
+    plain = numbers[: counts[0]]
+    own = numbers[: counts[1]] if are_common else rng.standard_normal((counts[1], ALL))
+    own = own + shift + scatter * rng.standard_normal(own.shape)
     measured = rng.standard_normal(ALL) + truth + true_scatter * rng.standard_normal(ALL)
     before = state(measured, plain)
     return before, before.with_effect("row_noise", state(measured, own).fitted)

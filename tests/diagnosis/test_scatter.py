@@ -78,7 +78,8 @@ def test_rare_events_do_not_tell_a_strength_by_their_variance():
     events[:4] = 60.0
     before, after = uses(pair(3, 0.0, 0.0))
     rare = after.null.residuals + rng.permuted(np.tile(events[:, None], FIND), axis=0) - events.mean()
-    null = SimpleNamespace(residuals=rare, scale=rare.std(0, ddof=1))
+    scale = rare.std(0, ddof=1)
+    null = SimpleNamespace(residuals=rare, scale=scale, scale_of=lambda _: scale)
     after = type(after)(after.residual, after.sets, null, after.allowance)  # pyright: ignore[reportArgumentType]
     one = scatter(before, after, SIGMA)
     assert one is not None

@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from tests.diagnosis.synthetic import ALL, FIND, PLAIN, WITH, pair, shifted, uses
 from visaug.diagnosis.criterion import evidence
@@ -24,6 +25,19 @@ def test_common_random_numbers_lower_the_error_of_a_shift():
     error = np.sqrt(1 / PLAIN + 1 / WITH)
     assert np.abs(common).max() < 1e-9
     assert abs(np.sqrt(np.mean(apart**2)) / error - 1) < 0.15
+
+
+@pytest.mark.parametrize("counts", [(200, 30), (60, 120), (30, 200)])
+def test_further_sets_of_either_camera_are_no_shift(counts):
+    """The mean of 60 sets differs from that of 120 by 0.09 standard deviations in each of 300 statistics, which is noise."""
+    assert np.abs(shifts(*uses(pair(0, 0.0, 0.0, counts=counts)))).max() < 1e-9
+    np.testing.assert_allclose(shifts(*uses(pair(0, 0.0, SHIFT, counts=counts))), SHIFT[:FIND], atol=1e-9)
+
+
+def test_fewer_sets_without_an_effect_are_no_evidence_for_it():
+    """Equal cameras of 60 and 120 sets, and a measurement like them: without a shift the ratio of their likelihoods is 1."""
+    found = evidence(*pair(5, 0.0, 0.0, counts=(60, 120)), 1)
+    assert found.found + found.confirmed == pytest.approx(0, abs=1e-6)
 
 
 def test_a_little_scatter_leaves_most_of_what_common_random_numbers_gain():
@@ -51,13 +65,13 @@ def test_sets_of_a_measurement_do_not_matter_to_a_shift():
 
 def use(scale: np.ndarray, sets: int) -> Use:
     """A use of the frames with these standard deviations, known from so many sets."""
-    null = SimpleNamespace(scale=scale)
+    null = SimpleNamespace(scale=scale, scale_of=lambda _: scale)
     count = len(scale)
     return Use(np.zeros(count), np.zeros((sets, count)), null, np.zeros(count))  # pyright: ignore[reportArgumentType]
 
 
 def test_standard_deviations_within_their_noise_are_pooled():
-    """Three standard errors of the logarithm of a ratio are 0.24 for 200 and 120 sets."""
+    """Three standard errors of the logarithm of a ratio are 0.27 for 120 sets."""
     one = np.ones(4)
     plain, own = scales(use(one, 200), use(np.array([1.2, 1.35, 2.0, 0.5]), 120))
     pooled = np.sqrt((200 + 120 * 1.2**2) / 320)
@@ -70,6 +84,18 @@ def test_few_sets_pool_what_many_keep_apart():
     for sets, are_pooled in ((120, False), (30, True)):
         plain, own = scales(use(one, 200), use(other, sets))
         assert bool(plain[0] == own[0]) is are_pooled
+
+
+def test_a_rare_event_in_further_sets_is_not_caused_by_the_effect():
+    """One pixel in set 80, of the same camera: in none of 60 sets, and in one of 120."""
+    rare = np.zeros((120, 1))
+    rare[80] = 5.0
+    nulls = [Null(rare[:count], np.full(1, 0.1), np.zeros((1, 0)), np.ones(0)) for count in (60, 120)]
+    fewer, more = (Use(np.zeros(1), null.residuals, null, np.zeros(1)) for null in nulls)
+    assert nulls[1].scale > 4 * nulls[0].scale
+    for before, after in ((fewer, more), (more, fewer)):
+        plain, own = scales(before, after)
+        assert plain == own
 
 
 def test_a_statistic_that_is_constant_in_one_camera_has_no_standard_deviation():

@@ -79,7 +79,11 @@ class Null:
     @cached_property
     def scale(self) -> np.ndarray:
         """(statistics,) standard deviations; 0 for a statistic that is constant."""
-        return np.where(self.floor > 0, np.maximum(self.residuals.std(0, ddof=1), self.floor), 0.0)
+        return self.scale_of(len(self.residuals))
+
+    def scale_of(self, count: int) -> np.ndarray:
+        """The same of the first sets alone."""
+        return np.where(self.floor > 0, np.maximum(self.residuals[:count].std(0, ddof=1), self.floor), 0.0)
 
     @cached_property
     def largest(self) -> np.ndarray:

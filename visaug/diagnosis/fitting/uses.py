@@ -45,19 +45,24 @@ def shifts(before: Use, after: Use) -> np.ndarray:
     pairs = after.sets[:count] - before.sets[:count]
     paired = pairs.var(0, ddof=1) / count
     apart = sum(use.sets.var(0, ddof=1) / len(use.sets) for use in (before, after))
-    control = np.where(paired < apart, before.sets.mean(0) - before.sets[:count].mean(0), 0.0)
+    further_before, further_after = (use.sets.mean(0) - use.sets[:count].mean(0) for use in (before, after))
+    control = np.where(paired < apart, further_before - further_after, 0.0)
     return drawn_to_zero(before.residual - after.residual + control, np.minimum(paired, apart))
 
 
 def scales(before: Use, after: Use) -> tuple[np.ndarray, np.ndarray]:
     """(statistics,) standard deviations without and with an effect; one for both where they differ by less than their noise.
 
-    R sets tell a standard deviation to 1 / sqrt(2 R), and a thousand such errors would add up to a likelihood of their own.
+    R sets tell a standard deviation to 1 / sqrt(2 R), and a thousand such errors would add up to a likelihood of their own. Only
+    sets that share their random numbers are compared: a rare event that is in none of the sets without the effect may be in
+    further ones with it, and is then not caused by it.
     """
     counts = np.array([len(use.sets) for use in (before, after)])
     pair = np.array([use.null.scale for use in (before, after)])
     both = np.where(pair.min(0) > 0, np.sqrt(counts @ pair**2 / counts.sum()), 0.0)
-    ratio = np.divide(pair[1], pair[0], out=np.ones_like(both), where=both > 0)
-    alike = np.abs(np.log(np.where(ratio > 0, ratio, 1.0))) < CERTAIN * np.sqrt((0.5 / counts).sum())
+    shared = counts.min()
+    first, second = (use.null.scale_of(shared) for use in (before, after))
+    ratio = np.divide(second, first, out=np.ones_like(both), where=both > 0)
+    alike = np.abs(np.log(np.where(ratio > 0, ratio, 1.0))) < CERTAIN * np.sqrt(1 / shared)
     without, with_it = np.where(alike, both, pair)
     return without, with_it
