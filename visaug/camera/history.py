@@ -47,11 +47,6 @@ class Reach:
             _found[camera] = cls._by_trial(camera)
         return _found[camera]
 
-    @staticmethod
-    def known(camera: Camera) -> Reach | None:
-        """The same if it was found already, else None."""
-        return _found.get(camera)
-
     @classmethod
     def _by_trial(cls, camera: Camera) -> Reach:
         memory: Memory = {}

@@ -163,9 +163,7 @@ class Laboratory:
         names = [self._names.of(camera, number, uses) for camera, number in cameras]
         found = store.load(names)
         todo = {name: job for name, job in zip(names, cameras, strict=True) if name not in found}
-        work = Work(
-            self.parts_to_simulate, self.seed, tuple(uses), is_reference=len({c for c, _ in cameras}) == 1
-        )
+        work = Work(self.parts_to_simulate, self.seed, tuple(uses))
         new: dict[str, tuple[np.ndarray, ...]] = {}
         known = len(names) - len(todo)
         try:

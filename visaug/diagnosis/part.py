@@ -12,14 +12,12 @@ from visaug.camera import Camera
 from visaug.camera.history import DEEPEST, Reach
 from visaug.camera.simulation import has_clean, simulate
 from visaug.core.errors import InputError
-from visaug.diagnosis.kept import KeptSet, Remembers
 from visaug.frames import FrameRecord, FrameSet
 from visaug.statistics import (
     IN_A_WINDOW,
     OF_FULL_FRAMES,
     VIEWS,
     Fingerprint,
-    Stacks,
     View,
     fingerprint,
     fingerprint_values,
@@ -85,21 +83,12 @@ class MeasuredFrames:
             return replace(find, values=(find.values + confirm.values) / 2)
         return fingerprint(self.frames, self.positions(use), self.views, self.place)
 
-    def simulated(
-        self, camera: Camera, seed: int, uses: Sequence[str], base: KeptSet | None = None
-    ) -> list[np.ndarray]:
-        """Fingerprint values of one simulated set, for each use of its frames.
-
-        Args:
-            base: a set of the same seed, of this camera or another, of which frames and sums are taken that stay the same. An
-                empty one is filled.
-        """
+    def simulated(self, camera: Camera, seed: int, uses: Sequence[str]) -> list[np.ndarray]:
+        """Fingerprint values of one simulated set, for each use of its frames."""
         own = [use for use in uses if use != WHOLE or not self.halves]
         positions = [self.positions(use) for use in own]
-        frames, stacks = self._taken(camera, seed, sorted(self._looked_at(own)), base)
-        found = fingerprint_values(frames, positions, self.views, stacks)
-        if base is not None:
-            stacks.forget_images()
+        frames = self._taken(camera, seed, sorted(self._looked_at(own)))
+        found = fingerprint_values(frames, positions, self.views)
         values = dict(zip(own, found, strict=True))
         if WHOLE in uses and self.halves:
             values[WHOLE] = (values[FIND] + values[CONFIRM]) / 2
@@ -115,34 +104,12 @@ class MeasuredFrames:
         before = {i: place.get(self.frames.records[i].sequence - 1) for i in used}
         return used | {b for i, b in before.items() if b is not None and group[b] != group[i]}
 
-    def _taken(
-        self, camera: Camera, seed: int, wanted: Sequence[int], base: KeptSet | None
-    ) -> tuple[FrameSet, Stacks]:
-        """The set with simulated frames at some positions and no pixels at others, and what is known of their sums."""
-        if base is not None and Reach.known(camera) in (None, NOTHING):
-            try:
-                return self._taken_beside(base, camera, seed, wanted)
-            except Remembers:
-                pass
+    def _taken(self, camera: Camera, seed: int, wanted: Sequence[int]) -> FrameSet:
+        """The set with simulated frames at some positions and no pixels at others."""
         every = range(len(self.frames))
-        if (base is not None or len(wanted) < len(every)) and Reach.of(camera) != NOTHING and not self.place:
+        if len(wanted) < len(every) and Reach.of(camera) != NOTHING and not self.place:
             wanted = every  # frames depend on those before
-        frames = self._filled(self.take(camera, seed, wanted), wanted)
-        return frames, Stacks(frames)
-
-    def _taken_beside(
-        self, base: KeptSet, camera: Camera, seed: int, wanted: Sequence[int]
-    ) -> tuple[FrameSet, Stacks]:
-        """The same from a kept set, or with one that is filled; raises Remembers where frames depend on others."""
-        keep = [self.keep[k] for k in wanted]
-        if not base.frames:
-            taken = base.take(self.plan, seed, keep, self.deepest, strict=True)
-            frames = self._filled(self._shown(taken, wanted), wanted)
-            base.stacks = Stacks(frames)
-            return frames, base.stacks
-        taken, touched = base.changed(camera, self.plan, seed, keep, self.deepest, strict=True)
-        frames = self._filled(self._shown(taken, wanted), wanted)
-        return frames, Stacks(frames, base.stacks, [k for k in wanted if self.keep[k] in touched])
+        return self._filled(self.take(camera, seed, wanted), wanted)
 
     def _filled(self, taken: FrameSet, wanted: Sequence[int]) -> FrameSet:
         """The whole set, the other frames without pixels."""

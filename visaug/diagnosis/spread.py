@@ -17,7 +17,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -26,7 +26,6 @@ from threadpoolctl import threadpool_limits
 
 from visaug.camera import Camera
 from visaug.core.errors import with_user_line
-from visaug.diagnosis.kept import KeptSet, KeptSets
 from visaug.diagnosis.part import MeasuredFrames
 from visaug.effects import catalogue
 from visaug.pictures.part import PicturePart
@@ -41,39 +40,17 @@ LOOKS_S = 2.0  # between two looks whether the process that forked this one is s
 
 @dataclass(frozen=True)
 class Work:
-    """Simulates sets and takes their fingerprints, for some uses of the frames.
-
-    Args:
-        is_reference: whether all are sets of one camera, from which other cameras will differ little.
-        kept: sets of similar cameras, to which these may be added; None simulates each as a whole. Which sets are there must not
-            depend on who is first: statistics that are taken from a kept set can differ by rounding.
-    """
+    """Simulates sets and takes their fingerprints, for some uses of the frames."""
 
     parts: Sequence[Part]
     seed: int
     uses: tuple[str, ...]
-    is_reference: bool = False
-    kept: KeptSets | None = field(default_factory=KeptSets)
 
     def __call__(self, job: Job) -> tuple[np.ndarray, ...]:
         """Of one simulated set: one array of values for each use of its frames."""
         camera, number = job
-        if self.is_reference and self.kept is not None:
-            self.kept.announce(camera)
-        found = [self._of_part(k, camera, number) for k in range(len(self.parts))]
+        found = [part.simulated(camera, self.seed * 1_000_003 + number, self.uses) for part in self.parts]
         return tuple(np.concatenate(values) for values in zip(*found, strict=True))
-
-    def _of_part(self, k: int, camera: Camera, number: int) -> list[np.ndarray]:
-        part, own = self.parts[k], self.seed * 1_000_003 + number
-        if isinstance(part, PicturePart) or self.kept is None:
-            return part.simulated(camera, own, self.uses)
-        base = self.kept.nearest(camera, number, k)
-        if (base is not None and base.camera is camera) or not self.kept.wants(camera, number):
-            return part.simulated(camera, own, self.uses, base)
-        base = KeptSet(camera)
-        values = part.simulated(camera, own, self.uses, base)
-        self.kept.add(base, number, k)
-        return values
 
 
 def on_this_machine() -> Spread:
@@ -90,11 +67,10 @@ def workers() -> int:
 
 def by_threads() -> Spread:
     """The results in the order of the jobs, from threads of this process."""
-    kept = KeptSets()
 
     def spread(work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
         with _single_threads(), ThreadPoolExecutor(workers()) as pool:
-            yield from pool.map(replace(work, kept=kept), jobs)
+            yield from pool.map(work, jobs)
 
     return spread
 
@@ -140,7 +116,7 @@ class Forked:
     def _by_processes(self, work: Work, jobs: Sequence[Job]) -> Iterator[tuple[np.ndarray, ...]]:
         if self._pool is None and jobs:  # compiled loops that this process has loaded are inherited
             with _single_threads():
-                yield replace(work, kept=None)(jobs[0])
+                yield work(jobs[0])
             jobs = jobs[1:]
         if not jobs:
             return
@@ -190,7 +166,7 @@ def _begin(work: Work, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends the work
     torch.set_num_threads(1)
     threadpool_limits(1, user_api="blas")
-    _work = replace(work, kept=None)
+    _work = work
     threading.Thread(target=_with_parent, args=(parent,), daemon=True).start()
 
 

@@ -44,14 +44,12 @@ def fingerprint_values(
     frames: FrameSet,
     uses: Iterable[Iterable[int] | None] = (None,),
     views: Sequence[View] = VIEWS,
-    stacks: Stacks | None = None,
 ) -> list[np.ndarray]:
     """The values of `fingerprint` alone, (n,) float64, for each use of the frames: positions, or None for all.
 
-    Where the frames of one use are those of two before it, no pixel is gone through again for sums. `stacks` holds what is
-    known of the frames already.
+    Where the frames of one use are those of two before it, no pixel is gone through again for sums.
     """
-    stacks = stacks or Stacks(frames)
+    stacks = Stacks(frames)
     found: dict[frozenset[int], np.ndarray] = {}
     asked = []
     for use in uses:

@@ -196,23 +196,16 @@ class Stacks:
 
     Args:
         frames: the set.
-        base: of a set of the same plan whose frames are the same but for some.
-        touched: positions of these.
     """
 
-    def __init__(self, frames: FrameSet, base: "Stacks | None" = None, touched: Iterable[int] = ()):
+    def __init__(self, frames: FrameSet):
         self._frames = frames
-        self._base, self._touched = base, frozenset(touched)
         self._known: dict[tuple[int, ...], Stack] = {}
         self._noise: dict[tuple[int, ...], Noise] = {}
 
     def noise(self, indices: Sequence[int]) -> Noise:
         """Of the frames at these positions."""
         key = tuple(indices)
-        if key not in self._noise and self._base is not None and self._touched.isdisjoint(key):
-            found = self._noise[key] = self._base.noise(key)
-            if len(found.stacks) == 1:
-                self._known[key] = found.stacks[0]
         if key not in self._noise:
             parts = self._parts(key)
             place = {i: k for k, i in enumerate(i for part in parts for i in part)}
@@ -233,11 +226,6 @@ class Stacks:
                     return one, other
             self._known[key] = Stack(partial(self._frames.stack, key))
         return (key,)
-
-    def forget_images(self) -> None:
-        """Frees what is as large as a frame and can be made again."""
-        for noise in list(self._noise.values()):
-            noise.forget_images()
 
 
 class FrameData:

@@ -98,15 +98,6 @@ class Noise:
         self.shape = stacks[0].shape[1:]
         self.order = np.arange(self.count) if order is None else np.asarray(order)
 
-    def forget_images(self) -> None:
-        """Frees what is as large as a frame and can be made again."""
-        for owner, names in (
-            (self, ("pixel_ratios", "_scatter", "mean")),
-            *((s, ("frames", "scatter")) for s in self.stacks),
-        ):
-            for name in names:
-                vars(owner).pop(name, None)
-
     @property
     def frames(self) -> np.ndarray:
         """(n, H, W) float32."""
