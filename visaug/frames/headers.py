@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from visaug.core.errors import InputError
+from visaug.core.errors import InputError, readable
 from visaug.core.extras import extra
 from visaug.frames import fits, pixels, ser, xisf
 from visaug.frames.limits import pillow_image
@@ -48,19 +48,16 @@ def _tiff(path: Path) -> list[tuple[str, Facts]]:
     with extra(path):
         import tifffile
 
-    try:
-        with tifffile.TiffFile(path) as file:
-            series = file.series[0]
-            if _end_of_pixels(series) > file.filehandle.size:
-                raise ValueError("pixels beyond its end")
-            facts = _exif(_tags(file.pages[0]))
-            for text in (file.ome_metadata, file.micromanager_metadata):
-                facts.update(_microscope(text))
-            shape, axes = series.shape, series.axes
-            if "S" in axes and shape[axes.index("S")] > 2:
-                facts["said"] = {"colour_planes": f"{shape[axes.index('S')]} samples a pixel"}
-    except Exception as error:  # tifffile and its codecs raise many kinds
-        raise InputError(f"cannot be read ({error}); truncated, or not a TIFF file", file=path) from None
+    with readable(path, "truncated, or not a TIFF file"), tifffile.TiffFile(path) as file:
+        series = file.series[0]
+        if _end_of_pixels(series) > file.filehandle.size:
+            raise ValueError("pixels beyond its end")
+        facts = _exif(_tags(file.pages[0]))
+        for text in (file.ome_metadata, file.micromanager_metadata):
+            facts.update(_microscope(text))
+        shape, axes = series.shape, series.axes
+        if "S" in axes and shape[axes.index("S")] > 2:
+            facts["said"] = {"colour_planes": f"{shape[axes.index('S')]} samples a pixel"}
     # Rows, columns and colour are the frame; frames run along the other axes, of which channels (several cameras, or
     # colours of the light) are no repetition.
     outer = [(axis, n) for axis, n in zip(axes, shape, strict=True) if axis not in "YXS"]
@@ -117,16 +114,11 @@ def _photo(path: Path) -> list[tuple[str, Facts]]:
 def _exif_of_picture(path: Path) -> Facts:
     from PIL import ExifTags
 
-    try:
-        with pillow_image(path) as picture:
-            if picture.format == "PNG":
-                picture.load()  # its EXIF may follow the pixels
-            exif = picture.getexif()
-            tags = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
-    except InputError:
-        raise
-    except Exception as error:  # Pillow raises many kinds for damaged files
-        raise InputError(f"cannot be read ({error}); truncated or no picture", file=path) from None
+    with readable(path, "truncated or no picture"), pillow_image(path) as picture:
+        if picture.format == "PNG":
+            picture.load()  # its EXIF may follow the pixels
+        exif = picture.getexif()
+        tags = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
     return _exif({ExifTags.TAGS.get(number, ""): value for number, value in tags.items()})
 
 
