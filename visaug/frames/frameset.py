@@ -115,7 +115,7 @@ class FrameSet:
         bit_depth = bit_depth or _common_depth(records)
         store = FileStore(records, root, _pair(resolution), bit_depth, byte_order, bits_at, warnings)
         frames = cls(records, store)
-        if kind == "pictures" and (dark := as_dark(frames.records, frames)):
+        if kind == "pictures" and (dark := as_dark(frames)):
             frames = frames.with_records(dark)
             warnings.append(
                 "exposure_unknown: the names say that these are dark frames, and nothing tells their exposure; what they "

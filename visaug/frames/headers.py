@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from contextlib import suppress
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -100,14 +101,11 @@ def _photo(path: Path) -> list[tuple[str, Facts]]:
     from visaug.frames.photo import describe_photo
 
     facts: Facts = {}
-    try:
-        with extra(path):
-            import tifffile
+    with suppress(Exception):  # a format of its own (CR3): its EXIF cannot be read, the rest can
+        import tifffile
 
         with tifffile.TiffFile(path) as file:
             facts = _exif(_tags(file.pages[0]))
-    except Exception:  # a format of its own (CR3): its EXIF cannot be read, the rest can
-        facts = {}
     return [("", {**facts, **describe_photo(path)})]
 
 

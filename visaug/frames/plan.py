@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from visaug.core.errors import InputError
 from visaug.frames.record import FrameRecord
@@ -179,10 +179,6 @@ def default_plan(resolution: Sequence[int] | None = None, **options) -> list[Fra
     whatever size the camera has.
     """
     window = None if resolution is None else (0, int(resolution[0]), 0, int(resolution[1]))
-    if window is None:
-        return [r for group in plan_groups(**options) for r in group.records]
-    from dataclasses import replace
-
     return [replace(r, window=window) for group in plan_groups(**options) for r in group.records]
 
 

@@ -67,12 +67,7 @@ def read_table(path: str | Path, warnings: list[str] | None = None) -> list[Fram
 def write_table(path: str | Path, records: Iterable[FrameRecord]) -> None:
     """Write records as a frames.csv; a column beyond `COLUMNS` appears where a record fills it."""
     with open(path, "w", newline="", encoding="utf-8") as handle:
-        handle.write(table_text(records))
-
-
-def table_text(records: Iterable[FrameRecord]) -> str:
-    """The content of a frames.csv."""
-    return rows_text({name: getattr(r, name) for name in _DEFAULTS} for r in records)
+        handle.write(rows_text({name: getattr(r, name) for name in _DEFAULTS} for r in records))
 
 
 def rows_text(rows: Iterable[Mapping[str, Any]]) -> str:
