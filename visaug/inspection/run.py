@@ -72,7 +72,6 @@ def inspect(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -
         tuple(_more(groups)),
         (*notes, *(w for w in frames.warnings if not w.startswith("exposure_unknown"))),
         _next(frames, kinds),
-        tuple(chosen),
     )
 
 
