@@ -15,7 +15,7 @@ from visaug.characterization.facts import Facts
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments
-from visaug.characterization.views import repaired
+from visaug.characterization.views import repaired, replaced
 from visaug.frames import FrameSet, Group
 
 _STALE = 5e-4  # probability that one group of sound frames has such an outlier
@@ -135,12 +135,7 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     sources = {i: (np.nonzero(m), donors(m)) for i, m in chosen.items()}
 
     def change(frame: np.ndarray, i: int) -> np.ndarray:
-        if i not in sources:
-            return frame
-        at, source = sources[i]
-        frame = frame.copy()
-        frame[at] = frame[source]
-        return frame
+        return replaced(frame, *sources[i]) if i in sources else frame
 
     return repaired(frames, change)
 

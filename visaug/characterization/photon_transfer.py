@@ -54,11 +54,10 @@ class PhotonTransferResult:
     @property
     def bent(self) -> bool:
         """Whether the curve bends beyond doubt (once in 500 by chance)."""
-        return _established(self.curvature_per_dn, self.df)
-
-
-def _established(estimate: tuple[float, float] | None, df: float) -> bool:
-    return estimate is not None and abs(estimate[0]) > float(stats.t.ppf(1 - _DOUBT / 2, df)) * estimate[1]
+        if self.curvature_per_dn is None:
+            return False
+        value, error = self.curvature_per_dn
+        return abs(value) > float(stats.t.ppf(1 - _DOUBT / 2, self.df)) * error
 
 
 def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTransferResult | None:
