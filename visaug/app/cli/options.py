@@ -42,13 +42,16 @@ def command(name: str, *, example: str) -> Callable[[Callable], click.Command]:
     return lambda function: click.command(name, cls=_Command, epilog=epilog)(seeded(function))
 
 
-def camera_option(required: bool = True) -> Decorator:
+def camera_option(required: bool = True, if_repeated: str = "") -> Decorator:
+    """`--camera`; `if_repeated` says what a command that takes several does with them."""
+    text = "A camera.yaml, or the name of a camera in the package or of your own (see `visaug cameras`)."
     return click.option(
         "--camera",
-        "camera_name",
+        "camera_names" if if_repeated else "camera_name",
         metavar="CAMERA",
         required=required,
-        help="A camera.yaml, or the name of a camera in the package or of your own (see `visaug cameras`).",
+        multiple=bool(if_repeated),
+        help=f"{text} {if_repeated}".strip(),
     )
 
 
