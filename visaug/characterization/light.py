@@ -68,7 +68,7 @@ def _scattered(found: Findings, result: PhotonTransferResult) -> None:
 
 def _curvature(found: Findings, result: PhotonTransferResult, course: additivity.VarianceFits) -> None:
     if result.curvature_per_dn is None:
-        if result.intercept_dn2 is None and course.deviates:
+        if not result.flats_alone and course.deviates:
             found.warn(
                 f"photon_transfer_bent: the variance of {len(result.safe)} levels is not proportional to their "
                 "signal, and so few do "
@@ -78,7 +78,7 @@ def _curvature(found: Findings, result: PhotonTransferResult, course: additivity
         return
     interval = symmetric(*result.curvature_per_dn, result.df)
     found.add("photon_transfer.curvature_per_dn", interval, "1/DN", "c of the variance K S (1 + c S)")
-    if course.undecided and result.intercept_dn2 is None:
+    if course.undecided and not result.flats_alone:
         found.warn(
             "photon_transfer_bent: the variance is not proportional to the signal, and the levels do not tell a bend from "
             f"another black level of the flats ({_causes(found, result, course)}); gain_e_per_dn is right for a bend alone",
@@ -198,7 +198,7 @@ def response_pattern(
     rate, rate_error = line.dark_dn_per_s if line is not None else (0.0, 0.0)
     signals = np.array([v.light for v in levels]) - rate * gap
     weights = np.array([v.flat.n / max(v.flat.variance, 1e-9) for v in levels])
-    free = result.intercept_dn2 is not None  # dark frames do not tell the pattern either: flats alone
+    free = result.flats_alone  # dark frames do not tell the pattern either: flats alone
     if free and len(levels) < 2:
         for name in ("row", "column", "pixel"):
             found.miss(f"prnu.{name}", NEEDS_CLEAR_FLATS)
