@@ -64,7 +64,8 @@ def continuum(power: np.ndarray, shape: float, floors: np.ndarray, first: int = 
     """
     j = np.arange(1, len(power) + 1)
     use = j >= first
-    flat = np.maximum(_median_level(power[use], shape), np.maximum(floors, 1e-12))
+    middle = float(np.median(power[use])) * shape / float(stats.gamma.median(shape))
+    flat = np.maximum(middle, np.maximum(floors, 1e-12))
     risen = _fit(j[use], power[use], shape, floors, floors[use]).at(j)
     # A rise hides from a start without one, and a line from a start with one.
     return max(
@@ -88,10 +89,6 @@ def _settled(
     rare = 0.01  # share of the frequencies that are lines, beforehand
     lines = -np.log(np.maximum(power, 1e-12)) + math.log(rare / (decades * math.log(10)))
     return float(np.where(usual, told, lines)[use].sum()), found
-
-
-def _median_level(power: np.ndarray, shape: float) -> float:
-    return float(np.median(power)) * shape / float(stats.gamma.median(shape))
 
 
 def _fit(j: np.ndarray, power: np.ndarray, shape: float, floors: np.ndarray, floor: np.ndarray) -> Continuum:
