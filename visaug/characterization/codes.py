@@ -65,8 +65,7 @@ def _lines(seen: Extremes, found: Findings) -> None:
         if short.any():
             found.warn(
                 f"bits_missing: in {short.sum()} of {len(bits)} {name}s the lowest "
-                f"{lowest[short].max() - least} bits never "
-                "change (a fault of packing or unpacking)",
+                f"{lowest[short].max() - least} bits never change (a fault of packing or unpacking)",
                 spoils=("gain_e_per_dn", "quantum_efficiency", "read_noise.*", "dsnu.*", "prnu.*", "dark_current.*",
                         "black_level_dn", "temporal.*", "full_well_e", "emva.*", "emva4.*", "emva4_corrected.*"),
             )  # fmt: skip

@@ -128,8 +128,7 @@ def _efficiency(found: Findings, result: PhotonTransferResult) -> None:
     if value < _LEAST_EFFICIENCY:
         found.warn(
             f"photons_implausible: a quantum efficiency of {value:.2g} is that of no sensor; are the photons "
-            "per pixel, not per cm2 "
-            "or of the whole frame?",
+            "per pixel, not per cm2 or of the whole frame?",
             spoils=(
                 "quantum_efficiency",
                 "emva.quantum_efficiency",

@@ -93,11 +93,9 @@ def with_covariances(measured: Measured, found: Findings) -> Measured:
         found.filtered = True
         found.smoothed = _alike(light[0], dark[0])
         found.warn(
-            f"correlated_noise: the noise of neighbours correlates, that of light by {_largest(light[0]):+.3f} "
-            "and that of dark frames "
-            f"by {_largest(dark[0]):+.3f}: the frames were smoothed, demosaiced, resampled or filtered, so "
-            "their variance is not "
-            "that of pixels",
+            "correlated_noise: the noise of neighbours correlates, that of light by "
+            f"{_largest(light[0]):+.3f} and that of dark frames by {_largest(dark[0]):+.3f}: the frames were "
+            "smoothed, demosaiced, resampled or filtered, so their variance is not that of pixels",
             spoils=FROM_NOISE,
         )
     elif in_dark:
@@ -113,10 +111,9 @@ def with_covariances(measured: Measured, found: Findings) -> Measured:
 def _warn_shared(found: Findings, correlation: np.ndarray) -> None:
     beside = float(correlation[:2].mean())
     found.warn(
-        f"correlated_noise: the light's noise correlates by {beside:+.4f} with the next pixel and that of dark "
-        "frames does not: pixels "
-        "share charge or are coupled; gain_e_per_dn is from variance plus covariances, the emva figures from "
-        "the variance alone",
+        f"correlated_noise: the light's noise correlates by {beside:+.4f} with the next pixel and that of "
+        "dark frames does not: pixels share charge or are coupled; gain_e_per_dn is from variance plus "
+        "covariances, the emva figures from the variance alone",
         spoils=_OF_THE_STANDARD,
     )
     share = _coupling(beside)

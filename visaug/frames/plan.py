@@ -138,9 +138,8 @@ def plan_groups(
     pairs = [frame(kind, exposure_s) for _ in range(2 * repeats) for kind in ("scene", "dark")]
     add(
         "edges and spots, each followed by a dark frame",
-        "a chart of edges, then one small bright spot beyond saturation; the lens capped for the "
-        "very next frame; give "
-        "the noiseless target in `clean` where it is known",
+        "a chart of edges, then one small bright spot beyond saturation; the lens capped for the very next "
+        "frame; give the noiseless target in `clean` where it is known",
         "point spread, crosstalk, glare, flare, blooming, smear, charge transfer, and image lag in "
         "the dark frame after",
         "all effects between neighbouring pixels and consecutive frames",
