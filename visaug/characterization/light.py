@@ -31,9 +31,7 @@ _SCATTER = 0.02  # deviation of the variances from their curve: the gain of any 
 _LEAST_EFFICIENCY = 1e-3  # e-/photon: below what silicon has anywhere between 300 and 1100 nm
 
 
-def gain_and_efficiency(
-    found: Findings, measured: Measured, dark_tells: bool = True
-) -> PhotonTransferResult | None:
+def gain_and_efficiency(found: Findings, measured: Measured, dark_tells: bool) -> PhotonTransferResult | None:
     """Photon transfer at the base gain."""
     result = transfer(measured.sweep, dark_tells)
     if result is None:
@@ -183,7 +181,7 @@ def _transfer_curves(found: Findings, result: PhotonTransferResult) -> None:
 
 
 def response_pattern(
-    found: Findings, measured: Measured, result: PhotonTransferResult, mosaic: Mosaic | None = None
+    found: Findings, measured: Measured, result: PhotonTransferResult, mosaic: Mosaic | None
 ) -> Parts | None:
     """PRNU by row, column and pixel from the slope of every pixel over the safe levels.
 

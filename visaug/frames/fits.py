@@ -53,7 +53,7 @@ def fits_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
     return found
 
 
-def read_fits(path: Path, key: str | None = None, index: tuple[int, ...] = ()) -> np.ndarray:
+def read_fits(path: Path, key: str | None, index: tuple[int, ...]) -> np.ndarray:
     """Pixels of one image, scaled by BZERO and BSCALE, overscan cut off, in the detector's directions.
 
     Args:

@@ -99,7 +99,7 @@ def _chosen(groups: list[FrameGroup]) -> list[FrameGroup]:
     ordered = [*first.values(), *(look for look in groups if look is not first[look.kind])]
     most_looks = 6  # groups of frames inspected, spread over kinds and levels
     kept = ordered[:most_looks]
-    return sorted(kept, key=lambda look: groups.index(look))
+    return sorted(kept, key=groups.index)
 
 
 def _findings_of(look: FrameGroup) -> tuple[FrameGroup, list[Finding]]:

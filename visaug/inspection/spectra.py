@@ -149,7 +149,7 @@ def fine_spectrum(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.arange(len(power)) / FINER, power
 
 
-def sharpened(lines: np.ndarray, frequency: float, least: float, degree: int = 0) -> float:
+def sharpened(lines: np.ndarray, frequency: float, least: float, degree: int) -> float:
     """The frequency near the given one, `least` cycles per frame or more, at which sines explain most of profiles (n, L)."""
     length = lines.shape[-1]
 
@@ -164,7 +164,7 @@ def sharpened(lines: np.ndarray, frequency: float, least: float, degree: int = 0
     return float(np.asarray(best).flat[0])
 
 
-def phasors(lines: np.ndarray, frequency: float, degree: int = 0) -> np.ndarray:
+def phasors(lines: np.ndarray, frequency: float, degree: int) -> np.ndarray:
     """(n,) complex amplitudes of a sine of `frequency` cycles per frame in profiles (n, L), by least squares with a polynomial."""
     c, s, *_ = np.linalg.lstsq(_design(frequency, lines.shape[-1], degree), lines.T, rcond=None)[0]
     return c - 1j * s

@@ -62,7 +62,7 @@ class Inputs:
             pictured=bool(frames and frames.is_pictures),
         )
 
-    def measuring(self, command: str, camera: str | None = None, *words: str) -> str:
+    def measuring(self, command: str, camera: str | None, *words: str) -> str:
         """`visaug COMMAND FRAMES --camera CAMERA` with what these frames and effects need."""
         return _line(
             command,
