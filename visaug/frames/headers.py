@@ -14,7 +14,11 @@ import numpy as np
 from visaug.core.errors import InputError, readable
 from visaug.core.extras import extra
 from visaug.frames import fits, pixels, ser, xisf
+from visaug.frames.arrays import arrays_in
+from visaug.frames.kinds import kind_of
 from visaug.frames.limits import pillow_image
+from visaug.frames.names import facts_of_name
+from visaug.frames.photo import describe_photo
 
 Facts = dict[str, Any]
 
@@ -98,8 +102,6 @@ def _photo(path: Path) -> list[tuple[str, Facts]]:
     """A raw photograph: exposure and ISO from EXIF (most raw formats are TIFF files), mosaic and bits from the
     raw data's description.
     """
-    from visaug.frames.photo import describe_photo
-
     facts: Facts = {}
     with suppress(Exception):  # a format of its own (CR3): its EXIF cannot be read, the rest can
         import tifffile
@@ -178,9 +180,6 @@ def _arrays(path: Path) -> list[tuple[str, Facts]]:
     """Arrays by name: two axes are a frame, three a stack; an HDF5 data set's attributes are facts by the names
     of frames.csv's columns.
     """
-    from visaug.frames.arrays import arrays_in
-    from visaug.frames.names import facts_of_name
-
     found: list[tuple[str, Facts]] = []
     arrays = arrays_in(path)
     last = _time_is_last([shape for _, shape, _ in arrays])
@@ -191,8 +190,6 @@ def _arrays(path: Path) -> list[tuple[str, Facts]]:
                 facts[name] = int(value) if name == "bit_depth" else value
         facts.update({n: str(attributes[n]) for n in _TEXTS if n in attributes})
         if "kind" in attributes:
-            from visaug.frames.kinds import kind_of
-
             facts["kind"] = kind_of(str(attributes["kind"]))
         if len(shape) == 2:
             found.append((key, facts))

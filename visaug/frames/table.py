@@ -8,7 +8,7 @@ import difflib
 import io
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -271,8 +271,6 @@ def iso_seconds(text: str) -> float | None:
 
 def _by_time(records: list[FrameRecord]) -> list[FrameRecord]:
     """In order of time where every frame has one, else as they stand; numbered from 0."""
-    from dataclasses import replace
-
     times = [r.time_s for r in records]
     order = range(len(records))
     if None not in times:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -276,8 +277,6 @@ def _more(groups: list[FrameGroup]) -> list[str]:
 
 def _next(frames: FrameSet, kinds: list[str]) -> str:
     """The command that follows: of a camera that can be measured, its parameters; else the table of its frames."""
-    import shlex
-
     folder = str(frames.loaded_from) if frames.loaded_from else "FRAMES"
     if set(kinds) <= {"image", "scene"} or not frames.is_pictures:
         lit = set(kinds) - {"dark", "bias"}  # without light there is no gain, and no camera in electrons

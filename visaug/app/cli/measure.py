@@ -29,6 +29,7 @@ from visaug.app.cli.options import (
 )
 from visaug.core.errors import InputError, NoSensorNoise
 from visaug.core.extras import check_installed, extra
+from visaug.core.files import write_json
 from visaug.core.progress import progress_bars
 from visaug.report.next_step import (
     Inputs,
@@ -148,7 +149,6 @@ def _write_sheets(
     sheets: tuple[Path, ...], frames: "FrameSet", camera: "Camera | None", seed: int, quiet: bool
 ) -> None:
     from visaug.characterization.points import operating_points
-    from visaug.core.files import write_json
     from visaug.report import sheet_json, write_sheet
 
     with progress_bars(quiet=quiet) as progress:

@@ -10,6 +10,7 @@ import click
 
 from visaug.core.errors import InputError
 from visaug.core.extras import check_installed
+from visaug.core.files import is_result, write_json
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -138,8 +139,6 @@ def may_replace(path: Path | None, force: bool) -> None:
     """Refuse, before any work, to replace a file that is no result of visaug; its own results are made anew."""
     if path is None or path == STANDARD_OUTPUT or not path.is_file() or force:
         return
-    from visaug.core.files import is_result
-
     if not is_result(path):
         raise InputError(
             "exists, and visaug did not write it",
@@ -189,8 +188,6 @@ def is_silent(quiet: bool, json_path: Path | None) -> bool:
 
 def write_result(json_path: Path | None, content: Any) -> None:
     """The JSON of a result, to a file or to standard output."""
-    from visaug.core.files import write_json
-
     if json_path == STANDARD_OUTPUT:
         click.echo(json.dumps(content, indent=2))
     elif json_path is not None:

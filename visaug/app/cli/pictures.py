@@ -17,7 +17,7 @@ from visaug.app.cli.options import (
 )
 from visaug.core.errors import PartlyFailed
 from visaug.core.progress import progress_bars
-from visaug.report.preview import WORDS
+from visaug.report.preview import WORDS, write_preview
 
 if TYPE_CHECKING:
     from visaug.augment.files import Augmented
@@ -187,8 +187,6 @@ def preview(
     in 8-bit levels (0 to 255). Gain and exposure that are not given are chosen so that the noise is visible, and
     are printed on the sheet.
     """
-    from visaug.report.preview import write_preview
-
     said = write_preview(picture, [load_camera(name) for name in camera_names], output, **options)
     click.echo(f"transfer function: {said}")
     written(output)
