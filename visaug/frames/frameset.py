@@ -9,11 +9,13 @@ import numpy as np
 
 from visaug.core.errors import InputError
 from visaug.frames import sources
+from visaug.frames.checks import check
 from visaug.frames.dark_folder import as_dark
 from visaug.frames.record import FrameRecord, Group, group_records
 from visaug.frames.stacks import counted_along_the_last_axis
 from visaug.frames.stores import FileStore, MemoryStore, Store
 from visaug.frames.table import read_table
+from visaug.frames.writers import save
 
 
 class FrameSet:
@@ -251,8 +253,6 @@ class FrameSet:
 
     def check(self) -> list[str]:
         """Checks all pixels and returns named warnings (``duplicate_frames: ...``), see `visaug.frames.checks`."""
-        from visaug.frames.checks import check
-
         return check(self)
 
     def save(
@@ -275,8 +275,6 @@ class FrameSet:
         Raises:
             InputError: the folder is not empty, or a frame cannot be written in the format of its suffix.
         """
-        from visaug.frames.writers import save
-
         return save(self, Path(folder), keep_names, overwrite, beside)
 
 
