@@ -17,16 +17,17 @@ import numpy as np
 import torch
 
 from visaug.augment.image_io import SUFFIXES, Picture, read_picture, write_picture
+from visaug.augment.image_noise import probability, used_bits
 from visaug.augment.images import check_bits
 from visaug.augment.jobs import CopyPlan, find_label, label_place, plan_jobs
 from visaug.augment.journal import JOURNAL as JOURNAL
 from visaug.augment.journal import Journal, content_of, made_of, settings_of
 from visaug.augment.label_images import why_labels
+from visaug.augment.sensor_noise import SensorNoise
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file
 
 if TYPE_CHECKING:
-    from visaug.augment.sensor_noise import SensorNoise
     from visaug.camera import Camera
 
 Progress = Callable[[str, int, int], None]
@@ -112,15 +113,10 @@ def augment_files(
         InputError: no pictures, none that can be used, two with the same place in `output`, an output that
             has the name of a picture, or would overwrite an original, or a file that visaug did not write in the place of a copy.
     """
-    from visaug.augment.sensor_noise import SensorNoise
-
     output = Path(output)
-    if not 0 <= p <= 1:
-        raise InputError(f"{p} is not a probability", field="p", expected="0 to 1")
+    p, bits = probability(p), used_bits(bits)
     if copies < 1:
         raise InputError(f"{copies} copies", field="copies", expected="1 or more")
-    if bits is not None and not 1 <= bits <= 16:
-        raise InputError(f"{bits} bit", field="bits", expected="1 to 16")
     if output.suffix.lower() in SUFFIXES and not output.exists():
         raise InputError("is the name of a picture", file=output, expected="a folder for the copies")
     jobs = plan_jobs([Path(path) for path in inputs], output, copies, include, exclude)
@@ -171,7 +167,7 @@ class _Work:
     """One call of `augment_files`: its settings, its journal and what it did."""
 
     output: Path
-    noise: "SensorNoise"
+    noise: SensorNoise
     seed: int
     p: float
     bits: int | None
@@ -245,7 +241,7 @@ class _Work:
         self.done.carried += 1
 
 
-def add_noise(picture: Picture, noise: "SensorNoise", seed: int, bits: int | None = None) -> Picture:
+def add_noise(picture: Picture, noise: SensorNoise, seed: int, bits: int | None = None) -> Picture:
     """The picture with noise on its colour channels; alpha, depth and size stay.
 
     Args:

@@ -118,7 +118,9 @@ def settings_of(noise: "SensorNoise", seed: int, p: float, bits: int | None, opt
             digest.update(name.encode() + values.detach().cpu().numpy().tobytes())
     root = Path(__file__).resolve().parents[1]
     own = [
-        file for room in ("sampling", "effects", "camera", "augment") for file in (root / room).rglob("*.py")
+        file
+        for room in ("core/sampling", "effects", "camera", "augment")
+        for file in (root / room).rglob("*.py")
     ]
     for file in [*sorted(own), *loaded_files()]:
         digest.update(file.read_bytes())

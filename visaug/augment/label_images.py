@@ -24,7 +24,6 @@ CLASSES = {
     "instances",
     "label",
     "labels",
-} | {
     "panoptic",
     "gt",
     "matte",

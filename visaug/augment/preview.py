@@ -11,9 +11,9 @@ from visaug.augment.files import add_noise
 from visaug.augment.image_io import Picture
 from visaug.augment.light import linear_to_srgb
 from visaug.augment.options import Range
+from visaug.augment.sensor_noise import SensorNoise
 
 if TYPE_CHECKING:
-    from visaug.augment.sensor_noise import SensorNoise
     from visaug.camera import Camera
 
 LEVELS = (13, 64, 128, 191, 242)  # of 255, in the picture's own encoding
@@ -54,7 +54,7 @@ class NoiseSample:
 
 def sample(
     picture: Picture,
-    noise: "SensorNoise",
+    noise: SensorNoise,
     seed: int,
     window: tuple[slice, slice],
     bits: int | None,
@@ -73,14 +73,12 @@ def visible(
     gain_db: Range = None,
     exposure: Range = None,
     **options: Any,
-) -> tuple["SensorNoise", str]:
+) -> tuple[SensorNoise, str]:
     """The camera's noise under conditions in which it can be seen, and these in words.
 
     The first of `CONDITIONS` at which the noise at a middle level is at least `VISIBLE`; the last one if there is none. What
     is given of gain and exposure stays as it is; with `strength` below 1 the noise may stay invisible.
     """
-    from visaug.augment.sensor_noise import SensorNoise
-
     noise, tried = None, None
     for more_db, share in CONDITIONS:
         condition = (
@@ -108,7 +106,7 @@ def _words(given: Any) -> str:
 
 
 def noise_by_level(
-    picture: Picture, noise: "SensorNoise", seed: int, levels: Sequence[int] = LEVELS
+    picture: Picture, noise: SensorNoise, seed: int, levels: Sequence[int] = LEVELS
 ) -> tuple[float, ...]:
     """Standard deviation of all noise, fixed patterns included, at each of `levels`, in 8-bit levels (0 to 255).
 

@@ -1,6 +1,6 @@
 """What VISNoise needs of kornia's base class, where kornia is not installed."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import torch
@@ -17,6 +17,10 @@ class Augmentation(nn.Module):
         same_on_batch: one draw for all images of a batch.
         keepdim: return the shape of the input; False returns (B, C, H, W).
     """
+
+    # of the augmentation itself
+    generate_parameters: Callable[..., dict[str, Tensor]]
+    apply_transform: Callable[..., Tensor]
 
     def __init__(self, p: float = 1.0, same_on_batch: bool = False, keepdim: bool = True):
         super().__init__()
@@ -42,15 +46,3 @@ class Augmentation(nn.Module):
         if not bool(changed.all()):
             noisy = torch.where(changed.to(images.device)[:, None, None, None], noisy, images)
         return noisy.reshape(input.shape) if self.keepdim else noisy
-
-    def generate_parameters(self, batch_shape: tuple[int, ...]) -> dict[str, Tensor]:
-        raise NotImplementedError
-
-    def apply_transform(
-        self,
-        input: Tensor,
-        params: Mapping[str, Tensor],
-        flags: Mapping[str, Any],
-        transform: Tensor | None = None,
-    ) -> Tensor:
-        raise NotImplementedError

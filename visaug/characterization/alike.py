@@ -11,7 +11,7 @@ from visaug.characterization.facts import Facts
 from visaug.frames import FrameSet, Group
 
 KINDS = ("bias", "dark", "flat")
-SAME_C = 0.6  # a sensor's reading wanders by that much
+SAME_C = 0.6  # a sensor's reading wanders by that much; steps of a ladder are wider
 
 
 def merged_groups(frames: FrameSet, facts: Sequence[Facts]) -> list[Group]:

@@ -21,7 +21,7 @@ NEEDS_WHOLE_STEPS = "frames whose steps are 1 DN: as the converter gave them, ne
 
 def check(seen: Extremes, found: Findings) -> None:
     """Sets `found.step_dn` where codes have gaps; warns of it, and of lines with fewer bits than the others."""
-    steps = steps_dn(seen)
+    steps = [step for v in seen.levels if v.codes is not None and (step := _step(v.codes)) is not None]
     if steps:
         found.step_dn = float(np.median(steps))
         companded = max(steps) > _COMPANDED * min(steps)
@@ -36,13 +36,11 @@ def check(seen: Extremes, found: Findings) -> None:
     _lines(seen, found)
 
 
-def steps_dn(seen: Extremes) -> list[float]:
-    """Mean step of the codes of each level, DN, where codes are left out."""
-    return [step for v in seen.levels if v.codes is not None and (step := _step(v.codes)) is not None]
-
-
 def _step(counts: np.ndarray) -> float | None:
-    """Of one level: runs of empty codes between two codes that many pixels have, all of one length but for rounding."""
+    """Mean step of the codes of one level, DN; None where none are left out.
+
+    Runs of empty codes between two codes that many pixels have are all of one length but for rounding.
+    """
     filled = np.flatnonzero(counts >= _CERTAIN)
     if len(filled) < _FEWEST + 1:
         return None
@@ -67,8 +65,7 @@ def _lines(seen: Extremes, found: Findings) -> None:
         if short.any():
             found.warn(
                 f"bits_missing: in {short.sum()} of {len(bits)} {name}s the lowest "
-                f"{lowest[short].max() - least} bits never "
-                "change (a fault of packing or unpacking)",
+                f"{lowest[short].max() - least} bits never change (a fault of packing or unpacking)",
                 spoils=("gain_e_per_dn", "quantum_efficiency", "read_noise.*", "dsnu.*", "prnu.*", "dark_current.*",
                         "black_level_dn", "temporal.*", "full_well_e", "emva.*", "emva4.*", "emva4_corrected.*"),
             )  # fmt: skip

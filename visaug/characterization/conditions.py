@@ -34,7 +34,8 @@ def prepared(frames: FrameSet, found: Findings, told_bits: int | None) -> tuple[
     frames = frames.subset([i for i, r in enumerate(frames.records) if r.kind in KINDS])
     frames = _in_celsius(frames, found)
     frames = _one_setting(frames, found)
-    frames = _without_told_masters(frames, found)
+    told = [i for i, r in enumerate(frames.records) if r.combined != 1]
+    frames = _leave_out(frames, told, found, "as their headers or the column `combined` say")
     facts = look(frames)
     lossy.check(frames, facts, found)
     frames, facts = _aligned(frames, facts, found, told_bits)
@@ -116,11 +117,6 @@ def _without_copies(frames: FrameSet, facts: list[Facts]) -> tuple[FrameSet, lis
     if len(kept) == len(frames) or 2 * len(kept) < len(frames):
         return frames, facts
     return frames.subset(kept), [facts[i] for i in kept]
-
-
-def _without_told_masters(frames: FrameSet, found: Findings) -> FrameSet:
-    masters = [i for i, r in enumerate(frames.records) if r.combined != 1]
-    return _leave_out(frames, masters, found, "as their headers or the column `combined` say")
 
 
 def _leave_out(frames: FrameSet, masters: Sequence[int], found: Findings, why: str) -> FrameSet:

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
+from visaug.characterization.alike import SAME_C
 from visaug.characterization.moments import GroupMoments
-
-_STEP_C = 0.6  # a sensor's reading wanders by less; steps of a ladder are wider
 
 
 @dataclass(frozen=True)
@@ -79,8 +78,8 @@ def wanders(temperature_c: np.ndarray, exposure_s: np.ndarray) -> bool:
         return False
     order = np.argsort(temperature_c)
     t, e = temperature_c[order], exposure_s[order]
-    steps = np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > _STEP_C) + 1)
-    drifts = any(np.ptp(t[s]) > 1.5 * _STEP_C for s in steps)
+    steps = np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > SAME_C) + 1)
+    drifts = any(np.ptp(t[s]) > 1.5 * SAME_C for s in steps)
     return drifts or (len(steps) > 1 and any(len(np.unique(e[s])) < 2 for s in steps))
 
 
@@ -89,7 +88,7 @@ def joint_law(temperature_c: np.ndarray, exposure_s: np.ndarray, level: np.ndarr
     exposure; the misfit tells the errors.
     """
     n = len(level)
-    steps = np.rint((temperature_c - temperature_c.min()) / _STEP_C)
+    steps = np.rint((temperature_c - temperature_c.min()) / SAME_C)
     points = len(np.unique(np.stack([steps, exposure_s]), axis=1).T)
     unknown = 3  # parameters of a law with its black level: as many settings tell them
     if n < 6 or points < unknown or np.ptp(temperature_c) < 0.5 or len(np.unique(exposure_s)) < 2:
@@ -122,7 +121,7 @@ def slopes(points: Sequence[DarkPoint]) -> list[Slope]:
     by_temperature: dict[float | None, list[DarkPoint]] = {}
     for p in points:
         t = p.temperature_c
-        near = (k for k in by_temperature if k is not None and t is not None and abs(k - t) < 0.6)
+        near = (k for k in by_temperature if k is not None and t is not None and abs(k - t) < SAME_C)
         by_temperature.setdefault(next(near, t), []).append(p)
     lines = []
     for temperature, group in by_temperature.items():

@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from visaug.characterization.facts import Facts
 from visaug.characterization.findings import Findings
-from visaug.characterization.views import cropped, repaired
+from visaug.characterization.views import cropped, repaired, replaced
 from visaug.frames import FrameSet, Group
 
 _APART = 8.0  # noise of single pixels: levels, or values, that differ by more differ by no chance
@@ -97,8 +97,9 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
                 for axis in (0, 1):
                     ones[axis] |= np.bitwise_or.reduce(values, axis=1 - axis)
                     zeros[axis] |= np.bitwise_or.reduce(~values, axis=1 - axis)
-                counts = np.bincount(values.ravel())
-                codes = _sum(codes, counts)
+                counts = np.bincount(values.ravel(), minlength=len(codes))
+                counts[: len(codes)] += codes
+                codes = counts
         middle = float(np.median(medians))
         noise = max(float(np.median([facts[i].noise for i in group.indices])), 1.0)
         n = len(group.indices)
@@ -111,14 +112,6 @@ def extremes(frames: FrameSet, facts: Sequence[Facts], groups: Sequence[Group]) 
                     ends |= there
     bits = [a & b for a, b in zip(ones, zeros)] if whole else [None, None]
     return Extremes(tuple(levels), low, high, flat_low, flat_high, ends, bits[0], bits[1])
-
-
-def _sum(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    if len(a) < len(b):
-        a, b = b, a
-    total = a.copy()
-    total[: len(b)] += b
-    return total
 
 
 def lit_window(seen: Extremes, found: Findings) -> tuple[int, int, int, int] | None:
@@ -214,7 +207,7 @@ def without(frames: FrameSet, bad: np.ndarray) -> FrameSet:
     A neighbour's value has the law of a sound pixel, which a mean or a constant does not.
     """
     at, source = np.nonzero(bad), donors(bad)
-    return repaired(frames, lambda frame, _: _put(frame, at, frame[source]))
+    return repaired(frames, lambda frame, _: replaced(frame, at, source))
 
 
 def donors(bad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -230,9 +223,3 @@ def donors(bad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
                 rows[r::2, c::2], columns[r::2, c::2] = 2 * near[0] + r, 2 * near[1] + c
     at = np.nonzero(bad)
     return rows[at], columns[at]
-
-
-def _put(frame: np.ndarray, at: tuple[np.ndarray, ...], values: np.ndarray) -> np.ndarray:
-    frame = frame.copy()
-    frame[at] = values
-    return frame

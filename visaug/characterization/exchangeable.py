@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 from scipy import stats
 
-from visaug.characterization.findings import Findings
+from visaug.characterization.findings import FROM_NOISE, Findings
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments
 from visaug.frames import FrameSet
@@ -27,8 +27,6 @@ _FALSE = 0.001  # probability of a false alarm in one set, and again of a frame 
 _APART = 0.05  # of the variance of the other frames
 _OF_MEDIAN = 1.3  # the median of few variances has an error of its own
 _MATTERS = 0.01  # correlation of the noise of two frames
-_SPOILED = ("gain_e_per_dn", "quantum_efficiency", "read_noise.*", "full_well_e", "prnu.*", "dsnu.*", "dark_current.*",
-            "temporal.*", "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ def check(measured: Measured, found: Findings) -> None:
     found.warn(
         f"frames_dependent: in {len(sure)} of {len(tested)} groups of frames taken alike the noise correlates from frame to "
         f"frame by up to {worst.correlation:.3f}: {what}, so that their differences are not noise alone",
-        spoils=_SPOILED,
+        spoils=FROM_NOISE,
     )
 
 
@@ -108,7 +106,7 @@ def _check_variances(
         found.warn(
             f"frames_dependent: frames {numbers}{', ...' if len(apart) > 8 else ''} differ from the others of their setting by "
             "another noise or another pattern (another camera, moved, torn or disturbed frames)",
-            spoils=_SPOILED,
+            spoils=FROM_NOISE,
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from visaug.frames import FrameSet
 
-_PHASES = ((0, 0), (0, 1), (1, 0), (1, 1))
+PLACES = ((0, 0), (0, 1), (1, 0), (1, 1))  # of a 2 x 2
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def facts_of(frame: np.ndarray) -> Facts:
         at_largest=float(np.count_nonzero(frame == largest) / frame.size),
         bits=bits,
         phases=tuple(float(frame[r::2, c::2].mean(dtype=np.float64)) if frame[r::2, c::2].size else 0.0
-                     for r, c in _PHASES),  # type: ignore[arg-type]
+                     for r, c in PLACES),  # type: ignore[arg-type]
     )  # fmt: skip
 
 

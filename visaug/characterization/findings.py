@@ -12,6 +12,10 @@ import numpy as np
 
 from visaug.characterization.result import Estimate
 
+# parameters that need the noise of the frames to be that of single pixels
+FROM_NOISE = ("gain_e_per_dn", "quantum_efficiency", "read_noise.*", "full_well_e", "prnu.*", "dsnu.*", "dark_current.*",
+              "temporal.*", "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
+
 
 @dataclass
 class MeasuredGain:

@@ -15,7 +15,7 @@ from visaug.characterization.facts import Facts
 from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments
-from visaug.characterization.views import repaired
+from visaug.characterization.views import repaired, replaced
 from visaug.frames import FrameSet, Group
 
 _STALE = 5e-4  # probability that one group of sound frames has such an outlier
@@ -46,8 +46,7 @@ def without_stale(
     numbers = ", ".join(str(frames.records[i].sequence) for i in sorted(stale))
     found.warn(
         f"stale_frame: the level of frames {numbers} is not that of the others of their setting (the first "
-        "frame after a change "
-        "may have the old one); they are excluded"
+        "frame after a change may have the old one); they are excluded"
     )
     kept = [i for i in range(len(frames)) if i not in stale]
     return frames.subset(kept), [facts[i] for i in kept]
@@ -129,18 +128,12 @@ def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> 
     pixels = sum(int(m.sum()) for m in chosen.values())
     found.warn(
         f"cosmic_rays: {pixels} values in {len(chosen)} frames are far brighter than the same pixels of the "
-        "other frames of their "
-        "setting and are excluded"
+        "other frames of their setting and are excluded"
     )
     sources = {i: (np.nonzero(m), donors(m)) for i, m in chosen.items()}
 
     def change(frame: np.ndarray, i: int) -> np.ndarray:
-        if i not in sources:
-            return frame
-        at, source = sources[i]
-        frame = frame.copy()
-        frame[at] = frame[source]
-        return frame
+        return replaced(frame, *sources[i]) if i in sources else frame
 
     return repaired(frames, change)
 
@@ -281,11 +274,9 @@ def without_bands(measured: Measured, found: Findings) -> Measured:
         found.banded = frozenset(records[i].sequence for v in measured.levels for i in v.flat.group.indices)
     share = max(math.sqrt(band_variance(v.flat, v.dark)) / v.signal for v in banded)
     found.warn(
-        f"lamp_band: in flats whole rows change together from frame to frame by {share:.2%} of the light, more "
-        "than in dark "
-        "frames (a lamp that flickers while rows are exposed one after the other); what it adds to the "
-        "variance is taken out of "
-        "gain_e_per_dn, not of the emva figures",
+        f"lamp_band: in flats whole rows change together from frame to frame by {share:.2%} of the light, "
+        "more than in dark frames (a lamp that flickers while rows are exposed one after the other); what "
+        "it adds to the variance is taken out of gain_e_per_dn, not of the emva figures",
         spoils=("emva.system_gain_dn_per_e", "emva.quantum_efficiency", "emva.saturation_e", "emva.dark_noise_e",
                 "emva.dsnu_e", "emva4.*_e", "emva4.prnu_row", "emva4.snr_*"),
     )  # fmt: skip

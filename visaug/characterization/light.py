@@ -31,9 +31,7 @@ _SCATTER = 0.02  # deviation of the variances from their curve: the gain of any 
 _LEAST_EFFICIENCY = 1e-3  # e-/photon: below what silicon has anywhere between 300 and 1100 nm
 
 
-def gain_and_efficiency(
-    found: Findings, measured: Measured, dark_tells: bool = True
-) -> PhotonTransferResult | None:
+def gain_and_efficiency(found: Findings, measured: Measured, dark_tells: bool) -> PhotonTransferResult | None:
     """Photon transfer at the base gain."""
     result = transfer(measured.sweep, dark_tells)
     if result is None:
@@ -68,7 +66,7 @@ def _scattered(found: Findings, result: PhotonTransferResult) -> None:
 
 def _curvature(found: Findings, result: PhotonTransferResult, course: additivity.VarianceFits) -> None:
     if result.curvature_per_dn is None:
-        if result.intercept_dn2 is None and course.deviates:
+        if not result.flats_alone and course.deviates:
             found.warn(
                 f"photon_transfer_bent: the variance of {len(result.safe)} levels is not proportional to their "
                 "signal, and so few do "
@@ -78,7 +76,7 @@ def _curvature(found: Findings, result: PhotonTransferResult, course: additivity
         return
     interval = symmetric(*result.curvature_per_dn, result.df)
     found.add("photon_transfer.curvature_per_dn", interval, "1/DN", "c of the variance K S (1 + c S)")
-    if course.undecided and result.intercept_dn2 is None:
+    if course.undecided and not result.flats_alone:
         found.warn(
             "photon_transfer_bent: the variance is not proportional to the signal, and the levels do not tell a bend from "
             f"another black level of the flats ({_causes(found, result, course)}); gain_e_per_dn is right for a bend alone",
@@ -128,8 +126,7 @@ def _efficiency(found: Findings, result: PhotonTransferResult) -> None:
     if value < _LEAST_EFFICIENCY:
         found.warn(
             f"photons_implausible: a quantum efficiency of {value:.2g} is that of no sensor; are the photons "
-            "per pixel, not per cm2 "
-            "or of the whole frame?",
+            "per pixel, not per cm2 or of the whole frame?",
             spoils=(
                 "quantum_efficiency",
                 "emva.quantum_efficiency",
@@ -184,7 +181,7 @@ def _transfer_curves(found: Findings, result: PhotonTransferResult) -> None:
 
 
 def response_pattern(
-    found: Findings, measured: Measured, result: PhotonTransferResult, mosaic: Mosaic | None = None
+    found: Findings, measured: Measured, result: PhotonTransferResult, mosaic: Mosaic | None
 ) -> Parts | None:
     """PRNU by row, column and pixel from the slope of every pixel over the safe levels.
 
@@ -198,7 +195,7 @@ def response_pattern(
     rate, rate_error = line.dark_dn_per_s if line is not None else (0.0, 0.0)
     signals = np.array([v.light for v in levels]) - rate * gap
     weights = np.array([v.flat.n / max(v.flat.variance, 1e-9) for v in levels])
-    free = result.intercept_dn2 is not None  # dark frames do not tell the pattern either: flats alone
+    free = result.flats_alone  # dark frames do not tell the pattern either: flats alone
     if free and len(levels) < 2:
         for name in ("row", "column", "pixel"):
             found.miss(f"prnu.{name}", NEEDS_CLEAR_FLATS)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -80,8 +80,41 @@ class GroupMoments:
 
 def measure(frames: FrameSet, group: Group, step_dn: float = 1.0) -> GroupMoments:
     """Moments of one group in one pass."""
-    found = _finish(group, *_accumulate(frames, group.indices, group.kind == "flat"))
-    return replace(found, step_dn=step_dn)
+    indices, n = group.indices, len(group.indices)
+    first = frames.read(indices[0])
+    height, width = first.shape
+    total, squares = np.zeros(first.shape), np.zeros(first.shape)
+    rows, columns = np.empty((n, height)), np.empty((n, width))
+    low = high = 0
+    top = None if frames.bit_depth is None else (1 << frames.bit_depth) - 1
+    for k, i in enumerate(indices):
+        frame = first if k == 0 else frames.read(i)
+        low += np.count_nonzero(frame <= 0)
+        high += _at_the_top(frame, top, group.kind == "flat")
+        difference = frame.astype(np.float64)
+        rows[k], columns[k] = difference.mean(1), difference.mean(0)
+        difference -= first  # small numbers, so that the squares do not swallow the variance
+        total += difference
+        squares += np.square(difference, out=difference)
+    total /= n
+    variance = np.zeros_like(total) if n == 1 else (squares - n * total**2) / (n - 1)
+    average = first + total
+    return GroupMoments(
+        group=group,
+        n=n,
+        shape=(height, width),
+        frame_means=rows.mean(1),
+        row_means=average.mean(1),
+        column_means=average.mean(0),
+        row_variances=variance.mean(1),
+        spatial_variance=float(average.var(ddof=1)),
+        temporal=_temporal_parts(rows, columns, float(variance.mean())) if n > 1 else None,
+        clipped_low=low / (n * height * width),
+        clipped_high=high / (n * height * width),
+        rows_by_frame=rows,
+        columns_by_frame=columns,
+        step_dn=step_dn,
+    )
 
 
 def mean_map(frames: FrameSet, indices: Iterable[int]) -> np.ndarray:
@@ -95,53 +128,11 @@ def mean_map(frames: FrameSet, indices: Iterable[int]) -> np.ndarray:
     return total / count
 
 
-def _accumulate(frames: FrameSet, indices: tuple[int, ...], pile: bool):
-    first = frames.read(indices[0])
-    total, squares = np.zeros(first.shape), np.zeros(first.shape)
-    rows, columns = np.empty((len(indices), first.shape[0])), np.empty((len(indices), first.shape[1]))
-    low = high = 0
-    top = None if frames.bit_depth is None else (1 << frames.bit_depth) - 1
-    for n, i in enumerate(indices):
-        frame = first if n == 0 else frames.read(i)
-        low += np.count_nonzero(frame <= 0)
-        high += _at_the_top(frame, top, pile)
-        difference = frame.astype(np.float64)
-        rows[n], columns[n] = difference.mean(1), difference.mean(0)
-        difference -= first  # small numbers, so that the squares do not swallow the variance
-        total += difference
-        squares += np.square(difference, out=difference)
-    return first, total, squares, rows, columns, low, high
-
-
 def _at_the_top(frame: np.ndarray, top: int | None, pile: bool) -> int:
     """Pixels at the converter's top: the known one, or, of flats, a value that far too many share as the largest."""
     largest = float(frame.max())
     count = int(np.count_nonzero(frame == largest))
     return count if largest == top or (pile and count > _PILE * frame.size and largest > frame.min()) else 0
-
-
-def _finish(group, first, total, squares, rows, columns, low, high) -> GroupMoments:
-    n = len(rows)
-    height, width = first.shape
-    total /= n
-    variance = np.zeros_like(total) if n == 1 else (squares - n * total**2) / (n - 1)
-    average = first + total
-    temporal = _temporal_parts(rows, columns, float(variance.mean())) if n > 1 else None
-    return GroupMoments(
-        group=group,
-        n=n,
-        shape=(height, width),
-        frame_means=rows.mean(1),
-        row_means=average.mean(1),
-        column_means=average.mean(0),
-        row_variances=variance.mean(1),
-        spatial_variance=float(average.var(ddof=1)),
-        temporal=temporal,
-        clipped_low=low / (n * height * width),
-        clipped_high=high / (n * height * width),
-        rows_by_frame=rows,
-        columns_by_frame=columns,
-    )
 
 
 def _temporal_parts(rows: np.ndarray, columns: np.ndarray, variance: float) -> TemporalParts:

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visaug.characterization.facts import Facts
+from visaug.characterization.facts import PLACES, Facts
 from visaug.frames import FrameSet
-
-PLACES = ((0, 0), (0, 1), (1, 0), (1, 1))
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from visaug.characterization.findings import Findings
+from visaug.characterization.findings import FROM_NOISE, Findings
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.frames import FrameSet
 
 LAGS = ((0, 1), (1, 0), (1, 1), (1, -1))  # each with its mirror image: the eight neighbours
-_SPOILED = ("gain_e_per_dn", "quantum_efficiency", "read_noise.*", "full_well_e", "prnu.*", "dsnu.*", "dark_current.*",
-            "temporal.*", "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
 _OF_THE_STANDARD = ("emva.system_gain_dn_per_e", "emva.quantum_efficiency", "emva.saturation_e", "emva.dark_noise_e",
                     "emva.dsnu_e", "emva.dark_current_*", "emva4.*_e", "emva4.snr_*")  # fmt: skip
 
@@ -95,12 +93,10 @@ def with_covariances(measured: Measured, found: Findings) -> Measured:
         found.filtered = True
         found.smoothed = _alike(light[0], dark[0])
         found.warn(
-            f"correlated_noise: the noise of neighbours correlates, that of light by {_largest(light[0]):+.3f} "
-            "and that of dark frames "
-            f"by {_largest(dark[0]):+.3f}: the frames were smoothed, demosaiced, resampled or filtered, so "
-            "their variance is not "
-            "that of pixels",
-            spoils=_SPOILED,
+            "correlated_noise: the noise of neighbours correlates, that of light by "
+            f"{_largest(light[0]):+.3f} and that of dark frames by {_largest(dark[0]):+.3f}: the frames were "
+            "smoothed, demosaiced, resampled or filtered, so their variance is not that of pixels",
+            spoils=FROM_NOISE,
         )
     elif in_dark:
         found.warn(
@@ -115,10 +111,9 @@ def with_covariances(measured: Measured, found: Findings) -> Measured:
 def _warn_shared(found: Findings, correlation: np.ndarray) -> None:
     beside = float(correlation[:2].mean())
     found.warn(
-        f"correlated_noise: the light's noise correlates by {beside:+.4f} with the next pixel and that of dark "
-        "frames does not: pixels "
-        "share charge or are coupled; gain_e_per_dn is from variance plus covariances, the emva figures from "
-        "the variance alone",
+        f"correlated_noise: the light's noise correlates by {beside:+.4f} with the next pixel and that of "
+        "dark frames does not: pixels share charge or are coupled; gain_e_per_dn is from variance plus "
+        "covariances, the emva figures from the variance alone",
         spoils=_OF_THE_STANDARD,
     )
     share = _coupling(beside)

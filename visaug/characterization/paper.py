@@ -60,7 +60,9 @@ def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
     ):
         low, high = (value * math.sqrt(df / stats.chi2.ppf(q, df)) for q in (0.975, 0.025))
         add_in_electrons(found, f"dsnu.{name}", (value, low, high), source)
-    _add_level(found, still, math.hypot(columns / math.sqrt(width), rows / math.sqrt(height)))
+    half = t_quantile(min(still.shape) - 1) * math.hypot(columns / math.sqrt(width), rows / math.sqrt(height))
+    level = (still.mean, still.mean - half, still.mean + half)
+    found.add("black_level_dn", level, "DN", "mean of the master bias")
     deviations = []
     edges = None
     histogram = np.zeros(0)
@@ -106,13 +108,6 @@ def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
         shape + 1.96 * shape_error + max(hidden, 0.0),
     )
     found.add("read_noise.shape", interval, "1", f"histogram of {still.n} residual frames")
-
-
-def _add_level(found: Findings, still: GroupMoments, error: float) -> None:
-    half = t_quantile(min(still.shape) - 1) * error
-    found.add(
-        "black_level_dn", (still.mean, still.mean - half, still.mean + half), "DN", "mean of the master bias"
-    )
 
 
 def _dark(found: Findings, measured: Measured) -> None:

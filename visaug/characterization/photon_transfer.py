@@ -33,8 +33,7 @@ class PhotonTransferResult:
         gain_dn_per_e: slope at zero signal by weighted least squares over all safe levels.
         curvature_per_dn: c of the variance K S (1 + c S), its standard error beside it; None for fewer levels
             than tell it.
-        intercept_dn2: variance without light, DN^2, where dark frames do not tell it; else None.
-        pedestal_dn: mean level at which that is.
+        flats_alone: whether the variance without light was fitted, since dark frames do not tell it.
         response: the signal's course over photons, None where the source is not calibrated.
         safe: positions of the levels that are clear of saturation.
         scatter: root mean square deviation of the variances from the curve over them, 0 where it is that of their noise.
@@ -45,8 +44,7 @@ class PhotonTransferResult:
     gain_error: float
     df: float
     curvature_per_dn: tuple[float, float] | None
-    intercept_dn2: tuple[float, float] | None
-    pedestal_dn: float
+    flats_alone: bool
     response: Response | None
     safe: tuple[int, ...]
     scatter: float = 0.0
@@ -54,11 +52,10 @@ class PhotonTransferResult:
     @property
     def bent(self) -> bool:
         """Whether the curve bends beyond doubt (once in 500 by chance)."""
-        return _established(self.curvature_per_dn, self.df)
-
-
-def _established(estimate: tuple[float, float] | None, df: float) -> bool:
-    return estimate is not None and abs(estimate[0]) > float(stats.t.ppf(1 - _DOUBT / 2, df)) * estimate[1]
+        if self.curvature_per_dn is None:
+            return False
+        value, error = self.curvature_per_dn
+        return abs(value) > float(stats.t.ppf(1 - _DOUBT / 2, self.df)) * error
 
 
 def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTransferResult | None:
@@ -93,7 +90,7 @@ def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTran
                           - v.lamp_variance - v.band_variance + v.shared_variance for v in chosen])  # fmt: skip
         basis = np.stack([x**p for p in powers], axis=1)
         fit = dict(zip(powers, np.linalg.lstsq(basis * weights[:, None], y * weights, rcond=None)[0]))
-        return {"gain": fit[1], "curvature": fit.get(2, 0.0) / fit[1], "intercept": fit.get(0, 0.0)}
+        return {"gain": fit[1], "curvature": fit.get(2, 0.0) / fit[1]}
 
     found = jackknife(curve, chosen[0].flat.shape[0])
     value, error, df = found["gain"]
@@ -117,8 +114,7 @@ def transfer(levels: Sequence[FlatLevel], dark_tells: bool = True) -> PhotonTran
         (bend, max(math.hypot(bend_error, added.get(2, 0.0) / value), white.get(2, 0.0) / value))
         if 2 in powers
         else None,
-        found["intercept"][:2] if 0 in powers else None,
-        pedestal,
+        not dark_tells,
         response(chosen, dark_tells),
         safe,
         scatter,

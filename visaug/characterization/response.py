@@ -39,7 +39,7 @@ class Response:
         return self.dn_per_photon * photons * (1 + self.curvature_per_photon * photons)
 
 
-def response(levels: Sequence[FlatLevel], dark_tells: bool = True) -> Response | None:
+def response(levels: Sequence[FlatLevel], dark_tells: bool) -> Response | None:
     """Signal per photon at low light, and its standard error as an estimate of the camera's own.
 
     Parts of the error: pixels and rows (blocks of rows left out), columns (blocks of columns left out), and

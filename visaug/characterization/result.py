@@ -14,6 +14,7 @@ from scipy import stats
 from visaug.characterization.camera_content import camera_content
 from visaug.characterization.nonuniformity import two_way
 from visaug.core.errors import InputError
+from visaug.core.files import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -160,7 +161,6 @@ class Characterization:
 
     def save_maps(self, folder: str | Path, suffix: str = ".fits") -> list[Path]:
         """Write every map as FITS or TIFF; returns the files."""
-        from visaug.core.files import whole_file
         from visaug.frames.writers import write_frame
 
         if suffix not in (".fits", ".tif", ".tiff", ".npy"):
@@ -189,7 +189,6 @@ class Characterization:
         """
         from visaug.camera import Camera
         from visaug.characterization.maps import camera_maps, with_maps
-        from visaug.core.files import whole_file
 
         if maps is None:
             self.camera.save(path)

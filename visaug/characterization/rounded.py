@@ -263,7 +263,7 @@ def _scores(p: np.ndarray, sample: CodeHistograms, centre: np.ndarray) -> np.nda
     )  # fmt: skip
 
 
-def _sandwich(scores: np.ndarray, sample: CodeHistograms, blocks: int = BLOCKS) -> np.ndarray:
+def _sandwich(scores: np.ndarray, sample: CodeHistograms) -> np.ndarray:
     """Covariance from scores summed over blocks of rows and over columns.
 
     Pixels of a column share the error of its centre, which near the cut moves the spread at first order. Sums
@@ -272,7 +272,7 @@ def _sandwich(scores: np.ndarray, sample: CodeHistograms, blocks: int = BLOCKS) 
     """
     information = scores @ scores.T
     inverse = np.linalg.inv(information + _RIDGE * np.eye(len(scores)))  # of what is not told: no information
-    by_row = _clustered(scores, np.minimum(sample.rows * blocks // (sample.rows.max() + 1), blocks - 1))
+    by_row = _clustered(scores, np.minimum(sample.rows * BLOCKS // (sample.rows.max() + 1), BLOCKS - 1))
     by_both = by_row + _clustered(scores, sample.columns) - information
     rows_alone, both = (inverse @ spread @ inverse for spread in (by_row, by_both))
     return (

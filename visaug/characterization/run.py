@@ -14,10 +14,11 @@ from visaug.characterization import additivity, codes, dark, evenness, light, mo
 from visaug.characterization.camera_content import CAMERA_KEYS
 from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
+from visaug.characterization.facts import PLACES
 from visaug.characterization.findings import Findings, MeasuredGain
 from visaug.characterization.groups import Measured, measure_groups
 from visaug.characterization.maps import add_maps
-from visaug.characterization.mosaic import PLACES, Mosaic, find_mosaic
+from visaug.characterization.mosaic import Mosaic, find_mosaic
 from visaug.characterization.nonuniformity import Parts
 from visaug.characterization.photon_transfer import PhotonTransferResult
 from visaug.characterization.possible import without_impossible

@@ -66,7 +66,6 @@ def check_structure(pattern: np.ndarray, found: Findings) -> None:
     if chance < structure and share > matters:
         found.warn(
             "structured_light: the response varies from one part of the frame to another beyond a smooth "
-            "surface (dust, a lens that falls "
-            "off steeply, an uneven source), which counts as PRNU",
+            "surface (dust, a lens that falls off steeply, an uneven source), which counts as PRNU",
             spoils=("prnu.*", "emva.prnu_fraction", "emva4.prnu_*", "emva4_corrected.prnu_*"),
         )

@@ -188,16 +188,12 @@ def dark_pattern(found: Findings, measured: Measured, still: GroupMoments) -> Pa
 
 
 def add_profiles(found: Findings, master: np.ndarray) -> None:
-    """Row and column profiles, their spectra, bands and slow course: the accurate description of DSNU."""
+    """Row and column profiles, their spectra, with a word on what no white pattern has."""
     curves: dict[str, np.ndarray] = {}
     for name, axis in (("row", 1), ("column", 0)):
         profile = structure.describe(master.mean(axis))
         curves[f"{name}_profile_dn"] = profile.values
         curves[f"{name}_frequency"], curves[f"{name}_power"] = profile.frequency, profile.power
-        curves[f"{name}_bands"] = np.stack(
-            [profile.bands.weights, profile.bands.means, profile.bands.deviations]
-        )
-        curves[f"{name}_polynomial"] = profile.polynomial
         if profile.peaks.size:
             peaks = ", ".join(f"{f:.3f}" for f in profile.peaks[:4])
             found.warn(

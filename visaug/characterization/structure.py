@@ -1,7 +1,6 @@
-"""Accurate DSNU: rows and columns as they are spread and ordered, not as white normal noise.
+"""Spectra of the rows and columns of a dark pattern, which white normal noise does not describe.
 
-A profile of row or column means is described by the bands its values fall into (a Gaussian mixture) and by
-its slow course (a polynomial), and by its spectrum.
+Their levels and slow course are part of the law in `visaug.camera.patterns`.
 """
 
 from __future__ import annotations
@@ -13,16 +12,12 @@ import numpy as np
 from scipy.optimize import root_scalar
 from scipy.special import gammaln, log_ndtr
 
-from visaug.camera.patterns import Mixture, fit_mixture
-
 
 @dataclass(frozen=True)
 class LineProfile:
-    """One profile: values, their bands, polynomial, power spectrum."""
+    """One profile: values and their power spectrum."""
 
     values: np.ndarray
-    bands: Mixture
-    polynomial: np.ndarray
     frequency: np.ndarray
     power: np.ndarray
 
@@ -64,21 +59,5 @@ def _least_peak(m: int, rank: int) -> float:
 def describe(values: np.ndarray) -> LineProfile:
     """The profile of rows or columns, (n,) in any unit, about its mean."""
     values = np.asarray(values, np.float64) - np.mean(values)
-    bands = fit_mixture(values)
     power = np.abs(np.fft.rfft(values)) ** 2 / len(values)
-    return LineProfile(values, bands, polynomial(values), np.fft.rfftfreq(len(values)), power)
-
-
-def polynomial(values: np.ndarray) -> np.ndarray:
-    """Coefficients on [-1, 1], highest order first; as many orders as the Bayesian criterion keeps."""
-    n = len(values)
-    x = np.linspace(-1, 1, n)
-    best, least = np.zeros(1), np.inf
-    most_order = 6
-    for order in range(min(most_order, n - 2) + 1):
-        coefficients = np.polyfit(x, values, order)
-        rest = float(((values - np.polyval(coefficients, x)) ** 2).mean()) + 1e-12
-        criterion = n * np.log(rest) + (order + 1) * np.log(n)
-        if criterion < least:
-            best, least = coefficients, criterion
-    return best
+    return LineProfile(values, np.fft.rfftfreq(len(values)), power)

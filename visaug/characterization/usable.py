@@ -9,7 +9,7 @@ import numpy as np
 
 from visaug.characterization.alarms import adopt, found_by_checks
 from visaug.characterization.findings import Findings
-from visaug.characterization.views import cropped, repaired
+from visaug.characterization.views import cropped, repaired, replaced
 from visaug.frames import FrameSet
 
 
@@ -68,13 +68,7 @@ def _without_lines(frames: FrameSet, found: Findings) -> FrameSet:
         column[:, k] = rng.choice(_near(int(k), ~columns), height)
     at = np.nonzero(rows[:, None] | columns)
     source = row[at], column[at]
-
-    def change(frame: np.ndarray, _: int) -> np.ndarray:
-        frame = frame.copy()
-        frame[at] = frame[source]
-        return frame
-
-    return repaired(frames, change)
+    return repaired(frames, lambda frame, _: replaced(frame, at, source))
 
 
 def _near(k: int, sound: np.ndarray) -> np.ndarray:

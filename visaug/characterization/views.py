@@ -17,13 +17,9 @@ class _View:
     def __init__(
         self, frames: FrameSet, change: Callable[[np.ndarray], np.ndarray], bit_depth: int | None
     ) -> None:
-        self._frames, self._change, self._bit_depth = frames, change, bit_depth
+        self._frames, self._change, self.bit_depth = frames, change, bit_depth
         self.told_bits = frames.told_bits
         self.warnings = frames.warnings
-
-    @property
-    def bit_depth(self) -> int | None:
-        return self._bit_depth
 
     def read(self, i: int) -> np.ndarray:
         return self._change(self._frames.read(i))
@@ -61,6 +57,13 @@ class _Repaired(_View):
 def repaired(frames: FrameSet, change: Callable[[np.ndarray, int], np.ndarray]) -> FrameSet:
     """The frames with values put in place by ``change(frame, position)``; shapes stay."""
     return FrameSet(frames.records, _Repaired(frames, change))
+
+
+def replaced(frame: np.ndarray, at: tuple[np.ndarray, ...], source: tuple[np.ndarray, ...]) -> np.ndarray:
+    """The frame with the values of other pixels, at `source`, in the places `at`."""
+    frame = frame.copy()
+    frame[at] = frame[source]
+    return frame
 
 
 def cropped(frames: FrameSet, window: tuple[int, int, int, int]) -> FrameSet:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 USER_MODULE = "visaug_user_"  # how the names of modules from a user's effect files begin
@@ -39,6 +41,25 @@ class NoSensorNoise(InputError):
 
 class PartlyFailed(Exception):
     """Work that was done but for a part. The message is what there is to tell; commands print it and end with status 1."""
+
+
+@contextmanager
+def readable(file: str | Path, hint: str) -> Iterator[None]:
+    """Around the reading of a file: what libraries raise for a damaged one, of many kinds, becomes an InputError.
+
+    Args:
+        file: that is read.
+        hint: what may be wrong with it, for instance ``truncated, or not a TIFF file``.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise InputError("no such file", file=file) from None
+    except Exception as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read ({reason}); {hint}", file=file) from None
 
 
 def described(error: BaseException) -> str:

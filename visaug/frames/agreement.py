@@ -8,6 +8,7 @@ from typing import Any
 
 from visaug.core.errors import InputError
 from visaug.frames.keywords import SETTING_KEYWORDS
+from visaug.frames.units import number_or_none
 
 _SAME_GAIN = 0.02  # measured gains of one camera scatter by less; settings that differ by less are none
 _CEILINGS = {(1 << n) - 1: n for n in (8, 10, 12, 14)}  # DN, of converters that are coarser than their files
@@ -103,7 +104,7 @@ def _settings(rows: list[Row], notes: list[str]) -> None:
         {word: value for word, _, value in (p.partition("=") for p in (r["setting"] or "").split())}
         for r in rows
     ]
-    gains = [float(p["GAIN"]) for p in parts if _is_number(p.get("GAIN"))]
+    gains = [g for p in parts if (g := number_or_none(p.get("GAIN"))) is not None and g >= 0]
     if (
         any(g != int(g) for g in gains)
         and len(set(gains)) > 1
@@ -131,13 +132,6 @@ def _settings(rows: list[Row], notes: list[str]) -> None:
     order = list(dict.fromkeys(w for p in parts for w in p))
     for row, part in zip(rows, parts, strict=True):
         row["setting"] = " ".join(f"{w}={part[w]}" if part[w] else w for w in order if w in part) or None
-
-
-def _is_number(text: str | None) -> bool:
-    try:
-        return text is not None and float(text) >= 0
-    except ValueError:
-        return False
 
 
 def _bodies(rows: list[Row]) -> None:

@@ -15,13 +15,14 @@ from typing import IO, Any
 
 import numpy as np
 
-from visaug.core.errors import InputError
+from visaug.core.errors import InputError, readable
 from visaug.frames import hdf5
 from visaug.frames.hdf5 import Hdf5File
 from visaug.frames.limits import Index, check_axes, check_index, check_shape, chosen_array
 from visaug.frames.matlab import MatFile, mat_arrays
 
 WHOLE_BYTES = 64 * 2**20  # a compressed array up to this size is decompressed at once and kept
+MOST_OPEN = 32  # files at a time
 
 
 class ArrayFile:
@@ -43,20 +44,12 @@ class ArrayFile:
         self._stored: np.ndarray | None = None
         self._data_start = 0
         self._compressed = False
-        try:
-            self._open()
-        except InputError:
-            raise
-        except FileNotFoundError:
-            raise InputError("no such file", file=path) from None
-        except Exception as error:  # NumPy's header reader and zipfile raise many kinds for damaged files
-            self.close()
-            reason = getattr(error, "strerror", None) or error
-            raise InputError(f"cannot be read ({reason}); truncated, or not an array", file=path) from None
-
-    @property
-    def frame_shape(self) -> tuple[int, ...]:
-        return self.shape[-2:]
+        with readable(path, "truncated, or not an array"):
+            try:
+                self._open()
+            except Exception:
+                self.close()
+                raise
 
     def read(self, index: Index) -> np.ndarray:
         """The sub-array at `index`, for instance one frame."""
@@ -124,7 +117,7 @@ class ArrayFile:
                 expected="integers or floats in DN",
             )
         check_axes(self.shape, self.path)
-        check_shape(self.shape if self._fortran else self.frame_shape, self.path)
+        check_shape(self.shape if self._fortran else self.shape[-2:], self.path)
         if self._data_start + prod(self.shape) * self.dtype.itemsize > end:
             raise ValueError(f"its header claims the shape {self.shape}, which is more than it holds")
         if not self._compressed:
@@ -152,17 +145,13 @@ class ArrayFile:
 
 
 class ArrayStore:
-    """Open array files, the decompressed ones dropped when they grow beyond `limit_bytes` together."""
+    """Open array files, those used longest ago closed when they are many, or the decompressed ones grow large together."""
 
-    def __init__(self, limit_bytes: int = 2 * WHOLE_BYTES, limit_open: int = 32) -> None:
-        self.limit_bytes, self.limit_open = limit_bytes, limit_open
+    def __init__(self) -> None:
         self._files: dict[tuple[Path, str | None], ArrayFile | Hdf5File | MatFile] = {}
 
     def read(self, path: Path, key: str | None, index: Index) -> np.ndarray:
         return self._use(path, key, lambda f: f.read(index))
-
-    def frame_shape(self, path: Path, key: str | None) -> tuple[int, ...]:
-        return self._use(path, key, lambda f: f.frame_shape)
 
     def dtype(self, path: Path, key: str | None) -> np.dtype:
         return self._use(path, key, lambda f: f.dtype)
@@ -173,8 +162,7 @@ class ArrayStore:
         self._files[name] = file  # the last used stands last
         result = what(file)
         while len(self._files) > 1 and (
-            len(self._files) > self.limit_open
-            or sum(f.held_bytes for f in self._files.values()) > self.limit_bytes
+            len(self._files) > MOST_OPEN or sum(f.held_bytes for f in self._files.values()) > 2 * WHOLE_BYTES
         ):
             self._files.pop(next(iter(self._files))).close()
         return result
@@ -195,11 +183,8 @@ def arrays_in(path: Path) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
     if path.suffix.lower() == ".npy":
         keys: list[str | None] = [None]
     else:
-        try:
-            with zipfile.ZipFile(path) as archive:
-                keys = [n.removesuffix(".npy") for n in archive.namelist() if n.endswith(".npy")]
-        except (OSError, zipfile.BadZipFile) as error:
-            raise InputError(f"cannot be read ({error}); truncated, or not an archive", file=path) from None
+        with readable(path, "truncated, or not an archive"), zipfile.ZipFile(path) as archive:
+            keys = [n.removesuffix(".npy") for n in archive.namelist() if n.endswith(".npy")]
     found = []
     for key in keys:
         file = ArrayFile(path, key)

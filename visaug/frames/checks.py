@@ -63,9 +63,8 @@ def check(frames: FrameSet) -> list[str]:
         found.append(f"constant_frame: frames {name(constant)} have one value in all pixels ({listed})")
     if saturated:
         found.append(
-            f"saturated_flat: more than {_SATURATED_SHARE:.1%} of the pixels of flats "
-            f"{name(saturated)} are at "
-            "the converter's top; they determine the saturation, not the gain"
+            f"saturated_flat: more than {_SATURATED_SHARE:.1%} of the pixels of flats {name(saturated)} are "
+            "at the converter's top; they determine the saturation, not the gain"
         )
     if clipped:
         found.append(
@@ -82,8 +81,7 @@ def check(frames: FrameSet) -> list[str]:
         if group.kind in ("bias", "dark", "flat") and len(group.indices) == 1:
             found.append(
                 f"few_frames: {group.kind} frame {name(group.indices)} is the only one with its settings; "
-                f"temporal "
-                "noise needs two or more"
+                "temporal noise needs two or more"
             )
     return found
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from visaug.frames.names import facts_of_name
 from visaug.frames.record import FrameRecord
 
-
-class _Readable(Protocol):
-    def read(self, i: int) -> np.ndarray: ...
+if TYPE_CHECKING:
+    from visaug.frames.frameset import FrameSet
 
 
 def named_kinds(records: Sequence[FrameRecord]) -> list[str | None]:
@@ -21,17 +20,18 @@ def named_kinds(records: Sequence[FrameRecord]) -> list[str | None]:
     return [facts_of_name(record.file.partition("#")[0]).get("kind") for record in records]
 
 
-def as_dark(records: Sequence[FrameRecord], pixels: _Readable) -> list[FrameRecord] | None:
+def as_dark(frames: FrameSet) -> list[FrameRecord] | None:
     """Pictures as dark frames, where every name says so and no frame shows a scene; None elsewhere.
 
     Their exposure is given as 0, which stands for the shortest one.
     """
+    records = frames.records
     kinds = named_kinds(records)
     if len(records) < 2 or not set(kinds) <= {"dark", "bias"} or any(r.kind != "image" for r in records):
         return None
     looked_at = 3  # frames
     spread = np.unique(np.linspace(0, len(records) - 1, looked_at).astype(int))
-    if any(shows_a_scene(pixels.read(int(i))) is not False for i in spread):
+    if any(shows_a_scene(frames.read(int(i))) is not False for i in spread):
         return None
     return [replace(r, kind=str(kind)) for r, kind in zip(records, kinds, strict=True)]
 

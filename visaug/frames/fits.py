@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from visaug.core.errors import InputError
+from visaug.core.errors import InputError, readable
 from visaug.core.extras import extra
 from visaug.frames.keywords import header_facts
 from visaug.frames.layout import layout_of
@@ -53,7 +53,7 @@ def fits_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
     return found
 
 
-def read_fits(path: Path, key: str | None = None, index: tuple[int, ...] = ()) -> np.ndarray:
+def read_fits(path: Path, key: str | None, index: tuple[int, ...]) -> np.ndarray:
     """Pixels of one image, scaled by BZERO and BSCALE, overscan cut off, in the detector's directions.
 
     Args:
@@ -92,17 +92,10 @@ def _opened(path: Path) -> Iterator[Any]:
     with extra(path):
         from astropy.io import fits
 
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of missing padding; missing pixels raise
-            with fits.open(path, memmap=False) as units:
-                yield units
-    except InputError:
-        raise
-    except FileNotFoundError:
-        raise InputError("no such file", file=path) from None
-    except Exception as error:  # astropy raises many kinds for damaged files
-        raise InputError(f"cannot be read ({error}); truncated, or not a FITS file", file=path) from None
+    with readable(path, "truncated, or not a FITS file"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of missing padding; missing pixels raise
+        with fits.open(path, memmap=False) as units:
+            yield units
 
 
 def _images(units: Any, path: Path) -> list[Any]:

@@ -9,11 +9,13 @@ import numpy as np
 
 from visaug.core.errors import InputError
 from visaug.frames import sources
+from visaug.frames.checks import check
 from visaug.frames.dark_folder import as_dark
 from visaug.frames.record import FrameRecord, Group, group_records
 from visaug.frames.stacks import counted_along_the_last_axis
 from visaug.frames.stores import FileStore, MemoryStore, Store
 from visaug.frames.table import read_table
+from visaug.frames.writers import save
 
 
 class FrameSet:
@@ -115,7 +117,7 @@ class FrameSet:
         bit_depth = bit_depth or _common_depth(records)
         store = FileStore(records, root, _pair(resolution), bit_depth, byte_order, bits_at, warnings)
         frames = cls(records, store)
-        if kind == "pictures" and (dark := as_dark(frames.records, frames)):
+        if kind == "pictures" and (dark := as_dark(frames)):
             frames = frames.with_records(dark)
             warnings.append(
                 "exposure_unknown: the names say that these are dark frames, and nothing tells their exposure; what they "
@@ -251,8 +253,6 @@ class FrameSet:
 
     def check(self) -> list[str]:
         """Checks all pixels and returns named warnings (``duplicate_frames: ...``), see `visaug.frames.checks`."""
-        from visaug.frames.checks import check
-
         return check(self)
 
     def save(
@@ -275,8 +275,6 @@ class FrameSet:
         Raises:
             InputError: the folder is not empty, or a frame cannot be written in the format of its suffix.
         """
-        from visaug.frames.writers import save
-
         return save(self, Path(folder), keep_names, overwrite, beside)
 
 

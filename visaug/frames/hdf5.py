@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from visaug.core.errors import InputError
+from visaug.core.errors import InputError, readable
 from visaug.core.extras import extra
 from visaug.frames.limits import Index, check_index, check_shape, chosen_array
 
@@ -32,18 +32,12 @@ class Hdf5File:
                 f"holds {self.dtype}", file=path, field=name, expected="integers or floats in DN"
             )
 
-    @property
-    def frame_shape(self) -> tuple[int, ...]:
-        return self.shape[-2:]
-
     def read(self, index: Index) -> np.ndarray:
         check_index(index, self.shape, self.path, self.key)
         whole = (*index, *[slice(None)] * (len(self.shape) - len(index)))
         check_shape([int(n) for i, n in zip(whole, self.shape) if isinstance(i, slice)], self.path)
-        try:
+        with readable(self.path, "truncated?"):
             return np.asarray(self._set[whole[::-1]]).T if self._reversed else np.asarray(self._set[index])
-        except (OSError, RuntimeError) as error:
-            raise InputError(f"cannot be read ({error}); truncated?", file=self.path) from None
 
     def close(self) -> None:
         self._file.close()
@@ -66,12 +60,8 @@ def is_hdf5(path: Path) -> bool:
 def open_hdf5(path: Path) -> Any:
     with extra(path):
         import h5py
-    try:
+    with readable(path, "truncated, or not an HDF5 file"):
         return h5py.File(path, "r")
-    except FileNotFoundError:
-        raise InputError("no such file", file=path) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error}); truncated, or not an HDF5 file", file=path) from None
 
 
 def data_sets(path: Path) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import json
 import re
+from contextlib import suppress
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from visaug.core.errors import InputError
+from visaug.core.errors import InputError, readable
 from visaug.core.extras import extra
 from visaug.frames import fits, pixels, ser, xisf
+from visaug.frames.arrays import arrays_in
+from visaug.frames.kinds import kind_of
 from visaug.frames.limits import pillow_image
+from visaug.frames.names import facts_of_name
+from visaug.frames.photo import describe_photo
 
 Facts = dict[str, Any]
 
@@ -48,19 +53,16 @@ def _tiff(path: Path) -> list[tuple[str, Facts]]:
     with extra(path):
         import tifffile
 
-    try:
-        with tifffile.TiffFile(path) as file:
-            series = file.series[0]
-            if _end_of_pixels(series) > file.filehandle.size:
-                raise ValueError("pixels beyond its end")
-            facts = _exif(_tags(file.pages[0]))
-            for text in (file.ome_metadata, file.micromanager_metadata):
-                facts.update(_microscope(text))
-            shape, axes = series.shape, series.axes
-            if "S" in axes and shape[axes.index("S")] > 2:
-                facts["said"] = {"colour_planes": f"{shape[axes.index('S')]} samples a pixel"}
-    except Exception as error:  # tifffile and its codecs raise many kinds
-        raise InputError(f"cannot be read ({error}); truncated, or not a TIFF file", file=path) from None
+    with readable(path, "truncated, or not a TIFF file"), tifffile.TiffFile(path) as file:
+        series = file.series[0]
+        if _end_of_pixels(series) > file.filehandle.size:
+            raise ValueError("pixels beyond its end")
+        facts = _exif(_tags(file.pages[0]))
+        for text in (file.ome_metadata, file.micromanager_metadata):
+            facts.update(_microscope(text))
+        shape, axes = series.shape, series.axes
+        if "S" in axes and shape[axes.index("S")] > 2:
+            facts["said"] = {"colour_planes": f"{shape[axes.index('S')]} samples a pixel"}
     # Rows, columns and colour are the frame; frames run along the other axes, of which channels (several cameras, or
     # colours of the light) are no repetition.
     outer = [(axis, n) for axis, n in zip(axes, shape, strict=True) if axis not in "YXS"]
@@ -100,33 +102,23 @@ def _photo(path: Path) -> list[tuple[str, Facts]]:
     """A raw photograph: exposure and ISO from EXIF (most raw formats are TIFF files), mosaic and bits from the
     raw data's description.
     """
-    from visaug.frames.photo import describe_photo
-
     facts: Facts = {}
-    try:
-        with extra(path):
-            import tifffile
+    with suppress(Exception):  # a format of its own (CR3): its EXIF cannot be read, the rest can
+        import tifffile
 
         with tifffile.TiffFile(path) as file:
             facts = _exif(_tags(file.pages[0]))
-    except Exception:  # a format of its own (CR3): its EXIF cannot be read, the rest can
-        facts = {}
     return [("", {**facts, **describe_photo(path)})]
 
 
 def _exif_of_picture(path: Path) -> Facts:
     from PIL import ExifTags
 
-    try:
-        with pillow_image(path) as picture:
-            if picture.format == "PNG":
-                picture.load()  # its EXIF may follow the pixels
-            exif = picture.getexif()
-            tags = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
-    except InputError:
-        raise
-    except Exception as error:  # Pillow raises many kinds for damaged files
-        raise InputError(f"cannot be read ({error}); truncated or no picture", file=path) from None
+    with readable(path, "truncated or no picture"), pillow_image(path) as picture:
+        if picture.format == "PNG":
+            picture.load()  # its EXIF may follow the pixels
+        exif = picture.getexif()
+        tags = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
     return _exif({ExifTags.TAGS.get(number, ""): value for number, value in tags.items()})
 
 
@@ -188,9 +180,6 @@ def _arrays(path: Path) -> list[tuple[str, Facts]]:
     """Arrays by name: two axes are a frame, three a stack; an HDF5 data set's attributes are facts by the names
     of frames.csv's columns.
     """
-    from visaug.frames.arrays import arrays_in
-    from visaug.frames.names import facts_of_name
-
     found: list[tuple[str, Facts]] = []
     arrays = arrays_in(path)
     last = _time_is_last([shape for _, shape, _ in arrays])
@@ -201,8 +190,6 @@ def _arrays(path: Path) -> list[tuple[str, Facts]]:
                 facts[name] = int(value) if name == "bit_depth" else value
         facts.update({n: str(attributes[n]) for n in _TEXTS if n in attributes})
         if "kind" in attributes:
-            from visaug.frames.kinds import kind_of
-
             facts["kind"] = kind_of(str(attributes["kind"]))
         if len(shape) == 2:
             found.append((key, facts))

@@ -15,7 +15,7 @@ from typing import Any
 from visaug.core.errors import InputError
 from visaug.frames.kinds import is_master, kind_of
 from visaug.frames.table import iso_seconds
-from visaug.frames.units import celsius, seconds
+from visaug.frames.units import celsius, number_or_none, seconds
 
 _KIND = ("IMAGETYP", "IMGTYPE", "IMAGETYPE", "OBSTYPE", "FRAME", "FRAMETYP", "IMAGTYPE", "CALTYPE", "ESO DPR TYPE", "DPR TYPE",
          "PICTTYPE")  # fmt: skip
@@ -132,7 +132,7 @@ def header_facts(header: Mapping[str, Any], comments: Mapping[str, str], path: P
     facts["combined"] = int(count) if count and count > 1 else 0 if is_master(kind_text) else 1
     bits = number("bit_depth", *_BITS)
     facts["bit_depth"] = int(bits) if bits else None
-    facts["ceiling"] = next((v for n in _CEILING if (v := _number_or_none(header.get(n))) is not None), None)
+    facts["ceiling"] = next((v for n in _CEILING if (v := number_or_none(header.get(n))) is not None), None)
     facts["time_s"] = iso_seconds(text("DATE-OBS"))
     facts["body"] = " ".join(f"{k}={_plain(header[k])}" for k in _BODY if text(k)) or None
     facts["calibrated"] = _calibrated(text)
@@ -165,7 +165,7 @@ def _exposure(
 
 def _temperature(header, comments, text, words: dict[str, str], said: dict[str, str]) -> float | None:
     for name in filter(text, _TEMPERATURE):
-        value = _number_or_none(header[name])
+        value = number_or_none(header[name])
         degrees, made = (None, "none") if value is None else celsius(value, comments.get(name, ""))
         if made == "kelvin":
             said["temperature_kelvin"] = f"{name} = {text(name)} is read as Kelvin"
@@ -185,7 +185,7 @@ def _setting(header, comments, text) -> str | None:
     found += [
         f"{k}={_plain(header[k])}"
         for k in SETTING_KEYWORDS
-        if text(k) and not (k == "PEDESTAL" and not _number_or_none(header[k]))
+        if text(k) and not (k == "PEDESTAL" and not number_or_none(header[k]))
     ]
     found += [
         f"{k}={_plain(header[k])}" for k in ("XBINNING", "YBINNING") if text(k) and _plain(header[k]) != "1"
@@ -206,10 +206,3 @@ def _plain(value: Any) -> str:
     if isinstance(value, float) and value == int(value):
         value = int(value)
     return "_".join(str(value).split())
-
-
-def _number_or_none(value: Any) -> float | None:
-    try:
-        return None if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
-        return None

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from visaug.core.errors import InputError
+from visaug.core.errors import InputError, readable
 from visaug.core.extras import extra
 from visaug.frames import fits, hdf5, photo, portable, ser, xisf
 from visaug.frames.arrays import ArrayStore
@@ -153,25 +153,20 @@ def _read_tiff(path: Path, index: tuple[int, ...]) -> tuple[np.ndarray, tuple[in
     with extra(path):
         import tifffile
 
-    try:
-        with tifffile.TiffFile(path) as file:
-            series = file.series[0]
-            if len(index) == 1 and len(series.shape) == 3 and len(series.pages) == series.shape[0]:
-                if index[0] >= series.shape[0]:
-                    raise InputError(f"index {list(index)} is outside shape {series.shape}", file=path)
-                page = series.pages[index[0]]
-                if page is not None and page.shape == series.shape[1:]:
-                    check_shape([int(n) for n in page.shape], path)
-                    return page.asarray(), ()
-            check_shape([int(n) for n in series.shape], path)
-            pixels = series.asarray()
-            if "S" in series.axes[:-1]:  # planes of red, green and blue one behind the other
-                pixels = np.moveaxis(pixels, series.axes.index("S"), -1)
-            return _gray(pixels), index
-    except InputError:
-        raise
-    except Exception as error:  # tifffile and its codecs raise many kinds
-        raise InputError(f"cannot be read ({error}); truncated, or not a TIFF file", file=path) from None
+    with readable(path, "truncated, or not a TIFF file"), tifffile.TiffFile(path) as file:
+        series = file.series[0]
+        if len(index) == 1 and len(series.shape) == 3 and len(series.pages) == series.shape[0]:
+            if index[0] >= series.shape[0]:
+                raise InputError(f"index {list(index)} is outside shape {series.shape}", file=path)
+            page = series.pages[index[0]]
+            if page is not None and page.shape == series.shape[1:]:
+                check_shape([int(n) for n in page.shape], path)
+                return page.asarray(), ()
+        check_shape([int(n) for n in series.shape], path)
+        pixels = series.asarray()
+        if "S" in series.axes[:-1]:  # planes of red, green and blue one behind the other
+            pixels = np.moveaxis(pixels, series.axes.index("S"), -1)
+    return _gray(pixels), index
 
 
 def _read_picture(path: Path) -> np.ndarray:
@@ -182,15 +177,11 @@ def _read_picture(path: Path) -> np.ndarray:
     deep_gray = (depth, colour) == (16, 4)
     if suffix == ".pgm":
         return portable.read_pgm(path)
-    try:
-        with pillow_image(path, content=portable.as_eight_bit_colour(path) if deep_gray else None) as picture:
-            if picture.mode in ("P", "1", "CMYK", "YCbCr"):
-                picture = picture.convert("RGB")
-            pixels = np.asarray(picture)
-    except InputError:
-        raise
-    except Exception as error:  # Pillow raises many kinds for damaged files
-        raise InputError(f"cannot be read ({error}); truncated or no picture", file=path) from None
+    content = portable.as_eight_bit_colour(path) if deep_gray else None
+    with readable(path, "truncated or no picture"), pillow_image(path, content=content) as picture:
+        if picture.mode in ("P", "1", "CMYK", "YCbCr"):
+            picture = picture.convert("RGB")
+        pixels = np.asarray(picture)
     if deep_gray:
         return pixels[..., 0].astype(np.uint16) << 8 | pixels[..., 1]
     return _gray(pixels)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from visaug.core.errors import InputError
 from visaug.frames.record import FrameRecord
@@ -138,9 +138,8 @@ def plan_groups(
     pairs = [frame(kind, exposure_s) for _ in range(2 * repeats) for kind in ("scene", "dark")]
     add(
         "edges and spots, each followed by a dark frame",
-        "a chart of edges, then one small bright spot beyond saturation; the lens capped for the "
-        "very next frame; give "
-        "the noiseless target in `clean` where it is known",
+        "a chart of edges, then one small bright spot beyond saturation; the lens capped for the very next "
+        "frame; give the noiseless target in `clean` where it is known",
         "point spread, crosstalk, glare, flare, blooming, smear, charge transfer, and image lag in "
         "the dark frame after",
         "all effects between neighbouring pixels and consecutive frames",
@@ -179,10 +178,6 @@ def default_plan(resolution: Sequence[int] | None = None, **options) -> list[Fra
     whatever size the camera has.
     """
     window = None if resolution is None else (0, int(resolution[0]), 0, int(resolution[1]))
-    if window is None:
-        return [r for group in plan_groups(**options) for r in group.records]
-    from dataclasses import replace
-
     return [replace(r, window=window) for group in plan_groups(**options) for r in group.records]
 
 

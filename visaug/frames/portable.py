@@ -27,8 +27,7 @@ def pgm_maximum(path: Path) -> int:
 
 def read_pgm(path: Path) -> np.ndarray:
     """(H, W) uint8 or uint16, as stored (Netpbm: P5 with the high byte first, P2 in figures)."""
-    with open(path, "rb") as handle:
-        content = handle.read()
+    content = path.read_bytes()
     head = _head(content[:_HEAD_BYTES], path)
     width, height, top = int(head[3]), int(head[5]), int(head[7])
     check_shape((height, width), path)

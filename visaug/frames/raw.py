@@ -67,7 +67,14 @@ def read_raw(path: Path, shape: tuple[int, int] | None, layout: str) -> np.ndarr
     Raises:
         InputError: no resolution, or a file of another size.
     """
-    rows, columns = _needed(shape, path)
+    if shape is None:
+        raise InputError(
+            "a .raw file does not contain its size",
+            file=path,
+            field="resolution",
+            expected="the camera's rows and columns (--camera), or a region 0:rows,0:columns in frames.csv",
+        )
+    rows, columns = shape
     form = LAYOUTS[layout]
     size, found = _bytes(form, rows * columns), _size(path)
     if found != size:
@@ -116,17 +123,6 @@ def unused_low_bits(pixels: np.ndarray) -> int:
 
 def _bytes(form: _Layout, count: int) -> int:
     return -(-count // form.pixels) * form.size
-
-
-def _needed(shape: tuple[int, int] | None, path: Path) -> tuple[int, int]:
-    if shape is None:
-        raise InputError(
-            "a .raw file does not contain its size",
-            file=path,
-            field="resolution",
-            expected="the camera's rows and columns (--camera), or a region 0:rows,0:columns in frames.csv",
-        )
-    return shape
 
 
 def _size(path: Path) -> int:

@@ -13,6 +13,7 @@ from visaug.frames.names import kind_of_name
 from visaug.frames.pixels import ARRAYS, FITS, HDF5, PHOTOS, PICTURES, SUFFIXES, TIFFS, split_name, suffix_of
 from visaug.frames.record import FrameRecord
 from visaug.frames.survey import DESCRIPTOR, frame_files, survey
+from visaug.frames.units import number_or_none
 
 HEADED = (*FITS, ".xisf")  # formats whose headers tell the conditions
 _LABORATORY = ("bias", "dark", "flat")
@@ -29,13 +30,6 @@ _FOREIGN.update(
 )
 # Notes of a survey that ask for what a table lacks.
 _ASKS = ("kind", "exposure_s", "temperature_c", "photons", "bit_depth", "descriptor")
-
-
-def _is_number(text: str) -> bool:
-    try:
-        return float(text) == float(text)
-    except ValueError:
-        return False
 
 
 def read_descriptor(
@@ -74,7 +68,7 @@ def read_descriptor(
                 records.append(FrameRecord(len(records), file, kind, round(exposure_s, 12), photons=photons))
             elif word == "i" and unknown:
                 continue
-            elif re.fullmatch("[a-z]{1,3}", word) and all(_is_number(v) for v in rest.split()):
+            elif re.fullmatch("[a-z]{1,3}", word) and None not in map(number_or_none, rest.split()):
                 # of a later release: its images are of a kind that is not known here
                 unknown.append(line.strip())
                 state = None
@@ -207,7 +201,7 @@ def find(path: Path) -> tuple[str, Path, list[Path]]:
     top = [f for f in below if f.parent == path]
     for kind, suffixes in (
         ("fits", HEADED),
-        ("pictures", (*PICTURES, *TIFFS, *PHOTOS, ".npy", ".raw")),
+        ("pictures", _PLAIN),
         ("named", (*ARRAYS, *HDF5, ".ser")),
     ):
         if any(suffix_of(f) in suffixes for f in top):

@@ -15,7 +15,7 @@ from visaug.frames import pixels
 from visaug.frames.agreement import agreed, names
 from visaug.frames.headers import Facts, frames_of
 from visaug.frames.names import Named, read_name
-from visaug.frames.record import FrameRecord, Window
+from visaug.frames.record import FrameRecord
 from visaug.frames.table import rows_text
 
 _FIELDS = tuple(f.name for f in fields(FrameRecord) if f.name not in ("sequence", "file", "clean"))
@@ -294,9 +294,8 @@ def _notes(found: Survey) -> list[str]:
 
 def _record(row: Facts) -> FrameRecord:
     values = {name: row[name] for name in ("sequence", "file", "clean", *_FIELDS)}
-    window: Window | None = values["window"]
     try:
-        return FrameRecord(**{**values, "window": window, "exposure_s": values["exposure_s"] or 0.0})
+        return FrameRecord(**{**values, "exposure_s": values["exposure_s"] or 0.0})
     except InputError as error:
         raise InputError(
             error.problem, file=row["file"], field=error.field, expected=error.expected

@@ -8,7 +8,7 @@ import difflib
 import io
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -67,12 +67,7 @@ def read_table(path: str | Path, warnings: list[str] | None = None) -> list[Fram
 def write_table(path: str | Path, records: Iterable[FrameRecord]) -> None:
     """Write records as a frames.csv; a column beyond `COLUMNS` appears where a record fills it."""
     with open(path, "w", newline="", encoding="utf-8") as handle:
-        handle.write(table_text(records))
-
-
-def table_text(records: Iterable[FrameRecord]) -> str:
-    """The content of a frames.csv."""
-    return rows_text({name: getattr(r, name) for name in _DEFAULTS} for r in records)
+        handle.write(rows_text({name: getattr(r, name) for name in _DEFAULTS} for r in records))
 
 
 def rows_text(rows: Iterable[Mapping[str, Any]]) -> str:
@@ -276,8 +271,6 @@ def iso_seconds(text: str) -> float | None:
 
 def _by_time(records: list[FrameRecord]) -> list[FrameRecord]:
     """In order of time where every frame has one, else as they stand; numbered from 0."""
-    from dataclasses import replace
-
     times = [r.time_s for r in records]
     order = range(len(records))
     if None not in times:

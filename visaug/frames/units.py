@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from typing import Any
 
 from visaug.core.constants import ZERO_C_K
 
@@ -19,6 +20,15 @@ COLDEST_C, WARMEST_C, WARMEST_K = -200.0, 150.0, 400.0
 _NONE_C = (-ZERO_C_K, -273.0, -273.1, -273.2)
 # not converted: rare, and unsure
 _OTHER_DEGREES = re.compile(r"fahrenheit|[\[(]\s*(deg\s*f|f|mk|millikelvin)\s*[\])]")
+
+
+def number_or_none(value: Any) -> float | None:
+    """The number that a value or its text is; None for other text, truth values and NaN."""
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError):
+        return None
+    return None if math.isnan(number) else number
 
 
 def unit_of(comment: str) -> float | None:

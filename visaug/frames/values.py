@@ -39,7 +39,15 @@ def check_frame(record: FrameRecord, pixels: np.ndarray) -> None:
     """Refuse what is no frame of the record: another size than its window, a single line, and in frames of a laboratory
     fractions of full scale or differences that wrapped around.
     """
-    check_window(record, pixels.shape)
+    if record.window is not None:
+        r0, r1, c0, c1 = record.window
+        if pixels.shape != (r1 - r0, c1 - c0):
+            raise InputError(
+                f"is {pixels.shape[0]} x {pixels.shape[1]}",
+                file=record.file,
+                field="region",
+                expected=f"{r1 - r0} x {c1 - c0} as stated by its region",
+            )
     if record.kind not in ("bias", "dark", "flat"):
         return
     if min(pixels.shape) < 2:
@@ -66,16 +74,3 @@ def check_frame(record: FrameRecord, pixels: np.ndarray) -> None:
                 file=record.file,
                 expected="raw frames, nothing subtracted",
             )
-
-
-def check_window(record: FrameRecord, shape: tuple[int, ...]) -> None:
-    if record.window is None:
-        return
-    r0, r1, c0, c1 = record.window
-    if shape != (r1 - r0, c1 - c0):
-        raise InputError(
-            f"is {shape[0]} x {shape[1]}",
-            file=record.file,
-            field="region",
-            expected=f"{r1 - r0} x {c1 - c0} as stated by its region",
-        )

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from visaug.core.errors import InputError
+from visaug.core.errors import InputError, readable
 from visaug.frames.keywords import header_facts
 from visaug.frames.layout import layout_of
 from visaug.frames.limits import check_shape
@@ -72,20 +72,15 @@ def read_xisf(path: Path) -> np.ndarray:
 def _head(path: Path) -> tuple[ElementTree.Element, dict[str, Any], dict[str, str]]:
     """The image's element, its FITS keywords and their comments."""
     most_head = 50_000_000  # bytes; an XML head with thumbnails has a few
-    try:
-        with open(path, "rb") as handle:
-            start = handle.read(16)
-            length = int.from_bytes(start[8:12], "little")
-            if start[:8] != b"XISF0100" or length > most_head:
-                raise ValueError("no XISF head")
-            text = handle.read(length).rstrip(b"\0")
+    with readable(path, "truncated, or not an XISF file"), open(path, "rb") as handle:
+        start = handle.read(16)
+        length = int.from_bytes(start[8:12], "little")
+        if start[:8] != b"XISF0100" or length > most_head:
+            raise ValueError("no XISF head")
+        text = handle.read(length).rstrip(b"\0")
         if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
             raise ValueError("a head with entities")
         root = ElementTree.fromstring(text)
-    except FileNotFoundError:
-        raise InputError("no such file", file=path) from None
-    except (OSError, ValueError, ElementTree.ParseError) as error:
-        raise InputError(f"cannot be read ({error}); truncated, or not an XISF file", file=path) from None
     image = next((e for e in root.iter() if e.tag.endswith("}Image") or e.tag == "Image"), None)
     if image is None or image.get("sampleFormat") not in _TYPES:
         raise _other(path, "it holds no image of integers or floats")

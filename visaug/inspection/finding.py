@@ -67,16 +67,17 @@ class Finding:
             for name in ("what", "kind", "amplitude_dn", "low", "high", "period", "share", "axis", "nature")
         }
         values |= {"text": self.text, "details": self.details}
-        return {name: _rounded(value) for name, value in values.items()}
+        return {name: rounded(value) for name, value in values.items()}
 
 
-def _rounded(value: Any) -> Any:
+def rounded(value: Any) -> Any:
+    """Figures with six digits, in plain types; None for what is not finite."""
     if isinstance(value, dict):
-        return {name: _rounded(v) for name, v in value.items()}
+        return {name: rounded(v) for name, v in value.items()}
     if isinstance(value, float | np.floating):
         return float(f"{value:.6g}") if math.isfinite(value) else None
     if isinstance(value, list | tuple):
-        return [_rounded(v) for v in value]
+        return [rounded(v) for v in value]
     return int(value) if isinstance(value, np.integer) else value
 
 

@@ -195,11 +195,6 @@ def _parity(lines: RowMeans, fixed: Continuum):
     return gain, take
 
 
-def _first(degree: int) -> int:
-    """Lowest frequency of a spectrum from which a polynomial was taken off."""
-    return LEAST_PERIODS if degree else 1
-
-
 def _wave(lines: RowMeans, fixed: Continuum, temporal: Continuum | None):
     """The strongest sine, fixed or new in each frame, if clean rows have none as strong."""
     n, length = lines.count, lines.length
@@ -232,7 +227,7 @@ def _wave(lines: RowMeans, fixed: Continuum, temporal: Continuum | None):
                 spectrum(tapered(smoothed_off(rest.T).T if degree else rest)),
                 level.shape,
                 level.floors,
-                _first(degree),
+                LEAST_PERIODS if degree else 1,
             )
             gain = 2 * level.shape * float(power[top] / np.maximum(left.at(frequency[top]), 1e-12))
             clear = gain > needed_f(FINER * int(allowed.sum()), 2 * level.shape, WINDOWED * left.bins)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy import fft, stats
@@ -210,14 +211,9 @@ def _by_file(frames: FrameSet) -> tuple[float, float] | None:
     path = frames.path(0)
     if path is None or path.suffix.lower() not in (".jpg", ".jpeg"):
         return None
-    pictures = largest_group(frames.with_records([_as_image(r) for r in frames.records]), lambda _: None)
+    images = frames.with_records([replace(r, kind="image") for r in frames.records])
+    pictures = largest_group(images, lambda _: None)
     return quality_of(pictures.steps)[0], float(np.min(pictures.steps))
-
-
-def _as_image(record):
-    from dataclasses import replace
-
-    return replace(record, kind="image")
 
 
 def _by_pixels(look: FrameGroup) -> tuple[tuple[int, int], float, int, float] | None:

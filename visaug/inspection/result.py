@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from visaug.core.files import write_text
 from visaug.core.reporting import Reported
 from visaug.frames import FrameSet
-from visaug.inspection.finding import Finding
+from visaug.inspection.finding import Finding, rounded
 
 _SAID = 4  # findings in the answer
 
@@ -35,7 +36,7 @@ class Measurement:
     excess_kurtosis: float | None
 
     def to_json(self) -> dict[str, Any]:
-        return {name: _plain(getattr(self, name)) for name in self.__dataclass_fields__}
+        return {name: rounded(getattr(self, name)) for name in self.__dataclass_fields__}
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,6 @@ class Inspection(Reported):
     more: tuple[str, ...]
     notes: tuple[str, ...]
     next_command: str
-    inspected: tuple[Any, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def answer(self) -> str:
@@ -118,16 +118,8 @@ class Inspection(Reported):
 
     def save_defects(self, path: str | Path) -> Path:
         """Write the places of defects as CSV, one a line; the missing number of a line defect is left blank."""
-        from visaug.core.files import write_text
-
         lines = ["row,column,type,height_dn"]
         for row, column, kind, height in self.places:
             lines.append(f"{'' if row < 0 else row},{'' if column < 0 else column},{kind},{height:.4g}")
         write_text(path, "\n".join(lines) + "\n")
         return Path(path)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _plain(v) for name, v in value.items()}
-    return float(f"{value:.6g}") if isinstance(value, float) else value

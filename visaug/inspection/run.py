@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -72,7 +73,6 @@ def inspect(frames: FrameSet | str | Path | np.ndarray | Sequence[np.ndarray]) -
         tuple(_more(groups)),
         (*notes, *(w for w in frames.warnings if not w.startswith("exposure_unknown"))),
         _next(frames, kinds),
-        tuple(chosen),
     )
 
 
@@ -100,7 +100,7 @@ def _chosen(groups: list[FrameGroup]) -> list[FrameGroup]:
     ordered = [*first.values(), *(look for look in groups if look is not first[look.kind])]
     most_looks = 6  # groups of frames inspected, spread over kinds and levels
     kept = ordered[:most_looks]
-    return sorted(kept, key=lambda look: groups.index(look))
+    return sorted(kept, key=groups.index)
 
 
 def _findings_of(look: FrameGroup) -> tuple[FrameGroup, list[Finding]]:
@@ -277,8 +277,6 @@ def _more(groups: list[FrameGroup]) -> list[str]:
 
 def _next(frames: FrameSet, kinds: list[str]) -> str:
     """The command that follows: of a camera that can be measured, its parameters; else the table of its frames."""
-    import shlex
-
     folder = str(frames.loaded_from) if frames.loaded_from else "FRAMES"
     if set(kinds) <= {"image", "scene"} or not frames.is_pictures:
         lit = set(kinds) - {"dark", "bias"}  # without light there is no gain, and no camera in electrons

@@ -64,7 +64,8 @@ def continuum(power: np.ndarray, shape: float, floors: np.ndarray, first: int = 
     """
     j = np.arange(1, len(power) + 1)
     use = j >= first
-    flat = np.maximum(_median_level(power[use], shape), np.maximum(floors, 1e-12))
+    middle = float(np.median(power[use])) * shape / float(stats.gamma.median(shape))
+    flat = np.maximum(middle, np.maximum(floors, 1e-12))
     risen = _fit(j[use], power[use], shape, floors, floors[use]).at(j)
     # A rise hides from a start without one, and a line from a start with one.
     return max(
@@ -88,10 +89,6 @@ def _settled(
     rare = 0.01  # share of the frequencies that are lines, beforehand
     lines = -np.log(np.maximum(power, 1e-12)) + math.log(rare / (decades * math.log(10)))
     return float(np.where(usual, told, lines)[use].sum()), found
-
-
-def _median_level(power: np.ndarray, shape: float) -> float:
-    return float(np.median(power)) * shape / float(stats.gamma.median(shape))
 
 
 def _fit(j: np.ndarray, power: np.ndarray, shape: float, floors: np.ndarray, floor: np.ndarray) -> Continuum:
@@ -152,7 +149,7 @@ def fine_spectrum(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.arange(len(power)) / FINER, power
 
 
-def sharpened(lines: np.ndarray, frequency: float, least: float, degree: int = 0) -> float:
+def sharpened(lines: np.ndarray, frequency: float, least: float, degree: int) -> float:
     """The frequency near the given one, `least` cycles per frame or more, at which sines explain most of profiles (n, L)."""
     length = lines.shape[-1]
 
@@ -167,7 +164,7 @@ def sharpened(lines: np.ndarray, frequency: float, least: float, degree: int = 0
     return float(np.asarray(best).flat[0])
 
 
-def phasors(lines: np.ndarray, frequency: float, degree: int = 0) -> np.ndarray:
+def phasors(lines: np.ndarray, frequency: float, degree: int) -> np.ndarray:
     """(n,) complex amplitudes of a sine of `frequency` cycles per frame in profiles (n, L), by least squares with a polynomial."""
     c, s, *_ = np.linalg.lstsq(_design(frequency, lines.shape[-1], degree), lines.T, rcond=None)[0]
     return c - 1j * s

@@ -18,12 +18,15 @@ from scipy import fft, ndimage, stats
 from visaug.pictures.files import PictureSet
 
 SIDE = 8
-_U, _V = np.indices((SIDE, SIDE))
-INNER = (_U > 0) & (_V > 0)
-CHOICE = INNER & (_U + _V <= 4)  # shows structure
-NOISE = INNER & (_U + _V > 4)  # shows noise
+U, V = np.indices((SIDE, SIDE))  # frequencies down and across
+INNER = (U > 0) & (V > 0)
+CHOICE = INNER & (U + V <= 4)  # shows structure
+NOISE = INNER & (U + V > 4)  # shows noise
 LINE = np.arange(SIDE) > 3  # of the coefficients of rows or columns, those that shading does not reach
 PIXELS_ROUNDED = 1 / 12
+_CHOSEN = int(np.count_nonzero(CHOICE))
+_FLAT = float(stats.chi2.ppf(0.9, _CHOSEN))  # sum of squares of noise alone up to which a block is flat
+FLAT_MEAN = float(stats.chi2.cdf(_FLAT, _CHOSEN + 2)) / 0.9  # of the squares in flat blocks over the noise's
 _SAMPLE = 200_000
 _LEAST = 16  # blocks for one level: their variance is then known to about a tenth
 _DEVIATIONS = np.geomspace(0.1, 120, 900)
@@ -35,7 +38,7 @@ def texture_share(which: np.ndarray = NOISE) -> float:
 
     That is the mean law of natural scenes: D. J. Field, J. Opt. Soc. Am. A 4 (1987) 2379.
     """
-    power = 1 / np.maximum(_U**2 + _V**2, 1)
+    power = 1 / np.maximum(U**2 + V**2, 1)
     return float(power[which].mean() / power[CHOICE].mean())
 
 
@@ -229,8 +232,7 @@ class Levels:
 
 def flat_limit(variance: np.ndarray | float, rounding: Rounding) -> np.ndarray:
     """Mean square of low coefficients that a tenth of blocks of noise alone exceed."""
-    count = np.count_nonzero(CHOICE)
-    return rounding.chosen_mean(variance) * stats.chi2.ppf(0.9, count) / count
+    return rounding.chosen_mean(variance) * _FLAT / _CHOSEN
 
 
 def is_flat(coefficients: np.ndarray, variance: np.ndarray, rounding: Rounding) -> np.ndarray:
@@ -300,7 +302,6 @@ def noise_by_level(
 
 def _flat_ones(low: np.ndarray, sums: np.ndarray, rounding: Rounding) -> tuple[np.ndarray, float, float]:
     """Flat blocks of one level, their variance, and by what share their low coefficients exceed it."""
-    count = np.count_nonzero(CHOICE)
     per_block = rounding.counts()
     outlying = stats.chi2.ppf(1 - 1e-4, per_block[0]) / per_block[0]
     kept = np.argsort(low)[: max(len(low) // 10, _LEAST)]
@@ -315,7 +316,5 @@ def _flat_ones(low: np.ndarray, sums: np.ndarray, rounding: Rounding) -> tuple[n
         if not len(kept):
             return kept, variance, np.inf
         variance = rounding.variance(sums[kept].sum(0), per_block * len(kept))
-    # mean of a chi-square below its 90 % quantile, per degree
-    cut = stats.chi2.cdf(stats.chi2.ppf(0.9, count), count + 2) / 0.9
-    structure = low[kept].mean() / rounding.chosen_mean(variance) / cut - 1
+    structure = low[kept].mean() / rounding.chosen_mean(variance) / FLAT_MEAN - 1
     return kept, variance, max(float(structure), 0.0)

@@ -18,7 +18,7 @@ import numpy as np
 from visaug.core.errors import InputError
 from visaug.core.reporting import Reported
 from visaug.frames import FrameRecord, FrameSet
-from visaug.pictures.blocks import Levels, Rounding, noise_by_level, sample
+from visaug.pictures.blocks import Blocks, Levels, Rounding, noise_by_level, sample
 from visaug.pictures.curve import VarianceLaw
 from visaug.pictures.difference import StatisticDifference, difference, look_differences
 from visaug.pictures.files import PictureSet, largest_group
@@ -86,6 +86,7 @@ class PictureComparison(Reported):
 @dataclass(frozen=True)
 class _Set:
     pictures: PictureSet
+    blocks: Blocks
     levels: Levels
     rounding: Rounding
 
@@ -120,7 +121,7 @@ def compare_pictures(
         if camera is not None and k == 0:
             one = _prepared(name, _noisy(one.pictures, camera, transfer, seed), seed, warnings)
         sets.append(one)
-        parts.append(_parts(one, seed))
+        parts.append(_parts(one))
     say("reading pictures", 2, 2)
     noise = _noise(*sets)
     if not noise:
@@ -180,7 +181,7 @@ def _prepared(name: str, frames: FrameSet, seed: int, warnings: list[str]) -> _S
         )
     blocks, _ = sample(pictures, seed)
     rounding = Rounding(pictures.steps, pictures.is_jpeg)
-    return _Set(pictures, noise_by_level(blocks, rounding, len(pictures)), rounding)
+    return _Set(pictures, blocks, noise_by_level(blocks, rounding, len(pictures)), rounding)
 
 
 def _noise(renders: _Set, target: _Set) -> list[StatisticDifference]:
@@ -212,12 +213,11 @@ def _noise(renders: _Set, target: _Set) -> list[StatisticDifference]:
     return found
 
 
-def _parts(one: _Set, seed: int) -> dict[str, VariancePart | None]:
+def _parts(one: _Set) -> dict[str, VariancePart | None]:
     """Variances in the pictures as they are: no tone curve and no black level is taken off."""
-    blocks, _ = sample(one.pictures, seed)
-    sky = find_sky(blocks, one.levels) if len(one.levels.level) else None
     if not len(one.levels.level):
         return {}
+    sky = find_sky(one.blocks, one.levels)
     pattern = recurring(one.pictures, one.levels, one.rounding, VarianceLaw("linear", 1e-3, 0.1), sky)
     return {name: getattr(pattern, name) for name in ("row", "column", "row_fixed", "column_fixed", "pixel")}
 

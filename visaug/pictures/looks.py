@@ -11,15 +11,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage, stats
+from scipy import ndimage
 
-from visaug.pictures.blocks import CHOICE, INNER, NOISE, SIDE, blocks_of, texture_share
+from visaug.pictures.blocks import CHOICE, FLAT_MEAN, INNER, NOISE, SIDE, U, V, blocks_of, texture_share
 from visaug.pictures.regions import Regions
 from visaug.pictures.symmetry import FEWEST, Sums, area_sums
 
-_U, _V = np.indices((SIDE, SIDE))
-_FINE, _COARSE = INNER & (_U + _V > 9), INNER & (_U + _V > 4) & (_U + _V < 8)
-_ACROSS, _DOWN = INNER & (_U + _V > 4) & (_V > _U), INNER & (_U + _V > 4) & (_U > _V)
+_FINE, _COARSE = INNER & (U + V > 9), INNER & (U + V > 4) & (U + V < 8)
+_ACROSS, _DOWN = INNER & (U + V > 4) & (V > U), INNER & (U + V > 4) & (U > V)
 _ALONG = 0.3  # slope along an edge, as a share of that across it
 _HALOS = (4, 12)  # px
 
@@ -65,10 +64,7 @@ def _texture(pictures: np.ndarray, regions: Regions) -> float:
     for n, picture in enumerate(pictures):
         coefficients = blocks_of(picture)[0][regions.lit[n] >= 0]
         power += [(coefficients[:, which] ** 2).mean(1).sum() for which in (CHOICE, NOISE)]
-    count = np.count_nonzero(CHOICE)
-    # of a chi-square below its 90 % quantile
-    kept = stats.chi2.cdf(stats.chi2.ppf(0.9, count), count + 2) / 0.9
-    return max(float(power[0] / power[1] / kept - 1), 0.0) if power[1] > 0 else 0.0
+    return max(float(power[0] / power[1] / FLAT_MEAN - 1), 0.0) if power[1] > 0 else 0.0
 
 
 def _black(pictures: np.ndarray, regions: Regions) -> tuple[np.ndarray, np.ndarray]:
@@ -122,8 +118,7 @@ def _sharpness(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray
     found = []
     sharpest = 0.8  # quantile: blunt edges are the scene's, the sharpest are the camera's
     for picture in pictures:
-        ratios = [_edges(p) for p in (picture, picture.T)]
-        ratios = np.concatenate(ratios)
+        ratios = np.concatenate([_edges(p) for p in (picture, picture.T)])
         found.append(np.quantile(ratios, sharpest) if len(ratios) >= 20 else np.nan)
     told = np.isfinite(found)
     return np.where(told, found, 0.0), told.astype(float)
@@ -178,14 +173,10 @@ def _scattered(
     return (expected * pictures).sum((1, 2)), (expected**2).sum((1, 2))
 
 
-def _area(k: int):
-    """Saturated areas along columns less along rows."""
-
-    def sums(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray]:
-        above, below = area_sums(pictures >= 0.97 * pictures.max())
-        return above[:, k], below[:, k]
-
-    return sums
+def _areas(pictures: np.ndarray, _: Regions) -> tuple[np.ndarray, np.ndarray]:
+    """Saturated areas along columns less along rows, over some pixels."""
+    above, below = area_sums(pictures >= 0.97 * pictures.max())
+    return above[:, 1], below[:, 1]
 
 
 LOOKS = (
@@ -208,5 +199,5 @@ LOOKS = (
         for width in _HALOS
     ),
     PictureStatistic("streaks", "light along columns less along rows", "share", _streak),
-    PictureStatistic("streaks", "saturated areas along columns less along rows", "share", _area(1)),
+    PictureStatistic("streaks", "saturated areas along columns less along rows", "share", _areas),
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from visaug.pictures.blocks import NOISE, Blocks, Levels, Rounding, is_flat
+from visaug.pictures.blocks import NOISE, Blocks, Levels, Rounding, U, V, is_flat
 from visaug.pictures.curve import Sky
 from visaug.pictures.files import PictureSet, quality_of
 from visaug.pictures.pattern import Pattern, VariancePart
@@ -99,12 +99,11 @@ def add_processing(
         add(found, "jpeg.quality", quality, "1", "the file's own table; compressed once")
         found.effects.append({"name": "jpeg", "quality": round(quality[0]), "chroma": "full"})
         return
-    u, v = np.indices((8, 8))
     commonest = int(np.argmax(levels.blocks.sum(0)))
     here = np.abs(blocks.level - levels.level[commonest]) < 1
     coefficients = blocks.coefficients[here]
     coefficients = coefficients[is_flat(coefficients, levels.variance[commonest], rounding)]
-    fine, coarse = (np.median(coefficients[:, NOISE & which] ** 2) for which in (u + v > 9, u + v < 8))
+    fine, coarse = (np.median(coefficients[:, NOISE & which] ** 2) for which in (U + V > 9, U + V < 8))
     if coarse <= 0:
         return
     ratio = fine / coarse

@@ -20,6 +20,8 @@ from visaug.pictures.blocks import (
     Blocks,
     Levels,
     Rounding,
+    U,
+    V,
     blocks_of,
     is_flat,
     noise_by_level,
@@ -31,8 +33,7 @@ _MOST_DN = 15.0  # of the sky's spread: more is no sky
 _AGREE = 0.3  # of the pictures that show sky at a place
 _STRUCTURE = 1.5  # low coefficients of a sky exceed high ones by no more than this
 _CLASSES = 3  # of lit blocks, by level
-_U, _V = np.indices((SIDE, SIDE))
-KEPT = _U + _V > 4  # coefficients that the choice does not look at
+KEPT = U + V > 4  # coefficients that the choice does not look at
 
 
 @dataclass(frozen=True)

@@ -103,10 +103,7 @@ def scenes_of(
     black = regions.sky if regions.sky is not None else stated
     smooth = smooth_scenes(taken, regions)
     place = (regions.lit >= 0, black, saturated, (window[0], window[2]), (rows, columns))
-    if scenes is None:
-        expected = _unknown()
-    else:
-        expected = _expected(scenes, camera, transfer, saturated, warn)
+    expected = _expected(scenes, camera, transfer, saturated, warn) if scenes is not None else _unknown()
     numbers = tuple(frames.records[pictures.indices[n]].sequence for n in chosen)
     own = Scenes(
         _light(unspilled(smooth, saturated), black, saturated, transfer),

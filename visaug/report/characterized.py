@@ -28,7 +28,7 @@ def write_characterization(
     """
     content = result.to_json()
     pictured = frames.is_pictures
-    inputs = replace(Inputs.of(None, frames, camera_file), transfer=result.transfer)
+    inputs = replace(Inputs.of(None, frames, camera_file), transfer=result.transfer or "linear")
     pictures = [
         figure(drawn, CAPTIONS.get(name, name.replace("_", " ")), wide=drawn.get_figwidth() > 8)
         for name, drawn in result.plots().items()

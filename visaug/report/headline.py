@@ -16,7 +16,7 @@ from visaug.core.wording import (
 Content = Mapping[str, Any]
 
 
-def characterization_headline(content: Content, written: str | None = None) -> str | None:
+def characterization_headline(content: Content, written: str | None) -> str | None:
     """What the frames show beyond the base chain, and where it was written; None where there is nothing.
 
     Args:

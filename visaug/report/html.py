@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from visaug.core.extras import extra
+from visaug.core.files import write_bytes, write_text
 from visaug.core.wording import printable
 
 if TYPE_CHECKING:
@@ -54,8 +55,6 @@ class Figure:
 
     def save(self, stem: Path) -> Path:
         """Write the picture itself, whole, as `stem` with .png or .svg; returns the file."""
-        from visaug.core.files import write_bytes
-
         head, content = self.uri.split(",", 1)
         path = stem.with_suffix(".svg" if "svg" in head else ".png")
         write_bytes(path, base64.b64decode(content))
@@ -92,8 +91,6 @@ def render(page: Page) -> str:
 
 def write_page(path: str | Path, page: Page) -> Path:
     """Write the page whole; returns its path."""
-    from visaug.core.files import write_text
-
     write_text(path, render(page))
     return Path(path)
 

@@ -31,7 +31,7 @@ class Inputs:
         better: the file of the camera that a diagnosis or characterization wrote; None where it wrote none.
         bit_depth: of the converter, where the caller gave it.
         effects: files of the user's own effects.
-        transfer: `srgb` where the values of pictures follow from light by it; None for linear values.
+        transfer: how the values of pictures follow from light, `linear` or `srgb`.
         options: further options of the diagnosis, as on the command line.
         pictured: whether the frames are ordinary pictures, whose black level an image that is to look like them keeps.
     """
@@ -41,7 +41,7 @@ class Inputs:
     better: str | None = None
     bit_depth: int | None = None
     effects: tuple[str, ...] = ()
-    transfer: str | None = None
+    transfer: str = "linear"
     options: tuple[str, ...] = ()
     pictured: bool = False
 
@@ -62,7 +62,7 @@ class Inputs:
             pictured=bool(frames and frames.is_pictures),
         )
 
-    def measuring(self, command: str, camera: str | None = None, *words: str) -> str:
+    def measuring(self, command: str, camera: str | None, *words: str) -> str:
         """`visaug COMMAND FRAMES --camera CAMERA` with what these frames and effects need."""
         return _line(
             command,
@@ -82,7 +82,7 @@ class Inputs:
         return _line("characterize", self.frames, *base, *self._depth(), "-o", "camera.yaml")
 
     def augmenting(self, camera: str) -> str:
-        look = ("--transfer", self.transfer or "linear", "--black-level", "keep")
+        look = ("--transfer", self.transfer, "--black-level", "keep")
         look = look if self.pictured else self._transfer()
         return _line("augment", "IMAGES", "-o", "noisy/", "--camera", camera, *self._own(), *look)
 
@@ -90,7 +90,7 @@ class Inputs:
         return () if self.bit_depth is None else ("--bit-depth", str(self.bit_depth))
 
     def _transfer(self) -> tuple[str, ...]:
-        return () if self.transfer is None else ("--transfer", self.transfer)
+        return () if self.transfer == "linear" else ("--transfer", self.transfer)
 
     def _own(self) -> tuple[str, ...]:
         return tuple(word for file in self.effects for word in ("--effects", file))
@@ -119,8 +119,7 @@ def after_characterization(
 
 def picture_inputs(result: "PictureComparison") -> Inputs:
     """The target's pictures, and the camera that gave the others its noise."""
-    transfer = None if result.transfer == "linear" else result.transfer
-    return replace(Inputs.of(result.camera, result.target), transfer=transfer, pictured=True)
+    return replace(Inputs.of(result.camera, result.target), transfer=result.transfer, pictured=True)
 
 
 def after_pictures(content: Mapping[str, Any], inputs: Inputs) -> NextStep:

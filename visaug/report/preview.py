@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from visaug.core.errors import InputError
+from visaug.core.files import whole_file
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -42,7 +43,6 @@ def write_preview(
     """
     from visaug.augment.image_io import read_picture
     from visaug.augment.preview import middle, sample, shown, visible
-    from visaug.core.files import whole_file
     from visaug.report.plots.preview import plot_preview
 
     if output.suffix.lower() != ".png":

@@ -7,6 +7,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from visaug.core.files import write_text
 from visaug.report.html import Figure, figure, template
 from visaug.report.pages import described
 from visaug.report.plots.emva import FIGURES
@@ -87,8 +88,6 @@ CORRECTED = (
 
 def write_sheet(path: str | Path, points: Sequence[OperatingPoint], frames: FrameSet) -> Path:
     """Write the sheet: a page of figures and pages of plots for each operating point."""
-    from visaug.core.files import write_text
-
     content = template("sheet.html").render(
         title="EMVA 1288 data sheet",
         frames=described(frames) + (" of {} x {} pixels".format(*frames.shape(0)) if len(frames) else ""),

@@ -26,7 +26,7 @@ class ViewGallery:
     """
 
     def __init__(
-        self, frames: "FrameSet", camera: "Camera", seed: int = 0, after: "Camera | None" = None
+        self, frames: "FrameSet", camera: "Camera", seed: int, after: "Camera | None" = None
     ) -> None:
         from visaug.diagnosis.laboratory import Laboratory
         from visaug.statistics import FrameData

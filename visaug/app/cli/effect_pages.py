@@ -50,11 +50,11 @@ ACTS = {
 }
 
 
-def print_catalogue(search: str = "") -> None:
+def print_catalogue(search: str) -> None:
     """One line for each effect, in the order of the chain, grouped by where they act.
 
     Args:
-        search: only those that have all of these words in their name, their other names, or their description.
+        search: only those that have all of these words in their name, their other names, or their description; "" for all.
 
     Raises:
         InputError: no effect has them.

@@ -168,9 +168,8 @@ def evaluate(
 
     CONFIG with --data and --domain scores its network on that set. A set without labels gives the poses of a submission.
     """
-    if (config_path is None) == (predictions is None) or (data is None) != (domain is None):
-        raise InputError("wrong arguments", field="evaluate", expected=ARGUMENTS)
-    if predictions is not None and data is None:
+    together = (data is None) == (domain is None) and (predictions is None or data is not None)
+    if (config_path is None) == (predictions is None) or not together:
         raise InputError("wrong arguments", field="evaluate", expected=ARGUMENTS)
     if config_path is not None and (images or keypoints != "tango"):
         raise InputError("go with --predictions", field="--images and --keypoints", expected="no CONFIG")

@@ -29,6 +29,7 @@ from visaug.app.cli.options import (
 )
 from visaug.core.errors import InputError, NoSensorNoise
 from visaug.core.extras import check_installed, extra
+from visaug.core.files import write_json
 from visaug.core.progress import progress_bars
 from visaug.report.next_step import (
     Inputs,
@@ -139,7 +140,7 @@ def characterize(
     if not silent:
         written(output, maps_path, json_path, report_path, *sheets)
         if not frames.is_pictures or "gain_e_per_dn" in result.parameters:
-            inputs = replace(Inputs.of(camera, frames, output), transfer=result.transfer)
+            inputs = replace(Inputs.of(camera, frames, output), transfer=result.transfer or "linear")
             step = after_characterization(inputs, frames.is_pictures, result.has_gain, camera is not None)
             summaries.print_next(step)
 
@@ -148,7 +149,6 @@ def _write_sheets(
     sheets: tuple[Path, ...], frames: "FrameSet", camera: "Camera | None", seed: int, quiet: bool
 ) -> None:
     from visaug.characterization.points import operating_points
-    from visaug.core.files import write_json
     from visaug.report import sheet_json, write_sheet
 
     with progress_bars(quiet=quiet) as progress:
@@ -232,7 +232,7 @@ def compare(
     frames = load_frames(frames_path, camera.resolution, bit_depth, quiet)
     with progress_bars(quiet=quiet) as progress, _warning_of_renders(json_path, fail_on_misfit):
         result = visaug.compare(camera, frames, seed=seed, progress=progress, transfer=transfer)
-    inputs = replace(Inputs.of(camera, frames), transfer=_told(transfer))
+    inputs = replace(Inputs.of(camera, frames), transfer=transfer)
     content = result.to_json()
     if not silent:
         summaries.print_comparison(content)
@@ -263,11 +263,6 @@ def _warning_of_renders(json_path: Path | None, fail_on_misfit: bool = False) ->
             raise
         click.echo(str(none), err=True)
         raise SystemExit(MISFIT) from None
-
-
-def _told(transfer: str) -> str | None:
-    """The transfer function as an option of the next command, where it is not the default."""
-    return None if transfer == "linear" else transfer
 
 
 @command(
@@ -365,7 +360,7 @@ def diagnose(
             click.echo("Nothing is left unexplained: no component is written.")
     chosen = [word for name in without for word in ("--without", name)]
     chosen += [*(("--seed", str(seed)) if seed else ()), *(("--scenes", str(scenes)) if scenes else ())]
-    inputs = replace(Inputs.of(camera, frames, output), transfer=_told(transfer), options=tuple(chosen))
+    inputs = replace(Inputs.of(camera, frames, output), transfer=transfer, options=tuple(chosen))
     write_result(json_path, result.to_json())
     if report_path:
         from visaug.report import write_diagnosis

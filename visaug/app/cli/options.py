@@ -10,6 +10,7 @@ import click
 
 from visaug.core.errors import InputError
 from visaug.core.extras import check_installed
+from visaug.core.files import is_result, write_json
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -42,13 +43,16 @@ def command(name: str, *, example: str) -> Callable[[Callable], click.Command]:
     return lambda function: click.command(name, cls=_Command, epilog=epilog)(seeded(function))
 
 
-def camera_option(required: bool = True) -> Decorator:
+def camera_option(required: bool = True, if_repeated: str = "") -> Decorator:
+    """`--camera`; `if_repeated` says what a command that takes several does with them."""
+    text = "A camera.yaml, or the name of a camera in the package or of your own (see `visaug cameras`)."
     return click.option(
         "--camera",
-        "camera_name",
+        "camera_names" if if_repeated else "camera_name",
         metavar="CAMERA",
         required=required,
-        help="A camera.yaml, or the name of a camera in the package or of your own (see `visaug cameras`).",
+        multiple=bool(if_repeated),
+        help=f"{text} {if_repeated}".strip(),
     )
 
 
@@ -135,8 +139,6 @@ def may_replace(path: Path | None, force: bool) -> None:
     """Refuse, before any work, to replace a file that is no result of visaug; its own results are made anew."""
     if path is None or path == STANDARD_OUTPUT or not path.is_file() or force:
         return
-    from visaug.core.files import is_result
-
     if not is_result(path):
         raise InputError(
             "exists, and visaug did not write it",
@@ -186,8 +188,6 @@ def is_silent(quiet: bool, json_path: Path | None) -> bool:
 
 def write_result(json_path: Path | None, content: Any) -> None:
     """The JSON of a result, to a file or to standard output."""
-    from visaug.core.files import write_json
-
     if json_path == STANDARD_OUTPUT:
         click.echo(json.dumps(content, indent=2))
     elif json_path is not None:

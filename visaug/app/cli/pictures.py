@@ -1,12 +1,13 @@
 """Commands on ordinary pictures: augment, preview; and example data."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from visaug.app.cli.options import (
     Decorator,
+    camera_option,
     command,
     effects_option,
     force_option,
@@ -16,11 +17,10 @@ from visaug.app.cli.options import (
 )
 from visaug.core.errors import PartlyFailed
 from visaug.core.progress import progress_bars
+from visaug.report.preview import WORDS, write_preview
 
 if TYPE_CHECKING:
     from visaug.augment.files import Augmented
-
-WORDS = {"srgb": "sRGB", "linear": "linear"}
 
 
 class Range(click.ParamType):
@@ -41,18 +41,6 @@ class Range(click.ParamType):
             case [low, high]:
                 return low, high
         self.fail(f"{value!r} is not a number or a pair of numbers such as 0:24", param, ctx)
-
-
-def cameras_option(if_repeated: str) -> Decorator:
-    """The option `--camera` of a command that takes several."""
-    return click.option(
-        "--camera",
-        "camera_names",
-        metavar="CAMERA",
-        required=True,
-        multiple=True,
-        help=f"A camera.yaml, or the name of a camera in the package (see `visaug cameras`). {if_repeated}",
-    )
 
 
 def light_options(function: Decorator) -> Decorator:
@@ -97,7 +85,7 @@ def light_options(function: Decorator) -> Decorator:
 )
 @click.argument("inputs", metavar="IN...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @output_option("OUT", "Folder for the copies.", required=True)
-@cameras_option("If repeated, one is drawn for each picture.")
+@camera_option(if_repeated="If repeated, one is drawn for each picture.")
 @light_options
 @click.option(
     "--p",
@@ -115,6 +103,7 @@ def light_options(function: Decorator) -> Decorator:
 )
 @click.option(
     "--copy-labels",
+    "labels",
     is_flag=True,
     help="Copy everything else of the folders too: YOLO labels to where ultralytics looks for them, annotations, masks and "
     "depth to their places.",
@@ -155,20 +144,7 @@ def augment(
     inputs: tuple[Path, ...],
     output: Path,
     camera_names: tuple[str, ...],
-    transfer: str,
-    gain_db: float | tuple[float, float] | None,
-    exposure: float | tuple[float, float] | None,
-    strength: float,
-    bits: int | None,
-    p: float,
-    copies: int,
-    copy_labels: bool,
-    include: tuple[str, ...],
-    exclude: tuple[str, ...],
-    force: bool,
-    fixed_pattern: str,
-    black_level: str,
-    seed: int,
+    **options: Any,
 ) -> None:
     """Write noisy copies of pictures or folders.
 
@@ -180,26 +156,7 @@ def augment(
 
     cameras = [load_camera(name) for name in camera_names]
     with progress_bars() as progress:
-        done = augment_files(
-            inputs,
-            output,
-            cameras,
-            seed=seed,
-            p=p,
-            copies=copies,
-            bits=bits,
-            labels=copy_labels,
-            include=include,
-            exclude=exclude,
-            force=force,
-            progress=progress,
-            transfer=transfer,
-            gain_db=gain_db,
-            exposure=exposure,
-            strength=strength,
-            fixed_pattern=fixed_pattern,
-            black_level=black_level,
-        )
+        done = augment_files(inputs, output, cameras, progress=progress, **options)
     _say(done, output)
     mono = [camera.name for camera in cameras if not camera.spec.colour]
     if done.coloured and mono:
@@ -213,7 +170,7 @@ def augment(
     "preview", example="visaug preview photo.jpg --camera sony_imx174 --camera canon_5d4_iso800 -o sheet.png"
 )
 @click.argument("picture", metavar="IMAGE", type=click.Path(path_type=Path))
-@cameras_option("If repeated, the sheet shows each.")
+@camera_option(if_repeated="If repeated, the sheet shows each.")
 @light_options
 @output_option("sheet.png", "Write the contact sheet; an earlier sheet is replaced.", required=True)
 @force_option
@@ -221,14 +178,8 @@ def augment(
 def preview(
     picture: Path,
     camera_names: tuple[str, ...],
-    transfer: str,
-    gain_db: float | tuple[float, float] | None,
-    exposure: float | tuple[float, float] | None,
-    strength: float,
-    bits: int | None,
     output: Path,
-    force: bool,
-    seed: int,
+    **options: Any,
 ) -> None:
     """Write a contact sheet of one picture.
 
@@ -236,20 +187,7 @@ def preview(
     in 8-bit levels (0 to 255). Gain and exposure that are not given are chosen so that the noise is visible, and
     are printed on the sheet.
     """
-    from visaug.report.preview import write_preview
-
-    said = write_preview(
-        picture,
-        [load_camera(name) for name in camera_names],
-        output,
-        seed=seed,
-        bits=bits,
-        force=force,
-        transfer=transfer,
-        gain_db=gain_db,
-        exposure=exposure,
-        strength=strength,
-    )
+    said = write_preview(picture, [load_camera(name) for name in camera_names], output, **options)
     click.echo(f"transfer function: {said}")
     written(output)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from visaug.frames.survey import Survey
 
 
-def print_characterization(result: dict[str, Any], camera_file: str | None = None) -> None:
+def print_characterization(result: dict[str, Any], camera_file: str | None) -> None:
     """What was found beyond the base chain, a table of parameters with intervals, what stays open, and warnings."""
     headline = characterization_headline(result, camera_file)
     if headline:

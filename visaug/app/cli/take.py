@@ -19,6 +19,7 @@ from visaug.app.cli.options import (
     written,
 )
 from visaug.core.errors import InputError
+from visaug.core.files import whole_file, write_text
 from visaug.core.progress import progress_bars
 
 
@@ -87,7 +88,6 @@ def plan(
     With --camera, light levels, exposure times, temperature and gain are chosen for that camera. Other options
     override them.
     """
-    from visaug.core.files import whole_file
     from visaug.frames.plan import describe_plan, plan_groups
     from visaug.frames.table import write_table
 
@@ -156,7 +156,6 @@ def frames(
     Names such as bias_000.tif, darks/dark_2s_20C_003.fits and flat_10ms_500ph.png are understood. Unknown values
     stay blank and are listed with the way to supply them.
     """
-    from visaug.core.files import write_text
     from visaug.frames.survey import parse_resolution, survey
 
     may_write(output, force)

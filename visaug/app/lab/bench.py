@@ -31,6 +31,7 @@ class Bench:
         force: whether `save` may overwrite a file that it did not write.
 
     Attributes:
+        given, frames: the camera file, and the frames that a camera model can explain.
         comparison, diagnosis: of the camera file as given; None until they are done.
         now: the current camera.
         loaded: names of effects of one's own.
@@ -55,21 +56,10 @@ class Bench:
         self.own_picture: OwnPicture | None = None
         self._saved = b""  # what `save` wrote last
         self.session = Session(camera, frames, seed, sets)
+        self.given, self.frames, self.seed = self.session.given, self.session.frames, seed
         self.loaded = list(own)
         self.past = Past()
         self._uploads = TemporaryDirectory(prefix="visaug-lab-")
-
-    @property
-    def given(self) -> Camera:
-        return self.session.given
-
-    @property
-    def frames(self) -> FrameSet:
-        return self.session.frames
-
-    @property
-    def seed(self) -> int:
-        return self.session.seed
 
     @property
     def comparison(self) -> Comparison | None:

@@ -19,7 +19,7 @@ from visaug.statistics.distance import Error
 from visaug.statistics.places import Place
 
 
-def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str, Any]:
+def content(bench: Bench, wanted: Mapping[str, float]) -> dict[str, Any]:
     """Everything that changes on the page.
 
     Args:
@@ -27,7 +27,7 @@ def content(bench: Bench, wanted: Mapping[str, float] | None = None) -> dict[str
     """
     views = _views(bench)
     candidates = _candidates(bench)
-    effects, rows = _effects(bench), _numbers(bench, wanted or {})
+    effects, rows = _effects(bench), _numbers(bench, wanted)
     own = {effect["name"] for effect in effects}
     selection = bench.session.fits.lab.selection
     listed = {entry["name"] for entry in candidates}

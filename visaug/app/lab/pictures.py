@@ -25,11 +25,6 @@ from visaug.statistics.conditions import labels
 COMPARED = "_compared"  # ends a key with which views show their worst statistic: before the comparison nobody knows it
 
 
-def key_of(camera: Camera) -> str:
-    """A name for a camera's pictures."""
-    return hashlib.blake2b(camera.to_yaml().encode(), digest_size=8).hexdigest()
-
-
 class ViewPlots:
     """Views of the measured frames beside those of a camera, computed when they are first asked for.
 
@@ -37,7 +32,7 @@ class ViewPlots:
         closed: True when nobody waits for further ones.
     """
 
-    def __init__(self, frames: FrameSet, seed: int = 0):
+    def __init__(self, frames: FrameSet, seed: int):
         self.closed = False
         self.frames, self.seed = frames, seed
         self._drawing = RLock()  # matplotlib's settings are global
@@ -45,7 +40,7 @@ class ViewPlots:
 
     def announce(self, camera: Camera, compared: bool = False) -> str:
         """The key under which pictures of a camera can be asked for; another one after the comparison."""
-        key = key_of(camera)
+        key = hashlib.blake2b(camera.to_yaml().encode(), digest_size=8).hexdigest()
         kept = 4  # cameras whose pictures are kept
         with self._drawing:
             self._galleries.setdefault(key, (camera, None))

@@ -1,6 +1,7 @@
 """PNG: what Pillow would drop or cut. Chunks beside the pixels are carried over as they are."""
 
 import struct
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from visaug.augment.image_io.picture import Picture, three_axes
+from visaug.augment.image_io.pillow import exif_space
 from visaug.augment.image_io.transfer import Hints, transfer_of
 from visaug.core.errors import InputError
 from visaug.core.extras import extra
@@ -42,10 +44,8 @@ def read_png(path: Path) -> Picture:
         key = tuple(int(value) for value in values)
         keep = (pixels[..., : len(key)] == np.array(key)).all(-1)
     names = KEPT | OF_THE_PIXELS if same_kind else KEPT
-    extras: dict[str, Any] = {
-        "png_chunks": [chunk for chunk in chunks if chunk[0] in names or _private(chunk[0])]
-    }
-    extras["palette"] = colour_type == PALETTE
+    kept = [chunk for chunk in chunks if chunk[0] in names or _private(chunk[0])]
+    extras: dict[str, Any] = {"png_chunks": kept, "palette": colour_type == PALETTE}
     colours = pixels.shape[2] - (pixels.shape[2] in (2, 4))
     transfer, reason = transfer_of(_hints(found), pixels.dtype, colours)
     return Picture(pixels, transfer, reason, keep, key, extras)
@@ -103,8 +103,6 @@ def _chunks(content: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _packed(name: bytes, data: bytes) -> bytes:
-    import zlib
-
     return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
 
@@ -114,8 +112,6 @@ def _private(name: bytes) -> bool:
 
 
 def _hints(found: dict[bytes, bytes]) -> Hints:
-    import zlib
-
     icc = None
     if b"iCCP" in found:
         packed = found[b"iCCP"].partition(b"\0")[2][1:]
@@ -125,10 +121,4 @@ def _hints(found: dict[bytes, bytes]) -> Hints:
             icc = None
     gamma = struct.unpack(">I", found[b"gAMA"])[0] / 1e5 if len(found.get(b"gAMA", b"")) == 4 else None
     cicp = found[b"cICP"][1] if len(found.get(b"cICP", b"")) == 4 else None
-    return Hints(icc, cicp, b"sRGB" in found, gamma, _exif_space(found.get(b"eXIf")))
-
-
-def _exif_space(block: bytes | None) -> int | None:
-    from visaug.augment.image_io.pillow import exif_space
-
-    return exif_space(block)
+    return Hints(icc, cicp, b"sRGB" in found, gamma, exif_space(found.get(b"eXIf")))

@@ -29,13 +29,11 @@ def _new() -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _finish(figure: Figure, axes: Axes, x: str, y: str, legend: bool = True) -> Figure:
+def _finish(figure: Figure, axes: Axes, x: str, y: str) -> Figure:
     axes.set_xlabel(x, fontsize=8)
     axes.set_ylabel(y, fontsize=8)
-    if legend:
-        _, labels = axes.get_legend_handles_labels()
-        if labels:
-            figure.legend(loc="outside upper center", ncols=4, frameon=False, fontsize=7)
+    if axes.get_legend_handles_labels()[1]:
+        figure.legend(loc="outside upper center", ncols=4, frameon=False, fontsize=7)
     return figure
 
 

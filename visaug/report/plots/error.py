@@ -1,5 +1,6 @@
 """The error falling, effect by effect."""
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -83,7 +84,5 @@ def plot_ranking(ranking: Sequence[Mapping[str, Any]]) -> "Figure":
 
 
 def wrapped(action: str) -> str:
-    import textwrap
-
     lines = textwrap.wrap(action.replace("_", "_ "), 16)
     return "\n".join(line.replace("_ ", "_") for line in lines) or action

@@ -31,7 +31,7 @@ def plot_view(
             these words first.
     """
     if measured.maps:
-        return _plot_maps(measured, modelled, after, 8.0)
+        return _plot_maps(measured, modelled, after)
     panels = _panels(measured, focus)
     with styled():
         figure = blank(8.0 if len(panels) > 1 else 4.7, 3.5)
@@ -157,9 +157,7 @@ def _draw_curves(
         )
 
 
-def _plot_maps(
-    measured: "ViewPlot", modelled: "ViewPlot | None", after: "ViewPlot | None", width: float
-) -> "Figure":
+def _plot_maps(measured: "ViewPlot", modelled: "ViewPlot | None", after: "ViewPlot | None") -> "Figure":
     """Maps at one scale: measured, modelled and their difference; or measured, of the camera as given and of the corrected one."""
     shown = [("measured", [image for _, image in measured.maps])]
     if modelled is not None:
@@ -170,7 +168,7 @@ def _plot_maps(
             shown.append(("measured - modelled", apart))
         else:
             shown.append((CORRECTED, [image for _, image in after.maps]))
-    rows, cell = len(measured.maps), width / 3
+    rows, cell = len(measured.maps), 8.0 / 3
     height, breadth = measured.maps[0][1].shape
     with styled():
         figure = blank(cell * len(shown) + 0.4, rows * (cell * height / breadth + 0.4))
