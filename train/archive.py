@@ -18,11 +18,11 @@ from typing import IO
 
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file, write_json
+from visaug.core.progress import Progress
 from visaug_train.convert import coco_annotations, convert
 from visaug_train.datasets import READERS, domains, keypoints_of, read_poses, reader_of, root_among
 from visaug_train.speed import PoseSet
 
-Progress = Callable[[str, int, int], None]
 LISTS = ("camera.json", "train.json")  # of which the uppermost folder of a dataset holds one
 
 

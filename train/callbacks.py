@@ -1,15 +1,13 @@
 """Callbacks of a training."""
 
 import os
-from collections.abc import Callable
 from typing import Any
 
 from torch import nn
 
 from visaug.core.cores import cores
 from visaug.core.errors import InputError
-
-Progress = Callable[[str, int, int], None]
+from visaug.core.progress import Progress
 
 
 def close_noise(clean_epochs: int, trainer: Any) -> None:

@@ -12,10 +12,10 @@ from typing import Any
 
 from visaug.core.cluster import connected
 from visaug.core.errors import InputError
+from visaug.core.progress import Progress
 from visaug_train.config import Cluster
 from visaug_train.training import Study, note_failure
 
-Progress = Callable[[str, int, int], None]
 Work = Callable[[Study, str, int], Any]
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from visaug.camera import Camera
 from visaug.core.errors import InputError, PartlyFailed
 from visaug.core.files import folder_lock
+from visaug.core.progress import Progress
 from visaug_train.ablation import ablate as run_ablation
 from visaug_train.checks import check_arms
 from visaug_train.config import Config, load_config
@@ -20,8 +21,6 @@ from visaug_train.scoring import evaluate_run, other_summaries, other_weights, p
 from visaug_train.severity import predict_with, severity
 from visaug_train.strength import strengths
 from visaug_train.training import Run, Study, prepare, run_folder, train_run
-
-Progress = Callable[[str, int, int], None]
 
 __all__ = ["ablate", "evaluate", "evaluate_predictions", "severity_curves", "train"]
 

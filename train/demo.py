@@ -1,7 +1,7 @@
 """The main job: frames of a camera are diagnosed, networks are trained with its noise, and one report says what it gives."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +9,7 @@ from pathlib import Path
 import visaug
 from visaug.core.cores import cores
 from visaug.core.errors import InputError
-from visaug.core.progress import phase_of
+from visaug.core.progress import Progress, phase_of
 from visaug.report.html import Page, Section, figure, write_page
 from visaug.report.provenance import footer
 from visaug_train.ablation import Ablation, ablate
@@ -34,7 +34,6 @@ from visaug_train.studies.story import hidden_effect_sections, real_camera_secti
 from visaug_train.training import prepare, start_network
 from visaug_train.workers import Workers
 
-Progress = Callable[[str, int, int], None]
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 SHORT, FULL = CONFIGS / "demo_short.yaml", CONFIGS / "demo.yaml"
 DIAGNOSED, DOMAIN = "vis_diagnosed", "lightbox"  # the arm and the test set of the headline

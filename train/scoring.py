@@ -1,17 +1,15 @@
 """Scores of a run on all test sets, from files as far as they are there."""
 
 import hashlib
-from collections.abc import Callable
 from typing import Any
 
+from visaug.core.progress import Progress
 from visaug_train.convert import identity
 from visaug_train.evaluate import Evaluation, evaluate
 from visaug_train.metrics import Detections
 from visaug_train.predictions import load_predictions, predict, save_predictions
 from visaug_train.speed import PoseSet
 from visaug_train.training import Run, Study, train_run
-
-Progress = Callable[[str, int, int], None]
 
 
 def other_weights(weights: str) -> str:

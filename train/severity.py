@@ -23,6 +23,7 @@ from visaug.camera.paths import PARTS
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import folder_lock, whole_file, write_json, write_text
+from visaug.core.progress import Progress
 from visaug.effects import catalogue
 from visaug_train.convert import identity
 from visaug_train.evaluate import evaluate
@@ -34,7 +35,6 @@ from visaug_train.speed import PoseSet
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Progress = Callable[[str, int, int], None]
 Predict = Callable[[PoseSet], list[Detections]]
 
 GAIN_STEPS_DB = (0.0, 6.0, 12.0, 18.0, 24.0, 30.0, 36.0)  # above the camera's own: factors of two up to 64

@@ -10,7 +10,7 @@ import json
 import shutil
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -21,6 +21,7 @@ from torch import nn
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file, write_json, write_text
+from visaug.core.progress import Progress
 from visaug_train import checkpoints
 from visaug_train.arms import Arm
 from visaug_train.callbacks import close_noise, follow, keep_batch
@@ -38,8 +39,6 @@ from visaug_train.render.dataset import RenderSettings, read_back, render_datase
 from visaug_train.speed import PoseSet, part_of
 from visaug_train.studies.hidden import HiddenEffect, hide_effects
 from visaug_train.studies.target import TargetCamera, make_cameras
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

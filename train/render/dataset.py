@@ -5,7 +5,7 @@ gives the same bytes on the same device. A split's json is written last: where i
 """
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
@@ -20,6 +20,7 @@ from visaug.core.cores import cores
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import write_bytes, write_json
+from visaug.core.progress import Progress
 from visaug_train.geometry import Pinhole
 from visaug_train.render.caster import RayCaster, Views
 from visaug_train.render.independent_camera import (
@@ -30,8 +31,6 @@ from visaug_train.render.independent_camera import (
     IndependentCamera,
 )
 from visaug_train.render.views import LIGHTBOX, SUNLAMP, SYNTHETIC, Lighting, draw_earth, draw_views
-
-Progress = Callable[[str, int, int], None]
 
 # SPEED+'s published intrinsics; a rendering of another size uses them scaled, so the field of view stays.
 SPEED_PLUS_CAMERA = Pinhole(

@@ -7,7 +7,7 @@ of it lies in files and is made once.
 """
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from visaug.camera.simulation import simulate, with_chart
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import write_bytes, write_json
+from visaug.core.progress import Progress
 from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.plan import default_plan
 from visaug_train.config import Arm, Config
@@ -28,7 +29,6 @@ from visaug_train.plots import read_gray
 from visaug_train.render.dataset import LINEAR_WHITE_DN
 from visaug_train.speed import PoseSet
 
-Progress = Callable[[str, int, int], None]
 PLAIN = "plain"  # the test set of the camera that hides nothing
 TOGETHER = 16  # images in memory at once
 SPECIMEN = 1  # the seed of the one camera that takes frames and test images: its fixed patterns are the same
