@@ -7,20 +7,21 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validat
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
+def ordered(pair: tuple[float, float]) -> tuple[float, float]:
     if pair[0] > pair[1]:
         raise ValueError(f"expected [low, high], got {list(pair)}")
     return pair
 
 
-Pair = Annotated[tuple[float, float], AfterValidator(_ordered)]  # low, high
+Pair = Annotated[tuple[float, float], AfterValidator(ordered)]  # low, high
 Positive = Annotated[float, Field(gt=0, le=1e3)]
+Seed = Annotated[int, Field(ge=0, lt=2**31)]  # ultralytics and NumPy take no other
 Count = Annotated[int, Field(ge=0, le=100)]
 NotNegative = Annotated[float, Field(ge=0, le=1e3)]
-SharePair = Annotated[tuple[Share, Share], AfterValidator(_ordered)]
-PositivePair = Annotated[tuple[Positive, Positive], AfterValidator(_ordered)]
-Counts = Annotated[tuple[Count, Count], AfterValidator(_ordered)]
-Amounts = Annotated[tuple[NotNegative, NotNegative], AfterValidator(_ordered)]
+SharePair = Annotated[tuple[Share, Share], AfterValidator(ordered)]
+PositivePair = Annotated[tuple[Positive, Positive], AfterValidator(ordered)]
+Counts = Annotated[tuple[Count, Count], AfterValidator(ordered)]
+Amounts = Annotated[tuple[NotNegative, NotNegative], AfterValidator(ordered)]
 
 
 class ConfigSection(BaseModel):

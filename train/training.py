@@ -35,7 +35,7 @@ from visaug_train.noise import batch_noise
 from visaug_train.noise import vis_noise as vis_noise
 from visaug_train.quiet import quiet_ultralytics, set_tracking
 from visaug_train.record import decides, surroundings
-from visaug_train.render.dataset import RenderSettings, read_back, render_dataset
+from visaug_train.render.dataset import read_back, render_dataset
 from visaug_train.speed import PoseSet, part_of
 from visaug_train.studies.hidden import HiddenEffect, hide_effects
 from visaug_train.studies.target import TargetCamera, make_cameras
@@ -82,10 +82,8 @@ def prepare(
     data = config.data
     root = data.root
     if data.rendered is not None:
-        given = data.rendered.model_dump(exclude_none=True)
-        settings = RenderSettings(**given)
-        root = config.output / f"data-{_digest(read_back(settings))}"
-        render_dataset(root, settings, progress)
+        root = config.output / f"data-{_digest(read_back(data.rendered))}"
+        render_dataset(root, data.rendered, progress)
     assert root is not None  # check_config saw to it
 
     def read(source: Any) -> PoseSet:
