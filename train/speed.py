@@ -6,7 +6,7 @@ SPEED+: ``camera.json``, ``synthetic/{train,validation}.json`` with ``synthetic/
 domains may have any name.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -133,13 +133,30 @@ def domains(root: str | Path) -> dict[str, tuple[str, ...]]:
     """The domains of a folder that may have poses, with the splits that each has."""
     root = Path(root)
     if is_speed(root):
-        found: dict[str, tuple[str, ...]] = {"speed": SPLITS}
-        return found | ({"real": ("test",)} if (root / "real.json").is_file() else {})
-    found = {}
-    for name in listings(root):
-        domain, split = name.split("/")
+        return {"speed": SPLITS} | ({"real": ("test",)} if (root / "real.json").is_file() else {})
+    return by_domain(name.split("/") for name in listings(root))
+
+
+def by_domain(pairs: Iterable[Sequence[str]]) -> dict[str, tuple[str, ...]]:
+    """The splits of each domain, from (domain, split)."""
+    found: dict[str, tuple[str, ...]] = {}
+    for domain, split in pairs:
         found[domain] = (*found.get(domain, ()), split)
     return found
+
+
+def chosen_split(found: dict[str, tuple[str, ...]], domain: str, split: str | None, root: Path) -> str:
+    """The split that is meant: left out, the domain's test split, else validation, else train.
+
+    Raises:
+        InputError: `found`, the splits by domain, does not have it.
+    """
+    if domain not in found:
+        raise InputError(f"{root}: domain: expected one of {', '.join(found)}, got {domain}")
+    split = split or next(s for s in ("test", "validation", "train") if s in found[domain])
+    if split not in found[domain]:
+        raise InputError(f"{root}: {domain}: split: expected one of {', '.join(found[domain])}, got {split}")
+    return split
 
 
 def listings(root: Path) -> dict[str, tuple[Path, Path]]:
@@ -190,12 +207,7 @@ def read_poses(
     lists, found = listings(root), domains(root)
     if is_speed(root) and not labels:
         found |= {name.split("/")[0]: ("test",) for name in lists if name.endswith("test/test")}
-    if domain not in found:
-        raise InputError(f"{root}: domain: expected one of {', '.join(found)}, got {domain}")
-    if split is None:
-        split = next(s for s in ("test", "validation", "train") if s in found[domain])
-    if split not in found[domain]:
-        raise InputError(f"{root}: {domain}: split: expected one of {', '.join(found[domain])}, got {split}")
+    split = chosen_split(found, domain, split, root)
     is_split = is_speed(root) and domain == "speed"
     listing, images = lists["speed/all" if is_split else f"{domain}/{split}"]
     poses = read_listing(listing, images, read_camera(root), f"{domain}/{split}")
@@ -292,21 +304,21 @@ def check_images(poses: PoseSet, listing: Path) -> None:
             f"{listing}: {len(missing)} of {len(poses)} images are missing, the first is {missing[0]}"
         )
     for file in poses.files[:: max(1, len(poses) // 32)]:  # the rest is checked when it is read
-        check_size(file, poses.camera)
+        size = image_size(file)
+        if size != (poses.camera.width, poses.camera.height):
+            raise InputError(
+                f"{file}: wrong camera: camera.json says {poses.camera.width} x {poses.camera.height} pixels, "
+                f"the image has {size[0]} x {size[1]}"
+            )
 
 
-def check_size(file: Path, camera: Pinhole) -> None:
-    """Refuse an image that the camera cannot have taken."""
+def image_size(file: Path) -> tuple[int, int]:
+    """Width and height of an image."""
     try:
         with Image.open(file) as image:
-            size = image.size
+            return image.size
     except OSError:
-        raise InputError(f"{file}: expected an image that can be read") from None
-    if size != (camera.width, camera.height):
-        raise InputError(
-            f"{file}: wrong camera: camera.json says {camera.width} x {camera.height} pixels, "
-            f"the image has {size[0]} x {size[1]}"
-        )
+        raise InputError("cannot be read", file=file, expected="an image") from None
 
 
 def check_camera(poses: PoseSet, listing: Path) -> None:

@@ -15,9 +15,9 @@ import numpy as np
 
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
-from visaug_train.datasets.reader import SPLIT_WORDS, Reader, image_size, matrix_quaternions, numbers_of
+from visaug_train.datasets.reader import SPLIT_WORDS, Reader, matrix_quaternions, numbers_of
 from visaug_train.geometry import Keypoints, Pinhole
-from visaug_train.speed import PoseSet
+from visaug_train.speed import PoseSet, by_domain, image_size
 
 M_PER_MM = 1e-3
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
@@ -34,10 +34,7 @@ def _folders(root: Path) -> dict[tuple[str, str], Path]:
 
 
 def _domains(root: Path) -> dict[str, tuple[str, ...]]:
-    found: dict[str, tuple[str, ...]] = {}
-    for domain, split in _folders(root):
-        found[domain] = (*found.get(domain, ()), split)
-    return found
+    return by_domain(_folders(root))
 
 
 def _read(root: Path, domain: str, split: str) -> PoseSet:

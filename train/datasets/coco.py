@@ -17,7 +17,7 @@ from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug_train.datasets.reader import SPLIT_WORDS, Reader, numbers_of
 from visaug_train.geometry import Keypoints, Pinhole
-from visaug_train.speed import PoseSet
+from visaug_train.speed import PoseSet, by_domain
 
 SPLIT = re.compile(r"(?:^|[-_. ])((train|validation|val|test)\d*)$")
 KEYS = ("images", "annotations", "categories")
@@ -45,10 +45,7 @@ def _is_coco(file: Path) -> bool:
 
 
 def _domains(root: Path) -> dict[str, tuple[str, ...]]:
-    found: dict[str, tuple[str, ...]] = {}
-    for domain, split in _listings(root):
-        found[domain] = (*found.get(domain, ()), split)
-    return found
+    return by_domain(_listings(root))
 
 
 def _read(root: Path, domain: str, split: str) -> PoseSet:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from visaug.core.errors import InputError
 from visaug_train.speed import PoseSet
@@ -35,15 +34,6 @@ class Reader:
     def recognises(self, root: Path) -> bool:
         """Whether the folder has this layout."""
         return any(next(root.glob(mark), None) is not None for mark in self.marks)
-
-
-def image_size(file: Path) -> tuple[int, int]:
-    """Width and height of an image."""
-    try:
-        with Image.open(file) as image:
-            return image.size
-    except OSError:
-        raise InputError("cannot be read", file=file, expected="an image") from None
 
 
 def unit_quaternions(quaternions: np.ndarray, file: Path) -> np.ndarray:
