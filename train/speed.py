@@ -16,7 +16,7 @@ from PIL import Image
 
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
-from visaug_train.geometry import Keypoints, Pinhole, Targets, project_targets
+from visaug_train.geometry import Keypoints, Pinhole, Targets, finite_array, project_targets
 
 # The paper splits SPEED's 12,000 labelled synthetic images so (it does not say which image goes where).
 SPEED_SPLIT = {"train": 7680, "validation": 1920, "test": 2400}
@@ -261,8 +261,8 @@ def read_listing(listing: Path, images: Path, camera: Pinhole, name: str) -> Pos
         if unlabelled:
             continue
         quaternion, translation = _pose_of(record)
-        quaternions.append(_vector(quaternion, 4, f"{where}: q_vbs2tango_true"))
-        translations.append(_vector(translation, 3, f"{where}: r_Vo2To_vbs_true"))
+        quaternions.append(finite_array(quaternion, (4,), f"{where}: q_vbs2tango_true"))
+        translations.append(finite_array(translation, (3,), f"{where}: r_Vo2To_vbs_true"))
         norm = float(np.linalg.norm(quaternions[-1]))
         if abs(norm - 1) > 1e-2:
             raise InputError(f"{where}: q_vbs2tango_true: expected a unit quaternion, got length {norm:.4g}")
@@ -281,16 +281,6 @@ def read_listing(listing: Path, images: Path, camera: Pinhole, name: str) -> Pos
 
 def _pose_of(record: dict) -> tuple[object, object]:
     return record.get("q_vbs2tango_true", record.get("q_vbs2tango")), record.get("r_Vo2To_vbs_true")
-
-
-def _vector(value: object, size: int, where: str) -> np.ndarray:
-    try:
-        vector = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        vector = np.array(np.nan)
-    if vector.shape != (size,) or not np.isfinite(vector).all():
-        raise InputError(f"{where}: expected {size} finite numbers, got {value!r}")
-    return vector
 
 
 def check_images(poses: PoseSet, listing: Path) -> None:

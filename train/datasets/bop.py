@@ -33,10 +33,6 @@ def _folders(root: Path) -> dict[tuple[str, str], Path]:
     return found
 
 
-def _domains(root: Path) -> dict[str, tuple[str, ...]]:
-    return by_domain(_folders(root))
-
-
 def _read(root: Path, domain: str, split: str) -> PoseSet:
     folder = _folders(root)[domain, split]
     files: list[Path] = []
@@ -143,4 +139,4 @@ def _box(info: dict[str, Any] | None, file: Path, key: str) -> np.ndarray:
     return np.array([x, y, x + width, y + height]) if min(width, height) > 0 else np.full(4, np.nan)
 
 
-BOP = Reader("BOP", ("*/*/scene_camera.json",), _domains, _read)
+BOP = Reader("BOP", ("*/*/scene_camera.json",), lambda root: by_domain(_folders(root)), _read)

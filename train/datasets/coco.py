@@ -44,10 +44,6 @@ def _is_coco(file: Path) -> bool:
     return any(isinstance(c, dict) and isinstance(c.get("keypoints"), list) for c in content["categories"])
 
 
-def _domains(root: Path) -> dict[str, tuple[str, ...]]:
-    return by_domain(_listings(root))
-
-
 def _read(root: Path, domain: str, split: str) -> PoseSet:
     listing, word = _listings(root)[domain, split]
     content = read_json(listing)
@@ -154,4 +150,4 @@ class _CocoReader(Reader):
         return bool(_listings(root))
 
 
-COCO = _CocoReader("COCO keypoints", ("annotations/*.json",), _domains, _read)
+COCO = _CocoReader("COCO keypoints", ("annotations/*.json",), lambda root: by_domain(_listings(root)), _read)
