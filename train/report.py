@@ -223,7 +223,7 @@ def _predictions(ablation: Ablation) -> Section:
             raster=True,
         )
         for domain, each in evaluations.items()
-        for what, indices in (("best", each.best(4)), ("worst", each.worst(4)))
+        for what, indices in (("best", each.worst_first()[::-1][:4]), ("worst", each.worst_first()[:4]))
     ]
     return Section("Predictions", blocks)
 

@@ -271,7 +271,7 @@ class Ablation:
             "cameras_from_test_images": transductive(self.study),
             "intervals": self.interval_covers,
             "failures": [f.__dict__ for f in self.failures],
-            "oracle": [gain.to_json() for gain in self.gains],
+            "oracle": [gain.__dict__ for gain in self.gains],
             "hidden_effects": [outcome.to_json() for outcome in proof.outcomes(self)],
         }
 

@@ -70,10 +70,6 @@ class Severity:
     clean: dict[str, float | None]
     rows: list[dict[str, Any]]
 
-    def to_json(self) -> dict[str, Any]:
-        """camera, clean, rows."""
-        return {"camera": self.camera, "clean": self.clean, "rows": self.rows}
-
     def to_csv(self) -> str:
         """A line a point; the first are the clean images."""
         lines = [{"axis": "clean", "value": None, **self.clean}, *self.rows]

@@ -94,11 +94,10 @@ class PoseSet:
         known = np.asarray(np.isfinite(self.boxes).all(axis=1))
         return replace(targets, boxes=np.where(known[:, None], self.boxes, targets.boxes))
 
-    def select(self, indices: np.ndarray, name: str | None = None) -> "PoseSet":
+    def select(self, indices: np.ndarray) -> "PoseSet":
         """The images at `indices`."""
         return replace(
             self,
-            name=name or self.name,
             files=tuple(self.files[i] for i in indices),
             quaternions=self.quaternions[indices],
             translations=self.translations[indices],

@@ -37,10 +37,6 @@ class Views:
     def __len__(self) -> int:
         return len(self.quaternions)
 
-    def part(self, first: int, last: int) -> "Views":
-        """The views from `first` up to `last`."""
-        return Views(*(getattr(self, name)[first:last] for name in self.__dataclass_fields__))
-
 
 class RayCaster:
     """Renders one scene through one camera with `samples` x `samples` rays a pixel.
