@@ -8,8 +8,7 @@ from pydantic import Field, ValidationError, model_validator
 from visaug.core.documents import read_yaml
 from visaug.core.errors import InputError
 from visaug.core.nearest import did_you_mean
-from visaug_train.arms import Arm, ConfigSection, Seed, SharePair
-from visaug_train.arms import Vis as Vis  # part of what a config holds
+from visaug_train.arms import Arm, ConfigSection, Seed, SharePair, Vis
 from visaug_train.render.dataset import RenderSettings
 
 # Arms, domains and splits name files: a letter or digit, then no more than what every file system takes.
