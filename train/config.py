@@ -8,8 +8,9 @@ from pydantic import Field, ValidationError, model_validator
 from visaug.core.documents import read_yaml
 from visaug.core.errors import InputError
 from visaug.core.nearest import did_you_mean
-from visaug_train.arms import Arm, ConfigSection, Seed, SharePair, Vis
+from visaug_train.arms import Arm, Vis
 from visaug_train.render.dataset import RenderSettings
+from visaug_train.sections import ConfigSection, Seed, SharePair
 
 # Arms, domains and splits name files: a letter or digit, then no more than what every file system takes.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.+-]{0,63}$")]

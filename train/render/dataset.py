@@ -23,7 +23,6 @@ from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import write_bytes, write_json
 from visaug.core.progress import Progress
-from visaug_train.arms import ConfigSection, Seed, ordered
 from visaug_train.geometry import Pinhole
 from visaug_train.render.caster import RayCaster, Views
 from visaug_train.render.independent_camera import (
@@ -34,6 +33,7 @@ from visaug_train.render.independent_camera import (
     IndependentCamera,
 )
 from visaug_train.render.views import LIGHTBOX, SUNLAMP, SYNTHETIC, Lighting, draw_earth, draw_views
+from visaug_train.sections import ConfigSection, Seed, ordered
 
 # SPEED+'s published intrinsics; a rendering of another size uses them scaled, so the field of view stays.
 SPEED_PLUS_CAMERA = Pinhole(
