@@ -40,8 +40,8 @@ class Vis(ConfigSection):
     exposure: float | Pair | None = None
     strength: float | None = None
     full_scale_photons: float | None = None
-    set: dict[str, float | str] = Field({})
-    effects: list[dict[str, Any]] = Field([])
+    set: dict[str, float | str] = Field(default={})
+    effects: list[dict[str, Any]] = Field(default=[])
     white_std_present: Share = 0.0
 
     @property
@@ -95,7 +95,7 @@ class Arm(ConfigSection):
         ge=0,
         description="the last epochs of a run, trained without all of this, as close_mosaic does for mosaics",
     )
-    training: dict[str, Any] = Field({})
+    training: dict[str, Any] = Field(default={})
 
     @property
     def camera_files(self) -> list[str]:

@@ -132,7 +132,8 @@ def domains(root: str | Path) -> dict[str, tuple[str, ...]]:
     """The domains of a folder that may have poses, with the splits that each has."""
     root = Path(root)
     if is_speed(root):
-        return {"speed": SPLITS} | ({"real": ("test",)} if (root / "real.json").is_file() else {})
+        found: dict[str, tuple[str, ...]] = {"speed": SPLITS}
+        return found | ({"real": ("test",)} if (root / "real.json").is_file() else {})
     return by_domain(name.split("/") for name in listings(root))
 
 

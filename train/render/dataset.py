@@ -81,7 +81,7 @@ class RenderSettings(ConfigSection):
     width: int = Field(240, ge=32, le=8192)
     height: int = Field(150, ge=32, le=8192)
     images: dict[str, dict[Literal["train", "validation", "test"], Images]] = Field(
-        {
+        default={
             "synthetic": {"train": 500, "validation": 100, "test": 150},
             "lightbox": {"test": 150},
             "sunlamp": {"test": 150},
