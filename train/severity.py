@@ -9,7 +9,6 @@ import hashlib
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -283,13 +282,3 @@ def _scores(summary: dict[str, Any]) -> dict[str, float | None]:
         name: None if value is None or not np.isfinite(value) else float(value)
         for name, value in found.items()
     }
-
-
-def predict_with(weights: Path, settings_folder: Path, **options: Any) -> Predict:
-    """ultralytics' network as a function of a set; `options` are those of `visaug_train.predictions.predict`."""
-    from visaug_train.predictions import predict
-
-    def run(poses: PoseSet, **more: Any) -> list[Detections]:
-        return predict(weights, poses, settings_folder=settings_folder, **more)
-
-    return partial(run, **options)
