@@ -132,14 +132,10 @@ def _difference_table(ablation: Ablation) -> Table:
     measures = (DETECTION[0], *KEYPOINTS)  # more do not fit; differences.csv has all
     found = {(d.arm, d.domain, d.measure): d for d in ablation.differences}
     pairs = list(dict.fromkeys((d.arm, d.domain) for d in ablation.differences))
-    rows = [[arm, domain, *(_signed(found[arm, domain, m]) for m in measures)] for arm, domain in pairs]
+    rows = [[arm, domain, *(str(found[arm, domain, m]) for m in measures)] for arm, domain in pairs]
     head = ["arm", "test set", *(MEASURES[m][1].split(" (")[0].removesuffix(" mean") for m in measures)]
     caption = f"Differences to {ablation.config.baseline}, with 95 % intervals; keypoints by the paper's definition."
     return Table(head, rows, caption)
-
-
-def _signed(difference) -> str:
-    return f"{difference.difference:+.3f} [{difference.low:+.3f}, {difference.high:+.3f}]"
 
 
 def _findings(ablation: Ablation) -> Iterator[str]:
@@ -148,7 +144,7 @@ def _findings(ablation: Ablation) -> Iterator[str]:
         mine = [d for d in ablation.differences if d.arm == arm and d.measure == "keypoint_ap_coco"]
         clear = [
             f"{'higher' if d.low > 0 else 'lower'} on {d.domain}, {d.reference + d.difference:.3f} instead of "
-            f"{d.reference:.3f} ({_signed(d)})"
+            f"{d.reference:.3f} ({d})"
             for d in mine
             if d.low > 0 or d.high < 0
         ]

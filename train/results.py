@@ -39,6 +39,9 @@ class ArmDifference:
     high: float
     p_value_in_family: float = float("nan")
 
+    def __str__(self) -> str:
+        return tables.signed(self.difference, self.low, self.high)
+
     @property
     def clear(self) -> bool:
         """Whether its own interval leaves out 0."""
@@ -88,6 +91,10 @@ class Ablation:
     def summaries(self) -> dict[tuple[str, int], dict[str, dict[str, Any]]]:
         """(arm, seed) -> domain -> scores, as `visaug evaluate` gives them."""
         return {key: {d: e.summary() for d, e in each.items()} for key, (_, each) in self.scored.items()}
+
+    def of_seeds(self, arm: str, domain: str, measure: str) -> list[float]:
+        """A measure of each finished run of an arm."""
+        return [tables.value(self.summaries[arm, s][domain], measure) for s in self.seeds(arm)]
 
     @cached_property
     def means(self) -> dict[str, dict[str, dict[str, float]]]:

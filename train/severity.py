@@ -37,13 +37,13 @@ if TYPE_CHECKING:
 Predict = Callable[[PoseSet], list[Detections]]
 
 GAIN_STEPS_DB = (0.0, 6.0, 12.0, 18.0, 24.0, 30.0, 36.0)  # above the camera's own: factors of two up to 64
-SCORES = ("keypoint_ap", "oks", "position_error", "attitude_error_deg")
 LABELS = {
     "keypoint_ap": "keypoint AP (COCO)",
     "oks": "OKS (COCO), mean",
     "position_error": "position error / distance",
     "attitude_error_deg": "attitude error, deg",
 }
+SCORES = tuple(LABELS)
 UNITS = {
     "gain_db": "gain, dB",
     "exposure": "exposure, share of saturation",

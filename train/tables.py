@@ -223,7 +223,7 @@ def change(difference: Any) -> str:
     better = MEASURES[d.measure][2]
     words = {1: "better" if better else "worse", -1: "worse" if better else "better", 0: "not clear"}
     said = words[int(d.low > 0) - int(d.high < 0)]
-    return f"{said}: {signed(d.difference, d.low, d.high)}"
+    return f"{said}: {d}"
 
 
 POSE_COLUMNS = {

@@ -185,8 +185,7 @@ def _points(ablation: "Ablation", made: list[Outcome]) -> dict[str, dict[str, li
     baseline = ablation.config.baseline
 
     def values(arm: str | None, domain: str) -> list[float]:
-        seeds = ablation.seeds(arm) if arm else []
-        return [tables.value(ablation.summaries[arm or "", s][domain], MEASURE) for s in seeds]
+        return ablation.of_seeds(arm, domain, MEASURE) if arm else []
 
     found = {}
     for o in made:

@@ -56,10 +56,7 @@ def _gains(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
         if len(gain.domains) == most:
             yield Text(gain_finding(gain, oracle), "finding")
     points = {
-        domain: {
-            arm: [tables.value(ablation.summaries[arm, s][domain], MEASURE) for s in ablation.seeds(arm)]
-            for arm in ablation.means
-        }
+        domain: {arm: ablation.of_seeds(arm, domain, MEASURE) for arm in ablation.means}
         for domain in target_sets(ablation)
     }
     yield figure(plot_scores(points), "Keypoint AP50-95 (COCO's). Bars: mean over seeds. Dots: seeds.")
