@@ -72,8 +72,14 @@ class PoseSet:
 
     @cached_property
     def ids(self) -> tuple[str, ...]:
-        """A name of each image that no other has: the file's, with as many of its folders as that takes."""
-        return image_ids(self.files)
+        """A name of each image that no other has: the file's, with as many of its folders as that takes:
+        `a.png`, or `scene_1/rgb/a.png`.
+        """
+        parts = 1
+        longest = max((len(file.parts) for file in self.files), default=1)
+        while parts < longest and len({file.parts[-parts:] for file in self.files}) < len(self.files):
+            parts += 1
+        return tuple("/".join(file.parts[-parts:]) for file in self.files)
 
     def targets(self, keypoints: Keypoints) -> Targets:
         """Boxes and keypoints in pixels: as annotated where they are, else projected by the pose."""
@@ -104,15 +110,6 @@ class PoseSet:
             boxes=None if self.boxes is None else self.boxes[indices],
             points=None if self.points is None else self.points[indices],
         )
-
-
-def image_ids(files: Sequence[Path]) -> tuple[str, ...]:
-    """The shortest ends of the paths, of equally many parts, that differ: `a.png`, or `scene_1/rgb/a.png`."""
-    parts = 1
-    longest = max((len(file.parts) for file in files), default=1)
-    while parts < longest and len({file.parts[-parts:] for file in files}) < len(files):
-        parts += 1
-    return tuple("/".join(file.parts[-parts:]) for file in files)
 
 
 def is_speed(root: Path) -> bool:
@@ -185,14 +182,6 @@ def listings(root: Path) -> dict[str, tuple[Path, Path]]:
     return found
 
 
-def read_camera(root: str | Path) -> Pinhole:
-    """The camera of a folder."""
-    root = Path(root)
-    if is_speed(root) and not (root / "camera.json").is_file():
-        return SPEED_CAMERA
-    return Pinhole.load(root / "camera.json")
-
-
 def read_poses(
     root: str | Path, domain: str, split: str | None = None, seed: int = 0, labels: bool = True
 ) -> PoseSet:
@@ -210,7 +199,9 @@ def read_poses(
     split = chosen_split(found, domain, split, root)
     is_split = is_speed(root) and domain == "speed"
     listing, images = lists["speed/all" if is_split else f"{domain}/{split}"]
-    poses = read_listing(listing, images, read_camera(root), f"{domain}/{split}")
+    bare = is_speed(root) and not (root / "camera.json").is_file()
+    camera = SPEED_CAMERA if bare else Pinhole.load(root / "camera.json")
+    poses = read_listing(listing, images, camera, f"{domain}/{split}")
     if labels and not poses.labelled:
         raise InputError(
             "the images have no poses",
