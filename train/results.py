@@ -97,18 +97,18 @@ class Ablation:
         return [tables.value(self.summaries[arm, s][domain], measure) for s in self.seeds(arm)]
 
     @cached_property
-    def means(self) -> dict[str, dict[str, dict[str, float]]]:
-        """arm -> domain -> measure -> mean over seeds."""
+    def means(self) -> tables.Scores:
+        """Means over seeds."""
         return self._over_seeds(self.summaries, lambda values: float(np.mean(values)), 1)
 
     @cached_property
-    def spreads(self) -> dict[str, dict[str, dict[str, float]]]:
+    def spreads(self) -> tables.Scores:
         """The same, the seeds' standard deviation; arms with one seed have none."""
         return self._over_seeds(self.summaries, lambda values: float(np.std(values, ddof=1)), 2)
 
     def _over_seeds(
         self, summaries: Mapping[tuple[str, int], Any], statistic: Callable[[list[float]], float], least: int
-    ) -> dict[str, dict[str, dict[str, float]]]:
+    ) -> tables.Scores:
         seeds = {arm: [s for s in self.seeds(arm) if (arm, s) in summaries] for arm in self.config.arms}
 
         def of(arm: str, domain: str, measure: str) -> float:
@@ -234,7 +234,7 @@ class Ablation:
             made["oracle"] = oracle.gain_table(self.gains, self.config.baseline, self.config.oracle)
         published = TABLES_2_3 if self.config.published else {}
         measured = ["keypoint_ap_paper", "oks_paper", "keypoint_ap_coco", "oks_coco"]
-        scores, spreads = self.means | published, self.spreads
+        scores, spreads = {**self.means, **published}, self.spreads
         made["detection"] = tables.score_table("Object detection", scores, ["box_ap", "iou"], spreads)
         keypoints = tables.score_table("Keypoint regression", scores, measured, spreads)
         made["keypoints"] = keypoints.with_note(WHICH_OKS) if published else keypoints
