@@ -129,28 +129,21 @@ def points_of(camera: Camera, axes: Sequence[str] | None = None) -> list[Severit
     for axis in axes or ():
         if axis not in known:
             raise InputError(f"{axis} has no curve", field="severity", expected=f"of {', '.join(known)}")
-    found = []
-    exposures = (1.0, 0.3, 0.1, 0.03, 0.01)  # shares of the saturating light, about half a decade each
-    temperatures_c = (-20.0, 0.0, 20.0, 40.0, 60.0)  # the industrial range of cameras
+    values = {
+        "gain_db": [camera.spec.gain_db + step for step in GAIN_STEPS_DB],
+        "exposure": (1.0, 0.3, 0.1, 0.03, 0.01),  # shares of the saturating light, about half a decade each
+        "temperature_c": (-20.0, 0.0, 20.0, 40.0, 60.0),  # the industrial range of cameras
+    }
     factors = (0.0, 1.0, 3.0, 10.0, 30.0)  # on an effect's own strength; 0 is the camera without it
+    found = []
     for axis in axes or known:
-        if axis == "gain_db":
-            found += [
-                SeverityPoint(axis, g, camera.replace({axis: g}))
-                for g in camera.spec.gain_db + np.array(GAIN_STEPS_DB)
-            ]
-        elif axis == "exposure":
-            found += [SeverityPoint(axis, share, camera, share) for share in exposures]
-        elif axis == "temperature_c":
-            found += [
-                SeverityPoint(axis, degrees, camera.replace({axis: degrees})) for degrees in temperatures_c
-            ]
-        else:
-            found += [
-                SeverityPoint(axis, f, changed)
-                for f in factors
-                if (changed := _scaled(camera, strengths[axis], f))
-            ]
+        for value in values.get(axis, factors):
+            if axis == "exposure":
+                found.append(SeverityPoint(axis, value, camera, value))
+            elif axis in UNITS:
+                found.append(SeverityPoint(axis, value, camera.replace({axis: value})))
+            elif changed := _scaled(camera, strengths[axis], value):
+                found.append(SeverityPoint(axis, value, changed))
     return found
 
 
