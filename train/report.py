@@ -13,8 +13,9 @@ from visaug.report.plots.images import plot_components, plot_images
 from visaug.report.plots.learning import plot_timing, plot_training
 from visaug.report.provenance import footer
 from visaug_train.ablation import Ablation
-from visaug_train.plots import plot_dependence, plot_gallery, read_gray
+from visaug_train.plots import plot_dependence, plot_gallery
 from visaug_train.published import WHICH_OKS
+from visaug_train.reduction import read_pixels
 from visaug_train.studies.proof import proof_sections
 from visaug_train.studies.target import transductive
 from visaug_train.studies.target_report import target_sections
@@ -159,7 +160,7 @@ def _images(ablation: Ablation) -> Iterator[Text | Figure]:
     config = ablation.config
     domain, poses = next(iter(ablation.study.tests.items()))
     files = [poses.files[i] for i in np.linspace(0, len(poses) - 1, 4).astype(int)]
-    clean = np.stack([read_gray(str(file)) for file in files]).astype(np.float32) / 255
+    clean = np.stack([read_pixels(file) for file in files]).astype(np.float32) / 255
     pictures, titles = list(clean), [f"{domain}, clean"] * 4
     for name in config.arms:
         arm = config.arm(name)
@@ -178,7 +179,7 @@ def _images(ablation: Ablation) -> Iterator[Text | Figure]:
         shown = [(name, each.files[i]) for name, each in others for i in (0, 1, 2, 3)[: len(each)]]
         yield figure(
             plot_images(
-                [read_gray(str(file)) / 255 for _, file in shown], [name for name, _ in shown], limits=(0, 1)
+                [read_pixels(file) / 255 for _, file in shown], [name for name, _ in shown], limits=(0, 1)
             ),
             "Images of the other test sets.",
             raster=True,

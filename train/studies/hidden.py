@@ -25,7 +25,7 @@ from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.plan import default_plan
 from visaug_train.config import Arm, Config
 from visaug_train.convert import identity
-from visaug_train.plots import read_gray
+from visaug_train.reduction import read_pixels
 from visaug_train.render.dataset import LINEAR_WHITE_DN
 from visaug_train.speed import PoseSet
 
@@ -198,11 +198,8 @@ def noiseless(file: Path) -> np.ndarray:
     """A view as it came from the renderer, (rows, columns), 1 is white; beyond white where that was kept."""
     linear = file.parent.with_name("images_linear") / file.name
     if not linear.is_file():
-        return read_gray(str(file)).astype(np.float32) / 255
-    image = cv2.imread(str(linear), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise InputError("cannot be read", file=linear, expected="a 16-bit image")
-    return image.astype(np.float32) / LINEAR_WHITE_DN
+        return read_pixels(file).astype(np.float32) / 255
+    return read_pixels(linear, cv2.IMREAD_UNCHANGED).astype(np.float32) / LINEAR_WHITE_DN
 
 
 def diagnose_frames(
