@@ -14,7 +14,7 @@ from visaug.camera.scale import gain_of, white_dn
 from visaug_train.sections import Amounts, ConfigSection, Share
 
 
-class Augmentation(ConfigSection):
+class BatchAugmentation(ConfigSection):
     """A change of a share `p` of the images."""
 
     p: Share = 0.5
@@ -27,7 +27,7 @@ class Augmentation(ConfigSection):
 class AugmentationModule(nn.Module):
     """An augmentation as a module."""
 
-    def __init__(self, augmentation: Augmentation) -> None:
+    def __init__(self, augmentation: BatchAugmentation) -> None:
         super().__init__()
         self.augmentation = augmentation
 
@@ -38,7 +38,7 @@ class AugmentationModule(nn.Module):
         return repr(self.augmentation)
 
 
-class GaussianBlur(Augmentation):
+class GaussianBlur(BatchAugmentation):
     """Blur by a Gaussian of standard deviation uniform in `sigma_px`."""
 
     p: Share = 0.1
@@ -57,7 +57,7 @@ class GaussianBlur(Augmentation):
         return torch.where(chosen(self.p, images), blurred, images)
 
 
-class GaussianNoise(Augmentation):
+class GaussianNoise(BatchAugmentation):
     """White noise whose standard deviation (1 is full scale) is uniform in `std`, drawn for each image."""
 
     std: Amounts = (0.0, 0.02)

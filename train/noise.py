@@ -11,8 +11,8 @@ from visaug.camera.spec import check_spec
 from visaug.core.errors import InputError
 from visaug_train.arms import Arm, Vis, White
 from visaug_train.batch_noise import (
-    Augmentation,
     AugmentationModule,
+    BatchAugmentation,
     WhiteSensorNoise,
     WhiteTwin,
     chosen,
@@ -22,11 +22,11 @@ from visaug_train.batch_noise import (
 
 def batch_noise(arm: Arm) -> nn.Module:
     """All steps of an arm, in their order."""
-    steps = [step for _, step in arm if isinstance(step, Augmentation | Vis)]
+    steps = [step for _, step in arm if isinstance(step, BatchAugmentation | Vis)]
     return nn.Sequential(*map(_module, steps))
 
 
-def _module(step: Augmentation | Vis) -> nn.Module:
+def _module(step: BatchAugmentation | Vis) -> nn.Module:
     if isinstance(step, White):
         return white_noise(step)
     return vis_noise(step) if isinstance(step, Vis) else AugmentationModule(step)

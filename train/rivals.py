@@ -10,11 +10,11 @@ from pydantic import Field, field_validator
 from torch import Tensor
 from torch.nn.functional import avg_pool2d, conv2d, interpolate, pad
 
-from visaug_train.batch_noise import Augmentation, chosen, uniform
+from visaug_train.batch_noise import BatchAugmentation, chosen, uniform
 from visaug_train.sections import Amounts, Counts, PositivePair, Share, SharePair
 
 
-class RandomErase(Augmentation):
+class RandomErase(BatchAugmentation):
     """Random erasing (Z. Zhong et al., AAAI 2020): a rectangle of `area` (share of the image) and `aspect` (height over width)
     is filled with uniform noise.
     """
@@ -37,7 +37,7 @@ class RandomErase(Augmentation):
         return torch.where(inside, filling, images)
 
 
-class SunFlare(Augmentation):
+class SunFlare(BatchAugmentation):
     """A source with a halo that falls off exponentially, and `ghosts` discs on the line through the image's centre, as
     Albumentations' RandomSunFlare.
     """
@@ -67,7 +67,7 @@ class SunFlare(Augmentation):
         return torch.where(chosen(self.p, images), (images + light[:, None]).clamp(0, 1), images)
 
 
-class BrightnessContrast(Augmentation):
+class BrightnessContrast(BatchAugmentation):
     """(1 + c) x + b with c and b uniform within `contrast` and `brightness`."""
 
     brightness: Share = 0.2
@@ -80,7 +80,7 @@ class BrightnessContrast(Augmentation):
         return torch.where(chosen(self.p, images), (slope * images + shift).clamp(0, 1), images)
 
 
-class RandomMotionBlur(Augmentation):
+class RandomMotionBlur(BatchAugmentation):
     """Mean along a line of `length_px` pixels at a random angle."""
 
     length_px: Amounts = (3.0, 7.0)
@@ -106,7 +106,7 @@ class RandomMotionBlur(Augmentation):
         return torch.where(chosen(self.p, images), blurred, images)
 
 
-class IsoNoise(Augmentation):
+class IsoNoise(BatchAugmentation):
     """Albumentations' ISONoise on luminance: x + n (1 - x), n Poisson of mean s i (in 8-bit levels): s the image's standard
     deviation, i the intensity.
     """
@@ -120,7 +120,7 @@ class IsoNoise(Augmentation):
         return torch.where(chosen(self.p, images), (images + noise * (1 - images)).clamp(0, 1), images)
 
 
-class RandConv(Augmentation):
+class RandConv(BatchAugmentation):
     """A random convolution (Z. Xu et al., ICLR 2021): a x + (1 - a) k * x, a uniform in [0, 1], k normal of variance
     1 / size^2, one of the sizes for each batch.
     """
@@ -143,7 +143,7 @@ class RandConv(Augmentation):
         return torch.where(chosen(self.p, images), (mix * images + (1 - mix) * changed).clamp(0, 1), images)
 
 
-class Corruptions(Augmentation):
+class Corruptions(BatchAugmentation):
     """One corruption for each image, in the manner of D. Hendrycks and T. Dietterich (ICLR 2019): contrast, pixelation,
     posterisation, impulse noise, speckle noise or defocus.
     """
