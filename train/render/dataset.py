@@ -78,8 +78,8 @@ Distance = Annotated[float, Field(ge=0.5, le=1e4)]
 class RenderSettings(ConfigSection):
     """Size and content of the dataset. `images` holds the number of each domain's splits."""
 
-    width: int = Field(240, ge=32, le=8192)
-    height: int = Field(150, ge=32, le=8192)
+    width: int = Field(default=240, ge=32, le=8192)
+    height: int = Field(default=150, ge=32, le=8192)
     images: dict[str, dict[Literal["train", "validation", "test"], Images]] = Field(
         default={
             "synthetic": {"train": 500, "validation": 100, "test": 150},
@@ -88,8 +88,8 @@ class RenderSettings(ConfigSection):
         }
     )
     distance_m: Annotated[tuple[Distance, Distance], AfterValidator(ordered)] = (2.6, 5.5)
-    attitude_deg: float = Field(45.0, ge=0, le=180)
-    samples: int = Field(2, ge=1, le=8)
+    attitude_deg: float = Field(default=45.0, ge=0, le=180)
+    samples: int = Field(default=2, ge=1, le=8)
     linear_frames: bool = False
     seed: Seed = 0
 
