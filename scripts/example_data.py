@@ -75,7 +75,9 @@ def render(path: Path) -> None:
     from visaug_train.render.dataset import RenderSettings, render_dataset
 
     with tempfile.TemporaryDirectory() as folder:
-        settings = RenderSettings(320, 200, {"synthetic": {"test": 16}}, (3.2, 4.0), samples=2, seed=1)
+        settings = RenderSettings(
+            width=320, height=200, images={"synthetic": {"test": 16}}, distance_m=(3.2, 4.0), seed=1
+        )
         made = render_dataset(folder, settings)
         last = sorted((made / "synthetic").rglob("*.*g"))[-1]  # the one that shows the whole body, evenly lit
         light = np.asarray(Image.open(last)) / 255

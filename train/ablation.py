@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from visaug.core.errors import InputError
 from visaug.core.files import write_text
+from visaug.core.progress import Progress
 from visaug_train.checks import check_arms
 from visaug_train.cluster import spread
 from visaug_train.config import Config
@@ -17,8 +18,6 @@ from visaug_train.results import Ablation, Failure
 from visaug_train.scoring import run_and_score
 from visaug_train.strength import strengths
 from visaug_train.training import note_failure, prepare, start_network
-
-Progress = Callable[[str, int, int], None]
 
 
 def ablate(

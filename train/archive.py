@@ -18,11 +18,11 @@ from typing import IO
 
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file, write_json
+from visaug.core.progress import Progress
 from visaug_train.convert import coco_annotations, convert
 from visaug_train.datasets import READERS, domains, keypoints_of, read_poses, reader_of, root_among
 from visaug_train.speed import PoseSet
 
-Progress = Callable[[str, int, int], None]
 LISTS = ("camera.json", "train.json")  # of which the uppermost folder of a dataset holds one
 
 
@@ -40,7 +40,7 @@ def prepare_archive(archive: str | Path, destination: str | Path, progress: Prog
         check(root)
         return root
     sizes = {PurePosixPath(name): size for name, size, _, _ in _members(archive)}
-    inside = root_among(list(sizes)) or _root([path for path in sizes if path.name in LISTS], archive)
+    inside = _root([*sizes], archive)
     if destination.is_dir():
         for path, size in sizes.items():
             file = destination / path.relative_to(inside) if path.is_relative_to(inside) else None
@@ -86,22 +86,19 @@ def find_root(folder: Path) -> Path:
     """The folder inside `folder`, at most three levels down, that has the layout of a data set."""
     if reader_of(folder) is not None:
         return folder
-    marks = [mark for reader in READERS for mark in reader.marks]
-    nested = [
-        path for depth in ("", "*/", "*/*/", "*/*/*/") for mark in marks for path in folder.glob(depth + mark)
-    ]
-    inside = root_among([PurePosixPath(path.relative_to(folder)) for path in nested])
-    if inside is not None:
-        return folder / inside
-    found = [
-        path for depth in ("", "*/", "*/*/", "*/*/*/") for name in LISTS for path in folder.glob(depth + name)
-    ]
+    marks = [*LISTS, *(mark for reader in READERS for mark in reader.marks)]
+    depths = ("", "*/", "*/*/", "*/*/*/")
+    found = [path for depth in depths for mark in marks for path in folder.glob(depth + mark)]
     return folder / _root([PurePosixPath(path.relative_to(folder)) for path in found], folder)
 
 
-def _root(lists: list[PurePosixPath], where: Path) -> PurePosixPath:
-    """The uppermost folder that holds one of these files; `synthetic` is a part of SPEED+."""
-    folders = {path.parent for path in lists if path.parent.name != "synthetic" and len(path.parts) <= 4}
+def _root(files: list[PurePosixPath], where: Path) -> PurePosixPath:
+    """The uppermost folder among these files that has a reader's layout, or else SPEED's; `synthetic` is a part of SPEED+."""
+    inside = root_among(files)
+    if inside is not None:
+        return inside
+    lists = [path for path in files if path.name in LISTS and len(path.parts) <= 4]
+    folders = {path.parent for path in lists if path.parent.name != "synthetic"}
     if not folders:
         raise InputError(
             "has no SPEED or SPEED+ layout, nor that of " + ", ".join(reader.name for reader in READERS),

@@ -1,4 +1,4 @@
-"""What the arms do to a batch of training images besides ultralytics' own: modules on (B, C, H, W) in [0, 1].
+"""What the arms do to a batch of training images besides ultralytics' own: functions of (B, C, H, W) in [0, 1].
 
 Random numbers come from torch's global generator, which ultralytics seeds by seed and rank. Gray images have
 equal channels, and one draw goes to all channels, as a gray camera would.
@@ -11,16 +11,40 @@ from torch.nn.functional import conv2d
 
 from visaug.camera import Camera, draw
 from visaug.camera.scale import gain_of, white_dn
+from visaug_train.sections import Amounts, ConfigSection, Share
 
 
-class GaussianBlur(nn.Module):
-    """Blur a share `p` of the images by a Gaussian of standard deviation uniform in `sigma_px`."""
+class BatchAugmentation(ConfigSection):
+    """A change of a share `p` of the images."""
 
-    def __init__(self, p: float, sigma_px: tuple[float, float]) -> None:
+    p: Share = 0.5
+
+    def __call__(self, images: Tensor) -> Tensor:
+        """The images, changed."""
+        raise NotImplementedError
+
+
+class AugmentationModule(nn.Module):
+    """An augmentation as a module."""
+
+    def __init__(self, augmentation: BatchAugmentation) -> None:
         super().__init__()
-        self.p, self.sigma_px = p, sigma_px
+        self.augmentation = augmentation
 
     def forward(self, images: Tensor) -> Tensor:
+        return self.augmentation(images)
+
+    def extra_repr(self) -> str:
+        return repr(self.augmentation)
+
+
+class GaussianBlur(BatchAugmentation):
+    """Blur by a Gaussian of standard deviation uniform in `sigma_px`."""
+
+    p: Share = 0.1
+    sigma_px: Amounts = (0.3, 1.0)
+
+    def __call__(self, images: Tensor) -> Tensor:
         b, c, h, w = images.shape
         sigma = uniform(b, self.sigma_px, images).clamp_min(1e-3)
         reach = max(1, int(3 * self.sigma_px[1] + 0.5))
@@ -33,14 +57,12 @@ class GaussianBlur(nn.Module):
         return torch.where(chosen(self.p, images), blurred, images)
 
 
-class GaussianNoise(nn.Module):
-    """Add white noise to a share `p` of the images; its standard deviation (1 is white) is uniform in `std`."""
+class GaussianNoise(BatchAugmentation):
+    """White noise whose standard deviation (1 is full scale) is uniform in `std`, drawn for each image."""
 
-    def __init__(self, p: float, std: tuple[float, float]) -> None:
-        super().__init__()
-        self.p, self.std = p, std
+    std: Amounts = (0.0, 0.02)
 
-    def forward(self, images: Tensor) -> Tensor:
+    def __call__(self, images: Tensor) -> Tensor:
         std = uniform(len(images), self.std, images)
         return torch.where(chosen(self.p, images), add_white(images, std), images)
 

@@ -1,15 +1,14 @@
 """Callbacks of a training."""
 
 import os
-from collections.abc import Callable
 from typing import Any
 
+import torch
 from torch import nn
 
 from visaug.core.cores import cores
 from visaug.core.errors import InputError
-
-Progress = Callable[[str, int, int], None]
+from visaug.core.progress import Progress
 
 
 def close_noise(clean_epochs: int, trainer: Any) -> None:
@@ -34,8 +33,6 @@ def follow(model: Any, title: str, progress: Progress | None) -> None:
     def use_all_cores(trainer: Any) -> None:
         # ultralytics leaves one core idle on a CPU, which costs a fifth of the speed on two.
         if trainer.device.type == "cpu" and "OMP_NUM_THREADS" not in os.environ:
-            import torch
-
             torch.set_num_threads(cores())
 
     model.add_callback("on_train_start", use_all_cores)

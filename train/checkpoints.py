@@ -108,7 +108,7 @@ class Checkpoints:
 
     def on_train_start(self, trainer: Any) -> None:
         # ultralytics counts from the start of the process when to step; here the count outlives it.
-        trainer.optimizer_step = _nothing
+        trainer.optimizer_step = lambda: None
         if self.exact is None:
             return
         _network(trainer).load_state_dict(self.exact["network"])
@@ -170,10 +170,6 @@ class Checkpoints:
         }
         with whole_file(weights / STATE) as temporary:
             torch.save(checkpoint, temporary)
-
-
-def _nothing() -> None:
-    """The step that ultralytics takes by its own count."""
 
 
 def _network(trainer: Any) -> torch.nn.Module:

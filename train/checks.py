@@ -10,7 +10,7 @@ from visaug_train.device import Say, check_device
 from visaug_train.noise import batch_noise
 from visaug_train.quiet import check_tracking, quiet_ultralytics
 from visaug_train.speed import PoseSet
-from visaug_train.studies.hidden import check_hidden
+from visaug_train.studies.hidden import hidden_cameras
 from visaug_train.studies.target import check_cameras
 
 
@@ -34,7 +34,7 @@ def check_arms(config: Config, announce: Say | None = None) -> None:
     Raises:
         InputError: an invalid camera, or training arguments of an arm that are invalid or that this device cannot follow.
     """
-    check_hidden(config)
+    hidden_cameras(config)
     check_cameras(config)
     check_tracking(config.tracking)
     quiet_ultralytics(config.output / "ultralytics-settings")

@@ -12,10 +12,10 @@ from typing import Any
 
 from visaug.core.cluster import connected
 from visaug.core.errors import InputError
+from visaug.core.progress import Progress
 from visaug_train.config import Cluster
 from visaug_train.training import Study, note_failure
 
-Progress = Callable[[str, int, int], None]
 Work = Callable[[Study, str, int], Any]
 
 
@@ -33,47 +33,36 @@ def spread(
         progress: called when a run has ended.
     """
     with connected(cluster.address) as ray:
-        return _spread(ray, study, runs, work, cluster, progress)
-
-
-def _spread(
-    ray: Any,
-    study: Study,
-    runs: Sequence[tuple[str, int]],
-    work: Work,
-    cluster: Cluster,
-    progress: Progress | None,
-) -> dict[tuple[str, int], str]:
-    total = ray.cluster_resources()
-    for name, wanted in (("CPU", cluster.cpus_per_run), ("GPU", cluster.gpus_per_run)):
-        if wanted > total.get(name, 0):
-            raise InputError(
-                f"a run wants {wanted:g}, all nodes together have {total.get(name, 0):g}",
-                field=f"cluster.{name.lower()}s_per_run",
-                expected="no more than a node has",
-            )
-    task = ray.remote(
-        num_cpus=cluster.cpus_per_run,
-        num_gpus=cluster.gpus_per_run,
-        max_retries=cluster.retries,  # of lost workers and nodes alone: an exception is no reason to try again
-        scheduling_strategy="SPREAD",
-    )(_in_folder)
-    study_ref, here = ray.put(study), str(Path.cwd())
-    waiting = {task.remote(study_ref, work, arm, seed, here): (arm, seed) for arm, seed in runs}
-    wrong: dict[tuple[str, int], str] = {}
-    while waiting:
-        (ready,), _ = ray.wait(list(waiting), num_returns=1)
-        run = waiting.pop(ready)
-        try:
-            error = ray.get(ready)
-        except ray.exceptions.RayError as lost:  # the node went away more often than it may be tried again
-            error = note_failure(study, *run, lost)
-        if error is not None:
-            wrong[run] = error
-        if progress:
-            nodes = sum(bool(node["Alive"]) for node in ray.nodes())
-            progress(f"runs on {nodes} nodes", len(runs) - len(waiting), len(runs))
-    return wrong
+        total = ray.cluster_resources()
+        for name, wanted in (("CPU", cluster.cpus_per_run), ("GPU", cluster.gpus_per_run)):
+            if wanted > total.get(name, 0):
+                raise InputError(
+                    f"a run wants {wanted:g}, all nodes together have {total.get(name, 0):g}",
+                    field=f"cluster.{name.lower()}s_per_run",
+                    expected="no more than a node has",
+                )
+        task = ray.remote(
+            num_cpus=cluster.cpus_per_run,
+            num_gpus=cluster.gpus_per_run,
+            max_retries=cluster.retries,  # of lost workers and nodes alone: an exception is no reason to try again
+            scheduling_strategy="SPREAD",
+        )(_in_folder)
+        study_ref, here = ray.put(study), str(Path.cwd())
+        waiting = {task.remote(study_ref, work, arm, seed, here): (arm, seed) for arm, seed in runs}
+        wrong: dict[tuple[str, int], str] = {}
+        while waiting:
+            (ready,), _ = ray.wait(list(waiting), num_returns=1)
+            run = waiting.pop(ready)
+            try:
+                error = ray.get(ready)
+            except ray.exceptions.RayError as lost:  # tried as often as it may be
+                error = note_failure(study, *run, lost)
+            if error is not None:
+                wrong[run] = error
+            if progress:
+                nodes = sum(bool(node["Alive"]) for node in ray.nodes())
+                progress(f"runs on {nodes} nodes", len(runs) - len(waiting), len(runs))
+        return wrong
 
 
 def _in_folder(study: Study, work: Work, arm: str, seed: int, folder: str) -> str | None:

@@ -10,18 +10,17 @@ from typing import Any
 from visaug.camera import Camera
 from visaug.core.errors import InputError, PartlyFailed
 from visaug.core.files import folder_lock
+from visaug.core.progress import Progress
 from visaug_train.ablation import ablate as run_ablation
 from visaug_train.checks import check_arms
 from visaug_train.config import Config, load_config
 from visaug_train.datasets import read_poses
 from visaug_train.external import evaluate_predictions, submission
 from visaug_train.poses import save_poses
-from visaug_train.scoring import evaluate_run, other_summaries, other_weights, predictions_of
-from visaug_train.severity import predict_with, severity
+from visaug_train.scoring import evaluate_run, other_summaries, other_weights, predictions_of, predictor
+from visaug_train.severity import severity
 from visaug_train.strength import strengths
 from visaug_train.training import Run, Study, prepare, run_folder, train_run
-
-Progress = Callable[[str, int, int], None]
 
 __all__ = ["ablate", "evaluate", "evaluate_predictions", "severity_curves", "train"]
 
@@ -120,20 +119,10 @@ def severity_curves(
         elsewhere: folder, domain and split of a set; the config's first test set where left out.
     """
     study, run = _trained(config_path, seed, progress, arm)
-    data, arguments = study.config.data, {**study.config.training, **study.config.arm(run.arm).training}
     poses = next(iter(study.tests.values())) if elsewhere is None else read_poses(*elsewhere)
-    predict = predict_with(
-        run.weights,
-        study.config.output / "ultralytics-settings",
-        image_size=arguments.get("imgsz", 640),
-        device=arguments.get("device"),
-        size=data.image_size,
-        reduce=data.reduction,
-    )
     network = hashlib.sha256(run.weights.read_bytes()).hexdigest()
-    severity(
-        poses, study.keypoints, predict, Camera.load(camera), output, axes or None, network, seed, progress
-    )
+    predict, measured = predictor(study, run, run.weights), Camera.load(camera)
+    severity(poses, study.keypoints, predict, measured, output, axes or None, network, seed, progress)
     return f"curves: {output / 'severity.csv'}, {output / 'severity.png'}"
 
 

@@ -8,29 +8,13 @@ from pydantic import Field, ValidationError, model_validator
 from visaug.core.documents import read_yaml
 from visaug.core.errors import InputError
 from visaug.core.nearest import did_you_mean
-from visaug_train.arms import Arm, ConfigSection, SharePair
-from visaug_train.arms import Vis as Vis  # part of what a config holds
+from visaug_train.arms import Arm, Vis
+from visaug_train.render.dataset import RenderSettings
+from visaug_train.sections import ConfigSection, Seed, SharePair
 
 # Arms, domains and splits name files: a letter or digit, then no more than what every file system takes.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.+-]{0,63}$")]
-Seed = Annotated[int, Field(ge=0, lt=2**31)]  # ultralytics and NumPy take no other
 Side = Annotated[int, Field(ge=1, le=65535)]  # of an image, pixels
-
-
-class Rendered(ConfigSection):
-    """A dataset of the built-in ray-caster: see `visaug_train.render.dataset.RenderSettings`."""
-
-    width: int = Field(240, ge=32, le=8192)
-    height: int = Field(150, ge=32, le=8192)
-    images: dict[Name, dict[Name, Annotated[int, Field(ge=1, le=10**6)]]] | None = None
-    distance_m: tuple[Annotated[float, Field(gt=0, le=1e4)], Annotated[float, Field(gt=0, le=1e4)]] = (
-        2.6,
-        5.5,
-    )
-    attitude_deg: float = Field(45.0, ge=0, le=180)
-    samples: int = Field(2, ge=1, le=8)
-    linear_frames: bool = False
-    seed: Seed = 0
 
 
 class Source(ConfigSection):
@@ -47,7 +31,7 @@ class Data(ConfigSection):
     """Either `rendered` or `root`, a SPEED or SPEED+ folder or one of your own in that layout."""
 
     root: Path | None = None
-    rendered: Rendered | None = None
+    rendered: RenderSettings | None = None
     keypoints: str = "tango"
     image_size: tuple[Side, Side] | None = Field(
         None, description="width, height to which training and test images are reduced first"
@@ -262,7 +246,7 @@ def check_config(content: Any, path: Path | None = None) -> Config:
         problems = {"extra_forbidden": "is not a key of a config", "missing": "is missing"}
         problem = problems.get(first["type"], first["msg"])
         if first["type"] == "extra_forbidden":
-            parts = (Config, Data, Rendered, Source, Start, Hidden, MadeCamera, Cluster, Arm, Vis)
+            parts = (Config, Data, RenderSettings, Source, Start, Hidden, MadeCamera, Cluster, Arm, Vis)
             known = sorted({key for part in parts for key in part.model_fields})
             problem += did_you_mean(str(first["loc"][-1]), known)
         raise InputError(problem, file=path, field=key) from None

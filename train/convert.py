@@ -7,7 +7,7 @@ without a target in it has an empty label (background).
 
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -19,11 +19,10 @@ import numpy as np
 from visaug.core.documents import read_json, read_yaml
 from visaug.core.errors import InputError
 from visaug.core.files import write_bytes, write_json, write_text, write_yaml
+from visaug.core.progress import Progress
 from visaug_train.geometry import Keypoints, Pinhole
 from visaug_train.reduction import read_image, reduced
 from visaug_train.speed import PoseSet
-
-Progress = Callable[[str, int, int], None]
 
 
 def convert(

@@ -1,7 +1,7 @@
 """The main job: frames of a camera are diagnosed, networks are trained with its noise, and one report says what it gives."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +9,7 @@ from pathlib import Path
 import visaug
 from visaug.core.cores import cores
 from visaug.core.errors import InputError
-from visaug.core.progress import phase_of
+from visaug.core.progress import Progress, phase_of
 from visaug.report.html import Page, Section, figure, write_page
 from visaug.report.provenance import footer
 from visaug_train.ablation import Ablation, ablate
@@ -19,7 +19,6 @@ from visaug_train.config import Config, load_config
 from visaug_train.plots import plot_scores
 from visaug_train.render.independent_camera import LIGHTBOX_CAMERA
 from visaug_train.report import ablation_sections, timing_section
-from visaug_train.results import ArmDifference
 from visaug_train.studies.laboratory import (
     BIASES,
     FLATS,
@@ -34,7 +33,6 @@ from visaug_train.studies.story import hidden_effect_sections, real_camera_secti
 from visaug_train.training import prepare, start_network
 from visaug_train.workers import Workers
 
-Progress = Callable[[str, int, int], None]
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 SHORT, FULL = CONFIGS / "demo_short.yaml", CONFIGS / "demo.yaml"
 DIAGNOSED, DOMAIN = "vis_diagnosed", "lightbox"  # the arm and the test set of the headline
@@ -169,11 +167,11 @@ def finding(ablation: Ablation, output: Path, seed: int = 0) -> list[str]:
     if not changes:
         raise InputError("no pair of trainings ended well", file=output / "failures")
     [own] = [d for d in changes if d.domain == DOMAIN]
-    others = "; ".join(f"{d.domain} {_change(d)}" for d in changes if d.domain != DOMAIN)
+    others = "; ".join(f"{d.domain} {d}" for d in changes if d.domain != DOMAIN)
     trained = (
         "Trained with the noise of the camera that the diagnosis found, the network has a mean OKS of "
-        f"{own.reference + own.difference:.3f} in place of {own.reference:.3f} on that camera's images ({_change(own)}; "
-        f"keypoint AP50-95 {_change(ap[DOMAIN])})."
+        f"{own.reference + own.difference:.3f} in place of {own.reference:.3f} on that camera's images ({own}; "
+        f"keypoint AP50-95 {ap[DOMAIN]})."
     )
     beside = (
         f"On the other test sets the mean OKS changes by: {others}. In brackets: 95 % intervals over "
@@ -185,17 +183,10 @@ def finding(ablation: Ablation, output: Path, seed: int = 0) -> list[str]:
     return [found, trained, beside]
 
 
-def _change(d: ArmDifference) -> str:
-    return f"{d.difference:+.3f} [{d.low:+.3f}, {d.high:+.3f}]"
-
-
 def _first_screen(ablation: Ablation) -> Section:
     """The finding as a picture."""
     points = {
-        domain: {
-            arm: [ablation.summaries[arm, s][domain]["oks"]["coco"] for s in ablation.seeds(arm)]
-            for arm in ablation.means
-        }
+        domain: {arm: ablation.of_seeds(arm, domain, "oks_coco") for arm in ablation.means}
         for domain in ablation.study.tests
     }
     caption = (

@@ -104,13 +104,9 @@ class Evaluation:
             lines.append(",".join([name, *(f"{self.table[c][i]:.6g}" for c in columns)]))
         write_text(path, "\n".join(lines) + "\n")
 
-    def worst(self, count: int = 8) -> np.ndarray:
-        """Indices of the images with the lowest OKS (the paper's), worst first; ties by IoU."""
-        return np.lexsort([self.table["iou"], self.table["oks_paper"]])[:count]
-
-    def best(self, count: int = 8) -> np.ndarray:
-        """Indices of the images with the highest OKS."""
-        return np.lexsort([self.table["iou"], self.table["oks_paper"]])[::-1][:count]
+    def worst_first(self) -> np.ndarray:
+        """Indices of the images from the lowest OKS (the paper's) to the highest; ties by IoU."""
+        return np.lexsort([self.table["iou"], self.table["oks_paper"]])
 
 
 def weighted_median(values: np.ndarray, weights: np.ndarray) -> float:

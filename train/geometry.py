@@ -35,7 +35,7 @@ class Pinhole:
         width, height = (_number(content, key, path) for key in ("Nu", "Nv"))
         if "cameraMatrix" in content or "K" in content:
             key = "cameraMatrix" if "cameraMatrix" in content else "K"
-            matrix = _array(content[key], (3, 3), f"{path}: {key}")
+            matrix = finite_array(content[key], (3, 3), f"{path}: {key}")
         else:  # SPEED gives the focal length and the pixel pitch in metres
             fx, fy, ppx, ppy = (_number(content, key, path) for key in ("fx", "fy", "ppx", "ppy"))
             matrix = np.array([[fx / ppx, 0, width / 2], [0, fy / ppy, height / 2], [0, 0, 1.0]])
@@ -46,7 +46,7 @@ class Pinhole:
         if not isinstance(given, list) or len(given) not in (0, 4, 5):
             raise InputError(f"{path}: distCoeffs: expected 4 or 5 numbers (k1 k2 p1 p2 k3), got {given!r}")
         given = [each[0] if isinstance(each, list) and len(each) == 1 else each for each in given]  # a column
-        distortion[: len(given)] = _array(given, (len(given),), f"{path}: distCoeffs")
+        distortion[: len(given)] = finite_array(given, (len(given),), f"{path}: distCoeffs")
         if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and np.allclose(matrix[2], [0, 0, 1])):
             raise InputError(
                 f"{path}: cameraMatrix: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0"
@@ -151,7 +151,7 @@ class Keypoints:
             points = {f"point_{i + 1}": point for i, point in enumerate(points)}
         if not isinstance(points, dict) or len(points) < 4:
             raise InputError(f"{path}: points_m: expected at least 4 points, as name: [x, y, z] in metres")
-        array = _array(list(points.values()), (len(points), 3), f"{path}: points_m")
+        array = finite_array(list(points.values()), (len(points), 3), f"{path}: points_m")
         names = tuple(map(str, points))
         name = str(content.get("name", path.stem))
         return cls(name, names, array, _sigmas(content, names, path), _flip(content, names, path))
@@ -164,7 +164,7 @@ def _sigmas(content: dict, names: tuple[str, ...], path: Path) -> np.ndarray | N
     if isinstance(given, dict):
         by_name = {str(name): value for name, value in given.items()}
         given = [by_name.pop(name, None) for name in names] if by_name.keys() <= set(names) else None
-    sigmas = _array(given, (len(names),), f"{path}: sigmas")
+    sigmas = finite_array(given, (len(names),), f"{path}: sigmas")
     if not (sigmas > 0).all():
         raise InputError("must be above 0", file=path, field="sigmas", expected="one number a point")
     return sigmas
@@ -230,11 +230,12 @@ def _number(content: dict, key: str, path: Path) -> float:
     return value
 
 
-def _array(value: Any, shape: tuple[int, ...], where: str) -> np.ndarray:
+def finite_array(value: Any, shape: tuple[int, ...], where: str) -> np.ndarray:
+    """A value of a file as finite numbers of a shape; refused, with `where` it stands, if it is anything else."""
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         array = np.array(np.nan)
     if array.shape != shape or not np.isfinite(array).all():
-        raise InputError(f"{where}: expected {' x '.join(map(str, shape))} finite numbers")
+        raise InputError(f"{where}: expected {' x '.join(map(str, shape)) or 1} finite numbers")
     return array

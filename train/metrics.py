@@ -36,11 +36,6 @@ class Detections:
         """Nothing found."""
         return cls(np.zeros((0, 4)), np.zeros((0, keypoints, 2)), np.zeros((0, keypoints)), np.zeros(0))
 
-    def ranked(self, most: int) -> "Detections":
-        """The `most` likeliest, best first."""
-        order = np.argsort(-self.scores, kind="stable")[:most]
-        return Detections(self.boxes[order], self.points[order], self.point_scores[order], self.scores[order])
-
 
 def box_iou(boxes: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Intersection over union of boxes (D, 4) with one box (4), x0 y0 x1 y1."""

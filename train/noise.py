@@ -1,6 +1,5 @@
 """An arm's noise as modules on batches (B, C, H, W) in [0, 1]."""
 
-from collections.abc import Callable
 from typing import Any
 
 import torch
@@ -10,27 +9,27 @@ from visaug.augment.sensor_noise import SensorNoise
 from visaug.camera import Camera
 from visaug.camera.spec import check_spec
 from visaug.core.errors import InputError
-from visaug_train import rivals
-from visaug_train.arms import Arm, ConfigSection, Vis, White
-from visaug_train.batch_noise import GaussianBlur, GaussianNoise, WhiteSensorNoise, WhiteTwin, chosen, uniform
+from visaug_train.arms import Arm, Vis, White
+from visaug_train.batch_noise import (
+    AugmentationModule,
+    BatchAugmentation,
+    WhiteSensorNoise,
+    WhiteTwin,
+    chosen,
+    uniform,
+)
 
 
 def batch_noise(arm: Arm) -> nn.Module:
-    """All steps of an arm in physical order: optics, sensor, additions to the picture, occlusions."""
-    steps: list[tuple[ConfigSection | None, Callable[..., nn.Module]]] = [
-        (arm.sun_flare, rivals.SunFlare),
-        (arm.motion_blur, rivals.RandomMotionBlur),
-        (arm.blur, GaussianBlur),
-        (arm.vis, lambda **_: vis_noise(arm.vis)),  # pyright: ignore[reportArgumentType]
-        (arm.white, lambda **_: white_noise(arm.white)),  # pyright: ignore[reportArgumentType]
-        (arm.gaussian, GaussianNoise),
-        (arm.iso_noise, rivals.IsoNoise),
-        (arm.brightness_contrast, rivals.BrightnessContrast),
-        (arm.randconv, rivals.RandConv),
-        (arm.corruptions, rivals.Corruptions),
-        (arm.erase, rivals.RandomErase),
-    ]
-    return nn.Sequential(*(make(**part.model_dump()) for part, make in steps if part is not None))
+    """All steps of an arm, in their order."""
+    steps = [step for _, step in arm if isinstance(step, BatchAugmentation | Vis)]
+    return nn.Sequential(*map(_module, steps))
+
+
+def _module(step: BatchAugmentation | Vis) -> nn.Module:
+    if isinstance(step, White):
+        return white_noise(step)
+    return vis_noise(step) if isinstance(step, Vis) else AugmentationModule(step)
 
 
 def white_noise(white: White) -> nn.Module:

@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 
 from visaug.report.plots.learning import ARM_COLOURS, plot_predictions
 from visaug.report.plots.style import blank, styled
 from visaug_train.evaluate import Evaluation
+from visaug_train.reduction import read_pixels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,21 +53,13 @@ def plot_gallery(evaluation: Evaluation, indices: Sequence[int] | np.ndarray) ->
         each = evaluation.detections[i]
         best = int(np.argmax(each.scores)) if len(each) else None
         inside = evaluation.targets.inside[i]
-        images.append(read_gray(str(evaluation.poses.files[i])))
+        images.append(read_pixels(evaluation.poses.files[i]))
         points.append(evaluation.targets.points[i][inside])
         found.append(None if best is None else each.points[best][inside])
         boxes.append(evaluation.targets.boxes[i])
         found_boxes.append(None if best is None else each.boxes[best])
         titles.append(f"{evaluation.domain} {i + 1}: OKS {evaluation.table['oks_paper'][i]:.2f}")
     return plot_predictions(images, points, found, boxes, found_boxes, titles)
-
-
-def read_gray(file: str) -> np.ndarray:
-    """An 8-bit gray image, (rows, columns)."""
-    image = cv2.imread(file, cv2.IMREAD_GRAYSCALE)
-    if image is None:
-        raise FileNotFoundError(file)
-    return image
 
 
 def plot_scores(

@@ -4,7 +4,6 @@ A record names its image by `file_name`, or by `image_id`: a name, or a number w
 image that is.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +13,12 @@ import numpy as np
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import write_json
+from visaug.core.progress import Progress
 from visaug_train.image_names import ImageNames
 from visaug_train.metrics import Detections
 from visaug_train.quiet import quiet_ultralytics
 from visaug_train.reduction import fitting, read_image, reduced
 from visaug_train.speed import PoseSet
-
-Progress = Callable[[str, int, int], None]
 
 
 def load_predictions(

@@ -67,11 +67,17 @@ def fitting(camera: Pinhole, image_size: int) -> tuple[int, int]:
     return round(camera.width * scale), round(camera.height * scale)
 
 
-def read_image(file: Path, camera: Pinhole, flags: int = cv2.IMREAD_UNCHANGED) -> np.ndarray:
-    """An image file of this camera."""
+def read_pixels(file: Path, flags: int = cv2.IMREAD_GRAYSCALE) -> np.ndarray:
+    """An image file as 8-bit gray, (rows, columns), or as OpenCV's `flags` say."""
     image = cv2.imread(str(file), flags)
     if image is None:
         raise InputError("cannot be read", file=file, expected="an image")
+    return image
+
+
+def read_image(file: Path, camera: Pinhole, flags: int = cv2.IMREAD_UNCHANGED) -> np.ndarray:
+    """An image file of this camera."""
+    image = read_pixels(file, flags)
     if image.shape[:2] != (camera.height, camera.width):
         raise InputError(
             f"wrong camera: the image has {image.shape[1]} x {image.shape[0]} pixels",

@@ -13,8 +13,9 @@ from visaug.report.plots.images import plot_components, plot_images
 from visaug.report.plots.learning import plot_timing, plot_training
 from visaug.report.provenance import footer
 from visaug_train.ablation import Ablation
-from visaug_train.plots import plot_dependence, plot_gallery, read_gray
+from visaug_train.plots import plot_dependence, plot_gallery
 from visaug_train.published import WHICH_OKS
+from visaug_train.reduction import read_pixels
 from visaug_train.studies.proof import proof_sections
 from visaug_train.studies.target import transductive
 from visaug_train.studies.target_report import target_sections
@@ -132,14 +133,10 @@ def _difference_table(ablation: Ablation) -> Table:
     measures = (DETECTION[0], *KEYPOINTS)  # more do not fit; differences.csv has all
     found = {(d.arm, d.domain, d.measure): d for d in ablation.differences}
     pairs = list(dict.fromkeys((d.arm, d.domain) for d in ablation.differences))
-    rows = [[arm, domain, *(_signed(found[arm, domain, m]) for m in measures)] for arm, domain in pairs]
+    rows = [[arm, domain, *(str(found[arm, domain, m]) for m in measures)] for arm, domain in pairs]
     head = ["arm", "test set", *(MEASURES[m][1].split(" (")[0].removesuffix(" mean") for m in measures)]
     caption = f"Differences to {ablation.config.baseline}, with 95 % intervals; keypoints by the paper's definition."
     return Table(head, rows, caption)
-
-
-def _signed(difference) -> str:
-    return f"{difference.difference:+.3f} [{difference.low:+.3f}, {difference.high:+.3f}]"
 
 
 def _findings(ablation: Ablation) -> Iterator[str]:
@@ -148,7 +145,7 @@ def _findings(ablation: Ablation) -> Iterator[str]:
         mine = [d for d in ablation.differences if d.arm == arm and d.measure == "keypoint_ap_coco"]
         clear = [
             f"{'higher' if d.low > 0 else 'lower'} on {d.domain}, {d.reference + d.difference:.3f} instead of "
-            f"{d.reference:.3f} ({_signed(d)})"
+            f"{d.reference:.3f} ({d})"
             for d in mine
             if d.low > 0 or d.high < 0
         ]
@@ -163,7 +160,7 @@ def _images(ablation: Ablation) -> Iterator[Text | Figure]:
     config = ablation.config
     domain, poses = next(iter(ablation.study.tests.items()))
     files = [poses.files[i] for i in np.linspace(0, len(poses) - 1, 4).astype(int)]
-    clean = np.stack([read_gray(str(file)) for file in files]).astype(np.float32) / 255
+    clean = np.stack([read_pixels(file) for file in files]).astype(np.float32) / 255
     pictures, titles = list(clean), [f"{domain}, clean"] * 4
     for name in config.arms:
         arm = config.arm(name)
@@ -182,7 +179,7 @@ def _images(ablation: Ablation) -> Iterator[Text | Figure]:
         shown = [(name, each.files[i]) for name, each in others for i in (0, 1, 2, 3)[: len(each)]]
         yield figure(
             plot_images(
-                [read_gray(str(file)) / 255 for _, file in shown], [name for name, _ in shown], limits=(0, 1)
+                [read_pixels(file) / 255 for _, file in shown], [name for name, _ in shown], limits=(0, 1)
             ),
             "Images of the other test sets.",
             raster=True,
@@ -223,7 +220,7 @@ def _predictions(ablation: Ablation) -> Section:
             raster=True,
         )
         for domain, each in evaluations.items()
-        for what, indices in (("best", each.best(4)), ("worst", each.worst(4)))
+        for what, indices in (("best", each.worst_first()[::-1][:4]), ("worst", each.worst_first()[:4]))
     ]
     return Section("Predictions", blocks)
 

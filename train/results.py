@@ -39,6 +39,9 @@ class ArmDifference:
     high: float
     p_value_in_family: float = float("nan")
 
+    def __str__(self) -> str:
+        return tables.signed(self.difference, self.low, self.high)
+
     @property
     def clear(self) -> bool:
         """Whether its own interval leaves out 0."""
@@ -89,19 +92,23 @@ class Ablation:
         """(arm, seed) -> domain -> scores, as `visaug evaluate` gives them."""
         return {key: {d: e.summary() for d, e in each.items()} for key, (_, each) in self.scored.items()}
 
+    def of_seeds(self, arm: str, domain: str, measure: str) -> list[float]:
+        """A measure of each finished run of an arm."""
+        return [tables.value(self.summaries[arm, s][domain], measure) for s in self.seeds(arm)]
+
     @cached_property
-    def means(self) -> dict[str, dict[str, dict[str, float]]]:
-        """arm -> domain -> measure -> mean over seeds."""
+    def means(self) -> tables.Scores:
+        """Means over seeds."""
         return self._over_seeds(self.summaries, lambda values: float(np.mean(values)), 1)
 
     @cached_property
-    def spreads(self) -> dict[str, dict[str, dict[str, float]]]:
+    def spreads(self) -> tables.Scores:
         """The same, the seeds' standard deviation; arms with one seed have none."""
         return self._over_seeds(self.summaries, lambda values: float(np.std(values, ddof=1)), 2)
 
     def _over_seeds(
         self, summaries: Mapping[tuple[str, int], Any], statistic: Callable[[list[float]], float], least: int
-    ) -> dict[str, dict[str, dict[str, float]]]:
+    ) -> tables.Scores:
         seeds = {arm: [s for s in self.seeds(arm) if (arm, s) in summaries] for arm in self.config.arms}
 
         def of(arm: str, domain: str, measure: str) -> float:
@@ -227,7 +234,7 @@ class Ablation:
             made["oracle"] = oracle.gain_table(self.gains, self.config.baseline, self.config.oracle)
         published = TABLES_2_3 if self.config.published else {}
         measured = ["keypoint_ap_paper", "oks_paper", "keypoint_ap_coco", "oks_coco"]
-        scores, spreads = self.means | published, self.spreads
+        scores, spreads = {**self.means, **published}, self.spreads
         made["detection"] = tables.score_table("Object detection", scores, ["box_ap", "iou"], spreads)
         keypoints = tables.score_table("Keypoint regression", scores, measured, spreads)
         made["keypoints"] = keypoints.with_note(WHICH_OKS) if published else keypoints
@@ -271,7 +278,7 @@ class Ablation:
             "cameras_from_test_images": transductive(self.study),
             "intervals": self.interval_covers,
             "failures": [f.__dict__ for f in self.failures],
-            "oracle": [gain.to_json() for gain in self.gains],
+            "oracle": [gain.__dict__ for gain in self.gains],
             "hidden_effects": [outcome.to_json() for outcome in proof.outcomes(self)],
         }
 

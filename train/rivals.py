@@ -1,4 +1,4 @@
-"""Augmentations that sensor noise competes with: modules on (B, C, H, W) in [0, 1], each acting on a share `p`.
+"""Augmentations that sensor noise competes with: functions of (B, C, H, W) in [0, 1], each acting on a share `p`.
 
 They are those of SPNv2 and SPNv3 (T. H. Park and S. D'Amico, Advances in Space Research, 2023) that need no weights, by
 their definition in Albumentations where there is one. Random numbers come from torch's global generator; gray images
@@ -6,22 +6,23 @@ stay gray.
 """
 
 import torch
-from torch import Tensor, nn
+from pydantic import Field, field_validator
+from torch import Tensor
 from torch.nn.functional import avg_pool2d, conv2d, interpolate, pad
 
-from visaug_train.batch_noise import chosen, uniform
+from visaug_train.batch_noise import BatchAugmentation, chosen, uniform
+from visaug_train.sections import Amounts, Counts, PositivePair, Share, SharePair
 
-Pair = tuple[float, float]
 
+class RandomErase(BatchAugmentation):
+    """Random erasing (Z. Zhong et al., AAAI 2020): a rectangle of `area` (share of the image) and `aspect` (height over width)
+    is filled with uniform noise.
+    """
 
-class RandomErase(nn.Module):
-    """A rectangle of `area` (share of the image) and `aspect` (height over width) is filled with uniform noise."""
+    area: SharePair = (0.02, 0.33)
+    aspect: PositivePair = (0.3, 3.3)
 
-    def __init__(self, p: float, area: Pair, aspect: Pair) -> None:
-        super().__init__()
-        self.p, self.area, self.aspect = p, area, aspect
-
-    def forward(self, images: Tensor) -> Tensor:
+    def __call__(self, images: Tensor) -> Tensor:
         b, _, h, w = images.shape
         area = uniform(b, self.area, images) * h * w
         low, high = (float(torch.tensor(end).log()) for end in self.aspect)
@@ -36,14 +37,15 @@ class RandomErase(nn.Module):
         return torch.where(inside, filling, images)
 
 
-class SunFlare(nn.Module):
-    """A source with a halo that falls off exponentially, and `ghosts` discs on the line through the image's centre."""
+class SunFlare(BatchAugmentation):
+    """A source with a halo that falls off exponentially, and `ghosts` discs on the line through the image's centre, as
+    Albumentations' RandomSunFlare.
+    """
 
-    def __init__(self, p: float, radius: Pair, ghosts: tuple[int, int]) -> None:
-        super().__init__()
-        self.p, self.radius, self.ghosts = p, radius, ghosts
+    radius: PositivePair = Field((0.05, 0.3), description="of the source's halo, of the image's longer side")
+    ghosts: Counts = (3, 7)
 
-    def forward(self, images: Tensor) -> Tensor:
+    def __call__(self, images: Tensor) -> Tensor:
         b, _, h, w = images.shape
         y = torch.arange(h, device=images.device, dtype=images.dtype)[:, None]
         x = torch.arange(w, device=images.device, dtype=images.dtype)
@@ -65,28 +67,25 @@ class SunFlare(nn.Module):
         return torch.where(chosen(self.p, images), (images + light[:, None]).clamp(0, 1), images)
 
 
-class BrightnessContrast(nn.Module):
+class BrightnessContrast(BatchAugmentation):
     """(1 + c) x + b with c and b uniform within `contrast` and `brightness`."""
 
-    def __init__(self, p: float, brightness: float, contrast: float) -> None:
-        super().__init__()
-        self.p, self.brightness, self.contrast = p, brightness, contrast
+    brightness: Share = 0.2
+    contrast: Share = 0.2
 
-    def forward(self, images: Tensor) -> Tensor:
+    def __call__(self, images: Tensor) -> Tensor:
         b = len(images)
         slope = 1 + uniform(b, (-self.contrast, self.contrast), images)[:, None, None, None]
         shift = uniform(b, (-self.brightness, self.brightness), images)[:, None, None, None]
         return torch.where(chosen(self.p, images), (slope * images + shift).clamp(0, 1), images)
 
 
-class RandomMotionBlur(nn.Module):
+class RandomMotionBlur(BatchAugmentation):
     """Mean along a line of `length_px` pixels at a random angle."""
 
-    def __init__(self, p: float, length_px: Pair) -> None:
-        super().__init__()
-        self.p, self.length_px = p, length_px
+    length_px: Amounts = (3.0, 7.0)
 
-    def forward(self, images: Tensor) -> Tensor:
+    def __call__(self, images: Tensor) -> Tensor:
         b, c = images.shape[:2]
         reach = int(self.length_px[1] / 2 + 1)
         length = uniform(b, self.length_px, images)
@@ -107,28 +106,35 @@ class RandomMotionBlur(nn.Module):
         return torch.where(chosen(self.p, images), blurred, images)
 
 
-class IsoNoise(nn.Module):
-    """x + n (1 - x), n Poisson of mean s i (in 8-bit levels): s the image's standard deviation, i the intensity."""
+class IsoNoise(BatchAugmentation):
+    """Albumentations' ISONoise on luminance: x + n (1 - x), n Poisson of mean s i (in 8-bit levels): s the image's standard
+    deviation, i the intensity.
+    """
 
-    def __init__(self, p: float, intensity: Pair) -> None:
-        super().__init__()
-        self.p, self.intensity = p, intensity
+    intensity: Amounts = (0.1, 0.5)
 
-    def forward(self, images: Tensor) -> Tensor:
+    def __call__(self, images: Tensor) -> Tensor:
         b, _, h, w = images.shape
         rate = images.std(dim=(1, 2, 3)) * uniform(b, self.intensity, images) * 255
         noise = torch.poisson(rate[:, None, None, None].expand(b, 1, h, w)) / 255
         return torch.where(chosen(self.p, images), (images + noise * (1 - images)).clamp(0, 1), images)
 
 
-class RandConv(nn.Module):
-    """a x + (1 - a) k * x, a uniform in [0, 1], k normal of variance 1 / size^2, one of the sizes for each batch."""
+class RandConv(BatchAugmentation):
+    """A random convolution (Z. Xu et al., ICLR 2021): a x + (1 - a) k * x, a uniform in [0, 1], k normal of variance
+    1 / size^2, one of the sizes for each batch.
+    """
 
-    def __init__(self, p: float, kernels: list[int]) -> None:
-        super().__init__()
-        self.p, self.kernels = p, kernels
+    kernels: list[int] = Field([1, 3, 5, 7])
 
-    def forward(self, images: Tensor) -> Tensor:
+    @field_validator("kernels")
+    @classmethod
+    def _odd(cls, kernels: list[int]) -> list[int]:
+        if not kernels or any(k < 1 or k % 2 == 0 for k in kernels):
+            raise ValueError("expected odd sizes such as [1, 3, 5, 7]")
+        return kernels
+
+    def __call__(self, images: Tensor) -> Tensor:
         b, c, _, _ = images.shape
         size = self.kernels[int(torch.randint(len(self.kernels), ()))]
         kernel = torch.randn(b, 1, size, size, device=images.device, dtype=images.dtype) / size
@@ -137,20 +143,20 @@ class RandConv(nn.Module):
         return torch.where(chosen(self.p, images), (mix * images + (1 - mix) * changed).clamp(0, 1), images)
 
 
-class Corruptions(nn.Module):
-    """One of six corruptions for each image, with a severity uniform within `severity`."""
+class Corruptions(BatchAugmentation):
+    """One corruption for each image, in the manner of D. Hendrycks and T. Dietterich (ICLR 2019): contrast, pixelation,
+    posterisation, impulse noise, speckle noise or defocus.
+    """
 
-    def __init__(self, p: float, severity: Pair) -> None:
-        super().__init__()
-        self.p, self.severity = p, severity
-        self.kinds = (_contrast, _pixelate, _posterize, _impulse, _speckle, _defocus)
+    severity: SharePair = Field((0.2, 1.0), description="0 does nothing, 1 is the strongest")
 
-    def forward(self, images: Tensor) -> Tensor:
+    def __call__(self, images: Tensor) -> Tensor:
+        corruptions = (_contrast, _pixelate, _posterize, _impulse, _speckle, _defocus)
         acts = chosen(self.p, images).flatten().tolist()
-        kinds = torch.randint(len(self.kinds), (len(images),)).tolist()
+        kinds = torch.randint(len(corruptions), (len(images),)).tolist()
         severity = uniform(len(images), self.severity, images).tolist()
         changed = [
-            self.kinds[kind](image[None], s)[0] if act else image
+            corruptions[kind](image[None], s)[0] if act else image
             for image, act, kind, s in zip(images, acts, kinds, severity)
         ]
         return torch.stack(changed).clamp(0, 1)

@@ -2,16 +2,17 @@
 
 import hashlib
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 from typing import Any
 
+from visaug.core.progress import Progress
 from visaug_train.convert import identity
 from visaug_train.evaluate import Evaluation, evaluate
 from visaug_train.metrics import Detections
 from visaug_train.predictions import load_predictions, predict, save_predictions
 from visaug_train.speed import PoseSet
 from visaug_train.training import Run, Study, train_run
-
-Progress = Callable[[str, int, int], None]
 
 
 def other_weights(weights: str) -> str:
@@ -57,21 +58,25 @@ def predictions_of(
     weights: str | None = None,
 ) -> list[Detections]:
     """What a run's network finds in a set; kept beside the weights."""
-    arguments = {**study.config.training, **study.config.arm(run.arm).training}
     file = run.weights.with_stem(weights) if weights else run.weights
     digest = hashlib.sha256(f"{file.name}\n{identity(poses)}".encode()).hexdigest()[:8]
     path = run.folder / "predictions" / f"{domain}-{digest}.json"
     if not path.is_file():
-        detections = predict(
-            file,
-            poses,
-            arguments.get("imgsz", 640),
-            study.config.output / "ultralytics-settings",
-            arguments.get("device"),
-            f"evaluating {run.arm} seed {run.seed} on {domain}",
-            progress,
-            size=study.config.data.image_size,
-            reduce=study.config.data.reduction,
-        )
+        title = f"evaluating {run.arm} seed {run.seed} on {domain}"
+        detections = predictor(study, run, file)(poses, title=title, progress=progress)
         save_predictions(path, poses, detections)
     return load_predictions(path, poses, len(study.keypoints))
+
+
+def predictor(study: Study, run: Run, weights: Path) -> Callable[..., list[Detections]]:
+    """What a file of a run's weights finds in a set, a function of the set: images are reduced as in training."""
+    arguments = {**study.config.training, **study.config.arm(run.arm).training}
+    return partial(
+        predict,
+        weights,
+        image_size=arguments.get("imgsz", 640),
+        settings_folder=study.config.output / "ultralytics-settings",
+        device=arguments.get("device"),
+        size=study.config.data.image_size,
+        reduce=study.config.data.reduction,
+    )

@@ -9,7 +9,6 @@ import hashlib
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +22,7 @@ from visaug.camera.paths import PARTS
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import folder_lock, whole_file, write_json, write_text
+from visaug.core.progress import Progress
 from visaug.effects import catalogue
 from visaug_train.convert import identity
 from visaug_train.evaluate import evaluate
@@ -34,17 +34,16 @@ from visaug_train.speed import PoseSet
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Progress = Callable[[str, int, int], None]
 Predict = Callable[[PoseSet], list[Detections]]
 
 GAIN_STEPS_DB = (0.0, 6.0, 12.0, 18.0, 24.0, 30.0, 36.0)  # above the camera's own: factors of two up to 64
-SCORES = ("keypoint_ap", "oks", "position_error", "attitude_error_deg")
 LABELS = {
     "keypoint_ap": "keypoint AP (COCO)",
     "oks": "OKS (COCO), mean",
     "position_error": "position error / distance",
     "attitude_error_deg": "attitude error, deg",
 }
+SCORES = tuple(LABELS)
 UNITS = {
     "gain_db": "gain, dB",
     "exposure": "exposure, share of saturation",
@@ -69,10 +68,6 @@ class Severity:
     camera: str
     clean: dict[str, float | None]
     rows: list[dict[str, Any]]
-
-    def to_json(self) -> dict[str, Any]:
-        """camera, clean, rows."""
-        return {"camera": self.camera, "clean": self.clean, "rows": self.rows}
 
     def to_csv(self) -> str:
         """A line a point; the first are the clean images."""
@@ -134,28 +129,21 @@ def points_of(camera: Camera, axes: Sequence[str] | None = None) -> list[Severit
     for axis in axes or ():
         if axis not in known:
             raise InputError(f"{axis} has no curve", field="severity", expected=f"of {', '.join(known)}")
-    found = []
-    exposures = (1.0, 0.3, 0.1, 0.03, 0.01)  # shares of the saturating light, about half a decade each
-    temperatures_c = (-20.0, 0.0, 20.0, 40.0, 60.0)  # the industrial range of cameras
+    values = {
+        "gain_db": [camera.spec.gain_db + step for step in GAIN_STEPS_DB],
+        "exposure": (1.0, 0.3, 0.1, 0.03, 0.01),  # shares of the saturating light, about half a decade each
+        "temperature_c": (-20.0, 0.0, 20.0, 40.0, 60.0),  # the industrial range of cameras
+    }
     factors = (0.0, 1.0, 3.0, 10.0, 30.0)  # on an effect's own strength; 0 is the camera without it
+    found = []
     for axis in axes or known:
-        if axis == "gain_db":
-            found += [
-                SeverityPoint(axis, g, camera.replace({axis: g}))
-                for g in camera.spec.gain_db + np.array(GAIN_STEPS_DB)
-            ]
-        elif axis == "exposure":
-            found += [SeverityPoint(axis, share, camera, share) for share in exposures]
-        elif axis == "temperature_c":
-            found += [
-                SeverityPoint(axis, degrees, camera.replace({axis: degrees})) for degrees in temperatures_c
-            ]
-        else:
-            found += [
-                SeverityPoint(axis, f, changed)
-                for f in factors
-                if (changed := _scaled(camera, strengths[axis], f))
-            ]
+        for value in values.get(axis, factors):
+            if axis == "exposure":
+                found.append(SeverityPoint(axis, value, camera, value))
+            elif axis in UNITS:
+                found.append(SeverityPoint(axis, value, camera.replace({axis: value})))
+            elif changed := _scaled(camera, strengths[axis], value):
+                found.append(SeverityPoint(axis, value, changed))
     return found
 
 
@@ -287,13 +275,3 @@ def _scores(summary: dict[str, Any]) -> dict[str, float | None]:
         name: None if value is None or not np.isfinite(value) else float(value)
         for name, value in found.items()
     }
-
-
-def predict_with(weights: Path, settings_folder: Path, **options: Any) -> Predict:
-    """ultralytics' network as a function of a set; `options` are those of `visaug_train.predictions.predict`."""
-    from visaug_train.predictions import predict
-
-    def run(poses: PoseSet, **more: Any) -> list[Detections]:
-        return predict(weights, poses, settings_folder=settings_folder, **more)
-
-    return partial(run, **options)

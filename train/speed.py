@@ -6,7 +6,7 @@ SPEED+: ``camera.json``, ``synthetic/{train,validation}.json`` with ``synthetic/
 domains may have any name.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +16,7 @@ from PIL import Image
 
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
-from visaug_train.geometry import Keypoints, Pinhole, Targets, project_targets
+from visaug_train.geometry import Keypoints, Pinhole, Targets, finite_array, project_targets
 
 # The paper splits SPEED's 12,000 labelled synthetic images so (it does not say which image goes where).
 SPEED_SPLIT = {"train": 7680, "validation": 1920, "test": 2400}
@@ -72,8 +72,14 @@ class PoseSet:
 
     @cached_property
     def ids(self) -> tuple[str, ...]:
-        """A name of each image that no other has: the file's, with as many of its folders as that takes."""
-        return image_ids(self.files)
+        """A name of each image that no other has: the file's, with as many of its folders as that takes:
+        `a.png`, or `scene_1/rgb/a.png`.
+        """
+        parts = 1
+        longest = max((len(file.parts) for file in self.files), default=1)
+        while parts < longest and len({file.parts[-parts:] for file in self.files}) < len(self.files):
+            parts += 1
+        return tuple("/".join(file.parts[-parts:]) for file in self.files)
 
     def targets(self, keypoints: Keypoints) -> Targets:
         """Boxes and keypoints in pixels: as annotated where they are, else projected by the pose."""
@@ -94,26 +100,16 @@ class PoseSet:
         known = np.asarray(np.isfinite(self.boxes).all(axis=1))
         return replace(targets, boxes=np.where(known[:, None], self.boxes, targets.boxes))
 
-    def select(self, indices: np.ndarray, name: str | None = None) -> "PoseSet":
+    def select(self, indices: np.ndarray) -> "PoseSet":
         """The images at `indices`."""
         return replace(
             self,
-            name=name or self.name,
             files=tuple(self.files[i] for i in indices),
             quaternions=self.quaternions[indices],
             translations=self.translations[indices],
             boxes=None if self.boxes is None else self.boxes[indices],
             points=None if self.points is None else self.points[indices],
         )
-
-
-def image_ids(files: Sequence[Path]) -> tuple[str, ...]:
-    """The shortest ends of the paths, of equally many parts, that differ: `a.png`, or `scene_1/rgb/a.png`."""
-    parts = 1
-    longest = max((len(file.parts) for file in files), default=1)
-    while parts < longest and len({file.parts[-parts:] for file in files}) < len(files):
-        parts += 1
-    return tuple("/".join(file.parts[-parts:]) for file in files)
 
 
 def is_speed(root: Path) -> bool:
@@ -135,11 +131,29 @@ def domains(root: str | Path) -> dict[str, tuple[str, ...]]:
     if is_speed(root):
         found: dict[str, tuple[str, ...]] = {"speed": SPLITS}
         return found | ({"real": ("test",)} if (root / "real.json").is_file() else {})
-    found = {}
-    for name in listings(root):
-        domain, split = name.split("/")
+    return by_domain(name.split("/") for name in listings(root))
+
+
+def by_domain(pairs: Iterable[Sequence[str]]) -> dict[str, tuple[str, ...]]:
+    """The splits of each domain, from (domain, split)."""
+    found: dict[str, tuple[str, ...]] = {}
+    for domain, split in pairs:
         found[domain] = (*found.get(domain, ()), split)
     return found
+
+
+def chosen_split(found: dict[str, tuple[str, ...]], domain: str, split: str | None, root: Path) -> str:
+    """The split that is meant: left out, the domain's test split, else validation, else train.
+
+    Raises:
+        InputError: `found`, the splits by domain, does not have it.
+    """
+    if domain not in found:
+        raise InputError(f"{root}: domain: expected one of {', '.join(found)}, got {domain}")
+    split = split or next(s for s in ("test", "validation", "train") if s in found[domain])
+    if split not in found[domain]:
+        raise InputError(f"{root}: {domain}: split: expected one of {', '.join(found[domain])}, got {split}")
+    return split
 
 
 def listings(root: Path) -> dict[str, tuple[Path, Path]]:
@@ -168,14 +182,6 @@ def listings(root: Path) -> dict[str, tuple[Path, Path]]:
     return found
 
 
-def read_camera(root: str | Path) -> Pinhole:
-    """The camera of a folder."""
-    root = Path(root)
-    if is_speed(root) and not (root / "camera.json").is_file():
-        return SPEED_CAMERA
-    return Pinhole.load(root / "camera.json")
-
-
 def read_poses(
     root: str | Path, domain: str, split: str | None = None, seed: int = 0, labels: bool = True
 ) -> PoseSet:
@@ -190,15 +196,12 @@ def read_poses(
     lists, found = listings(root), domains(root)
     if is_speed(root) and not labels:
         found |= {name.split("/")[0]: ("test",) for name in lists if name.endswith("test/test")}
-    if domain not in found:
-        raise InputError(f"{root}: domain: expected one of {', '.join(found)}, got {domain}")
-    if split is None:
-        split = next(s for s in ("test", "validation", "train") if s in found[domain])
-    if split not in found[domain]:
-        raise InputError(f"{root}: {domain}: split: expected one of {', '.join(found[domain])}, got {split}")
+    split = chosen_split(found, domain, split, root)
     is_split = is_speed(root) and domain == "speed"
     listing, images = lists["speed/all" if is_split else f"{domain}/{split}"]
-    poses = read_listing(listing, images, read_camera(root), f"{domain}/{split}")
+    bare = is_speed(root) and not (root / "camera.json").is_file()
+    camera = SPEED_CAMERA if bare else Pinhole.load(root / "camera.json")
+    poses = read_listing(listing, images, camera, f"{domain}/{split}")
     if labels and not poses.labelled:
         raise InputError(
             "the images have no poses",
@@ -249,8 +252,8 @@ def read_listing(listing: Path, images: Path, camera: Pinhole, name: str) -> Pos
         if unlabelled:
             continue
         quaternion, translation = _pose_of(record)
-        quaternions.append(_vector(quaternion, 4, f"{where}: q_vbs2tango_true"))
-        translations.append(_vector(translation, 3, f"{where}: r_Vo2To_vbs_true"))
+        quaternions.append(finite_array(quaternion, (4,), f"{where}: q_vbs2tango_true"))
+        translations.append(finite_array(translation, (3,), f"{where}: r_Vo2To_vbs_true"))
         norm = float(np.linalg.norm(quaternions[-1]))
         if abs(norm - 1) > 1e-2:
             raise InputError(f"{where}: q_vbs2tango_true: expected a unit quaternion, got length {norm:.4g}")
@@ -271,16 +274,6 @@ def _pose_of(record: dict) -> tuple[object, object]:
     return record.get("q_vbs2tango_true", record.get("q_vbs2tango")), record.get("r_Vo2To_vbs_true")
 
 
-def _vector(value: object, size: int, where: str) -> np.ndarray:
-    try:
-        vector = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        vector = np.array(np.nan)
-    if vector.shape != (size,) or not np.isfinite(vector).all():
-        raise InputError(f"{where}: expected {size} finite numbers, got {value!r}")
-    return vector
-
-
 def check_images(poses: PoseSet, listing: Path) -> None:
     """Refuse a list of images that are not there, or not of the camera's size."""
     present: dict[Path, set[str]] = {}
@@ -292,21 +285,21 @@ def check_images(poses: PoseSet, listing: Path) -> None:
             f"{listing}: {len(missing)} of {len(poses)} images are missing, the first is {missing[0]}"
         )
     for file in poses.files[:: max(1, len(poses) // 32)]:  # the rest is checked when it is read
-        check_size(file, poses.camera)
+        size = image_size(file)
+        if size != (poses.camera.width, poses.camera.height):
+            raise InputError(
+                f"{file}: wrong camera: camera.json says {poses.camera.width} x {poses.camera.height} pixels, "
+                f"the image has {size[0]} x {size[1]}"
+            )
 
 
-def check_size(file: Path, camera: Pinhole) -> None:
-    """Refuse an image that the camera cannot have taken."""
+def image_size(file: Path) -> tuple[int, int]:
+    """Width and height of an image."""
     try:
         with Image.open(file) as image:
-            size = image.size
+            return image.size
     except OSError:
-        raise InputError(f"{file}: expected an image that can be read") from None
-    if size != (camera.width, camera.height):
-        raise InputError(
-            f"{file}: wrong camera: camera.json says {camera.width} x {camera.height} pixels, "
-            f"the image has {size[0]} x {size[1]}"
-        )
+        raise InputError("cannot be read", file=file, expected="an image") from None
 
 
 def check_camera(poses: PoseSet, listing: Path) -> None:

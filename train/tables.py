@@ -20,6 +20,9 @@ MEASURES: dict[str, tuple[tuple[str, ...], str, bool]] = {
     "oks_coco": (("oks", "coco"), "OKS mean (COCO)", True),
     "spec_score": (("spec_score",), "SPEC score", False),
 }
+Scores = Mapping[
+    str, Mapping[str, Mapping[str, float]]
+]  # arm -> domain -> measure -> one number over the seeds
 
 
 @dataclass(frozen=True)
@@ -80,20 +83,13 @@ def value(summary: Mapping[str, Any], measure: str) -> float:
 
 
 def score_table(
-    title: str,
-    means: Mapping[str, Mapping[str, Mapping[str, float]]],
-    measures: Sequence[str],
-    spreads: Mapping[str, Mapping[str, Mapping[str, float]]] | None = None,
+    title: str, means: Scores, measures: Sequence[str], spreads: Scores | None = None
 ) -> ResultTable:
-    """Arms as rows; for each domain the measures as columns.
-
-    `means` is arm -> domain -> measure -> mean over seeds, `spreads` the same of the seeds' standard deviation.
-    """
-    spreads = spreads or {}
+    """Arms as rows; for each domain the measures as columns: `means` over seeds, with `spreads`, their standard deviations."""
 
     def cell(arm: str, domain: str, measure: str) -> str:
         number = _number(means[arm].get(domain, {}).get(measure))
-        spread = spreads.get(arm, {}).get(domain, {}).get(measure)
+        spread = (spreads or {}).get(arm, {}).get(domain, {}).get(measure)
         return number if spread is None else f"{number} ± {spread:.4f}"
 
     domains = list(dict.fromkeys(domain for scores in means.values() for domain in scores))
@@ -153,12 +149,7 @@ def marked(table: ResultTable, notes: Mapping[str, str]) -> ResultTable:
     return made.with_note(" ".join(f"† {arm}: {note}." for arm, note in here.items()))
 
 
-def weights_table(
-    headline: str,
-    means: Mapping[str, Mapping[str, Mapping[str, float]]],
-    other: str,
-    others: Mapping[str, Mapping[str, Mapping[str, float]]],
-) -> ResultTable:
+def weights_table(headline: str, means: Scores, other: str, others: Scores) -> ResultTable:
     """The same runs' other weights beside those of all other tables: means over seeds."""
     measures = ("box_ap", "keypoint_ap_paper", "keypoint_ap_coco")
     head = ["arm", "domain", *(f"{MEASURES[m][1]}, {w}" for m in measures for w in (headline, other))]
@@ -176,12 +167,7 @@ def weights_table(
     )
 
 
-def overview_table(
-    means: Mapping[str, Mapping[str, Mapping[str, float]]],
-    differences: Sequence[Any],
-    baseline: str,
-    most: int = 100,
-) -> ResultTable:
+def overview_table(means: Scores, differences: Sequence[Any], baseline: str, most: int = 100) -> ResultTable:
     """One measure at a glance: test sets as rows, arms as columns, each with its change and whether that is clear.
 
     With more than `most` arms beside the baseline each has a row.
@@ -223,7 +209,7 @@ def change(difference: Any) -> str:
     better = MEASURES[d.measure][2]
     words = {1: "better" if better else "worse", -1: "worse" if better else "better", 0: "not clear"}
     said = words[int(d.low > 0) - int(d.high < 0)]
-    return f"{said}: {signed(d.difference, d.low, d.high)}"
+    return f"{said}: {d}"
 
 
 POSE_COLUMNS = {
@@ -248,7 +234,7 @@ def pose_table(summaries: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]
     return ResultTable(title, ["arm", "domain", *POSE_COLUMNS], rows)
 
 
-def comparison_table(means: Mapping[str, Mapping[str, Mapping[str, float]]]) -> ResultTable:
+def comparison_table(means: Scores) -> ResultTable:
     """The paper's table 4 with these arms: target detection on SPEED."""
     rows = [[name, _number(iou), _number(ap)] for name, (iou, ap) in TABLE_4.items()]
     rows += [

@@ -10,7 +10,7 @@ import json
 import shutil
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -21,6 +21,7 @@ from torch import nn
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file, write_json, write_text
+from visaug.core.progress import Progress
 from visaug_train import checkpoints
 from visaug_train.arms import Arm
 from visaug_train.callbacks import close_noise, follow, keep_batch
@@ -31,15 +32,12 @@ from visaug_train.datasets import keypoints_of, read_poses
 from visaug_train.device import Say, cost, followed
 from visaug_train.geometry import Keypoints
 from visaug_train.noise import batch_noise
-from visaug_train.noise import vis_noise as vis_noise
 from visaug_train.quiet import quiet_ultralytics, set_tracking
 from visaug_train.record import decides, surroundings
-from visaug_train.render.dataset import RenderSettings, read_back, render_dataset
+from visaug_train.render.dataset import read_back, render_dataset
 from visaug_train.speed import PoseSet, part_of
 from visaug_train.studies.hidden import HiddenEffect, hide_effects
 from visaug_train.studies.target import TargetCamera, make_cameras
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -83,10 +81,8 @@ def prepare(
     data = config.data
     root = data.root
     if data.rendered is not None:
-        given = data.rendered.model_dump(exclude_none=True)
-        settings = RenderSettings(**given)
-        root = config.output / f"data-{_digest(read_back(settings))}"
-        render_dataset(root, settings, progress)
+        root = config.output / f"data-{_digest(read_back(data.rendered))}"
+        render_dataset(root, data.rendered, progress)
     assert root is not None  # check_config saw to it
 
     def read(source: Any) -> PoseSet:
@@ -136,18 +132,8 @@ def train_run(study: Study, arm_name: str, seed: int, progress: Progress | None 
             progress,
             arm.clean_epochs,
         )
-        write_json(
-            folder / "run.json",
-            {
-                "arm": arm_name,
-                "seed": seed,
-                "hash": folder.name.rsplit("-", 1)[-1],
-                **decides(config, arm, study.data_yaml),
-                "surroundings": surroundings(arguments.get("device"), followed(arguments).get("amp")),
-                "seconds": seconds,
-            },
-        )
-        checkpoints.forget(folder)
+        named = {"arm": arm_name, "seed": seed, "hash": folder.name.rsplit("-", 1)[-1]}
+        _finish(folder, {**named, **decides(config, arm, study.data_yaml)}, arguments, seconds)
         _failure_file(study, arm_name, seed).unlink(missing_ok=True)  # of an earlier try
     record = read_json(folder / "run.json")
     return Run(
@@ -177,10 +163,15 @@ def start_network(study: Study, progress: Progress | None = None) -> str | None:
         seconds = _train(
             config, batch_noise(arm), arguments, study.data_yaml, folder, start.seed, title, progress
         )
-        around = surroundings(arguments.get("device"), followed(arguments).get("amp"))
-        write_json(folder / "run.json", {**decided, "surroundings": around, "seconds": seconds})
-        checkpoints.forget(folder)
+        _finish(folder, decided, arguments, seconds)
     return str(folder / "weights" / "last.pt")
+
+
+def _finish(folder: Path, record: dict[str, Any], arguments: dict[str, Any], seconds: float) -> None:
+    """Write run.json, by which a run is known to be finished."""
+    around = surroundings(arguments.get("device"), followed(arguments).get("amp"))
+    write_json(folder / "run.json", {**record, "surroundings": around, "seconds": seconds})
+    checkpoints.forget(folder)
 
 
 def _from_weights(config: Config, weights: Path) -> Path:

@@ -13,10 +13,10 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
 
+from visaug.core.progress import Progress
 from visaug_train.scoring import run_and_score
 from visaug_train.training import Study, run_folder, train_run
 
-Progress = Callable[[str, int, int], None]
 _tell: Any = None  # in a worker: the queue to the process that shows the progress
 
 

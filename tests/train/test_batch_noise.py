@@ -11,7 +11,7 @@ def test_blur_keeps_the_mean_and_spreads_a_point_by_its_sigma():
     torch.manual_seed(0)
     images = torch.zeros(2, 3, 41, 41)
     images[:, :, 20, 20] = 1
-    blurred = GaussianBlur(1.0, (1.5, 1.5))(images)
+    blurred = GaussianBlur(p=1.0, sigma_px=(1.5, 1.5))(images)
     assert blurred.sum(dim=(2, 3)).flatten().tolist() == pytest.approx([1] * 6, abs=1e-4)
     x = torch.arange(41.0) - 20
     variance = (blurred[0, 0].sum(dim=0) * x**2).sum()
@@ -21,7 +21,7 @@ def test_blur_keeps_the_mean_and_spreads_a_point_by_its_sigma():
 
 def test_noise_has_its_standard_deviation_and_one_draw_for_all_channels():
     torch.manual_seed(0)
-    noise = GaussianNoise(1.0, (0.05, 0.05))(torch.full((4, 3, 200, 200), 0.5)) - 0.5
+    noise = GaussianNoise(p=1.0, std=(0.05, 0.05))(torch.full((4, 3, 200, 200), 0.5)) - 0.5
     assert torch.equal(noise[:, 0], noise[:, 2])
     # 160,000 values: relative standard error of the deviation 0.18 %; 5 of them.
     assert float(noise[:, 0].std()) == pytest.approx(0.05, rel=0.01)
@@ -30,7 +30,7 @@ def test_noise_has_its_standard_deviation_and_one_draw_for_all_channels():
 def test_a_share_of_the_images_is_left_alone():
     torch.manual_seed(0)
     images = torch.full((400, 1, 4, 4), 0.5)
-    changed = (GaussianNoise(0.25, (0.1, 0.1))(images) != images).flatten(1).any(dim=1)
+    changed = (GaussianNoise(p=0.25, std=(0.1, 0.1))(images) != images).flatten(1).any(dim=1)
     # Binomial, 400 x 0.25: standard deviation 8.7; 5 of them.
     assert abs(int(changed.sum()) - 100) < 44
 

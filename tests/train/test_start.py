@@ -86,13 +86,13 @@ def test_weights_are_loaded_where_there_are_some(study, tmp_path, monkeypatch, m
 
 
 def test_the_last_epochs_can_be_clean(study):
-    trainer = SimpleNamespace(epoch=0, epochs=3, noise=GaussianNoise(1.0, (0.1, 0.1)))
+    trainer = SimpleNamespace(epoch=0, epochs=3, noise=GaussianNoise(p=1.0, std=(0.1, 0.1)))
     noisy = []
     for trainer.epoch in range(3):
         close_noise(1, trainer)
         noisy.append(isinstance(trainer.noise, GaussianNoise))
     assert noisy == [True, True, False]
-    close_noise(0, kept := SimpleNamespace(epoch=2, epochs=3, noise=GaussianNoise(1.0, (0.1, 0.1))))
+    close_noise(0, kept := SimpleNamespace(epoch=2, epochs=3, noise=GaussianNoise(p=1.0, std=(0.1, 0.1))))
     assert isinstance(kept.noise, GaussianNoise)
     arm = study.config.arms["baseline"].model_copy(update={"clean_epochs": 1})
     closing = study.config.model_copy(update={"arms": {"baseline": arm}})

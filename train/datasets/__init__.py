@@ -51,13 +51,7 @@ def read_poses(
     reader, root = reader_of(root), Path(root)
     if reader is None:
         return speed.read_poses(root, domain, split, seed, labels)
-    found = reader.domains(root)
-    if domain not in found:
-        raise InputError(f"{root}: domain: expected one of {', '.join(found)}, got {domain}")
-    split = split or next(s for s in ("test", "validation", "train") if s in found[domain])
-    if split not in found[domain]:
-        raise InputError(f"{root}: {domain}: split: expected one of {', '.join(found[domain])}, got {split}")
-    poses = reader.read(root, domain, split)
+    poses = reader.read(root, domain, speed.chosen_split(reader.domains(root), domain, split, root))
     if labels and not poses.labelled:
         raise InputError("the images have no labels", file=root, field=poses.name, expected="labelled images")
     speed.check_images(poses, root / domain)

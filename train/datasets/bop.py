@@ -15,9 +15,9 @@ import numpy as np
 
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
-from visaug_train.datasets.reader import SPLIT_WORDS, Reader, image_size, matrix_quaternions, numbers_of
+from visaug_train.datasets.reader import SPLIT_WORDS, Reader, matrix_quaternions, numbers_of
 from visaug_train.geometry import Keypoints, Pinhole
-from visaug_train.speed import PoseSet
+from visaug_train.speed import PoseSet, by_domain, image_size
 
 M_PER_MM = 1e-3
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
@@ -30,13 +30,6 @@ def _folders(root: Path) -> dict[tuple[str, str], Path]:
         word, _, kind = folder.name.partition("_")
         if word in ("train", "val", "test") and next(folder.glob("*/scene_camera.json"), None):
             found[kind or "bop", SPLIT_WORDS[word]] = folder
-    return found
-
-
-def _domains(root: Path) -> dict[str, tuple[str, ...]]:
-    found: dict[str, tuple[str, ...]] = {}
-    for domain, split in _folders(root):
-        found[domain] = (*found.get(domain, ()), split)
     return found
 
 
@@ -146,4 +139,4 @@ def _box(info: dict[str, Any] | None, file: Path, key: str) -> np.ndarray:
     return np.array([x, y, x + width, y + height]) if min(width, height) > 0 else np.full(4, np.nan)
 
 
-BOP = Reader("BOP", ("*/*/scene_camera.json",), _domains, _read)
+BOP = Reader("BOP", ("*/*/scene_camera.json",), lambda root: by_domain(_folders(root)), _read)

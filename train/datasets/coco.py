@@ -17,7 +17,7 @@ from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug_train.datasets.reader import SPLIT_WORDS, Reader, numbers_of
 from visaug_train.geometry import Keypoints, Pinhole
-from visaug_train.speed import PoseSet
+from visaug_train.speed import PoseSet, by_domain
 
 SPLIT = re.compile(r"(?:^|[-_. ])((train|validation|val|test)\d*)$")
 KEYS = ("images", "annotations", "categories")
@@ -42,13 +42,6 @@ def _is_coco(file: Path) -> bool:
     if not all(isinstance(content.get(key), list) for key in KEYS):
         return False
     return any(isinstance(c, dict) and isinstance(c.get("keypoints"), list) for c in content["categories"])
-
-
-def _domains(root: Path) -> dict[str, tuple[str, ...]]:
-    found: dict[str, tuple[str, ...]] = {}
-    for domain, split in _listings(root):
-        found[domain] = (*found.get(domain, ()), split)
-    return found
 
 
 def _read(root: Path, domain: str, split: str) -> PoseSet:
@@ -157,4 +150,4 @@ class _CocoReader(Reader):
         return bool(_listings(root))
 
 
-COCO = _CocoReader("COCO keypoints", ("annotations/*.json",), _domains, _read)
+COCO = _CocoReader("COCO keypoints", ("annotations/*.json",), lambda root: by_domain(_listings(root)), _read)

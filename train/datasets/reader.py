@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from visaug.core.errors import InputError
+from visaug_train.geometry import finite_array
 from visaug_train.speed import PoseSet
 
 SPLIT_WORDS = {"train": "train", "val": "validation", "validation": "validation", "test": "test"}
@@ -35,15 +35,6 @@ class Reader:
     def recognises(self, root: Path) -> bool:
         """Whether the folder has this layout."""
         return any(next(root.glob(mark), None) is not None for mark in self.marks)
-
-
-def image_size(file: Path) -> tuple[int, int]:
-    """Width and height of an image."""
-    try:
-        with Image.open(file) as image:
-            return image.size
-    except OSError:
-        raise InputError("cannot be read", file=file, expected="an image") from None
 
 
 def unit_quaternions(quaternions: np.ndarray, file: Path) -> np.ndarray:
@@ -73,15 +64,8 @@ def matrix_quaternions(matrices: np.ndarray, file: Path) -> np.ndarray:
 
 def numbers_of(entry: Any, name: str, count: int, file: Path, key: str) -> np.ndarray:
     """`count` finite numbers of an entry of a JSON file; 0 means a single one."""
-    try:
-        array = np.array(entry[name], dtype=float)
-    except (TypeError, ValueError, KeyError):
-        array = np.array(np.nan)
-    if array.shape != ((count,) if count else ()) or not np.isfinite(array).all():
-        raise InputError(
-            "is missing or malformed", file=file, field=f"{key}.{name}", expected=f"{count or 1} numbers"
-        )
-    return array
+    value = entry.get(name) if isinstance(entry, dict) else None
+    return finite_array(value, (count,) if count else (), f"{file}: {key}.{name}")
 
 
 def columns(file: Path, words: Sequence[str], numbers: Sequence[str]) -> tuple[list[list[str]], np.ndarray]:

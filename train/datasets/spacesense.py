@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from visaug_train.datasets.reader import Reader, columns, image_size, matrix_quaternions, unit_quaternions
+from visaug_train.datasets.reader import Reader, columns, matrix_quaternions, unit_quaternions
 from visaug_train.geometry import Pinhole, rotation_matrix
-from visaug_train.speed import PoseSet
+from visaug_train.speed import PoseSet, image_size
 
 TO_OPENCV = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])  # x right, y down, z forward, from AirSim's axes
 POSITION = tuple(f"target_spacecraft_in_camera_pos_{axis}(m)" for axis in "xyz")

@@ -12,10 +12,8 @@ import torch
 from visaug_train.geometry import Keypoints, Pinhole, project_targets, rotation_matrix
 from visaug_train.render.spacecraft import SceneTensors, spacecraft
 
-CHUNK = {
-    "cpu": 1 << 13,
-    "cuda": 1 << 20,
-}  # rays at a time: few enough to stay in a processor's cache; a GPU wants many
+# Rays at a time: few enough to stay in a processor's cache; a GPU wants many.
+CHUNK = {"cpu": 1 << 13, "cuda": 1 << 20}
 FAR = 1e9
 
 
@@ -36,10 +34,6 @@ class Views:
 
     def __len__(self) -> int:
         return len(self.quaternions)
-
-    def part(self, first: int, last: int) -> "Views":
-        """The views from `first` up to `last`."""
-        return Views(*(getattr(self, name)[first:last] for name in self.__dataclass_fields__))
 
 
 class RayCaster:
@@ -65,23 +59,20 @@ class RayCaster:
     def render(self, views: Views) -> tuple[torch.Tensor, torch.Tensor]:
         """Radiance (B, height, width) and the share of each pixel that the target covers, the same shape, on the CPU."""
         with self.device:
-            return self._render(views)
-
-    def _render(self, views: Views) -> tuple[torch.Tensor, torch.Tensor]:
-        camera, s = self.camera, self.samples
-        directions, origins, owners, places = self._rays_at_targets(views)
-        radiance = torch.zeros(len(views) * camera.height * camera.width)
-        covered = torch.zeros_like(radiance)
-        sun, fill = self._lights(views)
-        chunk = CHUNK[self.device.type]
-        for first in range(0, len(directions), chunk):
-            part = slice(first, first + chunk)
-            owner = owners[part]
-            value, hit = self._radiance(origins[owner], directions[part], sun[owner], fill[owner])
-            radiance.index_add_(0, places[part][hit], value / s**2)
-            covered.index_add_(0, places[part][hit], torch.full_like(value, 1 / s**2))
-        shape = (len(views), camera.height, camera.width)
-        return radiance.reshape(shape).cpu(), covered.reshape(shape).cpu()
+            camera, s = self.camera, self.samples
+            directions, origins, owners, places = self._rays_at_targets(views)
+            radiance = torch.zeros(len(views) * camera.height * camera.width)
+            covered = torch.zeros_like(radiance)
+            sun, fill = self._lights(views)
+            chunk = CHUNK[self.device.type]
+            for first in range(0, len(directions), chunk):
+                part = slice(first, first + chunk)
+                owner = owners[part]
+                value, hit = self._radiance(origins[owner], directions[part], sun[owner], fill[owner])
+                radiance.index_add_(0, places[part][hit], value / s**2)
+                covered.index_add_(0, places[part][hit], torch.full_like(value, 1 / s**2))
+            shape = (len(views), camera.height, camera.width)
+            return radiance.reshape(shape).cpu(), covered.reshape(shape).cpu()
 
     def _rays_at_targets(self, views: Views) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
         """Rays that may meet the target, in the body frame.

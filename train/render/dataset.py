@@ -5,21 +5,24 @@ gives the same bytes on the same device. A split's json is written last: where i
 """
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import cv2
 import numpy as np
 import torch
+from pydantic import AfterValidator, Field, field_validator
 
 from visaug.core.cores import cores
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import write_bytes, write_json
+from visaug.core.progress import Progress
 from visaug_train.geometry import Pinhole
 from visaug_train.render.caster import RayCaster, Views
 from visaug_train.render.independent_camera import (
@@ -30,8 +33,7 @@ from visaug_train.render.independent_camera import (
     IndependentCamera,
 )
 from visaug_train.render.views import LIGHTBOX, SUNLAMP, SYNTHETIC, Lighting, draw_earth, draw_views
-
-Progress = Callable[[str, int, int], None]
+from visaug_train.sections import ConfigSection, Seed, ordered
 
 # SPEED+'s published intrinsics; a rendering of another size uses them scaled, so the field of view stays.
 SPEED_PLUS_CAMERA = Pinhole(
@@ -69,40 +71,34 @@ DOMAINS = {
 }
 
 
-@dataclass(frozen=True)
-class RenderSettings:
+Images = Annotated[int, Field(ge=1, le=10**6)]
+Distance = Annotated[float, Field(ge=0.5, le=1e4)]
+
+
+class RenderSettings(ConfigSection):
     """Size and content of the dataset. `images` holds the number of each domain's splits."""
 
-    width: int = 240
-    height: int = 150
-    images: dict[str, dict[str, int]] = field(
-        default_factory=lambda: {
+    width: int = Field(default=240, ge=32, le=8192)
+    height: int = Field(default=150, ge=32, le=8192)
+    images: dict[str, dict[Literal["train", "validation", "test"], Images]] = Field(
+        default={
             "synthetic": {"train": 500, "validation": 100, "test": 150},
             "lightbox": {"test": 150},
             "sunlamp": {"test": 150},
         }
     )
-    distance_m: tuple[float, float] = (2.6, 5.5)
-    attitude_deg: float = 45.0
-    samples: int = 2
+    distance_m: Annotated[tuple[Distance, Distance], AfterValidator(ordered)] = (2.6, 5.5)
+    attitude_deg: float = Field(default=45.0, ge=0, le=180)
+    samples: int = Field(default=2, ge=1, le=8)
     linear_frames: bool = False
-    seed: int = 0
+    seed: Seed = 0
 
-    def __post_init__(self) -> None:
-        for domain, splits in self.images.items():
-            if domain not in DOMAINS:
-                raise InputError(f"render: images: expected one of {', '.join(DOMAINS)}, got {domain}")
-            for split, count in splits.items():
-                if split not in ("train", "validation", "test") or not count > 0:
-                    raise InputError(
-                        f"render: images.{domain}: expected train, validation or test: a number > 0"
-                    )
-        if not 0.5 <= self.distance_m[0] <= self.distance_m[1]:
-            raise InputError(
-                f"render: distance_m: expected [near, far] with near >= 0.5 m, got {self.distance_m}"
-            )
-        if not 0 <= self.attitude_deg <= 180:
-            raise InputError(f"render: attitude_deg: expected 0 to 180, got {self.attitude_deg}")
+    @field_validator("images")
+    @classmethod
+    def _domains_are_known(cls, images: dict[str, Any]) -> dict[str, Any]:
+        for domain in images.keys() - DOMAINS.keys():
+            raise ValueError(f"expected one of {', '.join(DOMAINS)}, got {domain}")
+        return images
 
 
 def render_dataset(root: str | Path, settings: RenderSettings, progress: Progress | None = None) -> Path:
@@ -160,7 +156,7 @@ def one_torch_thread() -> Iterator[None]:
 def read_back(settings: RenderSettings) -> dict:
     """The settings with the domains that they name, as JSON has them."""
     named = {name: asdict(DOMAINS[name]) for name in settings.images}
-    return json.loads(json.dumps({"settings": asdict(settings), "domains": named}))
+    return json.loads(json.dumps({"settings": settings.model_dump(), "domains": named}))
 
 
 def _draw(camera: Pinhole, settings: RenderSettings, domain: str, number: int) -> Views:

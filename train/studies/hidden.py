@@ -7,7 +7,7 @@ of it lies in files and is made once.
 """
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,15 +20,15 @@ from visaug.camera.simulation import simulate, with_chart
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import write_bytes, write_json
+from visaug.core.progress import Progress
 from visaug.frames import FrameRecord, FrameSet
 from visaug.frames.plan import default_plan
 from visaug_train.config import Arm, Config
 from visaug_train.convert import identity
-from visaug_train.plots import read_gray
+from visaug_train.reduction import read_pixels
 from visaug_train.render.dataset import LINEAR_WHITE_DN
 from visaug_train.speed import PoseSet
 
-Progress = Callable[[str, int, int], None]
 PLAIN = "plain"  # the test set of the camera that hides nothing
 TOGETHER = 16  # images in memory at once
 SPECIMEN = 1  # the seed of the one camera that takes frames and test images: its fixed patterns are the same
@@ -62,15 +62,14 @@ class HiddenEffect:
         return self.answer["accepted"] == [self.effect["name"]]
 
 
-def check_hidden(config: Config) -> None:
-    """Refuse, before anything is rendered, effects that the camera cannot have."""
-    if config.hidden is not None:
-        hidden_cameras(config)
-
-
 def hidden_cameras(config: Config) -> dict[str, visaug.Camera]:
-    """The test cameras by test set: the plain one, then one for each hidden effect."""
-    assert config.hidden is not None
+    """The test cameras by test set: the plain one, then one for each hidden effect; none where a config hides nothing.
+
+    Raises:
+        InputError: an effect that the camera cannot have.
+    """
+    if config.hidden is None:
+        return {}
     vis = config.arm(config.baseline).vis
     if vis is None:
         raise InputError("has no `vis`", field=f"arms.{config.baseline}", expected="the noise of a camera")
@@ -199,11 +198,8 @@ def noiseless(file: Path) -> np.ndarray:
     """A view as it came from the renderer, (rows, columns), 1 is white; beyond white where that was kept."""
     linear = file.parent.with_name("images_linear") / file.name
     if not linear.is_file():
-        return read_gray(str(file)).astype(np.float32) / 255
-    image = cv2.imread(str(linear), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise InputError("cannot be read", file=linear, expected="a 16-bit image")
-    return image.astype(np.float32) / LINEAR_WHITE_DN
+        return read_pixels(file).astype(np.float32) / 255
+    return read_pixels(linear, cv2.IMREAD_UNCHANGED).astype(np.float32) / LINEAR_WHITE_DN
 
 
 def diagnose_frames(

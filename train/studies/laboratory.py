@@ -5,7 +5,6 @@ base chain; banding, taps and the like are not in it. Frames of it are diagnosed
 that is found becomes the noise of an arm.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +13,10 @@ import numpy as np
 import visaug
 from visaug.core.documents import read_json
 from visaug.core.files import write_json
+from visaug.core.progress import Progress
 from visaug.frames import FrameRecord, FrameSet
 from visaug_train.render.independent_camera import IndependentCamera
 
-Progress = Callable[[str, int, int], None]
 RESOLUTION = (64, 96)  # of the frames; a diagnosis takes time by the pixel
 EXPOSURE_S, TEMPERATURE_C = 0.01, 20.0
 BIASES, FLATS = 12, 6

@@ -1,7 +1,7 @@
 """Shares of an oracle's gain: the oracle's arm knows the test cameras, the others do not."""
 
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,10 +35,6 @@ class ArmGain:
         if self.low is None or self.high is None:
             return "not determined: the oracle's gain is not clear of 0"
         return f"{100 * self.share:.0f} % [{100 * self.low:.0f}, {100 * self.high:.0f}]"
-
-    def to_json(self) -> dict[str, Any]:
-        """Numbers of the comparison."""
-        return asdict(self)
 
 
 def share_interval(

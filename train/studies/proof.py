@@ -10,7 +10,8 @@ from visaug.report.html import Figure, Section, Table, Text, figure
 from visaug.report.plots.error import plot_error_steps
 from visaug.report.plots.images import plot_images
 from visaug_train import tables
-from visaug_train.plots import plot_scores, read_gray
+from visaug_train.plots import plot_scores
+from visaug_train.reduction import read_pixels
 from visaug_train.studies.hidden import PLAIN, HiddenEffect
 
 if TYPE_CHECKING:
@@ -185,8 +186,7 @@ def _points(ablation: "Ablation", made: list[Outcome]) -> dict[str, dict[str, li
     baseline = ablation.config.baseline
 
     def values(arm: str | None, domain: str) -> list[float]:
-        seeds = ablation.seeds(arm) if arm else []
-        return [tables.value(ablation.summaries[arm or "", s][domain], MEASURE) for s in seeds]
+        return ablation.of_seeds(arm, domain, MEASURE) if arm else []
 
     found = {}
     for o in made:
@@ -208,7 +208,7 @@ def _views(ablation: "Ablation") -> Figure:
     count = len(ablation.study.tests[PLAIN])
     chosen = np.linspace(0, count - 1, 4).astype(int)
     files = [(domain, ablation.study.tests[domain].files[i]) for domain in shown for i in chosen]
-    pictures = [read_gray(str(file)) / 255 for _, file in files]
+    pictures = [read_pixels(file) / 255 for _, file in files]
     return figure(
         plot_images(pictures, [domain for domain, _ in files], limits=(0, 1)),
         "The same views by the camera without an effect (plain) and with each.",

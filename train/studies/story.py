@@ -1,6 +1,5 @@
 """Frames that come with the package beside their cameras' files: simulated ones with a hidden effect, and real ones."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,13 +7,13 @@ import visaug
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import write_json
+from visaug.core.progress import Progress
 from visaug.report.headline import comparison_headline
 from visaug.report.html import Section, Text
 from visaug.report.next_step import Inputs
 from visaug.report.pages import diagnosis_sections, where_table
 from visaug.report.views import ViewGallery
 
-Progress = Callable[[str, int, int], None]
 FRAMES = Path(visaug.__file__).parent / "data" / "hidden_effect"
 REAL = FRAMES.with_name("ccd12")
 

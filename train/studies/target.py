@@ -12,6 +12,7 @@ import visaug
 from visaug.core.documents import read_json
 from visaug.core.errors import InputError
 from visaug.core.files import write_json
+from visaug.core.progress import Progress
 from visaug_train.config import Config, MadeCamera, Source
 from visaug_train.reduction import fitting, reduced_camera
 from visaug_train.render.dataset import DOMAINS
@@ -20,8 +21,6 @@ from visaug_train.speed import PoseSet
 
 if TYPE_CHECKING:
     from visaug_train.training import Study
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

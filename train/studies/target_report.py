@@ -11,7 +11,8 @@ from visaug.report.html import Figure, Section, Table, Text, figure
 from visaug.report.plots.images import plot_images
 from visaug_train import tables
 from visaug_train.noise import vis_noise
-from visaug_train.plots import plot_scores, read_gray
+from visaug_train.plots import plot_scores
+from visaug_train.reduction import read_pixels
 from visaug_train.studies.oracle import MEASURE, ArmGain, gain_table, target_sets
 from visaug_train.studies.target import TargetCamera
 
@@ -56,10 +57,7 @@ def _gains(ablation: "Ablation") -> Iterator[Text | Table | Figure]:
         if len(gain.domains) == most:
             yield Text(gain_finding(gain, oracle), "finding")
     points = {
-        domain: {
-            arm: [tables.value(ablation.summaries[arm, s][domain], MEASURE) for s in ablation.seeds(arm)]
-            for arm in ablation.means
-        }
+        domain: {arm: ablation.of_seeds(arm, domain, MEASURE) for arm in ablation.means}
         for domain in target_sets(ablation)
     }
     yield figure(plot_scores(points), "Keypoint AP50-95 (COCO's). Bars: mean over seeds. Dots: seeds.")
@@ -120,10 +118,10 @@ def _pictures(ablation: "Ablation") -> Figure:
     """For each camera: two of the test pictures, and a clean training image as its noise makes it."""
     study = ablation.study
     files = [study.training_images.files[i] for i in (0, 1)]
-    clean = torch.from_numpy(np.stack([read_gray(str(file)) for file in files])[:, None] / 255).float()
+    clean = torch.from_numpy(np.stack([read_pixels(file) for file in files])[:, None] / 255).float()
     pictures, titles = list(clean[:, 0].numpy()), ["clean training image"] * 2
     for domain in target_sets(ablation):
-        pictures += [read_gray(str(file)) / 255 for file in study.tests[domain].files[:2]]
+        pictures += [read_pixels(file) / 255 for file in study.tests[domain].files[:2]]
         titles += [f"{domain}: test picture"] * 2
     parts = {name: study.config.arm(name).vis for name in study.config.arms}
     for camera in study.cameras:
