@@ -17,6 +17,7 @@ import numpy as np
 import torch
 
 from visaug.augment.image_io import SUFFIXES, Picture, read_picture, write_picture
+from visaug.augment.image_noise import probability, used_bits
 from visaug.augment.images import check_bits
 from visaug.augment.jobs import CopyPlan, find_label, label_place, plan_jobs
 from visaug.augment.journal import JOURNAL as JOURNAL
@@ -115,12 +116,9 @@ def augment_files(
     from visaug.augment.sensor_noise import SensorNoise
 
     output = Path(output)
-    if not 0 <= p <= 1:
-        raise InputError(f"{p} is not a probability", field="p", expected="0 to 1")
+    p, bits = probability(p), used_bits(bits)
     if copies < 1:
         raise InputError(f"{copies} copies", field="copies", expected="1 or more")
-    if bits is not None and not 1 <= bits <= 16:
-        raise InputError(f"{bits} bit", field="bits", expected="1 to 16")
     if output.suffix.lower() in SUFFIXES and not output.exists():
         raise InputError("is the name of a picture", file=output, expected="a folder for the copies")
     jobs = plan_jobs([Path(path) for path in inputs], output, copies, include, exclude)

@@ -16,6 +16,7 @@ from typing import Any
 
 from visaug.core.errors import InputError
 
+DEFECTS = "row,column,type,height_dn\n"  # the first line of a list of defects
 _HALF = ".visaug-half-"  # of what is being written; host and process follow
 _OLD = ".visaug-old-"  # of a folder that is being replaced; its name follows
 _HOST = blake2b(socket.gethostname().encode(), digest_size=4).hexdigest()
@@ -27,8 +28,12 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     """Yield a path in the same folder to write to; it is renamed to `path` when the block ends well.
 
     The temporary name keeps the suffix, as many writers choose the format by it. Missing folders are made.
+
+    Raises:
+        InputError: `path` is a folder, or lies below a file.
     """
     path = Path(path)
+    check_place(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     remove_leftovers(path.parent)
     handle, name = tempfile.mkstemp(prefix=_prefix(), suffix=path.suffix, dir=path.parent)
@@ -41,6 +46,15 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def check_place(path: Path) -> None:
+    """Refuse a path at which no file can be written: a folder, or one below a file."""
+    if path.is_dir():
+        raise InputError("is a folder", file=path, expected="the name of a file")
+    above = next((folder for folder in path.parents if folder.exists()), None)
+    if above is not None and not above.is_dir():
+        raise InputError("is a file", file=above, expected="a folder")
 
 
 @contextmanager
@@ -176,10 +190,10 @@ def write_yaml(path: str | Path, value: Any) -> None:
 
 
 def is_result(path: Path) -> bool:
-    """Whether a file is a result that visaug wrote: a page that names it, or JSON with the keys of a result."""
+    """Whether a file is a result that visaug wrote: a page that names it, a list of defects, or JSON with the keys of a result."""
     with open(path, "rb") as file:
         start = file.read(2048)
-        if b'<meta name="generator" content="visaug">' in start:
+        if b'<meta name="generator" content="visaug">' in start or start.startswith(DEFECTS.encode()):
             return True
         if not start.lstrip().startswith(b"{"):
             return False
@@ -187,7 +201,10 @@ def is_result(path: Path) -> bool:
             content = json.loads(start + file.read())
         except ValueError:
             return False
-    return bool({"schema", "warnings"} & content.keys())
+    scores = all(
+        isinstance(each, dict) and {"images", "poses_found"} <= each.keys() for each in content.values()
+    )
+    return bool({"schema", "warnings"} & content.keys()) or (bool(content) and scores)
 
 
 def _umask() -> int:

@@ -118,12 +118,12 @@ class Inspection(Reported):
 
     def save_defects(self, path: str | Path) -> Path:
         """Write the places of defects as CSV, one a line; the missing number of a line defect is left blank."""
-        from visaug.core.files import write_text
+        from visaug.core.files import DEFECTS, write_text
 
-        lines = ["row,column,type,height_dn"]
+        lines = []
         for row, column, kind, height in self.places:
             lines.append(f"{'' if row < 0 else row},{'' if column < 0 else column},{kind},{height:.4g}")
-        write_text(path, "\n".join(lines) + "\n")
+        write_text(path, DEFECTS + "".join(line + "\n" for line in lines))
         return Path(path)
 
 
