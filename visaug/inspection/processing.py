@@ -230,13 +230,17 @@ def _by_pixels(look: FrameGroup) -> tuple[tuple[int, int], float, int, float] | 
     places = [(down, across) for down in range(_SIDE) for across in range(_SIDE)]
     still = np.array([np.mean(np.abs(_coefficients(look, *place)) < 0.5) for place in places])
     order = np.argsort(-still)
-    usual = np.median([_characteristic(look, *places[k]) for k in order[_SIDE :: _SIDE * 2]], axis=0)
+    others = [_characteristic(look, *places[k])[0] for k in order[_SIDE :: _SIDE * 2]]
+    usual = np.nan_to_num(np.median(others, axis=0), nan=1.0)
     rounded = 0.25  # of the characteristic function at 1/step, above which coefficients are multiples of it
     for place in dict.fromkeys([(0, 0), places[order[0]]]):
-        excess = _characteristic(look, *place) - usual
-        which = np.flatnonzero((excess.max(1) > rounded) & _OF_NO_LINE)
+        function, count = _characteristic(look, *place)
+        excess = np.nan_to_num(function - usual).max(1)
+        # A mean cosine of n blocks scatters by 1 / sqrt(2 n) at most, the median of the others by 0.6 of it.
+        chance = needed_z(2 * function.size) * 1.2 / np.sqrt(2.0 * np.maximum(count, 1))
+        which = np.flatnonzero((excess > np.maximum(rounded, chance)) & _OF_NO_LINE)
         if len(which) >= _COEFFICIENTS:
-            steps = _STEPS[excess[which].argmax(1)]
+            steps = _STEPS[(function - usual)[which].argmax(1)]
             return place, float(np.median(steps)), len(which), 2e3 * len(which)
     return None
 
@@ -254,13 +258,13 @@ def _coefficients(look: FrameGroup, down: int, across: int) -> np.ndarray:
     return np.asarray(fft.dctn(blocks, axes=(1, 2), norm="ortho")).reshape(len(blocks), -1)[:, 1:]
 
 
-def _characteristic(look: FrameGroup, down: int, across: int) -> np.ndarray:
-    """(63, steps) mean cosine of 2 pi c / step of block coefficients c; 0 where hardly any differs from 0."""
+def _characteristic(look: FrameGroup, down: int, across: int) -> tuple[np.ndarray, np.ndarray]:
+    """(63, steps) mean cosine of 2 pi c / step of block coefficients c, NaN where hardly any differs from 0; how many do."""
     c = _coefficients(look, down, across)
     moves = np.abs(c) >= 0.5  # a coefficient of 0 is a multiple of every step
     count = moves.sum(0)
     phi = np.stack([np.where(moves, np.cos(2 * math.pi / q * c), 0.0).sum(0) for q in _STEPS], 1)
-    return np.where(count > 50, 1 / np.maximum(count, 1), 0.0)[:, None] * phi
+    return np.where(count > 50, 1 / np.maximum(count, 1), np.nan)[:, None] * phi, count
 
 
 def noise_law(look: FrameGroup) -> tuple[str, float] | None:
