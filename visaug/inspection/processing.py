@@ -47,20 +47,42 @@ def _mean_product(images: np.ndarray, lag: tuple[int, int]) -> float:
     return float(np.einsum("nij,nij->", here, there, dtype=np.float64)) / here.size
 
 
-def _correlated(look: FrameGroup, noise: np.ndarray) -> Finding | None:
+Lag = tuple[int, int]
+
+
+def shares_of_neighbours(noise: np.ndarray, frames: int) -> tuple[dict[Lag, float], dict[Lag, float]]:
+    """Correlation of noise (n, H, W) with its neighbours along row, column and diagonal; of the first two in standard errors.
+
+    Less that of pixels far apart, which what is taken out of the noise (means of rows, columns and, of several frames, of
+    pixels) gives too.
+    """
     variance = float(np.mean(noise**2, dtype=np.float64))
-    if variance < 1e-3:
-        return None
     far = {(0, 1): (0, _FAR), (1, 0): (_FAR, 0), (1, 1): (_FAR, _FAR)}
     shared = {
         lag: (_mean_product(noise, lag) - _mean_product(noise, away)) / variance for lag, away in far.items()
     }
-    independent = noise.size * (1 - 1 / look.count if look.count > 1 else 1)
-    error = math.sqrt(2 / independent)
-    across, down, diagonal = shared.values()
-    top = max(across, down, key=abs)
-    if abs(top) < needed_z(2) * error:
+    height, width = noise.shape[-2:]
+    free = len(noise) * (1 - 1 / height) * (1 - 1 / width) * (1 - 1 / frames if frames > 1 else 1)
+    errors = {
+        lag: math.sqrt(
+            sum(1 / ((height - rows) * (width - columns)) for rows, columns in (lag, far[lag])) / free
+        )
+        for lag in ((0, 1), (1, 0))
+    }
+    return shared, {lag: shared[lag] / error for lag, error in errors.items()}
+
+
+def _correlated(look: FrameGroup, noise: np.ndarray) -> Finding | None:
+    variance = float(np.mean(noise**2, dtype=np.float64))
+    if variance < 1e-3:
         return None
+    shared, z = shares_of_neighbours(noise, look.count)
+    across, down, diagonal = shared.values()
+    lag = max(z, key=lambda lag: abs(z[lag]))
+    top = shared[lag]
+    if abs(z[lag]) < needed_z(2):
+        return None
+    error = top / z[lag]
     equal = _equal_share(look)
     denoised = equal > _EQUAL and top > 0.1
     value = look.noise_dn * math.sqrt(abs(top))
