@@ -121,4 +121,10 @@ def test_a_place_where_no_file_can_be_is_told(tmp_path):
         with pytest.raises(InputError) as told:
             write_text(tmp_path / place, "x")
         assert str(told.value).startswith(f"{tmp_path}/{said}")
+    for make in (whole_folder, folder_lock):
+        with (
+            pytest.raises(InputError, match="file: is a file; expected a folder"),
+            make(tmp_path / "file" / "x"),
+        ):
+            pass
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]

@@ -52,9 +52,16 @@ def check_place(path: Path) -> None:
     """Refuse a path at which no file can be written: a folder, or one below a file."""
     if path.is_dir():
         raise InputError("is a folder", file=path, expected="the name of a file")
-    above = next((folder for folder in path.parents if folder.exists()), None)
-    if above is not None and not above.is_dir():
-        raise InputError("is a file", file=above, expected="a folder")
+    _check_folder(path.parent)
+
+
+def _check_folder(path: Path) -> None:
+    """Refuse the path of a folder that is a file, or lies below one."""
+    for place in (path, *path.parents):
+        if place.exists():
+            if not place.is_dir():
+                raise InputError("is a file", file=place, expected="a folder")
+            return
 
 
 @contextmanager
@@ -69,8 +76,7 @@ def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
         InputError: `path` is a file, or holds something and is not to be replaced.
     """
     path = Path(path)
-    if path.exists() and not path.is_dir():
-        raise InputError("is a file", file=path, expected="a folder")
+    _check_folder(path)
     place = Path(os.path.realpath(path))  # a link stays a link: what it leads to is replaced
     place.parent.mkdir(parents=True, exist_ok=True)
     remove_leftovers(place.parent)
@@ -81,7 +87,7 @@ def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
         else:
             old.rename(place)
     if place.is_dir() and any(place.iterdir()) and not overwrite:
-        raise InputError("is not empty", file=path, expected="a new or empty folder, or overwrite=True")
+        raise InputError("is not empty", file=path, expected="a new or empty folder")
     temporary = Path(tempfile.mkdtemp(prefix=_prefix(), dir=place.parent))
     try:
         yield temporary
@@ -107,8 +113,7 @@ def folder_lock(folder: str | Path) -> Iterator[None]:
         InputError: another process has it, or it is a file.
     """
     folder = Path(folder)
-    if folder.is_file():
-        raise InputError("is a file", file=folder, expected="a folder")
+    _check_folder(folder)
     folder.mkdir(parents=True, exist_ok=True)
     try:
         import fcntl
