@@ -111,7 +111,15 @@ MISTAKES = [
     (["train", "nowhere.yaml"], "nowhere.yaml"),
     (["ablate", "nowhere.yaml"], "nowhere.yaml"),
     (["frobnicate"], "frobnicate"),
+    (["simulate", "gif.csv", "--camera", "camera.yaml", "-o", "out"], "'a.gif' cannot be written"),
     (["plan", "--exposure", "1e-300"], "exposure_s"),
+    (["plan", "--exposure", "0"], "exposure_s"),
+    (["plan", "-o", "camera.yaml/plan.csv"], "camera.yaml: is a file"),
+    (["plan", "--camera", "camera.yaml", "--for", " , "], "--for"),
+    (["compare", ".", "--camera", "camera.yaml", "--json", "."], ".: is a folder"),
+    (["diagnose", ".", "--camera", "camera.yaml", "-o", "camera.yaml/better.yaml"], "camera.yaml: is a file"),
+    (["effects", "check", "camera.yaml"], "camera.yaml: is no Python file"),
+    (["preview", ".", "--camera", "camera.yaml", "-o", "sheet.png"], ".: is a folder"),
     (["frames", ".", "--exposure", "1e-300"], "exposure_s"),
     (["frames", ".", "--temperature", "nan"], "temperature_c"),
 ]
@@ -124,6 +132,7 @@ def test_a_mistake_is_one_line_and_status_2(words, named, program_run, tmp_path)
     (tmp_path / "bad.yaml").write_text("a: [1, 2\nb: }")
     (tmp_path / "unknown.yaml").write_text(yaml.safe_dump({**CAMERA, "read_noise": {"sigma": 1}}))
     (tmp_path / "negative.yaml").write_text(yaml.safe_dump({**CAMERA, "gain_e_per_dn": -1}))
+    (tmp_path / "gif.csv").write_text("sequence,file,kind\n0,a.gif,bias\n")
     before = sorted(tmp_path.rglob("*"))
     status, _, err = program_run(*words)
     assert status == 2, err
@@ -292,6 +301,7 @@ def test_own_effects_are_loaded_by_every_command_that_reads_a_camera(program_run
         "train",
         "ablate",
         "evaluate",
+        "cameras",
     ):
         assert "--effects" in program_run(name, "--help")[1], name
     refused, _, err = program_run("simulate", "plan.csv", "--camera", "own.yaml", "-o", "out")

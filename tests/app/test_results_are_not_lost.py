@@ -35,3 +35,25 @@ def test_a_foreign_file_is_replaced_with_force_alone(tmp_path, frames, capsys, c
     assert f"wrote {place}" in capsys.readouterr().out
     main(told)
     assert f"wrote {place}" in capsys.readouterr().out
+
+
+def test_defects_and_maps_of_others_stay(tmp_path, frames, capsys):
+    """A list of defects is made anew; of a map nothing tells whose it is."""
+    mine = tmp_path / "mine.csv"
+    mine.write_text("row,column\n1,2\n")
+    (tmp_path / "maps").mkdir()
+    dark = tmp_path / "maps" / "master_bias.fits"
+    dark.write_text("mine")
+    for words, place in (
+        (["inspect", str(frames), "--defects", str(mine)], mine),
+        (["characterize", str(frames), "--maps", str(dark.parent)], dark),
+    ):
+        before = place.read_bytes()
+        with pytest.raises(SystemExit) as left:
+            main(words)
+        assert left.value.code == 2
+        assert str(place) in capsys.readouterr().err
+        assert place.read_bytes() == before
+        main([*words, "--force"])
+        assert place.read_bytes() != before
+    main(["inspect", str(frames), "--defects", str(mine)])

@@ -205,7 +205,12 @@ def test_what_is_no_image_is_refused_by_name():
         (lambda: ImageNoise(CAMERA)(torch.ones(3, 8, 8, dtype=torch.int64)), "int64"),
         (lambda: ImageNoise(CAMERA)(torch.rand(3, 8, 8) * 255), "values"),
         (lambda: ImageNoise(CAMERA, p=1.5), "probability"),
+        (lambda: ImageNoise(CAMERA, p="0.5"), "'0.5' is not a probability"),
+        (lambda: TorchvisionNoise(CAMERA, p=None), "None is not a probability"),
         (lambda: TorchvisionNoise(CAMERA, bits=20), "bit"),
+        (lambda: ImageNoise(CAMERA, bits=10.5), "bits: 10.5"),
+        (lambda: ImageNoise(CAMERA, bits="10"), "bits: '10'"),
+        (lambda: ImageNoise(CAMERA, bits=10)(picture(1, np.uint16, 5000)), "bits: .*at most 1023"),
         (lambda: ImageNoise(CAMERA, seed=1.5), "seed"),
         (lambda: VISNoise(CAMERA, seed="5"), "seed"),
     ):

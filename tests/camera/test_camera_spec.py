@@ -135,6 +135,11 @@ def test_what_is_refused_names_its_key_in_one_line(content, path):
         ),
         ({"effects": "row_noise"}, "effects: is not a list (got 'row_noise'); expected for example [{name: "),
         ({"gain_e_per_dn": "two"}, "gain_e_per_dn: is not a number (got 'two')"),
+        (
+            {"resolution": [0, 4]},
+            "resolution: rows and columns are each from 1 to 65535 (got [0, 4]); expected [rows, columns]",
+        ),
+        ({"resolution": [1, 2, 3]}, "resolution: has too many entries (got [1, 2, 3]); expected [rows, "),
     ],
 )
 def test_a_value_of_another_kind_is_told_with_an_example(wrong, said):

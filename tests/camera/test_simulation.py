@@ -46,6 +46,17 @@ def test_fixed_patterns_are_kept_over_frames_and_noise_is_not():
     assert noise_e == pytest.approx(np.sqrt(4 + 0.25 / 12), rel=5 / np.sqrt(2 * ROWS * COLUMNS))
 
 
+def test_camera_and_plan_can_be_files(tmp_path):
+    camera = Camera.load(CONTENT)
+    camera.save(tmp_path / "camera.yaml")
+    (tmp_path / "plan.csv").write_text("sequence,file,kind\n0,a.tif,bias\n")
+    (frame,) = simulated(camera, plan({}))
+    taken = simulate(tmp_path / "camera.yaml", tmp_path / "plan.csv")
+    assert (taken.read(0) == frame).all()
+    with pytest.raises(InputError, match="no such file"):
+        simulate(camera, tmp_path / "nowhere.csv")
+
+
 def test_the_pattern_of_the_light_is_kept_too():
     frames = simulated(
         Camera.load({**CONTENT, "dsnu": {}}),

@@ -60,6 +60,34 @@ def test_json_is_whole_and_finite(many):
     assert {f"emva.{name}" for name in emva.split()} <= told
 
 
+@pytest.mark.parametrize("kinds", [{"bias"}, {"dark"}, {"flat"}, {"bias", "dark"}, {"dark", "flat"}])
+def test_a_figure_is_there_or_told_to_be_missing(kinds):
+    """Whatever a set lacks, every figure of both releases is a number or has what it needs, and none is both."""
+    rng = np.random.default_rng(0)
+    taken = [("bias", 0.0, None, 100)] * 3 + [("dark", 1.0, None, 110)] * 3
+    taken += [("flat", 0.01, p, 100 + p / 4) for p in (400, 2000) for _ in range(3)]
+    taken = [one for one in taken if one[0] in kinds]
+    records = [
+        FrameRecord(i, f"{i}", kind, t, photons=photons) for i, (kind, t, photons, _) in enumerate(taken)
+    ]
+    frames = [rng.normal(level, 3 + (level - 100) ** 0.5 / 2, (12, 17)).round() for *_, level in taken]
+    content = characterize(FrameSet.from_arrays(records, frames, bit_depth=12)).to_json()
+    needs = {entry["parameter"] for entry in content["not_determined"]}
+    release_3 = (
+        "system_gain_dn_per_e quantum_efficiency dark_noise_e dark_noise_dn saturation_photons saturation_e dsnu_e dsnu_dn "
+        "prnu_fraction linearity_error_min linearity_error_max dark_current_mean_e_per_s dark_current_variance_e_per_s"
+    )
+    release_4 = (
+        "snr_max dynamic_range_db absolute_sensitivity_threshold_e absolute_sensitivity_threshold_photons"
+    )
+    release_4 += (
+        " doubling_temperature_c dsnu_row_e dsnu_column_e dsnu_pixel_e prnu_row prnu_column prnu_pixel"
+    )
+    names = {f"emva.{n}" for n in release_3.split()} | {f"emva4.{n}" for n in release_4.split()}
+    assert names <= needs | content["parameters"].keys()
+    assert not needs & content["parameters"].keys()
+
+
 def test_camera_file_holds_what_was_measured(many):
     result = many[1][0]
     values = result.camera.values()

@@ -1,5 +1,7 @@
 """Frames that a camera model can explain: what the checks found beyond it is left out, in plain NumPy frames."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import ndimage, stats
@@ -7,6 +9,7 @@ from scipy import ndimage, stats
 from visaug.characterization.alarms import all_warnings, found_by_checks
 from visaug.characterization.spatial import structured
 from visaug.characterization.usable import usable
+from visaug.core.errors import InputError
 from visaug.frames import FrameRecord, FrameSet
 
 SHAPE = (48, 64)
@@ -50,6 +53,15 @@ def test_overscan_is_cut_and_its_place_kept(columns):
     assert made.shape(0) == (48, 56)
     assert made.records[0].window == ((0, 48, 0, 56) if columns == 64 else None)
     assert any(w.startswith("overscan:") for w in all_warnings(made))
+
+
+def test_frames_of_another_size_than_the_sensor_are_refused():
+    for resolution in ((20, 20), (64, 48), (96, 128)):
+        with pytest.raises(InputError, match=r"0: is 48 x 64; expected \d+ x \d+ as the camera's resolution"):
+            usable(taken(0), resolution)
+    frames = taken(0)
+    told = [replace(record, window=(8, 56, 0, 64)) for record in frames.records]
+    assert len(usable(frames.with_records(told), (96, 128))) == len(frames)
 
 
 def test_constant_rows_get_values_of_several_rows():

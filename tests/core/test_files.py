@@ -112,3 +112,19 @@ def test_a_file_is_no_folder_to_write_into(tmp_path):
     (tmp_path / "out").write_text("")
     with pytest.raises(InputError, match="out: is a file; expected a folder"), folder_lock(tmp_path / "out"):
         pass
+
+
+def test_a_place_where_no_file_can_be_is_told(tmp_path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
+    for place, said in (("folder", "folder: is a folder"), ("file/below/a.json", "file: is a file")):
+        with pytest.raises(InputError) as told:
+            write_text(tmp_path / place, "x")
+        assert str(told.value).startswith(f"{tmp_path}/{said}")
+    for make in (whole_folder, folder_lock):
+        with (
+            pytest.raises(InputError, match="file: is a file; expected a folder"),
+            make(tmp_path / "file" / "x"),
+        ):
+            pass
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]

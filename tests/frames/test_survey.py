@@ -314,6 +314,16 @@ def dng(path, mosaic):
     tifffile.imwrite(path, mosaic, photometric=32803, extratags=tags, planarconfig="contig")
 
 
+def test_raw_files_of_another_size_are_left_out(tmp_path):
+    np.zeros((6, 8), "<u2").tofile(tmp_path / "bias_0.raw")
+    with pytest.raises(InputError, match=r"bias_0\.raw: resolution: 96 bytes are no frame of 10 x 10 pixels"):
+        survey(tmp_path, resolution=(10, 10))
+    np.zeros((5, 8), "<u2").tofile(tmp_path / "bias_1.raw")
+    found = survey(tmp_path, resolution=(6, 8))
+    assert [row["file"] for row in found.rows] == ["bias_0.raw"]
+    assert any(note.startswith("unreadable_files: 1 file is left out") for note in found.notes)
+
+
 def test_raw_photographs(tmp_path):
     pytest.importorskip("rawpy")
     mosaic = RNG.integers(500, 16000, (64, 96), dtype=np.uint16)

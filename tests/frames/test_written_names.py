@@ -64,3 +64,23 @@ def test_a_folder_that_is_no_frame_set_is_not_replaced(tmp_path):
     with pytest.raises(InputError, match="no frame set"):
         frame_set("a.npy").save(tmp_path / "notes", overwrite=True)
     assert (tmp_path / "notes" / "mine.txt").exists()
+
+
+def test_replacing_a_set_keeps_what_is_not_of_it(tmp_path):
+    place = frame_set("a.npy", "x/b.npy").save(tmp_path / "out", keep_names=True)
+    (place / "notes.txt").write_text("mine")
+    (place / "x" / "thesis.txt").write_text("mine too")
+    frame_set("x/b.npy").save(place, keep_names=True, overwrite=True)
+    left = sorted(path.relative_to(place).as_posix() for path in place.rglob("*") if path.is_file())
+    assert left == ["frames.csv", "notes.txt", "x/b.npy", "x/thesis.txt"]
+    assert (place / "x" / "thesis.txt").read_text() == "mine too"
+
+
+def test_a_format_that_is_not_written_is_named_as_in_the_table(tmp_path):
+    with pytest.raises(InputError) as told:
+        frame_set("a.gif").save(tmp_path / "out", keep_names=True)
+    assert "'a.gif' cannot be written" in str(told.value)
+    half = FrameSet.from_arrays([FrameRecord(0, "x/b.png", "dark", 1.0)], np.full((1, 2, 2), 1.5, np.float32))
+    with pytest.raises(InputError) as told:
+        half.save(tmp_path / "out", keep_names=True)
+    assert str(told.value).startswith("x/b.png: float32 pixels cannot be written as .png")

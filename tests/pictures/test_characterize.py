@@ -144,6 +144,20 @@ def test_one_picture_gives_noise_but_no_camera():
     assert result["image.noise_dn"].value > 1
 
 
+def test_too_few_levels_are_not_blamed_on_jpeg():
+    """Two surfaces before a black sky, in pictures that were never JPEG."""
+    rng = np.random.default_rng(2)
+    row, column = np.indices((96, 128))
+    taken = []
+    for i in range(8):
+        light = np.where((column - 30 - 5 * i) ** 2 + (row - 40) ** 2 < 500, 0.6, 0.0)
+        light[60:80, 20 + 3 * i : 70 + 3 * i] = 0.35
+        noisy = light + rng.normal(0, 3, light.shape) * np.sqrt(light * 4000 + 400) / 4000
+        taken.append(np.clip(np.rint(noisy * 255), 0, 255).astype(np.uint8))
+    needs = characterize(in_memory(taken)).not_determined["gain_e_per_dn"]
+    assert needs == "flat regions at several levels"
+
+
 def test_largest_group_of_several_sizes():
     taken = independent.take(independent.CAMERAS[1], scenes("spacecraft", 3), 0)
     result = characterize(in_memory([*taken, taken[0][:100]]))

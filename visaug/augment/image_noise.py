@@ -1,6 +1,7 @@
 """Camera noise for one image: PIL image, NumPy array or tensor, with 8 bits, 16 bits or floats; see `visaug.augment.images`."""
 
 from collections.abc import Mapping, Sequence
+from numbers import Integral, Real
 from typing import Any
 
 import torch
@@ -85,8 +86,8 @@ def probability(p: float) -> float:
     Raises:
         InputError: it is not in [0, 1].
     """
-    if not 0 <= p <= 1:
-        raise InputError(f"{p} is not a probability", field="p", expected="0 to 1")
+    if isinstance(p, bool) or not isinstance(p, Real) or not 0 <= p <= 1:
+        raise InputError(f"{p!r} is not a probability", field="p", expected="a number from 0 to 1")
     return float(p)
 
 
@@ -96,6 +97,9 @@ def used_bits(bits: int | None) -> int | None:
     Raises:
         InputError: it is not in 1 to 16.
     """
-    if bits is not None and not 1 <= bits <= 16:
-        raise InputError(f"{bits} bit", field="bits", expected="1 to 16, the depth of data in uint16 words")
-    return bits
+    if bits is None:
+        return None
+    if isinstance(bits, bool) or not isinstance(bits, Integral) or not 1 <= bits <= 16:
+        expected = "a whole number from 1 to 16, the depth of data in uint16 words"
+        raise InputError(f"{bits!r} is not valid", field="bits", expected=expected)
+    return int(bits)

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from visaug.augment.options import light_channels
+from visaug.augment.options import MOST, light_channels
 from visaug.augment.sensor_noise import SensorNoise
 from visaug.core.errors import InputError
 
@@ -34,7 +34,12 @@ def to_unit(image: Tensor, bits: int | None) -> Tensor:
     if image.dtype not in DEPTHS:
         raise InputError(f"an image has type {image.dtype}", expected="float, uint8 or uint16")
     check_bits(bits, str(image.dtype).removeprefix("torch."))
-    return image.float() / _top(image.dtype, bits)
+    white = _top(image.dtype, bits)
+    highest = int(image.to(torch.int32).max()) if bits is not None and image.numel() else 0
+    if highest > MOST * white:
+        expected = f"at most {white}, the highest value of {bits} bits, or another number of bits"
+        raise InputError(f"the largest value is {highest}", field="bits", expected=expected)
+    return image.float() / white
 
 
 def from_unit(image: Tensor, dtype: torch.dtype, bits: int | None) -> Tensor:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,8 @@ BATCH_PIXELS = 600_000  # about what stays in a processor's cache while a batch 
 
 
 def simulate(
-    camera: Camera,
-    plan: FrameSet,
+    camera: Camera | str | Path,
+    plan: FrameSet | str | Path,
     seed: int = 0,
     progress: Callable[[str, int, int], None] | None = None,
     keep: Sequence[int] | None = None,
@@ -29,8 +30,9 @@ def simulate(
     """Simulates the frames of `plan`, in order, with one camera whose fixed patterns stay the same.
 
     Args:
-        camera: the camera. Its `randomize` entries are not used: all frames are from one specimen.
-        plan: records of the frames to simulate, with noiseless targets for scenes. Its pixels are not read.
+        camera: the camera, or its file or name. Its `randomize` entries are not used: all frames are from one specimen.
+        plan: records of the frames to simulate, with noiseless targets for scenes, or the path of a frames.csv or frame set.
+            Its pixels are not read.
         seed: of the specimen (its fixed patterns) and of the temporal noise.
         progress: called with (description, done, total).
         keep: positions of the frames to simulate; None simulates all. See `exposures`.
@@ -51,6 +53,8 @@ def simulate(
         >>> visaug.simulate(camera, plan).read(0).shape
         (8, 8)
     """
+    camera = Camera.load(camera)
+    plan = FrameSet.of(plan, camera.resolution)
     frames: list[np.ndarray] = []
     places = range(len(plan)) if keep is None else sorted(keep)
     for positions, block in exposures(camera, plan, seed, keep, deepest):

@@ -152,7 +152,7 @@ class CameraSpec(_Part):
     @classmethod
     def _positive(cls, value: tuple[int, int]) -> tuple[int, int]:
         if min(value) < 1 or max(value) > 65535:
-            raise ValueError("expected [rows, columns], each from 1 to 65535")
+            raise ValueError("rows and columns are each from 1 to 65535")
         return value
 
 
@@ -181,6 +181,7 @@ def read_spec(path: Path) -> CameraSpec:
 
 _PROBLEMS = {  # of pydantic's types, in words of a YAML file
     "tuple_type": "is not a list",
+    "too_long": "has too many entries",
     "list_type": "is not a list",
     "model_type": "has no keys of its own",
     "dict_type": "has no keys of its own",
@@ -214,8 +215,8 @@ def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
         elif first["type"] == "missing":
             problem = "is missing"
         else:
-            problem = _PROBLEMS.get(first["type"], problem)
-        size = first["loc"][:1] == ("resolution",) and first["type"] != "value_error"
+            problem = _PROBLEMS.get(first["type"], problem.removeprefix("Value error, "))
+        size = first["loc"][:1] == ("resolution",)
         given = "" if first["type"] in ("extra_forbidden", "missing") else f" (got {first['input']!r})"
         is_share = first["type"] == "less_than_equal" and path.split(".")[0] in ("prnu", "quantum_efficiency")
         fraction = f"a fraction: {first['input'] / 100:g} for {first['input']:g} %" if is_share else None

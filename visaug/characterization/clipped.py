@@ -63,7 +63,7 @@ def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, see
     if cut:
         found.withdraw("clipped_at_zero")
         found.warn(
-            f"clipped_at_zero: {still.clipped_low:.0%} of the pixels of the {still.group.kind} frames are 0; "
+            f"clipped_at_zero: {100 * still.clipped_low:.2g} % of the pixels of the {still.group.kind} frames are 0; "
             "gain, quantum efficiency and PRNU are estimated from flats only, read noise, DSNU and dark current by a "
             "likelihood that includes the clipping; the emva figures do not include it",
             spoils=("emva.*", "emva4.*"),

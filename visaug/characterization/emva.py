@@ -34,6 +34,30 @@ from visaug.core.intervals import jackknife, root, symmetric, widen
 Interval = tuple[float, float, float]
 _SPLIT = ("row", "column", "pixel")
 _SATURATED = "calibrated flats up to saturation and beyond"
+_STACKS = "two or more flats at one level, and two or more dark frames beside them"
+# What each figure needs, where nothing more particular is said.
+_NEEDS = {
+    "emva.system_gain_dn_per_e": NEEDS_FLATS,
+    "emva.quantum_efficiency": NEEDS_PHOTONS,
+    "emva.saturation_photons": NEEDS_PHOTONS,
+    "emva.saturation_e": NEEDS_PHOTONS,
+    "emva.dark_noise_dn": "two or more dark frames at one setting",
+    "emva.dark_noise_e": NEEDS_FLATS,
+    "emva.dsnu_dn": _STACKS,
+    "emva.dsnu_e": _STACKS,
+    "emva.prnu_fraction": NEEDS_FLATS,
+    "emva.linearity_error_min": NEEDS_PHOTONS,
+    "emva.linearity_error_max": NEEDS_PHOTONS,
+    "emva.dark_current_mean_e_per_s": "dark frames at three or more exposures, and flats for the gain",
+    "emva.dark_current_variance_e_per_s": "dark frames at three or more exposures, and flats for the gain",
+    "emva4.snr_max": _SATURATED,
+    "emva4.dynamic_range_db": _SATURATED,
+    "emva4.absolute_sensitivity_threshold_e": "flats for the gain, and dark frames",
+    "emva4.absolute_sensitivity_threshold_photons": "flats with known photons and dark frames",
+    "emva4.doubling_temperature_c": "dark frames at several exposures and temperatures",
+    **{f"emva4.{kind}": _STACKS for kind in ("dsnu_row_e", "dsnu_column_e", "dsnu_pixel_e")},
+    **{f"emva4.{kind}": _STACKS for kind in ("prnu_row", "prnu_column", "prnu_pixel")},
+}
 
 _R3, _R4 = "EMVA 1288 release 3", "EMVA 1288 release 4"
 # Figures of release 4 that are a monotonic law of another one: unit, the other one, law.
@@ -50,11 +74,16 @@ LAWS: dict[str, tuple[str, str, Callable[[float], float]]] = {
 
 
 def emva(found: Findings, measured: Measured) -> None:
-    """Add `emva.*` (release 3) and `emva4.*` (release 4)."""
+    """Add `emva.*` (release 3) and `emva4.*` (release 4): every figure, or what it needs."""
+    _figures(found, measured)
+    for key, needs in _NEEDS.items():
+        found.miss(key, needs)
+
+
+def _figures(found: Findings, measured: Measured) -> None:
     levels = measured.sweep
     darks = _dark_sweep(measured, measured.temperature_c)
     if not levels or levels[-1].signal <= 0:
-        found.miss("emva.system_gain_dn_per_e", NEEDS_FLATS)
         _dark_noise(found, darks, None, 0.0)
         return
     saturation = saturated_level(levels)
@@ -75,9 +104,6 @@ def emva(found: Findings, measured: Measured) -> None:
                 found.miss(key, "three or more levels between 5 and 95 % of saturation")
             else:
                 found.add(key, symmetric(*linearity[name]), "fraction", _R3)
-    else:
-        for name in ("quantum_efficiency", "saturation_photons", "saturation_e"):
-            found.miss(f"emva.{name}", NEEDS_PHOTONS)
     _dark_noise(found, darks, gain, relative)
     _dark_current(found, _dark_ladder(measured), gain, relative)
     _disagree(found)
@@ -130,7 +156,6 @@ def _saturation(found: Findings, levels: tuple[FlatLevel, ...], saturation: int 
 
 def _dark_noise(found: Findings, darks: list[GroupMoments], gain: float | None, relative: float) -> None:
     if not darks:
-        found.miss("emva.dark_noise_dn", "two or more dark frames at one setting")
         return
     exposures = np.array([m.group.exposure_s for m in darks])
 
@@ -143,9 +168,7 @@ def _dark_noise(found: Findings, darks: list[GroupMoments], gain: float | None, 
     least = 0.24  # release 3: below, quantization hides the dark noise
     variance = (max(value, least), max(low, 0.0), max(high, least))
     found.add("emva.dark_noise_dn", root(variance), "DN", _R3)
-    if gain is None:
-        found.miss("emva.dark_noise_e", NEEDS_FLATS)
-    else:
+    if gain is not None:
         value, low, high = (max(v - 1 / 12, 0.0) for v in variance)  # less that of quantization
         found.add("emva.dark_noise_e", root((value, low, high), 1 / gain, relative), "e-", _R3)
 
@@ -184,7 +207,6 @@ def _disagree(found: Findings) -> None:
 def _spatial(found: Findings, measured: Measured, gain: float, relative: float) -> None:
     level = _stack(measured)
     if level is None:
-        found.miss("emva.prnu_fraction", NEEDS_FLATS)
         return
     flat, dark, signal = level.flat, level.dark, level.signal
     dark_map, flat_map = (mean_map(measured.frames, m.group.indices) for m in (dark, flat))
@@ -283,11 +305,6 @@ def derived(found: Findings, response: Interval | None) -> None:
         if estimate is not None and estimate.low > 0:
             low, high = sorted((law(estimate.low), law(estimate.high)))
             found.add(key, (law(estimate.value), low, high), unit, _R4)
-    # What is known is not missed.
-    found.miss("emva4.snr_max", _SATURATED)
-    found.miss("emva4.dynamic_range_db", _SATURATED)
-    found.miss("emva4.absolute_sensitivity_threshold_photons", "flats with known photons and dark frames")
-    found.miss("emva4.doubling_temperature_c", "dark frames at several exposures and temperatures")
 
 
 def _threshold(dark: Estimate, gain: Estimate, response: Interval | None) -> Interval:

@@ -37,10 +37,11 @@ def add_maps(found: Findings, measured: Measured) -> None:
     warmest = _warmest(measured)
     odd = 8.0  # robust standard deviations
     if warmest:
-        rate = _rates(measured, warmest)
+        rate, error = _rates(measured, warmest)
         mark(_stands_out(rate) > odd, HOT)
         scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
         found.maps["dark_current"] = (rate * scale).astype(np.float32)
+        found.dark_current_error = error * scale
     still = measured.still
     if still is not None and still.n >= 8:
         mark(_stands_out(_deviation(measured, still)) > odd, UNSTEADY)
@@ -85,15 +86,19 @@ def _at(temperature_c: float | None, t: float | None) -> bool:
     return temperature_c is t if temperature_c is None or t is None else abs(temperature_c - t) <= SAME_C
 
 
-def _rates(measured: Measured, groups: list[GroupMoments]) -> np.ndarray:
-    """Slope of every pixel's mean against exposure, DN/s."""
+def _rates(measured: Measured, groups: list[GroupMoments]) -> tuple[np.ndarray, float]:
+    """Slope of every pixel's mean against exposure, and a usual pixel's standard error of it, DN/s."""
     n = np.array([m.n for m in groups], float)
     t = np.array([m.group.exposure_s for m in groups])
     lever = n * (t - (n * t).sum() / n.sum())
-    rate = np.zeros(groups[0].shape)
+    rate, square = np.zeros(groups[0].shape), 0.0
+    several = [m for m in groups if m.n > 1]
     for m, weight in zip(groups, lever / (lever * t).sum()):
         rate += weight * mean_map(measured.frames, m.group.indices)
-    return rate
+        # one frame has the variance of the group that is nearest in signal
+        like = m if m.n > 1 else min(several, key=lambda s: abs(s.mean - m.mean), default=m)
+        square += weight**2 * float(np.median(like.row_variances)) / m.n
+    return rate, float(np.sqrt(square))
 
 
 def _deviation(measured: Measured, still: GroupMoments) -> np.ndarray:
@@ -114,8 +119,8 @@ def camera_maps(result: Characterization) -> dict[str, np.ndarray]:
     `prnu` is K, the smooth course of light and lens taken out; `dsnu` e- about their mean; `read_noise` e-, where every
     pixel has its own; `dark_current_nonuniformity` a factor, where the dark current of single pixels is measured to
     half of it or better. Temporal noise that the mean of n frames keeps would make every pattern stronger than it is: the
-    pixel parts of `prnu` and `dsnu` are scaled to the deviation without it. Frames cut at 0, or coarser than their
-    noise, give no `dsnu`.
+    pixel parts of `prnu`, `dsnu` and `dark_current_nonuniformity` are scaled to the deviation without it, and the last is left
+    out where nothing remains. Frames cut at 0, or coarser than their noise, give no `dsnu`.
 
     Raises:
         InputError: no gain, or a map of another shape than the sensor.
@@ -136,7 +141,10 @@ def camera_maps(result: Characterization) -> dict[str, np.ndarray]:
     rate = maps.get("dark_current")
     below_0 = 0.023  # share of pixels whose rate comes out negative where its error is half the mean rate
     if rate is not None and (rate < 0).mean() < below_0 and "dark_current" in content:
-        found["dark_current_nonuniformity"] = np.maximum(rate, 0) / rate.mean(dtype=np.float64)
+        factor = np.maximum(rate, 0) / rate.mean(dtype=np.float64)
+        factor = without_noise(factor, result.dark_current_error / float(rate.mean(dtype=np.float64)))
+        if factor is not None:
+            found["dark_current_nonuniformity"] = factor
     for name, values in found.items():
         if values.shape != tuple(content["resolution"]):
             raise InputError(
@@ -149,10 +157,27 @@ def camera_maps(result: Characterization) -> dict[str, np.ndarray]:
 
 def with_pixel_spread(values: np.ndarray, deviation: float) -> np.ndarray:
     """The map with its pixel part, defects left out, drawn to `deviation` where it is wider; (H, W)."""
+    residual, width = _pixel_part(values)[:2]
+    return values - (1 - deviation / width) * residual if width > deviation else values
+
+
+def without_noise(values: np.ndarray, error: float) -> np.ndarray | None:
+    """The map with its pixel part drawn to the deviation that it has without noise of `error`.
+
+    None where the noise explains the pixels, of which none stands out.
+    """
+    residual, width, free, defects = _pixel_part(values)
+    by_chance = 2 * error**2 * np.sqrt(2 / free)  # two standard errors of the variance of noise alone
+    if width**2 - error**2 > by_chance:
+        return values - (1 - np.sqrt(1 - (error / width) ** 2)) * residual
+    return values - residual if defects else None
+
+
+def _pixel_part(values: np.ndarray) -> tuple[np.ndarray, float, int, int]:
+    """What rows and columns leave, without defects; its deviation, its degrees of freedom, and the number of defects."""
     _, _, residual, defects = two_way(values)
     free = max((values.shape[0] - 1) * (values.shape[1] - 1) - defects, 1)
-    width = float(np.sqrt((residual**2).sum() / free))
-    return values - (1 - deviation / width) * residual if width > deviation else values
+    return residual, float(np.sqrt((residual**2).sum() / free)), free, defects
 
 
 def with_maps(content: Mapping[str, Any], files: Mapping[str, Path]) -> dict[str, Any]:

@@ -68,6 +68,7 @@ class Characterization:
         curves: arrays for plots, by name (see the `plot_*` methods).
         maps: (H, W) float32 arrays by name: `master_bias` (DN), `response` (over the mean), `read_noise` (e-),
             `dark_current` (e-/s), `defects` (bits: 1 hot, 2 dead, 4 unsteady); DN in place of e- without a gain.
+        dark_current_error: standard error of a usual pixel of the map `dark_current`, in its unit.
         assumed: settings of the frames, and what was taken from the camera given.
         base: content of the camera given, whose further effects stay.
         not_measured: further paths of the camera file that are assumptions.
@@ -81,6 +82,7 @@ class Characterization:
     warning_details: tuple[Warned, ...] = ()
     curves: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict, repr=False)
     maps: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
+    dark_current_error: float = field(default=0.0, repr=False)
     assumed: Mapping[str, float] = field(default_factory=dict, repr=False)
     base: Mapping[str, Any] | None = field(default=None, repr=False)
     resolution: tuple[int, int] | None = None

@@ -255,6 +255,7 @@ def _result(
         warning_details=tuple(Warned(t.split(":")[0], t, found.spoiled_by(t)) for t in found.warnings),
         curves=found.curves,
         maps=found.maps,
+        dark_current_error=found.dark_current_error,
         assumed=settings,
         not_measured=tuple(found.assumed),
         effects=tuple(found.effects),

@@ -10,6 +10,7 @@ import numpy as np
 from visaug.characterization.alarms import adopt, found_by_checks
 from visaug.characterization.findings import Findings
 from visaug.characterization.views import cropped, repaired, replaced
+from visaug.core.errors import InputError
 from visaug.frames import FrameSet
 
 
@@ -21,7 +22,24 @@ def usable(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:
 
     Args:
         resolution: rows and columns of the camera; frames cut to a part of it know their place on the sensor.
+
+    Raises:
+        InputError: frames of another size than the sensor's that do not state their window.
     """
+    made = _explained(frames, resolution)
+    whole = next((i for i, record in enumerate(made.records) if record.window is None), None)
+    if whole is not None and made.shape(whole) != tuple(resolution):
+        raise InputError(
+            "is {} x {}".format(*made.shape(whole)),
+            file=made.records[whole].file,
+            expected="{} x {} as the camera's resolution, or a region that states the window".format(
+                *resolution
+            ),
+        )
+    return made
+
+
+def _explained(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:
     found = found_by_checks(frames)
     if found is None:
         return frames

@@ -16,6 +16,7 @@ from typing import Any
 
 from visaug.core.errors import InputError
 
+DEFECTS = "row,column,type,height_dn\n"  # the first line of a list of defects
 _HALF = ".visaug-half-"  # of what is being written; host and process follow
 _OLD = ".visaug-old-"  # of a folder that is being replaced; its name follows
 _HOST = blake2b(socket.gethostname().encode(), digest_size=4).hexdigest()
@@ -27,8 +28,12 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     """Yield a path in the same folder to write to; it is renamed to `path` when the block ends well.
 
     The temporary name keeps the suffix, as many writers choose the format by it. Missing folders are made.
+
+    Raises:
+        InputError: `path` is a folder, or lies below a file.
     """
     path = Path(path)
+    check_place(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     remove_leftovers(path.parent)
     handle, name = tempfile.mkstemp(prefix=_prefix(), suffix=path.suffix, dir=path.parent)
@@ -43,6 +48,22 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def check_place(path: Path) -> None:
+    """Refuse a path at which no file can be written: a folder, or one below a file."""
+    if path.is_dir():
+        raise InputError("is a folder", file=path, expected="the name of a file")
+    _check_folder(path.parent)
+
+
+def _check_folder(path: Path) -> None:
+    """Refuse the path of a folder that is a file, or lies below one."""
+    for place in (path, *path.parents):
+        if place.exists():
+            if not place.is_dir():
+                raise InputError("is a file", file=place, expected="a folder")
+            return
+
+
 @contextmanager
 def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     """Yield a folder beside `path` to fill; it becomes `path` when the block ends well.
@@ -55,8 +76,7 @@ def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
         InputError: `path` is a file, or holds something and is not to be replaced.
     """
     path = Path(path)
-    if path.exists() and not path.is_dir():
-        raise InputError("is a file", file=path, expected="a folder")
+    _check_folder(path)
     place = Path(os.path.realpath(path))  # a link stays a link: what it leads to is replaced
     place.parent.mkdir(parents=True, exist_ok=True)
     remove_leftovers(place.parent)
@@ -67,7 +87,7 @@ def whole_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
         else:
             old.rename(place)
     if place.is_dir() and any(place.iterdir()) and not overwrite:
-        raise InputError("is not empty", file=path, expected="a new or empty folder, or overwrite=True")
+        raise InputError("is not empty", file=path, expected="a new or empty folder")
     temporary = Path(tempfile.mkdtemp(prefix=_prefix(), dir=place.parent))
     try:
         yield temporary
@@ -93,8 +113,7 @@ def folder_lock(folder: str | Path) -> Iterator[None]:
         InputError: another process has it, or it is a file.
     """
     folder = Path(folder)
-    if folder.is_file():
-        raise InputError("is a file", file=folder, expected="a folder")
+    _check_folder(folder)
     folder.mkdir(parents=True, exist_ok=True)
     try:
         import fcntl
@@ -176,10 +195,10 @@ def write_yaml(path: str | Path, value: Any) -> None:
 
 
 def is_result(path: Path) -> bool:
-    """Whether a file is a result that visaug wrote: a page that names it, or JSON with the keys of a result."""
+    """Whether a file is a result that visaug wrote: a page that names it, a list of defects, or JSON with the keys of a result."""
     with open(path, "rb") as file:
         start = file.read(2048)
-        if b'<meta name="generator" content="visaug">' in start:
+        if b'<meta name="generator" content="visaug">' in start or start.startswith(DEFECTS.encode()):
             return True
         if not start.lstrip().startswith(b"{"):
             return False
@@ -187,7 +206,10 @@ def is_result(path: Path) -> bool:
             content = json.loads(start + file.read())
         except ValueError:
             return False
-    return bool({"schema", "warnings"} & content.keys())
+    scores = all(
+        isinstance(each, dict) and {"images", "poses_found"} <= each.keys() for each in content.values()
+    )
+    return bool({"schema", "warnings"} & content.keys()) or (bool(content) and scores)
 
 
 def _umask() -> int:

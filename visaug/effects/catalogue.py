@@ -92,7 +92,8 @@ def load_file(path: str | Path) -> list[type[Effect]]:
     """
     path = Path(path)
     if not path.is_file() or path.suffix != ".py":
-        raise InputError(f"{path}: no such file; expected a Python file (.py) that defines an Effect")
+        problem = "is no Python file" if path.exists() else "no such file"
+        raise InputError(problem, file=path, expected="a Python file (.py) that defines an Effect")
     version = (path.resolve(), hashlib.blake2b(path.read_bytes(), digest_size=16).digest())
     if version in _files:
         return _added(_files[version])

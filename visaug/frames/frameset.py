@@ -269,7 +269,7 @@ class FrameSet:
             folder: the folder to write; it must be empty or not exist unless `overwrite`.
             keep_names: write each frame to the `file` of its record (the suffix selects the format) instead of one
                 frames.npz.
-            overwrite: replace an existing frame set, the whole folder.
+            overwrite: replace an existing frame set; files of the folder that it does not name stay.
             beside: called with the folder before it is complete, to add further files.
 
         Raises:

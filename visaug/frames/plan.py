@@ -55,6 +55,9 @@ def plan_groups(
             field="saturation_photons",
             expected=f"photons per pixel from {dimmest:g} to 1e12",
         )
+    if exposure_s <= 0:  # a table takes 0, of bias frames
+        expected = "seconds above 0: flats and scenes need light"
+        raise InputError(f"{exposure_s:g} is out of range", field="exposure_s", expected=expected)
     most_frames = 100_000  # of one setting
     for name, count in (("repeats", repeats), ("bias_frames", bias_frames)):
         if not 2 <= count <= most_frames:

@@ -88,6 +88,18 @@ def read_raw(path: Path, shape: tuple[int, int] | None, layout: str) -> np.ndarr
     return form.unpack(groups).reshape(-1)[: rows * columns].reshape(rows, columns)
 
 
+def check_size(path: Path, shape: tuple[int, int]) -> None:
+    """Refuse a file that has the size of no layout for this shape."""
+    size, (rows, columns) = _size(path), shape
+    if all(_bytes(form, rows * columns) != size for form in LAYOUTS.values()):
+        raise InputError(
+            f"{size} bytes are no frame of {rows} x {columns} pixels",
+            file=path,
+            field="resolution",
+            expected=f"{2 * rows * columns} bytes for pixels of 16 bits, or the resolution of the file",
+        )
+
+
 def guess_layout(path: Path, shape: tuple[int, int] | None) -> str:
     """The layout of the file's size in which neighbours are most alike; little endian, as GenICam has it, where
     both orders of 16 bits fit, and where no layout has that size. Mono10Packed is known by its free bits.

@@ -15,7 +15,7 @@ _LIMITS: dict[str, tuple[float, float, str]] = {
     "exposure_s": (1e-12, 1e6, "seconds: 0, or 1e-12 to 1e6"),
     "gain_db": (-100.0, 120.0, "decibels between -100 and 120"),
     "temperature_c": (-273.15, 300.0, "degrees Celsius between -273.15 and 300"),
-    "photons": (0.0, 1e12, "photons per pixel, 0 or more"),
+    "photons": (0.0, 1e12, "photons per pixel, 0 to 1e12"),
     "combined": (0, 1e6, "how many exposures were averaged, 1 for a raw frame"),
     "bit_depth": (1, 32, "1 to 32 bits"),
 }

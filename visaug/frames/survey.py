@@ -15,6 +15,7 @@ from visaug.frames import pixels
 from visaug.frames.agreement import agreed, names
 from visaug.frames.headers import Facts, frames_of
 from visaug.frames.names import Named, read_name
+from visaug.frames.raw import check_size
 from visaug.frames.record import FrameRecord
 from visaug.frames.table import rows_text
 
@@ -137,6 +138,8 @@ def survey(
         by_name = read_name(name)
         try:
             frames = frames_of(file)
+            if resolution is not None and file.suffix.lower() == ".raw":
+                check_size(file, resolution)
         except InputError as error:
             if named and file.parent == folder:
                 raise

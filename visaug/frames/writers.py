@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import zipfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import count
 from math import prod
@@ -16,10 +18,14 @@ from visaug.core.errors import InputError
 from visaug.core.extras import extra
 from visaug.core.files import whole_folder
 from visaug.frames.pixels import split_name
-from visaug.frames.table import write_table
+from visaug.frames.table import read_table, write_table
 
 if TYPE_CHECKING:
     from visaug.frames.frameset import FrameSet
+    from visaug.frames.record import FrameRecord
+
+SUFFIXES = (".npy", ".npz", ".tif", ".tiff", ".fits", ".fit", ".fts", ".png", ".raw")
+_FORMATS = ".npy, .npz, .tif or .fits; .png and .raw for whole DN of 16 bits"
 
 
 def save(
@@ -49,7 +55,29 @@ def save(
         write_table(temporary / "frames.csv", records)
         if beside is not None:
             beside(temporary)
+        if overwrite and folder.is_dir():
+            _take_along(folder, temporary)
     return folder
+
+
+def _take_along(folder: Path, temporary: Path) -> None:
+    """Into the folder that takes its place: all files but those of the frame set that is replaced."""
+    replaced = {"frames.csv", "camera.yaml"}
+    try:
+        for record in read_table(folder / "frames.csv", []):
+            replaced |= {split_name(name)[0] for name in (record.file, record.clean) if name}
+    except InputError:  # no table, or a plan that cannot be read: what it names is not known
+        pass
+    for file in folder.rglob("*"):
+        place = file.relative_to(folder)
+        new = temporary / place
+        if place.as_posix() in replaced or new.exists() or not (file.is_symlink() or file.is_file()):
+            continue
+        new.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            os.link(file, new)
+        except OSError:  # a link, or a file system without hard links
+            shutil.copy2(file, new, follow_symlinks=False)
 
 
 def _write_archive(frames: FrameSet, path: Path) -> list[str]:
@@ -116,7 +144,7 @@ def _numbered(stem: str) -> Iterator[str]:
 
 def _write_named(frames: FrameSet, folder: Path) -> None:
     """Every frame under its record's own name; frames of one archive are put together at the end of it."""
-    parts = _places(frames)
+    parts = places(frames.records)
     stacks: dict[str, list[int]] = {}
     for i, (file, _, index) in enumerate(parts):
         path = folder / file
@@ -124,22 +152,32 @@ def _write_named(frames: FrameSet, folder: Path) -> None:
         if path.suffix.lower() == ".npz" or index:
             stacks.setdefault(file, []).append(i)
         else:
-            write_frame(path, frames.read(i), _smallest_type(frames, [i]))
+            write_frame(path, frames.read(i), _smallest_type(frames, [i]), frames.records[i].file)
     for file, members in stacks.items():
         _write_stack(frames, folder / file, {i: parts[i][1:] for i in members})
 
 
-def _places(frames: FrameSet) -> list[tuple[str, str | None, tuple[int, ...]]]:
-    """File, key and index of each frame, no two of which are the same place or in each other's way."""
-    places: list[tuple[str, str | None, tuple[int, ...]]] = []
+def places(records: Sequence[FrameRecord]) -> list[tuple[str, str | None, tuple[int, ...]]]:
+    """File, key and index of each frame, no two of which are the same place or in each other's way.
+
+    Raises:
+        InputError: a name that cannot be written.
+    """
+    found: list[tuple[str, str | None, tuple[int, ...]]] = []
     files: dict[str, bool] = {}  # whether it holds several frames
-    for record in frames.records:
+    for record in records:
         file, key, index = split_name(record.file)
         path = PurePosixPath(file)
         file = str(path)  # without ./ and //
         if path.is_absolute() or ".." in path.parts or file in (".", "frames.csv", "camera.yaml"):
             raise InputError(
                 f"{record.file!r} cannot be written", field="file", expected="a path inside the folder"
+            )
+        if path.suffix.lower() not in SUFFIXES:
+            raise InputError(
+                f"{record.file!r} cannot be written",
+                field="file",
+                expected=f"a name that ends in {_FORMATS}",
             )
         numbers = tuple(n for n in index if isinstance(n, int))
         if len(numbers) < len(index):
@@ -156,9 +194,9 @@ def _places(frames: FrameSet) -> list[tuple[str, str | None, tuple[int, ...]]]:
                 field="file",
                 expected="an index for each frame, or one file per frame",
             )
-        places.append((file, key, numbers))
+        found.append((file, key, numbers))
     seen: set[tuple] = set()
-    for record, place in zip(frames.records, places, strict=True):
+    for record, place in zip(records, found, strict=True):
         if place in seen:
             raise InputError(
                 f"{record.file!r} names several frames", field="file", expected="a name for each frame"
@@ -167,20 +205,20 @@ def _places(frames: FrameSet) -> list[tuple[str, str | None, tuple[int, ...]]]:
         for above in PurePosixPath(place[0]).parents:
             if str(above) in files or str(above) in ("frames.csv", "camera.yaml"):
                 raise InputError(f"{above} is a file and a folder", file=record.file, field="file")
-    return places
+    return found
 
 
-def _write_stack(frames: FrameSet, path: Path, places: dict[int, tuple[str | None, tuple[int, ...]]]) -> None:
-    dtype = _smallest_type(frames, places)
+def _write_stack(frames: FrameSet, path: Path, parts: dict[int, tuple[str | None, tuple[int, ...]]]) -> None:
+    dtype = _smallest_type(frames, parts)
     arrays: dict[str | None, np.ndarray] = {}
     most_gaps = 100  # places of an array for each frame of it that is there
-    for key in {key for key, _ in places.values()}:
-        members = {i: index for i, (k, index) in places.items() if k == key}
+    for key in {key for key, _ in parts.values()}:
+        members = {i: index for i, (k, index) in parts.items() if k == key}
         lengths = {len(index) for index in members.values()}
         shapes = {frames.shape(i) for i in members}
         if len(lengths) > 1 or len(shapes) > 1:
             raise InputError(
-                "frames of different sizes or index depths share one array", file=path, field=key
+                "frames of different sizes or index depths share one array", file=path.name, field=key
             )
         outer = tuple(max(n) + 1 for n in zip(*members.values()))
         if prod(outer) > most_gaps * len(members):
@@ -200,12 +238,14 @@ def _write_stack(frames: FrameSet, path: Path, places: dict[int, tuple[str | Non
                 with archive.open(f"{key}.npy", "w", force_zip64=True) as handle:
                     np.lib.format.write_array(handle, array, allow_pickle=False)
     else:
-        write_frame(path, arrays[None], dtype)
+        write_frame(path, arrays[None], dtype, path.name)
 
 
-def write_frame(path: Path, pixels: np.ndarray, dtype: np.dtype | None = None) -> None:
+def write_frame(
+    path: Path, pixels: np.ndarray, dtype: np.dtype | None = None, name: str | None = None
+) -> None:
     """One frame (or stack) in the format of the suffix: .npy, TIFF, PNG, FITS or .raw (16 bit, little
-    endian).
+    endian). Errors call it `name`, where `path` is a temporary one.
     """
     suffix = path.suffix.lower()
     stored = pixels.astype(dtype or pixels.dtype)
@@ -230,6 +270,6 @@ def write_frame(path: Path, pixels: np.ndarray, dtype: np.dtype | None = None) -
     else:
         raise InputError(
             f"{stored.dtype} pixels cannot be written as {suffix or 'a file without suffix'}",
-            file=path,
-            expected=".npy, .npz, .tif or .fits; .png and .raw for whole DN of 16 bits",
+            file=name or path,
+            expected=_FORMATS,
         )

@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
-from visaug.inspection.finding import Finding
+from visaug.inspection.finding import ALPHA, Finding
 from visaug.inspection.material import FrameGroup
 from visaug.statistics.views.codes import NEIGHBOURS, SIDE
 
@@ -177,4 +178,7 @@ def _pile(look: FrameGroup, at_top: bool, codes: CodeCounts) -> float:
         return share if is_limit else 0.0
     steep = 1.0 if is_limit else 3.0
     narrow = look.noise_dn < step and not is_limit
-    return share if here > steep * beside and not narrow else 0.0
+    by_chance = (
+        stats.binom.sf(here - 1, here + beside, 0.5) > ALPHA
+    )  # no pile: the code beside has as many or more
+    return share if here > steep * beside and not narrow and not by_chance else 0.0

@@ -48,20 +48,42 @@ def _mean_product(images: np.ndarray, lag: tuple[int, int]) -> float:
     return float(np.einsum("nij,nij->", here, there, dtype=np.float64)) / here.size
 
 
-def _correlated(look: FrameGroup, noise: np.ndarray) -> Finding | None:
+Lag = tuple[int, int]
+
+
+def shares_of_neighbours(noise: np.ndarray, frames: int) -> tuple[dict[Lag, float], dict[Lag, float]]:
+    """Correlation of noise (n, H, W) with its neighbours along row, column and diagonal; of the first two in standard errors.
+
+    Less that of pixels far apart, which what is taken out of the noise (means of rows, columns and, of several frames, of
+    pixels) gives too.
+    """
     variance = float(np.mean(noise**2, dtype=np.float64))
-    if variance < 1e-3:
-        return None
     far = {(0, 1): (0, _FAR), (1, 0): (_FAR, 0), (1, 1): (_FAR, _FAR)}
     shared = {
         lag: (_mean_product(noise, lag) - _mean_product(noise, away)) / variance for lag, away in far.items()
     }
-    independent = noise.size * (1 - 1 / look.count if look.count > 1 else 1)
-    error = math.sqrt(2 / independent)
-    across, down, diagonal = shared.values()
-    top = max(across, down, key=abs)
-    if abs(top) < needed_z(2) * error:
+    height, width = noise.shape[-2:]
+    free = len(noise) * (1 - 1 / height) * (1 - 1 / width) * (1 - 1 / frames if frames > 1 else 1)
+    errors = {
+        lag: math.sqrt(
+            sum(1 / ((height - rows) * (width - columns)) for rows, columns in (lag, far[lag])) / free
+        )
+        for lag in ((0, 1), (1, 0))
+    }
+    return shared, {lag: shared[lag] / error for lag, error in errors.items()}
+
+
+def _correlated(look: FrameGroup, noise: np.ndarray) -> Finding | None:
+    variance = float(np.mean(noise**2, dtype=np.float64))
+    if variance < 1e-3:
         return None
+    shared, z = shares_of_neighbours(noise, look.count)
+    across, down, diagonal = shared.values()
+    lag = max(z, key=lambda lag: abs(z[lag]))
+    top = shared[lag]
+    if abs(z[lag]) < needed_z(2):
+        return None
+    error = top / z[lag]
     equal = _equal_share(look)
     denoised = equal > _EQUAL and top > 0.1
     value = look.noise_dn * math.sqrt(abs(top))
@@ -226,13 +248,17 @@ def _by_pixels(look: FrameGroup) -> tuple[tuple[int, int], float, int, float] | 
     places = [(down, across) for down in range(_SIDE) for across in range(_SIDE)]
     still = np.array([np.mean(np.abs(_coefficients(look, *place)) < 0.5) for place in places])
     order = np.argsort(-still)
-    usual = np.median([_characteristic(look, *places[k]) for k in order[_SIDE :: _SIDE * 2]], axis=0)
+    others = [_characteristic(look, *places[k])[0] for k in order[_SIDE :: _SIDE * 2]]
+    usual = np.nan_to_num(np.median(others, axis=0), nan=1.0)
     rounded = 0.25  # of the characteristic function at 1/step, above which coefficients are multiples of it
     for place in dict.fromkeys([(0, 0), places[order[0]]]):
-        excess = _characteristic(look, *place) - usual
-        which = np.flatnonzero((excess.max(1) > rounded) & _OF_NO_LINE)
+        function, count = _characteristic(look, *place)
+        excess = np.nan_to_num(function - usual).max(1)
+        # A mean cosine of n blocks scatters by 1 / sqrt(2 n) at most, the median of the others by 0.6 of it.
+        chance = needed_z(2 * function.size) * 1.2 / np.sqrt(2.0 * np.maximum(count, 1))
+        which = np.flatnonzero((excess > np.maximum(rounded, chance)) & _OF_NO_LINE)
         if len(which) >= _COEFFICIENTS:
-            steps = _STEPS[excess[which].argmax(1)]
+            steps = _STEPS[(function - usual)[which].argmax(1)]
             return place, float(np.median(steps)), len(which), 2e3 * len(which)
     return None
 
@@ -250,13 +276,13 @@ def _coefficients(look: FrameGroup, down: int, across: int) -> np.ndarray:
     return np.asarray(fft.dctn(blocks, axes=(1, 2), norm="ortho")).reshape(len(blocks), -1)[:, 1:]
 
 
-def _characteristic(look: FrameGroup, down: int, across: int) -> np.ndarray:
-    """(63, steps) mean cosine of 2 pi c / step of block coefficients c; 0 where hardly any differs from 0."""
+def _characteristic(look: FrameGroup, down: int, across: int) -> tuple[np.ndarray, np.ndarray]:
+    """(63, steps) mean cosine of 2 pi c / step of block coefficients c, NaN where hardly any differs from 0; how many do."""
     c = _coefficients(look, down, across)
     moves = np.abs(c) >= 0.5  # a coefficient of 0 is a multiple of every step
     count = moves.sum(0)
     phi = np.stack([np.where(moves, np.cos(2 * math.pi / q * c), 0.0).sum(0) for q in _STEPS], 1)
-    return np.where(count > 50, 1 / np.maximum(count, 1), 0.0)[:, None] * phi
+    return np.where(count > 50, 1 / np.maximum(count, 1), np.nan)[:, None] * phi, count
 
 
 def noise_law(look: FrameGroup) -> tuple[str, float] | None:

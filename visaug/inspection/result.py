@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from visaug.core.files import write_text
+from visaug.core.files import DEFECTS, write_text
 from visaug.core.reporting import Reported
 from visaug.frames import FrameSet
 from visaug.inspection.finding import Finding, rounded
@@ -118,8 +118,8 @@ class Inspection(Reported):
 
     def save_defects(self, path: str | Path) -> Path:
         """Write the places of defects as CSV, one a line; the missing number of a line defect is left blank."""
-        lines = ["row,column,type,height_dn"]
+        lines = []
         for row, column, kind, height in self.places:
             lines.append(f"{'' if row < 0 else row},{'' if column < 0 else column},{kind},{height:.4g}")
-        write_text(path, "\n".join(lines) + "\n")
+        write_text(path, DEFECTS + "".join(line + "\n" for line in lines))
         return Path(path)

@@ -149,10 +149,13 @@ def _camera(
         if len(levels.level) < fewest_levels:
             _no_camera(found, "flat regions at several levels")
             return None
-    levels, sky = _without_rounded(found, levels, rounding, sky)
-    if len(levels.level) < fewest_levels:
-        _no_camera(found, "flat regions at several levels whose noise JPEG has not rounded away")
+    clear, sky = _without_rounded(found, levels, rounding, sky)
+    if len(clear.level) < fewest_levels:
+        lost = len(clear.level) < len(levels.level)
+        of_jpeg = " whose noise JPEG has not rounded away" if lost else ""
+        _no_camera(found, f"flat regions at several levels{of_jpeg}")
         return None
+    levels = clear
     start = VarianceLaw(
         "linear",
         0.05,

@@ -54,7 +54,8 @@ def write_preview(
             expected="another name, or --force to replace it",
         )
     if not picture.is_file():
-        raise InputError("no such file", file=picture)
+        problem = "is a folder" if picture.is_dir() else "no such file"
+        raise InputError(problem, file=picture, expected="one picture")
     image = read_picture(picture)
     window = middle(image, ROWS, COLUMNS)
     samples = []

@@ -4,7 +4,14 @@ from pathlib import Path
 
 import click
 
-from visaug.app.cli.options import command, force_option, load_camera, output_option, written
+from visaug.app.cli.options import (
+    command,
+    effects_option,
+    force_option,
+    load_camera,
+    output_option,
+    written,
+)
 from visaug.app.cli.tables import print_table
 from visaug.core.errors import InputError
 
@@ -16,6 +23,7 @@ from visaug.core.errors import InputError
 )
 @click.argument("words", metavar="[NAME | add FILE | export NAME]", nargs=-1)
 @output_option("DIR", "Folder that `export` writes.  [default: NAME-camera]")
+@effects_option()
 @force_option
 def cameras(words: tuple[str, ...], output: Path | None, force: bool, seed: int) -> None:
     """List the cameras, or print, add or export one.

@@ -6,6 +6,7 @@ import click
 
 from visaug.app.cli.options import (
     bit_depth_option,
+    check_result,
     command,
     frames_argument,
     is_silent,
@@ -27,6 +28,7 @@ from visaug.report.inspected import FINDING_HEAD, finding_row, measured_texts, n
     "--defects defects_path",
     "F.csv",
     "Write the places of hot, dead and unstable pixels and of defective lines.",
+    callback=check_result,
 )
 @result_options
 def inspect(

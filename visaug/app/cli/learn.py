@@ -9,8 +9,10 @@ import click
 from visaug.app.cli.options import (
     command,
     effects_option,
+    force_option,
     is_silent,
     json_option,
+    may_write,
     output_option,
     path_option,
     write_result,
@@ -143,6 +145,7 @@ def run(what: str, config_path: Path, seed: int, **more: Any) -> None:
 )
 @output_option("DIR", "Folder of the curves of --severity; the same command resumes.  [default: severity]")
 @json_option
+@force_option
 def evaluate(
     config_path: Path | None,
     predictions: Path | None,
@@ -157,6 +160,7 @@ def evaluate(
     curves: tuple[str, ...],
     output: Path | None,
     json_path: Path | None,
+    force: bool,
     seed: int,
 ) -> None:
     """Score a network on its test sets.
@@ -177,6 +181,7 @@ def evaluate(
         raise InputError("go with --data", field="--poses and --split", expected="--data and --domain")
     if (curves or output) and severity_camera is None:
         raise InputError("go with --severity", field="--curve and --output", expected="--severity CAMERA")
+    may_write(poses_csv, force)
     elsewhere = None if data is None or domain is None else (data, domain, split)
     if severity_camera is not None:
         if config_path is None or poses_csv or json_path:

@@ -44,6 +44,9 @@ if TYPE_CHECKING:
     from visaug.camera import Camera
     from visaug.frames import FrameSet
 
+# what `characterize --maps` writes, and what --use-maps writes beside it
+MAPS = ("master_bias.fits", "response.fits", "read_noise.fits", "dark_current.fits", "defects.fits")
+CAMERA_MAPS = ("prnu.npy", "dsnu.npy", "read_noise.npy", "dark_current_nonuniformity.npy")
 MISFIT = 3  # exit status of `compare --fail-on-misfit`; 1 and 2 are failures of the program and of its input
 
 
@@ -112,6 +115,9 @@ def characterize(
         may_replace(path, force)
         if path.suffix.lower() not in (".html", ".json"):
             raise InputError("is neither", file=path, field="--sheet", expected="a name in .html or .json")
+    if maps_path:
+        for file in (*MAPS, *(CAMERA_MAPS if use_maps else ())):
+            may_write(maps_path / file, force)
     camera = load_camera(camera_name) if camera_name else None
     frames = load_frames(frames_path, camera.resolution if camera else None, bit_depth, quiet)
     with progress_bars(quiet=quiet) as progress:

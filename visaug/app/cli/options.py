@@ -10,7 +10,7 @@ import click
 
 from visaug.core.errors import InputError
 from visaug.core.extras import check_installed
-from visaug.core.files import is_result, write_json
+from visaug.core.files import check_place, is_result, write_json
 
 if TYPE_CHECKING:
     from visaug.camera import Camera
@@ -56,7 +56,7 @@ def camera_option(required: bool = True, if_repeated: str = "") -> Decorator:
     )
 
 
-def _check_result(context: click.Context, _: click.Parameter, path: Path | None) -> Path | None:
+def check_result(context: click.Context, _: click.Parameter, path: Path | None) -> Path | None:
     """Before any work: a file that visaug did not write is replaced with --force alone, where the command has it."""
     if any(parameter.name == "force" for parameter in context.command.params):
         may_replace(path, bool(context.params.get("force")))
@@ -67,7 +67,7 @@ def _check_report(context: click.Context, parameter: click.Parameter, path: Path
     """The same; and what reports are drawn and set with is installed."""
     if path is not None:
         check_installed("matplotlib", "jinja2", file=path)
-    return _check_result(context, parameter, path)
+    return check_result(context, parameter, path)
 
 
 def path_option(names: str, metavar: str, text: str, **more: Any) -> Decorator:
@@ -85,7 +85,7 @@ json_option = path_option(
     "--json json_path",
     "F",
     "Write the result as JSON; `-` writes it to standard output and suppresses all other output.",
-    callback=_check_result,
+    callback=check_result,
 )
 
 
@@ -130,16 +130,23 @@ bit_depth_option = click.option(
 
 
 def may_write(path: Path | None, force: bool) -> None:
-    """Refuse, before any work, to overwrite what a user may have edited."""
-    if path is not None and path.exists() and not force:
+    """Refuse, before any work, a place where no file can be, and to overwrite what a user may have edited."""
+    if path is None:
+        return
+    check_place(path)
+    if path.exists() and not force:
         raise InputError("already exists", file=path, expected="another name, or --force to overwrite it")
 
 
 def may_replace(path: Path | None, force: bool) -> None:
-    """Refuse, before any work, to replace a file that is no result of visaug; its own results are made anew."""
-    if path is None or path == STANDARD_OUTPUT or not path.is_file() or force:
+    """Refuse, before any work, a place where no file can be, and to replace a file that is no result of visaug.
+
+    Its own results are made anew.
+    """
+    if path is None or path == STANDARD_OUTPUT:
         return
-    if not is_result(path):
+    check_place(path)
+    if path.is_file() and not force and not is_result(path):
         raise InputError(
             "exists, and visaug did not write it",
             file=path,

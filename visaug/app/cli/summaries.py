@@ -30,8 +30,11 @@ def print_characterization(result: dict[str, Any], camera_file: str | None) -> N
         for name, e in result["parameters"].items()
     ]
     print_table(["parameter", "value [95 % interval]", "unit", "source"], rows)
+    needed: dict[str, list[str]] = {}
     for entry in result["not_determined"]:
-        click.echo(f"not determined: {entry['parameter']}; needs {entry['needs']}")
+        needed.setdefault(entry["needs"], []).append(entry["parameter"])
+    for needs, parameters in needed.items():
+        click.echo(f"not determined: {', '.join(parameters)}; needs {needs}")
     for warning in result["warnings"]:
         click.echo(f"warning: {warning}")
 

@@ -40,11 +40,13 @@ def simulate(plan_path: Path, camera_name: str, output: Path, force: bool, seed:
     """
     from visaug.camera.simulation import simulate, with_chart
     from visaug.frames import FrameSet
+    from visaug.frames.writers import places
 
-    if output.is_dir() and any(output.iterdir()):
-        may_write(output, force)
+    if output.is_dir() and any(output.iterdir()) and not force:
+        raise InputError("already exists", file=output, expected="another name, or --force to overwrite it")
     camera = load_camera(camera_name)
     plan = with_chart(camera, FrameSet.load(plan_path, resolution=camera.resolution))
+    places(plan.records)
     with progress_bars() as progress:
         frames = simulate(camera, plan, seed=seed, progress=progress)
         frames.save(output, keep_names=True, overwrite=force, beside=lambda f: camera.save(f / "camera.yaml"))
@@ -96,6 +98,8 @@ def plan(
         if not camera_name:
             raise InputError("needs a camera", field="--for", expected="--camera CAMERA")
         names = list(dict.fromkeys(name.strip() for name in effects_for.split(",") if name.strip()))
+        if not names:
+            raise InputError("names no effect", field="--for", expected="for example row_noise,smear")
         with progress_bars(single=True) as progress:
             from visaug.diagnosis.planned import before_frames
             from visaug.report.verdict_text import planned_text
