@@ -12,7 +12,7 @@ from visaug.diagnosis.adding import Adding
 from visaug.diagnosis.criterion import SHARE
 from visaug.diagnosis.fitting import fit
 from visaug.diagnosis.fitting.fit import Fitted
-from visaug.diagnosis.fitting.parameters import Coordinate
+from visaug.diagnosis.fitting.parameters import Coordinate, intervals
 from visaug.diagnosis.scatter import VarianceStrength
 
 BEYOND = Coordinate("brighter_fatter.beyond", False, 0.05, 0.5)
@@ -198,6 +198,19 @@ def test_a_strength_from_variance_must_reproduce_itself(
     if after is not None:
         assert after.scatters == (RANDOM,)
         assert after.fitted.camera.values()["light_drift.sigma"] == pytest.approx(kept)
+
+
+def test_an_effect_of_more_sets_than_a_later_one_keeps_its_interval(stated, drift):
+    """A drift by 120 sets, then row noise by 2: each interval is 1.96 standard deviations of its own sets."""
+    told = np.exp(np.random.default_rng(0).normal(0, 0.2, 120))
+    both = drift.camera.with_effect("row_noise", sigma_e=2.0)
+    state = replace(leaving([1.0], both, "row_noise"), scatters=(replace(RANDOM, of_sets=told),))
+    state.fitted.reference.null_steps = np.array([[-0.1], [0.1]])  # pyright: ignore[reportAttributeAccessIssue]
+    coordinates, steps, untold = state.numbers
+    found = intervals(coordinates, both, steps, untold)
+    for path, sd in (("light_drift.sigma", np.log(told).std(ddof=1)), ("row_noise.sigma_e", 0.1 * 2**0.5)):
+        value, _, high = found[path]
+        assert high == pytest.approx(value * np.exp(1.96 * sd))
 
 
 @pytest.mark.parametrize(

@@ -78,11 +78,17 @@ class State:
         """All fitted parameters and their uncertainty.
 
         Returns the coordinates, their steps in refits of (R,) simulated sets (R, coordinates), and the standard deviation
-        (coordinates,) of what the frames do not determine.
+        (coordinates,) of what the frames do not determine. Steps are NaN in sets that do not tell one: an effect whose strength
+        is estimated from variance can have more sets than the state.
         """
         reference = self.fitted.reference
         scattering = [c for s in self.scatters for c in s.strengths]
-        steps = np.hstack([reference.null_steps, *(s.steps for s in self.scatters)])
+        parts = [reference.null_steps, *(s.steps for s in self.scatters)]
+        steps = np.full((max(map(len, parts)), sum(part.shape[1] for part in parts)), np.nan)
+        first = 0
+        for part in parts:
+            steps[: len(part), first : first + part.shape[1]] = part
+            first += part.shape[1]
         untold = np.concatenate([reference.untold, np.zeros(len(scattering))])
         return (*reference.coordinates, *scattering), steps, untold
 
