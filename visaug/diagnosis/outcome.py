@@ -57,9 +57,9 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
 
 
 def _ranking(end: SearchStage, outside: float) -> tuple[Ranked, ...]:
-    """The candidates by their probability, what is outside the catalogue taken off."""
+    """The candidates by their probability, what is outside the catalogue taken off; of equal ones an accepted effect is first."""
     found = (replace(r, probability=r.probability * (1 - outside)) for r in end.ranked.values())
-    return tuple(sorted(found, key=lambda r: -r.probability))
+    return tuple(sorted(found, key=lambda r: (-r.probability, r.effect not in end.state.accepted)))
 
 
 def kept(setting: Setting, history: History, p_given: float) -> tuple[SearchStage, tuple[Step, ...]]:
