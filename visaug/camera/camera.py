@@ -328,17 +328,6 @@ class Camera:
         context = self._context(full, stream, False, None, None)
         return chain.finish(self.effects, picture, full, self.choices(), stream, context)
 
-    def prepared(
-        self,
-        stream: Stream,
-        values: Mapping[str, Tensor | float] | None = None,
-        sequence: bool = False,
-        memory: dict[str, Tensor] | None = None,
-    ) -> tuple[dict[str, Tensor], Context]:
-        """What `chain.expose` needs to apply a part of the chain: every number by path, and the context; see `expose`."""
-        full = self._full(values, stream.device)
-        return full, self._context(full, stream, sequence, memory, None)
-
     def _full(self, values: Mapping[str, Tensor | float] | None, device: torch.device) -> dict[str, Tensor]:
         """Every number by path, (1 or B, 1, 1, 1)."""
         nominal = self.values()

@@ -164,7 +164,7 @@ def with_pixel_spread(values: np.ndarray, deviation: float) -> np.ndarray:
 def without_noise(values: np.ndarray, error: float) -> np.ndarray | None:
     """The map with its pixel part drawn to the deviation that it has without noise of `error`.
 
-    None where the noise explains the pixels, of which none stands out.
+    Returns None if noise of `error` explains the deviation of the pixels and no pixel is defective.
     """
     residual, width, free, defects = _pixel_part(values)
     by_chance = 2 * error**2 * np.sqrt(2 / free)  # two standard errors of the variance of noise alone

@@ -84,11 +84,10 @@ class State:
         reference = self.fitted.reference
         scattering = [c for s in self.scatters for c in s.strengths]
         parts = [reference.null_steps, *(s.steps for s in self.scatters)]
-        steps = np.full((max(map(len, parts)), sum(part.shape[1] for part in parts)), np.nan)
-        first = 0
-        for part in parts:
-            steps[: len(part), first : first + part.shape[1]] = part
-            first += part.shape[1]
+        most = max(map(len, parts))
+        steps = np.hstack(
+            [np.pad(part, ((0, most - len(part)), (0, 0)), constant_values=np.nan) for part in parts]
+        )
         untold = np.concatenate([reference.untold, np.zeros(len(scattering))])
         return (*reference.coordinates, *scattering), steps, untold
 

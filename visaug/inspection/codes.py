@@ -178,7 +178,6 @@ def _pile(look: FrameGroup, at_top: bool, codes: CodeCounts) -> float:
         return share if is_limit else 0.0
     steep = 1.0 if is_limit else 3.0
     narrow = look.noise_dn < step and not is_limit
-    by_chance = (
-        stats.binom.sf(here - 1, here + beside, 0.5) > ALPHA
-    )  # no pile: the code beside has as many or more
+    # One-sided sign test: are pixels at the last code more frequent than at the code beside it?
+    by_chance = stats.binom.sf(here - 1, here + beside, 0.5) > ALPHA
     return share if here > steep * beside and not narrow and not by_chance else 0.0
