@@ -48,6 +48,22 @@ def dust(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     return light * shade
 
 
+def uneven_light(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
+    """A lamp beside the axis lights flats by cos^4 of the angle, `strength` from the darkest to the brightest pixel.
+
+    Scenes are lit otherwise. Other form: a Gaussian spot.
+    """
+    if at.shot.kind != "flat":
+        return light
+    rng = at.die()
+    rows, columns = light.shape
+    y, x = (2 * np.mgrid[0:rows, 0:columns] + 1) / max(rows, columns) - 1
+    turn, away = rng.uniform(0, 2 * np.pi), rng.uniform(0.3, 0.9)
+    r2 = (y - away * np.sin(turn)) ** 2 + (x - away * np.cos(turn)) ** 2
+    lit = np.exp(-r2 / 3) if at.form == "spot" else (1 + r2 / 6) ** -2
+    return light * (1 + strength * (lit - lit.mean()) / np.ptp(lit))
+
+
 def parasitic_light(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     """The last row collects `strength` of its light at the nominal exposure once more while it waits; other form: the first."""
     wait = np.linspace(0, 1, mean_e.shape[0])[:, None]
@@ -166,6 +182,7 @@ KINDS: tuple[Kind, ...] = (
     Kind("lamp_flicker", "light", lamp_flicker, "relative amplitude", 2e-3, 0.5, "rectified", ("row", "time"), (_S,)),
     Kind("fringing", "light", fringing, "fraction", 1e-3, 0.5, None, ("smooth", "row", "column", "pixel"), (_S,)),
     Kind("dust", "light", dust, "fraction", 1e-2, 0.9, None, ("smooth", "pixel"), (_S,)),
+    Kind("uneven_light", "light", uneven_light, "fraction", 2e-3, 0.5, "spot", ("smooth", "row", "column"), (_S,)),
     Kind("parasitic_light", "yield", parasitic_light, "share of light in the last row", 3e-3, 0.5, "first",
          ("smooth", "row"), (_S,), (_E,)),
     Kind("dark_current_rts", "yield", dark_current_rts, "share of pixels", 2e-3, 0.3, "afresh", ("time", "pixel"), (_E,),

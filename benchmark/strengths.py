@@ -25,7 +25,7 @@ TYPICAL = {
     "missing_codes": 0.02, "row_gain_noise": 0.01, "patchwork": 3,
     "row_loading": 0.01, "electronic_ghost": 0.01, "bit_flips": 1e-3, "checkerboard": 1,
     "converter_step": 30, "despeckle": 0.2,
-    "lamp_flicker": 0.01, "fringing": 0.01, "dust": 0.05, "parasitic_light": 0.02, "dark_current_rts": 0.01,
+    "lamp_flicker": 0.01, "fringing": 0.01, "dust": 0.05, "parasitic_light": 0.02, "dark_current_rts": 0.01, "uneven_light": 0.01,
     "saturation_nonuniformity": 0.02, "column_parity": 1.5, "read_noise_nonuniformity": 1.5, "line_defects": 0.03,
     "correlated_row_noise": 1, "slanted_interference": 2, "dual_gain": 20, "code_widths": 0.4,
     "corner_glow": 200, "edge_columns": 4, "quarter_taps": 2,

@@ -234,6 +234,25 @@ def test_sets_that_differ_in_a_strength_are_no_evidence_against_a_rival_that_fit
     assert np.count_nonzero(np.array(odds) > -1) >= 20
 
 
+def test_a_ratio_that_no_effect_predicts_is_no_evidence_for_the_one_whose_sets_differ_more():
+    """A cause outside both takes from each statistic of the right effect a sixth of its shift.
+
+    The rival shifts a third of these statistics, by a strength that differs from set to set. The ratio lies nearer to its sets,
+    in their standard deviations, although the right effect explains far more.
+    """
+    right, part = shifted(5, 30.0), np.where(np.arange(ALL) < ALL // 3, shifted(5, 30.0), 0.0)
+    for seed in range(DRAWS):
+        rng = np.random.default_rng(seed)
+        plain = rng.standard_normal((PLAIN, ALL))
+        measured = rng.standard_normal(ALL) + right * 5 / 6
+        before = state(measured, plain)
+        exact = state(measured, plain[:WITH] + right).fitted
+        varying = state(measured, plain[:WITH] + rng.normal(1, 1, (WITH, 1)) * part).fitted
+        one, other = (before.with_effect("row_noise", fitted) for fitted in (exact, varying))
+        assert between(before, one, other) > ODDS
+        assert between(before, other, one) == pytest.approx(-between(before, one, other))
+
+
 def test_outliers_that_the_effect_hardly_shifts_do_not_change_the_decision():
     """A further effect shifts other statistics by 100, which this effect shifts by 0.5 the wrong way.
 

@@ -65,14 +65,12 @@ class Evidence:
     @property
     def share(self) -> float:
         """Log likelihood ratio relative to the median of simulated sets with the effect; 1 is expected of the true effect."""
-        expected = float(np.median(self.of_sets))
-        return (self.found + self.confirmed) / expected if expected > 0 else 0.0
+        return _share(self.found + self.confirmed, self.of_sets)
 
     @property
     def is_reached(self) -> bool:
         """Whether the effect explains as much as it would if it were the cause."""
-        reached = float(np.mean(self.of_sets <= self.found + self.confirmed))
-        return self.share >= SHARE or reached > RARE
+        return _reaches(self.found + self.confirmed, self.of_sets)
 
     @property
     def accepts(self) -> bool:
@@ -83,6 +81,16 @@ class Evidence:
         """Whether each half of the simulated sets alone decides alike."""
         halves = (replace(self, of_sets=self.of_sets[k::2], of_null=self.of_null[k::2]) for k in (0, 1))
         return len({one.accepts for one in (self, *halves)}) == 1
+
+
+def _share(ratio: float, of_sets: np.ndarray) -> float:
+    expected = float(np.median(of_sets))
+    return ratio / expected if expected > 0 else 0.0
+
+
+def _reaches(ratio: float, of_sets: np.ndarray) -> bool:
+    """Whether a log likelihood ratio is about as large as in sets that are simulated with the effect."""
+    return _share(ratio, of_sets) >= SHARE or float(np.mean(of_sets <= ratio)) > RARE
 
 
 def evidence(before: State, after: State, parameters: int, effects: int = 1) -> Evidence:
@@ -126,6 +134,9 @@ def _without_effect(before: State, after: State, ratios: "tuple[_Ratio, _Ratio]"
 def between(before: State, one: State, other: State) -> float:
     """Log odds of one effect against another, of equal prior probability, from the ratio of their likelihoods.
 
+    Odds for an effect are at most the ratio itself where that does not reach the ratio of sets with this effect: causes outside
+    both have moved it, and a ratio that neither effect predicts would speak for the one whose sets differ more.
+
     Args:
         before: the state without either; `one` and `other` have one of them more.
     """
@@ -136,7 +147,12 @@ def between(before: State, one: State, other: State) -> float:
     with_one, with_other = ([ratio.with_effect for ratio in ratios] for ratios in (of_one, of_other))
     in_one = _summed(of_one, with_one) - _refitted(other, of_other, with_one)
     in_other = _refitted(one, of_one, with_other) - _summed(of_other, with_other)
-    return log_odds(value, in_one, in_other)
+    odds = log_odds(value, in_one, in_other)
+    if odds > 0 and not _reaches(value, in_one):
+        return min(odds, value)
+    if odds < 0 and not _reaches(-value, -in_other):
+        return max(odds, value)
+    return odds
 
 
 def _summed(

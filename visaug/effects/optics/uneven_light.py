@@ -1,0 +1,81 @@
+"""Uneven light of a source."""
+
+import torch
+
+from visaug.effects.effect import Effect, Parameter, Stage
+
+LEVEL = 1 / 3  # mean of a squared coordinate over the sensor
+
+
+class UnevenLight(Effect):
+    """The light of a lamp or of an integrating sphere varies smoothly over the sensor. It is no property of the camera.
+
+    A surface of second order describes it: a slope and a bend over the rows and over the columns. Flats and scenes are lit
+    alike; the mean light of a flat does not change.
+    """
+
+    name = "uneven_light"
+    stage = Stage.OPTICS
+    order = 1
+    aliases = ("shading", "illumination", "inhomogeneous illumination", "flat field", "light gradient")
+    summary = "The light of the source varies smoothly over the sensor."
+    equation = (
+        "mu_p <- mu_p (1 + row_slope y + column_slope x + row_bend (y^2 - 1/3) + column_bend (x^2 - 1/3)), "
+        "x and y from -1 to 1 over the sensor"
+    )
+    source = "EMVA 1288 release 4 Linear, homogeneity of the light source; a Taylor series to second order"
+    separates = (
+        "turn the camera by 180 degrees in front of the source, or move it: uneven light keeps its direction; vignetting, dust "
+        "and prnu stay where they are on the sensor"
+    )
+    row_slope = Parameter(
+        0.01,
+        unit="fraction",
+        low=-0.5,
+        high=0.5,
+        strength=True,
+        trials=(0.003, 0.02),
+        source="half of the change from the first row to the last; EMVA 1288 allows 3 % over the sensor",
+    )
+    column_slope = Parameter(
+        0.01,
+        unit="fraction",
+        low=-0.5,
+        high=0.5,
+        strength=True,
+        trials=(0.003, 0.02),
+        source="half of the change from the first column to the last",
+    )
+    row_bend = Parameter(
+        0.0,
+        unit="fraction",
+        low=-0.5,
+        high=0.5,
+        strength=True,
+        trials=(0.003, 0.02),
+        source="light of the first and last rows minus that of the middle",
+    )
+    column_bend = Parameter(
+        0.0,
+        unit="fraction",
+        low=-0.5,
+        high=0.5,
+        strength=True,
+        trials=(0.003, 0.02),
+        source="light of the first and last columns minus that of the middle",
+    )
+
+    def apply(self, signal, p, stream, context):
+        return signal * self._shares(signal, p, context)
+
+    def moments(self, mean, p, context):
+        return mean * self._shares(mean, p, context), torch.zeros_like(mean)
+
+    @staticmethod
+    def _shares(signal, p, context):
+        """Light of every pixel relative to the mean."""
+        height, width = context.resolution
+        y = (2 * context.rows(signal) + 1) / height - 1
+        x = (2 * context.columns(signal) + 1) / width - 1
+        bends = p.row_bend * (y**2 - LEVEL) + p.column_bend * (x**2 - LEVEL)
+        return (1 + p.row_slope * y + p.column_slope * x + bends).clamp_min(0)
