@@ -6,6 +6,7 @@ import pytest
 
 from tests.diagnosis.states import leaving
 from visaug.diagnosis import outcome
+from visaug.diagnosis.result import Step
 from visaug.diagnosis.stage import SearchStage
 from visaug.statistics.distance import Error
 
@@ -34,3 +35,12 @@ def test_a_refit_that_raises_the_error_is_not_kept_and_an_accepted_effect_is(
     assert [step.action for step in steps] == (
         ["keep the camera file"] if keeps_file else ["refit", *(f"add {name}" for name in accepted)]
     )
+
+
+def test_an_effect_with_which_the_error_clearly_rises_is_named_in_a_warning():
+    errors = [Error(0.99, 0.97, 1.0), Error(1.05, 0.98, 1.1), Error(1.3, 1.2, 1.4), Error(0.4, 0.3, 0.5), None]
+    actions = ["refit", "add dust", "add smear", "add row_noise", "add image_lag"]
+    steps = [Step(action, error) for action, error in zip(actions, errors, strict=True)]
+    (warning,) = outcome.rises(steps)
+    assert warning.startswith("error_rises: with smear the error on hold-out frames rises from 1.1 to 1.3")
+    assert outcome.rises(steps[:2]) == outcome.rises([]) == []

@@ -1,6 +1,8 @@
 """The end of a search: the camera that is kept, and all that is reported."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.special import expit
@@ -50,7 +52,7 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
         form=form(statistics, end.state),
         cannot_show=cannot_show(setting.signs, first),
         used=lab.selection,
-        warnings=lab.warnings,
+        warnings=(*lab.warnings, *rises(steps)),
         effects=() if lab.units else verdicts(setting, end),
         errors=setting.errors,
     )
@@ -74,6 +76,21 @@ def kept(setting: Setting, history: History, p_given: float) -> tuple[SearchStag
     given = State.plain(setting.unfitted, end.state.views)
     error = setting.errors.told(given.fitted)
     return replace(end, state=given, p_value=p_given, error=error), (Step("keep the camera file", error),)
+
+
+def rises(steps: Sequence[Step]) -> list[str]:
+    """A warning for each step with which the error rises beyond the intervals of both errors.
+
+    The criterion weighs the evidence of all statistics, and none counts more than the logarithm of its deviation: an effect that
+    explains many and contradicts a few is accepted. The error counts the few in full.
+    """
+    return [
+        f"error_rises: with {now.action.removeprefix('add ')} the error on hold-out frames rises from {was.error.value:.2g} to "
+        f"{now.error.value:.2g}: it explains some differences and contradicts others, so a further effect is missing or it is "
+        "not the cause; the camera without it is nearer to the frames"
+        for was, now in pairwise(steps)
+        if was.error and now.error and now.error.low > was.error.high
+    ]
 
 
 def _sequence_numbers(setting: Setting) -> dict[str, list[int]]:

@@ -74,6 +74,32 @@ def test_dust_shades_as_deep_and_wide_as_it_says(run_effect):
     assert float(many.min()) < 900
 
 
+def test_uneven_light_is_the_surface_that_its_parameters_say(run_effect):
+    """Of the edges and the middle, without the place of a pixel: a least squares fit by NumPy finds the four numbers again."""
+    given = {"row_slope": 0.02, "column_slope": -0.03, "row_bend": 0.04, "column_bend": -0.01}
+    out = run_effect("uneven_light", flat(1, 101, 121), **given)[0, 0].double().numpy() / 1000
+    y, x = np.mgrid[-1 + 1 / 101 : 1 - 1 / 101 : 101j, -1 + 1 / 121 : 1 - 1 / 121 : 121j]
+    terms = np.stack([np.ones_like(x), y, x, y**2, x**2], -1).reshape(-1, 5)
+    level, *found = np.linalg.lstsq(terms, out.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(found, list(given.values()), atol=2e-5)
+    assert level == pytest.approx(1 - (0.04 - 0.01) / 3, abs=2e-5)
+    assert out.mean() == pytest.approx(1, abs=1e-5)
+    assert out[50].mean() == pytest.approx(1 - 0.04 / 3, abs=1e-4)  # the middle row: the columns' terms have the mean 0
+
+
+def test_uneven_light_belongs_to_the_sensor_not_to_the_crop(run_effect):
+    whole = run_effect("uneven_light", flat(1, 100, 120), row_slope=0.1, column_bend=0.1)
+    part = run_effect(
+        "uneven_light",
+        flat(1, 100, 120)[..., 30:70, 5:45],
+        window=(range(30, 70), range(5, 45)),
+        resolution=(100, 120),
+        row_slope=0.1,
+        column_bend=0.1,
+    )
+    torch.testing.assert_close(part, whole[..., 30:70, 5:45])
+
+
 def test_fringes_are_rings_of_rising_frequency(run_effect):
     """The phase is quadratic in the place: its second difference along rows and columns is 2 fringes / side^2 cycles."""
     out = (
