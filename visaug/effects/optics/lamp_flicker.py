@@ -12,8 +12,8 @@ class LampFlicker(Effect):
 
     Lamp and camera are not synchronised, so the phase is uniform and independent in every frame. An exposure of t averages
     the flicker and reduces its depth by sin(pi f t) / (pi f t): none is left at whole periods, 10 ms at 50 Hz mains. With
-    `frequency_hz` 0 the exposure is much shorter than a period. A global shutter exposes all rows at once: the level of the
-    whole frame changes.
+    `frequency_hz` 0 the exposure is much shorter than a period. A global shutter exposes all rows at once, so the level of the
+    whole frame changes: see light_drift.
     """
 
     name = "lamp_flicker"
@@ -54,12 +54,9 @@ class LampFlicker(Effect):
         high=1e6,
         source="of the flicker, twice the mains: 100 or 120; 0: the exposure averages nothing",
     )
-    shutter = Parameter("rolling", options=("rolling", "global"), source="global: all rows at once")
 
     def apply(self, signal, p, stream, context):
-        turns = stream.uniform("frame")
-        if p.shutter == "rolling":
-            turns = turns + context.rows(signal) / p.period_rows
+        turns = stream.uniform("frame") + context.rows(signal) / p.period_rows
         return signal * (1 + self._depth(p, context) * torch.sin(2 * math.pi * turns))
 
     def moments(self, mean, p, context):

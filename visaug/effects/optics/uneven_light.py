@@ -8,10 +8,11 @@ LEVEL = 1 / 3  # mean of a squared coordinate over the sensor
 
 
 class UnevenLight(Effect):
-    """The light of a lamp or of an integrating sphere varies smoothly over the sensor. It is no property of the camera.
+    """The light of a lamp or of an integrating sphere varies smoothly over the sensor.
 
     A surface of second order describes it: a slope and a bend over the rows and over the columns. Flats and scenes are lit
-    alike; the mean light of a flat does not change.
+    alike; the mean light of a flat does not change. It belongs to the laboratory and not to the camera: leave it out of a
+    camera file for augmentation, unless the scenes are lit so.
     """
 
     name = "uneven_light"
