@@ -38,7 +38,13 @@ def test_a_refit_that_raises_the_error_is_not_kept_and_an_accepted_effect_is(
 
 
 def test_an_effect_with_which_the_error_clearly_rises_is_named_in_a_warning():
-    errors = [Error(0.99, 0.97, 1.0), Error(1.05, 0.98, 1.1), Error(1.3, 1.2, 1.4), Error(0.4, 0.3, 0.5), None]
+    errors = [
+        Error(0.99, 0.97, 1.0),
+        Error(1.05, 0.98, 1.1),
+        Error(1.3, 1.2, 1.4),
+        Error(0.4, 0.3, 0.5),
+        None,
+    ]
     actions = ["refit", "add dust", "add smear", "add row_noise", "add image_lag"]
     steps = [Step(action, error) for action, error in zip(actions, errors, strict=True)]
     (warning,) = outcome.rises(steps)

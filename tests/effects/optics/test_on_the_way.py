@@ -84,7 +84,9 @@ def test_uneven_light_is_the_surface_that_its_parameters_say(run_effect):
     np.testing.assert_allclose(found, list(given.values()), atol=2e-5)
     assert level == pytest.approx(1 - (0.04 - 0.01) / 3, abs=2e-5)
     assert out.mean() == pytest.approx(1, abs=1e-5)
-    assert out[50].mean() == pytest.approx(1 - 0.04 / 3, abs=1e-4)  # the middle row: the columns' terms have the mean 0
+    assert out[50].mean() == pytest.approx(
+        1 - 0.04 / 3, abs=1e-4
+    )  # the middle row: the columns' terms have the mean 0
 
 
 def test_uneven_light_belongs_to_the_sensor_not_to_the_crop(run_effect):
