@@ -75,7 +75,7 @@ def test_dust_shades_as_deep_and_wide_as_it_says(run_effect):
 
 
 def test_uneven_light_is_the_surface_that_its_parameters_say(run_effect):
-    """Of the edges and the middle, without the place of a pixel: a least squares fit by NumPy finds the four numbers again."""
+    """A least squares fit by NumPy finds the four coefficients again; the mean of the frame is that without the effect."""
     given = {"row_slope": 0.02, "column_slope": -0.03, "row_bend": 0.04, "column_bend": -0.01}
     out = run_effect("uneven_light", flat(1, 101, 121), **given)[0, 0].double().numpy() / 1000
     y, x = np.mgrid[-1 + 1 / 101 : 1 - 1 / 101 : 101j, -1 + 1 / 121 : 1 - 1 / 121 : 121j]
@@ -84,9 +84,8 @@ def test_uneven_light_is_the_surface_that_its_parameters_say(run_effect):
     np.testing.assert_allclose(found, list(given.values()), atol=2e-5)
     assert level == pytest.approx(1 - (0.04 - 0.01) / 3, abs=2e-5)
     assert out.mean() == pytest.approx(1, abs=1e-5)
-    assert out[50].mean() == pytest.approx(
-        1 - 0.04 / 3, abs=1e-4
-    )  # the middle row: the columns' terms have the mean 0
+    # along the middle row the terms of the columns have the mean 0
+    assert out[50].mean() == pytest.approx(1 - 0.04 / 3, abs=1e-4)
 
 
 def test_uneven_light_belongs_to_the_sensor_not_to_the_crop(run_effect):

@@ -7,6 +7,13 @@ from visaug.effects.effect import Effect, Parameter, Stage
 LEVEL = 1 / 3  # mean of a squared coordinate over the sensor
 
 
+def _coefficient(default: float, source: str) -> Parameter:
+    """A coefficient of the surface, relative to the mean light."""
+    return Parameter(
+        default, unit="fraction", low=-0.5, high=0.5, strength=True, trials=(0.003, 0.02), source=source
+    )
+
+
 class UnevenLight(Effect):
     """The light of a lamp or of an integrating sphere varies smoothly over the sensor.
 
@@ -29,42 +36,12 @@ class UnevenLight(Effect):
         "turn the camera by 180 degrees in front of the source, or move it: uneven light keeps its direction; vignetting, dust "
         "and prnu stay where they are on the sensor"
     )
-    row_slope = Parameter(
-        0.01,
-        unit="fraction",
-        low=-0.5,
-        high=0.5,
-        strength=True,
-        trials=(0.003, 0.02),
-        source="half of the change from the first row to the last; EMVA 1288 allows 3 % over the sensor",
+    row_slope = _coefficient(
+        0.01, "half of the change from the first row to the last; EMVA 1288 allows 3 % over the sensor"
     )
-    column_slope = Parameter(
-        0.01,
-        unit="fraction",
-        low=-0.5,
-        high=0.5,
-        strength=True,
-        trials=(0.003, 0.02),
-        source="half of the change from the first column to the last",
-    )
-    row_bend = Parameter(
-        0.0,
-        unit="fraction",
-        low=-0.5,
-        high=0.5,
-        strength=True,
-        trials=(0.003, 0.02),
-        source="light of the first and last rows minus that of the middle",
-    )
-    column_bend = Parameter(
-        0.0,
-        unit="fraction",
-        low=-0.5,
-        high=0.5,
-        strength=True,
-        trials=(0.003, 0.02),
-        source="light of the first and last columns minus that of the middle",
-    )
+    column_slope = _coefficient(0.01, "half of the change from the first column to the last")
+    row_bend = _coefficient(0.0, "light of the first and last rows minus that of the middle")
+    column_bend = _coefficient(0.0, "light of the first and last columns minus that of the middle")
 
     def apply(self, signal, p, stream, context):
         return signal * self._shares(signal, p, context)
