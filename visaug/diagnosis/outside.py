@@ -3,21 +3,23 @@
 What the accepted effects leave in the frames tells the two apart. In a view let q be the mean square of the standardised
 residuals with the effects, and m the root mean square of what the effects explain, in standard deviations. A deviation of root
 mean square t that is left in the view, in whichever of its statistics, adds t^2 to the expected q. t is unknown and is integrated
-out. Three causes differ in its prior:
+out. Four causes differ in its prior, M being the largest m of all views:
 
 - Form: a real effect does not have exactly the catalogue's form. t / m is half-normal with the scale `FORM`.
 - Resemblance: an effect that was fitted to the marks of another cause leaves about as much as it explains. t / M is half-Cauchy
-  (A. Gelman, Bayesian Anal. 1 (2006) 515), M being the largest m of all views.
+  (A. Gelman, Bayesian Anal. 1 (2006) 515).
+- A small part: of another cause that it does not resemble an effect explains a small part by chance. t is log-uniform in `OWN`,
+  and larger than M.
 - A cause of its own: t is log-uniform in `OWN`, whatever the effects explain.
 
-With F, R and C the marginal likelihoods of q under these, and <.> the mean over the views, since nobody knows beforehand in which
-view another cause leaves most, the odds of a cause outside the catalogue against the accepted effects are
+With F, R, S and C the marginal likelihoods of q under these, <.> the mean over the views, since nobody knows beforehand in which
+view another cause leaves most, and K accepted effects the odds of a cause outside the catalogue against the effects are
 
-    PRIOR (1/2 + 1/2 <R / F>) / (1 + 1/2 PRIOR <C / F>).
+    PRIOR (1 + 2^(K - 1) (<R / F> + <S / F>)) / (1 + PRIOR <C / F>).
 
-The first 1/2 is the probability that the other cause has just the form of the effect and leaves nothing. In the denominator the
-effects are right, alone or beside a further cause outside the catalogue, which is half as probable beforehand: each number of
-missing causes is half as probable as one less, as in `visaug.diagnosis.criterion`.
+The first 1 stands for another cause that has just the form of the effects and leaves nothing. One cause in place of K effects is
+2^(K - 1) times as probable beforehand: each number of missing causes is half as probable as one less, as in
+`visaug.diagnosis.criterion`. In the denominator the effects are right, alone or beside a further cause outside the catalogue.
 
 Statistics of a view are correlated. q is therefore taken as a chi-squared variable over its degrees of freedom, with the mean and
 the variance that it has in simulated sets (F. E. Satterthwaite, Biometrics Bull. 2 (1946) 110).
@@ -34,7 +36,7 @@ from visaug.diagnosis.fitting.robust import standardised
 from visaug.diagnosis.state import State
 from visaug.statistics import Statistic
 
-PRIOR = 0.1  # odds, before the frames are seen, of a cause outside the catalogue against one of it
+PRIOR = 0.05  # odds, before the frames are seen, of each way in which a cause is outside the catalogue
 OWN = (0.1, 1e4)  # smallest and largest t of a cause of its own
 SIZES = np.geomspace(1e-2, 1e6, 401)  # edges of the steps of t; below the first t counts as 0
 LEAST = 1e-6  # smallest mean square and variance that are used
@@ -57,13 +59,16 @@ def log_odds_outside(state: State, statistics: Sequence[Statistic]) -> float:
         log_ratios(float(left[view].mean()), simulated[:, view].mean(1), m, shown.max())
         for view, m in zip(own, shown, strict=True)
     ]
-    resembles, further = logsumexp(told, axis=0) - np.log(len(told))
-    against = np.logaddexp(np.log(0.5), np.log(0.5) + resembles)
-    return float(np.log(PRIOR) + against - np.logaddexp(0.0, np.log(0.5 * PRIOR) + further))
+    resembles, small, further = logsumexp(told, axis=0) - np.log(len(told))
+    instead = (len(state.accepted) - 1) * np.log(2)
+    against = logsumexp([0.0, instead + resembles, instead + small])
+    return float(np.log(PRIOR) + against - np.logaddexp(0.0, np.log(PRIOR) + further))
 
 
-def log_ratios(left: float, simulated: np.ndarray, shown: float, most: float) -> tuple[float, float]:
-    """Log likelihoods of what is left in a view, by resemblance and by a cause of its own, relative to that by the form.
+def log_ratios(left: float, simulated: np.ndarray, shown: float, most: float) -> tuple[float, float, float]:
+    """Log likelihoods of what is left in a view, by resemblance, of what is explained in small part and by a cause of its own.
+
+    They are relative to the likelihood by the form.
 
     Args:
         left: mean square of the residuals, in standard deviations.
@@ -75,12 +80,16 @@ def log_ratios(left: float, simulated: np.ndarray, shown: float, most: float) ->
     freedom = 2 * mean**2 / variance
     sizes = np.concatenate([[0], np.sqrt(SIZES[:-1] * SIZES[1:]), SIZES[-1:]])
     likelihood = stats.gamma.logpdf(max(left, LEAST), freedom / 2, scale=2 * (mean + sizes**2) / freedom)
-    form, resembles, further = (
-        logsumexp(likelihood, b=np.diff(law.cdf(SIZES), prepend=0.0, append=1.0))
-        for law in (
-            stats.halfnorm(scale=FORM * max(shown, LEAST)),
-            stats.halfcauchy(scale=max(most, LEAST)),
-            stats.loguniform(*OWN),
+    own = stats.loguniform(*OWN)
+    weights = [
+        np.diff(law.cdf(np.maximum(SIZES, least)), prepend=law.cdf(least), append=1.0)
+        for law, least in (
+            (stats.halfnorm(scale=FORM * max(shown, LEAST)), 0.0),
+            (stats.halfcauchy(scale=max(most, LEAST)), 0.0),
+            (own, most),
+            (own, 0.0),
         )
-    )
-    return float(resembles - form), float(further - form)
+    ]
+    by_form, *others = (float(logsumexp(likelihood, b=b)) if b.any() else -np.inf for b in weights)
+    resembles, small, further = (other - by_form for other in others)
+    return resembles, small, further

@@ -130,8 +130,8 @@ class Diagnosis(Reported):
         warnings: assumptions, and properties of the set that make effects undetectable.
         camera_file: mistakes in the camera file, which were corrected before anything else.
         effects: the verdict on each effect of the catalogue that was considered.
-        outside: probability that the cause is outside the catalogue and resembles the accepted effects; None if no effect was
-            accepted.
+        outside: probability that the cause is outside the catalogue, and that the accepted effects resemble it or explain a
+            small part of it by chance; None if no effect was accepted.
         component: the measured component of what is unexplained; None where it was not measured, see `with_component`.
         errors: of cameras on these frames, as `error_after` is computed.
     """
