@@ -12,7 +12,7 @@ from visaug.frames import sources
 from visaug.frames.checks import check
 from visaug.frames.dark_folder import as_dark
 from visaug.frames.record import FrameRecord, Group, group_records
-from visaug.frames.stacks import counted_along_the_last_axis
+from visaug.frames.stacks import counted_along_the_last_axis, of_which_green_is_read
 from visaug.frames.stores import FileStore, MemoryStore, Store
 from visaug.frames.table import read_table
 from visaug.frames.writers import save
@@ -98,6 +98,7 @@ class FrameSet:
         warnings: list[str] = []
         if kind == "table":
             records = counted_along_the_last_axis(read_table(files[0], warnings), root, warnings)
+            warnings += of_which_green_is_read(records, root)
         elif kind == "descriptor":
             records, bits, shape = sources.read_descriptor(files[0], warnings)
             bit_depth, resolution = bit_depth or bits, resolution or shape

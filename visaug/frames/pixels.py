@@ -166,6 +166,10 @@ def _read_tiff(path: Path, index: tuple[int, ...]) -> tuple[np.ndarray, tuple[in
         pixels = series.asarray()
         if "S" in series.axes[:-1]:  # planes of red, green and blue one behind the other
             pixels = np.moveaxis(pixels, series.axes.index("S"), -1)
+    if "S" in series.axes and pixels.ndim == 3 and len(index) == 1:  # one of the planes, which a table names
+        if index[0] >= pixels.shape[-1]:
+            raise InputError(f"index {list(index)} is outside {pixels.shape[-1]} planes", file=path)
+        return pixels[..., index[0]], ()
     return _gray(pixels), index
 
 

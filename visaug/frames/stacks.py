@@ -1,4 +1,4 @@
-"""Tables that count the frames of a stack along its last axis."""
+"""Tables that count the frames of a stack along its last axis, or name files whose planes are colours."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from pathlib import Path
 
 from visaug.core.errors import InputError
 from visaug.frames.arrays import arrays_in
-from visaug.frames.pixels import ARRAYS, HDF5, split_name, suffix_of
+from visaug.frames.headers import frames_of
+from visaug.frames.pixels import ARRAYS, HDF5, TIFFS, split_name, suffix_of
 from visaug.frames.record import FrameRecord
 
 
@@ -53,3 +54,24 @@ def counted_along_the_last_axis(
             "frames are read along it"
         )
     return made
+
+
+def of_which_green_is_read(records: Sequence[FrameRecord], root: Path) -> list[str]:
+    """A warning where a table names TIFF files of several samples a pixel; by the first file of each suffix."""
+    first: dict[str, Path] = {}
+    for record in records:
+        file, _, index = split_name(record.file)
+        if not index and (suffix := suffix_of(root / file)) in TIFFS:
+            first.setdefault(suffix, root / file)
+    said = []
+    for path in first.values():
+        try:
+            planes = frames_of(path)[0][1].get("said", {}).get("colour_planes")
+        except InputError:
+            continue  # a file that is not there, or damaged, is named when it is read
+        if planes:
+            said.append(
+                f"colour_planes: {path.name} states {planes}, read as colours, of which green alone is used. If they are frames "
+                f"taken in turn, name each in the table: {path.name}#[0]"
+            )
+    return said
