@@ -12,7 +12,7 @@ from visaug import Camera, InputError
 from visaug.diagnosis import diagnose
 from visaug.effects import catalogue
 
-SETS = 120
+SETS = 60
 OTHERS = sorted(set(catalogue()) - {"row_noise", "column_noise", "periodic_banding", "flicker_noise"})
 
 

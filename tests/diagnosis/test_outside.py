@@ -1,4 +1,4 @@
-"""A cause outside the catalogue: what an effect that merely resembles it leaves."""
+"""A cause outside the catalogue: what is left by an effect that resembles it, or that is a small part of it by chance."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -90,7 +90,7 @@ def test_as_much_left_as_explained_tells_another_cause():
 
 @pytest.mark.parametrize("size", [0.3, 3.0])
 def test_what_is_left_elsewhere_may_have_a_cause_of_its_own(size):
-    assert np.abs(odds(EFFECT + left(size, view=2))).max() < np.log(4)
+    assert np.abs(odds(EFFECT + left(size, view=2))).max() < np.log(6)
 
 
 def test_little_left_elsewhere_has_a_cause_of_its_own():
@@ -99,7 +99,7 @@ def test_little_left_elsewhere_has_a_cause_of_its_own():
     assert log_odds_outside(strong, STATISTICS) < np.log(1 / 4)
 
 
-@pytest.mark.parametrize("size", [30.0, 100.0])
+@pytest.mark.parametrize("size", [30.0, 1e2, 3e3])
 def test_beside_much_that_is_left_a_small_part_is_as_likely_chance_as_an_effect(size):
     """Of a rest so large the resemblance is unlikely; whether the effect is a part of it by chance, nothing tells."""
     assert np.abs(odds(EFFECT + left(size, view=2))).max() < np.log(2)
@@ -108,6 +108,5 @@ def test_beside_much_that_is_left_a_small_part_is_as_likely_chance_as_an_effect(
 def test_one_cause_in_place_of_two_effects_is_twice_as_probable():
     one = pair(0, EFFECT + left(1.0), EFFECT)[1]
     two = replace(one, accepted=("an effect", "another"))
-    odds_of = [np.exp(log_odds_outside(state, STATISTICS)) for state in (one, two)]
-    form = PRIOR / (1 + PRIOR * FORM)  # which stays; negligible here
-    assert odds_of[1] - form == pytest.approx(2 * (odds_of[0] - form), rel=0.02)
+    of_one, of_two = (log_odds_outside(state, STATISTICS) for state in (one, two))
+    assert of_two - of_one == pytest.approx(np.log(2), abs=0.01)

@@ -1,25 +1,26 @@
-"""The hypothesis that an effect outside the catalogue was the cause, and that an accepted effect merely resembles it.
+"""The hypothesis that the cause is outside the catalogue, and that accepted effects resemble it or are a part of it by chance.
 
 What the accepted effects leave in the frames tells the two apart. In a view let q be the mean square of the standardised
 residuals with the effects, and m the root mean square of what the effects explain, in standard deviations. A deviation of root
 mean square t that is left in the view, in whichever of its statistics, adds t^2 to the expected q. t is unknown and is integrated
-out. Four causes differ in its prior, M being the largest m of all views:
+out. M being the largest m of all views, the likelihoods of q are
 
-- Form: a real effect does not have exactly the catalogue's form. t / m is half-normal with the scale `FORM`.
-- Resemblance: an effect that was fitted to the marks of another cause leaves about as much as it explains. t / M is half-Cauchy
-  (A. Gelman, Bayesian Anal. 1 (2006) 515).
-- A small part: of another cause that it does not resemble an effect explains a small part by chance. t is log-uniform in `OWN`,
-  and larger than M.
-- A cause of its own: t is log-uniform in `OWN`, whatever the effects explain.
+- F, of the form: a real effect does not have exactly the catalogue's form. t / m is half-normal with the scale `FORM`.
+- R, of resemblance: an effect that was fitted to the marks of another cause leaves about as much as it explains. t / M is
+  half-Cauchy (A. Gelman, Bayesian Anal. 1 (2006) 515).
+- C, of a cause of its own: t is log-uniform in `OWN`, whatever the effects explain.
+- S, the part of C with t > M: of another cause that it does not resemble an effect explains a small part by chance.
 
-With F, R, S and C the marginal likelihoods of q under these, <.> the mean over the views, since nobody knows beforehand in which
-view another cause leaves most, and K accepted effects the odds of a cause outside the catalogue against the effects are
+With <.> the mean over the views, since nobody knows beforehand in which view another cause leaves most, and K accepted effects the
+odds of a cause outside the catalogue against the effects are
 
     PRIOR (1 + 2^(K - 1) (<R / F> + <S / F>)) / (1 + PRIOR <C / F>).
 
-The first 1 stands for another cause that has just the form of the effects and leaves nothing. One cause in place of K effects is
-2^(K - 1) times as probable beforehand: each number of missing causes is half as probable as one less, as in
-`visaug.diagnosis.criterion`. In the denominator the effects are right, alone or beside a further cause outside the catalogue.
+The numerator has the three ways in which the cause can be outside: it has just the form of the effects and leaves nothing, they
+resemble it, or they are a small part of it. In the denominator the effects are right, alone or beside a further cause outside the
+catalogue. Of one effect each of these has the prior odds `PRIOR`. One cause in place of K effects that it does not have the form
+of is 2^(K - 1) times as probable: each number of missing causes is half as probable as one less, as in
+`visaug.diagnosis.criterion`. The effects are judged together: one cause in place of a part of them is no hypothesis.
 
 Statistics of a view are correlated. q is therefore taken as a chi-squared variable over its degrees of freedom, with the mean and
 the variance that it has in simulated sets (F. E. Satterthwaite, Biometrics Bull. 2 (1946) 110).
@@ -36,8 +37,8 @@ from visaug.diagnosis.fitting.robust import standardised
 from visaug.diagnosis.state import State
 from visaug.statistics import Statistic
 
-PRIOR = 0.05  # odds, before the frames are seen, of each way in which a cause is outside the catalogue
-OWN = (0.1, 1e4)  # smallest and largest t of a cause of its own
+PRIOR = 0.05  # odds, before the frames are seen, of each way in which the cause is outside the catalogue
+OWN = (0.1, 1e6)  # smallest and largest t of a cause of its own
 SIZES = np.geomspace(1e-2, 1e6, 401)  # edges of the steps of t; below the first t counts as 0
 LEAST = 1e-6  # smallest mean square and variance that are used
 

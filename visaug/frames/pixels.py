@@ -163,14 +163,19 @@ def _read_tiff(path: Path, index: tuple[int, ...]) -> tuple[np.ndarray, tuple[in
                 check_shape([int(n) for n in page.shape], path)
                 return page.asarray(), ()
         check_shape([int(n) for n in series.shape], path)
-        pixels = series.asarray()
-        if "S" in series.axes[:-1]:  # planes of red, green and blue one behind the other
-            pixels = np.moveaxis(pixels, series.axes.index("S"), -1)
-    if "S" in series.axes and pixels.ndim == 3 and len(index) == 1:  # one of the planes, which a table names
-        if index[0] >= pixels.shape[-1]:
-            raise InputError(f"index {list(index)} is outside {pixels.shape[-1]} planes", file=path)
-        return pixels[..., index[0]], ()
-    return _gray(pixels), index
+        pixels, axes = series.asarray(), series.axes
+    if "S" not in axes:
+        return _gray(pixels), index
+    pixels = np.moveaxis(
+        pixels, axes.index("S"), -1
+    )  # also where red, green and blue lie one behind the other
+    if any(i >= n for i, n in zip(index, (*pixels.shape[:-3], pixels.shape[-1]), strict=False)):
+        raise InputError(f"index {list(index)} is outside shape {series.shape}", file=path)
+    outer = pixels.ndim - 3
+    of_stack = pixels[index[:outer]]
+    if len(index) == outer + 1 and pixels.shape[-1] == 3:  # one of three planes, which a table names
+        return of_stack[..., index[-1]], ()
+    return _gray(of_stack), index[outer:]
 
 
 def _read_picture(path: Path) -> np.ndarray:

@@ -57,21 +57,22 @@ def counted_along_the_last_axis(
 
 
 def of_which_green_is_read(records: Sequence[FrameRecord], root: Path) -> list[str]:
-    """A warning where a table names TIFF files of several samples a pixel; by the first file of each suffix."""
-    first: dict[str, Path] = {}
-    for record in records:
-        file, _, index = split_name(record.file)
-        if not index and (suffix := suffix_of(root / file)) in TIFFS:
-            first.setdefault(suffix, root / file)
-    said = []
-    for path in first.values():
+    """A warning where a table names TIFF files of three or four samples a pixel."""
+    named = (split_name(record.file) for record in records)
+    files = {file: None for file, _, index in named if not index and suffix_of(root / file) in TIFFS}
+    coloured = []
+    for file in files:
         try:
-            planes = frames_of(path)[0][1].get("said", {}).get("colour_planes")
+            (_, facts), *more = frames_of(root / file)
         except InputError:
             continue  # a file that is not there, or damaged, is named when it is read
-        if planes:
-            said.append(
-                f"colour_planes: {path.name} states {planes}, read as colours, of which green alone is used. If they are frames "
-                f"taken in turn, name each in the table: {path.name}#[0]"
-            )
-    return said
+        if "colour_planes" in facts.get("said", {}) and not more:
+            coloured.append(file)
+    if not coloured:
+        return []
+    others = f" and {len(coloured) - 1} other files" if len(coloured) > 1 else ""
+    said = (
+        f"colour_planes: {coloured[0]}{others} of several samples a pixel are read as colours, of which green alone is used. If "
+        f"they are three frames taken in turn, name each in the table: {coloured[0]}#[0]"
+    )
+    return [said]

@@ -134,7 +134,7 @@ def diagnosis_details(content: Content) -> list[str]:
     if (outside := content.get("outside") or 0.0) > 0.5:
         lines.append(
             f"What is left makes a cause outside the catalogue likelier (probability {probability_text(outside)}): "
-            "the named effect resembles it, or explains a small part of it by chance."
+            "what is named resembles it, or explains a small part of it by chance."
         )
     for group in content["ambiguous"]:
         lines.append(
