@@ -14,7 +14,7 @@ from tests.diagnosis.small import frame_set
 from visaug import FrameSet
 from visaug.diagnosis import diagnose
 
-SETS = 60
+SETS = 120
 KNOWN = effects.BY_NAME | {kind.name: kind for kind in foreign.KINDS}
 USER_FILE = Path(__file__).resolve().parents[2] / "benchmark" / "user_effects.py"
 SINGLE = [
