@@ -91,6 +91,6 @@ def log_ratios(left: float, simulated: np.ndarray, shown: float, most: float) ->
             (own, 0.0),
         )
     ]
-    by_form, *others = (float(logsumexp(likelihood, b=b)) if b.any() else -np.inf for b in weights)
-    resembles, small, further = (other - by_form for other in others)
+    logs = np.array([logsumexp(likelihood, b=b) if b.any() else -np.inf for b in weights])
+    resembles, small, further = (logs[1:] - logs[0]).tolist()
     return resembles, small, further
