@@ -166,9 +166,7 @@ def _read_tiff(path: Path, index: tuple[int, ...]) -> tuple[np.ndarray, tuple[in
         pixels, axes = series.asarray(), series.axes
     if "S" not in axes:
         return _gray(pixels), index
-    pixels = np.moveaxis(
-        pixels, axes.index("S"), -1
-    )  # also where red, green and blue lie one behind the other
+    pixels = np.moveaxis(pixels, axes.index("S"), -1)  # red, green and blue may lie one behind the other
     if any(i >= n for i, n in zip(index, (*pixels.shape[:-3], pixels.shape[-1]), strict=False)):
         raise InputError(f"index {list(index)} is outside shape {series.shape}", file=path)
     outer = pixels.ndim - 3
