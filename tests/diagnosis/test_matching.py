@@ -15,8 +15,9 @@ from visaug.diagnosis.candidates.selection import first_matches
 from visaug.diagnosis.candidates.signatures import Signatures, is_random, own_variance
 from visaug.diagnosis.candidates.trials import Trial, beside_words, effect_trials, form_trials
 from visaug.diagnosis.fitting.fit import Fitted
-from visaug.diagnosis.fitting.law import Metric, law, scatter_along, shrunk
+from visaug.diagnosis.fitting.law import Metric, law, scatter_along
 from visaug.diagnosis.fitting.reference import Null
+from visaug.diagnosis.fitting.robust import shrunk
 from visaug.diagnosis.state import State
 from visaug.effects import catalogue
 

@@ -58,9 +58,16 @@ class Sight:
 
     def knowing(self, columns: Iterable[int]) -> "Sight":
         """The same if some of the camera's parameters were known."""
-        kept = [k for k in range(len(self.null.priors)) if k not in set(columns)]
-        null = replace(self.null, slopes=self.null.slopes[:, kept], priors=self.null.priors[kept])
-        return replace(self, null=null)
+        known = frozenset(columns)
+        if known not in self._knowing:
+            kept = [k for k in range(len(self.null.priors)) if k not in known]
+            null = replace(self.null, slopes=self.null.slopes[:, kept], priors=self.null.priors[kept])
+            self._knowing[known] = replace(self, null=null)
+        return self._knowing[known]
+
+    @cached_property
+    def _knowing(self) -> dict[frozenset[int], "Sight"]:
+        return {}
 
     @cached_property
     def metric(self):

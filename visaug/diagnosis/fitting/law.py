@@ -8,6 +8,7 @@ from scipy.linalg import cho_solve, solve_triangular
 
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.reference import Null
+from visaug.diagnosis.fitting.robust import shrunk
 
 FORM = 0.1  # model discrepancy of an effect's form, relative to what the effect explains,
 ROUGH = 0.3  # and of its first signatures, whose parameters are not fitted yet
@@ -92,11 +93,14 @@ def law(
         used: statistics to use; all that vary if omitted.
         sets: residuals of some of the simulated sets; of all if omitted.
     """
+    given_all = used is None and sets is None
     used = null.scale > 0 if used is None else used
     scale = null.scale[used]
     slopes = null.slopes[used] / scale[:, None] * null.priors
-    sets = null.residuals if sets is None else sets
-    covariance = shrunk(sets[:, used] / scale) + slopes @ slopes.T + np.diag((left[used] / scale) ** 2)
+    correlation = (
+        null.correlation if given_all else shrunk((null.residuals if sets is None else sets)[:, used] / scale)
+    )
+    covariance = correlation + slopes @ slopes.T + np.diag((left[used] / scale) ** 2)
     return Metric(used, scale, covariance)
 
 
@@ -141,19 +145,3 @@ def log_density(residual: np.ndarray, scale: np.ndarray, unit: np.ndarray) -> np
     normal = np.exp(-0.5 * (size / scale) ** 2) / (scale * np.sqrt(2 * np.pi))
     outlier = 1 / (2 * (1 + np.log(RANGE)) * np.maximum(size, LEAST * unit))
     return np.log((1 - OUTLIERS) * normal + OUTLIERS * outlier)
-
-
-def shrunk(samples: np.ndarray) -> np.ndarray:
-    """Correlation matrix of (R, n) samples of mean 0, shrunk towards the identity.
-
-    The shrinkage minimises the expected error: J. Schaefer and K. Strimmer, Stat. Appl. Genet. Mol. Biol. 4 (2005) 32.
-    """
-    count = len(samples)
-    spread = np.sqrt((samples**2).mean(0))
-    unit = np.divide(samples, spread, out=np.zeros_like(samples), where=spread > 0)
-    correlation = unit.T @ unit / count
-    variance = ((unit**2).T @ unit**2 / count - correlation**2) / count
-    np.fill_diagonal(variance, 0)
-    np.fill_diagonal(correlation, 0)
-    amount = float(np.clip(variance.sum() / max((correlation**2).sum(), 1e-12), 0.05, 1))
-    return (1 - amount) * correlation + np.eye(samples.shape[1])

@@ -9,7 +9,7 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.diagnosis.fitting.parameters import WELL, Coordinate, moved
-from visaug.diagnosis.fitting.robust import adjust, standardised
+from visaug.diagnosis.fitting.robust import adjust, shrunk, standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.statistics.distance import largest_of_each, least_spread, variance
 
@@ -84,6 +84,12 @@ class Null:
     def scale_of(self, count: int) -> np.ndarray:
         """The same of the first sets alone."""
         return np.where(self.floor > 0, np.maximum(self.residuals[:count].std(0, ddof=1), self.floor), 0.0)
+
+    @cached_property
+    def correlation(self) -> np.ndarray:
+        """Correlation matrix of the statistics that vary, see `shrunk`."""
+        used = self.scale > 0
+        return shrunk(self.residuals[:, used] / self.scale[used])
 
     @cached_property
     def largest(self) -> np.ndarray:
