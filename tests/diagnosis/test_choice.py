@@ -110,6 +110,28 @@ def test_nothing_is_accepted_if_the_most_probable_candidate_falls_short(monkeypa
     assert "light_drift" in [r.effect for r in one.others]
 
 
+@pytest.mark.parametrize(
+    ("refused", "against", "odds"),
+    [
+        (Stated(58.0, share=0.5), -0.9 * ODDS, [0, -0.9 * ODDS]),
+        (Stated(58.0, share=0.5), 10 * ODDS, [0, 0]),  # it does not replace what was accepted
+        (Stated(58.0, share=0.5), -1.1 * ODDS, [0]),
+        (Stated(ODDS - 1), 0.0, [0]),  # not better than nothing
+    ],
+)
+def test_a_refused_candidate_that_is_about_as_probable_is_a_rival(
+    monkeypatch, stated, refused, against, odds
+):
+    simulations = Simulations(
+        {"light_drift": Stated(60.0), "row_noise": refused}, against={"row_noise": against}
+    )
+    one = chosen(monkeypatch, stated, simulations)
+    assert one is not None
+    assert [j.refined.effect for j in one.standing] == ["light_drift", "row_noise"][: len(odds)]
+    assert one.odds == pytest.approx(odds)
+    assert ("row_noise" in [r.effect for r in one.others]) is (len(odds) == 1)
+
+
 def test_candidates_behind_are_simulated_if_the_first_are_refused(monkeypatch, stated):
     simulations = Simulations({"smear": Stated(30.0)})
     one = chosen(monkeypatch, stated, simulations)

@@ -33,9 +33,9 @@ class Accepted:
     """An accepted effect.
 
     Attributes:
-        standing: the candidates that were accepted, the most probable first.
+        standing: the candidates that were accepted, the most probable first, then refused ones that are about as probable.
         odds: log posterior odds of each of these against the first.
-        others: all that were not.
+        others: all further candidates.
     """
 
     standing: tuple[Judged, ...]
@@ -76,23 +76,32 @@ def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted
             tried.append(replace(best, otherwise=alike[0]) if alike else best)
         first = max(tried, key=lambda one: one.evidence.score)
         if first.evidence.accepts:
-            return _chosen(state, first, [one for one in tried if one.evidence.accepts], found)
+            return _chosen(state, first, tried, found)
     return None
 
 
-def _chosen(state: State, first: Judged, standing: list[Judged], found: Sequence[Refined]) -> Accepted:
+def _chosen(state: State, first: Judged, tried: list[Judged], found: Sequence[Refined]) -> Accepted:
     """The accepted candidates by their odds against the one with the largest score, which another replaces only beyond doubt.
 
-    One that is less than `ODDS` more probable counts as equally probable.
+    One that is less than `ODDS` more probable counts as equally probable. A refused one, which explains less than it would as
+    the cause, is a rival too if it is better than nothing and not `ODDS` less probable than the accepted one: another cause
+    can move both ratios.
     """
+    standing = [one for one in tried if one.evidence.accepts]
     odds = np.array([0.0 if one is first else odds_between(state, one, first) for one in standing])
     beyond = odds.max() if odds.max() > ODDS else 0.0
     odds = np.minimum(odds - beyond, 0.0)
     order = sorted(range(len(standing)), key=lambda k: (-odds[k], standing[k] is not first))
-    names = {one.refined.effect for one in standing}
+    ranked = [(standing[k], float(odds[k])) for k in order]
+    for one in tried:
+        if not one.evidence.accepts and one.evidence.odds > ODDS:
+            against = min(odds_between(state, one, ranked[0][0]), 0.0)
+            if against > -ODDS:
+                ranked.append((one, against))
+    names = {one.refined.effect for one, _ in ranked}
     return Accepted(
-        tuple(standing[k] for k in order),
-        [float(odds[k]) for k in order],
+        tuple(one for one, _ in ranked),
+        [odds for _, odds in ranked],
         [r for r in found if r.effect not in names],
     )
 

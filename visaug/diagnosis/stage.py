@@ -79,7 +79,7 @@ class SearchStage:
         state: the refitted camera with the effects accepted so far.
         p_value: of its largest residual or match in all frames.
         error: of the camera, as reported.
-        standing: of the last effect, the candidates that the criterion accepted, the one that was added first.
+        standing: of the last effect, the candidate that was added, and its rivals.
         refined: candidates by name, as refined in the last step that tried them.
         ranked: candidates of all steps so far by name; an accepted one as in its own step.
         ambiguous: effects that the frames do not distinguish, and what would.
