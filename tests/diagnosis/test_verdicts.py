@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from visaug.diagnosis.criterion import ODDS
 from visaug.diagnosis.fitting.reference import Null
 from visaug.diagnosis.verdicts import POWER, Sight, StrengthCurve, _absorbing
 
@@ -54,6 +55,14 @@ def test_an_effect_of_variance_alone_is_shown_by_the_largest_residual():
     limit, _ = random.limit(known)
     sd = 4 / norm.ppf(1 - POWER / 2)
     assert limit == pytest.approx(np.sqrt(sd**2 - 1) / 10, rel=0.15)
+
+
+@pytest.mark.parametrize(("left", "explains"), [(0.0, False), (2.0, False), (10.0, True)])
+def test_an_effect_that_scatters_as_far_as_what_is_left_may_be_its_cause(left, explains):
+    """A residual r of variance 1 + v gains (r^2 v / (1 + v) - log(1 + v)) / 2: 48 for r = 10 and v = 100, 0.3 for 2 and 25."""
+    known = sight(*PLAIN)
+    known = Sight(**{**vars(known), "residual": np.array([0, 0, left, 0, 0, 0])})
+    assert (known.gain(np.array([0, 0, 100.0, 0, 0, 0])) > ODDS) is explains
 
 
 def test_a_parameter_of_the_camera_that_does_the_same_is_what_it_cannot_be_separated_from():

@@ -8,7 +8,7 @@ from typing import Any
 from visaug.camera import Camera
 from visaug.diagnosis.adding import Adding
 from visaug.diagnosis.candidates.refinement import Refined
-from visaug.diagnosis.candidates.signatures import Signatures, signatures
+from visaug.diagnosis.candidates.signatures import Signatures, resolved, signatures
 from visaug.diagnosis.candidates.trials import Trial
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.choice import Judged
@@ -57,9 +57,10 @@ class Setting:
         """With signatures of trials whose values come from the frames themselves; these are no part of the test of adequacy."""
         if self.has_looked:
             return self
+        signs = resolved(self.lab, self.first, self.signs, self.report)
         tried = looks(self.lab, self.first.camera, self.without)
         return replace(
-            self, signs=self.signs + signatures(self.lab, self.first, tried, self.report), has_looked=True
+            self, signs=signs + signatures(self.lab, self.first, tried, self.report), has_looked=True
         )
 
     def tested(self, state: State) -> tuple[State, float]:

@@ -19,6 +19,7 @@ from visaug.camera.paths import path_of, place_of
 from visaug.diagnosis.candidates.signatures import FEW, Signatures, simulated
 from visaug.diagnosis.candidates.trials import Trial, strength_of
 from visaug.diagnosis.chance import chance
+from visaug.diagnosis.criterion import ODDS
 from visaug.diagnosis.fitting.law import law, scatter_along
 from visaug.diagnosis.fitting.reference import Null
 from visaug.diagnosis.fitting.robust import standardised
@@ -78,6 +79,14 @@ class Sight:
         white = self.metric.white(shifts)
         sizes = np.maximum(np.linalg.norm(white, axis=-1, keepdims=True), 1e-9)
         return white / sizes / np.sqrt(scatter_along(self.null, self.allowance, shifts))[:, None]
+
+    def gain(self, variance: np.ndarray) -> float:
+        """Log likelihood that the residual gains if an effect at this strength, or half or twice it, adds variance alone."""
+        nothing = self.metric.log_likelihood(self.residual)
+        with_it = (
+            self.metric.widened_log_likelihood(self.residual, c**2 * variance) for c in (0.5, 1.0, 2.0)
+        )
+        return max(with_it) - nothing
 
     def smallest(self, match: float, shift: np.ndarray, variance: np.ndarray, power: float) -> float:
         """The factor on a strength at which it is shown with the probability `POWER`; infinite where none is.
@@ -272,7 +281,9 @@ def _judged(setting: Setting, end: SearchStage, sight: Sight, name: str, course:
     way = directions[(directions @ sight.metric.white(course.shifts[k])).argmax()]
     width = 1 / max(float(way @ sight.metric.white(course.shifts[k])), 1e-9)
     factor = width * float(way @ sight.metric.white(sight.residual))
-    if factor > sight.match * width and end.is_missing:
+    is_random = bool(course.variances[k].any())
+    may_be_left = factor > sight.match * width or (is_random and sight.gain(course.variances[k]) > ODDS)
+    if end.is_missing and may_be_left:
         return Verdict(words[0], "not separable", *words[1:], others=("unexplained",))
     limit = max(limit, -np.log(1 - POWER) / places_of_events(setting, course.path, unit))
     upper = (max(factor, 0.0) + ONE_SIDED * width) * course.strengths[k]

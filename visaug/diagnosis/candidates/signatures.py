@@ -69,6 +69,23 @@ def scanned(lab: Laboratory, reference: Reference, tried: Sequence[Trial], repor
     return found.taken(sorted(range(len(found.trials)), key=lambda i: order[found.trials[i].effect]))
 
 
+def resolved(lab: Laboratory, reference: Reference, signs: Signatures, report: Report) -> Signatures:
+    """The signatures of a scan, those of effects with random numbers of their own by more simulations.
+
+    What such an effect moves either way, as a drift the level, has a mean far from 0 in two simulations, with which no
+    measurement matches.
+    """
+    random = np.flatnonzero(signs.variances.any(1)).tolist()
+    if not random:
+        return signs
+    tried = [signs.trials[i] for i in random]
+    again = _signed(reference, tried, _moves(lab, reference, tried, range(MORE), report, "trying again"))
+    kept = [i for i in range(len(signs.trials)) if i not in random]
+    every = signs.taken(kept) + again
+    order = {trial: k for k, trial in enumerate(signs.trials)}
+    return every.taken(sorted(range(len(every.trials)), key=lambda i: order[every.trials[i]]))
+
+
 def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:
     """Simulates every trial with the random numbers of the reference's first sets.
 

@@ -7,7 +7,7 @@ from visaug.camera import Camera
 from visaug.diagnosis import FittedValue
 from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.candidates.selection import candidates
-from visaug.diagnosis.candidates.signatures import scanned, signatures
+from visaug.diagnosis.candidates.signatures import resolved, scanned, signatures
 from visaug.diagnosis.candidates.trials import looked, trials
 from visaug.diagnosis.fitting.errors import Errors
 from visaug.diagnosis.fitting.fit import Fitted, refit, settled
@@ -140,8 +140,10 @@ class Fits:
         """One more effect: its best trial, its numbers refined, then everything refitted together."""
         camera, only = before.fitted.reference.camera, frozenset({name})
         others = frozenset(catalogue()) - only
-        signs = scanned(self.lab, before.fitted.reference, trials(camera, others, only), report)
-        signs += signatures(self.lab, before.fitted.reference, looked(self.lab, camera, others), report)
+        reference = before.fitted.reference
+        signs = scanned(self.lab, reference, trials(camera, others, only), report)
+        signs = resolved(self.lab, reference, signs, report)
+        signs += signatures(self.lab, reference, looked(self.lab, camera, others), report)
         allowance, least = before.find.allowance, -math.inf
         (best, *_), _ = candidates(self.lab, signs, before.fitted, others, allowance, report, {}, least)
         adding = Adding(self.lab, self._reference((), report), signs.trials, report, self._after)
