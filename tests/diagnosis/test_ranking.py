@@ -30,7 +30,7 @@ def in_order(ranked):
 def test_accepted_candidates_with_nearly_the_same_odds_are_ambiguous(
     stated, monkeypatch, setting, behind, told
 ):
-    """They are reported with the frames in which they differ. A refused candidate is no rival, whatever it gains."""
+    """They are reported with the frames in which they differ. A candidate that does not stand is no rival, whatever it gains."""
     asked = []
     monkeypatch.setattr(
         ranking, "measurement", lambda cameras, at_hand, report: asked.append(set(cameras)) or "flats"

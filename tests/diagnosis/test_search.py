@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.diagnosis.small import frame_set
-from tests.diagnosis.states import judged, leaving, refined
+from tests.diagnosis.states import Stated, judged, leaving, refined
 from visaug import Camera
 from visaug.diagnosis import adding, search, swap
 from visaug.diagnosis.laboratory import Laboratory
@@ -72,6 +72,18 @@ def test_an_effect_gives_way_to_a_rival_that_is_more_probable_beside_a_later_eff
     assert compared == [(True, True, True)]
     assert [stage.action for stage in found] == ["refit", f"add {first}", "add charge_transfer_inefficiency"]
     assert found[-1].ranked[first].probability == 0.98
+
+
+def test_a_refused_rival_takes_no_place(veiled, monkeypatch):
+    """It is reported as ambiguous with the accepted effect, and no more."""
+    camera = veiled["flare"].with_effect("veiling_glare")
+    history = flare_and(veiled, leaving([0, 0, 0, 1], camera, "lens_flare", "veiling_glare"))
+    own, rival = history[1].standing
+    refused = replace(rival, evidence=Stated(100.0, share=0.2))
+    history = (history[0], replace(history[1], standing=(own, refused)), history[2])
+    monkeypatch.setattr(swap, "evidence", lambda *_: SimpleNamespace(accepts=False))
+    monkeypatch.setattr(swap, "between", lambda *_: 1e3)
+    assert swap.reconsidered(setting(adequate=[rival.state]), history) == history  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize(("adequate", "accepts"), [(True, False), (True, True), (False, False)])

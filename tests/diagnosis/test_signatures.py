@@ -23,6 +23,7 @@ def test_what_moves_means_either_way_has_no_mean_shift_beyond_its_noise(stated):
     scan = scanned(lab, reference, search.trials(stated, few), report)
     found = resolved(lab, reference, scan, report)
     assert found.trials == scan.trials
+    assert {trial.effect for trial in found.trials} == {"black_level_drift", "tap_mismatch"}
     levels = np.array([s.view == "level" for s in lab.statistics])
     for trial, values, first, variances in zip(
         found.trials, found.values, scan.values, found.variances, strict=True

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from visaug.diagnosis import verdicts
+from visaug.diagnosis.candidates.signatures import MORE, Signatures
+from visaug.diagnosis.candidates.trials import Trial
 from visaug.diagnosis.criterion import ODDS
 from visaug.diagnosis.fitting.reference import Null
 from visaug.diagnosis.verdicts import POWER, Sight, StrengthCurve, _absorbing
@@ -59,13 +62,13 @@ def test_an_effect_of_variance_alone_is_shown_by_the_largest_residual():
 
 @pytest.mark.parametrize(("left", "explains"), [(0.0, False), (2.0, False), (10.0, True)])
 def test_an_effect_that_scatters_as_far_as_what_is_left_may_be_its_cause(left, explains):
-    """A residual r of variance 1 + v gains (r^2 v / (1 + v) - log(1 + v)) / 2: 48 for r = 10 and v = 100, 0.3 for 2 and 25."""
+    """A residual r of variance 1 + v gains (r^2 v / (1 + v) - log(1 + v)) / 2: 47 for r = 10 and v = 100, 0.3 for 2 and 25."""
     known = sight(*PLAIN)
     known = Sight(**{**vars(known), "residual": np.array([0, 0, left, 0, 0, 0])})
     assert (known.gain(np.array([0, 0, 100.0, 0, 0, 0])) > ODDS) is explains
 
 
-def test_a_parameter_of_the_camera_that_does_the_same_is_what_it_cannot_be_separated_from():
+def test_a_parameter_of_the_camera_that_does_the_same_is_what_it_cannot_be_separated_from(monkeypatch):
     """The shift lies along the slope of the first parameter, whose prior is wide, and not along that of the second."""
     one = np.array([3.0, 0, 4.0, 0, 0, 0])
     slopes = np.column_stack([one, [0, 0, 0, 0, 1.0, 0]])
@@ -78,5 +81,29 @@ def test_a_parameter_of_the_camera_that_does_the_same_is_what_it_cannot_be_separ
             accepted=(), fitted=SimpleNamespace(reference=SimpleNamespace(coordinates=coordinates))
         )
     )
-    assert _absorbing(end, wide, effect, 2.0) == ("black_level_dn",)  # pyright: ignore[reportArgumentType]
-    assert _absorbing(end, wide, effect, 0.1) == ()  # pyright: ignore[reportArgumentType]
+    for plausible, found in ((2.0, {"row_noise": ("black_level_dn",)}), (0.1, {})):
+        monkeypatch.setattr(verdicts, "_plausible", lambda *_, most=plausible: most)
+        assert _absorbing(end, wide, {"row_noise": effect}) == found  # pyright: ignore[reportArgumentType]
+
+
+def test_limits_are_simulated_with_random_numbers_that_no_signature_has(monkeypatch, stated):
+    """A signature of a random effect matches sets of its own random numbers whatever its strength."""
+    asked = []
+
+    def simulated(lab, reference, trials, numbers, report):
+        asked.append(numbers)
+        far = np.full((len(trials), 6), 1e3)  # far from the limit, so that every round is asked for
+        return Signatures(tuple(trials), far, np.zeros_like(far))
+
+    monkeypatch.setattr(verdicts, "simulated", simulated)
+    setting = SimpleNamespace(
+        first=SimpleNamespace(camera=stated),
+        lab=SimpleNamespace(whole_of=lambda values: values),
+        signs=SimpleNamespace(trials=(Trial("row_noise", (("row_noise.sigma_e", 1.0),)),)),
+        report=None,
+    )
+    one = course([1.0], [np.array([0, 0, 4.0, 0, 0, 0])])
+    verdicts._completed(setting, sight(*PLAIN), {"row_noise": one})  # pyright: ignore[reportArgumentType]
+    assert asked
+    assert min(min(numbers) for numbers in asked) >= MORE
+    assert len({k for numbers in asked for k in numbers}) == sum(map(len, asked))

@@ -47,7 +47,7 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
         outside=outside,
         steps=steps if excess else (),
         frames=_sequence_numbers(setting),
-        ambiguous=tuple(pair for pair in end.ambiguous if set(pair["effects"]) & set(end.state.accepted)),
+        ambiguous=tuple(pair for pair in end.ambiguous if _is_open(set(pair["effects"]), end)),
         unexplained=residue(lab.measured[2], end.state, end.is_missing, nearest),
         form=form(statistics, end.state),
         cannot_show=cannot_show(setting.signs, first),
@@ -56,6 +56,11 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
         effects=() if lab.units else verdicts(setting, end),
         errors=setting.errors,
     )
+
+
+def _is_open(effects: set[str], end: SearchStage) -> bool:
+    """Whether one of these effects is accepted and another is not."""
+    return bool(effects & set(end.state.accepted)) and not effects <= set(end.state.accepted)
 
 
 def _ranking(end: SearchStage, outside: float) -> tuple[Ranked, ...]:

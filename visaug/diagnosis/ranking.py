@@ -39,7 +39,7 @@ def chosen_ranks(
 ) -> tuple[Ranks, list[dict[str, Any]]]:
     """The candidates of a step in which one was accepted, and its rivals, if there are any.
 
-    A refused candidate is less probable than the accepted one, and by as much as its gain is less.
+    A candidate that does not stand is less probable than the accepted one, and by as much as its gain is less.
     """
     best, top = chosen.best, max(r.gain for r in (chosen.best.refined, *chosen.others))
     standing = [j.refined for j in chosen.standing]

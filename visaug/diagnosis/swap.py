@@ -14,8 +14,9 @@ from visaug.statistics.tail import SIGNIFICANT
 def reconsidered(setting: Setting, history: History) -> History:
     """The history with the effect before the last replaced by a rival that is more probable with the last, or explains all alone.
 
-    As long as a further effect is missing, a wrong effect can fit better. And if the last effect is that rival, it may
-    explain everything by itself; the first stays if the criterion accepts it beside the last.
+    Rivals are those that the criterion accepted. As long as a further effect is missing, a wrong effect can fit better. And if
+    the last effect is that rival, it may explain everything by itself; the first stays if the criterion accepts it beside the
+    last.
     """
     *_, before, last = history
     if len(last.state.accepted) < 2:
@@ -23,6 +24,8 @@ def reconsidered(setting: Setting, history: History) -> History:
     own, *others = before.standing
     earlier = history[: len(before.state.accepted)]
     for rival in others:
+        if not rival.evidence.accepts:
+            continue
         effect = rival.refined.effect
         if effect == last.state.accepted[-1]:
             alone, p_value = setting.tested(rival.state)

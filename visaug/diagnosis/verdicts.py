@@ -7,7 +7,7 @@ strength at which P is 95 % (a power-constrained limit: G. Cowan, K. Cranmer, E.
 upper limit of 95 % on its strength where that is larger.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,7 +16,7 @@ from scipy.special import ndtr, ndtri
 
 from visaug.camera import Camera
 from visaug.camera.paths import path_of, place_of
-from visaug.diagnosis.candidates.signatures import FEW, Signatures, simulated
+from visaug.diagnosis.candidates.signatures import FEW, MORE, Signatures, simulated
 from visaug.diagnosis.candidates.trials import Trial, strength_of
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.criterion import ODDS
@@ -59,16 +59,9 @@ class Sight:
 
     def knowing(self, columns: Iterable[int]) -> "Sight":
         """The same if some of the camera's parameters were known."""
-        known = frozenset(columns)
-        if known not in self._knowing:
-            kept = [k for k in range(len(self.null.priors)) if k not in known]
-            null = replace(self.null, slopes=self.null.slopes[:, kept], priors=self.null.priors[kept])
-            self._knowing[known] = replace(self, null=null)
-        return self._knowing[known]
-
-    @cached_property
-    def _knowing(self) -> dict[frozenset[int], "Sight"]:
-        return {}
+        kept = [k for k in range(len(self.null.priors)) if k not in set(columns)]
+        null = replace(self.null, slopes=self.null.slopes[:, kept], priors=self.null.priors[kept])
+        return replace(self, null=null)
 
     @cached_property
     def metric(self):
@@ -179,6 +172,9 @@ def verdicts(setting: Setting, end: SearchStage) -> tuple[Verdict, ...]:
     courses = _completed(setting, sight, courses)
     for name, course in courses.items():
         found[name] = _rival(name, course, end) or _judged(setting, end, sight, name, course)
+    hidden = {name: courses[name] for name, verdict in found.items() if verdict.verdict == "not testable"}
+    for name, others in _absorbing(end, sight, hidden).items():
+        found[name] = replace(found[name], verdict="not separable", limit=None, others=others)
     known = setting.first.camera
     open_ = [
         v.effect for v in found.values() if v.verdict in ("not separable", "not testable") and not v.frames
@@ -234,7 +230,7 @@ def _completed(setting: Setting, sight: Sight, courses: dict[str, StrengthCurve]
         if trial.effect in open_ and not trial.looked and not trial.is_other_form:
             plain.setdefault(trial.effect, trial)
     for round_ in range(ROUNDS):
-        numbers = range(FEW * (round_ + 1), FEW * (round_ + 2))
+        numbers = range(MORE + FEW * round_, MORE + FEW * (round_ + 1))
         at = {}
         for name in sorted(open_):
             limit = courses[name].limit(sight)[0]
@@ -281,9 +277,8 @@ def _judged(setting: Setting, end: SearchStage, sight: Sight, name: str, course:
     way = directions[(directions @ sight.metric.white(course.shifts[k])).argmax()]
     width = 1 / max(float(way @ sight.metric.white(course.shifts[k])), 1e-9)
     factor = width * float(way @ sight.metric.white(sight.residual))
-    is_random = bool(course.variances[k].any())
-    may_be_left = factor > sight.match * width or (is_random and sight.gain(course.variances[k]) > ODDS)
-    if end.is_missing and may_be_left:
+    scatter = course.variances[k]
+    if end.is_missing and (factor > sight.match * width or (scatter.any() and sight.gain(scatter) > ODDS)):
         return Verdict(words[0], "not separable", *words[1:], others=("unexplained",))
     limit = max(limit, -np.log(1 - POWER) / places_of_events(setting, course.path, unit))
     upper = (max(factor, 0.0) + ONE_SIDED * width) * course.strengths[k]
@@ -291,9 +286,6 @@ def _judged(setting: Setting, end: SearchStage, sight: Sight, name: str, course:
         is_matched = (sight.match + ONE_SIDED) * width * course.strengths[k] < NEAR * limit
         most = max(limit, min(upper, plausible)) if is_matched and not course.is_stepwise else limit
         return Verdict(words[0], "absent", *words[1:], limit=stated(most))
-    others = _absorbing(end, sight, course, plausible)
-    if others:
-        return Verdict(words[0], "not separable", *words[1:], others=others)
     return Verdict(words[0], "not testable", *words[1:], limit=stated(limit))
 
 
@@ -320,18 +312,30 @@ def _plausible(name: str, course: StrengthCurve) -> float:
     return max(values, default=float(course.strengths[-1])) * (1 + 1e-9)
 
 
-def _absorbing(end: SearchStage, sight: Sight, course: StrengthCurve, plausible: float) -> tuple[str, ...]:
-    """Parameters of the camera that explain what the effect would change, if these frames would show it with them known."""
+def _absorbing(
+    end: SearchStage, sight: Sight, courses: Mapping[str, StrengthCurve]
+) -> dict[str, tuple[str, ...]]:
+    """Parameters of the camera that explain what an effect would change, for those that these frames would show with them known.
+
+    The parameters are taken one after the other for all effects: the covariance with one known is large.
+    """
     paths = [c.path for c in end.state.fitted.reference.coordinates]
-    if not paths or course.limit(sight.knowing(range(len(paths))))[0] > plausible:
-        return ()
+    known = sight.knowing(range(len(paths)))
+    absorbed = {n: c for n, c in courses.items() if paths and c.limit(known)[0] <= _plausible(n, c)}
+    if not absorbed:
+        return {}
     names = [path.split(".")[0] if path.split(".")[0] in end.state.accepted else path for path in paths]
-    limits = {
-        name: course.limit(sight.knowing([k for k, own in enumerate(names) if own == name]))[0]
-        for name in dict.fromkeys(names)
-    }
-    alone = [name for name, limit in limits.items() if limit <= plausible]
-    return tuple(alone or [min(limits, key=limits.__getitem__)])
+    limits: dict[str, dict[str, float]] = {effect: {} for effect in absorbed}
+    for name in dict.fromkeys(names):
+        known = sight.knowing([k for k, own in enumerate(names) if own == name])
+        for effect, course in absorbed.items():
+            limits[effect][name] = course.limit(known)[0]
+    found = {}
+    for effect, course in absorbed.items():
+        own = limits[effect]
+        alone = [name for name, limit in own.items() if limit <= _plausible(effect, course)]
+        found[effect] = tuple(alone or [min(own, key=own.__getitem__)])
+    return found
 
 
 def _named(name: str, end: SearchStage) -> Verdict:
