@@ -50,3 +50,13 @@ def test_an_effect_with_which_the_error_clearly_rises_is_named_in_a_warning():
     (warning,) = outcome.rises(steps)
     assert warning.startswith("error_rises: with smear the error on hold-out frames rises from 1.1 to 1.3")
     assert outcome.rises(steps[:2]) == outcome.rises([]) == []
+
+
+@pytest.mark.parametrize(
+    ("accepted", "is_open"),
+    [(("dust",), True), (("smear", "fringing"), True), (("dust", "fringing"), False), (("smear",), False)],
+)
+def test_effects_are_ambiguous_while_one_is_accepted_and_another_is_not(accepted, is_open):
+    """Both may be there: then nothing is left open."""
+    end = SimpleNamespace(state=SimpleNamespace(accepted=accepted))
+    assert outcome._is_open({"dust", "fringing"}, end) is is_open  # pyright: ignore[reportArgumentType]

@@ -6,6 +6,7 @@ from tests.diagnosis.small import frame_set
 from visaug.diagnosis import search
 from visaug.diagnosis.candidates.signatures import MORE, resolved, scanned
 from visaug.diagnosis.laboratory import Laboratory
+from visaug.diagnosis.stage import Setting
 
 
 def test_what_moves_means_either_way_has_no_mean_shift_beyond_its_noise(stated):
@@ -22,6 +23,8 @@ def test_what_moves_means_either_way_has_no_mean_shift_beyond_its_noise(stated):
     reference = search.given_reference(lab, stated, 20, report)
     scan = scanned(lab, reference, search.trials(stated, few), report)
     found = resolved(lab, reference, scan, report)
+    searching = Setting(lab, reference, scan, few, None, None, report)  # pyright: ignore[reportArgumentType]
+    assert (searching.with_looks(lambda *_: ()).signs.values == found.values).all()
     assert found.trials == scan.trials
     assert {trial.effect for trial in found.trials} == {"black_level_drift", "tap_mismatch"}
     levels = np.array([s.view == "level" for s in lab.statistics])

@@ -83,23 +83,17 @@ def metric(fitted: Fitted, form: float, allowance: np.ndarray | float = 0.0) -> 
     return law(fitted.reference.null, np.hypot(form * fitted.residual, allowance))
 
 
-def law(
-    null: Null, left: np.ndarray, used: np.ndarray | None = None, sets: np.ndarray | None = None
-) -> Metric:
+def law(null: Null, left: np.ndarray, sets: np.ndarray | None = None) -> Metric:
     """Covariance of the residual of a refitted camera: of its simulated sets, of its free parameters, and of `left`.
 
     Args:
         left: tolerance of effects' forms, per statistic.
-        used: statistics to use; all that vary if omitted.
         sets: residuals of some of the simulated sets; of all if omitted.
     """
-    given_all = used is None and sets is None
-    used = null.scale > 0 if used is None else used
+    used = null.scale > 0
     scale = null.scale[used]
     slopes = null.slopes[used] / scale[:, None] * null.priors
-    correlation = (
-        null.correlation if given_all else shrunk((null.residuals if sets is None else sets)[:, used] / scale)
-    )
+    correlation = null.correlation if sets is None else shrunk(sets[:, used] / scale)
     covariance = correlation + slopes @ slopes.T + np.diag((left[used] / scale) ** 2)
     return Metric(used, scale, covariance)
 
