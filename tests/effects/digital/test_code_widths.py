@@ -8,7 +8,7 @@ import torch
 import yaml
 
 from visaug.camera import Camera
-from visaug.effects.digital.code_widths import CodeWidths
+from visaug.effects.digital.code_widths import NEAREST, CodeWidths, code_of
 from visaug.effects.testing import instruments
 
 PER_CODE = 400  # values of a ramp for each code
@@ -35,6 +35,20 @@ def test_widths_have_the_given_spread_and_keep_the_gain():
     edges = widths.cumsum(1)[:, :-1] - np.arange(1, 256)
     assert np.abs(edges).max() < 0.5 + 1 / PER_CODE  # errors of thresholds do not add up
     assert not np.allclose(widths[0], widths[1])
+
+
+@pytest.mark.parametrize("bits", [4, 16])
+@pytest.mark.parametrize("in_order", [True, False])
+def test_a_value_has_the_code_between_its_thresholds(bits: int, in_order: bool):
+    """Values at and around thresholds, and beyond both ends, by NumPy's binary search."""
+    codes = 2**bits
+    rng = np.random.default_rng(0)
+    off = rng.uniform(-NEAREST, NEAREST, codes + 1) * (np.arange(codes + 1) % codes > 0)
+    edges = (np.arange(codes + 1) - 0.5 + off).astype(np.float32)
+    values = np.concatenate([edges, np.nextafter(edges, -1), edges + 0.3, [-7, codes + 7]]).astype(np.float32)
+    expected = np.searchsorted(edges[1:-1], values, side="right")
+    found = code_of(torch.from_numpy(values)[None, None], torch.from_numpy(edges)[None, None], in_order)
+    assert np.array_equal(found.flatten().numpy(), expected)
 
 
 @pytest.mark.parametrize("period", [4, 16])

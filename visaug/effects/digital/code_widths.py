@@ -73,10 +73,8 @@ class CodeWidths(Effect):
         off = off.expand(batch, channels, -1)
         ideal = torch.arange(off.shape[-1], device=signal.device, dtype=signal.dtype) - 0.5
         value = signal.flatten(2)
-        code = torch.searchsorted(
-            (ideal + off.detach())[..., 1:].contiguous(), value.detach().contiguous(), right=True
-        )
-        code = code.clamp_max(off.shape[-1] - 2)
+        in_order = context.maps.get(CodeWidths.name) is None and p.pattern != "bits"
+        code = code_of(value.detach(), ideal + off.detach(), in_order)
         low, high = off.gather(2, code), off.gather(2, code + 1)
         width = (1 + high - low).clamp_min(NARROWEST)
         within = torch.minimum((value - ideal[code] - low).clamp_min(0), width)
@@ -102,6 +100,20 @@ class CodeWidths(Effect):
             off = (p.dnl.squeeze(-1) / math.sqrt(2) * drawn).clamp(-NEAREST, NEAREST)
             return off * ((inner > 0) & (inner < codes))
         return _of_bits(p.dnl.squeeze(-1), fixed, context.bit_depth)
+
+
+def code_of(value, edges, in_order):
+    """The code of each value (B, C, n): how many of the thresholds above code 0 it reaches.
+
+    Args:
+        edges: (B, C, codes + 1) thresholds.
+        in_order: whether each is within `NEAREST` of its ideal place, so that one comparison is enough.
+    """
+    top = edges.shape[-1] - 2
+    if not in_order:
+        return torch.searchsorted(edges[..., 1:].contiguous(), value.contiguous(), right=True).clamp_max(top)
+    below = value.nan_to_num().clamp(0, top).long()
+    return (below + (value >= edges.gather(2, below + 1))).clamp_max(top)
 
 
 def _of_bits(dnl, fixed, bits):
