@@ -1,5 +1,7 @@
 """Processes give what threads give, know what was loaded, and end with their parent."""
 
+import gc
+import multiprocessing
 import os
 import signal
 import socket
@@ -72,6 +74,18 @@ def test_a_fault_of_a_users_effect_names_its_line(place, stated):
         with pytest.raises(Exception, match="a fault") as fault:
             lab.finding([(stated, 0), (stated.with_effect("ripple", sigma_e=3.0), 0)])
     assert "ripple.py: line 11" in (user_line(fault.value) or "") + str(fault.value)
+
+
+def test_processes_end_with_their_laboratory(stated):
+    """And so does the thread that waits for them: one that is still closing its pipes disturbs the end of the interpreter."""
+    forked, before = Forked(), threading.active_count()
+    laboratory(forked).finding([(stated, k) for k in range(3)])
+    assert multiprocessing.active_children()
+    assert threading.active_count() > before
+    del forked
+    gc.collect()
+    assert not multiprocessing.active_children()
+    assert threading.active_count() == before
 
 
 def test_where_a_process_is_killed_threads_go_on(monkeypatch, stated):

@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 import warnings
+import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -26,6 +27,7 @@ from threadpoolctl import threadpool_limits
 
 from visaug.camera import Camera
 from visaug.core.errors import with_user_line
+from visaug.core.memory import keep_freed
 from visaug.diagnosis.part import MeasuredFrames
 from visaug.effects import catalogue
 from visaug.pictures.part import PicturePart
@@ -147,6 +149,8 @@ class Forked:
             self._pool = ProcessPoolExecutor(
                 workers(), multiprocessing.get_context("fork"), _begin, (work, os.getpid())
             )
+            # waits for its thread, which would else close a pipe while the interpreter ends and writes to it
+            weakref.finalize(self, self._pool.shutdown)
             with warnings.catch_warnings():
                 # of threads that a fork does not copy: the children use none of them
                 warnings.simplefilter("ignore", DeprecationWarning)
@@ -159,6 +163,7 @@ _work: Work | None = None  # of a forked process
 
 def _begin(work: Work, parent: int) -> None:
     global _work
+    keep_freed()
     for name in os.listdir("/proc/self/fd"):  # an open connection ends with the parent's
         with contextlib.suppress(OSError):
             if stat.S_ISSOCK(os.fstat(int(name)).st_mode):
