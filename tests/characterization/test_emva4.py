@@ -72,7 +72,7 @@ def test_figures_follow_from_their_definitions(measured):
 
 def test_doubling_temperature_from_the_law_of_dark_current():
     from visaug.characterization.emva import derived
-    from visaug.characterization.findings import Findings
+    from visaug.statistics.findings import Findings
 
     found = Findings()
     found.add("dark_current.b_per_c", (0.1, 0.08, 0.125), "1/degC", "darks")

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from visaug.characterization import characterize, tukey
-from visaug.characterization.result import Characterization, Estimate
+from visaug.characterization.result import Characterization
 from visaug.characterization.structure import describe
 from visaug.frames import FrameRecord, FrameSet
+from visaug.statistics.findings import Estimate
 
 SHAPE = (48, 56)
 SATURATION_E = 900.0

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from visaug.characterization.findings import Findings
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.photon_transfer import safe_levels, saturated_level
+from visaug.statistics.findings import Findings
 
 FROM_GAIN = ("gain_e_per_dn", "quantum_efficiency", "read_noise.sigma_e", "dsnu.*", "dark_current.*", "full_well_e", "prnu.*",
               "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from weakref import WeakKeyDictionary
 
-from visaug.characterization.findings import Findings
 from visaug.characterization.model_checks import CHECKS
 from visaug.characterization.run import checked
 from visaug.core.errors import InputError
 from visaug.frames import FrameSet
+from visaug.statistics.findings import Findings
 
 _MEASURED = {"bias", "dark", "flat"}
 _known: WeakKeyDictionary[FrameSet, Findings | None] = WeakKeyDictionary()

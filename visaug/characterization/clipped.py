@@ -11,7 +11,6 @@ from scipy import optimize
 from visaug.characterization import dark_current, tukey
 from visaug.characterization.cut_means import LineLocations, cut_mean, lines
 from visaug.characterization.dark import found_law
-from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly
@@ -25,6 +24,7 @@ from visaug.characterization.rounded import (
 )
 from visaug.characterization.still import CLIPPED, add_in_electrons, add_profiles
 from visaug.core.intervals import mean_error, root, symmetric, t_quantile, variance_combination
+from visaug.statistics.findings import Findings
 
 _UNCUT = "a higher black level: too few pixels of dark frames are above 0"
 _FINER = "a finer converter or more gain: the noise is below half a DN"

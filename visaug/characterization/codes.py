@@ -6,7 +6,7 @@ import numpy as np
 
 from visaug.characterization.additivity import FROM_GAIN
 from visaug.characterization.defective import Extremes
-from visaug.characterization.findings import Findings
+from visaug.statistics.findings import Findings
 
 _CERTAIN = 20  # pixels at the codes on either side: an empty one between them has a probability of exp(-20)
 _REACH = 300  # DN, the widest gap that is looked for: 8 bits in a word of 16 stretch to 257

@@ -11,10 +11,10 @@ import numpy as np
 from visaug.characterization import lossy
 from visaug.characterization.alike import KINDS, floor_dn, merged_groups
 from visaug.characterization.facts import Facts, look, temporal_variances
-from visaug.characterization.findings import Findings
 from visaug.characterization.views import at_bits, shifted
 from visaug.frames import FrameSet
 from visaug.frames.units import celsius
+from visaug.statistics.findings import Findings
 
 _DEPTHS = (8, 10, 12, 14, 16)
 _PILE = 1e-3  # share of a flat's pixels at the converter's top that no signal piles up by itself

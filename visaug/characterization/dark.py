@@ -9,12 +9,12 @@ import numpy as np
 from scipy import stats
 
 from visaug.characterization import dark_current
-from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
 from visaug.characterization.light import NEEDS_FLATS
 from visaug.characterization.moments import GroupMoments
 from visaug.core.constants import BOLTZMANN_EV_PER_K, ZERO_C_K
 from visaug.core.intervals import t_quantile, widen
+from visaug.statistics.findings import Findings
 
 _LEAST_EV = 0.5  # eV, activation energy of dark current: half of silicon's band gap is 0.56, measured ones are 0.55 to 1.1
 # (R. Widenhorn et al., Proc. SPIE 4669 (2002) 193)

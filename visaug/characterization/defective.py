@@ -9,9 +9,9 @@ import numpy as np
 from scipy import ndimage
 
 from visaug.characterization.facts import Facts
-from visaug.characterization.findings import Findings
 from visaug.characterization.views import cropped, repaired, replaced
 from visaug.frames import FrameSet, Group
+from visaug.statistics.findings import Findings
 
 _APART = 8.0  # noise of single pixels: levels, or values, that differ by more differ by no chance
 _NO_LIGHT = 0.02  # response over the median's: below, a line is covered

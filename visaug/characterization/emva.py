@@ -16,7 +16,6 @@ from scipy import stats
 from visaug.characterization import emva_curves
 from visaug.characterization.alike import SAME_C, degrees_apart
 from visaug.characterization.dark_current import mean_points, slopes, variance_points
-from visaug.characterization.findings import Findings
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments, mean_map
@@ -28,8 +27,8 @@ from visaug.characterization.photon_transfer import (
     linearity_curve,
     saturated_level,
 )
-from visaug.characterization.result import Estimate
 from visaug.core.intervals import jackknife, root, symmetric, widen
+from visaug.statistics.findings import Estimate, Findings
 
 Interval = tuple[float, float, float]
 _SPLIT = ("row", "column", "pixel")

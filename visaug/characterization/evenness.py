@@ -8,11 +8,11 @@ import numpy as np
 from scipy import stats
 
 from visaug.characterization.additivity import FROM_GAIN
-from visaug.characterization.findings import Findings
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.photon_transfer import PhotonTransferResult
 from visaug.frames import FrameSet
+from visaug.statistics.findings import Findings
 
 _PARTS = 4  # along each side
 _LEAST = 8  # pixels along each side of a part

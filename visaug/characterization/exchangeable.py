@@ -14,10 +14,10 @@ from functools import lru_cache
 import numpy as np
 from scipy import stats
 
-from visaug.characterization.findings import FROM_NOISE, Findings
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments
 from visaug.frames import FrameSet
+from visaug.statistics.findings import FROM_NOISE, Findings
 
 _FEWEST = 4  # frames: of three no such sum is left
 _MOST = 12  # frames of a group: its first and last half dozen

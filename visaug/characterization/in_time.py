@@ -12,11 +12,11 @@ from scipy import ndimage, optimize, stats
 
 from visaug.characterization.defective import donors
 from visaug.characterization.facts import Facts
-from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments
 from visaug.characterization.views import repaired, replaced
 from visaug.frames import FrameSet, Group
+from visaug.statistics.findings import Findings
 
 _STALE = 5e-4  # probability that one group of sound frames has such an outlier
 _HIT = 1e-3  # probability that noise makes a hit somewhere in a set

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from visaug.characterization import additivity, spatial
-from visaug.characterization.findings import Findings, MeasuredGain
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.mosaic import Mosaic
@@ -20,6 +19,7 @@ from visaug.characterization.photon_transfer import (
     transfer,
 )
 from visaug.core.intervals import mean_error, root, symmetric, t_quantile
+from visaug.statistics.findings import Findings, MeasuredGain
 
 NEEDS_FLATS = "flats: two or more frames at each of several light levels, and dark frames beside them"
 NEEDS_CLEAR_FLATS = (

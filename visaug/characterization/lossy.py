@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from visaug.characterization.facts import Facts
-from visaug.characterization.findings import Findings
 from visaug.core.extras import extra
 from visaug.frames import FrameSet
+from visaug.statistics.findings import Findings
 
 _JPEG = (".jpg", ".jpeg")
 _COARSE = 0.35  # step over the noise of a pixel from which on rounding adds 1 % to its variance: step^2 / 12

@@ -17,8 +17,8 @@ from visaug.characterization.nonuniformity import surface, two_way
 from visaug.core.errors import InputError
 
 if TYPE_CHECKING:
-    from visaug.characterization.findings import Findings
     from visaug.characterization.result import Characterization
+    from visaug.statistics.findings import Findings
 
 HOT, DEAD, UNSTEADY = 1, 2, 4
 

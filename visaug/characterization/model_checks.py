@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from visaug.characterization import additivity, codes, defective, exchangeable, in_time, neighbours
 from visaug.characterization.alike import merged_groups
 from visaug.characterization.facts import Facts, look
-from visaug.characterization.findings import Findings
 from visaug.characterization.groups import Measured
 from visaug.frames import FrameSet
+from visaug.statistics.findings import Findings
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from visaug.characterization.findings import FROM_NOISE, Findings
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.frames import FrameSet
+from visaug.statistics.findings import FROM_NOISE, Findings
 
 LAGS = ((0, 1), (1, 0), (1, 1), (1, -1))  # each with its mirror image: the eight neighbours
 _OF_THE_STANDARD = ("emva.system_gain_dn_per_e", "emva.quantum_efficiency", "emva.saturation_e", "emva.dark_noise_e",

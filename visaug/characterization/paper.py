@@ -17,12 +17,12 @@ import numpy as np
 from scipy import optimize, stats
 
 from visaug.characterization import dark_current, tukey
-from visaug.characterization.findings import Findings, MeasuredGain
 from visaug.characterization.groups import Measured
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.still import NEEDS_STILL, add_in_electrons
 from visaug.core.intervals import t_quantile
+from visaug.statistics.findings import Findings, MeasuredGain
 
 if TYPE_CHECKING:
     from visaug.camera import Camera

@@ -15,33 +15,12 @@ from visaug.characterization.camera_content import camera_content
 from visaug.characterization.nonuniformity import two_way
 from visaug.core.errors import InputError
 from visaug.core.files import whole_file
+from visaug.statistics.findings import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from visaug.camera import Camera
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """A figure with its 95 % interval for the camera's own parameter, its unit, how it was found, and what was assumed."""
-
-    value: float
-    low: float
-    high: float
-    unit: str
-    source: str
-    assumes: str = ""
-
-    def to_json(self) -> dict[str, Any]:
-        content = {
-            "value": float(self.value),
-            "low": float(self.low),
-            "high": float(self.high),
-            "unit": self.unit,
-            "from": self.source,
-        }
-        return {**content, "assumes": self.assumes} if self.assumes else content
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,6 @@ from visaug.characterization.camera_content import CAMERA_KEYS
 from visaug.characterization.conditions import prepared
 from visaug.characterization.emva import emva
 from visaug.characterization.facts import PLACES
-from visaug.characterization.findings import Findings, MeasuredGain
 from visaug.characterization.groups import Measured, measure_groups
 from visaug.characterization.maps import add_maps
 from visaug.characterization.mosaic import Mosaic, find_mosaic
@@ -26,6 +25,7 @@ from visaug.characterization.result import Characterization, Warned
 from visaug.characterization.views import colour_plane
 from visaug.core.errors import InputError
 from visaug.frames import FrameSet
+from visaug.statistics.findings import Findings, MeasuredGain
 
 
 def characterize(

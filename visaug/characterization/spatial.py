@@ -11,7 +11,7 @@ from scipy import stats
 from visaug.characterization.nonuniformity import surface, two_way
 
 if TYPE_CHECKING:
-    from visaug.characterization.findings import Findings
+    from visaug.statistics.findings import Findings
 
 
 def tile(pattern: np.ndarray) -> np.ndarray | None:

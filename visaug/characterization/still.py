@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from visaug.characterization import read_noise, structure, tukey
-from visaug.characterization.findings import Findings
 from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import Parts, parts
@@ -22,6 +21,7 @@ from visaug.core.intervals import (
     variance_combination,
     widen,
 )
+from visaug.statistics.findings import Findings
 
 CLIPPED = 0.002  # share of pixels at 0 above which moments of bias frames are cut
 NEEDS_STILL = "two or more bias frames (lens capped, shortest exposure)"

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from visaug.characterization.alarms import adopt, found_by_checks
-from visaug.characterization.findings import Findings
 from visaug.characterization.views import cropped, repaired, replaced
 from visaug.core.errors import InputError
 from visaug.frames import FrameSet
+from visaug.statistics.findings import Findings
 
 
 def usable(frames: FrameSet, resolution: Sequence[int]) -> FrameSet:

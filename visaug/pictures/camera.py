@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +16,7 @@ from visaug.pictures.patterns import add, add_patterns, add_processing
 from visaug.pictures.readings import NoiseCurve, Reading, readings_of
 from visaug.pictures.sets import find_sky, is_rendered, jackknife, no_noise, rounded_away
 from visaug.pictures.texture import Texture, texture_in
-
-if TYPE_CHECKING:
-    from visaug.characterization.findings import Findings
+from visaug.statistics.findings import Findings
 
 NEEDS = {
     "quantum_efficiency": "flats with known photons per pixel",

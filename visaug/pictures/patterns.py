@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +13,7 @@ from visaug.pictures.files import PictureSet, quality_of
 from visaug.pictures.pattern import Pattern, VariancePart
 from visaug.pictures.readings import Reading
 from visaug.pictures.texture import Texture
-
-if TYPE_CHECKING:
-    from visaug.characterization.findings import Findings
+from visaug.statistics.findings import Findings
 
 SOURCE = "pictures"
 

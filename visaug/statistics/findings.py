@@ -10,11 +10,31 @@ from typing import Any
 
 import numpy as np
 
-from visaug.characterization.result import Estimate
-
 # parameters that need the noise of the frames to be that of single pixels
 FROM_NOISE = ("gain_e_per_dn", "quantum_efficiency", "read_noise.*", "full_well_e", "prnu.*", "dsnu.*", "dark_current.*",
               "temporal.*", "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A figure with its 95 % interval for the camera's own parameter, its unit, how it was found, and what was assumed."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    source: str
+    assumes: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        content = {
+            "value": float(self.value),
+            "low": float(self.low),
+            "high": float(self.high),
+            "unit": self.unit,
+            "from": self.source,
+        }
+        return {**content, "assumes": self.assumes} if self.assumes else content
 
 
 @dataclass
