@@ -15,7 +15,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from visaug.augment.image_io.tiff import read_tiff
 from visaug.core.errors import InputError
+from visaug.frames.headers import frames_of
 from visaug.frames.limits import VARIABLE
 from visaug.frames.pixels import PixelReader
 
@@ -85,6 +87,29 @@ def test_a_flipped_bit_in_an_archive_is_found(tmp_path):
     assert (PixelReader(tmp_path).read("a.npz") == PIXELS).all()
     content[content.index(PIXELS.tobytes()) + 11] ^= 4
     refused(tmp_path, "b.npz", bytes(content), "CRC")
+
+
+@pytest.mark.parametrize("pages", [1, 3])
+@pytest.mark.parametrize("back_to", [0, -1])
+@pytest.mark.parametrize("kind", [{"bigtiff": False, "byteorder": "<"}, {"bigtiff": True, "byteorder": ">"}])
+def test_pages_of_a_tiff_in_a_circle(tmp_path, pages, back_to, kind):
+    """The place after the last page is that of an earlier one."""
+    made = io.BytesIO()
+    with tifffile.TiffWriter(made, **kind) as writer:
+        for _ in range(pages):
+            writer.write(PIXELS, contiguous=False)
+    made.seek(0)
+    with tifffile.TiffFile(made) as file:
+        places, last, tiff = [page.offset for page in file.pages], file.pages[-1], file.tiff
+        end = last.offset + tiff.tagnosize + tiff.tagsize * len(last.tags)
+    content = bytearray(made.getvalue())
+    struct.pack_into(tiff.offsetformat, content, end, places[back_to])
+    refused(tmp_path, "a.tif", bytes(content), "circle")
+    refused(tmp_path, "a.tif#[0]", bytes(content), "circle")
+    with pytest.raises(InputError, match="circle"):
+        frames_of(tmp_path / "a.tif")
+    with pytest.raises(InputError, match="circle"):
+        read_tiff(tmp_path / "a.tif")
 
 
 def test_encrypted_and_unknown_compression(tmp_path):

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from visaug.core.errors import InputError, readable
-from visaug.core.extras import extra
-from visaug.frames import fits, pixels, ser, xisf
+from visaug.frames import fits, pixels, ser, tiff, xisf
 from visaug.frames.arrays import arrays_in
 from visaug.frames.kinds import kind_of
 from visaug.frames.limits import pillow_image
@@ -50,10 +49,7 @@ def frames_of(path: Path) -> list[tuple[str, Facts]]:
 
 
 def _tiff(path: Path) -> list[tuple[str, Facts]]:
-    with extra(path):
-        import tifffile
-
-    with readable(path, "truncated, or not a TIFF file"), tifffile.TiffFile(path) as file:
+    with readable(path, "truncated, or not a TIFF file"), tiff.opened(path) as file:
         series = file.series[0]
         if _end_of_pixels(series) > file.filehandle.size:
             raise ValueError("pixels beyond its end")
@@ -103,11 +99,9 @@ def _photo(path: Path) -> list[tuple[str, Facts]]:
     raw data's description.
     """
     facts: Facts = {}
-    with suppress(Exception):  # a format of its own (CR3): its EXIF cannot be read, the rest can
-        import tifffile
-
-        with tifffile.TiffFile(path) as file:
-            facts = _exif(_tags(file.pages[0]))
+    # a format of its own (CR3): its EXIF cannot be read, the rest can
+    with suppress(Exception), tiff.opened(path) as file:
+        facts = _exif(_tags(file.pages[0]))
     return [("", {**facts, **describe_photo(path)})]
 
 

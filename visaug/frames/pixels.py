@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from visaug.core.errors import InputError, readable
-from visaug.core.extras import extra
-from visaug.frames import fits, hdf5, photo, portable, ser, xisf
+from visaug.frames import fits, hdf5, photo, portable, ser, tiff, xisf
 from visaug.frames.arrays import ArrayStore
 from visaug.frames.limits import Index, check_shape, pillow_image
 from visaug.frames.raw import read_raw
@@ -150,10 +149,7 @@ def _is_file(path: Path) -> bool:
 
 def _read_tiff(path: Path, index: tuple[int, ...]) -> tuple[np.ndarray, tuple[int, ...]]:
     """Pixels, and the part of `index` that is still to be taken; of a plain stack one page alone is read."""
-    with extra(path):
-        import tifffile
-
-    with readable(path, "truncated, or not a TIFF file"), tifffile.TiffFile(path) as file:
+    with readable(path, "truncated, or not a TIFF file"), tiff.opened(path) as file:
         series = file.series[0]
         if len(index) == 1 and len(series.shape) == 3 and len(series.pages) == series.shape[0]:
             if index[0] >= series.shape[0]:

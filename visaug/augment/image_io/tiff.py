@@ -12,6 +12,7 @@ from visaug.augment.image_io.transfer import Hints, transfer_of
 from visaug.core.errors import InputError
 from visaug.core.extras import extra
 from visaug.frames.limits import check_shape
+from visaug.frames.tiff import opened
 
 PALETTE, WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, YCBCR = 3, 0, 1, 2, 6
 DESCRIPTION, ICC, GDAL_NODATA = 270, 34675, 42113
@@ -34,10 +35,7 @@ OF_THE_FILE = {
 
 
 def read_tiff(path: Path) -> Picture:
-    with extra(path):
-        import tifffile
-
-    with tifffile.TiffFile(path) as file:
+    with opened(path) as file:
         if len(file.pages) != 1:
             raise InputError(
                 f"holds {len(file.pages)} pages", file=path, expected="a single picture in a file"
