@@ -23,6 +23,14 @@ _HOST = blake2b(socket.gethostname().encode(), digest_size=4).hexdigest()
 _cleaned: set[Path] = set()
 
 
+def cache_folder() -> Path:
+    """Where visaug keeps what it can make again: $VISAUG_CACHE, or `visaug` in the user's cache folder."""
+    base = os.environ.get("VISAUG_CACHE")
+    if base:
+        return Path(base)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "visaug"
+
+
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
     """Yield a path in the same folder to write to; it is renamed to `path` when the block ends well.

@@ -5,7 +5,6 @@ is no database. The store has its own folder and touches nothing else.
 """
 
 import hashlib
-import os
 import sqlite3
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -13,6 +12,8 @@ from contextlib import closing
 from pathlib import Path
 
 import numpy as np
+
+from visaug.core.files import cache_folder
 
 MOST = 2**30  # largest size in bytes; the least recently used entries are removed first
 LEFT = 0.8  # share of that size that stays then
@@ -22,11 +23,7 @@ TABLE = "CREATE TABLE IF NOT EXISTS sets (name TEXT PRIMARY KEY, used REAL, cont
 
 
 def file() -> Path:
-    """The database: in $VISAUG_CACHE, or in the user's cache folder."""
-    base = os.environ.get("VISAUG_CACHE")
-    if not base:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "visaug"
-    return Path(base) / "diagnosis" / "simulated.sqlite"
+    return cache_folder() / "diagnosis" / "simulated.sqlite"
 
 
 def load(names: Sequence[str]) -> dict[str, tuple[np.ndarray, ...]]:

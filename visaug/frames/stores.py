@@ -12,11 +12,13 @@ from typing import Protocol
 import numpy as np
 
 from visaug.core.errors import InputError
-from visaug.frames.pixels import PixelReader
+from visaug.frames.kept import KeptFrames
+from visaug.frames.pixels import PixelReader, suffix_of
 from visaug.frames.raw import BYTE_ORDERS, LAYOUTS, guess_layout, unused_low_bits
 from visaug.frames.record import FrameRecord
 from visaug.frames.values import check_frame, check_values
 
+AS_THEY_ARE = (".npy", ".raw")  # files whose pixels need no decoding
 _PROBED = 8  # frames looked at to find where the bits lie
 
 
@@ -120,6 +122,7 @@ class FileStore:
         self._shapes: dict[int, tuple[int, int]] = {}
         self._size: tuple[tuple[int, int], str] | None = None
         self._cleans: OrderedDict[str, np.ndarray] = OrderedDict()
+        self._kept = KeptFrames()
 
     @property
     def bit_depth(self) -> int | None:
@@ -129,6 +132,9 @@ class FileStore:
 
     def read(self, i: int) -> np.ndarray:
         self._find_layout()
+        kept = self._kept.read(i)
+        if kept is not None:
+            return kept.astype(np.float32)
         record = self._records[i]
         pixels = self._stored(i)
         if self._shift and pixels.dtype.kind == "u":
@@ -137,6 +143,8 @@ class FileStore:
         check_frame(record, pixels)
         self._check_size(record, pixels.shape)
         self._shapes[i] = pixels.shape
+        if suffix_of(self._reader.path(record.file)) not in AS_THEY_ARE:
+            self._kept.keep(i, pixels)
         return pixels.astype(np.float32)
 
     numbers = read

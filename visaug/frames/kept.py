@@ -1,0 +1,57 @@
+"""Decoded frames, kept in a temporary file: a set is read several times, and a compressed one is decoded once."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from typing import IO
+
+import numpy as np
+
+from visaug.core.files import cache_folder
+
+LARGEST = 2**30  # bytes of frames that are kept; further ones are decoded at each reading
+
+
+class KeptFrames:
+    """Frames as they were decoded, by number, in a file without a name that goes with this object.
+
+    The system keeps in memory what there is room for. Where no temporary file can be written, nothing is kept; and a process
+    forked from that which began the file reads what is in it and adds nothing.
+    """
+
+    def __init__(self) -> None:
+        self._file: IO[bytes] | None = None
+        self._owner = os.getpid()
+        self._places: dict[int, tuple[int, tuple[int, ...], np.dtype]] = {}
+        self._size = 0
+
+    def keep(self, i: int, frame: np.ndarray) -> None:
+        if self._size + frame.nbytes > LARGEST or os.getpid() != self._owner or not hasattr(os, "pread"):
+            return
+        try:
+            self._file = self._file or _file()
+            at, self._size = self._size, self._size + frame.nbytes  # another thread writes behind it
+            if os.pwrite(self._file.fileno(), np.ascontiguousarray(frame).tobytes(), at) == frame.nbytes:
+                self._places[i] = at, frame.shape, frame.dtype
+        except (OSError, RuntimeError):  # the disk is full, or there is no home
+            self._size = LARGEST
+
+    def read(self, i: int) -> np.ndarray | None:
+        """The frame; None if it is not kept."""
+        if i not in self._places or self._file is None:
+            return None
+        at, shape, dtype = self._places[i]
+        size = math.prod(shape) * dtype.itemsize
+        content = os.pread(self._file.fileno(), size, at)
+        return np.frombuffer(content, dtype).reshape(shape) if len(content) == size else None
+
+    def __reduce__(self) -> tuple:
+        return KeptFrames, ()  # a copy in another process begins with nothing
+
+
+def _file() -> IO[bytes]:
+    folder = cache_folder()  # a folder for temporary files is often memory
+    folder.mkdir(parents=True, exist_ok=True)
+    return tempfile.TemporaryFile(dir=folder)
