@@ -78,14 +78,18 @@ def test_a_fault_of_a_users_effect_names_its_line(place, stated):
 
 def test_processes_end_with_their_laboratory(stated):
     """And so does the thread that waits for them: one that is still closing its pipes disturbs the end of the interpreter."""
-    forked, before = Forked(), threading.active_count()
+
+    def running() -> set[object]:
+        return {*threading.enumerate(), *multiprocessing.active_children()}
+
+    before = running()  # of other tests' laboratories
+
+    forked = Forked()
     laboratory(forked).finding([(stated, k) for k in range(3)])
-    assert multiprocessing.active_children()
-    assert threading.active_count() > before
+    assert running() - before
     del forked
     gc.collect()
-    assert not multiprocessing.active_children()
-    assert threading.active_count() == before
+    assert not running() - before
 
 
 def test_where_a_process_is_killed_threads_go_on(monkeypatch, stated):
