@@ -3,6 +3,8 @@
 import copy
 import os
 import pickle
+import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -108,3 +110,17 @@ def test_a_forked_process_adds_nothing():
         one.keep(1, np.zeros((2, 2)))
         os._exit(0 if one.read(1) is None and (one.read(0) == 1).all() else 1)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+def test_threads_do_not_write_over_one_another():
+    """The lab's server reads frames of one set in several threads."""
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        one = KeptFrames()
+        with ThreadPoolExecutor(8) as pool:
+            list(pool.map(lambda i: one.keep(i, np.full((3, 5), i)), range(2000)))
+    finally:
+        sys.setswitchinterval(interval)
+    for i in range(2000):
+        np.testing.assert_array_equal(one.read(i), np.full((3, 5), i))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import tempfile
+import threading
 from typing import IO
 
 import numpy as np
@@ -23,16 +24,21 @@ class KeptFrames:
 
     def __init__(self) -> None:
         self._file: IO[bytes] | None = None
-        self._owner = os.getpid()
+        self._owner, self._lock = os.getpid(), threading.Lock()
         self._places: dict[int, tuple[int, tuple[int, ...], np.dtype]] = {}
         self._size = 0
 
     def keep(self, i: int, frame: np.ndarray) -> None:
-        if self._size + frame.nbytes > LARGEST or os.getpid() != self._owner or not hasattr(os, "pread"):
+        if os.getpid() != self._owner or not hasattr(os, "pread"):
             return
+        with self._lock:
+            if self._size + frame.nbytes <= LARGEST and i not in self._places:
+                self._write(i, frame)
+
+    def _write(self, i: int, frame: np.ndarray) -> None:
         try:
             self._file = self._file or _file()
-            at, self._size = self._size, self._size + frame.nbytes  # another thread writes behind it
+            at, self._size = self._size, self._size + frame.nbytes
             if os.pwrite(self._file.fileno(), np.ascontiguousarray(frame).tobytes(), at) == frame.nbytes:
                 self._places[i] = at, frame.shape, frame.dtype
         except (OSError, RuntimeError):  # the disk is full, or there is no home
