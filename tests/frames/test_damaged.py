@@ -112,6 +112,21 @@ def test_pages_of_a_tiff_in_a_circle(tmp_path, pages, back_to, kind):
         read_tiff(tmp_path / "a.tif")
 
 
+@pytest.mark.parametrize("place", [2**63, 2**64 - 1])
+def test_a_place_of_a_next_page_beyond_the_file_is_its_end(tmp_path, place):
+    made = io.BytesIO()
+    tifffile.imwrite(made, PIXELS, bigtiff=True)
+    made.seek(0)
+    with tifffile.TiffFile(made) as file:
+        page, tiff = file.pages[0], file.tiff
+        end = page.offset + tiff.tagnosize + tiff.tagsize * len(page.tags)
+    content = bytearray(made.getvalue())
+    struct.pack_into("<Q", content, end, place)
+    (tmp_path / "a.tif").write_bytes(content)
+    assert (PixelReader(tmp_path).read("a.tif") == PIXELS).all()
+    assert read_tiff(tmp_path / "a.tif").pixels.size == PIXELS.size
+
+
 def test_encrypted_and_unknown_compression(tmp_path):
     content = bytearray(npz(("a.npy", array(PIXELS)), method=zipfile.ZIP_DEFLATED))
     directory = content.index(b"PK\x01\x02")

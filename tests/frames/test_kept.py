@@ -4,15 +4,19 @@ import copy
 import os
 import pickle
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
+from weakref import WeakSet
 
 import numpy as np
 import pytest
+import tifffile
 
 from visaug.core.errors import InputError
 from visaug.frames import FrameSet, kept
 from visaug.frames.kept import KeptFrames
 from visaug.frames.pixels import PixelReader
+from visaug.frames.stores import FileStore
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "pread"), reason="no reading at a place of a file")
 
@@ -110,6 +114,30 @@ def test_a_forked_process_adds_nothing():
         one.keep(1, np.zeros((2, 2)))
         os._exit(0 if one.read(1) is None and (one.read(0) == 1).all() else 1)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+def test_threads_that_begin_together_find_one_layout(tmp_path, monkeypatch):
+    """A frame read before the place of its bits is found would be kept 16 times too large."""
+    values = np.full((40, 50), 100, np.uint16)
+    for k in range(6):
+        tifffile.imwrite(tmp_path / f"{k}.tif", (values + k) << 4)
+    rows = [f"{k},{k}.tif,bias,0,20" for k in range(6)]
+    table = "\n".join(["sequence,file,kind,exposure_s,temperature_c", *rows]) + "\n"
+    (tmp_path / "frames.csv").write_text(table)
+    ordinary = FileStore._find_shift
+    monkeypatch.setattr(FileStore, "_find_shift", lambda self: (time.sleep(0.2), ordinary(self)))
+    read = FrameSet.load(tmp_path, bits_at="top")
+    with ThreadPoolExecutor(6) as pool:
+        list(pool.map(read.read, range(6)))
+    assert [read.read(k).max() for k in range(6)] == [100 + k for k in range(6)]
+
+
+def test_many_sets_do_not_use_up_the_files_that_may_be_open(monkeypatch):
+    monkeypatch.setattr(kept, "_open", WeakSet())
+    many = [KeptFrames() for _ in range(40)]
+    for one in many:
+        one.keep(0, np.zeros((2, 2)))
+    assert sum(one.read(0) is not None for one in many) == kept.MOST_OPEN
 
 
 def test_threads_do_not_write_over_one_another():

@@ -7,12 +7,15 @@ import os
 import tempfile
 import threading
 from typing import IO
+from weakref import WeakSet
 
 import numpy as np
 
 from visaug.core.files import cache_folder
 
 LARGEST = 2**30  # bytes of frames that are kept; further ones are decoded at each reading
+
+MOST_OPEN = 16  # sets that keep frames at a time: each has a file open
 
 
 class KeptFrames:
@@ -32,12 +35,14 @@ class KeptFrames:
         if os.getpid() != self._owner or not hasattr(os, "pread"):
             return
         with self._lock:
-            if self._size + frame.nbytes <= LARGEST and i not in self._places:
+            is_open = self._file is not None or len(_open) < MOST_OPEN
+            if is_open and self._size + frame.nbytes <= LARGEST and i not in self._places:
                 self._write(i, frame)
 
     def _write(self, i: int, frame: np.ndarray) -> None:
         try:
             self._file = self._file or _file()
+            _open.add(self)
             at, self._size = self._size, self._size + frame.nbytes
             if os.pwrite(self._file.fileno(), np.ascontiguousarray(frame).tobytes(), at) == frame.nbytes:
                 self._places[i] = at, frame.shape, frame.dtype
@@ -55,6 +60,9 @@ class KeptFrames:
 
     def __reduce__(self) -> tuple:
         return KeptFrames, ()  # a copy in another process begins with nothing
+
+
+_open: WeakSet[KeptFrames] = WeakSet()
 
 
 def _file() -> IO[bytes]:

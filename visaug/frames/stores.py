@@ -4,6 +4,7 @@ hand out.
 
 from __future__ import annotations
 
+import threading
 from collections import OrderedDict
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +20,7 @@ from visaug.frames.record import FrameRecord
 from visaug.frames.values import check_frame, check_values
 
 AS_THEY_ARE = (".npy", ".raw")  # files whose pixels need no decoding
+_FINDING = threading.Lock()
 _PROBED = 8  # frames looked at to find where the bits lie
 
 
@@ -118,7 +120,7 @@ class FileStore:
         self.told_bits = bit_depth
         self._reader = PixelReader(root, byte_order or "little")
         self._byte_order = byte_order
-        self._shift: int | None = None
+        self._shift, self._knows_layout = 0, False
         self._shapes: dict[int, tuple[int, int]] = {}
         self._size: tuple[tuple[int, int], str] | None = None
         self._cleans: OrderedDict[str, np.ndarray] = OrderedDict()
@@ -216,9 +218,14 @@ class FileStore:
         """Once for the set: byte order, bit depth and where the bits lie, from a few frames spread
         over it.
         """
-        if self._shift is not None:
+        if self._knows_layout:
             return
-        self._shift = 0
+        with _FINDING:  # another thread would take the layout found so far
+            if not self._knows_layout:
+                self._look_for_layout()
+                self._knows_layout = True
+
+    def _look_for_layout(self) -> None:
         raws = [i for i, r in enumerate(self._records) if r.file.lower().endswith(".raw")]
         if raws and self._byte_order is None:
             probes = [raws[n] for n in np.unique(np.linspace(0, len(raws) - 1, _PROBED).astype(int))]

@@ -11,6 +11,8 @@ from typing import Any
 from visaug.core.errors import InputError
 from visaug.core.extras import extra
 
+MOST_TAGS = 4096  # of a page; tifffile takes one with more for the end of the file
+
 
 @contextmanager
 def opened(path: Path) -> Iterator[Any]:
@@ -33,21 +35,19 @@ def _check_pages(file: Any, path: Path) -> None:
     seen: set[int] = set()
     try:
         at = file.pages.first.offset
-        while at:
-            if at in seen:
-                raise InputError(
-                    "is damaged: its pages follow one another in a circle",
-                    file=path,
-                    expected="a page after the last one, or none",
-                )
+        while 0 < at < handle.size and at not in seen:
             seen.add(at)
             handle.seek(at)
             (tags,) = struct.unpack(tiff.tagnoformat, handle.read(tiff.tagnosize))
+            if tags > MOST_TAGS:
+                return
             handle.seek(tags * tiff.tagsize, 1)
             (at,) = struct.unpack(tiff.offsetformat, handle.read(tiff.offsetsize))
-    except (
-        IndexError,
-        struct.error,
-        OSError,
-    ):  # no page, or the file ends before the chain, as tifffile notices
-        pass
+    except (IndexError, struct.error, OSError):
+        return  # there is no page, or the file ends before the chain, as tifffile notices
+    if at in seen:
+        raise InputError(
+            "is damaged: its pages follow one another in a circle",
+            file=path,
+            expected="a page after the last one, or none",
+        )
