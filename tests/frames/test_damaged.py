@@ -89,6 +89,21 @@ def test_a_flipped_bit_in_an_archive_is_found(tmp_path):
     refused(tmp_path, "b.npz", bytes(content), "CRC")
 
 
+def with_next_page(made: io.BytesIO, place) -> bytes:
+    """A TIFF file whose last page names a next one.
+
+    Args:
+        place: of the next page, from the places of all pages.
+    """
+    made.seek(0)
+    with tifffile.TiffFile(made) as file:
+        places, last, tiff = [page.offset for page in file.pages], file.pages[-1], file.tiff
+        end = last.offset + tiff.tagnosize + tiff.tagsize * len(last.tags)
+    content = bytearray(made.getvalue())
+    struct.pack_into(tiff.offsetformat, content, end, place(places))
+    return bytes(content)
+
+
 @pytest.mark.parametrize("pages", [1, 3])
 @pytest.mark.parametrize("back_to", [0, -1])
 @pytest.mark.parametrize("kind", [{"bigtiff": False, "byteorder": "<"}, {"bigtiff": True, "byteorder": ">"}])
@@ -98,14 +113,9 @@ def test_pages_of_a_tiff_in_a_circle(tmp_path, pages, back_to, kind):
     with tifffile.TiffWriter(made, **kind) as writer:
         for _ in range(pages):
             writer.write(PIXELS, contiguous=False)
-    made.seek(0)
-    with tifffile.TiffFile(made) as file:
-        places, last, tiff = [page.offset for page in file.pages], file.pages[-1], file.tiff
-        end = last.offset + tiff.tagnosize + tiff.tagsize * len(last.tags)
-    content = bytearray(made.getvalue())
-    struct.pack_into(tiff.offsetformat, content, end, places[back_to])
-    refused(tmp_path, "a.tif", bytes(content), "circle")
-    refused(tmp_path, "a.tif#[0]", bytes(content), "circle")
+    content = with_next_page(made, lambda places: places[back_to])
+    refused(tmp_path, "a.tif", content, "circle")
+    refused(tmp_path, "a.tif#[0]", content, "circle")
     with pytest.raises(InputError, match="circle"):
         frames_of(tmp_path / "a.tif")
     with pytest.raises(InputError, match="circle"):
@@ -116,13 +126,7 @@ def test_pages_of_a_tiff_in_a_circle(tmp_path, pages, back_to, kind):
 def test_a_place_of_a_next_page_beyond_the_file_is_its_end(tmp_path, place):
     made = io.BytesIO()
     tifffile.imwrite(made, PIXELS, bigtiff=True)
-    made.seek(0)
-    with tifffile.TiffFile(made) as file:
-        page, tiff = file.pages[0], file.tiff
-        end = page.offset + tiff.tagnosize + tiff.tagsize * len(page.tags)
-    content = bytearray(made.getvalue())
-    struct.pack_into("<Q", content, end, place)
-    (tmp_path / "a.tif").write_bytes(content)
+    (tmp_path / "a.tif").write_bytes(with_next_page(made, lambda _: place))
     assert (PixelReader(tmp_path).read("a.tif") == PIXELS).all()
     assert read_tiff(tmp_path / "a.tif").pixels.size == PIXELS.size
 

@@ -27,15 +27,19 @@ def cache(tmp_path, monkeypatch):
     return tmp_path / "cache"
 
 
+def write_table(folder, files):
+    """Of bias frames, one for each file."""
+    rows = [f"{k},{file},bias,0,20" for k, file in enumerate(files)]
+    table = "\n".join(["sequence,file,kind,exposure_s,temperature_c", *rows]) + "\n"
+    (folder / "frames.csv").write_text(table)
+
+
 @pytest.fixture
 def folder(tmp_path):
     """Three frames of 16 bit in a compressed array, with their table."""
     frames = np.random.default_rng(0).integers(0, 60000, (3, 20, 30)).astype(np.uint16)
     np.savez_compressed(tmp_path / "frames.npz", frames)
-    rows = [f"{k},frames.npz#arr_0[{k}],bias,0,20" for k in range(3)]
-    (tmp_path / "frames.csv").write_text(
-        "\n".join(["sequence,file,kind,exposure_s,temperature_c", *rows]) + "\n"
-    )
+    write_table(tmp_path, [f"frames.npz#arr_0[{k}]" for k in range(3)])
     return tmp_path, frames
 
 
@@ -121,9 +125,7 @@ def test_threads_that_begin_together_find_one_layout(tmp_path, monkeypatch):
     values = np.full((40, 50), 100, np.uint16)
     for k in range(6):
         tifffile.imwrite(tmp_path / f"{k}.tif", (values + k) << 4)
-    rows = [f"{k},{k}.tif,bias,0,20" for k in range(6)]
-    table = "\n".join(["sequence,file,kind,exposure_s,temperature_c", *rows]) + "\n"
-    (tmp_path / "frames.csv").write_text(table)
+    write_table(tmp_path, [f"{k}.tif" for k in range(6)])
     ordinary = FileStore._find_shift
     monkeypatch.setattr(FileStore, "_find_shift", lambda self: (time.sleep(0.2), ordinary(self)))
     read = FrameSet.load(tmp_path, bits_at="top")

@@ -17,5 +17,6 @@ def keep_freed() -> None:
     """
     if sys.platform == "linux":
         with contextlib.suppress(OSError, AttributeError):  # musl has no mallopt
-            for parameter, value in ((_MMAP_THRESHOLD, LARGEST), (_TRIM_THRESHOLD, UNUSED)):
-                ctypes.CDLL(None).mallopt(parameter, value)
+            mallopt = ctypes.CDLL(None).mallopt
+            mallopt(_MMAP_THRESHOLD, LARGEST)
+            mallopt(_TRIM_THRESHOLD, UNUSED)

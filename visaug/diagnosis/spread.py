@@ -144,7 +144,7 @@ class Forked:
     def _forked(self, work: Work) -> ProcessPoolExecutor:
         if self._pool is None or self._effects != dict(catalogue()):
             if self._pool is not None:
-                self._pool.shutdown(wait=False)
+                self._pool.shutdown()
             self._effects = dict(catalogue())
             self._pool = ProcessPoolExecutor(
                 workers(), multiprocessing.get_context("fork"), _begin, (work, os.getpid())

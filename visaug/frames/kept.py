@@ -14,7 +14,6 @@ import numpy as np
 from visaug.core.files import cache_folder
 
 LARGEST = 2**30  # bytes of frames that are kept; further ones are decoded at each reading
-
 MOST_OPEN = 16  # sets that keep frames at a time: each has a file open
 
 

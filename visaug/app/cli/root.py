@@ -13,7 +13,6 @@ import click
 from visaug import __version__
 from visaug.app.cli import cameras, inspecting, learn, measure, pictures, take
 from visaug.core.errors import InputError, NoSensorNoise, PartlyFailed, described, user_line
-from visaug.core.memory import keep_freed
 from visaug.core.wording import printable
 
 
@@ -45,7 +44,6 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the program; ends the process with status 0, 1 where part of the work failed, 2 on bad input or an error of the
     operating system, 130 when interrupted, 143 when terminated.
     """
-    keep_freed()
     gc.set_threshold(10_000)  # imports and compilation make hundreds of thousands of objects that stay
     # the error of a damaged file is one line, without the library's own
     logging.getLogger("tifffile").addHandler(logging.NullHandler())
