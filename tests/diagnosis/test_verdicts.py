@@ -103,7 +103,7 @@ def test_limits_are_simulated_with_random_numbers_that_no_signature_has(monkeypa
         report=None,
     )
     one = course([1.0], [np.array([0, 0, 4.0, 0, 0, 0])])
-    verdicts._completed(setting, sight(*PLAIN), {"row_noise": one})  # pyright: ignore[reportArgumentType]
+    verdicts._completed(setting, setting.first, sight(*PLAIN), {"row_noise": one})  # pyright: ignore[reportArgumentType]
     assert asked
     assert min(min(numbers) for numbers in asked) >= MORE
     assert len({k for numbers in asked for k in numbers}) == sum(map(len, asked))

@@ -21,7 +21,7 @@ from visaug.diagnosis.candidates.trials import Trial, strength_of
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.criterion import ODDS
 from visaug.diagnosis.fitting.law import law, scatter_along
-from visaug.diagnosis.fitting.reference import Null
+from visaug.diagnosis.fitting.reference import Null, Reference
 from visaug.diagnosis.fitting.robust import standardised
 from visaug.diagnosis.planned import Planned, frames_that_show
 from visaug.diagnosis.stage import SearchStage, Setting
@@ -169,18 +169,19 @@ def verdicts(setting: Setting, end: SearchStage) -> tuple[Verdict, ...]:
         for name in sorted(considered - set(found))
         if (course := _course(setting, setting.signs, name)) is not None
     }
-    courses = _completed(setting, sight, courses)
+    known = _found(setting, end)
+    courses = _completed(setting, known, sight, courses)
     for name, course in courses.items():
-        found[name] = _rival(name, course, end) or _judged(setting, end, sight, name, course)
+        found[name] = _rival(name, course, end) or _judged(setting, end, known.camera, sight, name, course)
     hidden = {name: courses[name] for name, verdict in found.items() if verdict.verdict == "not testable"}
     for name, others in _absorbing(end, sight, hidden).items():
         found[name] = replace(found[name], verdict="not separable", limit=None, others=others)
-    known = setting.first.camera
+    given = setting.first.camera
     open_ = [
         v.effect for v in found.values() if v.verdict in ("not separable", "not testable") and not v.frames
     ]
-    strong = {name: _strong(known, name, setting) for name in open_}
-    shown = frames_that_show(strong, Planned(known, setting.report))
+    strong = {name: _strong(given, name, setting) for name in open_}
+    shown = frames_that_show(strong, Planned(given, setting.report))
     return tuple(replace(found[n], frames=shown.get(n, found[n].frames)) for n in catalogue() if n in found)
 
 
@@ -218,12 +219,22 @@ def _course(setting: Setting, signs: Signatures, name: str) -> StrengthCurve | N
     )
 
 
-def _completed(setting: Setting, sight: Sight, courses: dict[str, StrengthCurve]) -> dict[str, StrengthCurve]:
+def _found(setting: Setting, end: SearchStage) -> Reference:
+    """Simulated sets of the camera beside which effects are absent: with what was found, which can hide them as lost bits do."""
+    return end.state.fitted.reference if end.state.accepted else setting.first
+
+
+def _completed(
+    setting: Setting, known: Reference, sight: Sight, courses: dict[str, StrengthCurve]
+) -> dict[str, StrengthCurve]:
     """Each effect simulated near its limit, with random numbers that its signatures do not have, until it is near.
 
     A signature of few simulations contains their noise, with which only they match.
+
+    Args:
+        known: simulated sets of the camera to which effects are added.
     """
-    camera, lab = setting.first.camera, setting.lab
+    camera, lab = known.camera, setting.lab
     open_ = {name for name, course in courses.items() if not course.is_stepwise}
     plain: dict[str, Trial] = {}
     for trial in setting.signs.trials:
@@ -237,19 +248,19 @@ def _completed(setting: Setting, sight: Sight, courses: dict[str, StrengthCurve]
             limit = min(limit, 3 * _plausible(name, courses[name])) if limit > 0 else limit
             trial = plain[name].times(limit / strength_of(camera, plain[name])[1])
             at |= {name: trial} if np.isfinite(limit) and trial.fits(camera) else {}
-        signed = simulated(lab, setting.first, list(at.values()), numbers, setting.report)
+        signed = simulated(lab, known, list(at.values()), numbers, setting.report)
         open_ = set()
         for k, trial in enumerate(signed.trials):
             old, x = courses[trial.effect], strength_of(camera, trial)[1]
             shift, variance = lab.whole_of(signed.values[[k]]), lab.whole_of(signed.variances[[k]])
-            known = [] if round_ == 0 else range(len(old.strengths))
-            strengths = np.array([*old.strengths[known], x])
+            kept = [] if round_ == 0 else range(len(old.strengths))
+            strengths = np.array([*old.strengths[kept], x])
             order = np.argsort(strengths)
             new = replace(
                 old,
                 strengths=strengths[order],
-                shifts=np.vstack([old.shifts[known], shift])[order],
-                variances=np.vstack([old.variances[known], variance])[order],
+                shifts=np.vstack([old.shifts[kept], shift])[order],
+                variances=np.vstack([old.variances[kept], variance])[order],
             )
             courses = {**courses, trial.effect: new}
             if abs(np.log(new.limit(sight)[0] / x)) > np.log(NEAR):
@@ -259,11 +270,13 @@ def _completed(setting: Setting, sight: Sight, courses: dict[str, StrengthCurve]
     return courses
 
 
-def _judged(setting: Setting, end: SearchStage, sight: Sight, name: str, course: StrengthCurve) -> Verdict:
+def _judged(
+    setting: Setting, end: SearchStage, camera: Camera, sight: Sight, name: str, course: StrengthCurve
+) -> Verdict:
     limit, k = course.limit(sight, is_final=True)
     unit = place_of(course.path).parameter.unit
     plausible = _plausible(name, course)
-    without = setting.first.camera.values().get(course.path, 0.0)
+    without = camera.values().get(course.path, 0.0)
 
     def stated(strength: float) -> float | None:
         """The parameter at a distance from the camera without the effect."""

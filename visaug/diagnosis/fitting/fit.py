@@ -18,6 +18,7 @@ STEPPED = 4  # simulations with common random numbers that follow the mean on th
 TWINS = 6  # and where it ends
 FAR_BLACK = 3.0  # steps of the black level after which it is first set by the bias frames' mean
 PROMISED = 0.25  # log likelihood; a step for which the derivatives promise less is not simulated
+NOISY = 0.1  # `Fitted.noise` from which sets are simulated anew
 OFF_BLACK = 5.0  # standard deviations of the bias frames' mean from which a fit begins again at their level
 
 
@@ -30,6 +31,8 @@ class Fitted:
         camera: the refitted camera.
         residual, confirm_residual, whole_residual: measured minus the refitted camera's mean, per statistic of the discovery
             frames, the hold-out frames and all frames.
+        noise: variance that following the mean from the reference to the camera adds to residuals, as a share of their own.
+            Lost bits answer a step by chance, so that a few sets with common random numbers do not tell it.
     """
 
     reference: Reference
@@ -37,6 +40,7 @@ class Fitted:
     residual: np.ndarray
     confirm_residual: np.ndarray
     whole_residual: np.ndarray
+    noise: float = 0.0
 
     @classmethod
     def unfitted(cls, lab: Laboratory, reference: Reference) -> "Fitted":
@@ -90,8 +94,8 @@ def refit(
 
 
 def settled(lab: Laboratory, fitted: Fitted, sets: int, report: Report) -> Fitted:
-    """A fit; if it is far from its reference, the variance and derivatives are simulated anew at its end."""
-    if not is_far(fitted.reference, fitted.camera):
+    """A fit; if it is far from its reference, or noisy, the sets and derivatives are simulated anew at its end."""
+    if not is_far(fitted.reference, fitted.camera) and fitted.noise < NOISY:
         return fitted
     near = make_reference(lab, fitted.camera, fitted.reference.coordinates, sets, report)
     return refit(lab, near, report)
@@ -159,27 +163,32 @@ def _descended(
         alone = (misfit(measured - mean, reference.scale), np.array([c.read(camera) for c in coordinates]))
         best = min(best, (*alone, camera, mean), key=lambda fit: fit[0])
     _, at, camera, _ = best
-    means = _means_at(lab, reference, camera)
+    means, noise = _means_at(lab, reference, camera)
     last = step_from(at, means[0])  # what the derivatives still promise; damped where a longer step was worse
     camera = moved(camera, coordinates, list(at + last)) if coordinates else camera
     left = (
         f.values - mean - getattr(reference, use).slopes @ last
         for f, mean, use in zip(lab.measured, means, USES, strict=True)
     )
-    return Fitted(reference, camera, *left)
+    return Fitted(reference, camera, *left, noise=noise)
 
 
-def _means_at(lab: Laboratory, reference: Reference, camera: Camera) -> list[np.ndarray]:
-    """Mean statistics of each use of the frames at a camera, with the random numbers of the reference's first sets."""
+def _means_at(lab: Laboratory, reference: Reference, camera: Camera) -> tuple[list[np.ndarray], float]:
+    """Mean statistics of each use of the frames at a camera, with the random numbers of the reference's first sets.
+
+    Also the noise that this adds, see `Fitted`.
+    """
     samples = [getattr(reference, use) for use in USES]
     if camera is reference.camera:
-        return [sample.mean for sample in samples]
+        return [sample.mean for sample in samples], 0.0
     twins = min(TWINS, len(reference.sets))
     there = lab.simulated([(camera, k) for k in range(twins)])
-    return [
+    means = [
         sample.mean + values.mean(0) - sample.sets[:twins].mean(0)
         for sample, values in zip(samples, there, strict=True)
     ]
+    moves = (there[0] - reference.sets[:twins]).std(0, ddof=1) / np.sqrt(twins)
+    return means, float((standardised(moves, reference.scale) ** 2).mean())
 
 
 def _to_bias_level(lab: Laboratory, reference: Reference, left: np.ndarray) -> np.ndarray | None:
