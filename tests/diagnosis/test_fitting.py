@@ -5,10 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from benchmark.effects import BY_NAME
 from tests.diagnosis.small import Hidden, frame_set
 from visaug.diagnosis.candidates.climb import newton
 from visaug.diagnosis.fitting import fit
-from visaug.diagnosis.fitting.fit import bias_level, refit
+from visaug.diagnosis.fitting.fit import NOISY, bias_level, refit, settled
 from visaug.diagnosis.fitting.parameters import base_coordinates, intervals, moved
 from visaug.diagnosis.fitting.reference import (
     MORE_PAIRS,
@@ -18,6 +19,7 @@ from visaug.diagnosis.fitting.reference import (
     Reference,
     SimulatedStatistics,
     derivatives,
+    is_far,
     make_reference,
 )
 from visaug.diagnosis.fitting.robust import adjust
@@ -184,6 +186,31 @@ def test_a_refit_may_begin_elsewhere(stated):
     apart = [free[0].read(f.camera) for f in (here, there)]
     assert abs(apart[0] - apart[1]) < 0.5 * known
     assert there.misfit == pytest.approx(here.misfit, rel=0.01)
+
+
+def test_a_fit_beside_lost_bits_leaves_what_chance_leaves(stated):
+    """Lost bits answer a small step by chance: a mean that few common random numbers follow leaves five times the variance."""
+    hidden = BY_NAME["bit_truncation"].at(2)
+    off = stated.with_effect("bit_truncation", bits=2)
+    off = off.replace({"read_noise.sigma_e": 0.9 * off.values()["read_noise.sigma_e"]})
+    lab = Laboratory(frame_set(5, [hidden]), off)
+    free = [
+        c
+        for c in base_coordinates(off, lab.frames, True)
+        if c.path in ("black_level_dn", "read_noise.sigma_e")
+    ]
+    sets = 30
+    followed = refit(lab, make_reference(lab, off, free, sets, lambda *_: None), lambda *_: None)
+    anew = settled(lab, followed, sets, lambda *_: None)
+
+    def left(fitted):
+        scale = fitted.reference.scale
+        return float(np.mean((fitted.residual[scale > 0] / scale[scale > 0]) ** 2))
+
+    assert not is_far(followed.reference, followed.camera)
+    assert followed.noise > 1 > NOISY > anew.noise
+    assert left(followed) > 2
+    assert left(anew) == pytest.approx(1 + 1 / sets, abs=0.25)
 
 
 def test_a_reference_that_was_begun_goes_on_where_it_was(stated, tmp_path, monkeypatch):

@@ -107,3 +107,12 @@ def test_limits_are_simulated_with_random_numbers_that_no_signature_has(monkeypa
     assert asked
     assert min(min(numbers) for numbers in asked) >= MORE
     assert len({k for numbers in asked for k in numbers}) == sum(map(len, asked))
+
+
+def test_limits_hold_for_the_camera_that_was_found():
+    """What was found can hide others, as lost bits do: they are simulated beside it, else with the camera as given."""
+    given, found = object(), object()
+    setting = SimpleNamespace(first=given)
+    for accepted, known in (((), given), (("bit_truncation",), found)):
+        state = SimpleNamespace(accepted=accepted, fitted=SimpleNamespace(reference=found))
+        assert verdicts._found(setting, SimpleNamespace(state=state)) is known  # pyright: ignore[reportArgumentType]
