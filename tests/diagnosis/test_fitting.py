@@ -211,6 +211,8 @@ def test_a_fit_beside_lost_bits_leaves_what_chance_leaves(stated):
     assert followed.noise > 1 > NOISY > anew.noise
     assert left(followed) > 2
     assert left(anew) == pytest.approx(1 + 1 / sets, abs=0.25)
+    assert anew.reference.is_erratic
+    assert not followed.reference.is_erratic
 
 
 def test_a_reference_that_was_begun_goes_on_where_it_was(stated, tmp_path, monkeypatch):

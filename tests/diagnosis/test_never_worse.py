@@ -8,6 +8,7 @@ from tests.diagnosis.states import leaving
 from visaug.diagnosis import outcome
 from visaug.diagnosis.result import Step
 from visaug.diagnosis.stage import SearchStage
+from visaug.diagnosis.verdict import Verdict
 from visaug.statistics.distance import Error
 
 
@@ -50,6 +51,21 @@ def test_an_effect_with_which_the_error_clearly_rises_is_named_in_a_warning():
     (warning,) = outcome.rises(steps)
     assert warning.startswith("error_rises: with smear the error on hold-out frames rises from 1.1 to 1.3")
     assert outcome.rises(steps[:2]) == outcome.rises([]) == []
+
+
+def test_limits_beside_an_erratic_camera_are_named_in_a_warning():
+    found = [Verdict("dust", "named"), Verdict("smear", "absent", limit=0.1), Verdict("lag", "not testable")]
+    ends = [
+        SimpleNamespace(
+            state=SimpleNamespace(fitted=SimpleNamespace(reference=SimpleNamespace(is_erratic=yes)))
+        )
+        for yes in (True, False)
+    ]
+    (warning,) = outcome.erratic(ends[0], found)  # pyright: ignore[reportArgumentType]
+    assert warning.startswith("limits: ")
+    assert "called absent (1) can be too low" in warning
+    assert outcome.erratic(ends[0], found[:1]) == []  # pyright: ignore[reportArgumentType]
+    assert outcome.erratic(ends[1], found) == []  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize(

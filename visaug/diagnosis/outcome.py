@@ -13,6 +13,7 @@ from visaug.diagnosis.result import Diagnosis, Ranked, Step
 from visaug.diagnosis.stage import History, SearchStage, Setting
 from visaug.diagnosis.state import State
 from visaug.diagnosis.telling import cannot_show, form, residue
+from visaug.diagnosis.verdict import Verdict
 from visaug.diagnosis.verdicts import verdicts
 from visaug.statistics.distance import is_clear
 from visaug.statistics.places import places
@@ -34,6 +35,7 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
     excess = bool(end.state.accepted) or (significant and is_clear(end.error))
     statistics = lab.measured[2].statistics
     outside = float(expit(log_odds_outside(end.state, statistics))) if end.state.accepted else None
+    effects = () if lab.units else verdicts(setting, end)
     return Diagnosis(
         camera=end.state.fitted.camera,
         accepted=end.state.accepted,
@@ -52,8 +54,8 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
         form=form(statistics, end.state),
         cannot_show=cannot_show(setting.signs, first),
         used=lab.selection,
-        warnings=(*lab.warnings, *rises(steps)),
-        effects=() if lab.units else verdicts(setting, end),
+        warnings=(*lab.warnings, *rises(steps), *erratic(end, effects)),
+        effects=effects,
         errors=setting.errors,
     )
 
@@ -96,6 +98,15 @@ def rises(steps: Sequence[Step]) -> list[str]:
         for was, now in pairwise(steps)
         if was.error and now.error and now.error.low > was.error.high
     ]
+
+
+def erratic(end: SearchStage, effects: Sequence[Verdict]) -> list[str]:
+    """A warning where limits of absent effects take statistics to follow a strength, and they answer small steps by chance."""
+    absent = sum(v.verdict == "absent" for v in effects)
+    if not (absent and end.state.fitted.reference.is_erratic):
+        return []
+    why = "statistics of this camera answer the smallest step of a parameter by chance, as lost bits make them do"
+    return [f"limits: {why}; the limits of effects that are called absent ({absent}) can be too low"]
 
 
 def _sequence_numbers(setting: Setting) -> dict[str, list[int]]:

@@ -1,7 +1,7 @@
 """Refits a camera to measured statistics."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -98,7 +98,7 @@ def settled(lab: Laboratory, fitted: Fitted, sets: int, report: Report) -> Fitte
     if not is_far(fitted.reference, fitted.camera) and fitted.noise < NOISY:
         return fitted
     near = make_reference(lab, fitted.camera, fitted.reference.coordinates, sets, report)
-    return refit(lab, near, report)
+    return refit(lab, replace(near, is_erratic=fitted.noise >= NOISY), report)
 
 
 def _descended(

@@ -1,7 +1,7 @@
 """Simulated sets of a camera: mean, variance, derivatives of the mean, and the residuals of their refits."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -120,6 +120,7 @@ class Reference:
 
     Effects are selected on the discovery frames (`find`), their errors are reported on the hold-out frames (`confirm`), and
     the test whether anything is missing uses all frames (`whole`). Attributes without a prefix refer to the discovery frames.
+    `is_erratic`: whether statistics were seen to answer a small step of a parameter by chance.
     """
 
     camera: Camera
@@ -127,6 +128,7 @@ class Reference:
     find: SimulatedStatistics
     confirm: SimulatedStatistics
     whole: SimulatedStatistics
+    is_erratic: bool = field(default=False, kw_only=True)
 
     @property
     def sets(self) -> np.ndarray:
@@ -227,14 +229,11 @@ def make_reference(
     done = 0 if begun is None else len(begun.sets)
     values = lab.simulated([(camera, k) for k in range(done, sets)], lambda n: report(label, done + n, sets))
     if begun is not None:
-        samples = [getattr(begun, use) for use in USES]
-        return replace(
-            begun,
-            **{
-                use: replace(sample, sets=np.vstack([sample.sets, more]))
-                for use, sample, more in zip(USES, samples, values, strict=True)
-            },
+        find, confirm, whole = (
+            replace(getattr(begun, use), sets=np.vstack([getattr(begun, use).sets, more]))
+            for use, more in zip(USES, values, strict=True)
         )
+        return replace(begun, find=find, confirm=confirm, whole=whole)
     taken = {} if known is None else {c.path: k for k, c in enumerate(known.coordinates) if c.path != WELL}
     new = [c for c in coordinates if c.path not in taken]
     slopes = derivatives(lab, camera, new, values, report)
