@@ -47,13 +47,18 @@ def progress_bars(single: bool = False, quiet: bool = False) -> Iterator[Progres
         disable=not console.is_terminal,
     )
     tasks: dict[str, TaskID] = {}
-    started: dict[str, tuple[float, int]] = {}  # phase: when, and how much was done
+    named: set[str] = set()
+    current = ""  # the phase; when it began, how much was done then, and how much at last:
+    began, first, last = 0.0, 0, 0
     told = 0.0
 
     def write_line(phase: str, description: str, done: int, total: int) -> None:
-        nonlocal told
-        now, new = monotonic(), phase not in started
-        began, first = started.setdefault(phase, (now, done))
+        nonlocal current, began, first, last, told
+        now, new = monotonic(), phase not in named
+        named.add(phase)
+        if phase != current or done < last:  # a phase that comes again has its own time
+            current, began, first = phase, now, done
+        last = done
         if new:
             console.print(phase)
         elif now - told >= EVERY_S and done < total:
