@@ -109,6 +109,9 @@ def test_an_effect_is_dropped_if_the_later_one_alone_explains_everything(
     assert found[-1].state is (alone if dropped else both)
     kept = ["refit", *([] if dropped else ["add lens_flare"]), "add veiling_glare"]
     assert [stage.action for stage in found] == kept
+    if not dropped:  # 0.98 of the two, and the other is no alternative any more
+        assert found[-1].ranked["lens_flare"].probability == pytest.approx(1.0)
+        assert found[-1].ranked["veiling_glare"].probability == 0.02
 
 
 def test_the_rival_keeps_the_interval_that_holds_its_other_options(veiled, monkeypatch):

@@ -86,6 +86,15 @@ def _with_those(effect: str, after: State, otherwise: Judged | None) -> dict[str
     return {name: own.reaching(others[name]) if name in others else own for name, own in found.items()}
 
 
+def without_rival(ranked: Ranks, effect: str, probability: float) -> Ranks:
+    """With the probability of an effect of which a rival, that had this probability, was accepted beside it.
+
+    The rival is no alternative then.
+    """
+    own = ranked[effect]
+    return {**ranked, effect: replace(own, probability=min(own.probability / (1 - probability), 1.0))}
+
+
 def swapped_ranks(ranked: Ranks, own: Judged, rival: Judged) -> Ranks:
     """With the probabilities of an effect and of the rival that replaces it exchanged."""
     one, other = ranked[own.refined.effect], ranked[rival.refined.effect]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from visaug.diagnosis.choice import Judged
 from visaug.diagnosis.criterion import between, evidence
-from visaug.diagnosis.ranking import accepted_rank, swapped_ranks
+from visaug.diagnosis.ranking import accepted_rank, swapped_ranks, without_rival
 from visaug.diagnosis.stage import History, SearchStage, Setting
 from visaug.diagnosis.state import State
 from visaug.effects import catalogue
@@ -31,6 +31,8 @@ def reconsidered(setting: Setting, history: History) -> History:
             alone, p_value = setting.tested(rival.state)
             if p_value > SIGNIFICANT and not _is_accepted(setting, alone, last.state, own):
                 return (*earlier, _stage(setting, last, (own, rival), alone, p_value, (rival, own)))
+            ranked = without_rival(last.ranked, own.refined.effect, before.ranked[effect].probability)
+            last = replace(last, ranked=ranked)
         is_base = any(catalogue()[j.refined.effect].base for j in (own, rival))
         if effect in last.state.accepted or is_base:
             continue
@@ -46,7 +48,7 @@ def reconsidered(setting: Setting, history: History) -> History:
             )
             second = _stage(setting, last, (own, rival), swapped, p_value, last.standing[:1])
             return (*earlier, first, second)
-    return history
+    return (*history[:-1], last)
 
 
 def _is_accepted(setting: Setting, without: State, both: State, own: Judged) -> bool:
