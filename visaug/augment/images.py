@@ -1,7 +1,7 @@
 """Images as datasets hand them out, PIL, NumPy and tensors of 8 bit, 16 bit and floats: to the sensor and back.
 
 Channels: 1 is gray, 3 colour; 2 and 4 are gray and colour with alpha, which is no light and stays as it is; more are bands.
-See `visaug.augment.options.light_channels`.
+See `visaug.augment.light.light_channels`.
 """
 
 import logging
@@ -12,7 +12,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from visaug.augment.options import MOST, light_channels
+from visaug.augment.light import light_channels
+from visaug.augment.options import MOST
 from visaug.augment.sensor_noise import SensorNoise
 from visaug.core.errors import InputError
 

@@ -1,9 +1,37 @@
-"""Light of images: photons from images and irradiances, sRGB, and the one plane of a monochrome sensor."""
+"""Light of images: the channels that hold it, photons from images and irradiances, sRGB, and the plane of a monochrome sensor."""
 
 import torch
 from torch import Tensor
 
+from visaug.core.errors import InputError
+
+MOST_COLOURS = 3  # red, green and blue; what has more channels of light has bands
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear red, green and blue: ITU-R BT.709, the primaries of sRGB
+
+
+def light_channels(channels: int, mono: bool | None, alpha: bool = False) -> int:
+    """Number of leading channels that hold light; the others, alpha, get no noise.
+
+    Args:
+        channels: 1 is gray and 3 colour; 2 and 4 are these with alpha. More are bands of a multispectral image.
+        mono: False makes every channel a band, with a sensor of its own.
+        alpha: the last of 2 or 4 channels is known to be alpha, whatever `mono`.
+
+    Raises:
+        InputError: more than four channels with mono=True.
+    """
+    if channels > MOST_COLOURS + 1 and mono:
+        raise InputError(
+            f"has {channels} channels, which one sensor cannot give",
+            field="images",
+            expected="mono=False, for a sensor of its own for each band",
+        )
+    return channels - 1 if channels in (2, 4) and (alpha or mono is not False) else channels
+
+
+def are_bands(channels: int, mono: bool | None) -> bool:
+    """Whether each of these channels of light has a sensor of its own."""
+    return mono is False or channels > MOST_COLOURS
 
 
 def irradiance_to_photons(

@@ -21,8 +21,6 @@ CHOICES = {
 # of image values: beyond, the image is of another scale; between, it is cut by the sensor
 LEAST, MOST = -0.5, 1.5
 
-
-MOST_COLOURS = 3  # red, green and blue; what has more channels of light has bands
 # of the saturation exposure: a pixel of the largest full wells (1e6 e-) then holds one electron
 LEAST_EXPOSURE = 1e-6
 # An image that goes below the first, with more than this share of its values below 0, has had its mean subtracted:
@@ -91,31 +89,6 @@ def check_seed(seed: Any) -> int | None:
     if seed is None or (isinstance(seed, Integral) and not isinstance(seed, bool)):
         return None if seed is None else int(seed)
     raise InputError(f"{seed!r} is not valid", field="seed", expected="a whole number, or None")
-
-
-def light_channels(channels: int, mono: bool | None, alpha: bool = False) -> int:
-    """Number of leading channels that hold light; the others, alpha, get no noise.
-
-    Args:
-        channels: 1 is gray and 3 colour; 2 and 4 are these with alpha. More are bands of a multispectral image.
-        mono: False makes every channel a band, with a sensor of its own.
-        alpha: the last of 2 or 4 channels is known to be alpha, whatever `mono`.
-
-    Raises:
-        InputError: more than four channels with mono=True.
-    """
-    if channels > MOST_COLOURS + 1 and mono:
-        raise InputError(
-            f"has {channels} channels, which one sensor cannot give",
-            field="images",
-            expected="mono=False, for a sensor of its own for each band",
-        )
-    return channels - 1 if channels in (2, 4) and (alpha or mono is not False) else channels
-
-
-def are_bands(channels: int, mono: bool | None) -> bool:
-    """Whether each of these channels of light has a sensor of its own."""
-    return mono is False or channels > MOST_COLOURS
 
 
 def check_images(images: Any) -> Tensor:

@@ -11,11 +11,17 @@ from torch.utils.data import get_worker_info
 
 from visaug.augment.draws import signed
 from visaug.augment.exposure import Exposure
-from visaug.augment.light import is_gray, linear_to_srgb, luminance, srgb_to_linear
+from visaug.augment.light import (
+    are_bands,
+    is_gray,
+    light_channels,
+    linear_to_srgb,
+    luminance,
+    srgb_to_linear,
+)
 from visaug.augment.options import (
     LEAST_EXPOSURE,
     Range,
-    are_bands,
     check_choice,
     check_flag,
     check_images,
@@ -25,7 +31,6 @@ from visaug.augment.options import (
     check_seed,
     check_strength,
     check_values,
-    light_channels,
 )
 from visaug.camera import Camera, fast
 from visaug.camera.randomize import spreads
