@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.special import erfc
 
 from tests.diagnosis import states
 from visaug import Camera
@@ -249,6 +250,72 @@ def test_the_strength_at_which_a_signature_needs_no_scale_is_found(power):
         at = selection._next(past) if past else 0.0
         past.append((at, power * (np.log(wanted) - at)))
     assert selection._next(past) == pytest.approx(np.log(wanted), abs=0.05)
+
+
+def test_a_strength_between_two_that_were_tried_is_sought_between_them():
+    """The better of the two is weaker; the other shows that the secant from the weaker one alone goes too far."""
+    weak, strong = (0.0, 2.2), (1.5, -5.0)
+    between = selection._next([strong, weak])
+    assert between == pytest.approx(1.5 * 2.2 / 7.2)
+    assert selection._next([weak, strong, (between, 0.9)]) == pytest.approx(
+        between + (1.5 - between) * 0.9 / 5.9
+    )
+
+
+def test_a_blur_of_which_a_weak_trial_matches_best_is_brought_near(stated, monkeypatch):
+    """Light on the next pixel grows with erfc(0.5 / (sigma sqrt 2)): 0.2 px of it, times 26, is the light of 0.5 px.
+
+    The residual is so large that the weak trial matches best whatever else was tried, and a strong one not at all.
+    """
+
+    def trial(sigma: float) -> Trial:
+        return Trial("point_spread", (("point_spread.sigma_px", sigma),))
+
+    def light(one: Trial) -> float:
+        return float(erfc(0.5 / (one.by_name["sigma_px"] * np.sqrt(2))))
+
+    def first(signs, *_):
+        found = [Match(t, -light(t), light(trial(0.5)) / light(t), np.zeros(4)) for t in signs.trials]
+        return found, [max(found, key=lambda m: m.gain)]
+
+    def simulated(lab, reference, tried, report):
+        return Signatures(tuple(tried), np.zeros((len(tried), 4)), np.zeros((len(tried), 4)))
+
+    monkeypatch.setattr(selection, "first_matches", first)
+    monkeypatch.setattr(selection, "signatures", simulated)
+    fitted = SimpleNamespace(camera=stated, reference=None)
+    begun = simulated(None, None, [trial(0.2)], None)
+    signs = selection.sharpened(None, begun, fitted, frozenset(), 0.0, lambda *_: None)  # pyright: ignore[reportArgumentType]
+    tried = [t.by_name["sigma_px"] for t in signs.trials]
+    assert len(tried) == 1 + selection.SHARPENED
+    assert all(a > b for a, b in pairwise(tried[1:]))  # the first goes far beyond, the others come back
+    assert abs(np.log(light(trial(tried[-1])) / light(trial(0.5)))) < 0.6
+
+
+@pytest.mark.parametrize(("scale", "strengths"), [(1.2, [0.24]), (9.0, [1.8, 0.2])])
+def test_a_trial_far_from_the_strength_it_asks_for_is_a_start_too(stated, monkeypatch, scale, strengths):
+    """Shifts are not proportional to strengths: nine times as strong can be far too strong."""
+    begun: list[float] = []
+
+    class Begun(Exception):
+        pass
+
+    class Climb:
+        def __init__(self, *_):
+            pass
+
+        def start(self, cameras):
+            begun.extend(camera.values()["point_spread.sigma_px"] for camera in cameras)
+            raise Begun
+
+    monkeypatch.setattr(refinement, "Climb", Climb)
+    monkeypatch.setattr(refinement, "metric", lambda *_: None)
+    reference = SimpleNamespace(coordinates=())
+    fitted = SimpleNamespace(camera=stated, reference=reference)
+    match = Match(Trial("point_spread", (("point_spread.sigma_px", 0.2),)), 9.0, scale, np.zeros(4))
+    with pytest.raises(Begun):
+        refinement.refine(None, fitted, match, lambda *_: None)  # pyright: ignore[reportArgumentType]
+    assert begun == pytest.approx(strengths)
 
 
 def test_what_is_rare_is_seen_to_bring_a_spread_of_its_own():

@@ -14,6 +14,7 @@ CHANCE = (
     5.0  # log likelihood that the best of a hundred directions gains by chance, if their covariance is right
 )
 SCALES = (0.03, 0.1, 0.3, 0.6, 1.0, 1.6)
+NEAR_ENOUGH = 0.4  # logarithm of the scale up to which a signature needs no other strength
 ALMOST = 0.8  # share of the gain of an effect's best trial above which another of its trials counts as equal
 
 

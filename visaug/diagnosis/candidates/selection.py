@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.diagnosis.candidates.matches import Match, best_of_each, extrapolation, matches
+from visaug.diagnosis.candidates.matches import NEAR_ENOUGH, Match, best_of_each, extrapolation, matches
 from visaug.diagnosis.candidates.refinement import Refined, refine
 from visaug.diagnosis.candidates.signatures import Signatures, signatures
 from visaug.diagnosis.candidates.trials import Trial, beside_words
@@ -18,7 +18,6 @@ from visaug.diagnosis.laboratory import Laboratory
 from visaug.effects import catalogue
 
 SHARPENED = 3  # largest number of strengths at which the signature of a candidate is simulated,
-NEAR_ENOUGH = 0.4  # logarithm of the scale up to which a signature needs no other strength,
 FAR_STEP = 3.0  # and largest step of the logarithm of a strength
 TRIED = 4  # largest number of candidates that are refined in a step, if they gain
 SHARE = 0.2  # this share of the best gain
@@ -91,23 +90,17 @@ def sharpened(
     sought by the secant rule in the logarithms of strength and scale.
     """
     further: list[Trial] = []
-    at: dict[
-        tuple, list[tuple[float, float]]
-    ] = {}  # log factor on the first trial's strength, log scale there
-    first: dict[tuple, Trial] = {}
-    for _ in range(SHARPENED):
-        _, chosen = first_matches(signs, fitted, taken, allowance, least)
-        if not at:
+    for round_ in range(SHARPENED):
+        tried, chosen = first_matches(signs, fitted, taken, allowance, least)
+        if round_ == 0:
             further = [t for m in chosen if not m.trial.looked for t in beside_words(m.trial)]
         for m in chosen:
-            trial = m.trial
-            if trial.looked or extrapolation(m) < NEAR_ENOUGH or not m.scale:
+            if m.trial.looked or extrapolation(m) < NEAR_ENOUGH or not m.scale:
                 continue
-            key = (trial.effect, trial.form)
-            start = first.setdefault(key, trial.times(np.sign(m.scale)))
-            past = at.setdefault(key, [])
-            past.append((_log_ratio(trial, start), float(np.log(abs(m.scale)))))
-            further.append(start.times(float(np.exp(_next(past)))))
+            start = m.trial.times(np.sign(m.scale))
+            points = [point for other in tried if (point := _point(other, start)) is not None]
+            if points:
+                further.append(start.times(float(np.exp(_next(points)))))
         known = {t.values for t in signs.trials}
         further = [t for t in dict.fromkeys(further) if t.values not in known and t.fits(fitted.camera)]
         if not further:
@@ -117,20 +110,31 @@ def sharpened(
     return signs
 
 
-def _log_ratio(trial: Trial, start: Trial) -> float:
-    """Logarithm of the ratio of two trials' strengths."""
+def _point(match: Match, start: Trial) -> tuple[float, float] | None:
+    """Logarithms of the ratio of a match's strengths to those of a start, and of its scale; None if it differs in more."""
+    trial = match.trial
+    if trial.looked or trial.kind != start.kind:
+        return None
+    strengths = catalogue()[trial.effect].strengths()
     ratios = [
-        float(np.log(abs(value / start.by_name[key])))
+        value / start.by_name[key]
         for key, value in trial.by_name.items()
-        if key in catalogue()[trial.effect].strengths() and value and start.by_name.get(key)
+        if key in strengths and value and start.by_name.get(key)
     ]
-    return ratios[0] if ratios else 0.0
+    if not ratios or not np.allclose(ratios, ratios[0]) or match.scale * ratios[0] <= 0:
+        return None
+    return float(np.log(abs(ratios[0]))), float(np.log(abs(match.scale)))
 
 
-def _next(past: Sequence[tuple[float, float]]) -> float:
-    """The log factor at which the log scale is expected to vanish, from the last two points or from one."""
-    (x, y), *before = reversed(past)
-    if before and abs(x - before[0][0]) > 1e-3 and (slope := (y - before[0][1]) / (x - before[0][0])) < 0:
+def _next(points: Sequence[tuple[float, float]]) -> float:
+    """The log factor at which the log scale is expected to vanish.
+
+    From the point nearest to that, by the secant to the nearest point beyond it, or to the next best one.
+    """
+    (x, y), *others = sorted(points, key=lambda point: abs(point[1]))
+    beyond = [point for point in others if point[1] * y < 0 < (point[0] - x) * y]
+    other = min(beyond, key=lambda point: abs(point[0] - x)) if beyond else next(iter(others), None)
+    if other and abs(x - other[0]) > 1e-3 and (slope := (y - other[1]) / (x - other[0])) < 0:
         return x - float(np.clip(y / slope, -FAR_STEP, FAR_STEP))
     return x + float(np.clip(0.7 * y, -FAR_STEP, FAR_STEP))  # between a level and a variance
 
