@@ -155,6 +155,16 @@ class CameraSpec(_Part):
             raise ValueError("rows and columns are each from 1 to 65535")
         return value
 
+    @property
+    def range_e(self) -> float:
+        """Electrons from the black level to the end of the converter."""
+        return (2**self.bit_depth - 1 - self.black_level_dn) * self.gain_e_per_dn
+
+    @property
+    def saturation_photons(self) -> float:
+        """Photons that fill a pixel, or the range of the converter where that is less."""
+        return min(self.range_e, self.full_well_e or self.range_e) / self.quantum_efficiency
+
 
 _KEYS = sorted(
     {
