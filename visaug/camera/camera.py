@@ -21,6 +21,7 @@ from visaug.core.files import write_text
 from visaug.core.nearest import did_you_mean
 from visaug.core.sampling import Stream
 from visaug.core.sampling.distributions import MOST_MEAN
+from visaug.core.wording import first_of
 from visaug.effects import Context, Effect, Stage, catalogue
 from visaug.effects.effect import ends
 
@@ -52,9 +53,8 @@ def camera_file(source: str | Path) -> Path:
     there = sorted(file.name for file in folder.glob("*.yaml")) if folder != Path() else []
     problem = "no such camera" + did_you_mean(name, known)
     if there:
-        more = f" and {len(there) - 3} more" if len(there) > 3 else ""
         problem = "is a folder; it has " if is_folder else "no such camera; its folder has "
-        problem += ", ".join(there[:3]) + more
+        problem += first_of(there, 3)
     expected = "a camera.yaml, or a name that `visaug cameras` lists"
     raise InputError(problem, file=source, expected=expected)
 
