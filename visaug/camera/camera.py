@@ -13,7 +13,7 @@ from torch import Tensor
 
 from visaug.camera import chain, paths
 from visaug.camera.colour import ColourPath, colour_path
-from visaug.camera.maps import effect_of, load_maps, moved, named_maps
+from visaug.camera.maps import effect_of, load_maps, moved, named_maps, set_map
 from visaug.camera.own import own_cameras, own_folder
 from visaug.camera.spec import CameraSpec, check_spec, read_spec
 from visaug.core.errors import InputError
@@ -237,9 +237,7 @@ class Camera:
         path = Path(path)
         content = self.to_dict()
         for name, key in named_maps(self.spec).values():
-            part, _, entry = key.removesuffix(".map").partition(".")
-            holder = content[part][int(entry)] if entry else content[part]
-            holder["map"] = moved(name, self.folder, path.parent)
+            set_map(content, key, moved(name, self.folder, path.parent))
         write_text(path, _as_yaml(content))
 
     def colour_path(self, origin: tuple[int, int] = (0, 0)) -> ColourPath | None:
