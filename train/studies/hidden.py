@@ -219,10 +219,8 @@ def diagnose_frames(
 def plan_of(camera: visaug.Camera) -> FrameSet:
     """The frames to take of a camera, as `visaug plan` names them, at two temperatures and one gain."""
     spec = camera.spec
-    range_e = (2**spec.bit_depth - 1 - spec.black_level_dn) * spec.gain_e_per_dn
-    saturation_e = min(range_e, spec.full_well_e or range_e)
     records = default_plan(
-        saturation_photons=saturation_e / spec.quantum_efficiency,
+        saturation_photons=spec.saturation_photons,
         exposure_s=spec.exposure_s,
         temperatures_c=(spec.temperature_c, spec.temperature_c + 10),
         gains_db=(spec.gain_db,),

@@ -14,16 +14,11 @@ import torch
 from torch import Tensor
 
 from visaug.core.extras import extra
-from visaug.core.sampling import derive_key
+from visaug.core.sampling import derive_key, signed
 
 KEYS = ("keys", "pattern_keys")
 # in draws of one of several images of a sample: the pattern is that of others too
 SHARED = "pattern_is_shared"
-
-
-def signed(key: int) -> int:
-    """The int64 with the same bits as an unsigned 64-bit key."""
-    return key - 2**64 if key >= 2**63 else key
 
 
 def draws_to_json(draws: Mapping[str, Tensor] | Sequence[Any]) -> Any:

@@ -9,7 +9,6 @@ import torch
 from torch import Tensor, distributed, nn
 from torch.utils.data import get_worker_info
 
-from visaug.augment.draws import signed
 from visaug.augment.exposure import Exposure
 from visaug.augment.light import (
     are_bands,
@@ -36,7 +35,7 @@ from visaug.camera import Camera, fast
 from visaug.camera.randomize import spreads
 from visaug.camera.scale import with_maps_at_strength
 from visaug.core.errors import InputError
-from visaug.core.sampling import derive_key
+from visaug.core.sampling import derive_key, signed
 
 DEFAULTS: dict[str, Any] = {  # of the options that a repr names only where they differ
     "fixed_pattern": "image",

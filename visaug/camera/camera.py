@@ -13,7 +13,7 @@ from torch import Tensor
 
 from visaug.camera import chain, paths
 from visaug.camera.colour import ColourPath, colour_path
-from visaug.camera.maps import effect_of, load_maps, moved, named_maps
+from visaug.camera.maps import effect_of, load_maps, moved, named_maps, set_map
 from visaug.camera.own import own_cameras, own_folder
 from visaug.camera.spec import CameraSpec, check_spec, read_spec
 from visaug.core.errors import InputError
@@ -21,6 +21,7 @@ from visaug.core.files import write_text
 from visaug.core.nearest import did_you_mean
 from visaug.core.sampling import Stream
 from visaug.core.sampling.distributions import MOST_MEAN
+from visaug.core.wording import first_of
 from visaug.effects import Context, Effect, Stage, catalogue
 from visaug.effects.effect import ends
 
@@ -52,9 +53,8 @@ def camera_file(source: str | Path) -> Path:
     there = sorted(file.name for file in folder.glob("*.yaml")) if folder != Path() else []
     problem = "no such camera" + did_you_mean(name, known)
     if there:
-        more = f" and {len(there) - 3} more" if len(there) > 3 else ""
         problem = "is a folder; it has " if is_folder else "no such camera; its folder has "
-        problem += ", ".join(there[:3]) + more
+        problem += first_of(there, 3)
     expected = "a camera.yaml, or a name that `visaug cameras` lists"
     raise InputError(problem, file=source, expected=expected)
 
@@ -237,9 +237,7 @@ class Camera:
         path = Path(path)
         content = self.to_dict()
         for name, key in named_maps(self.spec).values():
-            part, _, entry = key.removesuffix(".map").partition(".")
-            holder = content[part][int(entry)] if entry else content[part]
-            holder["map"] = moved(name, self.folder, path.parent)
+            set_map(content, key, moved(name, self.folder, path.parent))
         write_text(path, _as_yaml(content))
 
     def colour_path(self, origin: tuple[int, int] = (0, 0)) -> ColourPath | None:

@@ -95,10 +95,7 @@ def _forgotten_after(camera: Camera, level: float) -> int:
 
 def _take(camera: Camera, memory: Memory, levels: Sequence[float], seed: int, size: int) -> Tensor:
     """Consecutive frames (n, 1, size, size), DN, of evenly lit pixels at shares of the camera's saturation."""
-    spec = camera.spec
-    top_e = (2**spec.bit_depth - 1 - spec.black_level_dn) * spec.gain_e_per_dn
-    photons = min(top_e, spec.full_well_e or top_e) / spec.quantum_efficiency
     keys = [derive_key(seed, "history", k) for k in range(len(levels))]
     stream = Stream(keys, [derive_key("history")] * len(keys), 1, (range(size), range(size)))
-    light = torch.tensor(levels, dtype=torch.float32).view(-1, 1, 1, 1) * photons
+    light = torch.tensor(levels, dtype=torch.float32).view(-1, 1, 1, 1) * camera.spec.saturation_photons
     return camera.expose(light.expand(-1, 1, size, size), stream, sequence=True, memory=memory)

@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -21,6 +21,13 @@ def named_maps(spec: "CameraSpec") -> dict[str, tuple[str, str]]:
     found = {part: (getattr(spec, part).map, f"{part}.map") for part in ("prnu", "dsnu", "read_noise")}
     found |= {entry["name"]: (entry.get("map"), f"effects.{i}.map") for i, entry in enumerate(spec.effects)}
     return {effect: (name, key) for effect, (name, key) in found.items() if name is not None}
+
+
+def set_map(content: dict[str, Any], key: str, name: str) -> None:
+    """Names another file in the content of a camera.yaml, at a key of `named_maps`."""
+    part, _, entry = key.removesuffix(".map").partition(".")
+    holder = content[part][int(entry)] if entry else content[part]
+    holder["map"] = name
 
 
 def load_maps(spec: "CameraSpec", folder: Path | None) -> dict[str, Tensor]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from visaug.camera.camera import Camera, camera_file, shipped
-from visaug.camera.maps import named_maps
+from visaug.camera.maps import named_maps, set_map
 from visaug.camera.own import own_folder
 from visaug.core.documents import parse_yaml
 from visaug.core.errors import InputError
@@ -141,9 +141,7 @@ def _copy(camera: Camera, file: Path, target: Path) -> None:
         place = target.parent / f"{target.stem}_maps" / f"{effect}{source.suffix}"
         place.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source, place)
-        part, _, entry = key.removesuffix(".map").partition(".")
-        holder = content[part][int(entry)] if entry else content[part]
-        holder["map"] = place.relative_to(target.parent).as_posix()
+        set_map(content, key, place.relative_to(target.parent).as_posix())
     write_yaml(target, content)
 
 

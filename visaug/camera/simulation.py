@@ -81,7 +81,7 @@ def with_chart(camera: Camera, plan: FrameSet) -> FrameSet:
     for i in open_scenes:
         r0, r1, c0, c1 = window_of(camera, records[i])
         name = f"chart_{r1 - r0}x{c1 - c0}.npy"
-        cleans.setdefault(name, _chart(r1 - r0, c1 - c0) * np.float32(_saturation_photons(camera)))
+        cleans.setdefault(name, _chart(r1 - r0, c1 - c0) * np.float32(camera.spec.saturation_photons))
         records[i] = replace(records[i], clean=name)
     windows = [window_of(camera, record) for record in records]
     unread = [np.broadcast_to(np.uint16(0), (r1 - r0, c1 - c0)) for r0, r1, c0, c1 in windows]
@@ -100,12 +100,6 @@ def _chart(rows: int, columns: int) -> np.ndarray:
     return chart
 
 
-def _saturation_photons(camera: Camera) -> float:
-    spec = camera.spec
-    top_e = (2**spec.bit_depth - 1 - spec.black_level_dn) * spec.gain_e_per_dn
-    return min(top_e, spec.full_well_e or top_e) / spec.quantum_efficiency
-
-
 def plan_for(camera: Camera) -> dict[str, Any]:
     """Options of `visaug.frames.plan.plan_groups` that suit a camera: its saturation, exposure, temperature and
     gain, and a dark ladder on which the dark current's shot noise passes the read noise.
@@ -116,7 +110,7 @@ def plan_for(camera: Camera) -> dict[str, Any]:
     """
     spec = camera.spec
     options: dict[str, Any] = {
-        "saturation_photons": _saturation_photons(camera),
+        "saturation_photons": spec.saturation_photons,
         "exposure_s": spec.exposure_s,
         "temperatures_c": (spec.temperature_c,),
         "gains_db": (spec.gain_db,),
@@ -125,7 +119,7 @@ def plan_for(camera: Camera) -> dict[str, Any]:
     rate = dark.a_e_per_s * math.exp(dark.b_per_c * dark.exponent(spec.temperature_c))
     if rate > 0 and spec.read_noise.sigma_e > 0:
         equal = spec.read_noise.sigma_e**2 / rate
-        longest = 0.5 * _saturation_photons(camera) * spec.quantum_efficiency / rate
+        longest = 0.5 * spec.saturation_photons * spec.quantum_efficiency / rate
         ladder = (min(x * equal, longest) for x in (0.25, 1.0, 4.0))
         options["dark_exposures_s"] = tuple(dict.fromkeys(float(f"{t:.2g}") for t in ladder))
     return options

@@ -155,6 +155,16 @@ class CameraSpec(_Part):
             raise ValueError("rows and columns are each from 1 to 65535")
         return value
 
+    @property
+    def range_e(self) -> float:
+        """Electrons from the black level to the end of the converter."""
+        return (2**self.bit_depth - 1 - self.black_level_dn) * self.gain_e_per_dn
+
+    @property
+    def saturation_photons(self) -> float:
+        """Photons that fill a pixel, or the range of the converter where that is less."""
+        return min(self.range_e, self.full_well_e or self.range_e) / self.quantum_efficiency
+
 
 _KEYS = sorted(
     {
@@ -209,19 +219,18 @@ def check_spec(content: dict[str, Any], file: Path | None = None) -> CameraSpec:
         errors = error.errors()  # a key that is not known explains one that is missing
         first = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
         path = ".".join(str(part) for part in first["loc"])
-        problem = "is not a key of a camera" if first["type"] == "extra_forbidden" else first["msg"]
         if first["type"] == "extra_forbidden":
-            problem += did_you_mean(str(first["loc"][-1]), _KEYS)
+            problem = "is not a key of a camera" + did_you_mean(str(first["loc"][-1]), _KEYS)
         elif first["type"] == "missing":
             problem = "is missing"
         else:
-            problem = _PROBLEMS.get(first["type"], problem.removeprefix("Value error, "))
+            problem = _PROBLEMS.get(first["type"], first["msg"].removeprefix("Value error, "))
+            problem += f" (got {first['input']!r})"
         size = first["loc"][:1] == ("resolution",)
-        given = "" if first["type"] in ("extra_forbidden", "missing") else f" (got {first['input']!r})"
         is_share = first["type"] == "less_than_equal" and path.split(".")[0] in ("prnu", "quantum_efficiency")
         fraction = f"a fraction: {first['input'] / 100:g} for {first['input']:g} %" if is_share else None
         expected = "[rows, columns]" if size else fraction or _FORMS.get(path)
-        raise InputError(problem + given, file=file, field=path, expected=expected) from error
+        raise InputError(problem, file=file, field=path, expected=expected) from error
     for i, entry in enumerate(spec.effects):
         _check_effect(entry, f"effects.{i}", file)
     names = [entry["name"] for entry in spec.effects]

@@ -12,7 +12,7 @@ from visaug.characterization import dark_current, tukey
 from visaug.characterization.cut_means import LineLocations, cut_mean, lines
 from visaug.characterization.dark import found_law
 from visaug.characterization.groups import Measured
-from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.characterization.moments import GroupMoments
 from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly
 from visaug.characterization.rounded import (
     BLOCKS,
@@ -22,7 +22,7 @@ from visaug.characterization.rounded import (
     fit_locations,
     take_sample,
 )
-from visaug.characterization.still import CLIPPED, add_in_electrons, add_profiles
+from visaug.characterization.still import CLIPPED, add_in_electrons, add_profiles, master_bias
 from visaug.core.intervals import mean_error, root, symmetric, t_quantile, variance_combination
 from visaug.statistics.findings import Findings
 
@@ -47,8 +47,7 @@ class _Solution:
 
 def clipped_frames(found: Findings, measured: Measured, still: GroupMoments, seed: int) -> None:
     """Black level, read noise, DSNU and dark current from frames cut at 0, or of noise finer than a DN."""
-    master = mean_map(measured.frames, still.group.indices)
-    found.maps["master_bias"] = master.astype("float32")
+    master = master_bias(found, measured, still)
     add_profiles(found, master)
     coarse = not rounds_evenly(still)
     sample = take_sample(measured.frames, still.group.indices, still, seed, coarse)

@@ -13,7 +13,7 @@ from visaug.characterization.groups import Measured
 from visaug.characterization.light import NEEDS_FLATS
 from visaug.characterization.moments import GroupMoments
 from visaug.core.constants import BOLTZMANN_EV_PER_K, ZERO_C_K
-from visaug.core.intervals import t_quantile, widen
+from visaug.core.intervals import symmetric, t_quantile, widen
 from visaug.statistics.findings import Findings
 
 _LEAST_EV = 0.5  # eV, activation energy of dark current: half of silicon's band gap is 0.56, measured ones are 0.55 to 1.1
@@ -79,8 +79,7 @@ def _add_law(found: Findings, law: dark_current.DarkCurrentLaw, source: str, ass
     found.add(f"dark_current.{name}", (a, low, high), unit, source)
     if found.gain is None:
         found.miss("dark_current.a_e_per_s", NEEDS_FLATS)
-    half = t * math.sqrt(law.covariance[1, 1])
-    interval = (law.b_per_c, law.b_per_c - half, law.b_per_c + half)
+    interval = symmetric(law.b_per_c, math.sqrt(law.covariance[1, 1]), law.df)
     found.add("dark_current.b_per_c", interval, "1/degC", source, assumes=assumes)
 
 
@@ -142,8 +141,7 @@ def _one_temperature(found: Findings, lines: list[dark_current.Slope]) -> None:
     if found.gain is None or len(lines) != 1:
         return
     line, scale = lines[0], 1 / found.gain.dn_per_e
-    half = t_quantile(line.df) * line.error
-    interval = tuple(v * scale for v in (line.value, line.value - half, line.value + half))
+    interval = tuple(v * scale for v in symmetric(line.value, line.error, line.df))
     if interval[0] > 0:
         interval = widen(interval, found.gain.relative_error) if interval[1] > 0 else interval
     at = "" if line.temperature_c is None else f" at {line.temperature_c:g} degC"

@@ -19,9 +19,9 @@ from scipy import optimize, stats
 from visaug.characterization import dark_current, tukey
 from visaug.characterization.groups import Measured
 from visaug.characterization.light import NEEDS_FLATS, NEEDS_PHOTONS
-from visaug.characterization.moments import GroupMoments, mean_map
-from visaug.characterization.still import NEEDS_STILL, add_in_electrons
-from visaug.core.intervals import t_quantile
+from visaug.characterization.moments import GroupMoments
+from visaug.characterization.still import NEEDS_STILL, add_in_electrons, master_bias
+from visaug.core.intervals import symmetric, t_quantile
 from visaug.statistics.findings import Findings, MeasuredGain
 
 if TYPE_CHECKING:
@@ -46,9 +46,7 @@ def procedure(found: Findings, measured: Measured, camera: Camera | None) -> Non
 
 
 def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
-    indices = still.group.indices
-    master = mean_map(measured.frames, indices)
-    found.maps["master_bias"] = master.astype("float32")
+    master = master_bias(found, measured, still)
     source = f"standard deviations of the mean of {still.n} {still.group.kind} frames"
     columns, rows = master.mean(0).std(), master.mean(1).std()
     pixel = math.sqrt(max(master.var() - columns**2 - rows**2, 0.0))
@@ -60,13 +58,13 @@ def _bias(found: Findings, measured: Measured, still: GroupMoments) -> None:
     ):
         low, high = (value * math.sqrt(df / stats.chi2.ppf(q, df)) for q in (0.975, 0.025))
         add_in_electrons(found, f"dsnu.{name}", (value, low, high), source)
-    half = t_quantile(min(still.shape) - 1) * math.hypot(columns / math.sqrt(width), rows / math.sqrt(height))
-    level = (still.mean, still.mean - half, still.mean + half)
+    error = math.hypot(columns / math.sqrt(width), rows / math.sqrt(height))
+    level = symmetric(still.mean, error, min(still.shape) - 1)
     found.add("black_level_dn", level, "DN", "mean of the master bias")
     deviations = []
     edges = None
     histogram = np.zeros(0)
-    for i in indices:
+    for i in still.group.indices:
         residual = measured.frames.read(i) - master
         residual -= residual.mean()
         deviations.append(float(residual.std()))

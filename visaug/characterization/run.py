@@ -24,6 +24,7 @@ from visaug.characterization.possible import without_impossible
 from visaug.characterization.result import Characterization, Warned
 from visaug.characterization.views import colour_plane
 from visaug.core.errors import InputError
+from visaug.core.wording import first_of
 from visaug.frames import FrameSet
 from visaug.statistics.findings import Findings, MeasuredGain
 
@@ -105,9 +106,8 @@ def characterize(
 def _few_frames(found: Findings, measured: Measured) -> None:
     alone = sorted(measured.frames.records[m.group.indices[0]].sequence for m in measured.moments if m.n == 1)
     if alone:
-        numbers = ", ".join(map(str, alone[:8])) + (f" and {len(alone) - 8} more" if len(alone) > 8 else "")
         found.warn(
-            f"few_frames: frames {numbers} are single at their settings; temporal noise requires two or more"
+            f"few_frames: frames {first_of(alone, 8)} are single at their settings; temporal noise requires two or more"
         )
 
 

@@ -12,15 +12,7 @@ from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.nonuniformity import Parts, parts
 from visaug.characterization.photon_transfer import EVEN_DN, rounds_evenly, saturated_level
 from visaug.characterization.pixel_noise import PixelNoiseSpread, pixel_noise, shrunk
-from visaug.core.intervals import (
-    jackknife,
-    mean_error,
-    root,
-    symmetric,
-    t_quantile,
-    variance_combination,
-    widen,
-)
+from visaug.core.intervals import jackknife, mean_error, root, symmetric, variance_combination, widen
 from visaug.statistics.findings import Findings
 
 CLIPPED = 0.002  # share of pixels at 0 above which moments of bias frames are cut
@@ -78,8 +70,8 @@ def noise_of_reading(
     """Read noise by maximum likelihood; in DN where the gain is unknown."""
     fitted = read_noise.fit(measured.frames, still.group.indices, still, dark_variance_dn2)
     source = f"maximum likelihood on residuals of {still.n} {still.group.kind} frames"
-    half = t_quantile(fitted.df) * fitted.sigma_error
-    interval = (fitted.sigma_dn, max(fitted.sigma_dn - half, 0.0), fitted.sigma_dn + half)
+    sigma, low, high = symmetric(fitted.sigma_dn, fitted.sigma_error, fitted.df)
+    interval = (sigma, max(low, 0.0), high)
     shape = symmetric(fitted.shape, fitted.shape_error, fitted.df)
     found.add("read_noise.shape", tukey.hold_both_gaussians(shape), "1", source)
     own = pixel_noise(measured.frames, still)
@@ -119,8 +111,8 @@ def _own_noise(
             return {"v": float((still.row_variances * rows).sum() / rows.sum()) - still.frame_variance}
 
         value, error, df = jackknife(variance, still.shape[0])["v"]
-        half = t_quantile(df) * error
-        interval = root(tuple(max(v - 1 / 12 - dark_variance_dn2, 0.0) for v in (value, value - half, value + half)))  # type: ignore[arg-type]  # fmt: skip
+        bounds = (max(v - 1 / 12 - dark_variance_dn2, 0.0) for v in symmetric(value, error, df))
+        interval = root(tuple(bounds))  # type: ignore[arg-type]
         rms = interval[0]
     if rms > 0:
         scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
@@ -175,8 +167,7 @@ def temporal_parts(found: Findings, still: GroupMoments) -> None:
 
 def dark_pattern(found: Findings, measured: Measured, still: GroupMoments) -> Parts:
     """DSNU by row, column and pixel, and the master bias."""
-    master = mean_map(measured.frames, still.group.indices)
-    found.maps["master_bias"] = master.astype("float32")
+    master = master_bias(found, measured, still)
     add_profiles(found, master)
     split = parts(master, [(1 / still.n, still)])
     source = f"analysis of variance of the mean of {still.n} {still.group.kind} frames"
@@ -185,6 +176,13 @@ def dark_pattern(found: Findings, measured: Measured, still: GroupMoments) -> Pa
     if split.defects:
         found.warn(f"defects: {split.defects} outlier pixels of the master bias are excluded from DSNU")
     return split
+
+
+def master_bias(found: Findings, measured: Measured, still: GroupMoments) -> np.ndarray:
+    """The mean of the frames, (H, W) DN, which is kept as a map."""
+    master = mean_map(measured.frames, still.group.indices)
+    found.maps["master_bias"] = master.astype("float32")
+    return master
 
 
 def add_profiles(found: Findings, master: np.ndarray) -> None:

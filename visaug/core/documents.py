@@ -38,10 +38,10 @@ def parse_yaml(text: str, file: str | Path | None = None) -> Any:
         raise InputError("is nested too deeply", file=file) from None
 
 
-def read_json(path: str | Path, expected: str = "a JSON file") -> Any:
+def read_json(path: str | Path) -> Any:
     """The content of a JSON file as dict, list, str, int, float, bool or None."""
     path = Path(path)
-    return parse_json(_read(path, expected), path)
+    return parse_json(_read(path, "a JSON file"), path)
 
 
 def parse_json(text: str, file: str | Path | None = None) -> Any:

@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Iterable
 
 _FRAMES = re.compile(r"(bias|dark|flat|scene \S*[^\s:])( [-+.\de]+ (ph|s|C|dB))*( \(\d+\))?")
 
@@ -25,6 +26,17 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
+
+
+def first_of(items: Iterable[object], most: int, between: str = ", ") -> str:
+    """The first of a list and how many more there are.
+
+    Examples:
+        >>> first_of([3, 5, 8], 2), first_of([3, 5], 2)
+        ('3, 5 and 1 more', '3, 5')
+    """
+    texts = [str(item) for item in items]
+    return between.join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
 def number(value: float | None) -> str:

@@ -87,6 +87,12 @@ class Context:
         """Column numbers on the sensor, (1, 1, 1, W)."""
         return torch.arange(self.window[1].start, self.window[1].stop, device=like.device).view(1, 1, 1, -1)
 
+    def places(self, direction: str, like: Tensor) -> tuple[Tensor, int]:
+        """Numbers of the "columns" or of the "rows" on the sensor, and how many it has."""
+        if direction == "columns":
+            return self.columns(like), self.resolution[1]
+        return self.rows(like), self.resolution[0]
+
 
 @dataclass(frozen=True)
 class FrameSummary:
@@ -268,24 +274,22 @@ class Effect:
         keys = [derive_key(seed, "image", k) for k in range(len(batch))]
         p = Values(**{key: _drawn(value, keys, key, signal) for key, value in self.values().items()})
         known = {**CONDITIONS, **conditions}
-        window = (range(batch.shape[2]), range(batch.shape[3]))
+        rows, columns = batch.shape[2:]
+        window = (range(rows), range(columns))
         bit_depth = int(known.pop("bit_depth"))
         numbers: dict[str, Any] = {key: _as_value(value, signal) for key, value in known.items()}
-        size = (batch.shape[2], batch.shape[3])
         context = Context(
             **numbers,
             bit_depth=bit_depth,
             reading="physical",
-            resolution=size,
+            resolution=(rows, columns),
             window=window,
             sequence=sequence,
         )
-        if {"a_e_per_s", "b_per_c"} <= set(
-            self.parameters
-        ):  # the dark current's own law gives the context its mean
-            context.dark_current_e = (
-                context.exposure_s * p.a_e_per_s * torch.exp(p.b_per_c * context.temperature_c)
-            )
+        # the dark current's own law gives the context its mean
+        if {"a_e_per_s", "b_per_c"} <= set(self.parameters):
+            heating = torch.exp(p.b_per_c * context.temperature_c)
+            context.dark_current_e = context.exposure_s * p.a_e_per_s * heating
         stream = Stream(
             keys, [derive_key(camera_seed, "camera")] * len(batch), batch.shape[1], window, signal.device
         )
@@ -327,6 +331,23 @@ class Effect:
     def strengths(cls) -> tuple[str, ...]:
         """Names of the parameters that are all zero when the effect vanishes."""
         return tuple(name for name, parameter in cls.parameters.items() if parameter.strength)
+
+
+class Noiseless(Effect):
+    """An effect without random numbers, whose `apply` gives the moments: the mean is its output, the variance 0."""
+
+    def moments(self, mean, p, context):
+        no_numbers: Any = None
+        return self.apply(mean, p, no_numbers, context), torch.zeros_like(mean)
+
+
+class Spreading(Effect):
+    """An effect that only moves light, charge or values between pixels: a constant signal stays as it is."""
+
+    local = False
+
+    def moments(self, mean, p, context):
+        return mean, torch.zeros_like(mean)
 
 
 def output_of(effect: Effect, signal: Tensor, p: Values, stream: Stream, context: Context) -> Tensor:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from visaug.core.errors import InputError
+from visaug.core.wording import first_of
 from visaug.frames.keywords import SETTING_KEYWORDS
 from visaug.frames.units import number_or_none
 
@@ -21,8 +22,7 @@ Row = dict[str, Any]
 def names(rows: Sequence[Row]) -> str:
     """How many frames, and the first of their names."""
     listed = [r["file"] for r in rows]
-    more = f" and {len(listed) - _LISTED} more" if len(listed) > _LISTED else ""
-    return f"{len(listed)} frames ({', '.join(listed[:_LISTED])}{more})" if len(listed) > 1 else listed[0]
+    return f"{len(listed)} frames ({first_of(listed, _LISTED)})" if len(listed) > 1 else listed[0]
 
 
 def agreed(rows: list[Row], folder: Path) -> tuple[list[Row], list[str]]:

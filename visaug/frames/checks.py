@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from visaug.core.wording import first_of
+
 if TYPE_CHECKING:
     from visaug.frames.frameset import FrameSet
 
@@ -43,10 +45,7 @@ def check(frames: FrameSet) -> list[str]:
             clipped.append(i)
 
     def name(indices) -> str:
-        numbers = [frames.records[i].sequence for i in indices]
-        return ", ".join(map(str, numbers[:8])) + (
-            f" and {len(numbers) - 8} more" if len(numbers) > 8 else ""
-        )
+        return first_of((frames.records[i].sequence for i in indices), 8)
 
     copies = [
         name(same) for same in hashes.values() if len(same) > 1 and not set(same) <= {*constant, *saturated}

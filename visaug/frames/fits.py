@@ -40,10 +40,7 @@ def fits_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
             if key:
                 facts["setting"] = " ".join(filter(None, (facts.get("setting"), f"AMP={key}")))
                 facts["amplifier"] = key
-            layout = layout_of(header, unit.shape)
-            facts["window"], facts["bayer"] = layout.window, layout.bayer
-            if layout.overscan:
-                facts["said"]["overscan"] = layout.overscan
+            layout_of(header, unit.shape).tell(facts)
             if len(unit.shape) == 2 or unit.shape[:-2] == (1,):
                 found.append((key, facts))
             elif len(unit.shape) == 3:
@@ -79,10 +76,7 @@ def read_fits(path: Path, key: str | None, index: tuple[int, ...]) -> np.ndarray
             raise InputError(f"index {list(index)} is outside shape {unit.shape}", file=path)
         check_shape([int(n) for n in unit.shape[len(index) :]], path)
         data = unit.section[index] if index else unit.data
-        pixels = np.asarray(data)
-    if layout.kept is not None:
-        r0, r1, c0, c1 = layout.kept
-        pixels = pixels[..., r0:r1, c0:c1]
+        pixels = layout.cut(np.asarray(data))
     pixels = pixels[..., :: -1 if layout.flipped[0] else 1, :: -1 if layout.flipped[1] else 1]
     return pixels.astype(pixels.dtype.newbyteorder("="), copy=False)
 

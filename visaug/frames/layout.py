@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from visaug.frames.record import MOSAICS, Window
 
 _LIGHT = ("TRIMSEC", "DATASEC", "CCDSEC")
@@ -31,6 +33,19 @@ class Layout:
     flipped: tuple[bool, bool]
     window: Window | None
     bayer: str | None
+
+    def tell(self, facts: dict[str, Any]) -> None:
+        """Adds window, colours and what is cut off to the facts of a header."""
+        facts["window"], facts["bayer"] = self.window, self.bayer
+        if self.overscan:
+            facts["said"]["overscan"] = self.overscan
+
+    def cut(self, pixels: np.ndarray) -> np.ndarray:
+        """Of (..., rows, columns) the part that sees light."""
+        if self.kept is None:
+            return pixels
+        r0, r1, c0, c1 = self.kept
+        return pixels[..., r0:r1, c0:c1]
 
 
 def layout_of(header: Mapping[str, Any], shape: tuple[int, ...]) -> Layout:

@@ -8,6 +8,7 @@ import re
 from pathlib import Path, PureWindowsPath
 
 from visaug.core.errors import InputError
+from visaug.core.wording import first_of
 from visaug.frames.headers import frames_of
 from visaug.frames.names import kind_of_name
 from visaug.frames.pixels import ARRAYS, FITS, HDF5, PHOTOS, PICTURES, SUFFIXES, TIFFS, split_name, suffix_of
@@ -226,10 +227,9 @@ def _left_out(folder: Path, used: set[Path]) -> list[str]:
     foreign = [f for f in sorted(folder.rglob("*")) if f.suffix.lower() in _FOREIGN and f.is_file()]
     if not (found := [*found, *foreign]):
         return []
-    listed = ", ".join(f.relative_to(folder).as_posix() for f in found[:6])
-    more = f" and {len(found) - 6} more" if len(found) > 6 else ""
+    listed = first_of((f.relative_to(folder).as_posix() for f in found), 6)
     said = (
-        f"files_left_out: {len(found)} files in or below the folder are not read ({listed}{more}); `visaug frames` lists what "
+        f"files_left_out: {len(found)} files in or below the folder are not read ({listed}); `visaug frames` lists what "
         "each tells, and a frames.csv decides"
     )
     return [said]

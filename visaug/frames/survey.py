@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from visaug.core.errors import InputError
+from visaug.core.wording import first_of
 from visaug.frames import pixels
 from visaug.frames.agreement import agreed, names
 from visaug.frames.headers import Facts, frames_of
@@ -156,10 +157,9 @@ def survey(
     rows, notes = agreed(rows, folder)
     notes += _order(rows)
     if unreadable:
-        listed = "; ".join(str(error) for error in unreadable[:_NAMED])
-        more = f" and {len(unreadable) - _NAMED} more" if len(unreadable) > _NAMED else ""
         files_are = "file is" if len(unreadable) == 1 else "files are"
-        notes.append(f"unreadable_files: {len(unreadable)} {files_are} left out: {listed}{more}")
+        listed = first_of(unreadable, _NAMED, "; ")
+        notes.append(f"unreadable_files: {len(unreadable)} {files_are} left out: {listed}")
     found = Survey(folder, rows, notes)
     found.notes += _notes(found)
     return found
@@ -290,8 +290,7 @@ def _notes(found: Survey) -> list[str]:
     for word in dict.fromkeys(word for r in rows for word in r["_said"]):
         those = [r for r in rows if word in r["_said"]]
         details = sorted({r["_said"][word] for r in those})
-        more = f" and {len(details) - _NAMED} more" if len(details) > _NAMED else ""
-        notes.append(f"{word}: {_SAID[word]} ({'; '.join(details[:_NAMED])}{more}): {names(those)}")
+        notes.append(f"{word}: {_SAID[word]} ({first_of(details, _NAMED, '; ')}): {names(those)}")
     return notes
 
 

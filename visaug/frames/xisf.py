@@ -23,10 +23,7 @@ def xisf_frames(path: Path) -> list[tuple[str, dict[str, Any]]]:
     image, header, comments = _head(path)
     channels, *shape = _geometry(image, path)
     facts = header_facts(header, comments, path)
-    layout = layout_of(header, tuple(shape))
-    facts["window"], facts["bayer"] = layout.window, layout.bayer
-    if layout.overscan:
-        facts["said"]["overscan"] = layout.overscan
+    layout_of(header, tuple(shape)).tell(facts)
     if channels > 1:
         facts["said"]["colour_planes"] = f"{channels} channels"
     return [("", facts)]
@@ -62,11 +59,7 @@ def read_xisf(path: Path) -> np.ndarray:
     if image.get("pixelStorage", "Planar") == "Normal":
         pixels = np.moveaxis(pixels.reshape(rows, columns, channels), -1, 0)
     pixels = pixels.reshape(channels, rows, columns)[1 if channels > 2 else 0]
-    layout = layout_of(header, pixels.shape)
-    if layout.kept is not None:
-        r0, r1, c0, c1 = layout.kept
-        pixels = pixels[r0:r1, c0:c1]
-    return pixels.astype(dtype.newbyteorder("="))
+    return layout_of(header, pixels.shape).cut(pixels).astype(dtype.newbyteorder("="))
 
 
 def _head(path: Path) -> tuple[ElementTree.Element, dict[str, Any], dict[str, str]]:

@@ -9,10 +9,11 @@ from typing import Any, TypedDict
 import numpy as np
 from scipy import stats
 
+from visaug.core.intervals import Z
+
 FAMILY = 0.01  # probability that any finding at all is named in frames without patterns
 TESTS = 40  # decisions about one group of frames, all detectors together
 ALPHA = FAMILY / TESTS  # of one decision; each divides it further by the places that it looks at
-_Z95 = float(stats.norm.ppf(0.975))
 
 
 class Size(TypedDict):
@@ -105,8 +106,8 @@ def about(value: float, error: float) -> Size:
     """Amplitude and interval from a value and its standard error; an amplitude is not negative."""
     return {
         "amplitude_dn": value,
-        "low": max(value - _Z95 * error, 0.0),
-        "high": value + _Z95 * error,
+        "low": max(value - Z * error, 0.0),
+        "high": value + Z * error,
     }
 
 

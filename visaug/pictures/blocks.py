@@ -52,6 +52,12 @@ class Blocks:
     around: np.ndarray
 
 
+def cut(pictures: np.ndarray) -> np.ndarray:
+    """Pictures (n, H, W) by block: (n, R, 8, C, 8), without a copy."""
+    n, height, width = pictures.shape
+    return pictures.reshape(n, height // SIDE, SIDE, width // SIDE, SIDE)
+
+
 def blocks_of(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Coefficients (R, C, 8, 8) and level (R, C) of the blocks, and which may be used (neither saturated nor all black)."""
     rows, columns = (n // SIDE for n in picture.shape)

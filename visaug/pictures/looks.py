@@ -14,7 +14,7 @@ import numpy as np
 from scipy import ndimage
 
 from visaug.pictures.blocks import CHOICE, FLAT_MEAN, INNER, NOISE, SIDE, U, V, blocks_of, texture_share
-from visaug.pictures.regions import Regions
+from visaug.pictures.regions import Regions, as_pixels
 from visaug.pictures.symmetry import FEWEST, Sums, area_sums
 
 _FINE, _COARSE = INNER & (U + V > 9), INNER & (U + V > 4) & (U + V < 8)
@@ -68,7 +68,7 @@ def _texture(pictures: np.ndarray, regions: Regions) -> float:
 
 
 def _black(pictures: np.ndarray, regions: Regions) -> tuple[np.ndarray, np.ndarray]:
-    dark = regions.dark.repeat(SIDE, 1).repeat(SIDE, 2)
+    dark = as_pixels(regions.dark)
     told = dark.sum((1, 2)) >= 16 * SIDE**2
     level = (pictures * dark).sum((1, 2)) / np.maximum(dark.sum((1, 2)), 1)
     return np.where(told, level, 0.0), told.astype(float)
@@ -164,7 +164,7 @@ def _scattered(
 ) -> tuple[np.ndarray, np.ndarray]:
     if regions.sky is None:
         return np.zeros(len(pictures)), np.zeros(len(pictures))
-    dark = regions.dark.repeat(SIDE, 1).repeat(SIDE, 2)
+    dark = as_pixels(regions.dark)
     light = np.where(dark, 0, np.maximum(pictures - regions.sky, 0)).astype(np.float32)
     expected = scatter(light)
     count = np.maximum(dark.sum((1, 2)), 1)

@@ -53,15 +53,14 @@ def with_a_well(camera: Camera) -> Camera:
     if spec.full_well_e is not None:
         return camera
     content = camera.to_dict()
-    content["full_well_e"] = (2**camera.bit_depth - 1 - spec.black_level_dn) * spec.gain_e_per_dn
+    content["full_well_e"] = spec.range_e
     content["assumed"] = [*spec.assumed, "full_well_e"]
     return Camera.load(content)
 
 
 def _white(camera: Camera) -> float:
     """Photons of a pixel that the converter's range holds."""
-    spec = camera.spec
-    return (2**camera.bit_depth - 1 - spec.black_level_dn) * spec.gain_e_per_dn / spec.quantum_efficiency
+    return camera.spec.range_e / camera.spec.quantum_efficiency
 
 
 @dataclass(frozen=True)

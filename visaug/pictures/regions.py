@@ -23,6 +23,7 @@ from visaug.pictures.blocks import (
     U,
     V,
     blocks_of,
+    cut,
     is_flat,
     noise_by_level,
 )
@@ -59,7 +60,7 @@ class Regions:
     def without_saturated(self, pictures: np.ndarray, saturated: float) -> Regions:
         """Away from saturated pixels: what spills out of them is no noise of a flat region."""
         near = np.asarray(
-            ndimage.binary_dilation(_highest(pictures) >= saturated, np.ones((1, 3, 3), bool)), bool
+            ndimage.binary_dilation(cut(pictures).max((2, 4)) >= saturated, np.ones((1, 3, 3), bool)), bool
         )
         return Regions(self.dark & np.logical_not(near), np.where(near, -1, self.lit), self.levels, self.sky)
 
@@ -76,7 +77,7 @@ def find_regions(
     """
     parts = [blocks_of(p) for p in pictures]
     coefficients, level, usable = (np.stack(part) for part in zip(*parts, strict=True))
-    usable &= _highest(pictures) < saturated
+    usable &= cut(pictures).max((2, 4)) < saturated
     sky, spread = _sky(coefficients, level)
     lit_share = 0.01  # of all blocks: where fewer are brighter than the rest, all pictures are of one level
     if sky is not None and (black is None or sky > black + _MOST_DN):
@@ -92,11 +93,6 @@ def find_regions(
     )
     lit &= _without_structure(coefficients, level, lit, levels, rounding)
     return _by_level(dark, lit, level, sky)
-
-
-def _highest(pictures: np.ndarray) -> np.ndarray:
-    n, rows, columns = pictures.shape
-    return pictures.reshape(n, rows // SIDE, SIDE, columns // SIDE, SIDE).max((2, 4))
 
 
 def _sky(coefficients: np.ndarray, level: np.ndarray) -> tuple[float | None, float]:
@@ -165,25 +161,29 @@ def dark_residuals(pictures: np.ndarray, dark: np.ndarray) -> np.ndarray:
     """Pictures (n, H, W) less what changes slowly over the sky, about their mean level over the sky; that level elsewhere."""
     weight = dark.astype(np.float32)
     total = max(float(weight.sum()), 1.0)
-    means = _block_means(pictures) * weight
+    means = cut(pictures).mean((2, 4), dtype=np.float32) * weight
     spread = [ndimage.gaussian_filter(x, (0, SMOOTH, SMOOTH), mode="constant") for x in (means, weight)]
     smooth = np.divide(spread[0], spread[1], out=np.zeros_like(means), where=spread[1] > 1e-6)
-    left = (pictures - _as_pixels(smooth)) * _as_pixels(weight)
+    left = (pictures - as_pixels(smooth)) * as_pixels(weight)
     return _as_if_everywhere(left, dark) + np.float32(means.sum(dtype=np.float64) / total)
 
 
 def lit_residuals(pictures: np.ndarray, regions: Regions) -> list[np.ndarray]:
     """For each class, pictures (n, H, W) of its level with the fine structure of its blocks; the level elsewhere."""
-    n, height, width = pictures.shape
-    blocks = pictures.reshape(n, height // SIDE, SIDE, width // SIDE, SIDE).transpose(0, 1, 3, 2, 4)
+    blocks = cut(pictures).transpose(0, 1, 3, 2, 4)
     found = []
     for k, level in enumerate(regions.levels):
         here = regions.lit == k
         fine = np.zeros(blocks.shape, np.float32)
         fine[here] = (blocks[here].reshape(-1, SIDE * SIDE) @ _FINE).reshape(-1, SIDE, SIDE)
-        fine = fine.transpose(0, 1, 3, 2, 4).reshape(n, height, width)
+        fine = fine.transpose(0, 1, 3, 2, 4).reshape(pictures.shape)
         found.append(_as_if_everywhere(fine, here) + np.float32(level))
     return found
+
+
+def as_pixels(blocks: np.ndarray) -> np.ndarray:
+    """What blocks (n, R, C) have, for each of their pixels: (n, H, W)."""
+    return blocks.repeat(SIDE, 1).repeat(SIDE, 2)
 
 
 def _as_if_everywhere(left: np.ndarray, where: np.ndarray) -> np.ndarray:
@@ -202,12 +202,3 @@ def _fine() -> np.ndarray:
 
 
 _FINE = _fine()
-
-
-def _block_means(pictures: np.ndarray) -> np.ndarray:
-    n, height, width = pictures.shape
-    return pictures.reshape(n, height // SIDE, SIDE, width // SIDE, SIDE).mean((2, 4), dtype=np.float32)
-
-
-def _as_pixels(blocks: np.ndarray) -> np.ndarray:
-    return blocks.repeat(SIDE, 1).repeat(SIDE, 2)

@@ -15,7 +15,7 @@ from visaug.core.errors import InputError, NoSensorNoise
 from visaug.frames import FrameSet
 from visaug.pictures.blocks import SIDE, Rounding, noise_by_level, sample
 from visaug.pictures.files import PictureSet, largest_group, quality_of
-from visaug.pictures.regions import Regions, find_regions
+from visaug.pictures.regions import Regions, as_pixels, find_regions
 from visaug.pictures.sets import is_rendered, no_noise
 from visaug.pictures.symmetry import STATISTICS, Sums, symmetry_sums
 from visaug.statistics.subsample import Selection
@@ -181,13 +181,13 @@ def smooth_scenes(pictures: np.ndarray, regions: Regions) -> np.ndarray:
     """The scenes behind pictures: the sky at its level, flat regions smoothed within themselves, the rest nearly as it is."""
     rest = 0.7
     found = ndimage.gaussian_filter(pictures, (0, rest, rest))
-    flat = (regions.lit >= 0).repeat(SIDE, 1).repeat(SIDE, 2)
+    flat = as_pixels(regions.lit >= 0)
     weight = flat.astype(np.float32)
     own = 3.0  # px: standard deviation of the Gaussian that smooths a flat region
     parts = [ndimage.gaussian_filter(x, (0, own, own)) for x in (pictures * weight, weight)]
     found[flat] = (parts[0] / np.maximum(parts[1], 1e-6))[flat]
     if regions.sky is not None:
-        found[regions.dark.repeat(SIDE, 1).repeat(SIDE, 2)] = regions.sky
+        found[as_pixels(regions.dark)] = regions.sky
     return found
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visaug.pictures.blocks import SIDE
+from visaug.pictures.blocks import SIDE, cut
 from visaug.statistics.statistic import Statistic
 
 FEWEST = 6  # pictures that tell
@@ -99,8 +99,7 @@ def symmetry_sums(
 
 def _falloff(pictures: np.ndarray, flat: np.ndarray, black: float, corner: tuple, size: tuple):
     """Loss of light in the corner from the slope of shading along the radius: V = 1 - a (r / corner)^2 has slope -2 a r."""
-    n, height, width = pictures.shape
-    blocks = pictures.reshape(n, height // SIDE, SIDE, width // SIDE, SIDE)
+    blocks = cut(pictures)
     light = np.maximum(blocks.mean((2, 4)) - black, 1.0)
     steepest = 0.03  # relative change per pixel that still counts as shading
     slopes = [

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from visaug.core.wording import number, with_interval
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
 from visaug.report.next_step import NextStep
+from visaug.report.pages import next_text
 from visaug.report.plots.inspected import plot_finding
 from visaug.report.provenance import footer
 
@@ -27,7 +28,7 @@ def write_inspection(path: str | Path, result: "Inspection") -> Path:
         rows = [finding_row(f) for f in result.findings]
         blocks.append(Table(FINDING_HEAD, rows, caption="In the order of their evidence."))
     step = next_step(result)
-    blocks.append(Text(step.text, command=step.command))
+    blocks.append(next_text(step))
     sections = [Section("Answer", blocks)]
     sections += [_pictured(finding) for finding in result.findings]
     told = [

@@ -35,9 +35,7 @@ def components(camera: "Camera", image: np.ndarray) -> dict[str, np.ndarray]:
 
     spec = camera.spec
     rows, columns = image.shape
-    top_e = (2**spec.bit_depth - 1 - spec.black_level_dn) * spec.gain_e_per_dn
-    full_e = min(top_e, spec.full_well_e or top_e)
-    photons = torch.from_numpy(image.astype(np.float32))[None, None] * (full_e / spec.quantum_efficiency)
+    photons = torch.from_numpy(image.astype(np.float32))[None, None] * spec.saturation_photons
     off = {path: value for values in PARTS.values() for path, value in values.items()}
     nominal = camera.values()
 

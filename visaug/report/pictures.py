@@ -7,6 +7,7 @@ from visaug.core.wording import deviation_text, number
 from visaug.report.headline import comparison_headline, view_title
 from visaug.report.html import Figure, Page, Section, Table, Text, figure, write_page
 from visaug.report.next_step import after_pictures, picture_inputs
+from visaug.report.pages import next_text
 from visaug.report.provenance import footer
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def write_picture_comparison(path: str | Path, result: "PictureComparison") -> P
     step = after_pictures(content, picture_inputs(result))
     blocks: list[Text | Table | Figure] = [
         Text(comparison_headline(content), "finding"),
-        Text(step.text, command=step.command),
+        next_text(step),
     ]
     blocks.append(
         figure(_noise(result), "Noise of flat regions against their level, both sets. Bars are 95 %.")

@@ -9,6 +9,7 @@ from typing import Any
 from visaug.app.lab.own_picture import OwnPicture
 from visaug.app.lab.past import Past
 from visaug.camera import Camera
+from visaug.camera.maps import named_maps, set_map
 from visaug.core.errors import InputError
 from visaug.core.progress import Progress
 from visaug.diagnosis import SETS, Diagnosis
@@ -170,9 +171,8 @@ class Bench:
     def camera_yaml(self) -> str:
         """The current camera as a camera.yaml that can lie anywhere: measured maps are named in full."""
         content = self.camera.to_dict()
-        for part in [*content.values(), *content.get("effects", ())]:
-            if isinstance(part, dict) and "map" in part:
-                part["map"] = str(((self.camera.folder or Path()) / part["map"]).absolute())
+        for name, key in named_maps(self.camera.spec).values():
+            set_map(content, key, str(((self.camera.folder or Path()) / name).absolute()))
         return Camera.load(content).to_yaml()
 
     def to_json(self) -> dict[str, Any]:

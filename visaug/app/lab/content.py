@@ -12,7 +12,7 @@ from visaug.diagnosis import Diagnosis, FittedValue
 from visaug.effects import Parameter
 from visaug.report.headline import diagnosis_headline, view_title
 from visaug.report.next_step import PICTURES, NextStep, after_comparison, after_diagnosis
-from visaug.report.pages import described
+from visaug.report.pages import described, unit_text
 from visaug.report.verdict_text import verdict_row
 from visaug.statistics import VIEWS
 from visaug.statistics.distance import Error
@@ -291,5 +291,4 @@ def _reach(parameter: Parameter, given: float, value: float) -> tuple[float, flo
 
 
 def _unit(path: str) -> str:
-    unit = place_of(path).parameter.unit
-    return "" if unit == "1" else unit
+    return unit_text(place_of(path).parameter.unit)

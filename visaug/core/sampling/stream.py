@@ -24,14 +24,14 @@ def derive_key(*words: object) -> int:
 
 
 def _signed_key(words: tuple[object, ...]) -> int:
-    return _signed(derive_key(*words))
+    return signed(derive_key(*words))
 
 
 # What `torch.compiler.assume_constant_result` does; to call it would import all of the compiler, 1.3 s, for everybody.
 vars(_signed_key)["_dynamo_marked_constant"] = True
 
 
-def _signed(key: int) -> int:
+def signed(key: int) -> int:
     """The int64 with the same bits as an unsigned 64-bit key."""
     return key - 2**64 if key >= 2**63 else key
 
@@ -47,7 +47,7 @@ def _as_tensor(keys: "Sequence[int] | Tensor", device: torch.device) -> Tensor:
     if isinstance(keys, Tensor):
         return keys.to(device)
     distinct = keys[:1] if len(set(keys)) == 1 else keys
-    return torch.tensor([_signed(key) for key in distinct], dtype=torch.int64, device=device)
+    return torch.tensor([signed(key) for key in distinct], dtype=torch.int64, device=device)
 
 
 class Stream:

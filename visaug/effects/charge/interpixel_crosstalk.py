@@ -2,10 +2,10 @@
 
 import torch.nn.functional as F
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Parameter, Spreading, Stage
 
 
-class InterpixelCrosstalk(Effect):
+class InterpixelCrosstalk(Spreading):
     """Neighbouring nodes are coupled by their capacitance: each contains a fraction of the other's signal and noise.
 
     Along rows and columns the second neighbour may be coupled too, by `tail`. The total is conserved. With four equal
@@ -16,7 +16,6 @@ class InterpixelCrosstalk(Effect):
     name = "interpixel_crosstalk"
     stage = Stage.CHARGE
     order = 90  # at the nodes that are read: after everything that happens to the charge itself
-    local = False
     aliases = ("IPC", "interpixel capacitance", "crosstalk")
     summary = "Neighbouring pixels share signal linearly after the shot noise, so their noise is correlated."
     equation = (
@@ -68,6 +67,3 @@ class InterpixelCrosstalk(Effect):
             beside, above = at(0, -apart) + at(0, apart), at(-apart, 0) + at(apart, 0)
             shared = shared + part * (beside - 2 * signal + p.aspect * (above - 2 * signal))
         return signal + p.share * shared
-
-    def moments(self, mean, p, context):
-        return mean, mean * 0

@@ -1,11 +1,9 @@
 """Parasitic light sensitivity."""
 
-import torch
-
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Noiseless, Parameter, Stage
 
 
-class ParasiticLight(Effect):
+class ParasiticLight(Noiseless):
     """A global shutter stores the charge of all pixels at once and reads the rows one after another.
 
     The storage node is not perfectly dark: while a row waits it collects `share` of the light of its pixel. The first row
@@ -39,13 +37,6 @@ class ParasiticLight(Effect):
     first = Parameter("top", options=("top", "bottom"), source="row that is read first")
 
     def apply(self, signal, p, stream, context):
-        return self._lit(signal, p, context)
-
-    def moments(self, mean, p, context):
-        return self._lit(mean, p, context), torch.zeros_like(mean)
-
-    @staticmethod
-    def _lit(signal, p, context):
         waits = context.rows(signal) / context.resolution[0]
         if p.first == "bottom":
             waits = (context.resolution[0] - 1) / context.resolution[0] - waits

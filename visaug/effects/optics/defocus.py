@@ -4,14 +4,14 @@ import math
 
 import torch
 
-from visaug.effects.effect import Effect, Stage
+from visaug.effects.effect import Spreading, Stage
 from visaug.effects.optics.spread import convolve, pixels_around
 from visaug.effects.parameter import Parameter
 
 STRIPS = 16  # of the disc's part of a pixel, whose area is then right to 1e-3
 
 
-class Defocus(Effect):
+class Defocus(Spreading):
     """The sensor is in front of or behind the image: a point becomes a uniform disc, the shadow of the aperture.
 
     A pixel collects the part of the disc that falls on it. The whole scene is equally out of focus.
@@ -20,7 +20,6 @@ class Defocus(Effect):
     name = "defocus"
     stage = Stage.OPTICS
     order = 34
-    local = False
     aliases = ("blur", "bokeh")
     summary = "The image of a point is a uniform disc."
     equation = "mu_p convolved with a disc of the radius, integrated over each pixel"
@@ -40,9 +39,6 @@ class Defocus(Effect):
 
     def apply(self, signal, p, stream, context):
         return torch.where(p.radius_px > 0, convolve(signal, disc(p.radius_px.to(signal.dtype))), signal)
-
-    def moments(self, mean, p, context):
-        return mean, mean * 0
 
 
 def disc(radius_px):

@@ -4,14 +4,14 @@ import math
 
 import torch
 
-from visaug.effects.effect import Effect, Stage
+from visaug.effects.effect import Spreading, Stage
 from visaug.effects.optics.spread import filtered, frequencies
 from visaug.effects.parameter import Parameter
 
 FIRST_ZERO = 3.8317059702075125 / math.pi  # of the Airy pattern, in wavelengths times the f-number: 1.2197
 
 
-class Diffraction(Effect):
+class Diffraction(Spreading):
     """A circular aperture spreads the image of a point into an Airy pattern, which is integrated over pixels.
 
     The optical transfer function is zero above the cutoff frequency. Sampling by pixels aliases what lies above half a cycle
@@ -22,7 +22,6 @@ class Diffraction(Effect):
     name = "diffraction"
     stage = Stage.OPTICS
     order = 38
-    local = False
     aliases = ("Airy disc", "blur", "MTF")
     summary = "The aperture spreads a point into an Airy pattern."
     equation = (
@@ -47,9 +46,6 @@ class Diffraction(Effect):
     def apply(self, signal, p, stream, context):
         spread = filtered(signal, transfer(signal, p.radius_px.to(signal.dtype))).clamp_min(0)
         return torch.where(p.radius_px > 0, spread, signal)
-
-    def moments(self, mean, p, context):
-        return mean, mean * 0
 
 
 def transfer(signal, radius_px):

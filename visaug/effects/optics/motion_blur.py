@@ -4,12 +4,12 @@ import math
 
 import torch
 
-from visaug.effects.effect import Effect, Stage
+from visaug.effects.effect import Spreading, Stage
 from visaug.effects.optics.spread import convolve, pixels_around
 from visaug.effects.parameter import Parameter
 
 
-class MotionBlur(Effect):
+class MotionBlur(Spreading):
     """The image moves uniformly along a straight line while the shutter is open.
 
     The image of a point is a line of `length_px` centred on the point; a pixel collects the part of the line that crosses
@@ -20,7 +20,6 @@ class MotionBlur(Effect):
     name = "motion_blur"
     stage = Stage.OPTICS
     order = 36
-    local = False
     aliases = ("smear", "motion smear", "camera shake")
     summary = "The image moves along a straight line during the exposure."
     equation = (
@@ -52,9 +51,6 @@ class MotionBlur(Effect):
     def apply(self, signal, p, stream, context):
         moved = convolve(signal, line(p.length_px.to(signal.dtype), p.angle_deg.to(signal.dtype)))
         return torch.where(p.length_px > 0, moved, signal)
-
-    def moments(self, mean, p, context):
-        return mean, mean * 0
 
 
 def line(length_px, angle_deg):

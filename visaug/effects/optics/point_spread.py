@@ -1,16 +1,15 @@
 """Point spread of the optics."""
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Parameter, Spreading, Stage
 from visaug.effects.optics.spread import gaussian_blur
 
 
-class PointSpread(Effect):
+class PointSpread(Spreading):
     """A Gaussian blur of the mean light, integrated over pixels. Shot noise is added afterwards, so noise stays white."""
 
     name = "point_spread"
     stage = Stage.OPTICS
     order = 40
-    local = False
     aliases = ("PSF", "MTF", "blur")
     summary = "The optics blur the image before the pixels sample it."
     equation = (
@@ -33,6 +32,3 @@ class PointSpread(Effect):
 
     def apply(self, signal, p, stream, context):
         return gaussian_blur(signal, p.sigma_px * p.aspect, p.sigma_px)
-
-    def moments(self, mean, p, context):
-        return mean, mean * 0

@@ -97,12 +97,12 @@ def frequencies(signal: Tensor) -> tuple[Tensor, Tensor]:
 
 def filtered(signal: Tensor, transfer: Tensor) -> Tensor:
     """(B, C, H, W) with each mode of the mirrored frame multiplied by `transfer`, (B, 1, H, W)."""
-    down, across = (_cosines(n, signal.dtype, str(signal.device)) for n in signal.shape[-2:])
+    down, across = (cosines(n, signal.dtype, str(signal.device)) for n in signal.shape[-2:])
     return down.T @ ((down @ signal @ across.T) * transfer) @ across
 
 
 @lru_cache(maxsize=16)
-def _cosines(size: int, dtype: torch.dtype, device: str) -> Tensor:
+def cosines(size: int, dtype: torch.dtype, device: str) -> Tensor:
     """The orthonormal cosine transform (DCT-II) as a matrix: at these sizes faster than an FFT."""
     mode = torch.arange(size, dtype=torch.float64).view(-1, 1)
     place = torch.arange(size, dtype=torch.float64).view(1, -1) + 0.5

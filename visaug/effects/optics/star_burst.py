@@ -4,14 +4,14 @@ import math
 
 import torch
 
-from visaug.effects.effect import Effect, Stage
+from visaug.effects.effect import Spreading, Stage
 from visaug.effects.optics.spread import convolve, pixels_around
 from visaug.effects.parameter import Parameter
 
 REACH = 3.0  # decay lengths at which a spike is cut
 
 
-class StarBurst(Effect):
+class StarBurst(Spreading):
     """The straight edges of an iris diffract light into spikes perpendicular to each blade, on both sides of the source.
 
     An even number of blades gives as many spikes, an odd number twice as many. The intensity along a spike falls as the
@@ -22,7 +22,6 @@ class StarBurst(Effect):
     name = "star_burst"
     stage = Stage.OPTICS
     order = 39
-    local = False
     aliases = ("sun star", "diffraction spikes", "glare")
     summary = "The blades of the aperture produce spikes around bright sources."
     equation = (
@@ -53,9 +52,6 @@ class StarBurst(Effect):
 
     def apply(self, signal, p, stream, context):
         return signal + p.share * (convolve(signal, _spikes(p, signal.dtype)) - signal)
-
-    def moments(self, mean, p, context):
-        return mean, mean * 0
 
 
 def _spikes(p, dtype):

@@ -1,8 +1,6 @@
 """Uneven light of a source."""
 
-import torch
-
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Noiseless, Parameter, Stage
 
 LEVEL = 1 / 3  # mean of a squared coordinate over the sensor
 
@@ -14,7 +12,7 @@ def _coefficient(default: float, source: str) -> Parameter:
     )
 
 
-class UnevenLight(Effect):
+class UnevenLight(Noiseless):
     """The light of a lamp or of an integrating sphere varies smoothly over the sensor.
 
     A surface of second order describes it: a slope and a bend over the rows and over the columns. Flats and scenes are lit
@@ -44,16 +42,8 @@ class UnevenLight(Effect):
     column_bend = _coefficient(0.0, "light of the first and last columns minus that of the middle")
 
     def apply(self, signal, p, stream, context):
-        return signal * self._shares(signal, p, context)
-
-    def moments(self, mean, p, context):
-        return mean * self._shares(mean, p, context), torch.zeros_like(mean)
-
-    @staticmethod
-    def _shares(signal, p, context):
-        """Light of every pixel relative to the mean."""
         height, width = context.resolution
         y = (2 * context.rows(signal) + 1) / height - 1
         x = (2 * context.columns(signal) + 1) / width - 1
         bends = p.row_bend * (y**2 - LEVEL) + p.column_bend * (x**2 - LEVEL)
-        return (1 + p.row_slope * y + p.column_slope * x + bends).clamp_min(0)
+        return signal * (1 + p.row_slope * y + p.column_slope * x + bends).clamp_min(0)

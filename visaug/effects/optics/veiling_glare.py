@@ -1,16 +1,15 @@
 """Veiling glare."""
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Parameter, Spreading, Stage
 from visaug.effects.optics.spread import PROFILES, halo
 
 
-class VeilingGlare(Effect):
+class VeilingGlare(Spreading):
     """The scattered light is taken from the scene; at the edge of the frame as much light enters as leaves."""
 
     name = "veiling_glare"
     stage = Stage.OPTICS
     order = 30
-    local = False
     aliases = ("stray light", "haze", "flare", "glare")
     summary = "A fraction of all light is scattered into a wide halo."
     equation = "mu_p <- (1 - share) mu_p + share (mu_p * k), k of unit volume and given width"
@@ -38,6 +37,3 @@ class VeilingGlare(Effect):
 
     def apply(self, signal, p, stream, context):
         return signal + p.share * (halo(signal, p.width_px, p.profile) - signal)
-
-    def moments(self, mean, p, context):
-        return mean, mean * 0

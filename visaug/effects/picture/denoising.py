@@ -3,13 +3,13 @@
 import torch
 import torch.nn.functional as F
 
-from visaug.effects.effect import Effect, Stage
+from visaug.effects.effect import Spreading, Stage
 from visaug.effects.parameter import Parameter
 
 SCALES = 2  # of the transform: structures of one and two pixels
 
 
-class Denoising(Effect):
+class Denoising(Spreading):
     """What a denoiser in the camera or in a converter leaves: less noise, correlated over neighbours, and less fine detail.
 
     `median`: of the 3 x 3 pixels around each. `wavelet`: the two finest scales of the undecimated starlet transform, each
@@ -19,7 +19,6 @@ class Denoising(Effect):
     name = "denoising"
     stage = Stage.PICTURE
     order = 16  # before the sharpening
-    local = False
     aliases = ("noise reduction", "NR", "despeckle", "smoothing", "star eater")
     summary = "A denoiser removes noise together with fine detail."
     equation = (
@@ -55,9 +54,6 @@ class Denoising(Effect):
     def apply(self, signal, p, stream, context):
         smooth = _median(signal) if p.filter == "median" else _shrunk(signal, p.threshold)
         return signal + p.amount * (smooth - signal)
-
-    def moments(self, mean, p, context):
-        return mean, mean * 0
 
 
 def _median(signal):

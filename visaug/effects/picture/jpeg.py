@@ -1,13 +1,11 @@
 """JPEG."""
 
-import math
-from functools import lru_cache
-
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
 from visaug.effects.effect import Effect, Stage
+from visaug.effects.optics.spread import cosines
 from visaug.effects.parameter import Parameter
 from visaug.effects.straight_through import round_through
 
@@ -95,7 +93,7 @@ def _coded(plane: Tensor, step: Tensor) -> Tensor:
     rows, columns = plane.shape[-2:]
     padded = F.pad(plane, (0, -columns % 8, 0, -rows % 8), mode="replicate")
     batch, channels, high, wide = padded.shape
-    dct = _dct(plane.dtype, str(plane.device))
+    dct = cosines(8, plane.dtype, str(plane.device))
     blocks = padded.view(batch, channels, high // 8, 8, wide // 8, 8).transpose(3, 4)
     rounded = round_through(dct @ blocks @ dct.T / step) * step
     whole = (dct.T @ rounded @ dct).transpose(3, 4).reshape(batch, channels, high, wide)
@@ -111,12 +109,3 @@ def _doubled(plane: Tensor) -> Tensor:
         pair = torch.stack([0.75 * plane + 0.25 * before, 0.75 * plane + 0.25 * after], axis + 1)
         plane = pair.flatten(axis, axis + 1)
     return plane
-
-
-@lru_cache(maxsize=8)
-def _dct(dtype: torch.dtype, device: str) -> Tensor:
-    """The orthonormal DCT-II of 8 numbers."""
-    mode = torch.arange(8, dtype=torch.float64).view(-1, 1)
-    matrix = torch.cos(math.pi / 8 * mode * (torch.arange(8, dtype=torch.float64) + 0.5)) / 2
-    matrix[0] /= math.sqrt(2)
-    return matrix.to(device=device, dtype=dtype)

@@ -1,11 +1,11 @@
 """Sharpening."""
 
-from visaug.effects.effect import Effect, Stage
+from visaug.effects.effect import Spreading, Stage
 from visaug.effects.optics.spread import gaussian_blur
 from visaug.effects.parameter import Parameter
 
 
-class Sharpening(Effect):
+class Sharpening(Spreading):
     """An unsharp mask: the difference from a Gaussian blur is added.
 
     The noise of single pixels grows by about 1 + amount and becomes negatively correlated with the surrounding pixels.
@@ -14,7 +14,6 @@ class Sharpening(Effect):
     name = "sharpening"
     stage = Stage.PICTURE
     order = 20
-    local = False
     aliases = ("unsharp mask", "halo", "edge enhancement")
     summary = "An unsharp mask amplifies edges and noise."
     equation = "y <- clip(y + amount (y - y * G), 0, 1), G a Gaussian of standard deviation radius, integrated over each pixel"
@@ -38,6 +37,3 @@ class Sharpening(Effect):
     def apply(self, signal, p, stream, context):
         detail = signal - gaussian_blur(signal, p.radius_px, p.radius_px)
         return (signal + p.amount * detail).clamp(0, 1)
-
-    def moments(self, mean, p, context):
-        return mean, mean * 0

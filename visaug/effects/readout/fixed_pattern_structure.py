@@ -121,7 +121,7 @@ class FixedPatternStructure(Effect):
             return self._slope(signal, p, context)
         if p.shape == "steps":
             return self._steps(signal, p, context)
-        place, extent = self._place(signal, p, context)
+        place, extent = context.places(p.direction, signal)
         if p.shape == "wave":
             return torch.sin(2 * math.pi * (place / p.period_px + fixed.uniform("frame")))
         vary, axis = ("column", 3) if p.direction == "columns" else ("row", 2)
@@ -134,12 +134,12 @@ class FixedPatternStructure(Effect):
         return here + share * (behind - here)
 
     def _slope(self, signal, p, context):
-        place, extent = self._place(signal, p, context)
+        place, extent = context.places(p.direction, signal)
         u = (2 * place + 1) / extent - 1
         return u + p.curvature * (u**2 - 1)
 
     def _steps(self, signal, p, context):
-        place, extent = self._place(signal, p, context)
+        place, extent = context.places(p.direction, signal)
         # a pixel that an edge falls into has its share, which gives the edge a derivative
         first, second = ((place + 1 - edge * extent).clamp(0, 1) for edge in (p.edge, p.second_edge))
         return first + p.second * second
@@ -156,9 +156,3 @@ class FixedPatternStructure(Effect):
             places = {"edge": float(place[first]), "second_edge": float(place[second])}
             found.append({"shape": "steps", "direction": direction, **steps, **places})
         return found
-
-    @staticmethod
-    def _place(signal, p, context):
-        if p.direction == "columns":
-            return context.columns(signal), context.resolution[1]
-        return context.rows(signal), context.resolution[0]

@@ -2,10 +2,10 @@
 
 import torch
 
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Noiseless, Parameter, Stage
 
 
-class Nonlinearity(Effect):
+class Nonlinearity(Noiseless):
     """The capacitance of the sense node and the gain of its amplifier depend on the voltage, so the response is not linear.
 
     The curve starts at 0 with slope 1 and follows its tangent beyond full scale. Within the bounds its slope is at least
@@ -50,13 +50,6 @@ class Nonlinearity(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        return self._curve(signal, p, context)
-
-    def moments(self, mean, p, context):
-        return self._curve(mean, p, context), torch.zeros_like(mean)
-
-    @staticmethod
-    def _curve(signal, p, context):
         converter = (context.max_dn - context.black_level_dn) * context.gain_e_per_dn
         well = context.full_well_e
         use_well = torch.isfinite(well) & (p.full_scale == "full_well")

@@ -1,11 +1,9 @@
 """Odd and even rows."""
 
-import torch
-
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Noiseless, Parameter, Stage
 
 
-class RowParity(Effect):
+class RowParity(Noiseless):
     """Odd and even rows have different amplifiers, or share transistors, and so have a constant difference.
 
     Half of the difference is applied to each, so the mean of the frame does not change.
@@ -45,12 +43,5 @@ class RowParity(Effect):
     )
 
     def apply(self, signal, p, stream, context):
-        return self._split(signal, p, context)
-
-    def moments(self, mean, p, context):
-        return self._split(mean, p, context), torch.zeros_like(mean)
-
-    @staticmethod
-    def _split(signal, p, context):
         side = (context.rows(signal) % 2).to(signal.dtype) - 0.5
         return signal * (1 + side * p.gain) + side * p.offset_e

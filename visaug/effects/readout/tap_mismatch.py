@@ -1,12 +1,10 @@
 """Two taps."""
 
-import torch
-
-from visaug.effects.effect import Effect, Parameter, Stage
+from visaug.effects.effect import Noiseless, Parameter, Stage
 from visaug.effects.readout.steps import edges
 
 
-class TapMismatch(Effect):
+class TapMismatch(Noiseless):
     """Fast sensors are read by two output amplifiers, one for each half, which never match exactly.
 
     Half of the difference is applied to each side. A pixel that contains the seam gets a weighted mean of both sides, which
@@ -48,7 +46,9 @@ class TapMismatch(Effect):
     direction = Parameter("columns", options=("columns", "rows"), source="columns: left and right halves")
 
     def apply(self, signal, p, stream, context):
-        return self._split(signal, p, context)
+        place, extent = context.places(p.direction, signal)
+        side = (place + 1 - p.seam * extent).clamp(0, 1) - 0.5
+        return signal * (1 + side * p.gain) + side * p.offset_e
 
     @classmethod
     def looks(cls, seen):
@@ -59,15 +59,3 @@ class TapMismatch(Effect):
             offset = float(levels[1] - levels[0])
             found.append({"offset_e": offset, "seam": float(place[seam]), "direction": direction})
         return found
-
-    def moments(self, mean, p, context):
-        return self._split(mean, p, context), torch.zeros_like(mean)
-
-    @staticmethod
-    def _split(signal, p, context):
-        if p.direction == "columns":
-            place, extent = context.columns(signal), context.resolution[1]
-        else:
-            place, extent = context.rows(signal), context.resolution[0]
-        side = (place + 1 - p.seam * extent).clamp(0, 1) - 0.5
-        return signal * (1 + side * p.gain) + side * p.offset_e
