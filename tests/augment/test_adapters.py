@@ -144,7 +144,7 @@ def test_adapters_can_be_pickled():
         assert type(pickle.loads(pickle.dumps(noise))).__name__ == type(noise).__name__
 
 
-@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("channels", [pytest.param(1, marks=pytest.mark.slow), 3])
 def test_base_chain_compiles_into_one_graph(channels):
     noise = VISNoise(CAMERA)
     images = torch.rand(2, channels, 8, 12)

@@ -1,6 +1,7 @@
 """Ten small sets of the benchmark: effects written apart from the package, named right.
 
-scripts/test runs a temporal one, two at once (one of them curved) and the user's own; the others are marked slow.
+scripts/test runs two at once, one temporal and one curved, among effects that act alike, and the user's own; the others and
+the whole catalogue are marked slow. tests/diagnosis/test_diagnose.py has one temporal effect among the whole catalogue.
 
 The effects are strong (see docs/results.md for faint ones); seeds are fixed, so each either holds or does not.
 """
@@ -13,27 +14,34 @@ from benchmark import effects, foreign
 from tests.diagnosis.small import frame_set
 from visaug import FrameSet
 from visaug.diagnosis import diagnose
+from visaug.effects import catalogue
 
 SETS = 120
 KNOWN = effects.BY_NAME | {kind.name: kind for kind in foreign.KINDS}
 USER_FILE = Path(__file__).resolve().parents[2] / "benchmark" / "user_effects.py"
 SINGLE = [
     ("column_noise", 1.2),
-    *(
-        pytest.param(*one, marks=pytest.mark.slow)
-        for one in (
-            ("nonlinearity", 0.03),
-            ("image_lag", 0.02),
-            ("periodic_banding", 1.0),
-            ("amplifier_glow", 20.0),
-            ("interpixel_crosstalk", 0.02),
-            ("tap_mismatch", 6.0),
-            ("bit_truncation", 2.0),
-        )
-    ),
+    ("nonlinearity", 0.03),
+    ("image_lag", 0.02),
+    ("periodic_banding", 1.0),
+    ("amplifier_glow", 20.0),
+    ("interpixel_crosstalk", 0.02),
+    ("tap_mismatch", 6.0),
+    ("bit_truncation", 2.0),
 ]
+ALIKE = {
+    "row_noise",
+    "column_noise",
+    "flicker_noise",
+    "nonlinearity",
+    "dual_gain",
+    "brighter_fatter",
+    "tone_curve",
+}
+OTHERS = sorted(set(catalogue()) - ALIKE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "strength"), SINGLE)
 def test_one_effect(stated, name, strength):
     found = diagnose(stated, frame_set(30, [KNOWN[name].at(strength)]), sets=SETS)
@@ -42,9 +50,10 @@ def test_one_effect(stated, name, strength):
     assert found.error_after.low < 0.1
 
 
-def test_two_effects(stated):
+@pytest.mark.parametrize("others", [OTHERS, pytest.param([], marks=pytest.mark.slow)], ids=["alike", "all"])
+def test_two_effects(stated, others):
     hidden = effects.in_order([KNOWN["row_noise"].at(1.5), KNOWN["nonlinearity"].at(0.03)])
-    found = diagnose(stated, frame_set(31, hidden), sets=SETS)
+    found = diagnose(stated, frame_set(31, hidden), without=others, sets=SETS)
     assert set(found.accepted) == {"row_noise", "nonlinearity"}
     assert found.adequate_after
 

@@ -78,22 +78,25 @@ def test_areas_of_scenes_without_spill_are_alike_along_both_axes_on_the_average(
     assert np.all(longer.ratio[:2] > 4.2 * np.sqrt(longer.variance[:2]))
 
 
-def rejected(pictures: int, by: str) -> float:
-    """Rate at which a ratio that is zero is found to differ from it at a stated 5 %."""
-    rng, hits, trials = np.random.default_rng(1), 0, 2000
-    for _ in range(trials):
-        below = rng.exponential(1.0, (pictures, 1))
-        one = Sums(below * rng.standard_normal((pictures, 1)), below)
-        size = float(np.abs(one.ratio[0]) / np.sqrt(one.variance[0]))
-        hits += 2 * (stats.t.sf(size, one.freedom[0]) if by == "t" else stats.norm.sf(size)) < 0.05
-    return hits / trials
+def rejected(pictures: int, trials: int = 2000) -> tuple[float, float]:
+    """Rates at which ratios that are zero are found to differ from it at a stated 5 %, by Student's t and by the normal law."""
+    rng = np.random.default_rng(1)
+    below = rng.exponential(1.0, (pictures, trials))
+    sums = Sums(below * rng.standard_normal((pictures, trials)), below)
+    size = np.abs(sums.ratio) / np.sqrt(sums.variance)
+    by_t, by_normal = 2 * stats.t.sf(size, sums.freedom), 2 * stats.norm.sf(size)
+    return float(np.mean(by_t < 0.05)), float(np.mean(by_normal < 0.05))
 
 
 @pytest.mark.parametrize("pictures", [6, 12, 40])
 def test_students_t_holds_the_error_that_few_pictures_tell(pictures):
-    """At most 8 % for the stated 5 %, with pictures of very different weight; the normal distribution rejects more often."""
-    assert rejected(pictures, "t") < 0.08
-    assert rejected(pictures, "normal") > rejected(pictures, "t")
+    """At most 8 % for the stated 5 %, with pictures of very different weight; the normal distribution rejects more often.
+
+    The rate of right code is below 5.8 %, with a standard deviation of 0.5 % of 2000 ratios: false alarms 3e-5.
+    """
+    by_t, by_normal = rejected(pictures)
+    assert by_t < 0.08
+    assert by_normal > by_t
 
 
 def test_one_picture_that_weighs_most_tells_an_error_badly():

@@ -1,7 +1,5 @@
 """What makes a study comparable: one training by one hash, the same device everywhere, corrected comparisons, unseen tests."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +10,7 @@ import torch
 import yaml
 from scipy.stats import ttest_1samp
 
+from visaug.app.cli import main
 from visaug.core.errors import InputError
 from visaug_train import device
 from visaug_train.callbacks import keep_batch
@@ -235,12 +234,12 @@ def test_runs_of_different_versions_are_said(tmp_path):
     assert "torch 2.14 (1 runs, such as baseline seed 0), 2.15 (1 runs, such as vis seed 0)" in mixed.mixed
 
 
-def test_an_arm_is_named_on_the_command_line(tmp_path):
+def test_an_arm_is_named_on_the_command_line(tmp_path, capsys):
     content = yaml.safe_load(study(tmp_path).model_dump_json())
     content["arms"] = {"baseline": {}, "vis": {}}
     (tmp_path / "c.yaml").write_text(yaml.safe_dump({k: v for k, v in content.items() if v is not None}))
     for arm, said in (("baseline", "arm baseline, seed 0 is not trained"), ("x", "x is not an arm")):
-        words = [sys.executable, "-m", "visaug", "evaluate", str(tmp_path / "c.yaml"), "--arm", arm]
-        done = subprocess.run(words, capture_output=True, text=True, check=False)
-        assert done.returncode == 2
-        assert said in done.stderr
+        with pytest.raises(SystemExit) as ended:
+            main(["evaluate", str(tmp_path / "c.yaml"), "--arm", arm])
+        assert ended.value.code == 2
+        assert said in capsys.readouterr().err
