@@ -98,7 +98,9 @@ def settled(lab: Laboratory, fitted: Fitted, sets: int, report: Report) -> Fitte
     if not is_far(fitted.reference, fitted.camera) and fitted.noise < NOISY:
         return fitted
     near = make_reference(lab, fitted.camera, fitted.reference.coordinates, sets, report)
-    return refit(lab, replace(near, is_erratic=fitted.noise >= NOISY), report)
+    if fitted.noise >= NOISY:
+        near = replace(near, is_erratic=True)
+    return refit(lab, near, report)
 
 
 def _descended(
