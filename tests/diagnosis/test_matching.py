@@ -257,7 +257,7 @@ def test_a_strength_between_two_that_were_tried_is_sought_between_them():
     weak, strong = (0.0, 2.2), (1.5, -5.0)
     between = selection._next([strong, weak])
     assert between == pytest.approx(1.5 * 2.2 / 7.2)
-    assert selection._next([weak, strong, (between, 0.9)]) == pytest.approx(
+    assert selection._next([(between, 0.9), weak, strong]) == pytest.approx(
         between + (1.5 - between) * 0.9 / 5.9
     )
 

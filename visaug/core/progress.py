@@ -56,7 +56,7 @@ def progress_bars(single: bool = False, quiet: bool = False) -> Iterator[Progres
         nonlocal current, began, first, last, told
         now, new = monotonic(), phase not in named
         named.add(phase)
-        if phase != current or done < last:  # a phase that comes again has its own time
+        if phase != current or done < last or done == 0:  # a phase that comes again has its own time
             current, began, first = phase, now, done
         last = done
         if new:

@@ -246,7 +246,8 @@ def make_reference(
         coordinates = old + new
     least = [np.array([s.least_spread for s in f.statistics]) for f in lab.measured]
     samples = (SimulatedStatistics(*parts) for parts in zip(values, slopes, least, strict=True))
-    return Reference(camera, tuple(coordinates), *samples)
+    is_erratic = known is not None and known.is_erratic
+    return Reference(camera, tuple(coordinates), *samples, is_erratic=is_erratic)
 
 
 def derivatives(
