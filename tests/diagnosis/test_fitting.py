@@ -213,6 +213,8 @@ def test_a_fit_beside_lost_bits_leaves_what_chance_leaves(stated):
     assert left(anew) == pytest.approx(1 + 1 / sets, abs=0.25)
     assert anew.reference.is_erratic
     assert not followed.reference.is_erratic
+    beside = make_reference(lab, anew.camera, free, 2, lambda *_: None, known=anew.reference)
+    assert beside.is_erratic
 
 
 def test_a_reference_that_was_begun_goes_on_where_it_was(stated, tmp_path, monkeypatch):
