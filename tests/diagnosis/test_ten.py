@@ -1,7 +1,8 @@
 """Ten small sets of the benchmark: effects written apart from the package, named right.
 
-scripts/test runs two at once, one temporal and one curved, among effects that act alike, and the user's own; the others and
-the whole catalogue are marked slow. tests/diagnosis/test_diagnose.py has one temporal effect among the whole catalogue.
+scripts/test runs two at once, one temporal and one curved, and the user's own in bias frames, among effects that act alike; the
+others, the whole plan and the whole catalogue are marked slow. tests/diagnosis/test_diagnose.py has one temporal effect among the
+whole catalogue in the whole plan.
 
 The effects are strong (see docs/results.md for faint ones); seeds are fixed, so each either holds or does not.
 """
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from benchmark import effects, foreign
-from tests.diagnosis.small import frame_set
+from tests.diagnosis.small import PLAN, frame_set
 from visaug import FrameSet
 from visaug.diagnosis import diagnose
 from visaug.effects import catalogue
@@ -29,16 +30,11 @@ SINGLE = [
     ("tap_mismatch", 6.0),
     ("bit_truncation", 2.0),
 ]
-ALIKE = {
-    "row_noise",
-    "column_noise",
-    "flicker_noise",
-    "nonlinearity",
-    "dual_gain",
-    "brighter_fatter",
-    "tone_curve",
-}
+ALIKE = {"row_noise", "column_noise", "nonlinearity", "tone_curve"}
 OTHERS = sorted(set(catalogue()) - ALIKE)
+WHOLE = tuple(PLAN)
+BIAS = tuple(shot for shot in PLAN if shot.kind == "bias")
+UNDARK = tuple(shot for shot in PLAN if shot.kind != "dark")
 
 
 @pytest.mark.slow
@@ -50,16 +46,20 @@ def test_one_effect(stated, name, strength):
     assert found.error_after.low < 0.1
 
 
-@pytest.mark.parametrize("others", [OTHERS, pytest.param([], marks=pytest.mark.slow)], ids=["alike", "all"])
-def test_two_effects(stated, others):
+@pytest.mark.parametrize(
+    ("others", "plan"),
+    [(OTHERS, UNDARK), pytest.param([], WHOLE, marks=pytest.mark.slow)],
+    ids=["alike", "all"],
+)
+def test_two_effects(stated, others, plan):
     hidden = effects.in_order([KNOWN["row_noise"].at(1.5), KNOWN["nonlinearity"].at(0.03)])
-    found = diagnose(stated, frame_set(31, hidden), without=others, sets=SETS)
+    found = diagnose(stated, frame_set(31, hidden, plan=plan), without=others, sets=SETS)
     assert set(found.accepted) == {"row_noise", "nonlinearity"}
     assert found.adequate_after
 
 
-def of_a_users_own() -> FrameSet:
-    return frame_set(32, [KNOWN["patchwork"].at(1.5)])
+def of_a_users_own(plan=WHOLE) -> FrameSet:
+    return frame_set(32, [KNOWN["patchwork"].at(1.5)], plan=plan)
 
 
 @pytest.mark.slow
@@ -67,6 +67,11 @@ def test_without_the_class_that_the_user_wrote_it_is_unexplained(stated):
     assert diagnose(stated, of_a_users_own(), sets=SETS).unexplained is not None
 
 
-def test_an_effect_of_the_users_own_is_accepted(stated):
-    frames = of_a_users_own()
-    assert diagnose(stated, frames, effects=[USER_FILE], sets=SETS).accepted == ("patchwork",)
+@pytest.mark.parametrize(
+    ("others", "plan"),
+    [(OTHERS, BIAS), pytest.param([], WHOLE, marks=pytest.mark.slow)],
+    ids=["alike", "all"],
+)
+def test_an_effect_of_the_users_own_is_accepted(stated, others, plan):
+    found = diagnose(stated, of_a_users_own(plan), effects=[USER_FILE], without=others, sets=SETS)
+    assert found.accepted == ("patchwork",)
