@@ -23,7 +23,7 @@ def drawn(seed: int, factor: float) -> VarianceStrength:
     return found
 
 
-@pytest.mark.parametrize("factor", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("factor", [pytest.param(0.5, marks=pytest.mark.slow), 1.0, 2.0])
 def test_the_strength_of_a_random_effect_is_within_its_interval(factor):
     """The central 95 % of the simulated sets' estimates, as a ratio to the estimate. Of 40 draws 34 or more hold the true factor.
 
