@@ -1,10 +1,13 @@
 """A real 12-bit CCD against its published EMVA 1288 release 3 figures."""
 
 import xml.etree.ElementTree as ET
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from visaug.characterization import characterize
+from visaug.characterization.photon_transfer import emva_sensitivity
 from visaug.frames import FrameSet
 
 
@@ -97,3 +100,28 @@ def test_names_what_a_plain_model_misses(measured):
     parts = [result[f"emva4.dsnu_{p}_e"].value for p in ("row", "column", "pixel")]
     assert parts[1] == max(parts)
     assert {"dark_current.b_per_c", "full_well_e"} <= set(result.not_determined)
+
+
+def test_release_3_fits_lines_through_the_origin_by_least_squares():
+    """The published formulas, by `numpy.linalg.lstsq` of three levels whose points lie on no line."""
+    photons, signal, variance = (
+        np.array(v) for v in ([80.0, 800.0, 3000.0], [40.0, 410.0, 1450.0], [30.0, 110.0, 390.0])
+    )
+    levels = [
+        SimpleNamespace(
+            photons=p,
+            signal=x,
+            signal_of=lambda _, x=x: x,
+            variance_of=lambda _, y=y: y,
+            flat=np.zeros((8, 8)),
+        )
+        for p, x, y in zip(photons, signal, variance, strict=True)
+    ]
+    found = emva_sensitivity(levels, None)  # pyright: ignore[reportArgumentType]
+    gain, response = (
+        float(np.linalg.lstsq(x[:, None], y, rcond=None)[0][0])
+        for x, y in ((signal, variance), (photons, signal))
+    )
+    assert found["gain"][0] == pytest.approx(gain)
+    assert found["response"][0] == pytest.approx(response)
+    assert found["efficiency"][0] == pytest.approx(response / gain)

@@ -11,9 +11,12 @@ without the effect, e and R are `OUTLIERS` and `RANGE` of `visaug.diagnosis.fitt
     L(r) = sum of log p(r_1 | M_1) - log p(r_0 | M_0)
 
 with r_0 and r_1 the residuals without and with it. The sum takes statistics as independent, so L is treated as one statistic
-whose law is simulated, with the effect and without it (S. N. Wood, Nature 466 (2010) 1102: synthetic likelihood). An effect is
-accepted if the posterior odds that follow are large, and if L reaches that of sets which are simulated with the effect
-(D. R. Cox, Proc. 4th Berkeley Symp. 1 (1961) 105: tests of separate families of hypotheses).
+whose law is simulated, with the effect and without it (S. N. Wood, Nature 466 (2010) 1102: synthetic likelihood). To simulated
+sets both models are fitted as to the measurement. An effect is accepted if the posterior odds that follow are large, and if it
+explains as much as of sets which are simulated with it (D. R. Cox, Proc. 4th Berkeley Symp. 1 (1961) 105: tests of separate
+families of hypotheses). For that second test statistics that vary together count as one (C. Varin, N. Reid and D. Firth,
+Stat. Sin. 21 (2011) 5: weights of a composite likelihood): a drift moves a dozen statistics of a frame by one random number, and
+a frame that drew little of it would else count a dozen times.
 """
 
 from collections.abc import Sequence
@@ -24,8 +27,8 @@ import numpy as np
 from scipy import stats
 
 from visaug.diagnosis.fitting.law import FORM, log_density
-from visaug.diagnosis.fitting.robust import adjust
-from visaug.diagnosis.fitting.uses import Use, scales, shifts
+from visaug.diagnosis.fitting.robust import adjust, standardised
+from visaug.diagnosis.fitting.uses import CERTAIN, Use, scales, shifts
 from visaug.diagnosis.state import State
 
 ODDS = 3.0  # least log posterior odds of an accepted effect against no effect: one in twenty
@@ -44,6 +47,8 @@ class Evidence:
         cost: half the logarithm of the sample size for each parameter, plus the logarithm of the number of effects.
         of_sets: (R,) log likelihood ratio, on all statistics, of sets simulated with the effect,
         of_null: and of sets simulated without it.
+        joint: log likelihood ratio in which statistics that vary together count as one,
+        joint_of_sets: (R,) and of sets simulated with the effect.
     """
 
     found: float
@@ -51,6 +56,8 @@ class Evidence:
     cost: float
     of_sets: np.ndarray
     of_null: np.ndarray
+    joint: float
+    joint_of_sets: np.ndarray
 
     @property
     def score(self) -> float:
@@ -64,13 +71,13 @@ class Evidence:
 
     @property
     def share(self) -> float:
-        """Log likelihood ratio relative to the median of simulated sets with the effect; 1 is expected of the true effect."""
-        return _share(self.found + self.confirmed, self.of_sets)
+        """The joint ratio relative to the median of simulated sets with the effect; 1 is expected of the true effect."""
+        return _share(self.joint, self.joint_of_sets)
 
     @property
     def is_reached(self) -> bool:
         """Whether the effect explains as much as it would if it were the cause."""
-        return _reaches(self.found + self.confirmed, self.of_sets)
+        return _reaches(self.joint, self.joint_of_sets)
 
     @property
     def accepts(self) -> bool:
@@ -79,7 +86,15 @@ class Evidence:
     @property
     def is_decided(self) -> bool:
         """Whether each half of the simulated sets alone decides alike."""
-        halves = (replace(self, of_sets=self.of_sets[k::2], of_null=self.of_null[k::2]) for k in (0, 1))
+        halves = (
+            replace(
+                self,
+                of_sets=self.of_sets[k::2],
+                of_null=self.of_null[k::2],
+                joint_of_sets=self.joint_of_sets[k::2],
+            )
+            for k in (0, 1)
+        )
         return len({one.accepts for one in (self, *halves)}) == 1
 
 
@@ -103,12 +118,22 @@ def evidence(before: State, after: State, parameters: int, effects: int = 1) -> 
         effects: K. The prior probability that no effect is missing is 1/2, that of each of K effects 1/(2K).
     """
     ratios = _ratios(before, after)
-    found, confirmed = (float(ratio(ratio.before.residual)) for ratio in ratios)
+    measured = [ratio.of_measurement for ratio in ratios]
+    found, confirmed = (float(each.sum()) for each in measured)
     count = sum(np.count_nonzero(np.abs(ratio.moves) > ratio.before.null.scale) for ratio in ratios)
     free = parameters - float((1 - after.fitted.reference.determined[_own(before, after)]).sum())
     cost = free * max(0.5 * np.log(max(count, 1)), 1.0) + np.log(effects)
-    of_sets = np.asarray(sum(ratio(ratio.with_effect) for ratio in ratios))
-    return Evidence(found, confirmed, float(cost), of_sets, _without_effect(before, after, ratios))
+    left = _refitted(before, [ratio.with_effect for ratio in ratios])
+    of_sets = [ratio.of(own, ratio.after.null.residuals) for ratio, own in zip(ratios, left, strict=True)]
+    return Evidence(
+        found,
+        confirmed,
+        float(cost),
+        np.asarray(sum(each.sum(-1) for each in of_sets)),
+        _without_effect(before, after, ratios),
+        float(sum(each @ ratio.weights for ratio, each in zip(ratios, measured, strict=True))),
+        np.asarray(sum(each @ ratio.weights for ratio, each in zip(ratios, of_sets, strict=True))),
+    )
 
 
 def _own(before: State, after: State) -> list[int]:
@@ -126,7 +151,8 @@ def _without_effect(before: State, after: State, ratios: "tuple[_Ratio, _Ratio]"
     fitted = after.fitted.reference
     is_scatter = len(after.scatters) > len(before.scatters)
     if is_scatter or not _own(before, after):
-        return np.asarray(sum(ratio(ratio.before.null.residuals) for ratio in ratios))
+        null = [ratio.before.null.residuals for ratio in ratios]
+        return _summed(ratios, null, [left - ratio.moves for ratio, left in zip(ratios, null, strict=True)])
     steps = adjust(before.find.null.residuals, fitted.slopes, fitted.scale, fitted.priors)
     return np.asarray(sum(ratio.gained(steps) for ratio in ratios))
 
@@ -142,11 +168,10 @@ def between(before: State, one: State, other: State) -> float:
     """
     of_one, of_other = _ratios(before, one), _ratios(before, other)
     value = sum(
-        float(a(a.before.residual) - b(a.before.residual)) for a, b in zip(of_one, of_other, strict=True)
+        float(a.of_measurement.sum() - b.of_measurement.sum()) for a, b in zip(of_one, of_other, strict=True)
     )
-    with_one, with_other = ([ratio.with_effect for ratio in ratios] for ratios in (of_one, of_other))
-    in_one = _summed(of_one, with_one) - _refitted(other, of_other, with_one)
-    in_other = _refitted(one, of_one, with_other) - _summed(of_other, with_other)
+    in_one = _against(before, of_one, other, of_other)
+    in_other = -_against(before, of_other, one, of_one)
     odds = log_odds(value, in_one, in_other)
     if odds > 0 and not _reaches(value, in_one):
         return min(odds, value)
@@ -155,21 +180,31 @@ def between(before: State, one: State, other: State) -> float:
     return odds
 
 
-def _summed(
-    ratios: "tuple[_Ratio, _Ratio]", sets: Sequence[np.ndarray], steps: np.ndarray | None = None
+def _against(
+    before: State, own: "Sequence[_Ratio]", rival: State, of_rival: "Sequence[_Ratio]"
 ) -> np.ndarray:
-    """(R,) log likelihood ratio of sets (R, statistics) of both uses of the frames."""
-    return np.asarray(sum(ratio(own, steps) for ratio, own in zip(ratios, sets, strict=True)))
+    """(R,) log likelihood of an effect less that of a rival, of sets that are simulated with the effect."""
+    sets = [ratio.with_effect for ratio in own]
+    without = _refitted(before, sets)
+    by_rival = _refitted(rival, [part - ratio.moves for part, ratio in zip(sets, of_rival, strict=True)])
+    return _summed(own, without, [ratio.after.null.residuals for ratio in own]) - _summed(
+        of_rival, without, by_rival
+    )
 
 
-def _refitted(after: State, ratios: "tuple[_Ratio, _Ratio]", sets: Sequence[np.ndarray]) -> np.ndarray:
-    """(R,) log likelihood ratio of sets with another effect, to which a state is fitted as to the measurement.
+def _summed(
+    ratios: "Sequence[_Ratio]", without: Sequence[np.ndarray], own: Sequence[np.ndarray]
+) -> np.ndarray:
+    """(R,) log likelihood ratio of residuals (R, statistics) of both uses of the frames, without the effect and with it."""
+    return np.asarray(sum(ratio.of(*pair).sum(-1) for ratio, *pair in zip(ratios, without, own, strict=True)))
 
-    The fit is linear, along the derivatives of all parameters of the state.
-    """
-    fitted = after.fitted.reference
-    left = sets[0] - ratios[0].moves
-    return _summed(ratios, sets, adjust(left, fitted.slopes, fitted.scale, fitted.priors))
+
+def _refitted(state: State, residuals: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Residuals (R, statistics) of both uses of the frames after a linear fit of the state's parameters to the first."""
+    fitted = state.fitted.reference
+    steps = adjust(residuals[0], fitted.slopes, fitted.scale, fitted.priors)
+    uses = (state.find, state.confirm)
+    return [left - steps @ use.null.slopes.T for left, use in zip(residuals, uses, strict=True)]
 
 
 def log_odds(value: float, of_one: np.ndarray, of_other: np.ndarray) -> float:
@@ -205,7 +240,7 @@ def _log_density(value: float, of_sets: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class _Ratio:
-    """Log likelihood ratio of an effect on one use of the frames, of residuals (..., statistics) without the effect."""
+    """Log likelihood ratio of an effect on one use of the frames."""
 
     before: Use
     after: Use
@@ -218,6 +253,23 @@ class _Ratio:
     def with_effect(self) -> np.ndarray:
         """(R, statistics) residuals, without the effect, of sets that are simulated with it."""
         return self.after.null.residuals + self.moves
+
+    @property
+    def of_measurement(self) -> np.ndarray:
+        """(statistics used,) of the measurement."""
+        return self.of(self.before.residual, self.before.residual - self.moves)
+
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """(statistics used,) 1 / (1 + sum of the squared correlations with others) among sets that are simulated with the effect.
+
+        Of n statistics that follow from one random number each has the weight 1 / n. Correlations within their noise are 0.
+        """
+        sets = self.after.null.residuals[:, self._used]
+        z = standardised(sets, np.broadcast_to(np.sqrt((sets**2).sum(0)), sets.shape))
+        squares = (z.T @ z) ** 2
+        np.fill_diagonal(squares, 0.0)
+        return 1 / (1 + np.where(squares > CERTAIN**2 / len(sets), squares, 0.0).sum(0))
 
     @cached_property
     def _used(self) -> np.ndarray:
@@ -239,12 +291,12 @@ class _Ratio:
         new, old = (log_density(part[:, self._used], scale, unit) for part in (left, residual))
         return (new - old).sum(-1)
 
-    def __call__(self, residual: np.ndarray, steps: np.ndarray | None = None) -> np.ndarray:
-        """(...,) of residuals (..., statistics), after steps (..., coordinates) of the parameters with the effect."""
-        left, (with_it, without, unit) = residual[..., self._used], self._scales
-        shift = self.moves if steps is None else self.moves + steps @ self.after.null.slopes.T
-        own = log_density(left - shift[..., self._used], with_it, unit)
-        return (own - log_density(left, without, unit)).sum(-1)
+    def of(self, without: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """(..., statistics used) of residuals (..., statistics) without the effect and with it."""
+        with_it, plain, unit = self._scales
+        return log_density(own[..., self._used], with_it, unit) - log_density(
+            without[..., self._used], plain, unit
+        )
 
 
 def _ratios(before: State, after: State) -> tuple[_Ratio, _Ratio]:
