@@ -5,14 +5,6 @@ from pathlib import Path
 
 import pytest
 
-LONGEST = ("diagnosis", "train")
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Folders of long tests begin, so that no worker is alone with one of their files at the end."""
-    tests = Path(__file__).resolve().parent
-    items.sort(key=lambda item: item.path.relative_to(tests).parts[0] not in LONGEST)
-
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
