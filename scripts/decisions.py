@@ -218,7 +218,7 @@ def decisions(folder: Path, odds: float, share: float, rare: float) -> Iterator[
     """
 
     def passes(e: Evidence) -> bool:
-        reached = float(np.mean(e.of_sets <= e.found + e.confirmed))
+        reached = float(np.mean(e.joint_of_sets <= e.joint))
         return e.odds > odds and (e.share >= share or reached > rare)
 
     for file in sorted(folder.rglob("*.pkl")):

@@ -1,7 +1,7 @@
 """End to end on small sets of an independent camera. Seeds are fixed, so each of these either holds or does not.
 
-A clean camera and row noise are looked for among the whole catalogue in the whole plan. Of the others scripts/test runs a form
-with the frames and the effects that the answer depends on; the form with the whole plan or the whole catalogue is marked slow.
+A clean camera and row noise are looked for among the whole catalogue in the whole plan. Of most others scripts/test runs a form
+with the frames and the effects that the answer depends on; forms with the whole plan or the whole catalogue are marked slow.
 """
 
 import json

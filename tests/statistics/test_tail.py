@@ -40,7 +40,8 @@ def test_more_sets_are_simulated_only_where_the_verdict_is_open(deviation, sets)
 def test_the_rate_of_false_alarms_is_kept(count, low, high):
     """Measured sets of a complete camera, 2 %.
 
-    Binomial(700, 0.02) is outside 4 to 26 in less than 1 of 200 runs, binomial(200, 0.02) above 10 in 1 of 350.
+    Binomial(700, 0.02) is outside 4 to 26 in less than 1 of 200 runs. Binomial(200, 0.02) is above 10 in 1 of 390; a rate that is
+    too low needs the 700.
     """
     rng = np.random.default_rng(8)
     found = [judged(rng.standard_normal(STATISTICS), rng) for _ in range(count)]

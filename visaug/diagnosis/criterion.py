@@ -11,12 +11,12 @@ without the effect, e and R are `OUTLIERS` and `RANGE` of `visaug.diagnosis.fitt
     L(r) = sum of log p(r_1 | M_1) - log p(r_0 | M_0)
 
 with r_0 and r_1 the residuals without and with it. The sum takes statistics as independent, so L is treated as one statistic
-whose law is simulated, with the effect and without it (S. N. Wood, Nature 466 (2010) 1102: synthetic likelihood). To simulated
-sets both models are fitted as to the measurement. An effect is accepted if the posterior odds that follow are large, and if it
-explains as much as of sets which are simulated with it (D. R. Cox, Proc. 4th Berkeley Symp. 1 (1961) 105: tests of separate
-families of hypotheses). For that second test statistics that vary together count as one (C. Varin, N. Reid and D. Firth,
-Stat. Sin. 21 (2011) 5: weights of a composite likelihood): a drift moves a dozen statistics of a frame by one random number, and
-a frame that drew little of it would else count a dozen times.
+whose law is simulated, with the effect and without it (S. N. Wood, Nature 466 (2010) 1102: synthetic likelihood). Both models
+are fitted to the sets with it, as to the measurement. An effect is accepted if the posterior odds that follow are large, and if
+it explains as much of the measurement as of sets that are simulated with it (D. R. Cox, Proc. 4th Berkeley Symp. 1 (1961) 105:
+tests of separate families of hypotheses). For that second test statistics that vary together count as one (C. Varin, N. Reid
+and D. Firth, Stat. Sin. 21 (2011) 5: weights of a composite likelihood): a drift moves a dozen statistics of a frame by one random
+number, and a frame that drew little of it would else count a dozen times.
 """
 
 from collections.abc import Sequence
@@ -86,15 +86,8 @@ class Evidence:
     @property
     def is_decided(self) -> bool:
         """Whether each half of the simulated sets alone decides alike."""
-        halves = (
-            replace(
-                self,
-                of_sets=self.of_sets[k::2],
-                of_null=self.of_null[k::2],
-                joint_of_sets=self.joint_of_sets[k::2],
-            )
-            for k in (0, 1)
-        )
+        of_sets = ("of_sets", "of_null", "joint_of_sets")
+        halves = (replace(self, **{name: getattr(self, name)[k::2] for name in of_sets}) for k in (0, 1))
         return len({one.accepts for one in (self, *halves)}) == 1
 
 
@@ -201,9 +194,8 @@ def _summed(
 
 def _refitted(state: State, residuals: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Residuals (R, statistics) of both uses of the frames after a linear fit of the state's parameters to the first."""
-    fitted = state.fitted.reference
+    fitted, uses = state.fitted.reference, (state.find, state.confirm)
     steps = adjust(residuals[0], fitted.slopes, fitted.scale, fitted.priors)
-    uses = (state.find, state.confirm)
     return [left - steps @ use.null.slopes.T for left, use in zip(residuals, uses, strict=True)]
 
 
@@ -263,7 +255,8 @@ class _Ratio:
     def weights(self) -> np.ndarray:
         """(statistics used,) 1 / (1 + sum of the squared correlations with others) among sets that are simulated with the effect.
 
-        Of n statistics that follow from one random number each has the weight 1 / n. Correlations within their noise are 0.
+        Of n statistics of a use that follow from one random number each has the weight 1 / n. Correlations within their noise are
+        0.
         """
         sets = self.after.null.residuals[:, self._used]
         z = standardised(sets, np.broadcast_to(np.sqrt((sets**2).sum(0)), sets.shape))
