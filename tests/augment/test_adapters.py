@@ -1,6 +1,7 @@
 """Noise inside kornia, torchvision v2, albumentations, DataLoader workers and compiled graphs."""
 
 import json
+import logging
 import pickle
 
 import kornia.augmentation as K
@@ -224,7 +225,8 @@ def test_auto_takes_8_bit_colour_as_srgb_and_says_so_once(caplog, monkeypatch):
     electrons = 4095 * 0.3
     monkeypatch.setattr(images, "_said", [])
     dark = np.full((256, 256, 3), 26, np.uint8)
-    noises = [ImageNoise(camera), TorchvisionNoise(camera), ImageNoise(camera)]
+    with caplog.at_level(logging.WARNING, logger="visaug"):
+        noises = [ImageNoise(camera), TorchvisionNoise(camera), ImageNoise(camera)]
     assert len([record for record in caplog.records if "sRGB" in record.message]) == 1
     srgb = noises[0](dark).astype(float).std()
     light = ((26 / 255 + 0.055) / 1.055) ** 2.4
