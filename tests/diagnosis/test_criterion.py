@@ -339,6 +339,7 @@ def test_evidence_is_decided_where_halves_of_all_its_sets_decide_alike():
     away, mixed = normal(-100, 1), np.tile([9.0, 100.0], 100)
     assert Evidence(10.0, 0.0, 0.0, normal(10, 1), away, 10.0, normal(10, 1)).is_decided
     assert not Evidence(10.0, 0.0, 0.0, normal(10, 1), away, 10.0, mixed).is_decided
+    assert not Evidence(10.0, 0.0, 0.0, mixed, away, 10.0, normal(10, 1)).is_decided
 
 
 DRIFT = [np.where(np.arange(ALL) % 10 == n, 1.0, 0.0) for n in (1, 2, 3)]  # a frame each, of 30 statistics
