@@ -73,11 +73,9 @@ def test_full_wells_that_stay_full_do_not_bloom():
     assert points == []
 
 
-def test_a_look_at_frames_goes_by_their_electrons():
-    """DN by the camera's gain and black level, photons by its quantum efficiency; the NumPy camera spills four fifths downwards.
-
-    PRNU of 0.7 % and shot noise of 0.5 % over 24 pixels leave the share known to 0.2 %: a tenth of the tolerance.
-    """
+@pytest.fixture
+def lab() -> Laboratory:
+    """Bias frames, and scenes whose charge the NumPy camera spills, four fifths of it downwards."""
     from benchmark.camera import Hidden, Shot, take
     from benchmark.charge import blooming
 
@@ -92,13 +90,28 @@ def test_a_look_at_frames_goes_by_their_electrons():
         )
         for i, s in enumerate(plan)
     ]
-    camera = stated_camera()
-    lab = Laboratory(
-        FrameSet.from_arrays(records, list(frames), {"spot": target}, bit_depth=SENSOR.bits), camera
+    return Laboratory(
+        FrameSet.from_arrays(records, list(frames), {"spot": target}, bit_depth=SENSOR.bits), stated_camera()
     )
-    found = look(lab, camera)
+
+
+def test_a_look_at_frames_goes_by_their_electrons(lab):
+    """DN by the camera's gain and black level, photons by its quantum efficiency.
+
+    PRNU of 0.7 % and shot noise of 0.5 % over 24 pixels leave the share known to 0.2 %: a tenth of the tolerance.
+    """
+    found = look(lab, stated_camera())
     assert found is not None
     assert len(found.spilled_e) == 6
     (point,) = catalogue()["blooming"].looks(found)
     assert point["share"] == pytest.approx(0.7, rel=0.02)
     assert point["upward"] == pytest.approx(0.2, abs=0.01)
+
+
+def test_without_a_full_well_the_converter_is_the_limit(lab):
+    """As with a well that holds more than the converter's range."""
+    found, wide = (look(lab, stated_camera().replace({"full_well_e": well_e})) for well_e in (None, 1e6))
+    assert found is not None
+    assert wide is not None
+    assert len(found.spilled_e) > 0
+    np.testing.assert_array_equal(found.spilled_e, wide.spilled_e)

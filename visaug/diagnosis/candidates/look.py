@@ -80,7 +80,7 @@ def _spilled(part: MeasuredFrames | PicturePart, camera: Camera) -> Iterator[np.
             light_e = frames.clean(i) * camera.spec.quantum_efficiency
             seen_e = (frames.read(i) - camera.spec.black_level_dn) * gain
             highest_e = (2**camera.bit_depth - 1 - camera.spec.black_level_dn) * gain
-            yield spilled(light_e, seen_e, min(camera.spec.full_well_e, highest_e))
+            yield spilled(light_e, seen_e, min(camera.spec.full_well_e or highest_e, highest_e))
 
 
 def spilled(light_e: np.ndarray, seen_e: np.ndarray, well_e: float) -> np.ndarray:
