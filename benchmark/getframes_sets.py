@@ -52,7 +52,7 @@ def sensor_of(camera: int) -> Sensor:
 
 def configuration(sensor: Sensor, seed: int, **hidden: Any) -> Any:
     """getframes' description of a sensor. Dark current is quoted at 0 C, as ours is."""
-    from getframes import CameraConfig  # pyright: ignore[reportMissingImports]
+    from getframes import CameraConfig
 
     return CameraConfig(
         name=sensor.name,
@@ -77,7 +77,7 @@ def configuration(sensor: Sensor, seed: int, **hidden: Any) -> Any:
 
 def taken(sensor: Sensor, plan: tuple[Shot, ...], targets: dict[str, np.ndarray], configured: Any, seed: int):
     """(frames, rows, columns) in the order of the plan; charge that persists goes from frame to frame."""
-    from getframes import Camera  # pyright: ignore[reportMissingImports]
+    from getframes import Camera
 
     camera = Camera(configured)
     frames, latent = [], np.zeros(sensor.shape)

@@ -32,7 +32,7 @@ def sensor_of(camera: int) -> Sensor:
 
 def detector_of(sensor: Sensor, ccd: bool, halves: bool, gains: Any) -> Any:
     """Pyxel's description of a sensor; `halves` reads the left and the right half by channels of their own."""
-    from pyxel.detectors import (  # pyright: ignore[reportMissingImports]
+    from pyxel.detectors import (
         CCD,
         CMOS,
         CCDGeometry,
@@ -44,7 +44,7 @@ def detector_of(sensor: Sensor, ccd: bool, halves: bool, gains: Any) -> Any:
         Matrix,
         ReadoutPosition,
     )
-    from pyxel.detectors.charge_to_volt_settings import ChargeToVoltSettings  # pyright: ignore[reportMissingImports]
+    from pyxel.detectors.charge_to_volt_settings import ChargeToVoltSettings
 
     sides = ReadoutPosition({"left": "top-left", "right": "top-right"})
     size = {
@@ -86,7 +86,7 @@ class Hidden:
 
 def hidden_effects(sensor: Sensor) -> dict[str, Hidden]:
     """Name in visaug's catalogue, or of what it does not have -> Pyxel's models."""
-    from pyxel.models import charge_collection, charge_measurement, charge_transfer  # pyright: ignore[reportMissingImports]
+    from pyxel.models import charge_collection, charge_measurement, charge_transfer
 
     full_v = sensor.well_e * VOLT_PER_E
 
@@ -127,7 +127,7 @@ def taken(
     sensor: Sensor, plan: tuple[Shot, ...], targets: dict[str, np.ndarray], hidden: Hidden, seed: int
 ) -> np.ndarray:
     """(frames, rows, columns) in the order of the plan; the detector remembers what it should."""
-    from pyxel.models import (  # pyright: ignore[reportMissingImports]
+    from pyxel.models import (
         charge_collection,
         charge_generation,
         charge_measurement,

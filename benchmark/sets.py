@@ -43,9 +43,8 @@ def with_changes(sensor: Sensor, changes: dict[str, float]) -> Sensor:
     """Return the sensor with entries set; a triple is scaled as a whole where its name is given a factor."""
     for name, value in changes.items():
         old = getattr(sensor, name)
-        sensor = replace(
-            sensor, **{name: tuple(value * part for part in old) if isinstance(old, tuple) else value}
-        )
+        new = tuple(value * part for part in old) if isinstance(old, tuple) else value
+        sensor = replace(sensor, **{name: new})  # pyrefly: ignore[bad-argument-type]
     return sensor
 
 

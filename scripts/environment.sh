@@ -43,5 +43,5 @@ fi
 
 # No weights, fonts or telemetry are fetched, and nobody's settings are read or changed.
 export YOLO_OFFLINE=1 YOLO_AUTOINSTALL=0 YOLO_CONFIG_DIR="$venv/share/ultralytics"
-export PYRIGHT_PYTHON_IGNORE_WARNINGS=1 MPLBACKEND=Agg
+export MPLBACKEND=Agg
 mkdir -p "$YOLO_CONFIG_DIR"

@@ -156,7 +156,7 @@ def evidence(effect: str) -> Evidence:
 def strengths(effect: str) -> dict[str, float]:
     """The strengths of an effect at the largest of the values that a diagnosis tries."""
     known = catalogue()[effect]
-    return {
+    return {  # pyrefly: ignore[bad-return]
         key: max(known.parameters[key].trials, key=abs)
         for key in known.strengths()
         if known.parameters[key].trials

@@ -205,8 +205,8 @@ def readings() -> Figure:
         "gain_e_per_dn": 0.4,
         "quantum_efficiency": 0.5,
         "black_level_dn": 100,
+        "read_noise": {"sigma_e": 2.37},
     }
-    base["read_noise"] = {"sigma_e": 2.37}
     photons = np.geomspace(20, 20000, 9)
     for i, reading in enumerate(("physical", "paper")):
         camera = Camera.load({**base, "reading": reading})

@@ -160,5 +160,5 @@ def dark_current(camera: Camera, rows: int = 128) -> DarkCurrent:
             )
             means.append(np.sort(levels)[1:-1].mean() * gain)
         slopes.append(np.polyfit(EXPOSURES_S, means, 1)[0])
-    (a, b), _ = optimize.curve_fit(lambda t, a, b: a * np.exp(b * t), TEMPERATURES_C, slopes, p0=(0.1, 0.1))
+    (a, b), _ = optimize.curve_fit(lambda t, a, b: a * np.exp(b * t), TEMPERATURES_C, slopes, p0=(0.1, 0.1))  # pyrefly: ignore[bad-unpacking]
     return DarkCurrent(np.array(slopes), float(a), float(b))

@@ -70,7 +70,8 @@ def diagnosed(change: dict[str, float], content: str, seed: int, count: int) -> 
     camera = visaug.Camera.load(STATED)
     if "column_fixed_e" in change:
         camera = camera.replace({"dsnu.column_e": 0.0})
-    taken = pictures.take(replace(BASE, **change), scenes_of(content, seed, count), seed)
+    actual = replace(BASE, **change)  # pyrefly: ignore[bad-argument-type]
+    taken = pictures.take(actual, scenes_of(content, seed, count), seed)
     found = visaug.diagnose(camera, as_frames(taken), scenes=renders(content, 10_000 + seed), sets=SETS)
     known = {entry.effect: entry for entry in found.ranking}
     numbers = {

@@ -56,7 +56,7 @@ def conditions():
         ("24 dB and banding", banded, {"gain_db": 24}),
     ):
         torch.manual_seed(0)
-        noise = visaug.VISNoise(one, transfer="srgb", **options)  # pyright: ignore[reportArgumentType]
+        noise = visaug.VISNoise(one, transfer="srgb", **options)  # pyrefly: ignore[bad-argument-type]
         light = torch.from_numpy(picture.astype(np.float32) / 255)[None, None]
         yield name, (noise(light)[0, 0] * 255).round().byte().numpy()[window]
 

@@ -146,14 +146,14 @@ def prepare_dataset(
         folder = output.with_name(f"{output.name}-coco")
         for name, poses in labelled.items():
             files = [file.relative_to(root).as_posix() for file in poses.files]
-            write_json(folder / f"{name.replace('/', '-')}.json", coco_annotations(poses, model, files))
+            write_json(folder / f"{name.replace('/', '-')}.json", coco_annotations(poses, model, files))  # pyrefly: ignore[unbound-name]
         said.append(f"COCO annotations: {folder}")
     if width_height is not None:
         first, splits = next((d, s) for d, s in domains(root).items() if "train" in s)
         names = {"train": "train", "validation": "val", "test": "test"}
         parts = {names[split]: labelled[f"{first}/{split}"] for split in splits}
         place = output.with_name(f"{output.name}-{width_height[0]}x{width_height[1]}")
-        said.append(f"labels: {convert(parts, model, place, width_height, progress)}")
+        said.append(f"labels: {convert(parts, model, place, width_height, progress)}")  # pyrefly: ignore[unbound-name]
     return "\n".join([*said, f"ready: {root}"])
 
 

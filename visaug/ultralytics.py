@@ -150,7 +150,7 @@ def _tune(model: "YOLO", use_ray: bool = False, *args: Any, **kwargs: Any) -> An
     def with_callbacks(_: None, arguments: dict, network: nn.Module) -> Any:
         return sweep(trainer_of(str(model.task)), arguments, network, model.callbacks)
 
-    engine.MultiTrainer = with_callbacks
+    engine.MultiTrainer = with_callbacks  # pyrefly: ignore[bad-assignment]
     try:
         return type(model).tune(model, False, *args, **kwargs)
     finally:

@@ -117,7 +117,7 @@ def test_release_3_fits_lines_through_the_origin_by_least_squares():
         )
         for p, x, y in zip(photons, signal, variance, strict=True)
     ]
-    found = emva_sensitivity(levels, None)  # pyright: ignore[reportArgumentType]
+    found = emva_sensitivity(levels, None)  # pyrefly: ignore[bad-argument-type]
     gain, response = (
         float(np.linalg.lstsq(x[:, None], y, rcond=None)[0][0])
         for x, y in ((signal, variance), (photons, signal))

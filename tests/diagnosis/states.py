@@ -25,7 +25,7 @@ def leaving(residual, camera: Camera, *accepted: str) -> State:
         find=sample, null=null, confirm=sample, confirm_null=null, whole=sample, whole_null=null,
         largest=np.linspace(2.5, 5.0, 120), camera=camera,
     )  # fmt: skip
-    fitted = Fitted(reference, camera, left, left, left)  # pyright: ignore[reportArgumentType]
+    fitted = Fitted(reference, camera, left, left, left)  # pyrefly: ignore[bad-argument-type]
     nothing, own = np.zeros(len(left)), np.arange(len(left))  # each statistic has a view of its own
     return State(fitted, accepted, (nothing, nothing, nothing), (own, own, own))
 
@@ -61,4 +61,4 @@ class Stated:
 
 
 def judged(candidate: Refined, state: State, cost: float = 0.0) -> Judged:
-    return Judged(candidate, state, Stated(100.0, cost=cost))  # pyright: ignore[reportArgumentType]
+    return Judged(candidate, state, Stated(100.0, cost=cost))  # pyrefly: ignore[bad-argument-type]

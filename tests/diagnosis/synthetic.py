@@ -30,8 +30,8 @@ def state(measured: np.ndarray, sets: np.ndarray, slope: np.ndarray | None = Non
         count = values.shape[1]
         samples.append(SimulatedStatistics(values, slopes[use], np.zeros(count)))
         residuals.append(measured[use] - values.mean(0))
-    reference = Reference(None, coordinates, *samples)  # pyright: ignore[reportArgumentType]
-    fitted = Fitted(reference, None, *residuals)  # pyright: ignore[reportArgumentType]
+    reference = Reference(None, coordinates, *samples)  # pyrefly: ignore[bad-argument-type]
+    fitted = Fitted(reference, None, *residuals)  # pyrefly: ignore[bad-argument-type]
     find, confirm, whole = (
         np.arange(len(left)) for left in residuals
     )  # each statistic has a view of its own

@@ -47,7 +47,7 @@ def test_numbers_stay_in_the_valley_where_they_were_unless_another_is_clearly_de
     )
     first = SimpleNamespace(camera=stated, coordinates=(GAIN,))
     near = SimpleNamespace(camera=was, reference=SimpleNamespace(coordinates=(GAIN, BEYOND)))
-    fitted = Adding(None, first, (), lambda *_: None)._refitted(reference, near)  # pyright: ignore[reportArgumentType]
+    fitted = Adding(None, first, (), lambda *_: None)._refitted(reference, near)  # pyrefly: ignore[bad-argument-type]
     assert fitted.camera.values()["brighter_fatter.beyond"] == pytest.approx(kept)
     assert len(begun) == 2  # the gain is where the file says: that start is none of its own
 
@@ -63,7 +63,7 @@ def test_a_number_that_was_bent_is_tried_as_the_file_says(stated, monkeypatch):
     reference = SimpleNamespace(coordinates=(GAIN,), null_steps=np.array([[0.01], [-0.01]]))
     first = SimpleNamespace(camera=stated, coordinates=(GAIN,))
     near = SimpleNamespace(camera=bent, reference=SimpleNamespace(coordinates=(GAIN,)))
-    fitted = Adding(None, first, (), lambda *_: None)._refitted(reference, near)  # pyright: ignore[reportArgumentType]
+    fitted = Adding(None, first, (), lambda *_: None)._refitted(reference, near)  # pyrefly: ignore[bad-argument-type]
     assert fitted.camera.values()["gain_e_per_dn"] == pytest.approx(stated.values()["gain_e_per_dn"])
 
 
@@ -84,7 +84,7 @@ def drift(stated):
 
 @pytest.fixture
 def begun() -> Adding:
-    return Adding(None, None, (), lambda *_: None)  # pyright: ignore[reportArgumentType]
+    return Adding(None, None, (), lambda *_: None)  # pyrefly: ignore[bad-argument-type]
 
 
 def scattering(monkeypatch, *told: VarianceStrength | None) -> None:
@@ -205,7 +205,7 @@ def test_an_effect_of_more_sets_than_a_later_one_keeps_its_interval(stated, drif
     told = np.exp(np.random.default_rng(0).normal(0, 0.2, 120))
     both = drift.camera.with_effect("row_noise", sigma_e=2.0)
     state = replace(leaving([1.0], both, "row_noise"), scatters=(replace(RANDOM, of_sets=told),))
-    state.fitted.reference.null_steps = np.array([[-0.1], [0.1]])  # pyright: ignore[reportAttributeAccessIssue]
+    state.fitted.reference.null_steps = np.array([[-0.1], [0.1]])
     coordinates, steps, untold = state.numbers
     found = intervals(coordinates, both, steps, untold)
     for path, sd in (("light_drift.sigma", np.log(told).std(ddof=1)), ("row_noise.sigma_e", 0.1 * 2**0.5)):

@@ -67,7 +67,7 @@ def chosen(monkeypatch, stated, simulations: Simulations, gains=GAINS) -> choice
 def accepted(monkeypatch, stated, simulations: Simulations, found: list[Refined]) -> choice.Accepted | None:
     monkeypatch.setattr(choice, "evidence", simulations.evidence)
     monkeypatch.setattr(choice, "between", simulations.between)
-    return choice.accepted(leaving([9.0], stated), found, simulations)  # pyright: ignore[reportArgumentType]
+    return choice.accepted(leaving([9.0], stated), found, simulations)  # pyrefly: ignore[bad-argument-type]
 
 
 def test_of_those_accepted_the_most_probable_is_chosen(monkeypatch, stated):

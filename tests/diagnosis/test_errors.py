@@ -26,4 +26,4 @@ def test_an_error_is_told_where_it_is_clear(monkeypatch, confirmed, found, told)
     monkeypatch.setattr(errors, "_confirms", True, raising=False)
     monkeypatch.setattr(errors, "confirmed", lambda _: confirmed)
     monkeypatch.setattr(errors, "found", lambda _: found)
-    assert errors.told(None) is told  # pyright: ignore[reportArgumentType]
+    assert errors.told(None) is told  # pyrefly: ignore[bad-argument-type]

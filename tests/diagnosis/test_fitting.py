@@ -294,7 +294,7 @@ def test_a_well_that_was_held_for_another_number_is_tried_by_itself(stated):
     slopes = np.zeros((60, 2))
     slopes[0, 0], slopes[1:, 1] = 1 / free[0].step, 50
     reference = Reference(stated, tuple(free), *[SimulatedStatistics(sets, slopes, np.zeros(60))] * 3)
-    fitted = refit(lab, reference, lambda *_: None)  # pyright: ignore[reportArgumentType]
+    fitted = refit(lab, reference, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
     assert abs(fitted.z[0]) < 3.3
 
 
@@ -322,6 +322,6 @@ def test_a_step_that_promises_little_is_taken_by_the_derivatives_alone(stated, e
     lab = Straight(free, stated, off)
     sample = SimulatedStatistics(lab.given, np.full((60, 1), 400.0), np.ones(60))
     lab.sets = 0
-    fitted = refit(lab, Reference(stated, (free,), *[sample] * 3), lambda *_: None)  # pyright: ignore[reportArgumentType]
+    fitted = refit(lab, Reference(stated, (free,), *[sample] * 3), lambda *_: None)  # pyrefly: ignore[bad-argument-type]
     assert lab.sets == sets
     assert free.read(fitted.camera) - free.read(stated) == pytest.approx(off, rel=0.01)

@@ -69,7 +69,7 @@ def standing(residual: np.ndarray) -> Fitted:
     null = np.random.default_rng(3).normal(size=(400, count))
     scale = np.ones(count)
     reference = SimpleNamespace(null=Null(null, scale, np.zeros((count, 1)), np.ones(1)), null_scale=scale)
-    return Fitted(reference, None, residual, np.zeros(count), residual)  # pyright: ignore[reportArgumentType]
+    return Fitted(reference, None, residual, np.zeros(count), residual)  # pyrefly: ignore[bad-argument-type]
 
 
 def a_trial(path: str, looked: bool = False) -> Trial:
@@ -166,7 +166,7 @@ def leaving(residual) -> State:
     left = np.array(residual, float)
     reference = SimpleNamespace(null_scale=np.ones(len(left)), coordinates=())
     own = np.arange(len(left))
-    return State.plain(Fitted(reference, None, left, left, left), (own, own, own))  # pyright: ignore[reportArgumentType]
+    return State.plain(Fitted(reference, None, left, left, left), (own, own, own))  # pyrefly: ignore[bad-argument-type]
 
 
 def test_other_words_are_tried_first_with_the_numbers_that_were_found(stated, monkeypatch):
@@ -186,7 +186,7 @@ def test_other_words_are_tried_first_with_the_numbers_that_were_found(stated, mo
     others = [match(corner_loss=0.3, power=4.0), match(corner_loss=0.3, law="cos4")]
     best = refined("vignetting", found, 60.0, 2.0)
     fitted = leaving([100, 80, 60, 0]).fitted
-    assert selection.from_other_starts(None, fitted, best, others, lambda *_: None, 0.0) is best  # pyright: ignore[reportArgumentType]
+    assert selection.from_other_starts(None, fitted, best, others, lambda *_: None, 0.0) is best  # pyrefly: ignore[bad-argument-type]
     first, second = begun
     assert (first["vignetting.law"], first["vignetting.corner_loss"]) == ("cos4", pytest.approx(0.17))
     assert second == {"vignetting.corner_loss": 0.3, "vignetting.power": 4.0}
@@ -213,7 +213,7 @@ def test_a_number_that_was_zero_is_no_start_where_it_is_refined_as_a_logarithm(s
     trial = stated.with_effect("periodic_banding", amplitude_e=1.0, period_rows=20.0, second_harmonic=0.5)
     values = tuple((path, v) for path, v in trial.values().items() if path.startswith("periodic_banding."))
     pure = trial.replace({"periodic_banding.second_harmonic": 0.0, "periodic_banding.amplitude_e": 7.0})
-    fitted = Fitted(None, stated, *np.zeros((3, 4)))  # pyright: ignore[reportArgumentType]
+    fitted = Fitted(None, stated, *np.zeros((3, 4)))  # pyrefly: ignore[bad-argument-type]
     found = Refined("periodic_banding", pure, (), np.zeros(0), 1.0, np.zeros(4), np.zeros(4))
     (start,) = selection._as_earlier(
         fitted, Match(Trial("periodic_banding", values), 1.0, 1.0, np.zeros(4)), found
@@ -238,7 +238,7 @@ def test_candidates_are_refined_from_the_numbers_of_an_earlier_step_too(stated, 
     monkeypatch.setattr(selection, "refine", refine)
     monkeypatch.setattr(selection, "sharpened", lambda lab, signs, *_: signs)
     for earlier in ({}, {"vignetting": found}, {"smear": found}):
-        selection.candidates(None, None, fitted.fitted, fitted, frozenset(), lambda *_: None, earlier)  # pyright: ignore[reportArgumentType]
+        selection.candidates(None, None, fitted.fitted, fitted, frozenset(), lambda *_: None, earlier)  # pyrefly: ignore[bad-argument-type]
     assert begun == [[], [pytest.approx(0.17)], []]
 
 
@@ -285,7 +285,7 @@ def test_a_blur_of_which_a_weak_trial_matches_best_is_brought_near(stated, monke
     monkeypatch.setattr(selection, "signatures", simulated)
     fitted = SimpleNamespace(camera=stated, reference=None)
     begun = simulated(None, None, [trial(0.2)], None)
-    signs = selection.sharpened(None, begun, fitted, frozenset(), 0.0, lambda *_: None)  # pyright: ignore[reportArgumentType]
+    signs = selection.sharpened(None, begun, fitted, frozenset(), 0.0, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
     tried = [t.by_name["sigma_px"] for t in signs.trials]
     assert len(tried) == 1 + selection.SHARPENED
     assert all(a > b for a, b in pairwise(tried[1:]))  # the first goes far beyond, the others come back
@@ -314,7 +314,7 @@ def test_a_trial_far_from_the_strength_it_asks_for_is_a_start_too(stated, monkey
     fitted = SimpleNamespace(camera=stated, reference=reference)
     match = Match(Trial("point_spread", (("point_spread.sigma_px", 0.2),)), 9.0, scale, np.zeros(4))
     with pytest.raises(Begun):
-        refinement.refine(None, fitted, match, lambda *_: None)  # pyright: ignore[reportArgumentType]
+        refinement.refine(None, fitted, match, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
     assert begun == pytest.approx(strengths)
 
 

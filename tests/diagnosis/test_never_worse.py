@@ -29,7 +29,7 @@ def test_a_refit_that_raises_the_error_is_not_kept_and_an_accepted_effect_is(
     )
     states = [leaving([1.0] * 4, camera, *accepted[:n]) for n in range(len(accepted) + 1)]
     history = tuple(SearchStage(state, 0.01, Error(error, error - 0.1, error + 0.1)) for state in states)
-    end, steps = outcome.kept(setting, history, 0.5)  # pyright: ignore[reportArgumentType]
+    end, steps = outcome.kept(setting, history, 0.5)  # pyrefly: ignore[bad-argument-type]
     assert (end.state.fitted is unfitted) == keeps_file
     assert end.state.accepted == accepted
     assert end.p_value == (0.5 if keeps_file else 0.01)
@@ -61,11 +61,11 @@ def test_limits_beside_an_erratic_camera_are_named_in_a_warning():
         )
         for yes in (True, False)
     ]
-    (warning,) = outcome.erratic(ends[0], found)  # pyright: ignore[reportArgumentType]
+    (warning,) = outcome.erratic(ends[0], found)  # pyrefly: ignore[bad-argument-type]
     assert warning.startswith("limits: ")
     assert "called absent (1) can be too low" in warning
-    assert outcome.erratic(ends[0], found[:1]) == []  # pyright: ignore[reportArgumentType]
-    assert outcome.erratic(ends[1], found) == []  # pyright: ignore[reportArgumentType]
+    assert outcome.erratic(ends[0], found[:1]) == []  # pyrefly: ignore[bad-argument-type]
+    assert outcome.erratic(ends[1], found) == []  # pyrefly: ignore[bad-argument-type]
 
 
 @pytest.mark.parametrize(
@@ -75,4 +75,4 @@ def test_limits_beside_an_erratic_camera_are_named_in_a_warning():
 def test_effects_are_ambiguous_while_one_is_accepted_and_another_is_not(accepted, is_open):
     """Both may be there: then nothing is left open."""
     end = SimpleNamespace(state=SimpleNamespace(accepted=accepted))
-    assert outcome._is_open({"dust", "fringing"}, end) is is_open  # pyright: ignore[reportArgumentType]
+    assert outcome._is_open({"dust", "fringing"}, end) is is_open  # pyrefly: ignore[bad-argument-type]

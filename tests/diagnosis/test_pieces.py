@@ -59,7 +59,7 @@ def test_a_part_of_a_base_term_at_zero_is_a_candidate_by_itself(stated):
     assert {path for trial in tried for path, _ in trial.values} == {"prnu.column", "prnu.row"}
     fitted = base_coordinates(partly, frame_set(0), True)
     lab = SimpleNamespace(frames=frame_set(0))
-    own = coordinates_of("prnu", tried[0].on(partly), lab, fitted)  # pyright: ignore[reportArgumentType]
+    own = coordinates_of("prnu", tried[0].on(partly), lab, fitted)  # pyrefly: ignore[bad-argument-type]
     assert [c.path for c in own] == ["prnu.column", "prnu.row"]
 
 
@@ -84,7 +84,7 @@ def chance_of(null: np.ndarray, shapes: np.ndarray):
     lab = SimpleNamespace(whole_of=lambda values: values)
 
     def p_of(residual: np.ndarray) -> float:
-        fitted = Fitted(reference, None, residual, residual, residual)  # pyright: ignore[reportArgumentType]
+        fitted = Fitted(reference, None, residual, residual, residual)  # pyrefly: ignore[bad-argument-type]
         own = np.arange(len(residual))
         return chance(lab, signed, State.plain(fitted, (own, own, own))).p_value  # type: ignore[arg-type]
 

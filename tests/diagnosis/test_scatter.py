@@ -80,7 +80,7 @@ def test_rare_events_do_not_tell_a_strength_by_their_variance():
     rare = after.null.residuals + rng.permuted(np.tile(events[:, None], FIND), axis=0) - events.mean()
     scale = rare.std(0, ddof=1)
     null = SimpleNamespace(residuals=rare, scale=scale, scale_of=lambda _: scale)
-    after = type(after)(after.residual, after.sets, null, after.allowance)  # pyright: ignore[reportArgumentType]
+    after = type(after)(after.residual, after.sets, null, after.allowance)  # pyrefly: ignore[bad-argument-type]
     one = scatter(before, after, SIGMA)
     assert one is not None
     assert not one.in_variance

@@ -67,7 +67,7 @@ def test_an_effect_gives_way_to_a_rival_that_is_more_probable_beside_a_later_eff
         return odds
 
     monkeypatch.setattr(swap, "between", between)
-    found = swap.reconsidered(setting(swapped), history)  # pyright: ignore[reportArgumentType]
+    found = swap.reconsidered(setting(swapped), history)  # pyrefly: ignore[bad-argument-type]
     assert found[-1].state is (swapped if first == "veiling_glare" else both)
     assert compared == [(True, True, True)]
     assert [stage.action for stage in found] == ["refit", f"add {first}", "add charge_transfer_inefficiency"]
@@ -83,7 +83,7 @@ def test_a_refused_rival_takes_no_place(veiled, monkeypatch):
     history = (history[0], replace(history[1], standing=(own, refused)), history[2])
     monkeypatch.setattr(swap, "evidence", lambda *_: SimpleNamespace(accepts=False))
     monkeypatch.setattr(swap, "between", lambda *_: 1e3)
-    assert swap.reconsidered(setting(adequate=[rival.state]), history) == history  # pyright: ignore[reportArgumentType]
+    assert swap.reconsidered(setting(adequate=[rival.state]), history) == history  # pyrefly: ignore[bad-argument-type]
 
 
 @pytest.mark.parametrize(("adequate", "accepts"), [(True, False), (True, True), (False, False)])
@@ -103,7 +103,7 @@ def test_an_effect_is_dropped_if_the_later_one_alone_explains_everything(
 
     own = history[1].standing[0]
     monkeypatch.setattr(swap, "evidence", evidence)
-    found = swap.reconsidered(setting(adequate=[alone] * adequate), history)  # pyright: ignore[reportArgumentType]
+    found = swap.reconsidered(setting(adequate=[alone] * adequate), history)  # pyrefly: ignore[bad-argument-type]
     dropped = adequate and not accepts
     assert judging == [(True, True, True, 30)] * adequate
     assert found[-1].state is (alone if dropped else both)
@@ -124,7 +124,7 @@ def test_the_rival_keeps_the_interval_that_holds_its_other_options(veiled, monke
     handed = []
     monkeypatch.setattr(swap, "accepted_rank", lambda ranked, *about: handed.append(about) or ranked)
     monkeypatch.setattr(swap, "evidence", lambda *_: SimpleNamespace(accepts=False))
-    swap.reconsidered(setting(adequate=[rival.state]), history)  # pyright: ignore[reportArgumentType]
+    swap.reconsidered(setting(adequate=[rival.state]), history)  # pyrefly: ignore[bad-argument-type]
     assert handed
     assert all(effect == "veiling_glare" and last is other for _, effect, _, last in handed)
 
@@ -142,7 +142,7 @@ def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
     both = leaving([0, 0, 0, 25], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
     camera = veiled["veil"].replace({"veiling_glare.width_px": 14.0})
     alone = leaving([300, 200, 90, 40], camera, "veiling_glare")
-    simulating = adding.Adding(None, None, (), None)  # pyright: ignore[reportArgumentType]
+    simulating = adding.Adding(None, None, (), None)  # pyrefly: ignore[bad-argument-type]
     state = simulating.swapped(both, "lens_flare", alone)
     assert state.accepted == ("veiling_glare", "charge_transfer_inefficiency")
     assert set(made["camera"].effect_names) == {"charge_transfer_inefficiency", "veiling_glare"}

@@ -23,7 +23,7 @@ def test_what_moves_means_either_way_has_no_mean_shift_beyond_its_noise(stated):
     reference = search.given_reference(lab, stated, 20, report)
     scan = scanned(lab, reference, search.trials(stated, few), report)
     found = resolved(lab, reference, scan, report)
-    searching = Setting(lab, reference, scan, few, None, None, report)  # pyright: ignore[reportArgumentType]
+    searching = Setting(lab, reference, scan, few, None, None, report)  # pyrefly: ignore[bad-argument-type]
     assert (searching.with_looks(lambda *_: ()).signs.values == found.values).all()
     assert found.trials == scan.trials
     assert {trial.effect for trial in found.trials} == {"black_level_drift", "tap_mismatch"}

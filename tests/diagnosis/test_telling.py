@@ -67,10 +67,10 @@ def test_effects_whose_shifts_and_scatter_are_below_the_limit_cannot_be_shown():
     values = np.array([[0.1, 0.0], [0.0, 5.0], [1.0, 1.9], [0.0, 1.0]])
     variances = np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0], [0.0, 6.0]])
     signs = Signatures(trials, values, variances)
-    first = cast(SimpleNamespace, leaving([0.0, 0.0], None).fitted.reference)  # pyright: ignore[reportArgumentType]
-    assert telling.cannot_show(signs, first) == ("smear",)  # pyright: ignore[reportArgumentType]
+    first = cast(SimpleNamespace, leaving([0.0, 0.0], None).fitted.reference)  # pyrefly: ignore[bad-argument-type]
+    assert telling.cannot_show(signs, first) == ("smear",)  # pyrefly: ignore[bad-argument-type]
     first.null_scale = 2 * np.ones(2)
-    assert telling.cannot_show(signs, first) == ("row_noise", "smear", "light_drift")  # pyright: ignore[reportArgumentType]
+    assert telling.cannot_show(signs, first) == ("row_noise", "smear", "light_drift")  # pyrefly: ignore[bad-argument-type]
 
 
 def test_the_excess_of_a_logarithm_is_that_of_what_was_measured():

@@ -67,7 +67,7 @@ def use(scale: np.ndarray, sets: int) -> Use:
     """A use of the frames with these standard deviations, known from so many sets."""
     null = SimpleNamespace(scale=scale, scale_of=lambda _: scale)
     count = len(scale)
-    return Use(np.zeros(count), np.zeros((sets, count)), null, np.zeros(count))  # pyright: ignore[reportArgumentType]
+    return Use(np.zeros(count), np.zeros((sets, count)), null, np.zeros(count))  # pyrefly: ignore[bad-argument-type]
 
 
 def test_standard_deviations_within_their_noise_are_pooled():

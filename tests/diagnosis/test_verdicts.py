@@ -83,7 +83,7 @@ def test_a_parameter_of_the_camera_that_does_the_same_is_what_it_cannot_be_separ
     )
     for plausible, found in ((2.0, {"row_noise": ("black_level_dn",)}), (0.1, {})):
         monkeypatch.setattr(verdicts, "_plausible", lambda *_, most=plausible: most)
-        assert _absorbing(end, wide, {"row_noise": effect}) == found  # pyright: ignore[reportArgumentType]
+        assert _absorbing(end, wide, {"row_noise": effect}) == found  # pyrefly: ignore[bad-argument-type]
 
 
 def test_limits_are_simulated_with_random_numbers_that_no_signature_has(monkeypatch, stated):
@@ -103,7 +103,7 @@ def test_limits_are_simulated_with_random_numbers_that_no_signature_has(monkeypa
         report=None,
     )
     one = course([1.0], [np.array([0, 0, 4.0, 0, 0, 0])])
-    verdicts._completed(setting, setting.first, sight(*PLAIN), {"row_noise": one})  # pyright: ignore[reportArgumentType]
+    verdicts._completed(setting, setting.first, sight(*PLAIN), {"row_noise": one})  # pyrefly: ignore[bad-argument-type]
     assert asked
     assert min(min(numbers) for numbers in asked) >= MORE
     assert len({k for numbers in asked for k in numbers}) == sum(map(len, asked))
@@ -115,4 +115,4 @@ def test_limits_hold_for_the_camera_that_was_found():
     setting = SimpleNamespace(first=given)
     for accepted, known in (((), given), (("bit_truncation",), found)):
         state = SimpleNamespace(accepted=accepted, fitted=SimpleNamespace(reference=found))
-        assert verdicts._found(setting, SimpleNamespace(state=state)) is known  # pyright: ignore[reportArgumentType]
+        assert verdicts._found(setting, SimpleNamespace(state=state)) is known  # pyrefly: ignore[bad-argument-type]

@@ -66,7 +66,7 @@ def test_whole_numbers_become_real_ones_and_arrays_are_refused():
     assert noisy.dtype == torch.float32
     assert noisy.max() > 256  # not wrapped; of 64 rows none is beyond with probability 3e-12
     with pytest.raises(InputError, match="ndarray"):
-        visaug.effects.RowNoise(sigma_e=5.0)(electrons.numpy())  # pyright: ignore[reportArgumentType]
+        visaug.effects.RowNoise(sigma_e=5.0)(electrons.numpy())  # pyrefly: ignore[bad-argument-type]
 
 
 def test_a_range_is_drawn_for_each_image():

@@ -225,6 +225,6 @@ def test_strengths_to_try_follow_the_noise_of_the_pictures(monkeypatch):
     monkeypatch.setattr(signatures, "_moves", unmoved)
     reference = SimpleNamespace(null_scale=np.ones(len(lab.statistics)), camera=STATED)
     only_rows = [trial for trial in trials(STATED) if trial.effect == "row_noise"]
-    signatures.scanned(lab, reference, only_rows, lambda *_: None)  # pyright: ignore[reportArgumentType]
+    signatures.scanned(lab, reference, only_rows, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
     expected = [catalogue()["row_noise"].parameters["sigma_e"].trials[k] * 14 / 1.5 for k in (0, -1)]
     assert [trial.by_name["sigma_e"] for trial in tried] == pytest.approx(expected)

@@ -15,8 +15,8 @@ def judged(measured: np.ndarray, rng: np.random.Generator) -> tuple[int, float]:
     """Simulated sets and p-value, for a camera whose statistics are standard normal."""
     finding = lambda jobs, report: rng.standard_normal((len(jobs), STATISTICS))  # noqa: E731
     sets, _, p_value = _tested(
-        SimpleNamespace(finding=finding),  # pyright: ignore[reportArgumentType]
-        None,  # pyright: ignore[reportArgumentType]
+        SimpleNamespace(finding=finding),  # pyrefly: ignore[bad-argument-type]
+        None,  # pyrefly: ignore[bad-argument-type]
         measured,
         np.full(STATISTICS, 1e-3),
         lambda *_: None,

@@ -103,7 +103,7 @@ class AlbumentationsNoise(albumentations.ImageOnlyTransform):
         hook(arrive)  # ultralytics asks for this before its training, and may be loaded since
         camera = self.camera
         several = isinstance(camera, Sequence) and not isinstance(camera, str)
-        plain = [_plain(one) for one in camera] if several else _plain(camera)  # type: ignore[arg-type]
+        plain = [_plain(one) for one in camera] if several else _plain(camera)
         return {"camera": plain, "bits": self.bits, "order": self.order, **self.options}
 
 
@@ -136,5 +136,5 @@ def _signature() -> inspect.Signature:
     return inspect.Signature([camera, *own, *bare])
 
 
-AlbumentationsNoise.__signature__ = _signature()  # type: ignore[attr-defined]
+AlbumentationsNoise.__signature__ = _signature()
 hook(arrive)

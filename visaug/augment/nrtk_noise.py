@@ -11,7 +11,7 @@ from visaug.augment.image_noise import ImageNoise
 from visaug.core.errors import InputError
 
 try:
-    from nrtk.interfaces import PerturbImage  # pyright: ignore[reportMissingImports]
+    from nrtk.interfaces import PerturbImage
 except ImportError:
     raise InputError("nrtk is not installed", expected="pip install nrtk") from None
 

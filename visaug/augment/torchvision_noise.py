@@ -84,7 +84,7 @@ class TorchvisionNoise(v2.Transform):
         )
         parts = [next(own) if yes else clean for clean, yes in zip(batch, chosen.tolist())]
         noisy = torch.stack(parts).reshape(images.shape)
-        return like(noisy, inpt) if is_pil else tv_tensors.wrap(noisy, like=inpt)  # pyright: ignore[reportCallIssue]
+        return like(noisy, inpt) if is_pil else tv_tensors.wrap(noisy, like=inpt)
 
     def _drawn(self, count: int, params: dict[str, Any]) -> tuple[Tensor, dict[str, Tensor]]:
         """Which of `count` images, or clips, get noise, and their draws: of the next image of a sample."""

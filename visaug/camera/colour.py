@@ -18,7 +18,7 @@ demosaicing of Bayer-patterned color images", ICASSP 2004, figure 2; the order o
 the white balance, as in D. Coffin's dcraw.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache, partial
 from typing import Any
 
@@ -88,7 +88,7 @@ class ColourPath:
         self.inverse = (np.linalg.inv(rows) / self.gains[:, None]).astype(np.float32)
         self.weights = np.einsum("kc,xycf->xykf", rows, self._missing(DEMOSAICS[demosaic])).astype(np.float32)
 
-    def _missing(self, weights: dict[str, tuple[float, ...]]) -> np.ndarray:
+    def _missing(self, weights: Mapping[str, Sequence[float]]) -> np.ndarray:
         """Weights of the six sums for each colour, (2, 2, 3, 6)."""
         table = np.zeros((2, 2, 3, 6))
         for row, column in np.ndindex(2, 2):

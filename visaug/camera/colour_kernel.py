@@ -1,10 +1,17 @@
 """The colour path as compiled loops for the CPU: the numbers of `visaug.camera.colour`, which has the law."""
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
 f32 = np.float32
-_options = {"nogil": True, "error_model": "numpy", "cache": True, "fastmath": {"contract", "nsz", "reassoc"}}
+_options: dict[str, Any] = {
+    "nogil": True,
+    "error_model": "numpy",
+    "cache": True,
+    "fastmath": {"contract", "nsz", "reassoc"},
+}
 
 
 @njit(**_options)

@@ -93,7 +93,7 @@ TO_WHOLE = f32(1.5 * 2**23)  # to add and subtract it rounds to a whole number, 
 
 def scratch(width):
     """What `expose` overwrites, for images of a width."""
-    size = rows_at_once.py_func(width) * width
+    size = rows_at_once.py_func(width) * width  # pyrefly: ignore[missing-attribute]
     return np.empty((10, size), np.float32), np.empty((3, size + 3), np.uint32), np.empty((3, size))
 
 
@@ -211,11 +211,11 @@ def _two_words(key, place, one, other):
         a, b, c = u32(of_row), u32(of_row >> u64(32)), u32(mix(of_row + STEP))
         to, also = one[r * width : (r + 1) * width], other[r * width : (r + 1) * width]
         for x in range(width):
-            word = scramble(u32(first + x), u32(31), u32(0x9E3779B9), a)  # pyright: ignore[reportCallIssue]
-            word = scramble(word, u32(17), u32(0xED5AD4BB), b)  # pyright: ignore[reportCallIssue]
-            word = scramble(word, u32(11), u32(0xAC4C1B51), u32(0))  # pyright: ignore[reportCallIssue]
+            word = scramble(u32(first + x), u32(31), u32(0x9E3779B9), a)  # pyrefly: ignore[missing-argument]
+            word = scramble(word, u32(17), u32(0xED5AD4BB), b)  # pyrefly: ignore[missing-argument]
+            word = scramble(word, u32(11), u32(0xAC4C1B51), u32(0))  # pyrefly: ignore[missing-argument]
             to[x] = u32(word ^ (word >> u32(15)))
-            word = scramble(word, u32(15), u32(0x31848BAB), c)  # pyright: ignore[reportCallIssue]
+            word = scramble(word, u32(15), u32(0x31848BAB), c)  # pyrefly: ignore[missing-argument]
             also[x] = u32(word ^ (word >> u32(14)))
 
 
@@ -230,7 +230,7 @@ def _two_normals(one, other, w, z):
         cosine = COS[0] + h2 * (COS[1] + h2 * (COS[2] + h2 * (COS[3] + h2 * (COS[4] + h2 * COS[5]))))
         z[x] = radius * half * sine
         side = i32(one[x] << u32(31))  # the other half of the circle
-        w[x] = as_float(float_bits(radius * cosine) ^ side)  # pyright: ignore[reportCallIssue]
+        w[x] = as_float(float_bits(radius * cosine) ^ side)  # pyrefly: ignore[missing-argument]
 
 
 @part

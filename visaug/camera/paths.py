@@ -73,7 +73,7 @@ def numeric_values(spec: "CameraSpec") -> dict[str, float]:
 
 def words(spec: "CameraSpec") -> dict[str, str]:
     """All options of a camera by path."""
-    chosen = {"read_noise.meaning": spec.read_noise.meaning}
+    chosen: dict[str, str] = {"read_noise.meaning": spec.read_noise.meaning}
     for entry in spec.effects:
         for key, parameter in catalogue()[entry["name"]].parameters.items():
             if parameter.options:

@@ -48,8 +48,9 @@ def facts_of(frame: np.ndarray) -> Facts:
         largest=largest,
         at_largest=float(np.count_nonzero(frame == largest) / frame.size),
         bits=bits,
+        # pyrefly: ignore[bad-argument-type]
         phases=tuple(float(frame[r::2, c::2].mean(dtype=np.float64)) if frame[r::2, c::2].size else 0.0
-                     for r, c in PLACES),  # type: ignore[arg-type]
+                     for r, c in PLACES),
     )  # fmt: skip
 
 

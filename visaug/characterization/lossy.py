@@ -46,6 +46,7 @@ def _step(path: Path | None) -> float | None:
     with fits.open(path, disable_image_compression=True) as file:
         for part in (p for p in file if isinstance(p, fits.BinTableHDU)):
             columns = part.columns
+            # pyrefly: ignore[missing-attribute]
             if part.header.get("ZIMAGE") and columns is not None and "ZSCALE" in (columns.names or ()):
                 return float(np.median(np.abs(np.asarray(part.data["ZSCALE"], np.float64))))
     return None

@@ -137,7 +137,7 @@ def _dark(found: Findings, measured: Measured) -> None:
     start = np.polyfit(temperatures[rates > 0], np.log(rates[rates > 0]), 1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optimize.OptimizeWarning)  # two points leave no covariance
-        (a, b), covariance = optimize.curve_fit(
+        (a, b), covariance = optimize.curve_fit(  # pyrefly: ignore[bad-unpacking]
             lambda t, a, b: a * np.exp(b * t),
             temperatures,
             rates,

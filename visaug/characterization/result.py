@@ -199,7 +199,7 @@ class Characterization:
             )
         master = self.maps["master_bias"]
         _, _, pixels, _ = two_way(master)
-        deviation = float(stats.median_abs_deviation(pixels.ravel(), scale="normal"))  # pyright: ignore[reportArgumentType]
+        deviation = float(stats.median_abs_deviation(pixels.ravel(), scale="normal"))
         return replace(fit_pattern(master), pixel_e=deviation).draw(master.shape, seed)
 
     def plots(self) -> dict[str, Figure]:

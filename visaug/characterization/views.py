@@ -34,7 +34,7 @@ class _View:
         return None  # its pixels are in no file
 
     def shape(self, i: int) -> tuple[int, int]:
-        return self._change(np.zeros(self._frames.shape(i), np.float32)).shape[:2]  # type: ignore[return-value]
+        return self._change(np.zeros(self._frames.shape(i), np.float32)).shape[:2]
 
     def with_bits(self, bit_depth: int) -> _View:
         return _View(self._frames, self._change, bit_depth)

@@ -21,7 +21,7 @@ def connected(address: str | None) -> Iterator[Any]:
         InputError: Ray is not installed, or nobody answers at the address.
     """
     with extra(field="cluster"):
-        import ray  # pyright: ignore[reportMissingImports]
+        import ray
     ours = not ray.is_initialized()
     if ours:
         _connect(ray, None if address == "local" else address)

@@ -96,7 +96,7 @@ def jackknife(
     keep = row_blocks(rows)
     parts = [compute(weights) for weights in keep]
     blocks = len(keep)
-    result = {}
+    result: dict[str, tuple[float, float, float]] = {}
     for name, value in whole.items():
         values = np.array([part.get(name, math.nan) for part in parts])
         values = values[np.isfinite(values)]

@@ -10,7 +10,7 @@ class _Round(torch.autograd.Function):
         return signal.round()
 
     @staticmethod
-    def backward(ctx, gradient: Tensor) -> Tensor:
+    def backward(ctx, gradient: Tensor) -> Tensor:  # pyrefly: ignore[bad-override]
         return gradient
 
 

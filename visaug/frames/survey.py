@@ -297,7 +297,7 @@ def _notes(found: Survey) -> list[str]:
 def _record(row: Facts) -> FrameRecord:
     values = {name: row[name] for name in ("sequence", "file", "clean", *_FIELDS)}
     try:
-        return FrameRecord(**{**values, "exposure_s": values["exposure_s"] or 0.0})
+        return FrameRecord(**values | {"exposure_s": values["exposure_s"] or 0.0})
     except InputError as error:
         raise InputError(
             error.problem, file=row["file"], field=error.field, expected=error.expected

@@ -122,7 +122,7 @@ def peak_frequency(spectrum):
     """Of the highest bin, drawn towards its neighbours by their power: anywhere in white noise, sharp for a banding."""
     length, top = spectrum.size, np.argmax(spectrum)
     weight, place = 0.0, 0.0
-    for k in range(max(0, top - 1), min(length, top + 2)):
+    for k in range(max(0, top - 1), min(length, top + 2)):  # pyrefly: ignore[bad-argument-type]
         weight += spectrum[k]
         place += (k + 1) * spectrum[k]
     return place / max(weight, 1e-12) / (2 * length)

@@ -230,7 +230,7 @@ class Noise:
         return Tails(
             self.bessel * sums[0] / pixels,
             sums[1] / pixels,
-            tuple(counts[:4].tolist()),
+            tuple(map(int, counts[:4])),
             int(counts[4]),
             int(counts[5]),
             int(counts[6]),

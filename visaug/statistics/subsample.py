@@ -134,7 +134,7 @@ def _corner(frames: FrameSet, i: int) -> tuple[int, int]:
 def _sizes(frames: FrameSet) -> list[tuple[int, int]]:
     """Rows and columns of each frame; only one is read of all those that are as large as the sensor."""
     whole = next((i for i, r in enumerate(frames.records) if r.window is None), None)
-    size = None if whole is None else frames.shape(whole)
+    size = (0, 0) if whole is None else frames.shape(whole)
     sizes = []
     for record in frames.records:
         window = record.window

@@ -373,7 +373,7 @@ def diagnose(
 
         write_diagnosis(report_path, result, camera, frames, seed, inputs)
     if not is_silent(quiet, json_path):
-        written(output, part and part.file, json_path, report_path)
+        written(output, part.file if part else None, json_path, report_path)
         summaries.print_next(after_diagnosis(result.to_json(), inputs))
 
 

@@ -181,8 +181,8 @@ class Bench:
         fit, found = self.now.fit, self.diagnosis
         error = fit.error if fit and self.has_excess else None
         full = None if self.now.quick else fit
-        content = (found or self.comparison).to_json()
-        content = {"ranking": [], "ambiguous": [], "unexplained": None, **content}
+        blank: dict[str, Any] = {"ranking": [], "ambiguous": [], "unexplained": None}
+        content = blank | (found or self.comparison).to_json()
         return content | {
             "error": {
                 "before": 1.0 if self.has_excess else None,

@@ -88,5 +88,5 @@ def write_exr(path: Path, picture: Picture) -> None:
 
 def _openexr(path: Path) -> Any:
     with extra(path):
-        import OpenEXR  # pyright: ignore[reportMissingImports]
+        import OpenEXR
     return OpenEXR

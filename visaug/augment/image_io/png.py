@@ -55,7 +55,7 @@ def write_png(path: Path, picture: Picture) -> None:
     pixels = picture.pixels
     if pixels.dtype == np.uint16 and pixels.shape[2] > 1:
         with extra(path):
-            import kornia_rs.io  # pyright: ignore[reportMissingModuleSource]
+            import kornia_rs.io
 
         kornia_rs.io.write_image_png_u16(
             str(path), np.ascontiguousarray(pixels), KORNIA_MODES[pixels.shape[2]]
@@ -78,7 +78,7 @@ def _pixels(path: Path, size: tuple[int, int], depth: int, colour_type: int) -> 
         )
     if depth == 16 and colour_type in (COLOUR, COLOUR_ALPHA):  # Pillow would cut these to 8 bit
         with extra(path):
-            import kornia_rs.io  # pyright: ignore[reportMissingModuleSource]
+            import kornia_rs.io
 
         check_shape(size, path)
         mode = "rgb" if colour_type == COLOUR else "rgba"

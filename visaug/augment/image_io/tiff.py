@@ -126,7 +126,7 @@ def _by_other_decoders(path: Path, dtype: np.dtype | None, channels: int) -> np.
         return read_with_pillow(path).pixels
     if dtype == np.uint16 and channels in (1, 3):
         with extra(path):
-            import kornia_rs.io  # pyright: ignore[reportMissingModuleSource]
+            import kornia_rs.io
 
         return np.asarray(kornia_rs.io.read_image_tiff_u16(str(path), KORNIA_MODES[channels]))
     raise InputError("has a compression that cannot be read", file=path, expected="none, or deflate")

@@ -28,7 +28,7 @@ LOG_2_PER_EXPONENT, PER_LOG_2 = f32(math.log(2) * 2.0**-23), f32(1 / math.log(2)
 LOG_2_HIGH, LOG_2_LOW = f32(0.693359375), f32(-2.12194440e-4)  # their sum is log 2; the first has few digits
 
 settings: Any = config  # numba's own
-OPTIONS = {
+OPTIONS: dict[str, Any] = {
     "cache": True,
     "nogil": True,
     "no_cfunc_wrapper": True,
@@ -101,10 +101,10 @@ def scramble(_typing, _word, _shift, _factor, _more):
 @njit(inline="always")
 def log(x):
     """Natural logarithm of a positive float32, within 1e-7 of it or of 1 (Cephes, logf)."""
-    bits = float_bits(x)  # pyright: ignore[reportCallIssue]
+    bits = float_bits(x)  # pyrefly: ignore[missing-argument]
     # times 2^23, so that the rest lies within a factor sqrt(2) of 1
     exponent = i32(bits - i32(0x3F3504F3)) & i32(-(2**23))
-    t = as_float(i32(bits - i32(exponent))) - ONE  # pyright: ignore[reportCallIssue]
+    t = as_float(i32(bits - i32(exponent))) - ONE  # pyrefly: ignore[missing-argument]
     p = f32(7.0376836292e-2) * t + f32(-1.1514610310e-1)
     p = ((p * t + f32(1.1676998740e-1)) * t + f32(-1.2420140846e-1)) * t + f32(1.4249322787e-1)
     p = ((p * t + f32(-1.6668057665e-1)) * t + f32(2.0000714765e-1)) * t + f32(-2.4999993993e-1)
@@ -119,7 +119,7 @@ def expm1(x):
     r = x - n * LOG_2_HIGH - n * LOG_2_LOW
     p = (f32(1.9875691500e-4) * r + f32(1.3981999507e-3)) * r + f32(8.3334519073e-3)
     p = ((p * r + f32(4.1665795894e-2)) * r + f32(1.6666665459e-1)) * r + f32(5.0000001201e-1)
-    power = as_float((i32(n) + i32(127)) << i32(23))  # pyright: ignore[reportCallIssue]
+    power = as_float((i32(n) + i32(127)) << i32(23))  # pyrefly: ignore[missing-argument]
     return power * (r * r * p + r) + (power - ONE)
 
 

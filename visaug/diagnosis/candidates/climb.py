@@ -187,4 +187,4 @@ def newton(design: np.ndarray, left: np.ndarray, priors: np.ndarray) -> np.ndarr
     curvature = (whole @ whole.T - own) / pairs
     pull = (whole @ total - np.einsum("itn,tn->i", design, left)) / pairs
     share, ways = eigh(curvature + wide, own / twins + wide)
-    return ways @ ((ways.T @ pull) / np.clip(share, LEAST_SHARE, 1.0))
+    return ways @ ((ways.T @ pull) / np.clip(share, LEAST_SHARE, 1.0))  # pyrefly: ignore[missing-attribute]

@@ -37,7 +37,7 @@ class Metric:
 
     @cached_property
     def precision(self) -> np.ndarray:
-        return cho_solve((self.factor, True), np.eye(len(self.factor)), check_finite=False)
+        return cho_solve((self.factor, True), np.eye(len(self.factor)), check_finite=False)  # pyrefly: ignore[bad-return]
 
     def z(self, vector: np.ndarray) -> np.ndarray:
         """Standardised residuals: (..., statistics)."""
@@ -46,7 +46,8 @@ class Metric:
     def white(self, vector: np.ndarray) -> np.ndarray:
         z = self.z(vector)
         flat = z.reshape(-1, z.shape[-1]).T
-        return solve_triangular(self.factor, flat, lower=True, check_finite=False).T.reshape(z.shape)
+        solved = solve_triangular(self.factor, flat, lower=True, check_finite=False)
+        return solved.T.reshape(z.shape)  # pyrefly: ignore[missing-attribute]
 
     def widened(self, variance: np.ndarray) -> "Metric":
         """With the variance that an effect adds, per statistic (drift, tracks, sparse defects)."""
@@ -65,7 +66,7 @@ class Metric:
         inner = np.eye(len(wide)) + root[:, None] * self.precision[np.ix_(wide, wide)] * root
         factor = np.linalg.cholesky(inner)
         freed = solve_triangular(factor, root * flat[wide], lower=True, check_finite=False)
-        square = float(z @ flat - freed @ freed)
+        square = float(z @ flat - freed @ freed)  # pyrefly: ignore[unsupported-operation]
         return -0.5 * square - float(np.log(np.diag(self.factor)).sum() + np.log(np.diag(factor)).sum())
 
     def log_likelihood(self, residual: np.ndarray) -> float:

@@ -83,7 +83,7 @@ def intervals(
     wavers = next(
         (steps[:, [k]] for k, c in enumerate(coordinates) if c.path == GAIN), np.zeros((len(steps), 1))
     )
-    found = {}
+    found: dict[str, tuple[float, float | None, float | None]] = {}
     for k, c in enumerate(coordinates):
         at = c.read(camera)
         own = steps[:, [k]] + (wavers * (1.0 if c.logarithmic else at) if c.in_dn else 0.0)

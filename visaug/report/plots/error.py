@@ -22,7 +22,7 @@ def plot_error_steps(
         before: the error of the camera as given; None leaves it out.
         floor: as close as another set of the accepted camera would come.
     """
-    points = [step for step in steps if step["error"] is not None]
+    points: list[Mapping[str, Any]] = [step for step in steps if step["error"] is not None]
     if before is not None:
         points = [{"action": "camera as given", "error": before}, *points]
     with styled():

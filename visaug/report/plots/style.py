@@ -45,7 +45,7 @@ def styled() -> Iterator[None]:
     with extra():
         import matplotlib as mpl
 
-    with mpl.rc_context(_STYLE):  # pyright: ignore[reportArgumentType]
+    with mpl.rc_context(_STYLE):
         yield
 
 

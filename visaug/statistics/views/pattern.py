@@ -84,7 +84,7 @@ class SmoothMap(View):
             word = "%" if g.kind == "flat" else "DN"
             parts = 4 if id(g) in detailed else 2
             blocks = block_means(g.calm, *(edges(n, parts) for n in g.calm.shape)) * unit
-            for i, row in enumerate(blocks.tolist(), 1):
+            for i, row in enumerate(blocks.tolist(), 1):  # pyrefly: ignore[not-iterable]
                 for j, value in enumerate(row, 1):
                     name = f"block {i},{j} of {parts}x{parts}"
                     yield g.statistic(self.name, name, ["smooth"], word), value
