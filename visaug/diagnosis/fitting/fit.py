@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.diagnosis.fitting.parameters import BLACK, WELL, moved
+from visaug.diagnosis.fitting.parameters import BLACK, WELL, is_stopped, moved
 from visaug.diagnosis.fitting.reference import USES, Reference, Report, is_far, make_reference
 from visaug.diagnosis.fitting.robust import LIKELIHOOD, adjust, misfit, standardised
 from visaug.diagnosis.laboratory import Laboratory
@@ -124,9 +124,23 @@ def _descended(
     share = np.ones(len(start))
 
     def step_from(at: np.ndarray, mean: np.ndarray) -> np.ndarray:
-        left = (measured - mean)[None]
-        step = adjust(left, reference.slopes, reference.scale, priors, at - start, damping)[0]
-        return share * np.clip(step, -0.6 * priors, 0.6 * priors)
+        """The step within the bounds: what would go beyond one stops there, and the others are fitted beside it."""
+        step, free = np.zeros(len(at)), np.full(len(at), True)
+        while free.any():
+            left = (measured - mean - reference.slopes @ step)[None]
+            own, offset = reference.slopes[:, free], (at - start)[free]
+            step[free] = adjust(left, own, reference.scale, priors[free], offset, damping)[0]
+            step[free] = (share * np.clip(step, -0.6 * priors, 0.6 * priors))[free]
+            there = moved(camera, coordinates, list(at + step))
+            stops = [
+                f and is_stopped(c, there, x) for c, x, f in zip(coordinates, at + step, free, strict=True)
+            ]
+            if not any(stops):
+                break
+            step[stops] = (np.array([c.read(there) for c in coordinates]) - at)[stops]
+            free &= ~np.array(stops)
+            step[free] = 0.0
+        return step
 
     for i in range(iterations):
         left = measured - mean

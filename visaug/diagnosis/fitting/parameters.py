@@ -17,6 +17,7 @@ from visaug.effects import Parameter, catalogue
 from visaug.frames import FrameSet
 
 GAUSSIAN_SHAPE = 0.14
+STOPPED = 1e-6  # steps of a coordinate; what rounding leaves is less
 GAIN, BLACK, WELL = "gain_e_per_dn", "black_level_dn", "full_well_e"
 
 
@@ -61,6 +62,11 @@ def moved(camera: Camera, coordinates: Sequence[Coordinate], at: Sequence[float]
     pairs = list(zip(coordinates, at, strict=True))
     scale |= {c.path: c.number(x, 1.0, 0.0) for c, x in pairs if c.path in scale}
     return camera.replace({c.path: c.number(x, scale[GAIN], scale[BLACK]) for c, x in pairs})
+
+
+def is_stopped(coordinate: Coordinate, camera: Camera, at: float) -> bool:
+    """Whether a camera that was moved to a value of a coordinate stopped before it, at a bound of the parameter."""
+    return abs(coordinate.read(camera) - at) > STOPPED * coordinate.step
 
 
 def intervals(

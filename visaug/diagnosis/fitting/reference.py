@@ -8,16 +8,17 @@ from typing import Any
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.diagnosis.fitting.parameters import WELL, Coordinate, moved
+from visaug.diagnosis.fitting.parameters import WELL, Coordinate, is_stopped, moved
 from visaug.diagnosis.fitting.robust import adjust, shrunk, standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.statistics.distance import largest_of_each, least_spread, variance
 
 PAIRS = 2  # simulated steps of a derivative, on alternate sides and with the random numbers of a simulated set each
-MORE_PAIRS = 4  # of a derivative of which noise is much even with a step so many times as wide:
+MORE_PAIRS = 4  # of a derivative of which noise is much even with a step so many times as wide,
 WIDER = 4.0
-CERTAIN = 3.0  # standard errors by which a noisy derivative must differ from 0
-NOISY = 0.1  # share of noise in a derivative from which more simulations are used
+MOST_PAIRS = 16  # and of one that is told by little of what the coordinate changes
+CERTAIN = 3.0  # standard errors by which a derivative that is mostly noise must differ from 0
+NOISY = 0.1  # share of noise in what tells a coordinate from which its derivative is simulated further
 FAR = 6.0  # steps of a coordinate beyond which the reference is simulated anew
 FIRST = 60  # simulated sets whose spread tells the noise of a derivative
 STAGES = (FIRST, 120, 200)  # simulated sets after each of which a test is asked whether it is decided
@@ -121,6 +122,7 @@ class Reference:
     Effects are selected on the discovery frames (`find`), their errors are reported on the hold-out frames (`confirm`), and
     the test whether anything is missing uses all frames (`whole`). Attributes without a prefix refer to the discovery frames.
     `is_erratic`: whether statistics were seen to answer a small step of a parameter by chance.
+    `noise`: (coordinates,) squared standard error of each derivative, summed over the discovery statistics in units of `scale`.
     """
 
     camera: Camera
@@ -129,6 +131,7 @@ class Reference:
     confirm: SimulatedStatistics
     whole: SimulatedStatistics
     is_erratic: bool = field(default=False, kw_only=True)
+    noise: np.ndarray | None = field(default=None, kw_only=True)
 
     @property
     def sets(self) -> np.ndarray:
@@ -235,19 +238,28 @@ def make_reference(
         )
         return replace(begun, find=find, confirm=confirm, whole=whole)
     taken = {} if known is None else {c.path: k for k, c in enumerate(known.coordinates) if c.path != WELL}
-    new = [c for c in coordinates if c.path not in taken]
-    slopes = derivatives(lab, camera, new, values, report)
-    if known is not None:
-        old = [c for c in coordinates if c.path in taken]
-        kept = [taken[c.path] for c in old]
-        slopes = [
-            np.hstack([getattr(known, use).slopes[:, kept], s]) for use, s in zip(USES, slopes, strict=True)
-        ]
-        coordinates = old + new
+    old = [c for c in coordinates if c.path in taken]
+    coordinates = old + [c for c in coordinates if c.path not in taken]
+    slopes, noise = derivatives(
+        lab, camera, coordinates, values, report, _of(known, [taken[c.path] for c in old])
+    )
     least = [np.array([s.least_spread for s in f.statistics]) for f in lab.measured]
     samples = (SimulatedStatistics(*parts) for parts in zip(values, slopes, least, strict=True))
     is_erratic = known is not None and known.is_erratic
-    return Reference(camera, tuple(coordinates), *samples, is_erratic=is_erratic)
+    return Reference(camera, tuple(coordinates), *samples, is_erratic=is_erratic, noise=noise)
+
+
+Derivatives = tuple[
+    list[np.ndarray], np.ndarray
+]  # (statistics, coordinates) of each use, and their noise, see `Reference`
+
+
+def _of(known: Reference | None, places: Sequence[int]) -> Derivatives | None:
+    """Derivatives of some coordinates of a reference; None without one."""
+    if known is None:
+        return None
+    noise = np.zeros(len(known.coordinates)) if known.noise is None else known.noise
+    return [getattr(known, use).slopes[:, places] for use in USES], noise[places]
 
 
 def derivatives(
@@ -256,55 +268,78 @@ def derivatives(
     coordinates: Sequence[Coordinate],
     sets: Sequence[np.ndarray],
     report: Report,
-) -> list[np.ndarray]:
-    """Derivatives of the mean statistics with common random numbers: (statistics, coordinates) of each use.
+    known: Derivatives | None = None,
+) -> Derivatives:
+    """Derivatives of the mean statistics with common random numbers, and their noise.
 
-    Where few simulations leave a large standard error, they are made with a wider step, and where that does not help (an effect
-    whose random numbers change with a step) more of them, and what is within their noise is 0.
+    Noise in derivatives makes refits of simulated sets, and so the intervals, too narrow (regression dilution: W. A. Fuller,
+    Measurement Error Models, 1987). What counts is what tells a coordinate when the others are free: a glow far from its corner is
+    hardly another dark current. Where noise is more than `NOISY` of that, the derivative is made with a wider step, and then from
+    more simulations. What answers a step by chance (an effect whose random numbers change with it) stays mostly noise; there what
+    is within the noise is 0.
 
     Args:
         sets: (R, statistics) of each use, simulated sets of the camera.
+        known: derivatives of the first coordinates, of a similar camera; those that are too noisy beside the others are made again.
     """
+    slopes = [np.zeros((values.shape[1], len(coordinates))) for values in sets]
+    noise = np.zeros(len(coordinates))
     if not coordinates:
-        return [np.zeros((len(f.values), 0)) for f in lab.measured]
-    scale = np.sqrt(variance(sets[0]))
+        return slopes, noise
+    given = 0 if known is None else len(known[1])
+    if known is not None:
+        noise[:given] = known[1]
+        for own, there in zip(slopes, known[0], strict=True):
+            own[:, :given] = there
+    scale, priors = np.sqrt(variance(sets[0])), np.array([c.prior for c in coordinates])
+    taken: dict[int, list[np.ndarray]] = {}  # (simulations, statistics) difference quotients of each use
 
-    def noisy(pairs: np.ndarray) -> np.ndarray:
-        answers = standardised(pairs.mean(1), scale)
-        noise = standardised(pairs.std(1, ddof=1), scale) / np.sqrt(pairs.shape[1])
-        return (noise**2).sum(-1) > NOISY * (answers**2).sum(-1)
+    def take(which: Sequence[int], width: float, numbers: range) -> None:
+        steps = {k: width * coordinates[k].step for k in which}
+        found = differences(lab, camera, coordinates, steps, numbers, sets, report)
+        for j, k in enumerate(which):
+            new = [quotients[j] for quotients in found]
+            taken[k] = [np.vstack(both) for both in zip(taken[k], new, strict=True)] if numbers.start else new
+            for own, quotients in zip(slopes, taken[k], strict=True):
+                own[:, k] = quotients.mean(0)
+            error = taken[k][0].std(0, ddof=1) / np.sqrt(len(taken[k][0]))
+            noise[k] = (standardised(error, scale) ** 2).sum()
 
-    every = {k: c.step for k, c in enumerate(coordinates)}
-    pairs = differences(lab, camera, coordinates, every, range(PAIRS), sets, report)
-    slopes = [found.mean(1) for found in pairs]
-    unclear = np.flatnonzero(noisy(pairs[0])).tolist()
-    if unclear:
-        wide = {k: WIDER * every[k] for k in unclear}
-        pairs = differences(lab, camera, coordinates, wide, range(PAIRS), sets, report)
-        still = np.flatnonzero(noisy(pairs[0])).tolist()
-        for slope, found in zip(slopes, pairs, strict=True):
-            slope[unclear] = found.mean(1)
-        last = min(MORE_PAIRS, len(sets[0]))
-        if still and last > PAIRS:
-            noisiest = {unclear[k]: wide[unclear[k]] for k in still}
-            more = differences(lab, camera, coordinates, noisiest, range(PAIRS, last), sets, report)
-            for slope, first, further, own in zip(slopes, pairs, more, sets, strict=True):
-                of = np.concatenate([first[still], further], axis=1)
-                slope[list(noisiest)] = _certain(of, variance(own))
-    return [slope.T for slope in slopes]
+    def noisy(which: Sequence[int]) -> list[int]:
+        design = standardised(slopes[0].T, scale)
+        told = 1 / np.diag(np.linalg.inv(design @ design.T + np.diag(1 / priors**2)))
+        return [k for k in which if noise[k] > NOISY * told[k]]
+
+    if given < len(coordinates):
+        take(range(given, len(coordinates)), 1.0, range(PAIRS))
+    todo, count = noisy(range(len(coordinates))), PAIRS
+    if todo:
+        take(todo, WIDER, range(PAIRS))
+    while (todo := noisy(todo)) and count < min(MOST_PAIRS, len(sets[0])):
+        further = range(count, min(2 * count, len(sets[0])))
+        take(todo, WIDER, further)
+        count = further.stop
+        if count == MORE_PAIRS:
+            answers = (standardised(slopes[0].T, scale) ** 2).sum(1)
+            for k in [k for k in todo if noise[k] > NOISY * answers[k]]:
+                todo.remove(k)
+                for own, quotients, values in zip(slopes, taken[k], sets, strict=True):
+                    own[:, k] = _certain(quotients, variance(values))
+                noise[k] = 0.0
+    return slopes, noise
 
 
-def _certain(pairs: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """Means of difference quotients (coordinates, simulations, statistics), 0 where they are within `CERTAIN` standard errors.
+def _certain(quotients: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """Means of difference quotients (simulations, statistics), 0 where they are within `CERTAIN` standard errors.
 
-    The noise of a thousand statistics would outweigh the few that answer, and would make refits of simulated sets, and so the
-    intervals, too narrow (regression dilution). Few simulations do not tell the noise of one statistic; all together do.
+    The noise of a thousand statistics would outweigh the few that answer. Few simulations do not tell the noise of one
+    statistic; all together do.
 
     Args:
         spread: (statistics,) variances of simulated sets.
     """
-    mean, noise = pairs.mean(1), pairs.var(1, ddof=1) / pairs.shape[1]
-    share = np.divide(noise, spread, out=np.zeros_like(noise), where=spread > 0).mean(-1, keepdims=True)
+    mean, noise = quotients.mean(0), quotients.var(0, ddof=1) / len(quotients)
+    share = np.divide(noise, spread, out=np.zeros_like(noise), where=spread > 0).mean()
     return np.where(mean**2 > CERTAIN**2 * np.maximum(noise, share * spread), mean, 0.0)
 
 
@@ -320,20 +355,28 @@ def differences(
     """(steps, simulations, statistics) difference quotients of each use of the frames.
 
     Each is between a simulated set and the same with a step of one coordinate, upwards for even numbers and downwards for odd
-    ones, so that a curvature cancels in their mean.
+    ones, so that a curvature cancels in their mean; at a bound of a parameter all steps are away from it.
 
     Args:
         coordinates: all that are free; the others are held at their values, which for those in DN depend on the gain.
         steps: of the coordinates that are stepped, by index.
     """
     at = np.array([c.read(camera) for c in coordinates])
+
+    def stepped(j: int, size: float) -> Camera:
+        there = at.copy()
+        there[j] += size
+        return moved(camera, coordinates, there.tolist())
+
     signed = np.array([[step * (1 - 2 * (k % 2)) for k in numbers] for step in steps.values()])
     jobs = []
-    for j, sizes in zip(steps, signed, strict=True):
-        for size, number in zip(sizes, numbers, strict=True):
-            there = at.copy()
-            there[j] += size
-            jobs.append((moved(camera, coordinates, there.tolist()), number))
+    for row, j in enumerate(steps):
+        for column, number in enumerate(numbers):
+            there = stepped(j, signed[row, column])
+            if is_stopped(coordinates[j], there, at[j] + signed[row, column]):  # by a bound
+                signed[row, column] *= -1
+                there = stepped(j, signed[row, column])
+            jobs.append((there, number))
     word = "computing sensitivities"
     found = lab.simulated(jobs, lambda n: report(word, n, len(jobs)))
     return [
