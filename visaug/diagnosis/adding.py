@@ -1,5 +1,6 @@
 """A camera with one more effect: simulated, refitted, its strength estimated from mean shifts or from variance."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -10,6 +11,7 @@ from visaug.diagnosis.criterion import SHARE, Evidence, evidence
 from visaug.diagnosis.fitting.fit import Fitted, refit, settled
 from visaug.diagnosis.fitting.parameters import Coordinate, effect_coordinates, moved, strengths_of
 from visaug.diagnosis.fitting.reference import Reference, Report, make_reference
+from visaug.diagnosis.fitting.robust import adjust
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.scatter import VarianceStrength, scatter
 from visaug.diagnosis.state import State
@@ -22,6 +24,7 @@ STAGES_AFTER = (
 )  # their number after each of which the evidence is asked whether it is decided
 FIRST = 0.5  # share of the least evidence from which few simulated sets do not exclude a candidate
 SCALED = 2  # iterations of a strength that is estimated from variance
+STRONGER = 1.5  # ratio of strengths from which the answer of such an estimate is simulated
 BENT = 5.0  # standard deviations between fit and camera file above which a second fit starts from the file
 AS_DEEP = 1.1  # ratio of two misfits up to which two minima count as equally good
 
@@ -144,9 +147,21 @@ class Adding:
             told = self._told(state, after, candidate)
             assert told is not None
             if told.is_met:
+                told = self._answering(state, after, told) if sets == self.sets else told
                 return replace(after, scatters=(*after.scatters, told))
             camera, begun = told.scaled(after.fitted.camera), None
         return None
+
+    def _answering(self, state: State, after: State, told: VarianceStrength) -> VarianceStrength:
+        """An estimate with its answer to the strength, from a few sets of a greater one, refitted as those of the state."""
+        reference = after.fitted.reference
+        up = [c.read(reference.camera) + math.log(STRONGER) for c in told.strengths]
+        stronger = moved(reference.camera, told.strengths, up)
+        label = "simulating sets of a greater strength"
+        jobs = [(stronger, k) for k in range(self._few)]
+        there = self.lab.finding(jobs, lambda n: self.report(label, n, len(jobs))) - reference.mean
+        steps = adjust(there, reference.slopes, reference.scale, reference.priors)
+        return told.answering(state.find, after.find, there - steps @ reference.slopes.T, STRONGER)
 
     def swapped(self, state: State, own: str, with_rival: State) -> State:
         """The state with an effect replaced by a rival, everything refitted.

@@ -37,7 +37,7 @@ def outcome(setting: Setting, history: History, nearest: str | None) -> Diagnosi
     outside = float(expit(log_odds_outside(end.state, statistics))) if end.state.accepted else None
     effects = () if lab.units else verdicts(setting, end)
     return Diagnosis(
-        camera=end.state.fitted.camera,
+        camera=end.state.camera,
         accepted=end.state.accepted,
         error_after=end.error if excess else None,
         p_value_before=p_before,

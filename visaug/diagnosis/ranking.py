@@ -79,10 +79,10 @@ def accepted_rank(
 
 def _with_those(effect: str, after: State, otherwise: Judged | None) -> dict[str, FittedValue]:
     """The parameters of an effect, with intervals that also hold those of the same effect with other options."""
-    found = estimates(effect, after.fitted.camera, *after.numbers)
+    found = estimates(effect, after.camera, *after.numbers)
     if otherwise is None:
         return found
-    others = estimates(effect, otherwise.state.fitted.camera, *otherwise.state.numbers)
+    others = estimates(effect, otherwise.state.camera, *otherwise.state.numbers)
     return {name: own.reaching(others[name]) if name in others else own for name, own in found.items()}
 
 

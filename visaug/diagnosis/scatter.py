@@ -6,7 +6,8 @@ the variance that the effect adds and s_0 the standard deviation without it. The
 c; its interval comes from the same estimate on simulated sets.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from visaug.diagnosis.fitting.uses import Use, scales, shifts
 TYPICAL = 0.15
 FACTORS = np.geomspace(0.1, 10, 61)
 MET = 1.6  # ratio to which an estimated strength must reproduce itself
+ANSWERS = 0.3  # least answer of an estimate to its strength; of one that answers less the frames tell nothing
 
 
 @dataclass(frozen=True)
@@ -31,12 +33,14 @@ class VarianceStrength:
         of_sets: (R,) the same estimate from each of its own simulated sets.
         strengths: their coordinates; at least one.
         in_variance: whether the variance determines it better than the mean shifts.
+        answer: ratio by which the logarithm of the estimate follows that of the strength.
     """
 
     factor: float
     of_sets: np.ndarray
     strengths: tuple[Coordinate, ...]
     in_variance: bool
+    answer: float = 1.0
 
     @property
     def effect(self) -> str:
@@ -53,9 +57,33 @@ class VarianceStrength:
         return self.is_met and not self.in_variance
 
     @property
+    def is_told(self) -> bool:
+        """Whether the estimate answers to the strength."""
+        return self.answer >= ANSWERS
+
+    @property
     def steps(self) -> np.ndarray:
-        """(R, strengths) logarithm of the strengths as estimated from each simulated set."""
-        return np.repeat(np.log(self.of_sets)[:, None], len(self.strengths), axis=1)
+        """(R, strengths) logarithm of the strengths as estimated from each simulated set; 0 where the frames do not tell them."""
+        own = np.log(self.of_sets) / self.answer if self.is_told else np.zeros(len(self.of_sets))
+        return np.repeat(own[:, None], len(self.strengths), axis=1)
+
+    @property
+    def untold(self) -> np.ndarray:
+        """(strengths,) standard deviation that comes from the priors because the frames do not determine them."""
+        return np.array([0.0 if self.is_told else c.prior for c in self.strengths])
+
+    def estimated(self, camera: Camera) -> Camera:
+        """A camera of the strength that was simulated, with the strength that the measurement told."""
+        step = float(np.log(self.factor)) / self.answer if self.is_told else 0.0
+        return moved(camera, self.strengths, [c.read(camera) + step for c in self.strengths])
+
+    def answering(self, before: Use, after: Use, stronger: np.ndarray, ratio: float) -> "VarianceStrength":
+        """With its answer, from residuals (n, statistics) of sets of a strength that is greater by a ratio.
+
+        They share random numbers with the first n sets of `after`, see `scatter`.
+        """
+        more = np.log(_factors(before, after)(stronger)) - np.log(self.of_sets[: len(stronger)])
+        return replace(self, answer=float(np.clip(more.mean() / np.log(ratio), 0.0, 1.0)))
 
     def scaled(self, camera: Camera) -> Camera:
         """The camera with the estimated strengths."""
@@ -74,26 +102,39 @@ def scatter(before: Use, after: Use, strengths: tuple[Coordinate, ...]) -> Varia
     """
     if not strengths:
         return None
-    null, (plain, own) = after.null, scales(before, after)
+    null, (plain, own), moves = after.null, scales(before, after), shifts(before, after)
+    added = _added(null, plain, own)
+    factors = _factors(before, after)
     used = (plain > 0) & (own > 0)
-    known = plain[used] ** 2
-    added = np.where(_is_typical(null), np.maximum(own**2 - plain**2, 0.0), 0.0)[used]
-    moves = shifts(before, after)[used]
+    total = plain[used] ** 2 + added[used]
+    by_mean = float((moves[used] ** 2 / total).sum())
+    by_variance = 2 * float(((added[used] / total) ** 2).sum())
+    (factor,) = factors(before.residual[None] - moves)
+    return VarianceStrength(float(factor), factors(null.residuals), strengths, by_variance > by_mean)
+
+
+def _factors(before: Use, after: Use) -> Callable[[np.ndarray], np.ndarray]:
+    """The estimate of the factor, (sets,), for residuals (sets, statistics) with the effect."""
+    plain, own = scales(before, after)
+    used = (plain > 0) & (own > 0)
+    known, moves = plain[used] ** 2, shifts(before, after)[used]
+    added = _added(after.null, plain, own)[used]
 
     def factors(left: np.ndarray) -> np.ndarray:
-        """(sets,) maximum of the likelihood for residuals (sets, statistics) without the effect."""
         likelihoods = [
-            log_density(left - c * moves, np.sqrt(known + c**2 * added), np.sqrt(known)).sum(-1)
+            log_density(left[:, used] + (1 - c) * moves, np.sqrt(known + c**2 * added), np.sqrt(known)).sum(
+                -1
+            )
             for c in FACTORS
         ]
         return FACTORS[np.argmax(likelihoods, axis=0)]
 
-    (factor,) = factors(before.residual[None, used])
-    by_mean = float((moves**2 / (known + added)).sum())
-    by_variance = 2 * float(((added / (known + added)) ** 2).sum())
-    return VarianceStrength(
-        float(factor), factors(null.residuals[:, used] + moves), strengths, by_variance > by_mean
-    )
+    return factors
+
+
+def _added(null: Null, plain: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """(statistics,) variance that the effect adds to typical sets."""
+    return np.where(_is_typical(null), np.maximum(own**2 - plain**2, 0.0), 0.0)
 
 
 def _is_typical(null: Null) -> np.ndarray:

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from visaug.camera import Camera
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.law import FORM
 from visaug.diagnosis.fitting.parameters import Coordinate
@@ -74,6 +75,14 @@ class State:
         return Use(residual, sample.sets, null, allowance)
 
     @property
+    def camera(self) -> Camera:
+        """The fitted camera, with the strengths that variance tells as estimated and not as they were simulated."""
+        camera = self.fitted.camera
+        for told in self.scatters:
+            camera = told.estimated(camera)
+        return camera
+
+    @property
     def numbers(self) -> tuple[tuple[Coordinate, ...], np.ndarray, np.ndarray]:
         """All fitted parameters and their uncertainty.
 
@@ -88,7 +97,7 @@ class State:
         steps = np.hstack(
             [np.pad(part, ((0, most - len(part)), (0, 0)), constant_values=np.nan) for part in parts]
         )
-        untold = np.concatenate([reference.untold, np.zeros(len(scattering))])
+        untold = np.concatenate([reference.untold, *(s.untold for s in self.scatters)])
         return (*reference.coordinates, *scattering), steps, untold
 
     @property

@@ -79,11 +79,11 @@ class Fits:
             self.lab.statistics, reference.mean + fitted.residual, reference.sets, reference.find.least
         )
         return CameraFit(
-            fitted.camera,
+            state.camera,
             Errors(self.lab, self._reference((), report), plain.fitted).told(fitted),
             state.p_value,
             places(left, self.lab.statistics, state.find.z),
-            {name: estimates(name, fitted.camera, *state.numbers) for name in added},
+            {name: estimates(name, state.camera, *state.numbers) for name in added},
         )
 
     def as_it_is(self, camera: Camera, quick: bool, report: Report) -> CameraFit:
