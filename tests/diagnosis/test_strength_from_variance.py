@@ -46,7 +46,8 @@ def test_an_estimate_that_follows_the_strength_covers_it(stated):
         told = told_of(1.3, seed, latched=False)
         assert told.is_told
         _, low, high = intervals([SIGMA], told.estimated(camera), told.steps, told.untold)[SIGMA.path]
-        assert low is not None and high is not None
+        assert low is not None
+        assert high is not None
         inside += low < 0.013 < high
     assert 86 <= inside < 100
 
