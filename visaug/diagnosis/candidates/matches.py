@@ -51,7 +51,7 @@ def matches(
     residual = m.white(fitted.residual)
     wide = scatter_along(fitted.reference.null, np.hypot(form * fitted.residual, allowance), signed.values)
     found = [
-        _match(m, trial, signature, variance, fitted.residual, residual, share, nothing)
+        _match(m, trial, signature, variance, fitted.residual, residual, share, nothing, form)
         for trial, signature, variance, share in zip(
             signed.trials, signed.values, signed.variances, wide, strict=True
         )
@@ -81,19 +81,40 @@ def extrapolation(match: Match) -> float:
 
 
 def _match(
-    m: Metric, trial: Trial, signature, variance, residual, white_residual, wide: float, nothing: float
+    m: Metric,
+    trial: Trial,
+    signature,
+    variance,
+    residual,
+    white_residual,
+    wide: float,
+    nothing: float,
+    form: float,
 ) -> Match:
-    fixed = trial.is_fixed
-    spread = variance[m.used] / m.scale**2
+    """The match of one trial; see `metric` for `form`.
+
+    The discrepancy of a form is a share of the residual in a metric. Where a signature is the larger of the two, because a flat
+    saturates at one strength and not at another, it is a share of the signature, if that explains more.
+    """
+    spread, by_chance = variance[m.used] / m.scale**2, CHANCE * (wide - 1)
+    scales = (1.0,) if trial.is_fixed else SCALES + tuple(-c for c in SCALES) * trial.is_signed
+
+    def widened(added: np.ndarray) -> tuple[float, float]:
+        return max(
+            (m.widened_log_likelihood(residual - c * signature, c**2 * added) - nothing, c) for c in scales
+        )
+
     if spread.max() < 2 and spread.mean() < 0.1:
         d = m.white(signature)
-        scale = 1.0 if fixed else float(d @ white_residual) / max(float(d @ d), 1e-12)
+        scale = 1.0 if trial.is_fixed else float(d @ white_residual) / max(float(d @ d), 1e-12)
         scale = scale if trial.is_signed else max(scale, 0.0)
         gain = scale * float(d @ white_residual) - 0.5 * scale**2 * float(d @ d)
-        return Match(trial, gain - CHANCE * (wide - 1), scale, np.zeros_like(variance))
-    tried = [
-        (m.widened_log_likelihood(residual - c * signature, c**2 * variance) - nothing, c)
-        for c in ((1.0,) if fixed else SCALES + tuple(-c for c in SCALES) * trial.is_signed)
-    ]
-    gain, scale = max(tried)
+        own, rough = np.zeros_like(variance), form * np.abs(signature)
+        clashes = np.zeros(len(variance), bool)
+        clashes[m.used] = rough[m.used] > m.scale
+        clashes &= np.abs(signature) > np.abs(residual)
+        if clashes.any():
+            gain, scale = max((gain, scale), widened(np.where(clashes, rough**2, 0.0)))
+        return Match(trial, gain - by_chance, scale, own)
+    gain, scale = widened(variance)
     return Match(trial, gain, scale, scale**2 * variance)
