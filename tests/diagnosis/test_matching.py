@@ -10,7 +10,7 @@ from scipy.special import erfc
 from tests.diagnosis import states
 from visaug import Camera
 from visaug.diagnosis.candidates import refinement, selection
-from visaug.diagnosis.candidates.matches import Match, best_of_each
+from visaug.diagnosis.candidates.matches import Match, best_of_each, matches
 from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.candidates.selection import first_matches
 from visaug.diagnosis.candidates.signatures import Signatures, is_random, own_variance
@@ -128,6 +128,30 @@ def test_rare_events_are_tried_where_something_stands_far_out():
     )
     _, chosen = first_matches(signs, standing(0.7 * track + glow), frozenset(), 0.0)
     assert [m.trial.effect for m in chosen] == ["amplifier_glow", "cosmic_rays"]
+
+
+@pytest.mark.parametrize("saturates", [0.0, 500.0])
+def test_a_flat_that_saturates_at_one_strength_alone_does_not_hide_an_effect(saturates):
+    """Forty statistics shift by 2.5 times the trial's; one that the trial moves by 500 deviations does not move at all.
+
+    The factor is that of forty statistics, of which a scale in the list may be the nearest: 1.6.
+    """
+    shape = np.r_[np.linspace(1, 3, 40), np.zeros(20)]
+    flat = np.where(np.arange(60) == 50, saturates, 0.0)
+    signs = Signatures((a_trial("vignetting.corner_loss"),), (4 * shape + flat)[None], np.zeros((1, 60)))
+    (found,) = matches(signs, standing(10 * shape))
+    assert found.scale == pytest.approx(2.5, rel=0.02 if not saturates else 0.4)
+    # as good as certain, and less by what the one statistic costs: the logarithm of its width and its deviation over it
+    assert found.gain > 40
+
+
+def test_an_effect_that_moves_other_statistics_than_those_that_deviate_gains_nothing():
+    """Each of ten that it moves by 30 deviations, and that did not move, speaks against it."""
+    left, elsewhere = np.zeros(60), np.zeros(60)
+    left[:10], elsewhere[:10], elsewhere[20:30] = 4.0, 4.0, 30.0
+    signs = Signatures((a_trial("row_noise.sigma_e"),), elsewhere[None], np.zeros((1, 60)))
+    (found,) = matches(signs, standing(left))
+    assert found.gain < 2
 
 
 def test_the_least_scaled_of_an_effects_good_trials_is_where_it_starts():
