@@ -1,5 +1,7 @@
 """A strength that is estimated from variance: what it answers to, and what is reported where it does not."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -63,12 +65,14 @@ def test_a_statistic_that_no_strength_moves_further_leaves_the_strength_untold(s
     assert np.log([low, high]) - np.log(value) == pytest.approx([-1.96 * 1.5, 1.96 * 1.5])
 
 
-def test_the_camera_of_a_state_has_the_strength_that_was_estimated(stated):
-    from types import SimpleNamespace
-
+def test_an_estimate_that_follows_half_the_strength_is_reported_as_twice_as_far_and_twice_as_wide(stated):
+    """In the logarithm."""
     camera = stated.with_effect("light_drift", sigma=0.01)
     reference = SimpleNamespace(coordinates=(), null_steps=np.zeros((9, 0)), untold=np.zeros(0))
     fitted = SimpleNamespace(camera=camera, reference=reference)
-    told = VarianceStrength(1.2, np.ones(9), (SIGMA,), in_variance=True, answer=0.5)
-    state = State(fitted, ("light_drift",), None, None, (told,))  # pyright: ignore[reportArgumentType]
+    told = VarianceStrength(1.2, np.geomspace(0.9, 1.1, 9), (SIGMA,), in_variance=True, answer=0.5)
+    state = State(fitted, ("light_drift",), None, None, (told,))  # pyrefly: ignore[bad-argument-type]
     assert state.camera.values()["light_drift.sigma"] == pytest.approx(0.01 * 1.2**2)
+    _, steps, untold = state.numbers
+    np.testing.assert_allclose(steps[:, 0], 2 * np.log(np.geomspace(0.9, 1.1, 9)))
+    assert untold == pytest.approx([0.0])
