@@ -130,27 +130,41 @@ def test_rare_events_are_tried_where_something_stands_far_out():
     assert [m.trial.effect for m in chosen] == ["amplifier_glow", "cosmic_rays"]
 
 
-@pytest.mark.parametrize("saturates", [0.0, 500.0])
-def test_a_flat_that_saturates_at_one_strength_alone_does_not_hide_an_effect(saturates):
-    """Forty statistics shift by 2.5 times the trial's; one that the trial moves by 500 deviations does not move at all.
+SHAPE = np.r_[np.linspace(1, 3, 40), np.zeros(20)]
 
-    The factor is that of forty statistics, of which a scale in the list may be the nearest: 1.6.
-    """
-    shape = np.r_[np.linspace(1, 3, 40), np.zeros(20)]
-    flat = np.where(np.arange(60) == 50, saturates, 0.0)
-    signs = Signatures((a_trial("vignetting.corner_loss"),), (4 * shape + flat)[None], np.zeros((1, 60)))
-    (found,) = matches(signs, standing(10 * shape))
-    assert found.scale == pytest.approx(2.5, rel=0.02 if not saturates else 0.4)
-    # as good as certain, and less by what the one statistic costs: the logarithm of its width and its deviation over it
-    assert found.gain > 40
+
+def saturating(by: float) -> Signatures:
+    """A vignetting that shifts forty statistics, and by `by` deviations one that saturates at the trial's strength alone."""
+    flat = np.where(np.arange(60) == 50, by, 0.0)
+    return Signatures((a_trial("vignetting.corner_loss"),), (4 * SHAPE + flat)[None], np.zeros((1, 60)))
+
+
+@pytest.mark.parametrize(
+    ("by", "forgiving", "scale"), [(0, False, 2.5), (0, True, 2.5), (500, False, 0.0), (500, True, 1.6)]
+)
+def test_a_flat_that_saturates_at_one_strength_alone_does_not_hide_an_effect(by, forgiving, scale):
+    """The forty shift by 2.5 times the trial's. A forgiving match takes the nearest scale of a list, 1.6."""
+    (found,) = matches(saturating(by), standing(10 * SHAPE), forgiving=forgiving)
+    assert found.scale == pytest.approx(scale, rel=0.02, abs=0.01)
+    assert (found.gain > 40) is (scale > 1)
+
+
+def test_what_a_saturating_flat_hides_is_tried_beside_the_other_candidates():
+    """With its forgiving matches, from which a nearer strength follows."""
+    signs, seam = saturating(500.0), a_trial("tap_mismatch.gain")
+    half = np.where(np.arange(60) < 20, 10 * SHAPE, 0.0)
+    both = Signatures((*signs.trials, seam), np.vstack([signs.values, half]), np.zeros((2, 60)))
+    tried, chosen = first_matches(both, standing(10 * SHAPE), frozenset(), 0.0)
+    assert [m.trial.effect for m in chosen] == ["tap_mismatch", "vignetting"]
+    assert {m.trial.effect: m.scale for m in tried}["vignetting"] == 1.6
 
 
 def test_an_effect_that_moves_other_statistics_than_those_that_deviate_gains_nothing():
-    """Each of ten that it moves by 30 deviations, and that did not move, speaks against it."""
+    """Each of ten that it moves by 30 deviations, and that did not move, speaks against it, also where much is forgiven."""
     left, elsewhere = np.zeros(60), np.zeros(60)
     left[:10], elsewhere[:10], elsewhere[20:30] = 4.0, 4.0, 30.0
     signs = Signatures((a_trial("row_noise.sigma_e"),), elsewhere[None], np.zeros((1, 60)))
-    (found,) = matches(signs, standing(left))
+    (found,) = matches(signs, standing(left), forgiving=True)
     assert found.gain < 2
 
 

@@ -40,18 +40,21 @@ def matches(
     without: frozenset[str] = frozenset(),
     allowance: np.ndarray | float = 0.0,
     form: float = ROUGH,
+    forgiving: bool = False,
 ) -> list[Match]:
     """Matches of every trial, the best first.
 
     Args:
         form: see `metric`.
+        forgiving: whether the discrepancy is a share of the signature too where that is larger than the residual: a flat that
+            saturates at the trial's strength and not at the true one says nothing.
     """
     m = metric(fitted, form, allowance)
     nothing = m.log_likelihood(fitted.residual)
     residual = m.white(fitted.residual)
     wide = scatter_along(fitted.reference.null, np.hypot(form * fitted.residual, allowance), signed.values)
     found = [
-        _match(m, trial, signature, variance, fitted.residual, residual, share, nothing, form)
+        _match(m, trial, signature, variance, fitted.residual, residual, share, nothing, form * forgiving)
         for trial, signature, variance, share in zip(
             signed.trials, signed.values, signed.variances, wide, strict=True
         )
@@ -83,19 +86,15 @@ def extrapolation(match: Match) -> float:
 def _match(
     m: Metric,
     trial: Trial,
-    signature,
-    variance,
-    residual,
-    white_residual,
+    signature: np.ndarray,
+    variance: np.ndarray,
+    residual: np.ndarray,
+    white_residual: np.ndarray,
     wide: float,
     nothing: float,
-    form: float,
+    of_signature: float,
 ) -> Match:
-    """The match of one trial; see `metric` for `form`.
-
-    The discrepancy of a form is a share of the residual in a metric. Where a signature is the larger of the two, because a flat
-    saturates at one strength and not at another, it is a share of the signature, if that explains more.
-    """
+    """The match of one trial; `of_signature` is the share of a signature that is discrepancy where it exceeds the residual."""
     spread, by_chance = variance[m.used] / m.scale**2, CHANCE * (wide - 1)
     scales = (1.0,) if trial.is_fixed else SCALES + tuple(-c for c in SCALES) * trial.is_signed
 
@@ -109,7 +108,7 @@ def _match(
         scale = 1.0 if trial.is_fixed else float(d @ white_residual) / max(float(d @ d), 1e-12)
         scale = scale if trial.is_signed else max(scale, 0.0)
         gain = scale * float(d @ white_residual) - 0.5 * scale**2 * float(d @ d)
-        own, rough = np.zeros_like(variance), form * np.abs(signature)
+        own, rough = np.zeros_like(variance), of_signature * np.abs(signature)
         clashes = np.zeros(len(variance), bool)
         clashes[m.used] = rough[m.used] > m.scale
         clashes &= np.abs(signature) > np.abs(residual)

@@ -168,7 +168,7 @@ def first_matches(
     Where a residual is so large that every exact form would be rejected, it is the trial with the largest gain for the
     discrepancy that remains after refinement. Trials read from the frames are the best of about a hundred and get no such
     preference, except those that cannot be scaled: their signatures come from the camera as given and may not be valid for
-    the refitted one.
+    the refitted one. One more effect is included, the best of forgiving matches; all its matches are these then.
     """
     tried = matches(signs, fitted, without, allowance)
     if not tried:  # every effect is left out or there already
@@ -180,8 +180,15 @@ def first_matches(
     far_out = np.abs(fitted.z).max() > FAR_OUT
     exact = matches(signs, fitted, without, allowance, form=FORM if far_out else 0.0)
     claim = [m for m in exact if far_out or not (m.variance.any() or m.trial.looked)][:1]
-    names = [m.trial.effect for m in chosen]
+    names = {m.trial.effect for m in chosen}
     chosen += [m for m in claim if m.gain > least and m.trial.effect not in names]
+    first, *others = matches(signs, fitted, without, allowance, forgiving=True)
+    own = first.trial.effect
+    if first.gain > least and own not in {m.trial.effect for m in chosen}:
+        chosen.append(first)
+        tried = [m for m in tried if m.trial.effect != own]
+        tried += [m for m in (first, *others) if m.trial.effect == own]
+        tried.sort(key=lambda m: -m.gain)
     chosen += [m for m in tried if m.trial.looked and m.trial.is_fixed and m not in chosen]
     return tried, chosen
 
