@@ -146,7 +146,7 @@ def test_a_flat_that_saturates_at_one_strength_alone_does_not_hide_an_effect(by,
     """The forty shift by 2.5 times the trial's. A forgiving match takes the nearest scale of a list, 1.6."""
     (found,) = matches(saturating(by), standing(10 * SHAPE), forgiving=forgiving)
     assert found.scale == pytest.approx(scale, rel=0.02, abs=0.01)
-    assert (found.gain > 40) is (scale > 1)
+    assert bool(found.gain > 40) == (scale > 1)
 
 
 def test_what_a_saturating_flat_hides_is_tried_beside_the_other_candidates():
