@@ -13,7 +13,9 @@ from visaug.diagnosis.criterion import SHARE
 from visaug.diagnosis.fitting import fit
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.parameters import Coordinate, intervals
-from visaug.diagnosis.scatter import VarianceStrength
+from visaug.diagnosis.fitting.reference import Null, Reference, SimulatedStatistics
+from visaug.diagnosis.fitting.uses import Use
+from visaug.diagnosis.scatter import VarianceStrength, scatter
 
 BEYOND = Coordinate("brighter_fatter.beyond", False, 0.05, 0.5)
 GAIN = Coordinate("gain_e_per_dn", True, 0.02, 0.3)
@@ -198,6 +200,45 @@ def test_a_strength_from_variance_must_reproduce_itself(
     if after is not None:
         assert after.scatters == (RANDOM,)
         assert after.fitted.camera.values()["light_drift.sigma"] == pytest.approx(kept)
+
+
+@pytest.mark.parametrize(("share", "stronger"), [(0.3, True), (0.8, False), (1.0, False)])
+def test_the_answer_of_a_strength_is_simulated_within_its_bound(stated, share, stronger):
+    """Thirty statistics that a share moves at random, in proportion; at most 1, so that less of it is simulated near that.
+
+    Also a drift of the first parameter's kind, by 100, which the refit takes out.
+    """
+    own = Coordinate("blooming.share", True, 0.1, 1.5)
+    camera, count = stated.with_effect("blooming", share=share), 60
+    slopes = np.ones((30, 1))
+    asked = []
+
+    def of(strength: float) -> np.ndarray:
+        rng = np.random.default_rng(0)
+        return rng.standard_normal((count, 30)) + 4 * strength * rng.standard_normal((count, 30))
+
+    class Lab:
+        def finding(self, jobs, report=None):
+            asked.append(jobs[0][0].values()["blooming.share"] / share)
+            return of(asked[0])[: len(jobs)] + 100
+
+    def use(sets: np.ndarray) -> Use:
+        null = Null(sets - sets.mean(0), np.full(30, 0.1), np.zeros((30, 0)), np.zeros(0))
+        return Use(np.random.default_rng(9).normal(0, 4.1, 30), sets, null, np.zeros(30))
+
+    before, after = use(of(0.0)), use(of(1.0))
+    told = scatter(before, after, (own,))
+    assert told is not None
+    black = Coordinate("black_level_dn", False, 1.0, 1e3)
+    sample = SimulatedStatistics(of(1.0), slopes, np.zeros(30))
+    reference = Reference(camera, (black,), sample, sample, sample)
+    states = (
+        SimpleNamespace(find=before),
+        SimpleNamespace(find=after, fitted=SimpleNamespace(reference=reference)),
+    )
+    answering = Adding(Lab(), None, (), lambda *_: None)._answering(*states, told)  # pyrefly: ignore[bad-argument-type]
+    assert asked == pytest.approx([1.5 if stronger else 1 / 1.5])
+    assert answering.answer == pytest.approx(1, abs=0.2)
 
 
 def test_an_effect_of_more_sets_than_a_later_one_keeps_its_interval(stated, drift):

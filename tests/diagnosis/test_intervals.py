@@ -22,7 +22,7 @@ def silent(*_) -> None:
 def test_intervals_of_95_percent_hold_the_truth(stated):
     """A glow whose foot is hardly another dark current: noise of derivatives would tell them apart.
 
-    From a start of up to a step beside it. Fewer than 19 of 24 would come in one run in 10,000 for each parameter.
+    From a start of up to a step beside it. Fewer than 18 of 24 would come in one run in 6,000 for each of six parameters.
     """
     effect = "amplifier_glow"
     truth = stated.with_effect(effect, rate_e_per_s=60.0, width=0.2)
@@ -43,4 +43,4 @@ def test_intervals_of_95_percent_hold_the_truth(stated):
             inside[c.path] += abs(c.read(fitted.camera) - c.read(truth)) < 1.96 * spread
     of_both = ("dark_current.", f"{effect}.")
     fewest = min(count for path, count in inside.items() if path.startswith(of_both))
-    assert fewest >= 19, inside
+    assert fewest >= 18, inside

@@ -9,7 +9,13 @@ from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.candidates.trials import Trial, exchanged
 from visaug.diagnosis.criterion import SHARE, Evidence, evidence
 from visaug.diagnosis.fitting.fit import Fitted, refit, settled
-from visaug.diagnosis.fitting.parameters import Coordinate, effect_coordinates, moved, strengths_of
+from visaug.diagnosis.fitting.parameters import (
+    Coordinate,
+    effect_coordinates,
+    is_stopped,
+    moved,
+    strengths_of,
+)
 from visaug.diagnosis.fitting.reference import Reference, Report, make_reference
 from visaug.diagnosis.fitting.robust import adjust
 from visaug.diagnosis.laboratory import Laboratory
@@ -153,15 +159,17 @@ class Adding:
         return None
 
     def _answering(self, state: State, after: State, told: VarianceStrength) -> VarianceStrength:
-        """An estimate with its answer to the strength, from a few sets of a greater one, refitted as those of the state."""
+        """An estimate with its answer to the strength, from a few sets of another one, refitted as those of the state."""
         reference = after.fitted.reference
-        up = [c.read(reference.camera) + math.log(STRONGER) for c in told.strengths]
-        stronger = moved(reference.camera, told.strengths, up)
-        label = "simulating sets of a greater strength"
-        jobs = [(stronger, k) for k in range(self._few)]
+        for ratio in (STRONGER, 1 / STRONGER):  # weaker at a bound
+            at = [c.read(reference.camera) + math.log(ratio) for c in told.strengths]
+            other = moved(reference.camera, told.strengths, at)
+            if not any(is_stopped(c, other, x) for c, x in zip(told.strengths, at, strict=True)):
+                break
+        label, jobs = "simulating sets of another strength", [(other, k) for k in range(self._few)]
         there = self.lab.finding(jobs, lambda n: self.report(label, n, len(jobs))) - reference.mean
         steps = adjust(there, reference.slopes, reference.scale, reference.priors)
-        return told.answering(state.find, after.find, there - steps @ reference.slopes.T, STRONGER)
+        return told.answering(state.find, after.find, there - steps @ reference.slopes.T, ratio)
 
     def swapped(self, state: State, own: str, with_rival: State) -> State:
         """The state with an effect replaced by a rival, everything refitted.

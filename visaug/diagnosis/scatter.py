@@ -77,13 +77,15 @@ class VarianceStrength:
         step = float(np.log(self.factor)) / self.answer if self.is_told else 0.0
         return moved(camera, self.strengths, [c.read(camera) + step for c in self.strengths])
 
-    def answering(self, before: Use, after: Use, stronger: np.ndarray, ratio: float) -> "VarianceStrength":
-        """With its answer, from residuals (n, statistics) of sets of a strength that is greater by a ratio.
+    def answering(self, before: Use, after: Use, others: np.ndarray, ratio: float) -> "VarianceStrength":
+        """With its answer, from residuals (n, statistics) of sets whose strength is `ratio` times as large.
 
-        They share random numbers with the first n sets of `after`, see `scatter`.
+        They share random numbers with the first n sets of `after`, see `scatter`. An answer within two standard errors of 1 is 1.
         """
-        more = np.log(_factors(before, after)(stronger)) - np.log(self.of_sets[: len(stronger)])
-        return replace(self, answer=float(np.clip(more.mean() / np.log(ratio), 0.0, 1.0)))
+        more = np.log(_factors(before, after)(others)) - np.log(self.of_sets[: len(others)])
+        answers = more / np.log(ratio)
+        answer, error = answers.mean(), answers.std(ddof=1) / np.sqrt(len(answers))
+        return replace(self, answer=1.0 if answer + 2 * error > 1 else max(float(answer), 0.0))
 
     def scaled(self, camera: Camera) -> Camera:
         """The camera with the estimated strengths."""

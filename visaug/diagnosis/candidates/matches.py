@@ -108,12 +108,10 @@ def _match(
         scale = 1.0 if trial.is_fixed else float(d @ white_residual) / max(float(d @ d), 1e-12)
         scale = scale if trial.is_signed else max(scale, 0.0)
         gain = scale * float(d @ white_residual) - 0.5 * scale**2 * float(d @ d)
-        own, rough = np.zeros_like(variance), of_signature * np.abs(signature)
-        clashes = np.zeros(len(variance), bool)
-        clashes[m.used] = rough[m.used] > m.scale
-        clashes &= np.abs(signature) > np.abs(residual)
-        if clashes.any():
-            gain, scale = max((gain, scale), widened(np.where(clashes, rough**2, 0.0)))
-        return Match(trial, gain - by_chance, scale, own)
+        rough = np.where(np.abs(signature) > np.abs(residual), of_signature * np.abs(signature), 0.0)
+        rough[m.used] *= rough[m.used] > m.scale  # few, so that they cost little
+        if rough.any():
+            gain, scale = max((gain, scale), widened(rough**2))
+        return Match(trial, gain - by_chance, scale, np.zeros_like(variance))
     gain, scale = widened(variance)
     return Match(trial, gain, scale, scale**2 * variance)

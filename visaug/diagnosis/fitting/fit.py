@@ -124,7 +124,7 @@ def _descended(
     share = np.ones(len(start))
 
     def step_from(at: np.ndarray, mean: np.ndarray) -> np.ndarray:
-        """The step within the bounds: what would go beyond one stops there, and the others are fitted beside it."""
+        """The step within the bounds: a coordinate that would leave them stops there, and the others are fitted without it."""
         step, free = np.zeros(len(at)), np.full(len(at), True)
         while free.any():
             left = (measured - mean - reference.slopes @ step)[None]
@@ -132,13 +132,12 @@ def _descended(
             step[free] = adjust(left, own, reference.scale, priors[free], offset, damping)[0]
             step[free] = (share * np.clip(step, -0.6 * priors, 0.6 * priors))[free]
             there = moved(camera, coordinates, list(at + step))
-            stops = [
-                f and is_stopped(c, there, x) for c, x, f in zip(coordinates, at + step, free, strict=True)
-            ]
-            if not any(stops):
+            beyond = at + step - [c.read(there) for c in coordinates]
+            farthest = int(np.abs(beyond / steps).argmax())
+            if not free[farthest] or not is_stopped(coordinates[farthest], there, (at + step)[farthest]):
                 break
-            step[stops] = (np.array([c.read(there) for c in coordinates]) - at)[stops]
-            free &= ~np.array(stops)
+            step[farthest] -= beyond[farthest]
+            free[farthest] = False
             step[free] = 0.0
         return step
 

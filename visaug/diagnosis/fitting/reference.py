@@ -122,7 +122,8 @@ class Reference:
     Effects are selected on the discovery frames (`find`), their errors are reported on the hold-out frames (`confirm`), and
     the test whether anything is missing uses all frames (`whole`). Attributes without a prefix refer to the discovery frames.
     `is_erratic`: whether statistics were seen to answer a small step of a parameter by chance.
-    `noise`: (coordinates,) squared standard error of each derivative, summed over the discovery statistics in units of `scale`.
+    `noise`: (coordinates,) squared standard error of each derivative in standard deviations, summed over the discovery
+    statistics.
     """
 
     camera: Camera
@@ -273,14 +274,13 @@ def derivatives(
     """Derivatives of the mean statistics with common random numbers, and their noise.
 
     Noise in derivatives makes refits of simulated sets, and so the intervals, too narrow (regression dilution: W. A. Fuller,
-    Measurement Error Models, 1987). What counts is what tells a coordinate when the others are free: a glow far from its corner is
-    hardly another dark current. Where noise is more than `NOISY` of that, the derivative is made with a wider step, and then from
-    more simulations. What answers a step by chance (an effect whose random numbers change with it) stays mostly noise; there what
-    is within the noise is 0.
+    Measurement Error Models, 1987), by the more the less the statistics distinguish a coordinate from the others. Where noise is
+    more than the share `NOISY` of this information, the derivative is simulated with a wider step, and then more often. One that
+    stays mostly noise, since the random numbers of an effect change with the step, is 0 where it is within its noise.
 
     Args:
         sets: (R, statistics) of each use, simulated sets of the camera.
-        known: derivatives of the first coordinates, of a similar camera; those that are too noisy beside the others are made again.
+        known: derivatives of the first coordinates, of a similar camera; those that are too noisy here are simulated again.
     """
     slopes = [np.zeros((values.shape[1], len(coordinates))) for values in sets]
     noise = np.zeros(len(coordinates))
@@ -302,31 +302,39 @@ def derivatives(
             taken[k] = [np.vstack(both) for both in zip(taken[k], new, strict=True)] if numbers.start else new
             for own, quotients in zip(slopes, taken[k], strict=True):
                 own[:, k] = quotients.mean(0)
-            error = taken[k][0].std(0, ddof=1) / np.sqrt(len(taken[k][0]))
-            noise[k] = (standardised(error, scale) ** 2).sum()
+            noise[k] = (standardised(_error(taken[k][0]), scale) ** 2).sum()
 
-    def noisy(which: Sequence[int]) -> list[int]:
+    def noisy() -> list[int]:
         design = standardised(slopes[0].T, scale)
         told = 1 / np.diag(np.linalg.inv(design @ design.T + np.diag(1 / priors**2)))
-        return [k for k in which if noise[k] > NOISY * told[k]]
+        return np.flatnonzero(noise > NOISY * told).tolist()
 
     if given < len(coordinates):
         take(range(given, len(coordinates)), 1.0, range(PAIRS))
-    todo, count = noisy(range(len(coordinates))), PAIRS
-    if todo:
-        take(todo, WIDER, range(PAIRS))
-    while (todo := noisy(todo)) and count < min(MOST_PAIRS, len(sets[0])):
-        further = range(count, min(2 * count, len(sets[0])))
-        take(todo, WIDER, further)
-        count = further.stop
-        if count == MORE_PAIRS:
-            answers = (standardised(slopes[0].T, scale) ** 2).sum(1)
-            for k in [k for k in todo if noise[k] > NOISY * answers[k]]:
-                todo.remove(k)
+    most = min(MOST_PAIRS, len(sets[0]) // 2 * 2)
+    wide = np.zeros(len(coordinates), int)  # simulations of each with the wider step
+    while todo := [k for k in noisy() if wide[k] < most]:
+        groups = {int(count): [k for k in todo if wide[k] == count] for count in np.unique(wide[todo])}
+        for count, which in groups.items():
+            further = range(count, min(max(2 * count, PAIRS), most))
+            take(which, WIDER, further)
+            wide[which] = further.stop
+        answers = (standardised(slopes[0].T, scale) ** 2).sum(1)
+        for k in todo:
+            if wide[k] >= MORE_PAIRS and noise[k] > NOISY * answers[k]:
                 for own, quotients, values in zip(slopes, taken[k], sets, strict=True):
                     own[:, k] = _certain(quotients, variance(values))
                 noise[k] = 0.0
     return slopes, noise
+
+
+def _error(quotients: np.ndarray) -> np.ndarray:
+    """(statistics,) standard errors of the means of difference quotients (simulations, statistics).
+
+    From means of a step upwards and one downwards, in which a curvature cancels; of two simulations from the two themselves.
+    """
+    each = quotients.reshape(-1, 2, quotients.shape[1]).mean(1) if len(quotients) > 2 else quotients
+    return each.std(0, ddof=1) / np.sqrt(len(each))
 
 
 def _certain(quotients: np.ndarray, spread: np.ndarray) -> np.ndarray:
@@ -338,7 +346,7 @@ def _certain(quotients: np.ndarray, spread: np.ndarray) -> np.ndarray:
     Args:
         spread: (statistics,) variances of simulated sets.
     """
-    mean, noise = quotients.mean(0), quotients.var(0, ddof=1) / len(quotients)
+    mean, noise = quotients.mean(0), _error(quotients) ** 2
     share = np.divide(noise, spread, out=np.zeros_like(noise), where=spread > 0).mean()
     return np.where(mean**2 > CERTAIN**2 * np.maximum(noise, share * spread), mean, 0.0)
 
