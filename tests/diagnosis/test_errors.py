@@ -1,4 +1,4 @@
-"""On which frames an error is told."""
+"""On which frames an error is reported."""
 
 import pytest
 
@@ -9,7 +9,7 @@ CLEAR, UNCLEAR, VAGUE = Error(0.04, -0.02, 0.1), Error(1.1, -0.4, 2.5), Error(-4
 
 
 @pytest.mark.parametrize(
-    ("confirmed", "found", "told"),
+    ("confirmed", "found", "expected"),
     [
         (CLEAR, UNCLEAR, CLEAR),
         (UNCLEAR, CLEAR, CLEAR),  # beside an effect that scatters the hold-out frames may say nothing
@@ -21,9 +21,9 @@ CLEAR, UNCLEAR, VAGUE = Error(0.04, -0.02, 0.1), Error(1.1, -0.4, 2.5), Error(-4
         (None, None, None),
     ],
 )
-def test_an_error_is_told_where_it_is_clear(monkeypatch, confirmed, found, told):
+def test_an_error_is_reported_where_it_is_clear(monkeypatch, confirmed, found, expected):
     errors = object.__new__(Errors)
     monkeypatch.setattr(errors, "_confirms", True, raising=False)
     monkeypatch.setattr(errors, "confirmed", lambda _: confirmed)
     monkeypatch.setattr(errors, "found", lambda _: found)
-    assert errors.told(None) is told  # pyrefly: ignore[bad-argument-type]
+    assert errors.told(None) is expected  # pyrefly: ignore[bad-argument-type]

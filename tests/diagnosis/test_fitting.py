@@ -349,7 +349,7 @@ class Alike:
 
 
 def test_two_numbers_that_the_frames_hardly_tell_apart_have_their_true_intervals(stated):
-    """Their difference is told by 2 of 402 statistics, and the noise of two derivatives would tell it as well as these.
+    """Only 2 of 402 statistics determine their difference; the noise of two derivatives carries as much apparent information.
 
     The standard deviation is that of least squares with the true derivatives; one of 400 sets is known to 3.5 %, and 16 pairs
     leave noise of an eighth of what 2 leave, by which it is too small by 9 %.
@@ -367,7 +367,7 @@ def test_two_numbers_that_the_frames_hardly_tell_apart_have_their_true_intervals
     exact = np.sqrt(np.diag(np.linalg.inv(design.T @ design + np.eye(2)))) * [c.prior for c in free]
     spread = np.hypot(reference.null_steps.std(0, ddof=1), reference.untold)
     assert spread == pytest.approx(exact, rel=0.2)
-    # with another number held, each is told by all statistics, and two simulations are enough
+    # with the other parameter fixed, all statistics determine it, and two simulations are enough
     lab.asked.clear()
     alone = Alike(free[:1], stated)
     alone.slopes = alone.slopes[:, :1]

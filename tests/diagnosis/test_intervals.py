@@ -30,7 +30,9 @@ def test_intervals_of_95_percent_hold_the_truth(stated):
     plain = base_coordinates(stated, lab.frames, lab.calibrated)
     free = [*plain, *effect_coordinates(truth, effect)]
     aside = np.random.default_rng(1).uniform(-1, 1, len(free)) * [c.step for c in free]
-    aside[[c.path == "full_well_e" for c in free]] = 0.0  # what clips is told by one statistic, which bends
+    aside[[c.path == "full_well_e" for c in free]] = (
+        0.0  # only one statistic, which is nonlinear, determines the full well
+    )
     begin = moved(truth, free, [c.read(truth) + step for c, step in zip(free, aside, strict=True)])
     reference = make_reference(lab, begin, free, FIRST, silent)
     inside = {c.path: 0 for c in free}

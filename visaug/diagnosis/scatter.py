@@ -3,7 +3,8 @@
 A drifting lamp shifts no level on average, and its shifts in a few simulations are chance, so no fit of means determines its
 strength. With the effect's strength multiplied by c, a statistic has the law N(c m, s_0^2 + c^2 v), where m is its mean shift, v
 the variance that the effect adds and s_0 the standard deviation without it. The strength is the maximum of this likelihood over
-c; its interval comes from the same estimate on simulated sets.
+c. Not every mean shift grows with c, so the response of the estimate to the strength is simulated (`answer`). The interval is that
+of the estimates of simulated sets, divided by this response.
 """
 
 from collections.abc import Callable
@@ -21,7 +22,7 @@ from visaug.diagnosis.fitting.uses import Use, scales, shifts
 TYPICAL = 0.15
 FACTORS = np.geomspace(0.1, 10, 61)
 MET = 1.6  # ratio to which an estimated strength must reproduce itself
-ANSWERS = 0.3  # least answer of an estimate to its strength; of one that answers less the frames tell nothing
+ANSWERS = 0.3  # smallest response of an estimate to the strength; below it the interval is that of the prior
 
 
 @dataclass(frozen=True)
@@ -73,9 +74,8 @@ class VarianceStrength:
         return np.array([0.0 if self.is_told else c.prior for c in self.strengths])
 
     def estimated(self, camera: Camera) -> Camera:
-        """A camera of the strength that was simulated, with the strength that the measurement told."""
-        step = float(np.log(self.factor)) / self.answer if self.is_told else 0.0
-        return moved(camera, self.strengths, [c.read(camera) + step for c in self.strengths])
+        """A camera of the simulated strength, with the strength estimated from the measurement."""
+        return self.scaled(camera, 1 / self.answer) if self.is_told else camera
 
     def answering(self, before: Use, after: Use, others: np.ndarray, ratio: float) -> "VarianceStrength":
         """With its answer, from residuals (n, statistics) of sets whose strength is `ratio` times as large.
@@ -87,9 +87,9 @@ class VarianceStrength:
         answer, error = answers.mean(), answers.std(ddof=1) / np.sqrt(len(answers))
         return replace(self, answer=1.0 if answer + 2 * error > 1 else max(float(answer), 0.0))
 
-    def scaled(self, camera: Camera) -> Camera:
-        """The camera with the estimated strengths."""
-        step = float(np.log(self.factor))
+    def scaled(self, camera: Camera, power: float = 1.0) -> Camera:
+        """The camera with its strengths multiplied by a power of the factor."""
+        step = power * float(np.log(self.factor))
         return moved(camera, self.strengths, [c.read(camera) + step for c in self.strengths])
 
 
