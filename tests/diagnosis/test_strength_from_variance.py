@@ -68,8 +68,9 @@ def test_a_statistic_that_no_strength_moves_further_leaves_the_strength_untold(s
 def test_an_estimate_that_follows_half_the_strength_is_reported_as_twice_as_far_and_twice_as_wide(stated):
     """In the logarithm."""
     camera = stated.with_effect("light_drift", sigma=0.01)
-    reference = SimpleNamespace(coordinates=(), null_steps=np.zeros((9, 0)), untold=np.zeros(0))
-    fitted = SimpleNamespace(camera=camera, reference=reference)
+    nothing = np.zeros(0)
+    reference = SimpleNamespace(coordinates=(), spread_steps=np.zeros((9, 0)), untold=nothing)
+    fitted = SimpleNamespace(camera=camera, reference=reference, simulation_error=nothing)
     told = VarianceStrength(1.2, np.geomspace(0.9, 1.1, 9), (SIGMA,), in_variance=True, answer=0.5)
     state = State(fitted, ("light_drift",), None, None, (told,))  # pyrefly: ignore[bad-argument-type]
     assert state.camera.values()["light_drift.sigma"] == pytest.approx(0.01 * 1.2**2)

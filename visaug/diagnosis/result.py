@@ -12,7 +12,7 @@ from visaug.core.reporting import Reported
 from visaug.diagnosis.camera_file import Mistake
 from visaug.diagnosis.empirical import Component, component
 from visaug.diagnosis.fitting.errors import Errors
-from visaug.diagnosis.fitting.parameters import Coordinate, intervals
+from visaug.diagnosis.fitting.parameters import Coordinate, intervals, is_of
 from visaug.diagnosis.residue import Residue
 from visaug.diagnosis.verdict import Verdict
 from visaug.frames import FrameSet
@@ -56,11 +56,10 @@ def estimates(
         steps: (R, coordinates) changes by refits to R simulated sets; if None, no interval is known.
         untold: (coordinates,) prior standard deviation of what the frames do not determine.
     """
-    prefix = "full_well_e" if effect == "saturation" else f"{effect}."
     return {
         path.split(".", 1)[-1]: FittedValue(*numbers, place_of(path).parameter.unit)
         for path, numbers in intervals(coordinates, camera, steps, untold).items()
-        if path.startswith(prefix)
+        if is_of(path, effect)
     }
 
 

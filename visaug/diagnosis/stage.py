@@ -16,6 +16,7 @@ from visaug.diagnosis.fitting.errors import Errors
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.reference import Reference, Report
 from visaug.diagnosis.laboratory import Laboratory
+from visaug.diagnosis.response import with_responses
 from visaug.diagnosis.result import Ranked
 from visaug.diagnosis.state import State
 from visaug.statistics.distance import Error
@@ -64,12 +65,12 @@ class Setting:
         )
 
     def tested(self, state: State) -> tuple[State, float]:
-        """A state, by as many simulated sets as its test of adequacy takes, and the p-value."""
+        """A state, by as many simulated sets as its test of adequacy takes, with responses of its fit, and the p-value."""
         test = chance(self.lab, self.signs, state)
         if not test.is_decided:
             state = self.adding.grown(state, self.adding.sets)
             test = chance(self.lab, self.signs, state)
-        return state, test.p_value
+        return with_responses(self.lab, state, self.report), test.p_value
 
 
 @dataclass(frozen=True)

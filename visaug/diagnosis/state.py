@@ -12,7 +12,7 @@ from visaug.diagnosis.fitting.parameters import Coordinate
 from visaug.diagnosis.fitting.reference import Null, SimulatedStatistics
 from visaug.diagnosis.fitting.robust import p_value, standardised
 from visaug.diagnosis.fitting.uses import Use
-from visaug.diagnosis.scatter import VarianceStrength
+from visaug.diagnosis.scatter import ANSWERS, VarianceStrength
 from visaug.statistics.tail import SIGNIFICANT
 
 
@@ -27,6 +27,8 @@ class State:
         views: number of the view of each of these statistics.
         scatters: accepted effects whose strength is estimated from the variance that they cause and not from a mean shift;
             that strength is not a fitted parameter.
+        response: (coordinates,) how far the fit follows a true change of each parameter, see `visaug.diagnosis.response`; None
+            stands for ones.
     """
 
     fitted: Fitted
@@ -34,6 +36,7 @@ class State:
     explained: tuple[np.ndarray, np.ndarray, np.ndarray]
     views: tuple[np.ndarray, np.ndarray, np.ndarray]
     scatters: tuple[VarianceStrength, ...] = ()
+    response: np.ndarray | None = None
 
     @classmethod
     def plain(cls, fitted: Fitted, views: tuple[np.ndarray, np.ndarray, np.ndarray]) -> "State":
@@ -87,17 +90,25 @@ class State:
         """All fitted parameters and their uncertainty.
 
         Returns the coordinates, their steps in refits of (R,) simulated sets (R, coordinates), and the standard deviation
-        (coordinates,) of what the frames do not determine. Steps are NaN in sets that do not tell one: an effect whose strength
-        is estimated from variance can have more sets than the state.
+        (coordinates,) of what the frames do not determine and of the fit's simulations. Steps are NaN in sets that do not
+        determine one: an effect whose strength is estimated from variance can have more sets than the state.
         """
         reference = self.fitted.reference
         scattering = [c for s in self.scatters for c in s.strengths]
-        parts = [reference.null_steps, *(s.steps for s in self.scatters)]
+        own_steps, own_untold = reference.spread_steps, reference.untold
+        error = np.asarray(self.fitted.simulation_error)
+        if self.response is not None:
+            follows = self.response >= ANSWERS
+            own_steps = np.where(follows, own_steps / np.where(follows, self.response, 1.0), 0.0)
+            own_untold = np.where(follows, own_untold, reference.priors)
+            error = np.where(follows, error / np.where(follows, self.response, 1.0), 0.0)
+        parts = [own_steps, *(s.steps for s in self.scatters)]
         most = max(map(len, parts))
         steps = np.hstack(
             [np.pad(part, ((0, most - len(part)), (0, 0)), constant_values=np.nan) for part in parts]
         )
-        untold = np.concatenate([reference.untold, *(s.untold for s in self.scatters)])
+        own_untold = np.hypot(own_untold, error)
+        untold = np.concatenate([own_untold, *(s.untold for s in self.scatters)])
         return (*reference.coordinates, *scattering), steps, untold
 
     @property

@@ -11,7 +11,7 @@ from visaug.diagnosis.candidates.matches import CHANCE, NEAR_ENOUGH, Match, extr
 from visaug.diagnosis.candidates.signatures import following, is_random, own_variance
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.law import FORM, metric, scatter_along
-from visaug.diagnosis.fitting.parameters import Coordinate, base_coordinates, effect_coordinates, moved
+from visaug.diagnosis.fitting.parameters import Coordinate, base_coordinates, effect_coordinates, is_of, moved
 from visaug.diagnosis.fitting.reference import Report
 from visaug.diagnosis.fitting.robust import adjust
 from visaug.diagnosis.laboratory import Laboratory
@@ -72,9 +72,9 @@ def coordinates_of(
     """
     if not catalogue()[effect].base:
         return effect_coordinates(camera, effect)
-    prefix, known = "full_well_e" if effect == "saturation" else f"{effect}.", {c.path for c in free}
+    known = {c.path for c in free}
     own = base_coordinates(camera, lab.frames, True)
-    return [c for c in own if c.path.startswith(prefix) and c.path not in known]
+    return [c for c in own if is_of(c.path, effect) and c.path not in known]
 
 
 def refine(

@@ -33,6 +33,7 @@ class Fitted:
             frames, the hold-out frames and all frames.
         noise: variance that following the mean from the reference to the camera adds to residuals, as a share of their own.
             Lost bits answer a step by chance, so that a few sets with common random numbers do not tell it.
+        simulation_error: (coordinates,) standard error of the fit that this noise causes.
     """
 
     reference: Reference
@@ -41,6 +42,7 @@ class Fitted:
     confirm_residual: np.ndarray
     whole_residual: np.ndarray
     noise: float = 0.0
+    simulation_error: np.ndarray | float = 0.0
 
     @classmethod
     def unfitted(cls, lab: Laboratory, reference: Reference) -> "Fitted":
@@ -178,32 +180,36 @@ def _descended(
         alone = (misfit(measured - mean, reference.scale), np.array([c.read(camera) for c in coordinates]))
         best = min(best, (*alone, camera, mean), key=lambda fit: fit[0])
     _, at, camera, _ = best
-    means, noise = _means_at(lab, reference, camera)
+    means, noise, error = _means_at(lab, reference, camera)
     last = step_from(at, means[0])  # what the derivatives still promise; damped where a longer step was worse
     camera = moved(camera, coordinates, list(at + last)) if coordinates else camera
     left = (
         f.values - mean - getattr(reference, use).slopes @ last
         for f, mean, use in zip(lab.measured, means, USES, strict=True)
     )
-    return Fitted(reference, camera, *left, noise=noise)
+    return Fitted(reference, camera, *left, noise=noise, simulation_error=error)
 
 
-def _means_at(lab: Laboratory, reference: Reference, camera: Camera) -> tuple[list[np.ndarray], float]:
+def _means_at(
+    lab: Laboratory, reference: Reference, camera: Camera
+) -> tuple[list[np.ndarray], float, np.ndarray]:
     """Mean statistics of each use of the frames at a camera, with the random numbers of the reference's first sets.
 
-    Also the noise that this adds, see `Fitted`.
+    Also the noise that this adds to residuals and to coordinates, see `Fitted`.
     """
     samples = [getattr(reference, use) for use in USES]
     if camera is reference.camera:
-        return [sample.mean for sample in samples], 0.0
+        return [sample.mean for sample in samples], 0.0, np.zeros(len(reference.coordinates))
     twins = min(TWINS, len(reference.sets))
     there = lab.simulated([(camera, k) for k in range(twins)])
     means = [
         sample.mean + values.mean(0) - sample.sets[:twins].mean(0)
         for sample, values in zip(samples, there, strict=True)
     ]
-    moves = (there[0] - reference.sets[:twins]).std(0, ddof=1) / np.sqrt(twins)
-    return means, float((standardised(moves, reference.scale) ** 2).mean())
+    moves = there[0] - reference.sets[:twins]
+    errors = moves.std(0, ddof=1) / np.sqrt(twins)
+    steps = reference.refitted(moves - moves.mean(0)).std(0, ddof=1) / np.sqrt(twins)
+    return means, float((standardised(errors, reference.scale) ** 2).mean()), steps
 
 
 def _to_bias_level(lab: Laboratory, reference: Reference, left: np.ndarray) -> np.ndarray | None:

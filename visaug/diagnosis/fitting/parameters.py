@@ -172,6 +172,11 @@ def _is_in_electrons(path: str) -> bool:
     return path == "quantum_efficiency" or place_of(path).parameter.unit in ("e-", "e-/s", "e-/px/s")
 
 
+def is_of(path: str, effect: str) -> bool:
+    """Whether a parameter is one of an effect's."""
+    return path == WELL if effect == "saturation" else path.startswith(f"{effect}.")
+
+
 def place_is_held(parameter: Parameter) -> bool:
     """Whether a parameter is set by the user and not fitted: no strength, and without trial values."""
     return not parameter.strength and not parameter.trials

@@ -159,6 +159,18 @@ class Reference:
         """(R, coordinates) steps of the coordinates in refits of the simulated sets: their sampling distribution."""
         return adjust(self.find.deviations, self.slopes, self.scale, self.priors)
 
+    def refitted(self, residuals: np.ndarray) -> np.ndarray:
+        """(n, coordinates) steps in linear refits to residuals (n, statistics), as far as repeated steps of a fit would go."""
+        return adjust(residuals, self.slopes, self.scale, self.priors, noise=self.noise)
+
+    @cached_property
+    def spread_steps(self) -> np.ndarray:
+        """(R, coordinates) the same of the simulated sets, from which intervals are computed.
+
+        `null_steps` are a least-squares fit by the derivatives as they are, noise included, and belong to the residuals.
+        """
+        return self.refitted(self.find.deviations)
+
     @cached_property
     def untold(self) -> np.ndarray:
         """(coordinates,) standard deviation that comes from the priors because the frames do not determine it."""
@@ -384,6 +396,9 @@ def differences(
             if is_stopped(coordinates[j], there, at[j] + signed[row, column]):  # by a bound
                 signed[row, column] *= -1
                 there = stepped(j, signed[row, column])
+                signed[row, column] = (
+                    coordinates[j].read(there) - at[j] or signed[row, column]
+                )  # by both bounds
             jobs.append((there, number))
     word = "computing sensitivities"
     found = lab.simulated(jobs, lambda n: report(word, n, len(jobs)))

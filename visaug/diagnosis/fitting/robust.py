@@ -4,6 +4,8 @@ import numpy as np
 
 OUTLIER = 3.0  # standard deviations beyond which residuals are weighted down (Cauchy weights)
 
+SUBTRACTED = 0.5  # largest share of the information about any combination of coordinates that is taken for noise of slopes
+
 LIKELIHOOD = OUTLIER**2 / 2  # log likelihood of a `misfit` of 1, where residuals are small
 
 
@@ -46,6 +48,7 @@ def adjust(
     offset: np.ndarray | float = 0.0,
     damping: float = 0.0,
     iterations: int = 12,
+    noise: np.ndarray | None = None,
 ) -> np.ndarray:
     """The robust step of the coordinates that reduces the residuals.
 
@@ -59,6 +62,9 @@ def adjust(
         priors: (coordinates,), standard deviations.
         offset: (coordinates,), distance of the coordinates from the centres of the priors.
         damping: of Levenberg and Marquardt; a positive value shortens the step.
+        noise: (coordinates,) squared standard error of each slope in standard deviations, summed over the statistics. A least
+            squares step by noisy slopes is too short (regression dilution); the moments of the noise are subtracted (W. A.
+            Fuller, Measurement Error Models, 1987, section 2.2), so that one step goes as far as repeated steps would.
 
     Returns: (n, coordinates).
     """
@@ -69,7 +75,7 @@ def adjust(
     design = slopes[used] / scale[used, None] * priors
     z = residuals[:, used] / scale[used]
     ridge = np.eye(len(priors))
-    steps = np.zeros((len(z), design.shape[1]))
+    steps, weights, normal = np.zeros((len(z), design.shape[1])), np.ones_like(z), ridge[None]
     for _ in range(iterations):
         left = np.abs(z - steps @ design.T)
         # If most statistics deviate the parameters are wrong; if few do, something else is missing.
@@ -80,7 +86,21 @@ def adjust(
         diagonal *= 1 + damping + 1e-12  # the last for numbers that these frames answer alike
         pull = (weights * z) @ design - offset / priors
         steps = np.linalg.solve(normal, pull[:, :, None])[:, :, 0]
+    if noise is not None:
+        steps = _lengthened(steps, normal, weights.mean(1, keepdims=True) * noise * priors**2)
     return steps * priors
+
+
+def _lengthened(steps: np.ndarray, normal: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Steps (n, coordinates) by normal matrices without the noise (n, coordinates) that their diagonals contain.
+
+    At most `SUBTRACTED` of the information in any direction is subtracted.
+    """
+    root = np.sqrt(noise)
+    share = np.linalg.eigvalsh(root[:, :, None] * np.linalg.inv(normal) * root[:, None, :]).max(1)
+    less = noise * np.minimum(1.0, SUBTRACTED / np.maximum(share, 1e-12))[:, None]
+    true = normal - less[:, :, None] * np.eye(normal.shape[1])
+    return np.linalg.solve(true, normal @ steps[:, :, None])[:, :, 0]
 
 
 def misfit(residual: np.ndarray, scale: np.ndarray) -> float:

@@ -13,6 +13,7 @@ from visaug.diagnosis.fitting.errors import Errors
 from visaug.diagnosis.fitting.fit import Fitted, refit, settled
 from visaug.diagnosis.fitting.reference import Reference, Report, make_reference
 from visaug.diagnosis.laboratory import Laboratory
+from visaug.diagnosis.response import with_responses
 from visaug.diagnosis.result import estimates
 from visaug.diagnosis.search import SETS, check_split, given_reference
 from visaug.diagnosis.state import State
@@ -72,7 +73,7 @@ class Fits:
 
     def fit(self, without: Names, added: Names, report: Report) -> CameraFit:
         """The camera file without some of its own effects and with others added, in this order."""
-        state = self._state(without, added, report)
+        state = with_responses(self.lab, self._state(without, added, report), report)
         plain = self._state((), (), report)
         fitted, reference = state.fitted, state.fitted.reference
         left = Distance(

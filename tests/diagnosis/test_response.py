@@ -1,0 +1,90 @@
+"""The response of a fit to a true change of a parameter, and the intervals that follow from it."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.small import frame_set
+from visaug.diagnosis.fitting.parameters import base_coordinates, effect_coordinates
+from visaug.diagnosis.fitting.reference import Reference, SimulatedStatistics, differences
+from visaug.diagnosis.response import least_response, with_responses
+from visaug.diagnosis.state import State
+
+GAINS = np.full(50, 400.0)  # of 50 statistics, in standard deviations
+
+
+class Bent:
+    """Sets whose statistics follow a coordinate by a share of what the reference takes for their derivatives."""
+
+    def __init__(self, camera, share, coordinate):
+        self.coordinate, self.at, self.share = coordinate, coordinate.read(camera), share
+
+    def simulated(self, jobs, report=None):
+        return [np.array([self._set(camera, number) for camera, number in jobs])] * 3
+
+    def _set(self, camera, number):
+        noise = np.random.default_rng(number).normal(size=50)
+        return self.share * GAINS * (self.coordinate.read(camera) - self.at) + noise
+
+
+def state_of(stated, share, accepted, prior=None):
+    camera = stated.with_effect("row_noise", sigma_e=2.0)
+    (coordinate,) = effect_coordinates(camera, "row_noise")
+    lab = Bent(camera, share, replace(coordinate, prior=prior or coordinate.prior))
+    sets = lab.simulated([(camera, k) for k in range(60)])
+    samples = [SimulatedStatistics(values, GAINS[:, None], np.zeros(50)) for values in sets]
+    reference = Reference(camera, (lab.coordinate,), *samples)
+    fitted = SimpleNamespace(reference=reference, camera=camera, simulation_error=np.zeros(1))
+    state = State(fitted, accepted, None, None)  # pyrefly: ignore[bad-argument-type]
+    return with_responses(lab, state, lambda *_: None), reference  # pyrefly: ignore[bad-argument-type]
+
+
+@pytest.mark.parametrize("share", [0.5, 0.8])
+def test_an_interval_is_divided_by_the_response(stated, share):
+    """The sets share their random numbers, so that the response is exact."""
+    state, reference = state_of(stated, share, ("row_noise",))
+    _, steps, _ = state.numbers
+    np.testing.assert_allclose(steps, reference.spread_steps / share, rtol=1e-2)
+
+
+def test_a_parameter_that_the_fit_does_not_follow_has_the_interval_of_its_prior(stated):
+    state, reference = state_of(stated, 0.1, ("row_noise",))
+    _, steps, undetermined = state.numbers
+    assert steps.std() == 0
+    assert undetermined == pytest.approx(reference.priors)
+
+
+@pytest.mark.parametrize("prior", [6e-4, 1e-3])
+def test_what_the_prior_takes_of_a_step_is_no_lack_of_response(stated, prior):
+    """Standard deviations of 1 / (400 sqrt(50)) = 3.5e-4 from the statistics alone."""
+    state, reference = state_of(stated, 1.0, ("row_noise",), prior)
+    assert reference.determined[0] == pytest.approx(1 / (1 + (3.54e-4 / prior) ** 2), rel=0.1)
+    assert state.response == pytest.approx([1.0], abs=0.03)
+
+
+def test_steps_end_at_the_bounds_of_a_parameter(stated):
+    """An efficiency of 0.99 has 0.01 to its bound: a step beyond it goes the other way, and one beyond both bounds is shorter."""
+    camera = stated.replace({"quantum_efficiency": 0.99})
+    (coordinate,) = [
+        c for c in base_coordinates(stated, frame_set(0), True) if c.path == "quantum_efficiency"
+    ]
+    lab = Bent(camera, 1.0, coordinate)
+    sets = lab.simulated([(camera, k) for k in range(4)])
+    for step in (0.05, 40.0):
+        quotients, *_ = differences(lab, camera, [coordinate], {0: step}, range(4), sets, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
+        np.testing.assert_allclose(quotients, 400.0)
+
+
+def test_parameters_of_other_effects_are_not_simulated_again(stated):
+    state, reference = state_of(stated, 0.5, ("column_noise",))
+    assert state.response is None
+    np.testing.assert_array_equal(state.numbers[1], reference.spread_steps)
+
+
+def test_a_response_within_its_error_of_one_is_one():
+    assert least_response(np.array([0.8, 1.1, 0.9, 1.0])) == 1.0
+    assert least_response(np.array([1.3, 1.31, 1.32, 1.3])) == 1.0
+    assert least_response(np.array([0.5, 0.52, 0.48, 0.5])) == pytest.approx(0.5)
+    assert least_response(np.array([-0.5, -0.52, -0.48, -0.5])) == 0.0
