@@ -471,4 +471,5 @@ def test_the_noise_of_following_the_mean_is_part_of_a_fits_error(stated):
         samples = [SimulatedStatistics(sets, np.full((60, 1), 400.0), np.zeros(60))] * 3
         fitted = refit(lab, Reference(stated, tuple(free), *samples), lambda *_: None)  # pyrefly: ignore[bad-argument-type]
         errors.append(float(np.asarray(fitted.simulation_error)[0]))
+        assert 0.05 < fitted.noise < 0.3  # at most 1 / 6, in variances of a set
     assert np.mean(errors) == pytest.approx(1 / (400 * np.sqrt(360)), rel=0.25)
