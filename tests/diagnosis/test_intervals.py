@@ -11,7 +11,7 @@ from scripts.fit_coverage import Truths
     [
         # the foot of a glow is hardly another dark current: noise of derivatives would separate the two
         ("amplifier_glow", {"rate_e_per_s": 60.0, "width": 0.2}),
-        # statistics bend along a period within the step of a derivative
+        # statistics are not linear along a period, within the step of a derivative
         ("periodic_banding", {"amplitude_e": 0.5}),
     ],
 )

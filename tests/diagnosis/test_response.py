@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.diagnosis.small import frame_set
-from visaug.diagnosis.fitting.parameters import base_coordinates, effect_coordinates
+from visaug.diagnosis.fitting.parameters import effect_coordinates
 from visaug.diagnosis.fitting.reference import Reference, SimulatedStatistics, differences
-from visaug.diagnosis.response import least_response, with_responses
+from visaug.diagnosis.response import with_responses
+from visaug.diagnosis.scatter import least_response
 from visaug.diagnosis.state import State
 
 GAINS = np.full(50, 400.0)  # of 50 statistics, in standard deviations
@@ -64,17 +64,15 @@ def test_what_the_prior_takes_of_a_step_is_no_lack_of_response(stated, prior):
     assert state.response == pytest.approx([1.0], abs=0.03)
 
 
-def test_steps_end_at_the_bounds_of_a_parameter(stated):
-    """An efficiency of 0.99 has 0.01 to its bound: a step beyond it goes the other way, and one beyond both bounds is shorter."""
-    camera = stated.replace({"quantum_efficiency": 0.99})
-    (coordinate,) = [
-        c for c in base_coordinates(stated, frame_set(0), True) if c.path == "quantum_efficiency"
-    ]
+@pytest.mark.parametrize("step", [0.15, 0.25, 5.0])
+def test_steps_end_at_the_bounds_of_a_parameter(stated, step):
+    """From 0.1 in [-0.1, 0.2]: 0.15 and 0.25 go downwards where they pass the upper bound, and beyond both a step is shorter."""
+    camera = stated.with_effect("amplifier_glow", b_per_c=0.1)
+    (coordinate,) = [c for c in effect_coordinates(camera, "amplifier_glow") if c.path.endswith("b_per_c")]
     lab = Bent(camera, 1.0, coordinate)
     sets = lab.simulated([(camera, k) for k in range(4)])
-    for step in (0.05, 40.0):
-        quotients, *_ = differences(lab, camera, [coordinate], {0: step}, range(4), sets, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
-        np.testing.assert_allclose(quotients, 400.0)
+    quotients, *_ = differences(lab, camera, [coordinate], {0: step}, range(4), sets, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
+    np.testing.assert_allclose(quotients, 400.0)
 
 
 def test_parameters_of_other_effects_are_not_simulated_again(stated):

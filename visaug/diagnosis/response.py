@@ -14,6 +14,7 @@ import numpy as np
 from visaug.diagnosis.fitting.parameters import is_of
 from visaug.diagnosis.fitting.reference import MOST_PAIRS, Report, differences
 from visaug.diagnosis.laboratory import Laboratory
+from visaug.diagnosis.scatter import least_response
 from visaug.diagnosis.state import State
 
 PAIRS = 8  # simulations of a response, on alternate sides
@@ -45,12 +46,3 @@ def with_responses(lab: Laboratory, state: State, report: Report) -> State:
         moved = reference.refitted(found * steps[k])[:, k] / steps[k]
         response[k] = least_response(moved.reshape(-1, 2).mean(1) / determined[k])
     return replace(state, response=response)
-
-
-def least_response(found: np.ndarray) -> float:
-    """The response from independent estimates (n,): 1 where it is within two standard errors of 1 or above, at least 0.
-
-    From four estimates, a response of 1 is taken for less in 7 % of all cases (Student's t with 3 degrees of freedom).
-    """
-    mean, error = found.mean(), found.std(ddof=1) / np.sqrt(len(found))
-    return 1.0 if mean + 2 * error > 1 else max(float(mean), 0.0)
