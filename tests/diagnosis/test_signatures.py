@@ -25,7 +25,7 @@ def test_what_moves_means_either_way_has_no_mean_shift_beyond_its_noise(stated):
     found = resolved(lab, reference, scan, report)
     searching = Setting(lab, reference, scan, few, None, None, report)  # pyrefly: ignore[bad-argument-type]
     assert (searching.with_looks(lambda *_: ()).signs.values == found.values).all()
-    assert found.trials == scan.trials
+    assert [t.values for t in found.trials] == [t.values for t in scan.trials]
     assert {trial.effect for trial in found.trials} == {"black_level_drift", "tap_mismatch"}
     levels = np.array([s.view == "level" for s in lab.statistics])
     for trial, values, first, variances in zip(

@@ -116,6 +116,7 @@ class StrengthCurve:
         shifts, variances: (n, statistics) of all frames.
         signs: (m, statistics) signatures of the search with which the measurement is matched.
         is_stepwise: whether only these strengths exist.
+        ways, ways_of_signs: (n, parameters) and (m, parameters) steps of the camera's parameters with which both were simulated.
     """
 
     path: str
@@ -124,6 +125,21 @@ class StrengthCurve:
     variances: np.ndarray
     signs: np.ndarray
     is_stepwise: bool
+    ways: np.ndarray
+    ways_of_signs: np.ndarray
+
+    def knowing(self, columns: Sequence[int], slopes: np.ndarray) -> "StrengthCurve":
+        """The same if some of the camera's parameters were known and could not follow.
+
+        Args:
+            slopes: (statistics, parameters), derivatives of the means.
+        """
+        own = slopes[:, columns].T
+        shifts, signs = (
+            self.shifts - self.ways[:, columns] @ own,
+            self.signs - self.ways_of_signs[:, columns] @ own,
+        )
+        return replace(self, shifts=shifts, signs=signs)
 
     def matches(self, sight: Sight) -> np.ndarray:
         """(n,) the match of each shift with the signatures of the search: those of other random numbers."""
@@ -164,13 +180,14 @@ def verdicts(setting: Setting, end: SearchStage) -> tuple[Verdict, ...]:
     sight = sight_of(setting, end)
     considered = {t.effect for t in setting.signs.trials if not t.looked} | set(end.state.accepted)
     found = {name: _named(name, end) for name in end.state.accepted}
+    paths = [c.path for c in end.state.fitted.reference.coordinates]
     courses = {
         name: course
         for name in sorted(considered - set(found))
-        if (course := _course(setting, setting.signs, name)) is not None
+        if (course := _course(setting, setting.signs, name, paths)) is not None
     }
     known = _found(setting, end)
-    courses = _completed(setting, known, sight, courses)
+    courses = _completed(setting, known, sight, courses, paths)
     for name, course in courses.items():
         found[name] = _rival(name, course, end) or _judged(setting, end, known.camera, sight, name, course)
     hidden = {name: courses[name] for name, verdict in found.items() if verdict.verdict == "not testable"}
@@ -194,12 +211,12 @@ def sight_of(setting: Setting, end: SearchStage) -> Sight:
     return Sight(null, views, state.fitted.whole_residual, state.whole.allowance, match, largest)
 
 
-def _course(setting: Setting, signs: Signatures, name: str) -> StrengthCurve | None:
+def _course(setting: Setting, signs: Signatures, name: str, paths: Sequence[str]) -> StrengthCurve | None:
     """Of the first strength alone, in the default form."""
     chosen: dict[float, int] = {}
     path = ""
     for i, trial in enumerate(signs.trials):
-        if trial.effect != name or trial.looked or trial.is_other_form or trial.following:
+        if trial.effect != name or trial.looked or trial.is_other_form:
             continue
         here, strength = strength_of(setting.first.camera, trial)
         if (not path or here == path) and strength > 0 and trial.values[0][1] != 0:
@@ -209,14 +226,14 @@ def _course(setting: Setting, signs: Signatures, name: str) -> StrengthCurve | N
         return None
     places = [chosen[x] for x in sorted(chosen)]
     stepwise = signs.trials[places[0]].is_fixed or path == path_of("saturation", "full_well_e")
-    return StrengthCurve(
-        path,
-        np.array(sorted(chosen)),
-        setting.lab.whole_of(signs.values[places]),
-        setting.lab.whole_of(signs.variances[places]),
-        setting.lab.whole_of(signs.values[places]),
-        stepwise,
-    )
+    shifts, ways = setting.lab.whole_of(signs.values[places]), _ways([signs.trials[i] for i in places], paths)
+    variances = setting.lab.whole_of(signs.variances[places])
+    return StrengthCurve(path, np.array(sorted(chosen)), shifts, variances, shifts, stepwise, ways, ways)
+
+
+def _ways(tried: Sequence[Trial], paths: Sequence[str]) -> np.ndarray:
+    """(trials, parameters) steps of the camera's parameters with which trials were simulated."""
+    return np.array([[dict(trial.following).get(path, 0.0) for path in paths] for trial in tried])
 
 
 def _found(setting: Setting, end: SearchStage) -> Reference:
@@ -225,7 +242,11 @@ def _found(setting: Setting, end: SearchStage) -> Reference:
 
 
 def _completed(
-    setting: Setting, known: Reference, sight: Sight, courses: dict[str, StrengthCurve]
+    setting: Setting,
+    known: Reference,
+    sight: Sight,
+    courses: dict[str, StrengthCurve],
+    paths: Sequence[str],
 ) -> dict[str, StrengthCurve]:
     """Each effect simulated near its limit, with random numbers that its signatures do not have, until it is near.
 
@@ -261,6 +282,7 @@ def _completed(
                 strengths=strengths[order],
                 shifts=np.vstack([old.shifts[kept], shift])[order],
                 variances=np.vstack([old.variances[kept], variance])[order],
+                ways=np.vstack([old.ways[kept], _ways([trial], paths)])[order],
             )
             courses = {**courses, trial.effect: new}
             if abs(np.log(new.limit(sight)[0] / x)) > np.log(NEAR):
@@ -333,16 +355,22 @@ def _absorbing(
     The parameters are taken one after the other for all effects: the covariance with one known is large.
     """
     paths = [c.path for c in end.state.fitted.reference.coordinates]
-    known = sight.knowing(range(len(paths)))
-    absorbed = {n: c for n, c in courses.items() if paths and c.limit(known)[0] <= _plausible(n, c)}
+    every = range(len(paths))
+    known, slopes = sight.knowing(every), sight.null.slopes
+    absorbed = {
+        n: c
+        for n, c in courses.items()
+        if paths and c.knowing(every, slopes).limit(known)[0] <= _plausible(n, c)
+    }
     if not absorbed:
         return {}
     names = [path.split(".")[0] if path.split(".")[0] in end.state.accepted else path for path in paths]
     limits: dict[str, dict[str, float]] = {effect: {} for effect in absorbed}
     for name in dict.fromkeys(names):
-        known = sight.knowing([k for k, own in enumerate(names) if own == name])
+        columns = [k for k, own in enumerate(names) if own == name]
+        known = sight.knowing(columns)
         for effect, course in absorbed.items():
-            limits[effect][name] = course.limit(known)[0]
+            limits[effect][name] = course.knowing(columns, slopes).limit(known)[0]
     found = {}
     for effect, course in absorbed.items():
         own = limits[effect]

@@ -8,7 +8,7 @@ from scipy.linalg import eigh
 
 from visaug.camera import Camera
 from visaug.diagnosis.candidates.matches import Match
-from visaug.diagnosis.candidates.signatures import FEW, MORE, cleared
+from visaug.diagnosis.candidates.signatures import FEW, MORE, cleared, is_mostly_taken
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.law import Metric
 from visaug.diagnosis.fitting.parameters import Coordinate, moved
@@ -96,7 +96,7 @@ class Climb:
         for _ in range(FOLLOWED):
             step = self._following(self.law.white(self.fitted.residual - best.move))
             hopeless = beside is not None and best.gain < beside.gain - HOPELESS
-            if hopeless or np.all(np.abs(step) <= NEAR * self.steps):
+            if hopeless or not self._is_far(step, self.fitted.residual - best.move):
                 break
             if len(best.moves) < MORE:  # the same random numbers are no longer the same noise
                 best = self._again(best)
@@ -117,7 +117,7 @@ class Climb:
         step[effect] = newton(design, left, self.priors[effect])
         step = self._short(step)
         theirs = self._following(left.mean(0) - step[effect] @ design.mean(1))
-        return step + theirs if np.any(np.abs(theirs) > NEAR * self.steps) else step
+        return step + theirs if self._is_far(theirs, self.fitted.residual - point.move) else step
 
     def _following(self, left: np.ndarray) -> np.ndarray:
         """Expected step of the camera's parameters for whitened residuals.
@@ -127,6 +127,12 @@ class Climb:
         step = np.zeros(len(self.coordinates))
         step[: self.theirs] = self.priors[: self.theirs] ** 2 * (self.answers @ left)
         return self._short(step)
+
+    def _is_far(self, step: np.ndarray, left: np.ndarray) -> bool:
+        """Whether the camera's parameters have to be moved by a step and not only its derivatives used."""
+        taken = self.fitted.slopes @ step[: self.theirs]
+        scale = self.fitted.reference.null_scale
+        return bool(np.any(np.abs(step) > NEAR * self.steps)) or is_mostly_taken(taken, left - taken, scale)
 
     def _short(self, step: np.ndarray) -> np.ndarray:
         return np.clip(step, -0.6 * self.priors, 0.6 * self.priors)

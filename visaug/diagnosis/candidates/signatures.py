@@ -8,14 +8,12 @@ import numpy as np
 from visaug.camera import Camera
 from visaug.diagnosis.candidates.trials import Trial
 from visaug.diagnosis.fitting.fit import bias_level
-from visaug.diagnosis.fitting.law import ROUGH, law
 from visaug.diagnosis.fitting.parameters import BLACK, moved
-from visaug.diagnosis.fitting.reference import Reference, Report
-from visaug.diagnosis.fitting.robust import drawn_to_zero, standardised
+from visaug.diagnosis.fitting.reference import CERTAIN, Reference, Report
+from visaug.diagnosis.fitting.robust import adjust, drawn_to_zero, standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.effects import catalogue
 
-FAR_DN = 0.3  # that the black level has to follow to be moved along
 SHOWN = (
     3.0  # standard deviations by which an effect must change some statistic to be detectable in the frames
 )
@@ -51,9 +49,9 @@ def scanned(lab: Laboratory, reference: Reference, tried: Sequence[Trial], repor
     """
     tried = [trial.in_units(lab.units) for trial in tried]
     plain = [trial for trial in tried if not trial.is_other_form]
-    moves = _moves(lab, reference, plain, range(FEW), report, "trying")
+    followed, moves = _following_moves(lab, reference, plain, range(FEW), report)
     sizes = np.abs(standardised(moves.mean(1), reference.null_scale)).max(1, initial=0.0)
-    found = _signed(reference, plain, moves)
+    found = _signed(reference, followed, moves)
     random = {t.effect for t, move in zip(plain, moves, strict=True) if is_random(move, reference.null_scale)}
     faint = {t.kind for t, size in zip(plain, sizes, strict=True) if size < SHOWN}
     others = [most for t in plain if t.kind in faint and (most := strongest(t, lab.units)) != t]
@@ -64,7 +62,7 @@ def scanned(lab: Laboratory, reference: Reference, tried: Sequence[Trial], repor
         (FEW, [t for t in others if t.effect in random]),
         (1, [t for t in others if t.effect not in random]),
     ):
-        found += _signed(reference, chosen, _moves(lab, reference, chosen, range(count), report, "trying"))
+        found += _signed(reference, *_following_moves(lab, reference, chosen, range(count), report))
     order = {effect: k for k, effect in enumerate(dict.fromkeys(trial.effect for trial in tried))}
     return found.taken(sorted(range(len(found.trials)), key=lambda i: order[found.trials[i].effect]))
 
@@ -79,29 +77,22 @@ def resolved(lab: Laboratory, reference: Reference, signs: Signatures, report: R
     if not random:
         return signs
     tried = [signs.trials[i] for i in random]
-    again = _signed(reference, tried, _moves(lab, reference, tried, range(MORE), report, "trying again"))
+    again = _signed(reference, *_following_moves(lab, reference, tried, range(MORE), report, "trying again"))
     kept = [i for i in range(len(signs.trials)) if i not in random]
     every = signs.taken(kept) + again
-    order = {trial: k for k, trial in enumerate(signs.trials)}
-    return every.taken(sorted(range(len(every.trials)), key=lambda i: order[every.trials[i]]))
+    order = {replace(trial, following=()): k for k, trial in enumerate(signs.trials)}
+    return every.taken(
+        sorted(range(len(every.trials)), key=lambda i: order[replace(every.trials[i], following=())])
+    )
 
 
 def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:
     """Simulates every trial with the random numbers of the reference's first sets.
 
     Two simulations suffice for an effect that only shifts means; an effect with random numbers gets more. Camera parameters
-    that would follow far are moved along: derivatives do not hold over a long distance, and bits and codes have none.
+    that have to follow are moved along: derivatives do not hold over a long distance, and bits and codes have none.
     """
-    if not tried:
-        return _nothing(reference)
-    tried, moves = _following_moves(lab, reference, tried, range(FEW), report)
-    random = [i for i in range(len(tried)) if is_random(moves[i], reference.null_scale)]
-    signed = _signed(reference, tried, moves)
-    if random:
-        again = _moves(lab, reference, [tried[i] for i in random], range(FEW, MORE), report, "trying again")
-        whole = _signed(reference, [tried[i] for i in random], np.concatenate([moves[random], again], 1))
-        signed.values[random], signed.variances[random] = whole.values, whole.variances
-    return signed
+    return resolved(lab, reference, simulated(lab, reference, tried, range(FEW), report), report)
 
 
 def simulated(
@@ -114,11 +105,19 @@ def simulated(
 
 
 def _following_moves(
-    lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report
+    lab: Laboratory,
+    reference: Reference,
+    tried: Sequence[Trial],
+    numbers: range,
+    report: Report,
+    word: str = "trying",
 ) -> tuple[list[Trial], np.ndarray]:
-    """The trials, those with parameters that follow far with these moved, and their shifts."""
-    moves = _moves(lab, reference, tried, numbers, report, "trying")
-    followed = _followed(lab, reference, tried, moves.mean(1))
+    """The trials, those with parameters that have to follow with these moved, and their shifts."""
+    tried = [replace(trial, following=()) for trial in tried]
+    if not tried:
+        return [], np.zeros((0, len(numbers), len(reference.scale)))
+    moves = _moves(lab, reference, tried, numbers, report, word)
+    followed = _followed(lab, reference, tried, moves)
     again = [i for i, trial in enumerate(followed) if trial.following]
     if again:
         moves[again] = _moves(lab, reference, [followed[i] for i in again], numbers, report, "following")
@@ -180,31 +179,39 @@ def cleared(moves: np.ndarray, scale: np.ndarray) -> np.ndarray:
 def _followed(
     lab: Laboratory, reference: Reference, tried: Sequence[Trial], moves: np.ndarray
 ) -> list[Trial]:
-    """The trials with the camera's parameters moved to where a refit would take them, if that is far.
+    """The trials with the camera's parameters moved to where a refit would take them, see `is_mostly_taken`.
 
     The black level is moved by the shift of the mean of the bias frames, so that bits and codes keep their place; then the
-    others.
+    others. What differs between the simulations (trials, simulations, statistics), as a drift does, is not followed.
     """
     level = bias_level(lab.statistics)
-    black = [k for k, c in enumerate(reference.coordinates) if c.path == BLACK]
-    steps = np.array([FAR_DN if c.path == BLACK else c.step for c in reference.coordinates])
-    priors = reference.priors.copy()
+    is_black = np.array([c.path == BLACK for c in reference.coordinates], bool)
+    priors, slopes, scale = reference.priors, reference.slopes, reference.null_scale
+    each = moves.reshape(-1, moves.shape[-1])
+    found = np.zeros((len(each), len(priors)))
+    free = np.full(len(priors), True)
     if level is not None:
-        priors[black] = 0.0  # it is set, so the others have to do without it
-    null = replace(reference.null, priors=priors)
-    found = []
-    for trial, move in zip(tried, moves, strict=True):
-        way = np.zeros(len(priors))
-        if level is not None:
-            way[black] = -move[level]
-        m = law(null, ROUGH * move)
-        left = m.white(move + reference.slopes @ way)
-        way += np.clip(-(priors**2) * (m.white(reference.slopes.T) @ left), -priors, priors)
-        if np.any(np.abs(way) > steps):
-            paths = [c.path for c in reference.coordinates]
-            trial = replace(trial, following=tuple(zip(paths, map(float, way), strict=True)))
-        found.append(trial)
-    return found
+        found[:, is_black] = -each[:, [level]]
+        free = ~is_black  # the others have to do without it
+    own = adjust(each + found @ slopes.T, slopes[:, free], scale, priors[free])
+    found[:, free] = -np.clip(own, -priors[free], priors[free])
+    found = found.reshape(*moves.shape[:2], -1)
+    ways, count = found.mean(1), moves.shape[1]
+    errors = found.std(1, ddof=1) / np.sqrt(count) if count > 1 else np.zeros_like(ways)
+    ways = np.where(np.abs(ways) > CERTAIN * errors, ways, 0.0)
+    taken, paths = ways @ slopes.T, [c.path for c in reference.coordinates]
+    return [
+        replace(trial, following=tuple(zip(paths, map(float, way), strict=True)))
+        if is_mostly_taken(own, move + own, scale)
+        else trial
+        for trial, way, own, move in zip(tried, ways, taken, moves.mean(1), strict=True)
+    ]
+
+
+def is_mostly_taken(taken: np.ndarray, left: np.ndarray, scale: np.ndarray) -> bool:
+    """Whether the camera's parameters take up more of a shift than they leave; curvature of what they take up is then no detail."""
+    size = float(np.linalg.norm(standardised(taken, scale)))
+    return size > max(SHOWN, float(np.linalg.norm(standardised(left, scale))))
 
 
 def _moves(
