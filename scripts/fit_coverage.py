@@ -127,7 +127,10 @@ def main() -> None:
     threadpool_limits(1, user_api="blas")
     truths = Truths(stated_camera())
     every = list(dict.fromkeys(trial.effect for trial in trials(truths.camera)))
-    effects = chosen.effects or [name for name in every if not catalogue()[name].base]
+    known = [name for name in every if not catalogue()[name].base]
+    if unknown := set(chosen.effects) - set(known):
+        parser.error(f"{', '.join(sorted(unknown))}: not among the effects {', '.join(known)}")
+    effects = chosen.effects or known
     own, others = [], []
     for effect in effects:  # sets with numbers of their own: the effects are independent
         number = FIRST_SET + 1000 * list(catalogue()).index(effect)

@@ -21,9 +21,9 @@ def leaving(residual, camera: Camera, *accepted: str) -> State:
     steps = np.zeros((2, len(coordinates)))
     null, sample = SimpleNamespace(scale=np.ones(len(left))), SimpleNamespace(sets=None)
     reference = SimpleNamespace(
-        null_scale=null.scale, coordinates=coordinates, null_steps=steps, spread_steps=steps, untold=steps[0], sets=None,
+        null_scale=null.scale, coordinates=coordinates, null_steps=steps, spread_steps=steps, undetermined=steps[0], sets=None,
         find=sample, null=null, confirm=sample, confirm_null=null, whole=sample, whole_null=null,
-        largest=np.linspace(2.5, 5.0, 120), camera=camera,
+        largest=np.linspace(2.5, 5.0, 120), camera=camera, priors=steps[0],
     )  # fmt: skip
     fitted = Fitted(reference, camera, left, left, left)  # pyrefly: ignore[bad-argument-type]
     nothing, own = np.zeros(len(left)), np.arange(len(left))  # each statistic has a view of its own

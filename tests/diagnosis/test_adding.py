@@ -247,8 +247,8 @@ def test_an_effect_of_more_sets_than_a_later_one_keeps_its_interval(stated, drif
     both = drift.camera.with_effect("row_noise", sigma_e=2.0)
     state = replace(leaving([1.0], both, "row_noise"), scatters=(replace(RANDOM, of_sets=told),))
     state.fitted.reference.spread_steps = np.array([[-0.1], [0.1]])
-    coordinates, steps, untold = state.numbers
-    found = intervals(coordinates, both, steps, untold)
+    coordinates, steps, undetermined = state.numbers
+    found = intervals(coordinates, both, steps, undetermined)
     for path, sd in (("light_drift.sigma", np.log(told).std(ddof=1)), ("row_noise.sigma_e", 0.1 * 2**0.5)):
         value, _, high = found[path]
         assert high == pytest.approx(value * np.exp(1.96 * sd))

@@ -144,9 +144,9 @@ def test_a_number_that_the_frames_do_not_tell_has_the_width_of_its_prior(stated)
     slopes = np.column_stack([np.full(50, 20.0), np.zeros(50)])
     sample = SimulatedStatistics(rng.normal(size=(200, 50)), slopes, np.zeros(50))
     reference = Reference(stated, tuple(free), sample, sample, sample)
-    assert reference.untold[0] < 0.01
-    assert reference.untold[1] == pytest.approx(free[1].prior)
-    found = intervals(free, stated, reference.null_steps, reference.untold)
+    assert reference.undetermined[0] < 0.01
+    assert reference.undetermined[1] == pytest.approx(free[1].prior)
+    found = intervals(free, stated, reference.null_steps, reference.undetermined)
     (known, *bounds), (unknown, low, high) = (found[c.path] for c in free)
     # 50 statistics of standard deviation 1 that answer by 20: 1.96 / (20 sqrt(50)), to 4 standard errors of 200 sets
     assert np.log(np.divide(bounds, known)) == pytest.approx([-0.0139, 0.0139], rel=0.2)
@@ -385,7 +385,7 @@ def test_two_numbers_that_the_frames_hardly_tell_apart_have_their_true_intervals
     reference = Reference(stated, tuple(free), sample, sample, sample, noise=noise)
     design = lab.slopes * [c.prior for c in free]
     exact = np.sqrt(np.diag(np.linalg.inv(design.T @ design + np.eye(2)))) * [c.prior for c in free]
-    spread = np.hypot(reference.spread_steps.std(0, ddof=1), reference.untold)
+    spread = np.hypot(reference.spread_steps.std(0, ddof=1), reference.undetermined)
     assert spread == pytest.approx(1.05 * exact, rel=0.1)
     # with the other parameter fixed, all statistics determine it, and two simulations are enough
     lab.asked.clear()

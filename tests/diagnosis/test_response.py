@@ -1,11 +1,11 @@
 """The response of a fit to a true change of a parameter, and the intervals that follow from it."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.parameters import effect_coordinates
 from visaug.diagnosis.fitting.reference import Reference, SimulatedStatistics, differences
 from visaug.diagnosis.response import with_responses
@@ -36,8 +36,9 @@ def state_of(stated, share, accepted, prior=None):
     sets = lab.simulated([(camera, k) for k in range(60)])
     samples = [SimulatedStatistics(values, GAINS[:, None], np.zeros(50)) for values in sets]
     reference = Reference(camera, (lab.coordinate,), *samples)
-    fitted = SimpleNamespace(reference=reference, camera=camera, simulation_error=np.zeros(1))
-    state = State(fitted, accepted, None, None)  # pyrefly: ignore[bad-argument-type]
+    nothing = np.zeros(50)
+    fitted = Fitted(reference, camera, nothing, nothing, nothing)
+    state = replace(State.plain(fitted, (np.zeros(50, int),) * 3), accepted=accepted)
     return with_responses(lab, state, lambda *_: None), reference  # pyrefly: ignore[bad-argument-type]
 
 
@@ -61,7 +62,7 @@ def test_what_the_prior_takes_of_a_step_is_no_lack_of_response(stated, prior):
     """Standard deviations of 1 / (400 sqrt(50)) = 3.5e-4 from the statistics alone."""
     state, reference = state_of(stated, 1.0, ("row_noise",), prior)
     assert reference.determined[0] == pytest.approx(1 / (1 + (3.54e-4 / prior) ** 2), rel=0.1)
-    assert state.response == pytest.approx([1.0], abs=0.03)
+    assert state.fitted.response == pytest.approx([1.0], abs=0.03)
 
 
 @pytest.mark.parametrize("step", [0.15, 0.25, 5.0])
@@ -77,7 +78,7 @@ def test_steps_end_at_the_bounds_of_a_parameter(stated, step):
 
 def test_parameters_of_other_effects_are_not_simulated_again(stated):
     state, reference = state_of(stated, 0.5, ("column_noise",))
-    assert state.response is None
+    assert state.fitted.response == 1.0
     np.testing.assert_array_equal(state.numbers[1], reference.spread_steps)
 
 

@@ -47,7 +47,7 @@ def test_an_estimate_that_follows_the_strength_covers_it(stated):
     for seed in range(100):
         told = told_of(1.3, seed, latched=False)
         assert told.is_told
-        _, low, high = intervals([SIGMA], told.estimated(camera), told.steps, told.untold)[SIGMA.path]
+        _, low, high = intervals([SIGMA], told.estimated(camera), told.steps, told.undetermined)[SIGMA.path]
         assert low is not None
         assert high is not None
         inside += low < 0.013 < high
@@ -60,7 +60,7 @@ def test_a_statistic_that_no_strength_moves_further_leaves_the_strength_untold(s
     told = told_of(3.0, 0, latched=True)
     assert np.log(told.of_sets).std() < 0.1
     assert told.answer < ANSWERS
-    value, low, high = intervals([SIGMA], told.estimated(camera), told.steps, told.untold)[SIGMA.path]
+    value, low, high = intervals([SIGMA], told.estimated(camera), told.steps, told.undetermined)[SIGMA.path]
     assert value == pytest.approx(0.01)
     assert np.log([low, high]) - np.log(value) == pytest.approx([-1.96 * 1.5, 1.96 * 1.5])
 
@@ -69,11 +69,13 @@ def test_an_estimate_that_follows_half_the_strength_is_reported_as_twice_as_far_
     """In the logarithm."""
     camera = stated.with_effect("light_drift", sigma=0.01)
     nothing = np.zeros(0)
-    reference = SimpleNamespace(coordinates=(), spread_steps=np.zeros((9, 0)), untold=nothing)
-    fitted = SimpleNamespace(camera=camera, reference=reference, simulation_error=nothing)
+    reference = SimpleNamespace(
+        coordinates=(), spread_steps=np.zeros((9, 0)), undetermined=nothing, priors=nothing
+    )
+    fitted = SimpleNamespace(camera=camera, reference=reference, simulation_error=nothing, response=1.0)
     told = VarianceStrength(1.2, np.geomspace(0.9, 1.1, 9), (SIGMA,), in_variance=True, answer=0.5)
     state = State(fitted, ("light_drift",), None, None, (told,))  # pyrefly: ignore[bad-argument-type]
     assert state.camera.values()["light_drift.sigma"] == pytest.approx(0.01 * 1.2**2)
-    _, steps, untold = state.numbers
+    _, steps, undetermined = state.numbers
     np.testing.assert_allclose(steps[:, 0], 2 * np.log(np.geomspace(0.9, 1.1, 9)))
-    assert untold == pytest.approx([0.0])
+    assert undetermined == pytest.approx([0.0])

@@ -25,10 +25,11 @@ def sight(slopes: np.ndarray, priors: np.ndarray, statistics: int = 6) -> Sight:
     return Sight(null, np.array(["level"] * statistics), nothing, nothing, MATCH, LARGEST)
 
 
-def course(strengths, shifts, variances=None) -> StrengthCurve:
-    shifts = np.array(shifts, float)
+def course(strengths, shifts, variances=None, ways=None) -> StrengthCurve:
+    shifts, own = np.array(shifts, float), np.array(strengths, float)
     variances = np.zeros_like(shifts) if variances is None else variances
-    return StrengthCurve("row_noise.sigma_e", np.array(strengths, float), shifts, variances, shifts, False)
+    ways = np.zeros((len(own), 2)) if ways is None else np.array(ways)
+    return StrengthCurve("row_noise.sigma_e", own, shifts, variances, shifts, False, ways, ways)
 
 
 PLAIN = np.zeros((6, 0)), np.zeros(0)
@@ -68,12 +69,18 @@ def test_an_effect_that_scatters_as_far_as_what_is_left_may_be_its_cause(left, e
     assert (known.gain(np.array([0, 0, 100.0, 0, 0, 0])) > ODDS) is explains
 
 
-def test_a_parameter_of_the_camera_that_does_the_same_is_what_it_cannot_be_separated_from(monkeypatch):
-    """The shift lies along the slope of the first parameter, whose prior is wide, and not along that of the second."""
+@pytest.mark.parametrize("followed", [False, True])
+def test_a_parameter_of_the_camera_that_does_the_same_is_what_it_cannot_be_separated_from(
+    monkeypatch, followed
+):
+    """The shift lies along the slope of the first parameter, whose prior is wide, and not along that of the second.
+
+    It is the same whether this parameter followed in the simulation, which leaves no shift, or not.
+    """
     one = np.array([3.0, 0, 4.0, 0, 0, 0])
     slopes = np.column_stack([one, [0, 0, 0, 0, 1.0, 0]])
     wide = sight(slopes, np.array([100.0, 1.0]))
-    effect = course([1.0], [one])
+    effect = course([1.0], [0 * one], ways=[[-1.0, 0.0]]) if followed else course([1.0], [one])
     assert effect.limit(wide)[0] > 10
     coordinates = [SimpleNamespace(path=path) for path in ("black_level_dn", "gain_e_per_dn")]
     end = SimpleNamespace(
@@ -103,7 +110,7 @@ def test_limits_are_simulated_with_random_numbers_that_no_signature_has(monkeypa
         report=None,
     )
     one = course([1.0], [np.array([0, 0, 4.0, 0, 0, 0])])
-    verdicts._completed(setting, setting.first, sight(*PLAIN), {"row_noise": one})  # pyrefly: ignore[bad-argument-type]
+    verdicts._completed(setting, setting.first, sight(*PLAIN), {"row_noise": one}, ["gain_e_per_dn", "a"])  # pyrefly: ignore[bad-argument-type]
     assert asked
     assert min(min(numbers) for numbers in asked) >= MORE
     assert len({k for numbers in asked for k in numbers}) == sum(map(len, asked))

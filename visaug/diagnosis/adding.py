@@ -86,9 +86,7 @@ class Adding:
         if len(known.sets) >= sets or state.scatters:
             return state
         reference = make_reference(self.lab, known.camera, known.coordinates, sets, self.report, begun=known)
-        return replace(
-            state, fitted=refit(self.lab, reference, self.report, begin=state.fitted.camera), response=None
-        )
+        return replace(state, fitted=refit(self.lab, reference, self.report, begin=state.fitted.camera))
 
     def is_hopeless(self, state: State, candidate: Refined, sketch: State) -> bool:
         """Whether few simulated sets exclude a candidate: its strength is fitted, and it explains little."""
@@ -188,7 +186,7 @@ class Adding:
         fitted = self._fitted(state, camera, [*kept, *gained], self.sets)
         scatters = [s for s in state.scatters if s.effect != own]
         scatters += [s for s in with_rival.scatters if s.effect == rival]
-        return replace(state, fitted=fitted, accepted=accepted, scatters=tuple(scatters), response=None)
+        return replace(state, fitted=fitted, accepted=accepted, scatters=tuple(scatters))
 
     def _otherwise(self, candidate: Refined, camera: Camera, held: set[str]) -> Iterator[Camera]:
         """A camera, then the same with the free parameters of its effect at each of the catalogue's trial values."""

@@ -169,7 +169,7 @@ def _axes(
     """Axes by the statistic of each with the largest deviation, the clearest first.
 
     A difference along one axis shows a little in the statistics of the others too (a glow in the halves of rows and columns), so
-    those stay untold. A statistic along several axes belongs to each by its share.
+    those stay undetermined. A statistic along several axes belongs to each by its share.
 
     Args:
         far: the axes of each statistic that is far off, by its index.

@@ -45,7 +45,7 @@ def estimates(
     camera: Camera,
     coordinates: Sequence[Coordinate],
     steps: np.ndarray | None = None,
-    untold: np.ndarray | None = None,
+    undetermined: np.ndarray | None = None,
 ) -> dict[str, FittedValue]:
     """The fitted parameters of one effect, by name.
 
@@ -54,11 +54,11 @@ def estimates(
         camera: the fitted camera.
         coordinates: free parameters, some of them those of the effect.
         steps: (R, coordinates) changes by refits to R simulated sets; if None, no interval is known.
-        untold: (coordinates,) prior standard deviation of what the frames do not determine.
+        undetermined: (coordinates,) prior standard deviation of what the frames do not determine.
     """
     return {
         path.split(".", 1)[-1]: FittedValue(*numbers, place_of(path).parameter.unit)
-        for path, numbers in intervals(coordinates, camera, steps, untold).items()
+        for path, numbers in intervals(coordinates, camera, steps, undetermined).items()
         if is_of(path, effect)
     }
 

@@ -69,7 +69,7 @@ class VarianceStrength:
         return np.repeat(own[:, None], len(self.strengths), axis=1)
 
     @property
-    def untold(self) -> np.ndarray:
+    def undetermined(self) -> np.ndarray:
         """(strengths,) standard deviation that comes from the priors because the frames do not determine them."""
         return np.array([0.0 if self.is_told else c.prior for c in self.strengths])
 

@@ -27,8 +27,6 @@ class State:
         views: number of the view of each of these statistics.
         scatters: accepted effects whose strength is estimated from the variance that they cause and not from a mean shift;
             that strength is not a fitted parameter.
-        response: (coordinates,) how far the fit follows a true change of each parameter, see `visaug.diagnosis.response`; None
-            stands for ones.
     """
 
     fitted: Fitted
@@ -36,7 +34,6 @@ class State:
     explained: tuple[np.ndarray, np.ndarray, np.ndarray]
     views: tuple[np.ndarray, np.ndarray, np.ndarray]
     scatters: tuple[VarianceStrength, ...] = ()
-    response: np.ndarray | None = None
 
     @classmethod
     def plain(cls, fitted: Fitted, views: tuple[np.ndarray, np.ndarray, np.ndarray]) -> "State":
@@ -95,21 +92,18 @@ class State:
         """
         reference = self.fitted.reference
         scattering = [c for s in self.scatters for c in s.strengths]
-        own_steps, own_untold = reference.spread_steps, reference.untold
-        error = np.asarray(self.fitted.simulation_error)
-        if self.response is not None:
-            follows = self.response >= ANSWERS
-            own_steps = np.where(follows, own_steps / np.where(follows, self.response, 1.0), 0.0)
-            own_untold = np.where(follows, own_untold, reference.priors)
-            error = np.where(follows, error / np.where(follows, self.response, 1.0), 0.0)
-        parts = [own_steps, *(s.steps for s in self.scatters)]
+        follows = self.fitted.response >= ANSWERS
+        share = np.where(follows, self.fitted.response, np.inf)
+        parts = [reference.spread_steps / share, *(s.steps for s in self.scatters)]
         most = max(map(len, parts))
         steps = np.hstack(
             [np.pad(part, ((0, most - len(part)), (0, 0)), constant_values=np.nan) for part in parts]
         )
-        own_untold = np.hypot(own_untold, error)
-        untold = np.concatenate([own_untold, *(s.untold for s in self.scatters)])
-        return (*reference.coordinates, *scattering), steps, untold
+        own = np.hypot(
+            np.where(follows, reference.undetermined, reference.priors), self.fitted.simulation_error / share
+        )
+        undetermined = np.concatenate([own, *(s.undetermined for s in self.scatters)])
+        return (*reference.coordinates, *scattering), steps, undetermined
 
     @property
     def p_value(self) -> float:

@@ -34,6 +34,7 @@ class Fitted:
         noise: variance that following the mean from the reference to the camera adds to residuals, as a share of their own.
             Lost bits answer a step by chance, so that a few sets with common random numbers do not tell it.
         simulation_error: (coordinates,) standard error of the fit that this noise causes.
+        response: (coordinates,) how far the fit follows a true change of each parameter, see `visaug.diagnosis.response`.
     """
 
     reference: Reference
@@ -43,6 +44,7 @@ class Fitted:
     whole_residual: np.ndarray
     noise: float = 0.0
     simulation_error: np.ndarray | float = 0.0
+    response: np.ndarray | float = 1.0
 
     @classmethod
     def unfitted(cls, lab: Laboratory, reference: Reference) -> "Fitted":

@@ -73,14 +73,14 @@ def intervals(
     coordinates: Sequence[Coordinate],
     camera: Camera,
     steps: np.ndarray | None = None,
-    untold: np.ndarray | None = None,
+    undetermined: np.ndarray | None = None,
 ) -> dict[str, tuple[float, float | None, float | None]]:
     """Each parameter of a fitted camera by path, with its 95 % interval: value, low, high.
 
     Args:
         steps: (R, coordinates), changes by refits of simulated sets of the camera, NaN in sets that do not tell one; if omitted,
             no interval is known.
-        untold: (coordinates,) prior standard deviation of what the frames do not determine; 0 if omitted.
+        undetermined: (coordinates,) prior standard deviation of what the frames do not determine; 0 if omitted.
     """
     values = camera.values()
     scale = (values[GAIN], values[BLACK])
@@ -93,7 +93,7 @@ def intervals(
     for k, c in enumerate(coordinates):
         at = c.read(camera)
         own = steps[:, [k]] + (wavers * (1.0 if c.logarithmic else at) if c.in_dn else 0.0)
-        reach = 1.96 * math.hypot(np.nanstd(own, ddof=1), 0.0 if untold is None else untold[k])
+        reach = 1.96 * math.hypot(np.nanstd(own, ddof=1), 0.0 if undetermined is None else undetermined[k])
         found[c.path] = (c.number(at, *scale), c.number(at - reach, *scale), c.number(at + reach, *scale))
     return found
 

@@ -172,7 +172,7 @@ class Reference:
         return self.refitted(self.find.deviations)
 
     @cached_property
-    def untold(self) -> np.ndarray:
+    def undetermined(self) -> np.ndarray:
         """(coordinates,) standard deviation that comes from the priors because the frames do not determine it."""
         return self.priors * np.sqrt((self._posterior**2).sum(1))
 
