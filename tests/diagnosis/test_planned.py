@@ -1,5 +1,6 @@
 """What planned frames would show of an effect, before any is taken."""
 
+import numpy as np
 import pytest
 
 from visaug.camera import Camera
@@ -27,3 +28,20 @@ def test_lines_of_noise_are_shown_by_the_cheapest_frames(stated: Camera, monkeyp
 def test_an_effect_that_the_camera_has_is_refused(stated: Camera):
     with pytest.raises(InputError, match="shot_noise"):
         planned.before_frames(stated, ("shot_noise",), lambda *_: None)
+
+
+def test_what_the_cameras_parameters_take_up_is_no_difference(stated: Camera):
+    """Poisson electrons of mean and variance 1 beside a black level and a read noise that are lower by as much.
+
+    Both differ from the camera in their third moment and in saturated flats, of which the read noise alone is the variance.
+    """
+    values = stated.values()
+    by_law = {
+        "black_level_dn": values["black_level_dn"] - 1 / values["gain_e_per_dn"],
+        "read_noise.sigma_e": np.sqrt(values["read_noise.sigma_e"] ** 2 - 1),
+        "full_well_e": values["full_well_e"] + 1,
+    }
+    with_effect = stated.with_effect("clock_induced_charge", mean_e=1.0)
+    own, exact = planned.Planned(stated, lambda *_: None).apart([with_effect, with_effect.replace(by_law)])
+    assert np.abs(exact).max() > 5
+    assert np.abs(own - exact).max() < 2.5  # standard deviations of one set

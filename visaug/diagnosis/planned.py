@@ -11,9 +11,9 @@ from visaug.camera.paths import place_of
 from visaug.camera.simulation import simulate, with_chart
 from visaug.core.errors import InputError
 from visaug.core.nearest import did_you_mean
-from visaug.diagnosis.candidates.signatures import strongest
+from visaug.diagnosis.candidates.signatures import is_mostly_taken, strongest
 from visaug.diagnosis.candidates.trials import Trial, strength_of, trials
-from visaug.diagnosis.fitting.parameters import base_coordinates
+from visaug.diagnosis.fitting.parameters import Coordinate, base_coordinates, moved
 from visaug.diagnosis.fitting.reference import Report, differences
 from visaug.diagnosis.fitting.robust import adjust
 from visaug.diagnosis.laboratory import Laboratory
@@ -63,30 +63,56 @@ class Planned:
         return np.array([s.kind for s in self.statistics])
 
     @cached_property
-    def _sets(self) -> tuple[np.ndarray, ...]:
-        return self.lab.simulated([(self.camera, k) for k in range(SETS)])
+    def _sets(self) -> np.ndarray:
+        return self.lab.finding([(self.camera, k) for k in range(SETS)])
 
     @cached_property
-    def _slopes(self) -> tuple[np.ndarray, np.ndarray]:
-        free = base_coordinates(self.camera, self.lab.frames, calibrated=True)
-        steps = {k: c.step for k, c in enumerate(free)}
-        found = differences(self.lab, self.camera, free, steps, range(2), self._sets, self.report)
-        return found[0].mean(1).T, np.array([c.prior for c in free])
+    def _free(self) -> list[Coordinate]:
+        return base_coordinates(self.camera, self.lab.frames, calibrated=True)
+
+    @cached_property
+    def _slopes(self) -> np.ndarray:
+        steps = {k: c.step for k, c in enumerate(self._free)}
+        (found,) = differences(self.lab, self.camera, self._free, steps, range(2), [self._sets], self.report)
+        return found.mean(1).T
 
     def apart(self, cameras: Sequence[Camera], count: int = SETS) -> np.ndarray:
-        """(cameras, statistics) differences from the camera in standard deviations of one set, after a refit of the camera."""
+        """(cameras, statistics) differences from the camera in standard deviations of one set, after a refit of the camera.
+
+        What the camera's parameters mostly take up is simulated again with these moved, see `is_mostly_taken`.
+        """
+        found, steps, again = self._differences(cameras, count)
+        if again.any():
+            places = np.flatnonzero(again).tolist()
+            there = [
+                moved(
+                    cameras[k],
+                    self._free,
+                    [c.read(cameras[k]) - x for c, x in zip(self._free, steps[k], strict=True)],
+                )
+                for k in places
+            ]
+            found[places], *_ = self._differences(there, count)
+        return found
+
+    def _differences(
+        self, cameras: Sequence[Camera], count: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """See `apart`; with the steps of the camera's parameters, and whether these take up most."""
         label, jobs = "frames that would show it", [(one, k) for one in cameras for k in range(count)]
         sets = self.lab.finding(jobs, lambda n: self.report(label, n, len(jobs)))
-        sets = sets.reshape(len(cameras), count, -1)
-        own, (slopes, priors) = self._sets[0], self._slopes
+        own, priors = self._sets, np.array([c.prior for c in self._free])
         least = np.maximum([s.least_spread for s in self.statistics], 1e-9)
-        found = []
-        for others in sets:
+        found, steps, again = [], [], []
+        for others in sets.reshape(len(cameras), count, -1):
             spread = np.maximum(np.sqrt((own.var(0, ddof=1) + others.var(0, ddof=1)) / 2), least)
             differ = others.mean(0) - own[:count].mean(0)
-            (steps,) = adjust(differ[None], slopes, spread, priors)
-            found.append((differ - slopes @ steps) / spread)
-        return np.array(found)
+            (step,) = adjust(differ[None], self._slopes, spread, priors)
+            taken = self._slopes @ step
+            found.append((differ - taken) / spread)
+            steps.append(step)
+            again.append(is_mostly_taken(taken, differ - taken, spread))
+        return np.array(found), np.array(steps), np.array(again)
 
 
 def frames_that_show(cameras: Mapping[str, Camera], planned: Planned) -> dict[str, tuple[str, ...]]:

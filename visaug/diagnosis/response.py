@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from visaug.diagnosis.fitting.parameters import is_of
-from visaug.diagnosis.fitting.reference import MOST_PAIRS, USES, Report, differences
+from visaug.diagnosis.fitting.reference import MOST_PAIRS, Report, differences
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.diagnosis.scatter import least_response
 from visaug.diagnosis.state import State
@@ -38,9 +38,8 @@ def with_responses(lab: Laboratory, state: State, report: Report) -> State:
     numbers = range(MOST_PAIRS, MOST_PAIRS + PAIRS)
     if not own or len(reference.sets) < numbers.stop:
         return state
-    sets = [getattr(reference, use).sets for use in USES]
-    steps = {k: STEP * spread[k] for k in own}
-    quotients, *_ = differences(lab, reference.camera, reference.coordinates, steps, numbers, sets, report)
+    steps, sets = {k: STEP * spread[k] for k in own}, [reference.sets]
+    (quotients,) = differences(lab, reference.camera, reference.coordinates, steps, numbers, sets, report)
     response = np.ones(len(spread))
     for k, found in zip(own, quotients, strict=True):
         moved = reference.refitted(found * steps[k])[:, k] / steps[k]

@@ -372,7 +372,7 @@ def differences(
     sets: Sequence[np.ndarray],
     report: Report,
 ) -> list[np.ndarray]:
-    """(steps, simulations, statistics) difference quotients of each use of the frames.
+    """(steps, simulations, statistics) difference quotients of each use of the frames, or of the discovery frames alone.
 
     Each is between a simulated set and the same with a step of one coordinate, upwards for even numbers and downwards for odd
     ones, so that a curvature cancels in their mean; at a bound of a parameter all steps are away from it.
@@ -380,6 +380,7 @@ def differences(
     Args:
         coordinates: all that are free; the others are held at their values, which for those in DN depend on the gain.
         steps: of the coordinates that are stepped, by index.
+        sets: simulated sets of the camera, of each use or of the first alone.
     """
     at = np.array([c.read(camera) for c in coordinates])
 
@@ -401,7 +402,11 @@ def differences(
                 )  # by both bounds
             jobs.append((there, number))
     word = "computing sensitivities"
-    found = lab.simulated(jobs, lambda n: report(word, n, len(jobs)))
+
+    def tick(done: int) -> None:
+        report(word, done, len(jobs))
+
+    found = lab.simulated(jobs, tick) if len(sets) > 1 else [lab.finding(jobs, tick)]
     return [
         (values.reshape(*signed.shape, -1) - own[numbers.start : numbers.stop]) / signed[..., None]
         for values, own in zip(found, sets, strict=True)
