@@ -111,7 +111,7 @@ class Planned:
             taken = self._slopes @ step
             found.append((differ - taken) / spread)
             steps.append(step)
-            again.append(is_mostly_taken(taken, differ - taken, spread))
+            again.append(is_mostly_taken(differ, differ - taken, spread))
         return np.array(found), np.array(steps), np.array(again)
 
 

@@ -117,7 +117,8 @@ class Climb:
         step[effect] = newton(design, left, self.priors[effect])
         step = self._short(step)
         theirs = self._following(left.mean(0) - step[effect] @ design.mean(1))
-        return step + theirs if self._is_far(theirs, self.fitted.residual - point.move) else step
+        further = step[effect] @ ((moves - point.moves).mean(1) / self.steps[effect, None])
+        return step + theirs if self._is_far(theirs, self.fitted.residual - point.move - further) else step
 
     def _following(self, left: np.ndarray) -> np.ndarray:
         """Expected step of the camera's parameters for whitened residuals.
@@ -129,10 +130,10 @@ class Climb:
         return self._short(step)
 
     def _is_far(self, step: np.ndarray, left: np.ndarray) -> bool:
-        """Whether the camera's parameters have to be moved by a step and not only its derivatives used."""
-        taken = self.fitted.slopes @ step[: self.theirs]
+        """Whether the camera's parameters have to be moved by a step that reduces a residual, and not only derivatives used."""
+        after = left - self.fitted.slopes @ step[: self.theirs]
         scale = self.fitted.reference.null_scale
-        return bool(np.any(np.abs(step) > NEAR * self.steps)) or is_mostly_taken(taken, left - taken, scale)
+        return bool(np.any(np.abs(step) > NEAR * self.steps)) or is_mostly_taken(left, after, scale)
 
     def _short(self, step: np.ndarray) -> np.ndarray:
         return np.clip(step, -0.6 * self.priors, 0.6 * self.priors)

@@ -42,7 +42,7 @@ class Signatures:
 
 
 def scanned(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:
-    """Simulates every trial once or twice with the random numbers of the reference's first sets, which finds what may match.
+    """Simulates every trial with the random numbers of the reference's first one or two sets, which finds what may match.
 
     Other forms of an effect that has no random numbers of its own are simulated once. A trial that changes no statistic much is
     tried at its effect's strongest trial value too. Trial values are for frames of a camera; of pictures they follow the noise.
@@ -89,8 +89,8 @@ def resolved(lab: Laboratory, reference: Reference, signs: Signatures, report: R
 def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:
     """Simulates every trial with the random numbers of the reference's first sets.
 
-    Two simulations suffice for an effect that only shifts means; an effect with random numbers gets more. Camera parameters
-    that have to follow are moved along: derivatives do not hold over a long distance, and bits and codes have none.
+    Two simulations suffice for an effect that only shifts means; one that adds variance gets more. Parameters of the camera that
+    take up most of a signature are moved along: their derivatives do not hold as well as what is left has to be known.
     """
     return resolved(lab, reference, simulated(lab, reference, tried, range(FEW), report), report)
 
@@ -98,7 +98,7 @@ def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], re
 def simulated(
     lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report
 ) -> Signatures:
-    """Signatures from simulations with these numbers; camera parameters that would follow far are moved along."""
+    """Signatures from simulations with these numbers; parameters of the camera that take up most of one are moved along."""
     if not tried:
         return _nothing(reference)
     return _signed(reference, *_following_moves(lab, reference, tried, numbers, report))
@@ -182,7 +182,7 @@ def _followed(
     """The trials with the camera's parameters moved to where a refit would take them, see `is_mostly_taken`.
 
     The black level is moved by the shift of the mean of the bias frames, so that bits and codes keep their place; then the
-    others. What differs between the simulations (trials, simulations, statistics), as a drift does, is not followed.
+    others. Steps within three standard errors of 0, from simulations (trials, simulations, statistics), are not made.
     """
     level = bias_level(lab.statistics)
     is_black = np.array([c.path == BLACK for c in reference.coordinates], bool)
@@ -199,19 +199,32 @@ def _followed(
     ways, count = found.mean(1), moves.shape[1]
     errors = found.std(1, ddof=1) / np.sqrt(count) if count > 1 else np.zeros_like(ways)
     ways = np.where(np.abs(ways) > CERTAIN * errors, ways, 0.0)
-    taken, paths = ways @ slopes.T, [c.path for c in reference.coordinates]
+    mean = cleared(moves, scale) if count > 1 else moves[:, 0]
     return [
-        replace(trial, following=tuple(zip(paths, map(float, way), strict=True)))
-        if is_mostly_taken(own, move + own, scale)
-        else trial
-        for trial, way, own, move in zip(tried, ways, taken, moves.mean(1), strict=True)
+        _moved_along(reference, trial, way) if is_mostly_taken(move, move + slopes @ way, scale) else trial
+        for trial, way, move in zip(tried, ways, mean, strict=True)
     ]
 
 
-def is_mostly_taken(taken: np.ndarray, left: np.ndarray, scale: np.ndarray) -> bool:
-    """Whether the camera's parameters take up more of a shift than they leave; curvature of what they take up is then no detail."""
-    size = float(np.linalg.norm(standardised(taken, scale)))
-    return size > max(SHOWN, float(np.linalg.norm(standardised(left, scale))))
+def _moved_along(reference: Reference, trial: Trial, way: np.ndarray) -> Trial:
+    """The trial with the steps that the camera's parameters can make within their bounds."""
+    camera = trial.on(reference.camera)
+    at = [c.read(camera) for c in reference.coordinates]
+    there = moved(camera, reference.coordinates, [x + step for x, step in zip(at, way, strict=True)])
+    steps = [(c.path, c.read(there) - x) for c, x in zip(reference.coordinates, at, strict=True)]
+    return replace(trial, following=tuple(steps))
+
+
+def is_mostly_taken(shift: np.ndarray, left: np.ndarray, scale: np.ndarray) -> bool:
+    """Whether the camera's parameters take up more of a shift than they leave; the curvature of what they take up then matters.
+
+    Args:
+        shift, left: (statistics,) without and with a refit by derivatives, which has to reduce the shift.
+    """
+    taken, before, after = (
+        float(np.linalg.norm(standardised(v, scale))) for v in (shift - left, shift, left)
+    )
+    return taken > max(SHOWN, after) and after < before
 
 
 def _moves(
@@ -231,9 +244,10 @@ def _moves(
 
 
 def following(reference: Reference, camera: Camera, trial: Trial, share: float) -> Camera:
-    """The camera with its parameters moved to where a refit of the trial takes them, or part of the way."""
+    """The camera with its parameters moved to where a refit of the trial takes them, or a multiple of that within the priors."""
     if not trial.following:
         return camera
     ways = dict(trial.following)
     own = [c for c in reference.coordinates if c.path in ways]
-    return moved(camera, own, [c.read(camera) + share * ways[c.path] for c in own])
+    steps = [float(np.clip(share * ways[c.path], -c.prior, c.prior)) for c in own]
+    return moved(camera, own, [c.read(camera) + step for c, step in zip(own, steps, strict=True)])

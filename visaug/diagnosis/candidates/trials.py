@@ -23,7 +23,7 @@ class Trial:
         effect: its name.
         values: the effect's parameters by path, and its options.
         looked: whether they were estimated from the measured frames.
-        following: coordinates of the camera's parameters with it, by path; empty if they do not move.
+        following: steps of the camera's coordinates with it, by path; empty if they do not move.
     """
 
     effect: str

@@ -115,10 +115,21 @@ def _descended(
     steps = np.array([c.step for c in coordinates])
     start = np.array([c.read(reference.camera) for c in coordinates])
     twins = min(STEPPED, len(reference.sets))
+    noise_of_slopes = np.zeros(len(start)) if reference.noise is None else reference.noise
 
     def mean_at(camera: Camera) -> np.ndarray:
         there = lab.finding([(camera, k) for k in range(twins)])
         return reference.mean + there.mean(0) - reference.sets[:twins].mean(0)
+
+    def point_at(place: np.ndarray) -> tuple[float, np.ndarray, Camera, np.ndarray]:
+        there = moved(camera, coordinates, place.tolist())
+        mean = mean_at(there)
+        return (
+            misfit(measured - mean, reference.scale),
+            np.array([c.read(there) for c in coordinates]),
+            there,
+            mean,
+        )
 
     at, camera, mean = start.copy(), reference.camera, reference.mean
     if begin is not None:
@@ -133,7 +144,9 @@ def _descended(
         while free.any():
             left = (measured - mean - reference.slopes @ step)[None]
             own, offset = reference.slopes[:, free], (at - start)[free]
-            step[free] = adjust(left, own, reference.scale, priors[free], offset, damping)[0]
+            step[free] = adjust(
+                left, own, reference.scale, priors[free], offset, damping, noise=noise_of_slopes[free]
+            )[0]
             step[free] = (share * np.clip(step, -0.6 * priors, 0.6 * priors))[free]
             there = moved(camera, coordinates, list(at + step))
             beyond = at + step - [c.read(there) for c in coordinates]
@@ -153,13 +166,13 @@ def _descended(
             promised = best[0] - misfit(left - reference.slopes @ step, reference.scale)
             if LIKELIHOOD * promised < PROMISED:
                 break
-        camera = moved(camera, coordinates, list(at + step))
-        at = np.array([c.read(camera) for c in coordinates])
         report("refitting the camera", i, iterations)
-        mean = mean_at(camera)
-        now = misfit(measured - mean, reference.scale)
-        if now < best[0]:
-            best = (now, at, camera, mean)
+        there = point_at(at + step)
+        if there[0] >= best[0]:  # a long step along a curved valley needs a second one, back to its floor
+            there = point_at(there[1] + step_from(there[1], there[3]))
+        if there[0] < best[0]:
+            best = there
+            _, at, camera, mean = best
             damping = 0.1 * damping if damping > 0.02 else 0.0
             share = np.minimum(2 * share, 1.0)
         else:  # too far where statistics bend
@@ -177,10 +190,8 @@ def _descended(
         left, own = (measured - mean)[None], reference.slopes[:, bends]
         step = np.zeros(len(at))
         step[bends] = adjust(left, own, reference.scale, priors[bends], (at - start)[bends])[0]
-        camera = moved(camera, coordinates, list(at + np.clip(step, -0.6 * priors, 0.6 * priors)))
-        mean = mean_at(camera)
-        alone = (misfit(measured - mean, reference.scale), np.array([c.read(camera) for c in coordinates]))
-        best = min(best, (*alone, camera, mean), key=lambda fit: fit[0])
+        alone = point_at(at + np.clip(step, -0.6 * priors, 0.6 * priors))
+        best = min(best, alone, key=lambda fit: fit[0])
     _, at, camera, _ = best
     means, noise, error = _means_at(lab, reference, camera)
     last = step_from(at, means[0])  # what the derivatives still promise; damped where a longer step was worse
