@@ -7,6 +7,7 @@ import pytest
 
 from visaug.diagnosis.candidates.climb import NEAR, Climb
 from visaug.diagnosis.candidates.matches import Match
+from visaug.diagnosis.candidates.signatures import SHOWN
 from visaug.diagnosis.candidates.trials import Trial
 from visaug.diagnosis.fitting.law import Metric
 from visaug.diagnosis.fitting.parameters import Coordinate, effect_coordinates
@@ -42,13 +43,13 @@ def climb_of(stated, taken: float) -> Climb:
     return Climb(lab, fitted, law, match, camera, [strength])  # pyrefly: ignore[bad-argument-type]
 
 
-@pytest.mark.parametrize("taken", [50.0, 10.0])
-def test_the_black_level_follows_where_it_takes_up_more_than_the_effect_leaves(stated, taken):
-    """By less than the distance over which its derivative holds. The strength grows by half a unit, which explains the residual."""
+@pytest.mark.parametrize("taken", [50.0, 4.0])
+def test_the_black_level_follows_where_what_it_takes_up_shows(stated, taken):
+    """By less than the distance over which its derivative is taken to hold. Half a unit of the strength explains the residual."""
     climb = climb_of(stated, taken)
     at = [c.read(climb.camera) for c in climb.coordinates]
     black, strength = climb.step(climb.settled(np.array(at)))
     assert strength == pytest.approx(0.5, rel=0.01)
-    expected = -0.5 * taken / 25 if taken > 20 else 0.0  # else derivatives do
+    expected = -0.5 * taken / 25 if 0.5 * taken > SHOWN else 0.0
     assert abs(expected) < NEAR * BLACK.step
     assert black == pytest.approx(expected, rel=0.01)

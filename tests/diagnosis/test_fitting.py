@@ -475,3 +475,31 @@ def test_the_noise_of_following_the_mean_is_part_of_a_fits_error(stated):
             1 / 6, rel=0.5
         )  # in variances of a set; of 60 statistics, known to 8 %
     assert np.mean(errors) == pytest.approx(1 / (400 * np.sqrt(360)), rel=0.25)
+
+
+class Valley(Bent):
+    """Sets of 60 statistics: half of them keep the black level at a square of the efficiency, half hardly tell how far along it."""
+
+    def _set(self, camera, number):
+        black, efficiency = np.array([c.read(camera) for c in self.free]) - self.at
+        far = 20 * efficiency
+        noise = np.random.default_rng(number).normal(size=60)
+        return np.r_[np.full(30, 5 * (black - far**2)), np.full(30, far)] + noise
+
+
+def test_a_fit_follows_a_curved_valley_to_its_end(stated):
+    """A step along the tangent of 3 in `far` leaves 9 DN of black level, 45 standard deviations each, and all is worse than before.
+
+    A mean of 30 statistics tells `far` to 0.18; three of these are allowed.
+    """
+    by_path = {c.path: c for c in base_coordinates(stated, frame_set(0), True)}
+    free = [by_path["black_level_dn"], by_path["quantum_efficiency"]]
+    truth = moved(stated, free, [free[0].read(stated) + 9.0, free[1].read(stated) + 0.15])
+    lab = Valley(free, stated, truth)
+    sets = lab.finding([(stated, k) for k in range(60)])
+    slopes = np.zeros((60, 2))
+    slopes[:30, 0], slopes[30:, 1] = 5.0, 20.0
+    samples = [SimulatedStatistics(sets, slopes, np.zeros(60))] * 3
+    fitted = refit(lab, Reference(stated, tuple(free), *samples), lambda *_: None)  # pyrefly: ignore[bad-argument-type]
+    far = 20 * (free[1].read(fitted.camera) - free[1].read(stated))
+    assert far == pytest.approx(3.0, abs=0.55)
