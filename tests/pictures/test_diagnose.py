@@ -223,7 +223,14 @@ def test_strengths_to_try_follow_the_noise_of_the_pictures(monkeypatch):
         return np.zeros((len(trials), len(numbers), len(lab.statistics)))
 
     monkeypatch.setattr(signatures, "_moves", unmoved)
-    reference = SimpleNamespace(null_scale=np.ones(len(lab.statistics)), camera=STATED)
+    count = len(lab.statistics)
+    reference = SimpleNamespace(
+        null_scale=np.ones(count),
+        camera=STATED,
+        coordinates=(),
+        priors=np.zeros(0),
+        slopes=np.zeros((count, 0)),
+    )
     only_rows = [trial for trial in trials(STATED) if trial.effect == "row_noise"]
     signatures.scanned(lab, reference, only_rows, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
     expected = [catalogue()["row_noise"].parameters["sigma_e"].trials[k] * 14 / 1.5 for k in (0, -1)]

@@ -84,16 +84,14 @@ class Planned:
         found, steps, again = self._differences(cameras, count)
         if again.any():
             places = np.flatnonzero(again).tolist()
-            there = [
-                moved(
-                    cameras[k],
-                    self._free,
-                    [c.read(cameras[k]) - x for c, x in zip(self._free, steps[k], strict=True)],
-                )
-                for k in places
-            ]
+            there = [self._without_what_is_taken(cameras[k], steps[k]) for k in places]
             found[places], *_ = self._differences(there, count)
         return found
+
+    def _without_what_is_taken(self, camera: Camera, steps: np.ndarray) -> Camera:
+        """A camera with its parameters moved back by the steps of a refit; those of an effect that it does not have stay out."""
+        own = [(c, step) for c, step in zip(self._free, steps, strict=True) if c.path in camera.values()]
+        return moved(camera, [c for c, _ in own], [c.read(camera) - step for c, step in own])
 
     def _differences(
         self, cameras: Sequence[Camera], count: int
