@@ -225,6 +225,7 @@ def test_strengths_to_try_follow_the_noise_of_the_pictures(monkeypatch):
     monkeypatch.setattr(signatures, "_moves", unmoved)
     count = len(lab.statistics)
     reference = SimpleNamespace(
+        scale=np.ones(count),
         null_scale=np.ones(count),
         camera=STATED,
         coordinates=(),
