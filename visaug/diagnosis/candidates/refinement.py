@@ -90,8 +90,8 @@ def refine(
 ) -> Refined:
     """Fits the effect's parameters by damped Gauss-Newton with common random numbers, the camera's parameters left open.
 
-    Camera parameters that follow far, or take up most of a shift, are moved along. The iteration ends
-    after two iterations that gain less than `STALLED`, or when it cannot reach the gain of another effect.
+    Camera parameters that follow far, or take up most of a shift, are moved along. The iteration ends after two iterations that
+    gain less than `STALLED`, or when it cannot reach the gain of another effect.
 
     Args:
         beaten: gain of the best effect refined so far.
@@ -102,7 +102,7 @@ def refine(
     camera = cameras[0]
     # a camera that was not refitted has not followed: there the effect may stand alone
     if match.trial.following:
-        cameras.append(_scaled(fitted, replace(match, trial=replace(match.trial, following=()))))
+        cameras.append(_scaled(fitted, replace(match, trial=match.trial.unmoved)))
     if extrapolation(match) > NEAR_ENOUGH:  # shifts are not proportional to strengths
         cameras.append(_scaled(fitted, replace(match, scale=np.sign(match.scale))))
     cameras += also

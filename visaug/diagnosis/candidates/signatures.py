@@ -80,10 +80,8 @@ def resolved(lab: Laboratory, reference: Reference, signs: Signatures, report: R
     again = _signed(reference, *_following_moves(lab, reference, tried, range(MORE), report, "trying again"))
     kept = [i for i in range(len(signs.trials)) if i not in random]
     every = signs.taken(kept) + again
-    order = {replace(trial, following=()): k for k, trial in enumerate(signs.trials)}
-    return every.taken(
-        sorted(range(len(every.trials)), key=lambda i: order[replace(every.trials[i], following=())])
-    )
+    order = {trial.unmoved: k for k, trial in enumerate(signs.trials)}
+    return every.taken(sorted(range(len(every.trials)), key=lambda i: order[every.trials[i].unmoved]))
 
 
 def signatures(lab: Laboratory, reference: Reference, tried: Sequence[Trial], report: Report) -> Signatures:
@@ -99,8 +97,6 @@ def simulated(
     lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report
 ) -> Signatures:
     """Signatures from simulations with these numbers; parameters of the camera that take up most of one are moved along."""
-    if not tried:
-        return _nothing(reference)
     return _signed(reference, *_following_moves(lab, reference, tried, numbers, report))
 
 
@@ -113,7 +109,7 @@ def _following_moves(
     word: str = "trying",
 ) -> tuple[list[Trial], np.ndarray]:
     """The trials, those with parameters that have to follow with these moved, and their shifts."""
-    tried = [replace(trial, following=()) for trial in tried]
+    tried = [trial.unmoved for trial in tried]
     if not tried:
         return [], np.zeros((0, len(numbers), len(reference.scale)))
     moves = _moves(lab, reference, tried, numbers, report, word)
@@ -122,11 +118,6 @@ def _following_moves(
     if again:
         moves[again] = _moves(lab, reference, [followed[i] for i in again], numbers, report, "following")
     return followed, moves
-
-
-def _nothing(reference: Reference) -> Signatures:
-    nothing = np.zeros((0, len(reference.scale)))
-    return Signatures((), nothing, nothing)
 
 
 def strongest(trial: Trial, scale: Mapping[str, float] | None = None) -> Trial:
@@ -231,8 +222,6 @@ def _moves(
     lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report, word: str
 ) -> np.ndarray:
     """(trials, simulations, statistics) shift of each of the reference's sets by each trial."""
-    if not tried:
-        return np.zeros((0, len(numbers), len(reference.scale)))
     cameras = [following(reference, trial.on(reference.camera), trial, 1.0) for trial in tried]
     jobs = [(camera, k) for camera in cameras for k in numbers]
 

@@ -55,6 +55,11 @@ class Trial:
         return self.effect, self.form, absent
 
     @property
+    def unmoved(self) -> "Trial":
+        """The same with the camera's parameters where they are."""
+        return replace(self, following=())
+
+    @property
     def by_name(self) -> dict[str, Any]:
         """The values by name of the parameter."""
         return {path.split(".", 1)[-1]: value for path, value in self.values}
