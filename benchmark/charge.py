@@ -61,10 +61,10 @@ def amplifier_glow(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarra
     def glow() -> np.ndarray:
         rng = at.die()
         rows, columns = mean_e.shape
-        y, x = np.mgrid[0:rows, 0:columns]
+        y, x = np.mgrid[0:rows, 0:columns] + 0.5  # from the edge of the frame
         corner, reach = rng.integers(4), rng.uniform(0.12, 0.3) * np.hypot(rows, columns)
-        y = y if corner & 1 else rows - 1 - y
-        x = x if corner & 2 else columns - 1 - x
+        y = y if corner & 1 else rows - y
+        x = x if corner & 2 else columns - x
         if at.form == "edge":
             return np.exp(-(y if rng.random() < 0.5 else x) / reach)
         return np.exp(-np.hypot(y, x) / reach)

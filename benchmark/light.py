@@ -22,12 +22,12 @@ def _radius(reach: int) -> np.ndarray:
 
 
 def vignetting(light: np.ndarray, strength: float, at: Moment) -> np.ndarray:
-    """Light lost in the far corner, a fraction. cos^4 of the field angle; other form: off-centre, r^4."""
+    """Light lost at half a diagonal from the axis, a fraction. cos^4 of the field angle; other form: off-centre, r^4."""
     rng = at.die()
     rows, columns = light.shape
     wander = 0.2 if at.form == "off-centre quartic" else 0.02
     centre = (0.5 + wander * rng.uniform(-1, 1), 0.5 + wander * rng.uniform(-1, 1))
-    y, x = np.mgrid[0:rows, 0:columns]
+    y, x = np.mgrid[0:rows, 0:columns] + 0.5  # from the edge of the frame
     r2 = ((y - centre[0] * rows) ** 2 + (x - centre[1] * columns) ** 2) / (
         (rows / 2) ** 2 + (columns / 2) ** 2
     )

@@ -23,9 +23,9 @@ def corner_glow(mean_e: np.ndarray, strength: float, at: Moment) -> np.ndarray:
     def glow() -> np.ndarray:
         rows, columns = mean_e.shape
         corner = at.die().integers(4)
-        y, x = np.ogrid[:rows, :columns]
-        y = y if corner & 1 else rows - 1 - y
-        x = x if corner & 2 else columns - 1 - x
+        y, x = (axis + 0.5 for axis in np.ogrid[:rows, :columns])  # from the edge of the frame
+        y = y if corner & 1 else rows - y
+        x = x if corner & 2 else columns - x
         distance = np.hypot(y, x) / REACH_PX
         return np.exp(-(distance**2 if at.form == "Gaussian" else distance))
 

@@ -72,7 +72,7 @@ class Planned:
 
     @cached_property
     def _slopes(self) -> np.ndarray:
-        steps = {k: c.difference for k, c in enumerate(self._free)}
+        steps = {k: c.difference() for k, c in enumerate(self._free)}
         (found,) = differences(self.lab, self.camera, self._free, steps, range(2), [self._sets], self.report)
         return found.mean(1).T
 

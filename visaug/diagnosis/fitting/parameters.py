@@ -17,6 +17,7 @@ from visaug.effects import Parameter, catalogue
 from visaug.frames import FrameSet
 
 GAUSSIAN_SHAPE = 0.14
+BENDING = 0.3  # steps of a coordinate over which statistics that bend are linear
 STOPPED = 1e-6  # steps of a coordinate; what rounding leaves is less
 GAIN, BLACK, WELL = "gain_e_per_dn", "black_level_dn", "full_well_e"
 
@@ -28,11 +29,11 @@ class Coordinate:
     Args:
         path: as in camera.yaml.
         logarithmic: the coordinate is the parameter's logarithm.
-        step: within which derivatives hold, and of their finite differences, in the coordinate.
+        step: of finite differences, in the coordinate.
         prior: standard deviation about the camera file's value, in the coordinate: weak, for parameters that the frames do
             not determine.
         in_dn: the parameter is in electrons (or electrons per something), the coordinate in DN.
-        fine: finite differences are of this share of a step. Bits and codes bend within the width of the noise of a pixel.
+        bends: statistics are not linear within a step. Bits change with the black level as fast as the noise of a pixel allows.
     """
 
     path: str
@@ -40,12 +41,11 @@ class Coordinate:
     step: float
     prior: float
     in_dn: bool = False
-    fine: float = 1.0
+    bends: bool = False
 
-    @property
-    def difference(self) -> float:
-        """Of two simulations, from which a derivative is computed."""
-        return self.fine * self.step
+    def difference(self, width: float = 1.0) -> float:
+        """A finite difference, some times as wide as a step where statistics are linear over that."""
+        return (BENDING if self.bends else width) * self.step
 
     def read(self, camera: Camera) -> float:
         values = camera.values()
@@ -119,7 +119,7 @@ def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list
     exposed = {r.exposure_s for r in frames.records if r.kind in ("dark", "bias")}
     temperatures = {r.temperature_c for r in frames.records if r.kind == "dark"}
     values = camera.values()
-    free: list[Coordinate] = [Coordinate(BLACK, False, 1.0, 30.0, fine=0.3)]
+    free: list[Coordinate] = [Coordinate(BLACK, False, 1.0, 30.0, bends=True)]
 
     def scale(path: str, step: float = 0.04, prior: float = 0.5) -> None:
         if 0 < values[path] < math.inf and path.partition(".")[0] not in camera.maps:

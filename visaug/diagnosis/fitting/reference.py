@@ -307,7 +307,7 @@ def derivatives(
     taken: dict[int, list[np.ndarray]] = {}  # (simulations, statistics) difference quotients of each use
 
     def take(which: Sequence[int], width: float, numbers: range) -> None:
-        steps = {k: width * coordinates[k].difference for k in which}
+        steps = {k: coordinates[k].difference(width) for k in which}
         found = differences(lab, camera, coordinates, steps, numbers, sets, report)
         for j, k in enumerate(which):
             new = [quotients[j] for quotients in found]

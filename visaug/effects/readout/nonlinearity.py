@@ -54,6 +54,7 @@ class Nonlinearity(Noiseless):
         well = context.full_well_e
         use_well = torch.isfinite(well) & (p.full_scale == "full_well")
         scale = torch.where(use_well, well, converter)
-        x = (signal / scale).clamp(0, 1)
-        beyond = (signal / scale - 1).clamp_min(0) * (2 * p.quadratic + 3 * p.cubic)
-        return signal + scale * (p.quadratic * x**2 + p.cubic * x**3 + beyond)
+        share = signal / scale
+        x = share.clamp(0, 1)
+        beyond = (share - 1).clamp_min(0) * (2 * p.quadratic + 3 * p.cubic)
+        return signal + scale * (x * x * (p.quadratic + p.cubic * x) + beyond)
