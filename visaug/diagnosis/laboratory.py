@@ -128,13 +128,6 @@ class Laboratory:
         places = _places(find)
         return np.array([places.get(key, -1) for key in _places(whole)])
 
-    @cached_property
-    def confirming(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the statistics that discovery and hold-out frames both have: places among the one's and the other's."""
-        find, confirm, _ = (_places(f.statistics) for f in self.measured)
-        both = np.array([(find[key], i) for key, i in confirm.items() if key in find], int).reshape(-1, 2)
-        return both[:, 0], both[:, 1]
-
     def simulated(
         self, cameras: Sequence[tuple[Camera, int]], report: Callable[[int], None] | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

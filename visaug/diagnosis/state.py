@@ -9,7 +9,7 @@ from visaug.camera import Camera
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.law import FORM
 from visaug.diagnosis.fitting.parameters import Coordinate
-from visaug.diagnosis.fitting.reference import Null, SimulatedStatistics
+from visaug.diagnosis.fitting.reference import CERTAIN, Null, SimulatedStatistics
 from visaug.diagnosis.fitting.robust import p_value, standardised
 from visaug.diagnosis.fitting.uses import Use
 from visaug.diagnosis.scatter import ANSWERS, VarianceStrength
@@ -92,16 +92,18 @@ class State:
         """
         reference = self.fitted.reference
         scattering = [c for s in self.scatters for c in s.strengths]
-        follows = self.fitted.response >= ANSWERS
-        share = np.where(follows, self.fitted.response, np.inf)
-        parts = [reference.spread_steps / share, *(s.steps for s in self.scatters)]
+        response = np.broadcast_to(self.fitted.response, len(reference.coordinates))
+        spread, by_priors = lengthened(reference.spread_steps, response, reference.priors)
+        parts = [spread, *(s.steps for s in self.scatters)]
         most = max(map(len, parts))
         steps = np.hstack(
             [np.pad(part, ((0, most - len(part)), (0, 0)), constant_values=np.nan) for part in parts]
         )
-        own = np.hypot(
-            np.where(follows, reference.undetermined, reference.priors), self.fitted.simulation_error / share
+        follows = response >= ANSWERS
+        by_frames = np.hypot(
+            reference.undetermined, self.fitted.simulation_error / np.maximum(response, ANSWERS)
         )
+        own = np.where(follows, np.hypot(by_frames, by_priors), by_priors)
         undetermined = np.concatenate([own, *(s.undetermined for s in self.scatters)])
         return (*reference.coordinates, *scattering), steps, undetermined
 
@@ -113,6 +115,38 @@ class State:
     @property
     def is_adequate(self) -> bool:
         return self.p_value > SIGNIFICANT
+
+
+def lengthened(steps: np.ndarray, response: np.ndarray, priors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Steps of refits, those of parameters that a fit does not follow whole divided by its response, others moved along.
+
+    What trades off with such a parameter is as uncertain as that: its steps are continued by their regression on the steps of
+    the parameter, where that differs from 0 by `CERTAIN` standard errors. Below `ANSWERS` the frames do not determine a
+    parameter, and its prior takes the place of its steps.
+
+    Args:
+        steps: (R, coordinates) of the refits of simulated sets.
+        response: (coordinates,) see `visaug.diagnosis.response`.
+        priors: (coordinates,) standard deviations.
+
+    Returns:
+        The steps (R, coordinates), and the standard deviation (coordinates,) that comes from priors.
+    """
+    follows = response >= ANSWERS
+    short = response < 1.0
+    along = np.zeros((len(response), len(response)))
+    if short.any() and len(steps) > 1 + short.sum():
+        own = steps[:, short] - steps[:, short].mean(0)
+        others = steps[:, ~short] - steps[:, ~short].mean(0)
+        inverse = np.linalg.pinv(own.T @ own)
+        slopes = inverse @ own.T @ others
+        left = ((others - own @ slopes) ** 2).sum(0) / (len(steps) - 1 - short.sum())
+        errors = np.sqrt(np.diag(inverse)[:, None] * left)
+        along[np.ix_(short, ~short)] = np.where(np.abs(slopes) > CERTAIN * errors, slopes, 0.0)
+    divided = np.where(follows, steps / np.maximum(response, ANSWERS), 0.0)
+    more = np.where(follows, divided - steps, 0.0)
+    taken = np.where(follows, 0.0, priors)[:, None] * (along + np.eye(len(response)))
+    return divided + more @ along, np.sqrt((taken**2).sum(0))
 
 
 def tolerance(explained: np.ndarray, scale: np.ndarray, views: np.ndarray) -> np.ndarray:

@@ -17,7 +17,8 @@ from visaug.effects import Parameter, catalogue
 from visaug.frames import FrameSet
 
 GAUSSIAN_SHAPE = 0.14
-BENDING = 0.3  # steps of a coordinate over which statistics that bend are linear
+LINEAR = 0.5  # standard deviations of a pixel over which shares of bits and codes are linear in the black level
+ROUNDING_DN = 12**-0.5  # standard deviation of rounding to whole DN
 STOPPED = 1e-6  # steps of a coordinate; what rounding leaves is less
 GAIN, BLACK, WELL = "gain_e_per_dn", "black_level_dn", "full_well_e"
 
@@ -33,7 +34,7 @@ class Coordinate:
         prior: standard deviation about the camera file's value, in the coordinate: weak, for parameters that the frames do
             not determine.
         in_dn: the parameter is in electrons (or electrons per something), the coordinate in DN.
-        bends: statistics are not linear within a step. Bits change with the black level as fast as the noise of a pixel allows.
+        linear: over which statistics are linear; finite differences are not larger.
     """
 
     path: str
@@ -41,11 +42,11 @@ class Coordinate:
     step: float
     prior: float
     in_dn: bool = False
-    bends: bool = False
+    linear: float = math.inf
 
     def difference(self, width: float = 1.0) -> float:
-        """A finite difference, some times as wide as a step where statistics are linear over that."""
-        return (BENDING if self.bends else width) * self.step
+        """A finite difference, a number of steps wide where statistics are linear over that."""
+        return min(width * self.step, self.linear)
 
     def read(self, camera: Camera) -> float:
         values = camera.values()
@@ -119,7 +120,8 @@ def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list
     exposed = {r.exposure_s for r in frames.records if r.kind in ("dark", "bias")}
     temperatures = {r.temperature_c for r in frames.records if r.kind == "dark"}
     values = camera.values()
-    free: list[Coordinate] = [Coordinate(BLACK, False, 1.0, 30.0, bends=True)]
+    noise_dn = math.hypot(values["read_noise.sigma_e"] / values[GAIN], ROUNDING_DN)
+    free: list[Coordinate] = [Coordinate(BLACK, False, 1.0, 30.0, linear=LINEAR * noise_dn)]
 
     def scale(path: str, step: float = 0.04, prior: float = 0.5) -> None:
         if 0 < values[path] < math.inf and path.partition(".")[0] not in camera.maps:
