@@ -1,5 +1,6 @@
 """Steps, derivatives, references and refits against linear algebra that is done by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from scipy.stats import norm
 
 from benchmark.effects import BY_NAME
-from tests.diagnosis.small import Hidden, frame_set
+from tests.diagnosis.small import SENSOR, Hidden, frame_set
 from visaug.diagnosis.candidates.climb import newton
 from visaug.diagnosis.fitting import fit
 from visaug.diagnosis.fitting.fit import NOISY, bias_level, refit, settled
@@ -202,6 +203,16 @@ def test_a_black_level_far_from_the_file_is_found(stated):
     reference = make_reference(lab, off, coordinates, 16, lambda *_: None)
     fitted = refit(lab, reference, lambda *_: None)
     assert fitted.camera.values()["black_level_dn"] == pytest.approx(120, abs=1)
+
+
+@pytest.mark.parametrize("read_e", [0.14, 0.3])
+def test_a_black_level_is_found_where_rounding_is_more_than_noise(stated, read_e):
+    """0.2 and 0.4 DN of noise: the level rises in steps of a DN. With its pattern the mean is known to 0.2 DN."""
+    off = stated.replace({"black_level_dn": 130.0, "read_noise.sigma_e": read_e})
+    lab = Laboratory(frame_set(0, sensor=replace(SENSOR, read_e=read_e)), off)
+    reference = make_reference(lab, off, base_coordinates(off, lab.frames, True), 40, lambda *_: None)
+    fitted = refit(lab, reference, lambda *_: None)
+    assert fitted.camera.values()["black_level_dn"] == pytest.approx(120, abs=0.6)
 
 
 def test_a_set_does_not_widen_its_own_measure():

@@ -108,7 +108,9 @@ def test_what_trades_off_with_a_parameter_is_as_uncertain_as_that():
     held, by_priors = lengthened(steps, np.array([0.0, 1.0, 1.0]), priors)
     assert not held[:, 0].any()
     np.testing.assert_array_equal(held[:, 1:], steps[:, 1:])
-    np.testing.assert_allclose(by_priors, [50, 100, 0], rtol=0.1)
+    np.testing.assert_allclose(by_priors, [50, 50, 0])  # no more than the prior of the second itself
+    _, wide = lengthened(steps, np.array([0.0, 1.0, 1.0]), np.array([50.0, 500.0, 50.0]))
+    np.testing.assert_allclose(wide, [50, 100, 0], rtol=0.1)
 
 
 def test_a_fit_that_follows_every_parameter_keeps_its_steps():

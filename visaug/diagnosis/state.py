@@ -118,7 +118,7 @@ class State:
 
 
 def lengthened(steps: np.ndarray, response: np.ndarray, priors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Steps of refits, those of parameters that a fit does not follow whole divided by its response, others moved along.
+    """Steps of refits, those of parameters that a fit follows only in part divided by its response, others moved along.
 
     What trades off with such a parameter is as uncertain as that: its steps are continued by their regression on the steps of
     the parameter, where that differs from 0 by `CERTAIN` standard errors. Below `ANSWERS` the frames do not determine a
@@ -146,7 +146,7 @@ def lengthened(steps: np.ndarray, response: np.ndarray, priors: np.ndarray) -> t
     divided = np.where(follows, steps / np.maximum(response, ANSWERS), 0.0)
     more = np.where(follows, divided - steps, 0.0)
     taken = np.where(follows, 0.0, priors)[:, None] * (along + np.eye(len(response)))
-    return divided + more @ along, np.sqrt((taken**2).sum(0))
+    return divided + more @ along, np.minimum(np.sqrt((taken**2).sum(0)), priors)
 
 
 def tolerance(explained: np.ndarray, scale: np.ndarray, views: np.ndarray) -> np.ndarray:

@@ -259,7 +259,7 @@ def _black_step(lab: Laboratory, reference: Reference, left: np.ndarray) -> _Bla
     black = next((k for k, c in enumerate(reference.coordinates) if c.path == BLACK), None)
     if level is None or black is None:
         return None
-    return _BlackStep(level, black, left[level] / max(reference.slopes[level, black], 0.5))
+    return _BlackStep(level, black, float(left[level]))  # 1 DN each, also where rounding makes it a staircase
 
 
 def bias_level(statistics: Sequence[Statistic]) -> int | None:

@@ -17,8 +17,9 @@ from visaug.effects import Parameter, catalogue
 from visaug.frames import FrameSet
 
 GAUSSIAN_SHAPE = 0.14
-LINEAR = 0.5  # standard deviations of a pixel over which shares of bits and codes are linear in the black level
-ROUNDING_DN = 12**-0.5  # standard deviation of rounding to whole DN
+LINEAR = (
+    0.5  # standard deviations of read noise over which shares of bits and codes are linear in the black level
+)
 STOPPED = 1e-6  # steps of a coordinate; what rounding leaves is less
 GAIN, BLACK, WELL = "gain_e_per_dn", "black_level_dn", "full_well_e"
 
@@ -120,8 +121,7 @@ def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list
     exposed = {r.exposure_s for r in frames.records if r.kind in ("dark", "bias")}
     temperatures = {r.temperature_c for r in frames.records if r.kind == "dark"}
     values = camera.values()
-    noise_dn = math.hypot(values["read_noise.sigma_e"] / values[GAIN], ROUNDING_DN)
-    free: list[Coordinate] = [Coordinate(BLACK, False, 1.0, 30.0, linear=LINEAR * noise_dn)]
+    free: list[Coordinate] = [Coordinate(BLACK, False, 1.0, 30.0, linear=_linear_dn(camera))]
 
     def scale(path: str, step: float = 0.04, prior: float = 0.5) -> None:
         if 0 < values[path] < math.inf and path.partition(".")[0] not in camera.maps:
@@ -146,6 +146,18 @@ def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list
     for name in camera.effect_names:
         free += effect_coordinates(camera, name)
     return free
+
+
+def _linear_dn(camera: Camera) -> float:
+    """DN of the black level over which shares of bits are linear: a part of the read noise.
+
+    Infinite where that is less than half a step of the codes in use. The level itself then rises in steps, and only differences
+    over whole ones show its slope of 1.
+    """
+    values = camera.values()
+    noise_dn = math.hypot(values["read_noise.sigma_e"] / values[GAIN], values["read_noise.after_gain_dn"])
+    smallest_dn = 2 ** values.get("bit_truncation.bits", 0)
+    return LINEAR * noise_dn if noise_dn > 0.5 * smallest_dn else math.inf
 
 
 def effect_coordinates(camera: Camera, name: str) -> list[Coordinate]:
