@@ -27,6 +27,7 @@ from visaug.diagnosis.fitting.reference import (
 )
 from visaug.diagnosis.fitting.robust import adjust
 from visaug.diagnosis.laboratory import Laboratory
+from visaug.diagnosis.spread import by_threads
 
 
 def test_adjust_solves_the_linear_problem_and_ignores_outliers():
@@ -173,7 +174,7 @@ def test_the_derivative_of_a_bit_is_that_of_its_law(stated):
             **{f"dsnu.{part}": 0.0 for part in ("column_e", "row_e", "pixel_e")},
         }
     )
-    lab = Laboratory(frame_set(0), camera)
+    lab = Laboratory(frame_set(0), camera, spread=by_threads())
     free = base_coordinates(camera, lab.frames, lab.calibrated)
     sets = lab.simulated([(camera, k) for k in range(PAIRS)])
     (slopes, *_), _ = derivatives(lab, camera, free, sets, lambda *_: None)
@@ -209,8 +210,11 @@ def test_a_black_level_far_from_the_file_is_found(stated):
 def test_a_black_level_is_found_where_rounding_is_more_than_noise(stated, read_e):
     """0.2 and 0.4 DN of noise: the level rises in steps of a DN. With its pattern the mean is known to 0.2 DN."""
     off = stated.replace({"black_level_dn": 130.0, "read_noise.sigma_e": read_e})
-    lab = Laboratory(frame_set(0, sensor=replace(SENSOR, read_e=read_e)), off)
+    lab = Laboratory(frame_set(0, sensor=replace(SENSOR, read_e=read_e)), off, spread=by_threads())
     reference = make_reference(lab, off, base_coordinates(off, lab.frames, True), 40, lambda *_: None)
+    level = bias_level(lab.statistics)
+    assert level is not None
+    assert reference.slopes[level, 0] == pytest.approx(1, rel=0.05)
     fitted = refit(lab, reference, lambda *_: None)
     assert fitted.camera.values()["black_level_dn"] == pytest.approx(120, abs=0.6)
 
