@@ -44,7 +44,7 @@ _S, _E, _T = "signal", "exposure", "temperature"
 KINDS: tuple[Kind, ...] = (
     # Order is that of physics: light, expected charge, charge in wells (collected before moved), voltage.
     Kind("light_drift", "light", light.light_drift, "relative rms", 0.01, 0.5, "slow walk", ("time",), (_S,)),
-    Kind("vignetting", "light", light.vignetting, "loss in the corner", 0.01, 0.9, "off-centre quartic",
+    Kind("vignetting", "light", light.vignetting, "loss at half a diagonal", 0.01, 0.9, "off-centre quartic",
          ("smooth",), (_S,)),
     Kind("lens_flare", "light", light.lens_flare, "share of light", 1e-3, 0.5, "ring and small ghost",
          ("smooth",), (_S,)),

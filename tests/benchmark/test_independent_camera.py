@@ -287,3 +287,13 @@ def test_parasitic_light_is_a_ramp_that_short_exposures_show_more():
         more = further_act("parasitic_light", mean, 0.02, shot=shot) - mean
         assert more[0, 0] == 0
         assert more[-1, 0] == pytest.approx(0.02 * lit * 0.01 / seconds)
+
+
+def test_a_glow_falls_with_the_distance_from_the_corner_of_the_frame():
+    """At the brightest pixel and at the tenth along the edge, whose centres lie half a pixel inside the frame."""
+    glow = effects.BY_NAME["amplifier_glow"].act(np.zeros((64, 80)), 20.0, moment("amplifier_glow"))
+    glow = glow[
+        :: 1 if glow[0].max() > glow[-1].max() else -1, :: 1 if glow[:, 0].max() > glow[:, -1].max() else -1
+    ]
+    first, tenth = np.log(glow[0, [0, 9]] / (20.0 * PLAIN.integration_s))
+    assert tenth / first == pytest.approx(np.hypot(0.5, 9.5) / np.hypot(0.5, 0.5))

@@ -99,11 +99,10 @@ class State:
         steps = np.hstack(
             [np.pad(part, ((0, most - len(part)), (0, 0)), constant_values=np.nan) for part in parts]
         )
-        follows = response >= ANSWERS
         by_frames = np.hypot(
             reference.undetermined, self.fitted.simulation_error / np.maximum(response, ANSWERS)
         )
-        own = np.where(follows, np.hypot(by_frames, by_priors), by_priors)
+        own = np.hypot(np.where(response >= ANSWERS, by_frames, 0.0), by_priors)
         undetermined = np.concatenate([own, *(s.undetermined for s in self.scatters)])
         return (*reference.coordinates, *scattering), steps, undetermined
 
@@ -132,8 +131,7 @@ def lengthened(steps: np.ndarray, response: np.ndarray, priors: np.ndarray) -> t
     Returns:
         The steps (R, coordinates), and the standard deviation (coordinates,) that comes from priors.
     """
-    follows = response >= ANSWERS
-    short = response < 1.0
+    follows, short = response >= ANSWERS, response < 1.0
     along = np.zeros((len(response), len(response)))
     if short.any() and len(steps) > 1 + short.sum():
         own = steps[:, short] - steps[:, short].mean(0)

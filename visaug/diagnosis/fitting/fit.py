@@ -230,36 +230,35 @@ def _to_bias_level(lab: Laboratory, reference: Reference, left: np.ndarray) -> n
 
     Bits and codes change periodically with the black level, so a robust fit cannot step across many DN.
     """
-    told = _black_step(lab, reference, left)
+    told = _black_level(lab, reference)
     if told is None or abs(left[told.level]) < FAR_BLACK * reference.coordinates[told.black].step:
         return None
     step = np.zeros(len(reference.coordinates))
-    step[told.black] = told.step
+    step[told.black] = left[told.level]
     return step
 
 
 def _at_bias_level(lab: Laboratory, fitted: Fitted) -> Camera | None:
     """The camera with the black level at the mean of the bias frames, if that deviates; else None."""
-    told = _black_step(lab, fitted.reference, fitted.residual)
+    told = _black_level(lab, fitted.reference)
     if told is None or abs(fitted.z[told.level]) < OFF_BLACK:
         return None
     coordinate = fitted.reference.coordinates[told.black]
-    return moved(fitted.camera, [coordinate], [coordinate.read(fitted.camera) + told.step])
+    return moved(fitted.camera, [coordinate], [coordinate.read(fitted.camera) + fitted.residual[told.level]])
 
 
-class _BlackStep(NamedTuple):
+class _BlackLevel(NamedTuple):
     level: int  # the statistic that is the mean of the bias frames
-    black: int  # the coordinate that is the black level
-    step: float  # by which the one comes to where it was measured
+    black: int  # the coordinate that is the black level, which moves the mean by 1 DN each
 
 
-def _black_step(lab: Laboratory, reference: Reference, left: np.ndarray) -> _BlackStep | None:
-    """The black level from the bias frames; None without such frames, or if the black level is not free."""
+def _black_level(lab: Laboratory, reference: Reference) -> _BlackLevel | None:
+    """Places of the black level; None without bias frames, or if the black level is not free."""
     level = bias_level(lab.statistics)
     black = next((k for k, c in enumerate(reference.coordinates) if c.path == BLACK), None)
     if level is None or black is None:
         return None
-    return _BlackStep(level, black, float(left[level]))  # 1 DN each, also where rounding makes it a staircase
+    return _BlackLevel(level, black)
 
 
 def bias_level(statistics: Sequence[Statistic]) -> int | None:

@@ -17,9 +17,7 @@ from visaug.effects import Parameter, catalogue
 from visaug.frames import FrameSet
 
 GAUSSIAN_SHAPE = 0.14
-LINEAR = (
-    0.5  # standard deviations of read noise over which shares of bits and codes are linear in the black level
-)
+LINEAR = 0.5  # standard deviations of read noise over which shares of bits are linear in the black level
 STOPPED = 1e-6  # steps of a coordinate; what rounding leaves is less
 GAIN, BLACK, WELL = "gain_e_per_dn", "black_level_dn", "full_well_e"
 
