@@ -181,7 +181,8 @@ def test_what_frames_cannot_tell_apart_is_ambiguous(stated, hidden, strength, sh
     alone = diagnose(stated, frame_set(77, [effect], plan=(shot,) * 12), without=others, sets=SETS)
     (pair,) = alone.ambiguous
     assert set(pair["effects"]) == {hidden, rival}
-    assert pair["measure"].startswith(wanted)
+    # frames of one kind leave numbers open; where a fit leaves them at 0, no other kind differs (see test_separate.py)
+    assert pair["measure"].startswith((wanted, "many more frames of every kind"))
     assert alone.accepted == (alone.ranking[0].effect,)  # under its likeliest name
 
 

@@ -12,6 +12,8 @@ STRIPES = {"name": "row_noise", "sigma_e": 0.5}
 WAVES = {"name": "periodic_banding", "amplitude_e": 0.7, "period_rows": 9.0}
 DEFECTS = {"name": "hot_pixels", "density": 0.005}
 CURVE = {"name": "nonlinearity"}
+SEAM = {"name": "tap_mismatch", "offset_e": 3.0, "gain": 0.01}
+STEPS = {"name": "fixed_pattern_structure", "shape": "steps", "amplitude_e": 1.5}
 CORNERS = {"name": "vignetting", "corner_loss": 0.05}
 BIAS, DARKS, FLATS = PLAN[:12], PLAN[12:24], PLAN[24:]
 
@@ -48,6 +50,7 @@ def test_where_all_kinds_are_there_more_of_the_best_are_asked_for(stated):
 
 
 def test_flats_of_one_level_do_not_stand_for_a_whole_range(stated):
+    assert told(stated, SEAM, STEPS, BIAS).startswith("flats over the whole range")  # the seam has a gain
     assert told(stated, CURVE, CORNERS, FLATS[6:9] * 4).startswith("flats over the whole range")
 
 
