@@ -119,7 +119,7 @@ def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list
     exposed = {r.exposure_s for r in frames.records if r.kind in ("dark", "bias")}
     temperatures = {r.temperature_c for r in frames.records if r.kind == "dark"}
     values = camera.values()
-    free: list[Coordinate] = [Coordinate(BLACK, False, 1.0, 30.0, linear=_linear_dn(camera))]
+    free: list[Coordinate] = [Coordinate(BLACK, False, 1.0, 30.0, linear=linear_dn(camera))]
 
     def scale(path: str, step: float = 0.04, prior: float = 0.5) -> None:
         if 0 < values[path] < math.inf and path.partition(".")[0] not in camera.maps:
@@ -146,8 +146,8 @@ def base_coordinates(camera: Camera, frames: FrameSet, calibrated: bool) -> list
     return free
 
 
-def _linear_dn(camera: Camera) -> float:
-    """DN of the black level over which shares of bits are linear: a part of the read noise.
+def linear_dn(camera: Camera) -> float:
+    """DN of a dark level over which shares of bits are linear: a part of the read noise.
 
     Infinite where that is less than half a step of the codes in use. The level itself then rises in steps, and only differences
     over whole ones show its slope of 1.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.diagnosis.fitting.parameters import WELL, Coordinate, is_stopped, moved
+from visaug.diagnosis.fitting.parameters import BLACK, WELL, Coordinate, is_stopped, linear_dn, moved
 from visaug.diagnosis.fitting.robust import adjust, shrunk, standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.statistics.distance import largest_of_each, least_spread, variance
@@ -16,6 +16,7 @@ from visaug.statistics.distance import largest_of_each, least_spread, variance
 PAIRS = 2  # simulated steps of a derivative, on alternate sides and with the random numbers of a simulated set each
 MORE_PAIRS = 4  # of a derivative of which noise is much even with a step so many times as wide,
 WIDER = 4.0
+DARK = ("bias", "dark")  # frames whose bits show a shift of their level
 MOST_PAIRS = 16  # and at most, where other coordinates change nearly the same statistics
 CERTAIN = 3.0  # standard errors by which a derivative that is mostly noise must differ from 0
 NOISY = 0.1  # share of noise in what tells a coordinate from which its derivative is simulated further
@@ -306,10 +307,21 @@ def derivatives(
     scale, priors = np.sqrt(variance(sets[0])), np.array([c.prior for c in coordinates])
     taken: dict[int, list[np.ndarray]] = {}  # (simulations, statistics) difference quotients of each use
 
-    def take(which: Sequence[int], width: float, numbers: range) -> None:
-        steps = {k: coordinates[k].difference(width) for k in which}
+    dark_levels = [
+        i for i, s in enumerate(lab.statistics) if s.name == "mean" and s.view == "level" and s.kind in DARK
+    ]
+    reach_dn = linear_dn(camera)
+
+    def wider(k: int) -> float:
+        """A step so many times as wide, as far as it moves no dark level by more than bits are linear over."""
+        most_dn = np.abs(slopes[0][dark_levels, k]).max(initial=0.0)
+        narrow, wide = (coordinates[k].difference(width) for width in (1.0, WIDER))
+        is_limited = coordinates[k].path != BLACK and most_dn > 0  # that of the black level is so by itself
+        return min(wide, max(narrow, reach_dn / most_dn)) if is_limited else wide
+
+    def take(steps: Mapping[int, float], numbers: range) -> None:
         found = differences(lab, camera, coordinates, steps, numbers, sets, report)
-        for j, k in enumerate(which):
+        for j, k in enumerate(steps):
             new = [quotients[j] for quotients in found]
             taken[k] = [np.vstack(both) for both in zip(taken[k], new, strict=True)] if numbers.start else new
             for own, quotients in zip(slopes, taken[k], strict=True):
@@ -322,14 +334,14 @@ def derivatives(
         return np.flatnonzero(noise > NOISY * told).tolist()
 
     if given < len(coordinates):
-        take(range(given, len(coordinates)), 1.0, range(PAIRS))
+        take({k: coordinates[k].difference() for k in range(given, len(coordinates))}, range(PAIRS))
     most = min(MOST_PAIRS, len(sets[0]) // 2 * 2)
     wide = np.zeros(len(coordinates), int)  # simulations of each with the wider step
     while todo := [k for k in noisy() if wide[k] < most]:
         groups = {int(count): [k for k in todo if wide[k] == count] for count in np.unique(wide[todo])}
         for count, which in groups.items():
             further = range(count, min(max(2 * count, PAIRS), most))
-            take(which, WIDER, further)
+            take({k: wider(k) for k in which}, further)
             wide[which] = further.stop
         answers = (standardised(slopes[0].T, scale) ** 2).sum(1)
         for k in todo:
