@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.stats import loguniform, norm
 
-from visaug.diagnosis.fitting.law import LEAST, OUTLIERS, RANGE, log_density
+from visaug.diagnosis.fitting.law import LEAST, OUTLIERS, RANGE, log_density, rare
 
 
 def density(residual: float, scale: float = 1.0, unit: float = 1.0) -> float:
@@ -52,3 +52,27 @@ def test_no_outlier_is_smaller_than_three_units():
     np.testing.assert_allclose(
         found, OUTLIERS / (2 * (1 + np.log(RANGE)) * np.array([3.0, 3.0, 6.0])), rtol=0.01
     )
+
+
+def test_a_rare_shift_has_a_mixture_of_two_normal_laws():
+    """A fifth of 20,000 sets is shifted by 30 with a standard deviation of 4, and has a tolerance of 3.
+
+    Standard errors of the two shares are 1 and 2 %, of densities within two standard deviations 5 %.
+    """
+    rng = np.random.default_rng(0)
+    sets = np.clip(rng.normal(0, 1, (20_000, 3)), -LEAST, LEAST)
+    sets[:, 1] += np.where(rng.random(20_000) < 0.2, rng.normal(30, 4, 20_000), 0)
+    sets[:, 0] = rng.uniform(-1, 1, 20_000)
+    sets[:, 2] += 30  # in every set
+    found = rare(sets, np.ones(3), np.array([0.0, 3.0, 0.0]))
+    assert found is not None
+    assert found.places.tolist() == [1]
+    for residual in (-1.0, 0.0, 2.0, 22.0, 30.0, 38.0):
+        at, one = np.full(3, residual), np.ones(3)
+        mixture = 0.8 * norm.pdf(residual, 0, 1) + 0.2 * norm.pdf(residual, 30, 5)
+        outlier = OUTLIERS / (2 * (1 + np.log(RANGE)) * max(abs(residual), LEAST))
+        expected = np.log((1 - OUTLIERS) * mixture + outlier)
+        plain, mixed = log_density(at, one, one), log_density(at, one, one, found)
+        np.testing.assert_allclose(mixed[[0, 2]], plain[[0, 2]])
+        np.testing.assert_allclose(mixed[1], expected, atol=0.1)
+    assert rare(sets[:, [0, 2]], np.ones(2), np.zeros(2)) is None

@@ -26,7 +26,7 @@ from functools import cached_property
 import numpy as np
 from scipy import stats
 
-from visaug.diagnosis.fitting.law import FORM, log_density
+from visaug.diagnosis.fitting.law import FORM, Rare, log_density, rare
 from visaug.diagnosis.fitting.robust import adjust, standardised
 from visaug.diagnosis.fitting.uses import CERTAIN, Use, scales, shifts
 from visaug.diagnosis.state import State
@@ -138,15 +138,16 @@ def _own(before: State, after: State) -> list[int]:
 def _without_effect(before: State, after: State, ratios: "tuple[_Ratio, _Ratio]") -> np.ndarray:
     """(R,) log likelihood ratio of sets without the effect, to which its parameters are fitted as to the measurement.
 
-    The fit is linear, from a strength of 0, along the effect's own derivatives. An effect whose strength is not fitted, since it
-    is an integer or is estimated from variance (`visaug.diagnosis.scatter`), stays as it is.
+    The fit is linear, from a strength of 0, at which standard deviations are those without the effect, along its own derivatives.
+    An effect whose strength is not fitted, since it is an integer or is estimated from variance (`visaug.diagnosis.scatter`),
+    stays as it is.
     """
     fitted = after.fitted.reference
     is_scatter = len(after.scatters) > len(before.scatters)
     if is_scatter or not _own(before, after):
         null = [ratio.before.null.residuals for ratio in ratios]
         return _summed(ratios, null, [left - ratio.moves for ratio, left in zip(ratios, null, strict=True)])
-    steps = adjust(before.find.null.residuals, fitted.slopes, fitted.scale, fitted.priors)
+    steps = adjust(before.find.null.residuals, fitted.slopes, before.fitted.reference.scale, fitted.priors)
     return np.asarray(sum(ratio.gained(steps) for ratio in ratios))
 
 
@@ -284,10 +285,21 @@ class _Ratio:
         new, old = (log_density(part[:, self._used], scale, unit) for part in (left, residual))
         return (new - old).sum(-1)
 
+    @cached_property
+    def _rare(self) -> Rare | None:
+        """Of the statistics used, what the effect shifts in few specimens: their residuals are those with the effect."""
+        (plain, own), moves = (
+            (scale[self._used] for scale in scales(self.before, self.after)),
+            self.moves[self._used],
+        )
+        sets = np.where(own > plain, self.with_effect[:, self._used], 0.0)
+        found = rare(sets, np.hypot(plain, self.before.allowance[self._used]), FORM * moves)
+        return None if found is None else replace(found, middles=found.middles - moves[found.places])
+
     def of(self, without: np.ndarray, own: np.ndarray) -> np.ndarray:
         """(..., statistics used) of residuals (..., statistics) without the effect and with it."""
         with_it, plain, unit = self._scales
-        return log_density(own[..., self._used], with_it, unit) - log_density(
+        return log_density(own[..., self._used], with_it, unit, self._rare) - log_density(
             without[..., self._used], plain, unit
         )
 

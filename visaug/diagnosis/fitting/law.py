@@ -16,6 +16,7 @@ ROUGH = 0.3  # and of its first signatures, whose parameters are not fitted yet
 OUTLIERS = 0.01  # share of the statistics that effects outside the model shift
 LEAST = 3.0  # the smallest outlier, in standard deviations,
 RANGE = 1e4  # and the ratio of the largest to the smallest
+FEW_SETS = 3  # sets that tell the width of a part of a distribution
 
 
 @dataclass(frozen=True)
@@ -129,14 +130,67 @@ def scatter_along(null: Null, left: np.ndarray, ways: np.ndarray) -> np.ndarray:
     return np.maximum(found, 1.0)
 
 
-def log_density(residual: np.ndarray, scale: np.ndarray, unit: np.ndarray) -> np.ndarray:
+def log_density(
+    residual: np.ndarray, scale: np.ndarray, unit: np.ndarray, rare: "Rare | None" = None
+) -> np.ndarray:
     """Log density of residuals (..., statistics): normal, with log-uniform outliers for what effects outside the model cause.
 
     Args:
         scale: standard deviations.
         unit: outliers lie beyond `LEAST` times this.
+        rare: statistics that have a mixture of two normal distributions in place of one.
     """
     size = np.abs(residual)
-    normal = np.exp(-0.5 * (size / scale) ** 2) / (scale * np.sqrt(2 * np.pi))
+    normal = _normal(residual, scale)
+    if rare is not None:
+        parts = (
+            share * _normal(residual[..., rare.places] - middle, width)
+            for share, middle, width in zip(rare.shares, rare.middles, rare.widths, strict=True)
+        )
+        normal[..., rare.places] = sum(parts)
     outlier = 1 / (2 * (1 + np.log(RANGE)) * np.maximum(size, LEAST * unit))
     return np.log((1 - OUTLIERS) * normal + OUTLIERS * outlier)
+
+
+def _normal(residual: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    return np.exp(-0.5 * (residual / scale) ** 2) / (scale * np.sqrt(2 * np.pi))
+
+
+@dataclass(frozen=True)
+class Rare:
+    """Statistics that an effect shifts far in few specimens of a camera and hardly in the others.
+
+    Attributes:
+        places: (n,) which they are.
+        shares, middles, widths: (2, n) of the specimens without and with such a shift: how many, and mean and standard
+            deviation of their residuals.
+    """
+
+    places: np.ndarray
+    shares: np.ndarray
+    middles: np.ndarray
+    widths: np.ndarray
+
+
+def rare(sets: np.ndarray, scale: np.ndarray, left: np.ndarray) -> Rare | None:
+    """The statistics of which fewer than half of the sets lie beyond `LEAST` standard deviations; None if there are none.
+
+    Args:
+        sets: (R, statistics) residuals, without the effect, of sets that are simulated with it.
+        scale: standard deviations without the effect: the least width of either part.
+        left: tolerance of the effect's form, per statistic.
+    """
+    is_far = np.abs(sets) > LEAST * scale
+    count = is_far.sum(0)
+    places = np.flatnonzero((count >= FEW_SETS) & (count < len(sets) / 2))
+    if not len(places):
+        return None
+    found = []
+    for part in (~is_far[:, places], is_far[:, places]):
+        number = part.sum(0)
+        middle = np.where(part, sets[:, places], 0.0).sum(0) / number
+        spread = np.where(part, (sets[:, places] - middle) ** 2, 0.0).sum(0) / (number - 1)
+        found.append((number / len(sets), middle, np.sqrt(np.maximum(spread, scale[places] ** 2))))
+    shares, middles, widths = (np.array(values) for values in zip(*found, strict=True))
+    widths[1] = np.hypot(widths[1], left[places])
+    return Rare(places, shares, middles, widths)
