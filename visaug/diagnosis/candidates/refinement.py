@@ -7,7 +7,7 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.diagnosis.candidates.climb import Climb
-from visaug.diagnosis.candidates.matches import CHANCE, NEAR_ENOUGH, Match, extrapolation
+from visaug.diagnosis.candidates.matches import CHANCE, Match
 from visaug.diagnosis.candidates.signatures import following, is_random, own_variance
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.law import FORM, metric, scatter_along
@@ -103,8 +103,8 @@ def refine(
     # a camera that was not refitted has not followed: there the effect may stand alone
     if match.trial.following:
         cameras.append(_scaled(fitted, replace(match, trial=match.trial.unmoved)))
-    if extrapolation(match) > NEAR_ENOUGH:  # shifts are not proportional to strengths
-        cameras.append(_scaled(fitted, replace(match, scale=np.sign(match.scale))))
+    # shifts are not proportional to strengths: those of a faint blur grow with a power above ten
+    cameras.append(_scaled(fitted, replace(match, scale=np.sign(match.scale))))
     cameras += also
     own = coordinates_of(match.trial.effect, camera, lab, fitted.reference.coordinates)
     judged = metric(fitted, FORM, allowance)

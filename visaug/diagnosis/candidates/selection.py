@@ -17,7 +17,7 @@ from visaug.diagnosis.fitting.robust import standardised
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.effects import catalogue
 
-SHARPENED = 3  # largest number of strengths at which the signature of a candidate is simulated,
+SHARPENED = 6  # largest number of strengths at which the signature of a candidate is simulated,
 FAR_STEP = 3.0  # and largest step of the logarithm of a strength
 TRIED = 4  # largest number of candidates that are refined in a step, if they gain
 SHARE = 0.2  # this share of the best gain
@@ -100,7 +100,9 @@ def sharpened(
             start = m.trial.times(np.sign(m.scale))
             points = [point for other in tried if (point := _point(other, start)) is not None]
             if points:
-                further.append(start.times(float(np.exp(_next(points)))))
+                idle = [_ratio(other.trial, start) for other in tried if not other.scale]
+                vain = [float(np.log(abs(ratio))) for ratio in idle if ratio is not None]
+                further.append(start.times(float(np.exp(_above(vain, _next(points), points)))))
         known = {t.values for t in signs.trials}
         further = [t for t in dict.fromkeys(further) if t.values not in known and t.fits(fitted.camera)]
         if not further:
@@ -112,7 +114,14 @@ def sharpened(
 
 def _point(match: Match, start: Trial) -> tuple[float, float] | None:
     """Logarithms of the ratio of a match's strengths to those of a start, and of its scale; None if it differs in more."""
-    trial = match.trial
+    ratio = _ratio(match.trial, start)
+    if ratio is None or match.scale * ratio <= 0:
+        return None
+    return float(np.log(abs(ratio))), float(np.log(abs(match.scale)))
+
+
+def _ratio(trial: Trial, start: Trial) -> float | None:
+    """Ratio of a trial's strengths to those of a start; None if it differs in more."""
     if trial.looked or trial.kind != start.kind:
         return None
     strengths = catalogue()[trial.effect].strengths()
@@ -121,9 +130,18 @@ def _point(match: Match, start: Trial) -> tuple[float, float] | None:
         for key, value in trial.by_name.items()
         if key in strengths and value and start.by_name.get(key)
     ]
-    if not ratios or not np.allclose(ratios, ratios[0]) or match.scale * ratios[0] <= 0:
-        return None
-    return float(np.log(abs(ratios[0]))), float(np.log(abs(match.scale)))
+    return ratios[0] if ratios and np.allclose(ratios, ratios[0]) else None
+
+
+def _above(vain: Sequence[float], wanted: float, points: Sequence[tuple[float, float]]) -> float:
+    """The log factor that is wanted; halfway back to the weakest point if a stronger trial than that had no effect.
+
+    Args:
+        vain: log factors of trials without a shift.
+    """
+    weakest = min(x for x, _ in points)
+    highest = max((x for x in vain if x < weakest), default=-np.inf)
+    return wanted if wanted > highest else (highest + weakest) / 2
 
 
 def _next(points: Sequence[tuple[float, float]]) -> float:
