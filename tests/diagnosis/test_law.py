@@ -55,7 +55,7 @@ def test_no_outlier_is_smaller_than_three_units():
 
 
 def test_a_rare_shift_has_a_mixture_of_two_normal_laws():
-    """A fifth of 20,000 sets is shifted by 30 with a standard deviation of 4, and has a tolerance of 3.
+    """A fifth of 20,000 sets is shifted by 30 with a standard deviation of 4, and has a tolerance of a tenth of that.
 
     Standard errors of the two shares are 1 and 2 %, of densities within two standard deviations 5 %.
     """
@@ -64,7 +64,7 @@ def test_a_rare_shift_has_a_mixture_of_two_normal_laws():
     sets[:, 1] += np.where(rng.random(20_000) < 0.2, rng.normal(30, 4, 20_000), 0)
     sets[:, 0] = rng.uniform(-1, 1, 20_000)
     sets[:, 2] += 30  # in every set
-    found = rare(sets, np.ones(3), np.array([0.0, 3.0, 0.0]))
+    found = rare(sets, sets, np.ones(3), np.zeros(3))
     assert found is not None
     assert found.places.tolist() == [1]
     for residual in (-1.0, 0.0, 2.0, 22.0, 30.0, 38.0):
@@ -75,4 +75,20 @@ def test_a_rare_shift_has_a_mixture_of_two_normal_laws():
         plain, mixed = log_density(at, one, one), log_density(at, one, one, found)
         np.testing.assert_allclose(mixed[[0, 2]], plain[[0, 2]])
         np.testing.assert_allclose(mixed[1], expected, atol=0.1)
-    assert rare(sets[:, [0, 2]], np.ones(2), np.zeros(2)) is None
+    assert rare(sets[:, [0, 2]], sets[:, [0, 2]], np.ones(2), np.zeros(2)) is None
+
+
+def test_what_an_effect_makes_wider_is_no_rare_shift():
+    """Normal statistics of twice the standard deviation: 13 % of the sets lie beyond three of those without the effect."""
+    sets = 2 * np.random.default_rng(0).standard_normal((120, 300))
+    assert rare(sets, sets, np.ones(300), np.zeros(300)) is None
+
+
+def test_a_residual_that_may_stay_widens_both_parts():
+    sets = np.zeros((100, 1))
+    sets[:20] = 30.0
+    alone, beside = (rare(sets, sets, np.ones(1), np.full(1, allowed)) for allowed in (0.0, 2.0))
+    assert alone is not None
+    assert beside is not None
+    np.testing.assert_allclose(alone.widths[:, 0], np.sqrt([1, 1 + 3**2]))
+    np.testing.assert_allclose(beside.widths[:, 0], np.sqrt([1 + 4, 1 + 4 + 3**2]))

@@ -289,12 +289,14 @@ class _Ratio:
     @cached_property
     def _rare(self) -> Rare | None:
         """Of the statistics used, what the effect shifts in few specimens: their residuals are those with the effect."""
-        (plain, own), moves = (
-            (scale[self._used] for scale in scales(self.before, self.after)),
+        plain, own = (scale[self._used] for scale in scales(self.before, self.after))
+        sets = np.where(own > plain, self.with_effect[:, self._used], 0.0)
+        count = min(len(use.null.residuals) for use in (self.before, self.after))
+        changes = (self.with_effect[:count] - self.before.null.residuals[:count])[:, self._used]
+        found, moves = (
+            rare(sets, changes, plain, self.before.allowance[self._used]),
             self.moves[self._used],
         )
-        sets = np.where(own > plain, self.with_effect[:, self._used], 0.0)
-        found = rare(sets, np.hypot(plain, self.before.allowance[self._used]), FORM * moves)
         return None if found is None else replace(found, middles=found.middles - moves[found.places])
 
     def of(self, without: np.ndarray, own: np.ndarray) -> np.ndarray:

@@ -13,13 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from visaug.camera import Camera
-from visaug.diagnosis.fitting.law import log_density
+from visaug.diagnosis.fitting.law import TYPICAL, log_density
 from visaug.diagnosis.fitting.parameters import Coordinate, moved
 from visaug.diagnosis.fitting.reference import Null
 from visaug.diagnosis.fitting.uses import Use, scales, shifts
 
-# Least median of the squared residual over its variance; 0.45 for a normal distribution, less for rare events
-TYPICAL = 0.15
 FACTORS = np.geomspace(0.1, 10, 61)
 MET = 1.6  # ratio to which an estimated strength must reproduce itself
 ANSWERS = 0.3  # smallest response of an estimate to the strength; below it the interval is that of the prior

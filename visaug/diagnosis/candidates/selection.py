@@ -137,7 +137,7 @@ def _above(vain: Sequence[float], wanted: float, points: Sequence[tuple[float, f
     """The log factor that is wanted; halfway back to the weakest point if a stronger trial than that had no effect.
 
     Args:
-        vain: log factors of trials without a shift.
+        vain: log factors of trials without a shift, or with one against the residual.
     """
     weakest = min(x for x, _ in points)
     highest = max((x for x in vain if x < weakest), default=-np.inf)

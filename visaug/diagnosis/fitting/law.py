@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy import stats
 from scipy.linalg import cho_solve, solve_triangular
 
 from visaug.diagnosis.fitting.fit import Fitted
@@ -16,6 +17,8 @@ ROUGH = 0.3  # and of its first signatures, whose parameters are not fitted yet
 OUTLIERS = 0.01  # share of the statistics that effects outside the model shift
 LEAST = 3.0  # the smallest outlier, in standard deviations,
 RANGE = 1e4  # and the ratio of the largest to the smallest
+# Least median of a squared residual over its mean; 0.45 for a normal distribution, less for rare events
+TYPICAL = 0.15
 FEW_SETS = 3  # sets that tell the width of a part of a distribution
 
 
@@ -172,17 +175,24 @@ class Rare:
     widths: np.ndarray
 
 
-def rare(sets: np.ndarray, scale: np.ndarray, left: np.ndarray) -> Rare | None:
-    """The statistics of which fewer than half of the sets lie beyond `LEAST` standard deviations; None if there are none.
+def rare(sets: np.ndarray, changes: np.ndarray, scale: np.ndarray, allowed: np.ndarray) -> Rare | None:
+    """The statistics that an effect shifts far in fewer than half of the sets and hardly in the others; None if there are none.
+
+    Far is beyond `LEAST` standard deviations, and as many robust ones of the sets. An effect that makes a statistic wider changes
+    it in every set, so that the squared change has no small median compared to its mean. A shift has the tolerance of the
+    effect's form, `FORM`.
 
     Args:
         sets: (R, statistics) residuals, without the effect, of sets that are simulated with it.
+        changes: (n, statistics) by the effect, of sets that share their random numbers with and without it.
         scale: standard deviations without the effect: the least width of either part.
-        left: tolerance of the effect's form, per statistic.
+        allowed: residual that may stay, per statistic.
     """
-    is_far = np.abs(sets) > LEAST * scale
-    count = is_far.sum(0)
-    places = np.flatnonzero((count >= FEW_SETS) & (count < len(sets) / 2))
+    robust = np.median(np.abs(sets), 0) / stats.norm.ppf(0.75)
+    is_far = np.abs(sets) > LEAST * np.maximum(np.hypot(scale, allowed), robust)
+    count, squares = is_far.sum(0), changes**2
+    is_apart = np.median(squares, 0) < TYPICAL * squares.mean(0)
+    places = np.flatnonzero((count >= FEW_SETS) & (count < len(sets) / 2) & is_apart)
     if not len(places):
         return None
     found = []
@@ -190,7 +200,8 @@ def rare(sets: np.ndarray, scale: np.ndarray, left: np.ndarray) -> Rare | None:
         number = part.sum(0)
         middle = np.where(part, sets[:, places], 0.0).sum(0) / number
         spread = np.where(part, (sets[:, places] - middle) ** 2, 0.0).sum(0) / (number - 1)
-        found.append((number / len(sets), middle, np.sqrt(np.maximum(spread, scale[places] ** 2))))
+        variance = np.maximum(spread, scale[places] ** 2) + allowed[places] ** 2
+        found.append((number / len(sets), middle, np.sqrt(variance)))
     shares, middles, widths = (np.array(values) for values in zip(*found, strict=True))
-    widths[1] = np.hypot(widths[1], left[places])
+    widths[1] = np.hypot(widths[1], FORM * middles[1])
     return Rare(places, shares, middles, widths)

@@ -16,10 +16,10 @@ from visaug.statistics.distance import largest_of_each, least_spread, variance
 PAIRS = 2  # simulated steps of a derivative, on alternate sides and with the random numbers of a simulated set each
 MORE_PAIRS = 4  # of a derivative of which noise is much even with a step so many times as wide,
 WIDER = 4.0
-DARK = ("bias", "dark")  # frames whose bits show a shift of their level
 MOST_PAIRS = 16  # and at most, where other coordinates change nearly the same statistics
 CERTAIN = 3.0  # standard errors by which a derivative that is mostly noise must differ from 0
 NOISY = 0.1  # share of noise in what tells a coordinate from which its derivative is simulated further
+DARK = ("bias", "dark")  # frames whose bits show a shift of their level
 FAR = 6.0  # steps of a coordinate beyond which the reference is simulated anew
 FIRST = 60  # simulated sets whose spread tells the noise of a derivative
 STAGES = (FIRST, 120, 200)  # simulated sets after each of which a test is asked whether it is decided
