@@ -181,8 +181,10 @@ def test_what_frames_cannot_tell_apart_is_ambiguous(stated, hidden, strength, sh
     alone = diagnose(stated, frame_set(77, [effect], plan=(shot,) * 12), without=others, sets=SETS)
     (pair,) = alone.ambiguous
     assert set(pair["effects"]) == {hidden, rival}
-    # frames of one kind leave numbers open; where a fit leaves them at 0, no other kind differs (see test_separate.py)
-    assert pair["measure"].startswith((wanted, "many more frames of every kind"))
+    # bias frames leave the gain of a seam open; where its fit leaves that at 0, flats do not differ (see test_separate.py)
+    gains = [r.parameters["gain"].value for r in alone.ranking if "gain" in r.parameters]
+    is_open = gains == [0.0] and pair["measure"].startswith("many more frames of every kind")
+    assert is_open or pair["measure"].startswith(wanted)
     assert alone.accepted == (alone.ranking[0].effect,)  # under its likeliest name
 
 

@@ -300,14 +300,21 @@ def test_a_strength_between_two_that_were_tried_is_sought_between_them():
     )
 
 
+def trial(sigma: float) -> Trial:
+    """A blur of so many pixels."""
+    return Trial("point_spread", (("point_spread.sigma_px", sigma),))
+
+
+def simulated(lab, reference, tried, report):
+    """Signatures without a shift, where only their strengths matter."""
+    return Signatures(tuple(tried), np.zeros((len(tried), 4)), np.zeros((len(tried), 4)))
+
+
 def test_a_blur_of_which_a_weak_trial_matches_best_is_brought_near(stated, monkeypatch):
     """Light on the next pixel grows with erfc(0.5 / (sigma sqrt 2)): 0.2 px of it, times 26, is the light of 0.5 px.
 
     The residual is so large that the weak trial matches best whatever else was tried, and a strong one not at all.
     """
-
-    def trial(sigma: float) -> Trial:
-        return Trial("point_spread", (("point_spread.sigma_px", sigma),))
 
     def light(one: Trial) -> float:
         return float(erfc(0.5 / (one.by_name["sigma_px"] * np.sqrt(2))))
@@ -316,25 +323,19 @@ def test_a_blur_of_which_a_weak_trial_matches_best_is_brought_near(stated, monke
         found = [Match(t, -light(t), light(trial(0.5)) / light(t), np.zeros(4)) for t in signs.trials]
         return found, [max(found, key=lambda m: m.gain)]
 
-    def simulated(lab, reference, tried, report):
-        return Signatures(tuple(tried), np.zeros((len(tried), 4)), np.zeros((len(tried), 4)))
-
     monkeypatch.setattr(selection, "first_matches", first)
     monkeypatch.setattr(selection, "signatures", simulated)
     fitted = SimpleNamespace(camera=stated, reference=None)
     begun = simulated(None, None, [trial(0.2)], None)
     signs = selection.sharpened(None, begun, fitted, frozenset(), 0.0, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
     tried = [t.by_name["sigma_px"] for t in signs.trials]
-    assert len(tried) <= 1 + selection.SHARPENED
+    assert len(tried) == 1 + selection.SHARPENED
     assert all(a > b for a, b in pairwise(tried[1:]))  # the first goes far beyond, the others come back
     assert abs(np.log(light(trial(tried[-1])) / light(trial(0.5)))) < 0.6
 
 
 def test_a_faint_blur_is_sought_above_the_strengths_that_show_nothing(stated, monkeypatch):
     """0.12 px puts a four hundredth of the light of 0.2 px on the next pixel; below 0.06 px not one electron of 1e15 goes there."""
-
-    def trial(sigma: float) -> Trial:
-        return Trial("point_spread", (("point_spread.sigma_px", sigma),))
 
     def light(one: Trial) -> float:
         share = float(erfc(0.5 / (one.by_name["sigma_px"] * np.sqrt(2))))
@@ -346,9 +347,6 @@ def test_a_faint_blur_is_sought_above_the_strengths_that_show_nothing(stated, mo
     def first(signs, *_):
         found = [Match(t, 9.0 if light(t) else 0.0, scale(t), np.zeros(4)) for t in signs.trials]
         return found, best_of_each(sorted(found, key=lambda m: -m.gain))
-
-    def simulated(lab, reference, tried, report):
-        return Signatures(tuple(tried), np.zeros((len(tried), 4)), np.zeros((len(tried), 4)))
 
     monkeypatch.setattr(selection, "first_matches", first)
     monkeypatch.setattr(selection, "signatures", simulated)

@@ -271,9 +271,15 @@ class _Ratio:
         return (self.before.null.scale > 0) & (self.after.null.scale > 0)
 
     @cached_property
+    def _spreads(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the statistics used: standard deviations without and with the effect, see `scales`."""
+        plain, own = (scale[self._used] for scale in scales(self.before, self.after))
+        return plain, own
+
+    @cached_property
     def _scales(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of the statistics used: standard deviations with and without the effect, and the unit of outliers."""
-        unit, own = (scale[self._used] for scale in scales(self.before, self.after))
+        unit, own = self._spreads
         allowed = self.before.allowance[self._used]
         with_it = np.sqrt(own**2 + allowed**2 + (FORM * self.moves[self._used]) ** 2)
         return with_it, np.hypot(unit, allowed), unit
@@ -289,15 +295,14 @@ class _Ratio:
     @cached_property
     def _rare(self) -> Rare | None:
         """Of the statistics used, what the effect shifts in few specimens: their residuals are those with the effect."""
-        plain, own = (scale[self._used] for scale in scales(self.before, self.after))
+        plain, own = self._spreads
         sets = np.where(own > plain, self.with_effect[:, self._used], 0.0)
         count = min(len(use.null.residuals) for use in (self.before, self.after))
         changes = (self.with_effect[:count] - self.before.null.residuals[:count])[:, self._used]
-        found, moves = (
-            rare(sets, changes, plain, self.before.allowance[self._used]),
-            self.moves[self._used],
-        )
-        return None if found is None else replace(found, middles=found.middles - moves[found.places])
+        found = rare(sets, changes, plain, self.before.allowance[self._used])
+        if found is None:
+            return None
+        return replace(found, middles=found.middles - self.moves[self._used][found.places])
 
     def of(self, without: np.ndarray, own: np.ndarray) -> np.ndarray:
         """(..., statistics used) of residuals (..., statistics) without the effect and with it."""

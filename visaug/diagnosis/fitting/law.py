@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
 from scipy.linalg import cho_solve, solve_triangular
 
 from visaug.diagnosis.fitting.fit import Fitted
 from visaug.diagnosis.fitting.reference import Null
 from visaug.diagnosis.fitting.robust import shrunk
+from visaug.statistics.stack import MAD
 
 FORM = 0.1  # model discrepancy of an effect's form, relative to what the effect explains,
 ROUGH = 0.3  # and of its first signatures, whose parameters are not fitted yet
@@ -188,7 +188,7 @@ def rare(sets: np.ndarray, changes: np.ndarray, scale: np.ndarray, allowed: np.n
         scale: standard deviations without the effect: the least width of either part.
         allowed: residual that may stay, per statistic.
     """
-    robust = np.median(np.abs(sets), 0) / stats.norm.ppf(0.75)
+    robust = MAD * np.median(np.abs(sets), 0)
     is_far = np.abs(sets) > LEAST * np.maximum(np.hypot(scale, allowed), robust)
     count, squares = is_far.sum(0), changes**2
     is_apart = np.median(squares, 0) < TYPICAL * squares.mean(0)
