@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import norm
 
 from visaug.diagnosis import verdicts
-from visaug.diagnosis.candidates.signatures import MORE, Signatures
+from visaug.diagnosis.candidates.signatures import MORE, REDRAWN
 from visaug.diagnosis.candidates.trials import Trial
 from visaug.diagnosis.criterion import ODDS
 from visaug.diagnosis.fitting.reference import Null
@@ -25,11 +25,12 @@ def sight(slopes: np.ndarray, priors: np.ndarray, statistics: int = 6) -> Sight:
     return Sight(null, np.array(["level"] * statistics), nothing, nothing, MATCH, LARGEST)
 
 
-def course(strengths, shifts, variances=None, ways=None) -> StrengthCurve:
+def course(strengths, shifts, specimens=None, ways=None) -> StrengthCurve:
     shifts, own = np.array(shifts, float), np.array(strengths, float)
-    variances = np.zeros_like(shifts) if variances is None else variances
+    specimens = shifts[:, None] if specimens is None else np.array(specimens, float)
     ways = np.zeros((len(own), 2)) if ways is None else np.array(ways)
-    return StrengthCurve("row_noise.sigma_e", own, shifts, variances, shifts, False, ways, ways)
+    variances = specimens.var(1)
+    return StrengthCurve("row_noise.sigma_e", own, shifts, variances, specimens, shifts, False, ways, ways)
 
 
 PLAIN = np.zeros((6, 0)), np.zeros(0)
@@ -51,14 +52,22 @@ def test_a_strength_that_was_simulated_and_is_not_shown_is_below_the_limit():
     assert limit >= 4.0
 
 
-def test_an_effect_of_variance_alone_is_shown_by_the_largest_residual():
-    """Residuals of variance 1 + v x^2 exceed the limit of 4 with 95 % where 4 / sd is the quantile of 52.5 %."""
-    known = Sight(**{**vars(sight(*PLAIN)), "largest": 4.0})
-    added = np.array([[0, 0, 100.0, 0, 0, 0]])
-    random = course([1.0], [np.zeros(6)], added)
-    limit, _ = random.limit(known)
-    sd = 4 / norm.ppf(1 - POWER / 2)
-    assert limit == pytest.approx(np.sqrt(sd**2 - 1) / 10, rel=0.15)
+@pytest.mark.parametrize("seen", [6, 5])
+def test_an_effect_is_shown_where_95_per_cent_of_its_specimens_are(seen):
+    """A normal residual of mean z exceeds 4 with 95 % from z = 5.645. One specimen of six that shows nothing is more than 5 %."""
+    known = Sight(**{**vars(sight(*PLAIN)), "largest": 4.0, "match": 100.0})
+    each = np.zeros((1, 6, 6))
+    each[0, range(seen), range(seen)] = 10.0
+    limit, _ = course([1.0], [each[0].mean(0)], each).limit(known)
+    expected = (4 + norm.ppf(POWER)) / 10 if seen == 6 else np.inf
+    assert limit == pytest.approx(expected, rel=0.1)
+
+
+def test_noise_that_specimens_draw_again_shows_nothing():
+    """The largest of many differences of two sets is beyond the largest of one set, and would be at a larger strength too."""
+    known = Sight(**{**vars(sight(*PLAIN)), "largest": 4.0, "match": 4.0})
+    noise = np.full((1, 6, 6), 0.95 * np.sqrt(REDRAWN) * 4.0)
+    assert course([1.0], [np.zeros(6)], noise).limit(known)[0] == np.inf
 
 
 @pytest.mark.parametrize(("left", "explains"), [(0.0, False), (2.0, False), (10.0, True)])
@@ -93,27 +102,48 @@ def test_a_parameter_of_the_camera_that_does_the_same_is_what_it_cannot_be_separ
         assert _absorbing(end, wide, {"row_noise": effect}) == found  # pyrefly: ignore[bad-argument-type]
 
 
-def test_limits_are_simulated_with_random_numbers_that_no_signature_has(monkeypatch, stated):
+class Blind:
+    """A laboratory in which no simulated set with an effect differs from one without, or each by as much."""
+
+    def __init__(self, camera, shift: float):
+        self.camera, self.shift, self.asked = camera, shift, []
+
+    def moves(self, lab, reference, trials, numbers, report):
+        self.asked.append((numbers, [trial.by_name["sigma_e"] for trial in trials]))
+        return trials, np.full((len(trials), len(numbers), 6), self.shift)
+
+    def setting(self):
+        reference = SimpleNamespace(camera=self.camera, null_scale=np.ones(6))
+        trial = Trial("row_noise", (("row_noise.sigma_e", 1.0),))
+        lab, signs = SimpleNamespace(whole_of=lambda values: values), SimpleNamespace(trials=(trial,))
+        return SimpleNamespace(first=reference, lab=lab, signs=signs, report=None)
+
+
+@pytest.mark.parametrize("specimens", [1, 2])
+def test_limits_are_simulated_with_random_numbers_that_no_signature_has(monkeypatch, stated, specimens):
     """A signature of a random effect matches sets of its own random numbers whatever its strength."""
-    asked = []
-
-    def simulated(lab, reference, trials, numbers, report):
-        asked.append(numbers)
-        far = np.full((len(trials), 6), 1e3)  # far from the limit, so that every round is asked for
-        return Signatures(tuple(trials), far, np.zeros_like(far))
-
-    monkeypatch.setattr(verdicts, "simulated", simulated)
-    setting = SimpleNamespace(
-        first=SimpleNamespace(camera=stated),
-        lab=SimpleNamespace(whole_of=lambda values: values),
-        signs=SimpleNamespace(trials=(Trial("row_noise", (("row_noise.sigma_e", 1.0),)),)),
-        report=None,
-    )
-    one = course([1.0], [np.array([0, 0, 4.0, 0, 0, 0])])
-    verdicts._completed(setting, setting.first, sight(*PLAIN), {"row_noise": one}, ["gain_e_per_dn", "a"])  # pyrefly: ignore[bad-argument-type]
-    assert asked
+    lab = Blind(stated, 1e3)  # far from the limit, so that every round is asked for
+    monkeypatch.setattr(verdicts, "following_moves", lab.moves)
+    setting, one = lab.setting(), np.array([0, 0, 4.0, 0, 0, 0])
+    known = {"row_noise": course([1.0], [one], [[one] * specimens])}
+    verdicts._completed(setting, setting.first, sight(*PLAIN), known, ["gain_e_per_dn", "a"])  # pyrefly: ignore[bad-argument-type]
+    asked = [numbers for numbers, tried in lab.asked if tried]
+    assert len(asked) == verdicts.ROUNDS
+    assert {len(numbers) for numbers in asked} == {MORE if specimens > 1 else 2}
     assert min(min(numbers) for numbers in asked) >= MORE
     assert len({k for numbers in asked for k in numbers}) == sum(map(len, asked))
+
+
+def test_a_strength_at_which_nothing_is_shown_is_doubled(monkeypatch, stated):
+    """No multiple of a shift of 0 is shown; trial values of row noise allow three doublings here."""
+    lab = Blind(stated, 0.0)
+    monkeypatch.setattr(verdicts, "following_moves", lab.moves)
+    setting, nothing = lab.setting(), np.zeros(6)
+    known = {"row_noise": course([0.1], [nothing], [[nothing] * 2])}
+    after = verdicts._completed(setting, setting.first, sight(*PLAIN), known, ["gain_e_per_dn", "a"])  # pyrefly: ignore[bad-argument-type]
+    tried = [of for _, each in lab.asked for of in each]
+    np.testing.assert_allclose(tried, [0.2, 0.4, 0.8])
+    assert after["row_noise"].limit(sight(*PLAIN), is_final=True)[0] == np.inf
 
 
 def test_limits_hold_for_the_camera_that_was_found():

@@ -1,10 +1,11 @@
 """The verdict on every effect of the catalogue, from the signatures and the simulated sets of a search.
 
-An effect of strength x shifts the statistics of all frames by s(x) and adds the variances v(x). Both are simulated at some
-strengths and follow a power law beyond them. The test of adequacy shows the effect with the probability P(x): that the match with
-its signature, or the largest residual, exceeds the 99 % quantile of simulated sets without it. The limit of an absent effect is the
-strength at which P is 95 % (a power-constrained limit: G. Cowan, K. Cranmer, E. Gross and O. Vitells, arXiv 1105.3166), or the
-upper limit of 95 % on its strength where that is larger.
+An effect of strength x shifts the statistics of all frames by s(x), which is another shift for each specimen of an effect with
+random numbers of its own. It is simulated at some strengths and follows a power law beyond them. The test of adequacy shows a
+specimen where the match with a signature, or the largest residual, exceeds the 99 % quantile of simulated sets without the effect;
+P(x) is the mean of this probability over specimens. The limit of an absent effect is the strength at which P is 95 % (a
+power-constrained limit: G. Cowan, K. Cranmer, E. Gross and O. Vitells, arXiv 1105.3166), or the upper limit of 95 % on its strength
+where that is larger.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,17 +13,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtr
 
 from visaug.camera import Camera
 from visaug.camera.paths import path_of, place_of
-from visaug.diagnosis.candidates.signatures import FEW, MORE, Signatures, simulated
+from visaug.diagnosis.candidates.signatures import FEW, MORE, REDRAWN, Signatures, following_moves, signed
 from visaug.diagnosis.candidates.trials import Trial, strength_of
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.criterion import ODDS
 from visaug.diagnosis.fitting.law import law, scatter_along
 from visaug.diagnosis.fitting.reference import Null, Reference
-from visaug.diagnosis.fitting.robust import standardised
 from visaug.diagnosis.planned import Planned, frames_that_show
 from visaug.diagnosis.stage import SearchStage, Setting
 from visaug.diagnosis.verdict import Verdict
@@ -34,9 +34,8 @@ RARE = 0.99  # quantile of the null beyond which a residual is shown: two tests 
 FACTORS = np.geomspace(1e-3, 1e3, 241)  # of a simulated strength, among which a limit is sought
 NEAR = 1.6  # ratio of a limit and a simulated strength up to which the power law is trusted
 ROUNDS = 3  # of simulations near a limit
+BEYOND = 2.0  # times the strongest simulated strength is the next one where none is shown
 STEEPEST = 6.0  # exponent of a shift in the strength
-_NORMAL_POWER = ndtri(POWER)
-_WIDE = 2 / ndtri(1.5 - POWER)  # P(|x| < L) >= P(0 < x < 2 L) for a mean of L or less
 
 
 @dataclass(frozen=True)
@@ -81,29 +80,22 @@ class Sight:
         )
         return max(with_it) - nothing
 
-    def smallest(self, match: float, shift: np.ndarray, variance: np.ndarray, power: float) -> float:
+    def smallest(self, matches: np.ndarray, shifts: np.ndarray, power: float) -> float:
         """The factor on a strength at which it is shown with the probability `POWER`; infinite where none is.
 
         Args:
-            match: of its shift with the signatures, in standard deviations.
+            matches: (specimens,) of the shifts with the signatures, in standard deviations.
+            shifts: (specimens, statistics).
         """
-        by = FACTORS**power
-        z, added = self.null.beyond(shift), standardised(variance, self.null.scale**2)
-        reached = int(np.argmax(by * match - self.match >= _NORMAL_POWER))
-        end = reached if by[reached] * match - self.match >= _NORMAL_POWER else len(by)
-        # A normal residual is hidden with at most 1 - POWER only if its mean is beyond the largest or if its
-        # standard deviation is so many times as large; other statistics and strengths need not be looked at.
-        with np.errstate(divide="ignore"):
-            beyond = np.minimum(self.largest / np.abs(z), np.sqrt(((_WIDE * self.largest) ** 2 - 1) / added))
-        first = np.searchsorted(by, beyond)
-        for k in range(int(first.min(initial=end)), end):
-            seen = first <= k
-            sd = np.sqrt(1 + by[k] ** 2 * added[seen])
-            mean = by[k] * z[seen]
-            hidden = ndtr((self.largest - mean) / sd) - ndtr((-self.largest - mean) / sd)
-            if 1 - hidden.min() >= POWER:
-                return float(FACTORS[k])
-        return float(FACTORS[end]) if end < len(by) else np.inf
+        by = FACTORS[:, None] ** power
+        largest = np.abs([self.null.beyond(shift) for shift in shifts]).max(1)
+        if len(shifts) > 1:  # which differ by noise that was drawn again too
+            noise = np.sqrt(REDRAWN)
+            matches = np.where(matches > noise * self.match, matches, 0.0)
+            largest = np.where(largest > noise * self.largest, largest, 0.0)
+        hidden = ndtr(self.largest - by * largest) - ndtr(-self.largest - by * largest)
+        shown = np.maximum(ndtr(by * matches - self.match), 1 - hidden).mean(1) >= POWER
+        return float(FACTORS[shown.argmax()]) if shown.any() else np.inf
 
 
 @dataclass(frozen=True)
@@ -113,7 +105,8 @@ class StrengthCurve:
     Attributes:
         path: of the strength.
         strengths: (n,) ascending; distances from the value without the effect.
-        shifts, variances: (n, statistics) of all frames.
+        shifts, variances: (n, statistics) of all frames, the mean of specimens and what they add.
+        specimens: (n, specimens, statistics) shifts, of one specimen where none of its random numbers are its own.
         signs: (m, statistics) signatures of the search with which the measurement is matched.
         is_stepwise: whether only these strengths exist.
         ways, ways_of_signs: (n, parameters) and (m, parameters) steps of the camera's parameters with which both were simulated.
@@ -123,6 +116,7 @@ class StrengthCurve:
     strengths: np.ndarray
     shifts: np.ndarray
     variances: np.ndarray
+    specimens: np.ndarray
     signs: np.ndarray
     is_stepwise: bool
     ways: np.ndarray
@@ -135,16 +129,29 @@ class StrengthCurve:
             slopes: (statistics, parameters), derivatives of the means.
         """
         own = slopes[:, columns].T
-        shifts, signs = (
-            self.shifts - self.ways[:, columns] @ own,
-            self.signs - self.ways_of_signs[:, columns] @ own,
+        moved = self.ways[:, columns] @ own
+        return replace(
+            self,
+            shifts=self.shifts - moved,
+            specimens=self.specimens - moved[:, None],
+            signs=self.signs - self.ways_of_signs[:, columns] @ own,
         )
-        return replace(self, shifts=shifts, signs=signs)
 
     def matches(self, sight: Sight) -> np.ndarray:
-        """(n,) the match of each shift with the signatures of the search: those of other random numbers."""
+        """(n, specimens) the match of each with the signatures of the search: those of other random numbers."""
         of_signs = sight.directions(self.signs)
-        return (sight.metric.white(self.shifts) @ of_signs.T).max(1, initial=0.0)
+        each = sight.metric.white(self.specimens.reshape(-1, self.specimens.shape[-1]))
+        return (each @ of_signs.T).max(1, initial=0.0).reshape(self.specimens.shape[:2])
+
+    def with_(self, other: "StrengthCurve") -> "StrengthCurve":
+        """With the strengths of another one too."""
+        strengths = np.append(self.strengths, other.strengths)
+        order = np.argsort(strengths)
+        both = {
+            of: np.concatenate([getattr(self, of), getattr(other, of)])[order]
+            for of in ("shifts", "variances", "specimens", "ways")
+        }
+        return replace(self, strengths=strengths[order], **both)
 
     def limit(self, sight: Sight, is_final: bool = False) -> tuple[float, int]:
         """The smallest strength that is shown, and the place of the simulated strength from which it follows.
@@ -153,15 +160,13 @@ class StrengthCurve:
             is_final: far from every simulated strength the power law is not trusted; the smallest of these that is shown
                 is taken.
         """
-        matches = np.maximum(self.matches(sight), 1e-3)
+        matches = self.matches(sight)
         power = 1.0
         ways = np.diff(np.log(self.strengths))
         if (ways > 0).any():
-            ratios = np.diff(np.log(matches))[ways > 0] / ways[ways > 0]
+            ratios = np.diff(np.log(np.maximum(matches.mean(1), 1e-3)))[ways > 0] / ways[ways > 0]
             power = float(np.clip(np.median(ratios), 0.5, STEEPEST))
-        factors = np.array(
-            [sight.smallest(*one, power) for one in zip(matches, self.shifts, self.variances, strict=True)]
-        )
+        factors = np.array([sight.smallest(*one, power) for one in zip(matches, self.specimens, strict=True)])
         if self.is_stepwise:
             k = int(np.argmax(factors <= 1)) if (factors <= 1).any() else len(factors) - 1
             return (float(self.strengths[k]) if factors[k] <= 1 else np.inf), k
@@ -228,7 +233,11 @@ def _course(setting: Setting, signs: Signatures, name: str, paths: Sequence[str]
     stepwise = signs.trials[places[0]].is_fixed or path == path_of("saturation", "full_well_e")
     shifts, ways = setting.lab.whole_of(signs.values[places]), _ways([signs.trials[i] for i in places], paths)
     variances = setting.lab.whole_of(signs.variances[places])
-    return StrengthCurve(path, np.array(sorted(chosen)), shifts, variances, shifts, stepwise, ways, ways)
+    sds = np.sqrt(variances)
+    specimens = np.stack([shifts - sds, shifts + sds] if variances.any() else [shifts], 1)
+    return StrengthCurve(
+        path, np.array(sorted(chosen)), shifts, variances, specimens, shifts, stepwise, ways, ways
+    )
 
 
 def _ways(tried: Sequence[Trial], paths: Sequence[str]) -> np.ndarray:
@@ -255,41 +264,50 @@ def _completed(
     Args:
         known: simulated sets of the camera to which effects are added.
     """
-    camera, lab = known.camera, setting.lab
     open_ = {name for name, course in courses.items() if not course.is_stepwise}
     plain: dict[str, Trial] = {}
     for trial in setting.signs.trials:
         if trial.effect in open_ and not trial.looked and not trial.is_other_form:
             plain.setdefault(trial.effect, trial)
     for round_ in range(ROUNDS):
-        numbers = range(MORE + FEW * round_, MORE + FEW * (round_ + 1))
-        at = {}
+        at: dict[int, list[Trial]] = {FEW: [], MORE: []}
         for name in sorted(open_):
-            limit = courses[name].limit(sight)[0]
-            limit = min(limit, 3 * _plausible(name, courses[name])) if limit > 0 else limit
-            trial = plain[name].times(limit / strength_of(camera, plain[name])[1])
-            at |= {name: trial} if np.isfinite(limit) and trial.fits(camera) else {}
-        signed = simulated(lab, known, list(at.values()), numbers, setting.report)
+            course = courses[name]
+            limit = course.limit(sight)[0]
+            limit = limit if np.isfinite(limit) else BEYOND * course.strengths[-1]
+            limit = min(limit, 3 * _plausible(name, course)) if limit > 0 else limit
+            trial = plain[name].times(limit / strength_of(known.camera, plain[name])[1])
+            if trial.fits(known.camera):
+                at[MORE if course.specimens.shape[1] > 1 else FEW].append(trial)
         open_ = set()
-        for k, trial in enumerate(signed.trials):
-            old, x = courses[trial.effect], strength_of(camera, trial)[1]
-            shift, variance = lab.whole_of(signed.values[[k]]), lab.whole_of(signed.variances[[k]])
-            kept = [] if round_ == 0 else range(len(old.strengths))
-            strengths = np.array([*old.strengths[kept], x])
-            order = np.argsort(strengths)
-            new = replace(
-                old,
-                strengths=strengths[order],
-                shifts=np.vstack([old.shifts[kept], shift])[order],
-                variances=np.vstack([old.variances[kept], variance])[order],
-                ways=np.vstack([old.ways[kept], _ways([trial], paths)])[order],
-            )
-            courses = {**courses, trial.effect: new}
-            if abs(np.log(new.limit(sight)[0] / x)) > np.log(NEAR):
-                open_.add(trial.effect)
+        for count, tried in at.items():
+            numbers = range(MORE + count * round_, MORE + count * (round_ + 1))
+            for trial, moves in zip(
+                *following_moves(setting.lab, known, tried, numbers, setting.report), strict=True
+            ):
+                if not np.isfinite(moves).all():
+                    continue
+                new = _simulated(setting, known, trial, moves, paths)
+                old, (x,) = courses[trial.effect], new.strengths
+                new = replace(new, signs=old.signs, ways_of_signs=old.ways_of_signs)
+                courses = {**courses, trial.effect: old.with_(new) if round_ else new}
+                if abs(np.log(courses[trial.effect].limit(sight)[0] / x)) > np.log(NEAR):
+                    open_.add(trial.effect)
         if not open_:
             break
     return courses
+
+
+def _simulated(
+    setting: Setting, known: Reference, trial: Trial, moves: np.ndarray, paths: Sequence[str]
+) -> StrengthCurve:
+    """Of the one strength of a trial with these shifts (simulations, statistics)."""
+    whole_of = setting.lab.whole_of
+    one = signed(known, [trial], moves[None])
+    shifts, variances, ways = whole_of(one.values), whole_of(one.variances), _ways([trial], paths)
+    path, strength = strength_of(known.camera, trial)
+    specimens = whole_of(moves)[None] if len(moves) == MORE else shifts[None]
+    return StrengthCurve(path, np.array([strength]), shifts, variances, specimens, shifts, False, ways, ways)
 
 
 def _judged(

@@ -49,9 +49,9 @@ def scanned(lab: Laboratory, reference: Reference, tried: Sequence[Trial], repor
     """
     tried = [trial.in_units(lab.units) for trial in tried]
     plain = [trial for trial in tried if not trial.is_other_form]
-    followed, moves = _following_moves(lab, reference, plain, range(FEW), report)
+    followed, moves = following_moves(lab, reference, plain, range(FEW), report)
     sizes = np.abs(standardised(moves.mean(1), reference.null_scale)).max(1, initial=0.0)
-    found = _signed(reference, followed, moves)
+    found = signed(reference, followed, moves)
     random = {t.effect for t, move in zip(plain, moves, strict=True) if is_random(move, reference.null_scale)}
     faint = {t.kind for t, size in zip(plain, sizes, strict=True) if size < SHOWN}
     others = [most for t in plain if t.kind in faint and (most := strongest(t, lab.units)) != t]
@@ -62,7 +62,7 @@ def scanned(lab: Laboratory, reference: Reference, tried: Sequence[Trial], repor
         (FEW, [t for t in others if t.effect in random]),
         (1, [t for t in others if t.effect not in random]),
     ):
-        found += _signed(reference, *_following_moves(lab, reference, chosen, range(count), report))
+        found += signed(reference, *following_moves(lab, reference, chosen, range(count), report))
     order = {effect: k for k, effect in enumerate(dict.fromkeys(trial.effect for trial in tried))}
     return found.taken(sorted(range(len(found.trials)), key=lambda i: order[found.trials[i].effect]))
 
@@ -77,7 +77,7 @@ def resolved(lab: Laboratory, reference: Reference, signs: Signatures, report: R
     if not random:
         return signs
     tried = [signs.trials[i] for i in random]
-    again = _signed(reference, *_following_moves(lab, reference, tried, range(MORE), report, "trying again"))
+    again = signed(reference, *following_moves(lab, reference, tried, range(MORE), report, "trying again"))
     kept = [i for i in range(len(signs.trials)) if i not in random]
     every = signs.taken(kept) + again
     order = {trial.unmoved: k for k, trial in enumerate(signs.trials)}
@@ -97,10 +97,10 @@ def simulated(
     lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report
 ) -> Signatures:
     """Signatures from simulations with these numbers; parameters of the camera that take up most of one are moved along."""
-    return _signed(reference, *_following_moves(lab, reference, tried, numbers, report))
+    return signed(reference, *following_moves(lab, reference, tried, numbers, report))
 
 
-def _following_moves(
+def following_moves(
     lab: Laboratory,
     reference: Reference,
     tried: Sequence[Trial],
@@ -108,7 +108,7 @@ def _following_moves(
     report: Report,
     word: str = "trying",
 ) -> tuple[list[Trial], np.ndarray]:
-    """The trials, those with parameters that have to follow with these moved, and their shifts."""
+    """The trials, those with parameters that have to follow with these moved, and their shifts (trials, numbers, statistics)."""
     tried = [trial.unmoved for trial in tried]
     if not tried:
         return [], np.zeros((0, len(numbers), len(reference.scale)))
@@ -130,7 +130,7 @@ def strongest(trial: Trial, scale: Mapping[str, float] | None = None) -> Trial:
     return trial.with_values(most.in_units(scale or {}).by_name)
 
 
-def _signed(reference: Reference, tried: Sequence[Trial], moves: np.ndarray) -> Signatures:
+def signed(reference: Reference, tried: Sequence[Trial], moves: np.ndarray) -> Signatures:
     """Signatures from shifts (trials, simulations, statistics); trials without a finite one are left out."""
     finite = np.flatnonzero(np.isfinite(moves).all((1, 2))).tolist()
     moves, scale = moves[finite], reference.null_scale
