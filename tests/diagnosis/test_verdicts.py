@@ -10,6 +10,7 @@ from visaug.diagnosis import verdicts
 from visaug.diagnosis.candidates.signatures import MORE, REDRAWN
 from visaug.diagnosis.candidates.trials import Trial
 from visaug.diagnosis.criterion import ODDS
+from visaug.diagnosis.fitting.parameters import Coordinate
 from visaug.diagnosis.fitting.reference import Null
 from visaug.diagnosis.verdicts import POWER, Sight, StrengthCurve, _absorbing
 
@@ -110,7 +111,7 @@ class Blind:
 
     def moves(self, lab, reference, trials, numbers, report):
         self.asked.append((numbers, [trial.by_name["sigma_e"] for trial in trials]))
-        return trials, np.full((len(trials), len(numbers), 6), self.shift)
+        return np.full((len(trials), len(numbers), 6), self.shift)
 
     def setting(self):
         reference = SimpleNamespace(camera=self.camera, null_scale=np.ones(6))
@@ -123,7 +124,7 @@ class Blind:
 def test_limits_are_simulated_with_random_numbers_that_no_signature_has(monkeypatch, stated, specimens):
     """A signature of a random effect matches sets of its own random numbers whatever its strength."""
     lab = Blind(stated, 1e3)  # far from the limit, so that every round is asked for
-    monkeypatch.setattr(verdicts, "following_moves", lab.moves)
+    monkeypatch.setattr(verdicts, "moves_of", lab.moves)
     setting, one = lab.setting(), np.array([0, 0, 4.0, 0, 0, 0])
     known = {"row_noise": course([1.0], [one], [[one] * specimens])}
     verdicts._completed(setting, setting.first, sight(*PLAIN), known, ["gain_e_per_dn", "a"])  # pyrefly: ignore[bad-argument-type]
@@ -137,13 +138,26 @@ def test_limits_are_simulated_with_random_numbers_that_no_signature_has(monkeypa
 def test_a_strength_at_which_nothing_is_shown_is_doubled(monkeypatch, stated):
     """No multiple of a shift of 0 is shown; trial values of row noise allow three doublings here."""
     lab = Blind(stated, 0.0)
-    monkeypatch.setattr(verdicts, "following_moves", lab.moves)
+    monkeypatch.setattr(verdicts, "moves_of", lab.moves)
     setting, nothing = lab.setting(), np.zeros(6)
     known = {"row_noise": course([0.1], [nothing], [[nothing] * 2])}
     after = verdicts._completed(setting, setting.first, sight(*PLAIN), known, ["gain_e_per_dn", "a"])  # pyrefly: ignore[bad-argument-type]
     tried = [of for _, each in lab.asked for of in each]
     np.testing.assert_allclose(tried, [0.2, 0.4, 0.8])
     assert after["row_noise"].limit(sight(*PLAIN), is_final=True)[0] == np.inf
+
+
+@pytest.mark.parametrize(("factor", "step"), [(2.0, 0.06), (0.5, 0.015), (100.0, 0.2)])
+def test_parameters_follow_an_effect_in_proportion_to_its_strength_within_their_priors(stated, factor, step):
+    coordinates = (
+        Coordinate("gain_e_per_dn", False, 0.01, 0.2),
+        Coordinate("black_level_dn", False, 1.0, 5.0),
+    )
+    reference = SimpleNamespace(camera=stated, coordinates=coordinates, priors=np.array([0.2, 5.0]))
+    trial = Trial("row_noise", (("row_noise.sigma_e", 0.01),), following=(("gain_e_per_dn", 0.03),))
+    (gain, black) = verdicts._times(reference, trial, factor).following  # pyrefly: ignore[bad-argument-type, missing-attribute]
+    assert gain == ("gain_e_per_dn", pytest.approx(step))
+    assert black == ("black_level_dn", 0.0)
 
 
 def test_limits_hold_for_the_camera_that_was_found():

@@ -17,7 +17,15 @@ from scipy.special import ndtr
 
 from visaug.camera import Camera
 from visaug.camera.paths import path_of, place_of
-from visaug.diagnosis.candidates.signatures import FEW, MORE, REDRAWN, Signatures, following_moves, signed
+from visaug.diagnosis.candidates.signatures import (
+    FEW,
+    MORE,
+    REDRAWN,
+    Signatures,
+    moved_along,
+    moves_of,
+    signed,
+)
 from visaug.diagnosis.candidates.trials import Trial, strength_of
 from visaug.diagnosis.chance import chance
 from visaug.diagnosis.criterion import ODDS
@@ -276,15 +284,14 @@ def _completed(
             limit = course.limit(sight)[0]
             limit = limit if np.isfinite(limit) else BEYOND * course.strengths[-1]
             limit = min(limit, 3 * _plausible(name, course)) if limit > 0 else limit
-            trial = plain[name].times(limit / strength_of(known.camera, plain[name])[1])
-            if trial.fits(known.camera):
+            trial = _times(known, plain[name], limit / strength_of(known.camera, plain[name])[1])
+            if trial is not None:
                 at[MORE if course.specimens.shape[1] > 1 else FEW].append(trial)
         open_ = set()
         for count, tried in at.items():
             numbers = range(MORE + count * round_, MORE + count * (round_ + 1))
-            for trial, moves in zip(
-                *following_moves(setting.lab, known, tried, numbers, setting.report), strict=True
-            ):
+            every = moves_of(setting.lab, known, tried, numbers, setting.report) if tried else ()
+            for trial, moves in zip(tried, every, strict=True):
                 if not np.isfinite(moves).all():
                     continue
                 new = _simulated(setting, known, trial, moves, paths)
@@ -296,6 +303,17 @@ def _completed(
         if not open_:
             break
     return courses
+
+
+def _times(known: Reference, trial: Trial, factor: float) -> Trial | None:
+    """The trial with its strength and the steps of the camera's parameters multiplied; None if no camera has that strength."""
+    scaled, steps = trial.unmoved.times(factor), dict(trial.following)
+    if not scaled.fits(known.camera):
+        return None
+    if not steps:
+        return scaled
+    way = np.array([factor * steps.get(c.path, 0.0) for c in known.coordinates])
+    return moved_along(known, scaled, np.clip(way, -known.priors, known.priors))
 
 
 def _simulated(

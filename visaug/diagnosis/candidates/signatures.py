@@ -49,7 +49,7 @@ def scanned(lab: Laboratory, reference: Reference, tried: Sequence[Trial], repor
     """
     tried = [trial.in_units(lab.units) for trial in tried]
     plain = [trial for trial in tried if not trial.is_other_form]
-    followed, moves = following_moves(lab, reference, plain, range(FEW), report)
+    followed, moves = _following_moves(lab, reference, plain, range(FEW), report)
     sizes = np.abs(standardised(moves.mean(1), reference.null_scale)).max(1, initial=0.0)
     found = signed(reference, followed, moves)
     random = {t.effect for t, move in zip(plain, moves, strict=True) if is_random(move, reference.null_scale)}
@@ -62,7 +62,7 @@ def scanned(lab: Laboratory, reference: Reference, tried: Sequence[Trial], repor
         (FEW, [t for t in others if t.effect in random]),
         (1, [t for t in others if t.effect not in random]),
     ):
-        found += signed(reference, *following_moves(lab, reference, chosen, range(count), report))
+        found += signed(reference, *_following_moves(lab, reference, chosen, range(count), report))
     order = {effect: k for k, effect in enumerate(dict.fromkeys(trial.effect for trial in tried))}
     return found.taken(sorted(range(len(found.trials)), key=lambda i: order[found.trials[i].effect]))
 
@@ -77,7 +77,7 @@ def resolved(lab: Laboratory, reference: Reference, signs: Signatures, report: R
     if not random:
         return signs
     tried = [signs.trials[i] for i in random]
-    again = signed(reference, *following_moves(lab, reference, tried, range(MORE), report, "trying again"))
+    again = signed(reference, *_following_moves(lab, reference, tried, range(MORE), report, "trying again"))
     kept = [i for i in range(len(signs.trials)) if i not in random]
     every = signs.taken(kept) + again
     order = {trial.unmoved: k for k, trial in enumerate(signs.trials)}
@@ -97,10 +97,10 @@ def simulated(
     lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report
 ) -> Signatures:
     """Signatures from simulations with these numbers; parameters of the camera that take up most of one are moved along."""
-    return signed(reference, *following_moves(lab, reference, tried, numbers, report))
+    return signed(reference, *_following_moves(lab, reference, tried, numbers, report))
 
 
-def following_moves(
+def _following_moves(
     lab: Laboratory,
     reference: Reference,
     tried: Sequence[Trial],
@@ -112,11 +112,11 @@ def following_moves(
     tried = [trial.unmoved for trial in tried]
     if not tried:
         return [], np.zeros((0, len(numbers), len(reference.scale)))
-    moves = _moves(lab, reference, tried, numbers, report, word)
+    moves = moves_of(lab, reference, tried, numbers, report, word)
     followed = _followed(lab, reference, tried, moves)
     again = [i for i, trial in enumerate(followed) if trial.following]
     if again:
-        moves[again] = _moves(lab, reference, [followed[i] for i in again], numbers, report, "following")
+        moves[again] = moves_of(lab, reference, [followed[i] for i in again], numbers, report, "following")
     return followed, moves
 
 
@@ -192,12 +192,12 @@ def _followed(
     ways = np.where(np.abs(ways) > CERTAIN * errors, ways, 0.0)
     mean = cleared(moves, scale) if count > 1 else moves[:, 0]
     return [
-        _moved_along(reference, trial, way) if is_mostly_taken(move, move + slopes @ way, scale) else trial
+        moved_along(reference, trial, way) if is_mostly_taken(move, move + slopes @ way, scale) else trial
         for trial, way, move in zip(tried, ways, mean, strict=True)
     ]
 
 
-def _moved_along(reference: Reference, trial: Trial, way: np.ndarray) -> Trial:
+def moved_along(reference: Reference, trial: Trial, way: np.ndarray) -> Trial:
     """The trial with the steps that the camera's parameters can make within their bounds."""
     camera = trial.on(reference.camera)
     at = [c.read(camera) for c in reference.coordinates]
@@ -218,8 +218,13 @@ def is_mostly_taken(shift: np.ndarray, left: np.ndarray, scale: np.ndarray) -> b
     return taken > max(SHOWN, after) and after < before
 
 
-def _moves(
-    lab: Laboratory, reference: Reference, tried: Sequence[Trial], numbers: range, report: Report, word: str
+def moves_of(
+    lab: Laboratory,
+    reference: Reference,
+    tried: Sequence[Trial],
+    numbers: range,
+    report: Report,
+    word: str = "trying",
 ) -> np.ndarray:
     """(trials, simulations, statistics) shift of each of the reference's sets by each trial."""
     cameras = [following(reference, trial.on(reference.camera), trial, 1.0) for trial in tried]
