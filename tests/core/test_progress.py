@@ -1,5 +1,7 @@
 """Lines of progress where there is no terminal."""
 
+import pytest
+
 from visaug.core import progress
 
 
@@ -27,3 +29,21 @@ def test_a_phase_that_comes_again_is_timed_from_its_own_beginning(monkeypatch, c
         "refitting (0 of 3)",
         "refitting (1 of 3), about 80 s left",
     ]
+
+
+@pytest.mark.parametrize(
+    ("step", "phase"),
+    [
+        ("trying vignetting", "trying, one effect after the other"),
+        ("limit of vignetting", "limits, one effect after the other"),
+        ("simulating 30 sets of the camera", "simulating 30 sets of the camera"),
+    ],
+)
+def test_what_was_found_stands_before_each_later_step(step, phase):
+    """Of 90 s of a diagnosis a third comes after the effect is known."""
+    told = []
+    report = progress.beside(lambda *of: told.append(of), ("row_noise", "image_lag"))
+    report(step, 2, 5)
+    assert told == [(f"row_noise and image_lag found: {step}", 2, 5)]
+    assert progress.phase_of(told[0][0]) == f"row_noise and image_lag found: {phase}"
+    assert progress.phase_of(step) == phase

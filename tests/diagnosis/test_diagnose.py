@@ -28,8 +28,16 @@ OTHERS = but("row_noise", "column_noise", "periodic_banding", "flicker_noise")
 
 
 @pytest.fixture(scope="module")
-def with_row_noise(stated):
-    return diagnose(stated, frame_set(3, [row_noise(2.0)]), sets=SETS)
+def steps() -> list[str]:
+    """Of the diagnosis with row noise, as its progress names them."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def with_row_noise(stated, steps):
+    return diagnose(
+        stated, frame_set(3, [row_noise(2.0)]), sets=SETS, progress=lambda step, *_: steps.append(step)
+    )
 
 
 def test_a_clean_camera_lacks_nothing(stated):
@@ -49,6 +57,13 @@ def test_row_noise_is_named_and_measured(with_row_noise):
     assert found.error_after.value < 0.1
     assert found.camera.values()["row_noise.sigma_e"] == pytest.approx(2.0, rel=0.15)
     assert found.where[0].view in ("temporal_lines", "temporal_spectrum")
+
+
+def test_progress_names_an_effect_when_it_is_accepted(with_row_noise, steps):
+    begun = [step.startswith("row_noise found: ") for step in steps]
+    assert begun == sorted(begun)
+    assert any(step.startswith("row_noise found: limit of ") for step in steps)
+    assert not any(step.startswith("limit of ") for step in steps)
 
 
 def test_the_answer_as_json(with_row_noise):

@@ -109,7 +109,7 @@ class Blind:
     def __init__(self, camera, shift: float):
         self.camera, self.shift, self.asked = camera, shift, []
 
-    def moves(self, lab, reference, trials, numbers, report):
+    def moves(self, lab, reference, trials, numbers, report, word):
         self.asked.append((numbers, [trial.by_name["sigma_e"] for trial in trials]))
         return np.full((len(trials), len(numbers), 6), self.shift)
 

@@ -1,12 +1,19 @@
 """Progress bars on the terminal for callables that take `progress(description, done, total)`."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from time import monotonic
 
 EVERY_S = 30.0  # seconds between lines where there is no terminal: what a log of an hour can bear
 # how a step begins: the name of its phase
-WORDS = {"trying again": "refitting", "following": "refitting", "trying": "trying", "refining": "refining"}
+WORDS = {
+    "trying again": "refitting",
+    "following": "refitting",
+    "trying": "trying",
+    "refining": "refining",
+    "limit of": "limits",
+}
+FOUND = " found: "
 Progress = Callable[[str, int, int], None]
 
 
@@ -90,8 +97,15 @@ def clock(seconds: float) -> str:
 
 
 def phase_of(description: str) -> str:
-    """One phase for all effects that are tried, one for all that are refined."""
+    """One phase for all effects that are tried, one for all that are refined; what was found before it, see `beside`, is kept."""
+    before, colon, step = description.rpartition(FOUND)
     for word in WORDS:
-        if description.startswith(f"{word} "):
-            return f"{WORDS[word]}, one effect after the other"
-    return description
+        if step.startswith(f"{word} "):
+            step = f"{WORDS[word]}, one effect after the other"
+            break
+    return before + colon + step
+
+
+def beside(report: Progress, found: Sequence[str]) -> Progress:
+    """Progress that names what was found so far before each step."""
+    return lambda step, done, total: report(f"{' and '.join(found)}{FOUND}{step}", done, total)

@@ -14,6 +14,7 @@ from visaug.characterization.usable import usable
 from visaug.core.cluster import connected
 from visaug.core.errors import InputError
 from visaug.core.nearest import did_you_mean
+from visaug.core.progress import beside
 from visaug.diagnosis.adding import SETS_AFTER, Adding
 from visaug.diagnosis.camera_file import corrected
 from visaug.diagnosis.candidates.selection import candidates
@@ -144,6 +145,7 @@ def diagnosed(
         history = history if found is None else reconsidered(setting, (*history, found))
         if found is None:
             break
+        setting = setting.telling(beside(report, history[-1].state.accepted))
     return outcome(setting, history, nearest)
 
 

@@ -54,6 +54,10 @@ class Setting:
         """The camera file with its parameters as they are."""
         return Fitted.unfitted(self.lab, self.first)
 
+    def telling(self, report: Report) -> "Setting":
+        """The same with another progress."""
+        return replace(self, report=report, adding=replace(self.adding, report=report))
+
     def with_looks(self, looks: Looks) -> "Setting":
         """With signatures of trials whose values come from the frames themselves; these are no part of the test of adequacy."""
         if self.has_looked:

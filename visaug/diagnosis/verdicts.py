@@ -290,7 +290,7 @@ def _completed(
         open_ = set()
         for count, tried in at.items():
             numbers = range(MORE + count * round_, MORE + count * (round_ + 1))
-            every = moves_of(setting.lab, known, tried, numbers, setting.report) if tried else ()
+            every = moves_of(setting.lab, known, tried, numbers, setting.report, "limit of") if tried else ()
             for trial, moves in zip(tried, every, strict=True):
                 if not np.isfinite(moves).all():
                     continue

@@ -224,7 +224,7 @@ def moves_of(
     tried: Sequence[Trial],
     numbers: range,
     report: Report,
-    word: str = "trying",
+    word: str,
 ) -> np.ndarray:
     """(trials, simulations, statistics) shift of each of the reference's sets by each trial."""
     cameras = [following(reference, trial.on(reference.camera), trial, 1.0) for trial in tried]
