@@ -7,6 +7,8 @@ from scipy.integrate import quad
 from scipy.ndimage import correlate1d, gaussian_filter
 from scipy.stats import norm
 
+from visaug.effects.optics import spread
+
 torch.manual_seed(5)
 SCENE = torch.rand(3, 1, 61, 83) ** 6 * 5000
 
@@ -38,6 +40,33 @@ def test_each_image_has_its_own_blur(run_effect):
     out = run_effect("point_spread", SCENE, sigma_px=[0.0, 0.8, 3.0])
     assert torch.equal(out[0], SCENE[0])
     torch.testing.assert_close(out[1:2], run_effect("point_spread", SCENE[1:2], sigma_px=0.8))
+
+
+@pytest.mark.parametrize("effect", ["lens_flare", "veiling_glare"])
+def test_equal_images_of_a_batch_are_computed_once_and_are_what_they_are_alone(
+    run_effect, monkeypatch, effect
+):
+    counts, whole = [], spread.filtered
+    monkeypatch.setattr(spread, "filtered", lambda s, transfer: counts.append(len(s)) or whole(s, transfer))
+    one, other, third = SCENE.split(1)
+    images = [one, one, other, one, third, third, third]
+    out = run_effect(effect, torch.cat(images))
+    assert counts == [4]
+    for image, after in zip(images, out, strict=True):
+        torch.testing.assert_close(after[None], run_effect(effect, image), rtol=1e-6, atol=1e-3)
+
+
+def test_equal_images_with_their_own_parameters_stay_apart(run_effect):
+    one = SCENE[:1]
+    out = run_effect("veiling_glare", torch.cat([one, one]), share=[0.1, 0.4])
+    for share, after in zip((0.1, 0.4), out, strict=True):
+        torch.testing.assert_close(after[None], run_effect("veiling_glare", one, share=share))
+
+
+def test_gradients_reach_every_one_of_equal_images(run_effect):
+    images = torch.cat([SCENE[:1]] * 2).requires_grad_()
+    (run_effect("veiling_glare", images) * torch.tensor([1.0, 2.0]).view(2, 1, 1, 1)).sum().backward()
+    torch.testing.assert_close(images.grad[1], 2 * images.grad[0])
 
 
 @pytest.mark.parametrize("profile", ["gaussian", "exponential", "power_law"])

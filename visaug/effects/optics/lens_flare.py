@@ -4,7 +4,7 @@ import torch
 import torch.nn.functional as F
 
 from visaug.effects.effect import Effect, Parameter, Stage
-from visaug.effects.optics.spread import PROFILES, gaussian_blur, halo
+from visaug.effects.optics.spread import PROFILES, gaussian_blur, halo, once_for_equals
 
 
 class LensFlare(Effect):
@@ -55,6 +55,7 @@ class LensFlare(Effect):
         0.0, unit="photons", high=1e9, source="only light above it flares; 0: all light"
     )
 
+    @once_for_equals
     def apply(self, signal, p, stream, context):
         source = (signal - p.threshold_photons).clamp_min(0)
         flare = p.halo_share * (halo(source, p.halo_width_px, p.halo_profile) - source)

@@ -1,11 +1,14 @@
 """Light spread over its surroundings: a near blur by convolution, what reaches far by the cosine transform."""
 
 import math
-from functools import lru_cache
+from functools import lru_cache, wraps
+from itertools import pairwise
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor
+
+from visaug.effects.effect import Values
 
 PROFILES = ("gaussian", "exponential", "power_law")
 
@@ -21,6 +24,23 @@ def gaussian_blur(signal: Tensor, sigma_rows: Tensor, sigma_columns: Tensor) -> 
     """
     signal = _convolve(signal, _gaussian(sigma_rows).transpose(-1, -2))
     return _convolve(signal, _gaussian(sigma_columns))
+
+
+def once_for_equals(apply):
+    """Makes `apply` of an effect without random numbers compute consecutive equal images once, as flats of one level are."""
+
+    @wraps(apply)
+    def applied(self, signal, p, stream, context):
+        if signal.requires_grad or signal.is_cuda or torch.compiler.is_compiling():
+            return apply(self, signal, p, stream, context)
+        new = torch.tensor([True, *(not torch.equal(one, other) for one, other in pairwise(signal))])
+        numbers = [value for value in vars(p).values() if isinstance(value, Tensor)]
+        if bool(new.all()) or not all(bool((value == value[:1]).all()) for value in numbers):
+            return apply(self, signal, p, stream, context)
+        first = {k: value[:1] if isinstance(value, Tensor) else value for k, value in vars(p).items()}
+        return apply(self, signal[new], Values(**first), stream, context)[new.cumsum(0) - 1]
+
+    return applied
 
 
 def convolve(light: Tensor, kernel: Tensor) -> Tensor:

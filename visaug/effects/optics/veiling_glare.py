@@ -1,7 +1,7 @@
 """Veiling glare."""
 
 from visaug.effects.effect import Parameter, Spreading, Stage
-from visaug.effects.optics.spread import PROFILES, halo
+from visaug.effects.optics.spread import PROFILES, halo, once_for_equals
 
 
 class VeilingGlare(Spreading):
@@ -35,5 +35,6 @@ class VeilingGlare(Spreading):
         "exponential", options=PROFILES, source="width_px is its sigma, decay length or core radius"
     )
 
+    @once_for_equals
     def apply(self, signal, p, stream, context):
         return signal + p.share * (halo(signal, p.width_px, p.profile) - signal)
