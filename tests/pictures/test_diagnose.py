@@ -222,7 +222,7 @@ def test_strengths_to_try_follow_the_noise_of_the_pictures(monkeypatch):
         tried.extend(trials)
         return np.zeros((len(trials), len(numbers), len(lab.statistics)))
 
-    monkeypatch.setattr(signatures, "_moves", unmoved)
+    monkeypatch.setattr(signatures, "moves_of", unmoved)
     count = len(lab.statistics)
     reference = SimpleNamespace(
         scale=np.ones(count),
