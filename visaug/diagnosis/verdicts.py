@@ -151,8 +151,8 @@ class StrengthCurve:
         each = sight.metric.white(self.specimens.reshape(-1, self.specimens.shape[-1]))
         return (each @ of_signs.T).max(1, initial=0.0).reshape(self.specimens.shape[:2])
 
-    def with_(self, other: "StrengthCurve") -> "StrengthCurve":
-        """With the strengths of another one too."""
+    def joined(self, other: "StrengthCurve") -> "StrengthCurve":
+        """Of the strengths of both curves, those of one effect."""
         strengths = np.append(self.strengths, other.strengths)
         order = np.argsort(strengths)
         both = {
@@ -297,7 +297,7 @@ def _completed(
                 new = _simulated(setting, known, trial, moves, paths)
                 old, (x,) = courses[trial.effect], new.strengths
                 new = replace(new, signs=old.signs, ways_of_signs=old.ways_of_signs)
-                courses = {**courses, trial.effect: old.with_(new) if round_ else new}
+                courses = {**courses, trial.effect: old.joined(new) if round_ else new}
                 if abs(np.log(courses[trial.effect].limit(sight)[0] / x)) > np.log(NEAR):
                     open_.add(trial.effect)
         if not open_:
