@@ -63,6 +63,17 @@ def test_equal_images_with_their_own_parameters_stay_apart(run_effect):
         torch.testing.assert_close(after[None], run_effect("veiling_glare", one, share=share))
 
 
+def test_gradients_reach_the_own_parameter_of_every_one_of_equal_images(run_effect):
+    """The derivative of each image's light is with respect to its own share, though images and shares are equal."""
+    share = torch.full((2, 1, 1, 1), 0.2, requires_grad=True)
+    out = run_effect("veiling_glare", torch.cat([SCENE[:1]] * 2), share=share)
+    (out.square().mean((1, 2, 3)) * torch.tensor([1.0, 2.0])).sum().backward()
+    assert share.grad is not None
+    first, second = share.grad.flatten().tolist()
+    assert first != 0
+    assert second == pytest.approx(2 * first, rel=1e-5)
+
+
 def test_gradients_reach_every_one_of_equal_images(run_effect):
     images = torch.cat([SCENE[:1]] * 2).requires_grad_()
     (run_effect("veiling_glare", images) * torch.tensor([1.0, 2.0]).view(2, 1, 1, 1)).sum().backward()

@@ -31,11 +31,14 @@ def once_for_equals(apply):
 
     @wraps(apply)
     def applied(self, signal, p, stream, context):
-        if signal.requires_grad or signal.is_cuda or torch.compiler.is_compiling():
+        numbers = [value for value in vars(p).values() if isinstance(value, Tensor)]
+        has_gradient = any(value.requires_grad for value in (signal, *numbers))
+        if has_gradient or signal.is_cuda or torch.compiler.is_compiling():
+            return apply(self, signal, p, stream, context)
+        if not all(bool((value == value[:1]).all()) for value in numbers):
             return apply(self, signal, p, stream, context)
         new = torch.tensor([True, *(not torch.equal(one, other) for one, other in pairwise(signal))])
-        numbers = [value for value in vars(p).values() if isinstance(value, Tensor)]
-        if bool(new.all()) or not all(bool((value == value[:1]).all()) for value in numbers):
+        if bool(new.all()):
             return apply(self, signal, p, stream, context)
         first = {k: value[:1] if isinstance(value, Tensor) else value for k, value in vars(p).items()}
         return apply(self, signal[new], Values(**first), stream, context)[new.cumsum(0) - 1]
