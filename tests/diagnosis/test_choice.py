@@ -9,6 +9,7 @@ from visaug import Camera
 from visaug.diagnosis import choice
 from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.criterion import ODDS
+from visaug.diagnosis.fitting.parameters import Coordinate
 
 GAINS = {"light_drift": 130.0, "row_noise": 120.0, "flicker_noise": 110.0, "vignetting": 60.0, "smear": 55.0}
 REFUSED = Stated(ODDS - 1)
@@ -98,6 +99,33 @@ def test_odds_between_pairs_choose_among_those_accepted(monkeypatch, stated):
         assert one is not None
         assert one.best.refined.effect == best
         assert one.odds == pytest.approx([0, odds])
+
+
+@pytest.mark.parametrize(
+    ("ghosts", "against", "best"),
+    [
+        (0.0, 0.0, "veiling_glare"),  # the same camera, with a parameter less
+        (1e-3, 0.0, "lens_flare"),
+        (0.0, -1.0, "lens_flare"),  # more probable all the same
+    ],
+)
+def test_of_two_equally_probable_ones_that_without_an_idle_strength_is_first(
+    monkeypatch, stated, ghosts, against, best
+):
+    """A flare without ghosts is a veil."""
+    flare = stated.with_effect("lens_flare", ghost_share=ghosts, halo_share=0.03)
+    shares = [Coordinate(f"lens_flare.{key}", False, 1e-3, 1.0) for key in ("ghost_share", "halo_share")]
+    found = [
+        replace(refined("lens_flare", flare, 60.0), coordinates=tuple(shares)),
+        refined("veiling_glare", stated.with_effect("veiling_glare", share=0.03), 59.0),
+    ]
+    evidence = {"lens_flare": Stated(60.0), "veiling_glare": Stated(59.0)}
+    simulations = Simulations(evidence, against={"veiling_glare": against})
+    one = accepted(monkeypatch, stated, simulations, found)
+    assert one is not None
+    assert one.best.refined.effect == best
+    assert {j.refined.effect for j in one.standing} == {"lens_flare", "veiling_glare"}
+    assert one.odds == pytest.approx([0.0, against])
 
 
 def test_nothing_is_accepted_if_the_most_probable_candidate_falls_short(monkeypatch, stated):

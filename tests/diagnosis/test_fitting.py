@@ -372,7 +372,7 @@ def test_a_fit_begins_again_at_the_bias_level_and_the_better_one_is_kept(
     """A deviation of 12 is beyond `OFF_BLACK`, one of 4 is not."""
     coordinates = (Coordinate("black_level_dn", False, 1.0, 5.0),)
 
-    def descended(lab, reference, report, begin, iterations):
+    def descended(lab, reference, report, begin, iterations, known=None):
         camera, own = (stated, misfits[0]) if begin is None else (begin, misfits[1])
         z, residual = np.array([deviation]), np.array([np.sign(deviation) * 1.5])
         return SimpleNamespace(reference=reference, camera=camera, z=z, residual=residual, misfit=own)
@@ -451,17 +451,48 @@ class Straight(Bent):
         return np.random.default_rng(number).normal(400 * (self.free.read(camera) - self.at), 1, 60)
 
 
+def straight(stated, off: float, slope: float = 400.0) -> tuple[Straight, Reference]:
+    """Sets whose truth is `off` from the camera file, and a reference with a derivative."""
+    (free,) = [c for c in base_coordinates(stated, frame_set(0), True) if c.path == "quantum_efficiency"]
+    lab = Straight(free, stated, off)
+    sample = SimulatedStatistics(lab.given, np.full((60, 1), slope), np.ones(60))
+    lab.sets = 0
+    return lab, Reference(stated, (free,), *[sample] * 3)
+
+
 @pytest.mark.parametrize(("errors", "sets"), [(0.3, 0), (0.6, 0), (1.0, 10), (20.0, 10)])
 def test_a_step_that_promises_little_is_taken_by_the_derivatives_alone(stated, errors, sets):
     """In standard errors of the mean; their square over 2 is the log likelihood, of which 0.25 is simulated: 4 sets and 6."""
-    (free,) = [c for c in base_coordinates(stated, frame_set(0), True) if c.path == "quantum_efficiency"]
     off = errors / np.sqrt(60) / 400
-    lab = Straight(free, stated, off)
-    sample = SimulatedStatistics(lab.given, np.full((60, 1), 400.0), np.ones(60))
-    lab.sets = 0
-    fitted = refit(lab, Reference(stated, (free,), *[sample] * 3), lambda *_: None)  # pyrefly: ignore[bad-argument-type]
+    lab, reference = straight(stated, off)
+    fitted = refit(lab, reference, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
     assert lab.sets == sets
+    (free,) = reference.coordinates
     assert free.read(fitted.camera) - free.read(stated) == pytest.approx(off, rel=0.01)
+
+
+def test_a_start_that_leads_to_a_known_fit_is_not_followed(stated):
+    """The first step from it is exact here; 4 sets are simulated at the start alone, and 10 more towards another minimum."""
+    lab, reference = straight(stated, off=0.02)
+    (free,), known = reference.coordinates, refit(lab, reference, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
+    begin, elsewhere = (moved(stated, [free], [free.read(stated) + x]) for x in (-0.02, -0.05))
+    for fit_known, sets in ((known, 4), (replace(known, camera=elsewhere), 14)):
+        lab.sets = 0
+        again = refit(lab, reference, lambda *_: None, begin, known=fit_known)  # pyrefly: ignore[bad-argument-type]
+        assert (again is fit_known) is (sets == 4)
+        assert lab.sets == sets
+    assert free.read(again.camera) == pytest.approx(free.read(stated) + 0.02, abs=1e-3)
+
+
+@pytest.mark.parametrize(("errors", "ends"), [(1.5, True), (3.0, False)])
+def test_a_fit_ends_at_a_small_promise_that_is_not_kept(stated, errors, ends):
+    """A derivative of the wrong sign promises 1.1 and 4.5 in log likelihood; 2 sides of a step are 8 sets."""
+    off = errors / np.sqrt(60) / 400
+    lab, reference = straight(stated, off, slope=-400.0)
+    fitted = refit(lab, reference, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
+    assert (lab.sets == 8) is ends
+    (free,) = reference.coordinates
+    assert abs(free.read(fitted.camera) - free.read(stated)) < 0.02 * off  # such a step is not made without sets either
 
 
 class Alike:

@@ -8,7 +8,7 @@ from visaug.camera import Camera
 from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.candidates.trials import Trial, exchanged
 from visaug.diagnosis.criterion import SHARE, Evidence, evidence
-from visaug.diagnosis.fitting.fit import Fitted, refit, settled
+from visaug.diagnosis.fitting.fit import BENT, Fitted, refit, settled
 from visaug.diagnosis.fitting.parameters import (
     Coordinate,
     effect_coordinates,
@@ -31,7 +31,6 @@ STAGES_AFTER = (
 FIRST = 0.5  # share of the least evidence from which few simulated sets do not exclude a candidate
 SCALED = 2  # iterations of a strength that is estimated from variance
 STRONGER = 1.5  # ratio of strengths from which the answer of such an estimate is simulated
-BENT = 5.0  # standard deviations between fit and camera file above which a second fit starts from the file
 AS_DEEP = 1.1  # ratio of two misfits up to which two minima count as equally good
 
 
@@ -252,7 +251,7 @@ class Adding:
         for camera, numbers, share in starts:
             start = self._where_elsewhere(fitted.camera, camera, numbers, reference)
             if start is not None:
-                again = refit(self.lab, reference, self.report, begin=start)
+                again = refit(self.lab, reference, self.report, begin=start, known=fitted)
                 fitted = again if again.misfit < share * fitted.misfit else fitted
         return fitted
 

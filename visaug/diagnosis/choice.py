@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from visaug.camera.paths import place_of
 from visaug.diagnosis.adding import Adding
 from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.criterion import ODDS, Evidence, between, evidence
@@ -26,6 +27,12 @@ class Judged:
     state: State
     evidence: Evidence
     otherwise: "Judged | None" = None
+
+    @property
+    def has_idle_part(self) -> bool:
+        """Whether one of its fitted strengths is 0: an effect without it would explain as much."""
+        values = self.state.fitted.camera.values()
+        return any(values[c.path] == 0 for c in self.refined.coordinates if place_of(c.path).parameter.strength)
 
 
 @dataclass(frozen=True)
@@ -83,15 +90,17 @@ def accepted(state: State, found: Sequence[Refined], adding: Adding) -> Accepted
 def _chosen(state: State, first: Judged, tried: list[Judged], found: Sequence[Refined]) -> Accepted:
     """The accepted candidates by their odds against the one with the largest score, which another replaces only beyond doubt.
 
-    One that is less than `ODDS` more probable counts as equally probable. A refused one, which explains less than it would as
-    the cause, is a rival too if it is better than nothing and not `ODDS` less probable than the accepted one: another cause
-    can move both ratios.
+    One that is less than `ODDS` more probable counts as equally probable. Of equally probable ones those with a strength of 0 are
+    last. A refused one, which explains less than it would as the cause, is a rival too if it is better than nothing and not
+    `ODDS` less probable than the accepted one: another cause can move both ratios.
     """
     standing = [one for one in tried if one.evidence.accepts]
     odds = np.array([0.0 if one is first else odds_between(state, one, first) for one in standing])
     beyond = odds.max() if odds.max() > ODDS else 0.0
     odds = np.minimum(odds - beyond, 0.0)
-    order = sorted(range(len(standing)), key=lambda k: (-odds[k], standing[k] is not first))
+    order = sorted(
+        range(len(standing)), key=lambda k: (-odds[k], standing[k].has_idle_part, standing[k] is not first)
+    )
     ranked = [(standing[k], float(odds[k])) for k in order]
     for one in tried:
         if not one.evidence.accepts and one.evidence.odds > ODDS:

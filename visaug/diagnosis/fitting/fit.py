@@ -19,6 +19,9 @@ TWINS = 6  # and where it ends
 FAR_BLACK = 3.0  # steps of the black level after which it is first set by the bias frames' mean
 PROMISED = 0.25  # log likelihood; a step for which the derivatives promise less is not simulated
 NOISY = 0.1  # `Fitted.noise` from which sets are simulated anew
+UNKEPT = 2.0  # log likelihood; a fit ends at a step that promised less and makes the rest larger,
+DAMPED_OUT = 100.0  # or when steps are shortened so much
+BENT = 5.0  # standard deviations of a fit between two cameras that may be of two minima
 OFF_BLACK = 5.0  # standard deviations of the bias frames' mean from which a fit begins again at their level
 
 
@@ -79,6 +82,7 @@ def refit(
     report: Report,
     begin: Camera | None = None,
     iterations: int = 12,
+    known: Fitted | None = None,
 ) -> Fitted:
     """Fits the reference's coordinates to the discovery frames.
 
@@ -88,8 +92,11 @@ def refit(
 
     Args:
         begin: a camera similar to the reference's from which to start; the reference's own if omitted.
+        known: the fit from another start; returned if a step from this one leads to the same minimum.
     """
-    fitted = _descended(lab, reference, report, begin, iterations)
+    fitted = _descended(lab, reference, report, begin, iterations, known)
+    if fitted is known:
+        return fitted
     camera = _at_bias_level(lab, fitted)
     if camera is None:
         return fitted
@@ -107,8 +114,19 @@ def settled(lab: Laboratory, fitted: Fitted, sets: int, report: Report) -> Fitte
     return refit(lab, near, report)
 
 
+def is_apart(reference: Reference, camera: Camera, at: np.ndarray) -> bool:
+    """Whether a camera is more than `BENT` standard deviations of a fit from coordinates."""
+    away = np.abs([c.read(camera) for c in reference.coordinates] - at)
+    return bool((away > BENT * reference.null_steps.std(0)).any())
+
+
 def _descended(
-    lab: Laboratory, reference: Reference, report: Report, begin: Camera | None, iterations: int
+    lab: Laboratory,
+    reference: Reference,
+    report: Report,
+    begin: Camera | None,
+    iterations: int,
+    known: Fitted | None = None,
 ) -> Fitted:
     measured = lab.measured[0].values
     coordinates, priors = list(reference.coordinates), reference.priors
@@ -159,13 +177,15 @@ def _descended(
         return step
 
     for i in range(iterations):
-        left = measured - mean
+        left, promised = measured - mean, np.inf
         step = _to_bias_level(lab, reference, left) if i == 0 else None
         if step is None:
             step = step_from(at, mean)
-            promised = best[0] - misfit(left - reference.slopes @ step, reference.scale)
-            if LIKELIHOOD * promised < PROMISED:
+            promised = LIKELIHOOD * (best[0] - misfit(left - reference.slopes @ step, reference.scale))
+            if promised < PROMISED:
                 break
+        if known is not None and not is_apart(reference, known.camera, at + step):
+            return known
         report("refitting the camera", i, iterations)
         there = point_at(at + step)
         if there[0] >= best[0]:  # a long step along a curved valley needs a second one, back to its floor
@@ -181,9 +201,11 @@ def _descended(
                 share[bends] *= (
                     0.25  # a flat below the full well may be clipped after the step, which no derivative shows
                 )
+            elif promised < UNKEPT:
+                damping = 2 * DAMPED_OUT
             else:
                 damping = max(10 * damping, 0.1)  # more along what the statistics tell well
-        if damping > 100:
+        if damping > DAMPED_OUT:
             break
     if np.any(share[bends] < 1):  # by itself, for it may have been held for what other numbers did
         _, at, camera, mean = best
