@@ -492,7 +492,9 @@ def test_a_fit_ends_at_a_small_promise_that_is_not_kept(stated, errors, ends):
     fitted = refit(lab, reference, lambda *_: None)  # pyrefly: ignore[bad-argument-type]
     assert (lab.sets == 8) is ends
     (free,) = reference.coordinates
-    assert abs(free.read(fitted.camera) - free.read(stated)) < 0.02 * off  # such a step is not made without sets either
+    assert (
+        abs(free.read(fitted.camera) - free.read(stated)) < 0.02 * off
+    )  # such a step is not made without sets either
 
 
 class Alike:

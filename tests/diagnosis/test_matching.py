@@ -3,6 +3,8 @@
 from itertools import pairwise
 from types import SimpleNamespace
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import erfc
@@ -198,6 +200,22 @@ def test_of_two_fits_the_better_keeps_the_other_words_that_gain_nearly_as_much(s
         assert turned.otherwise.gain == 218.0
     assert selection.better(even, fit("random", 100.0)).otherwise is None  # far behind
     assert selection.better(even, fit("even", 200.0)).otherwise is None
+
+
+def test_of_two_fits_the_better_keeps_other_values_that_were_read_from_the_frames(stated):
+    def fit(share: float, gain: float, looked: bool) -> Refined:
+        camera = stated.with_effect("dead_pixels", density=share, level=0.1)
+        return replace(refined("dead_pixels", camera, gain, 1.0), looked=looked)
+
+    plain = fit(0.0005, 218.0, looked=False)
+    for values, gain, kept in ((0.001, 186.0, True), (0.001, 100.0, False), (0.00055, 186.0, False)):
+        read = fit(values, gain, looked=True)
+        for best in (selection.better(plain, read), selection.better(read, plain)):
+            assert best.gain == 218.0
+            assert (best.otherwise is read) is kept
+    assert (
+        selection.better(plain, fit(0.001, 186.0, looked=False)).otherwise is None
+    )  # not read from the frames
 
 
 def leaving(residual) -> State:

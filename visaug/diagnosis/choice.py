@@ -20,7 +20,7 @@ class Judged:
     """A candidate with its simulated state and its evidence.
 
     Attributes:
-        otherwise: the same effect with other options, if these are accepted too and about as probable.
+        otherwise: the same effect with other options or values, if these are accepted too and about as probable.
     """
 
     refined: Refined
@@ -32,7 +32,9 @@ class Judged:
     def has_idle_part(self) -> bool:
         """Whether one of its fitted strengths is 0: an effect without it would explain as much."""
         values = self.state.fitted.camera.values()
-        return any(values[c.path] == 0 for c in self.refined.coordinates if place_of(c.path).parameter.strength)
+        return any(
+            values[c.path] == 0 for c in self.refined.coordinates if place_of(c.path).parameter.strength
+        )
 
 
 @dataclass(frozen=True)

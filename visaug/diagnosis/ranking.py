@@ -61,7 +61,7 @@ def accepted_rank(
     """With intervals of an accepted effect's parameters, from simulated sets of the camera with it.
 
     Args:
-        otherwise: the same effect with other options that are about as probable; intervals reach to its values too.
+        otherwise: the same effect with other options or values that are about as probable; intervals reach to these too.
     """
     forms = {
         path.split(".", 1)[1]: word

@@ -109,6 +109,7 @@ class FrameSummary:
         searched_mpx_s: 10^6 pixels times seconds that were searched for tracks.
         spilled_e: (n, 3) for each column of a known scene above the full well: electrons above the full well, and electrons
             found in the pixels above and below it.
+        stuck: (n,) values of the pixels of `dark_e` that do not answer light: 0 is the black level, 1 the highest code, -1 code 0.
     """
 
     dark_e: np.ndarray
@@ -119,6 +120,7 @@ class FrameSummary:
     tracks: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     searched_mpx_s: float = 0.0
     spilled_e: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    stuck: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def profiles(self) -> tuple[tuple[str, np.ndarray, np.ndarray], ...]:

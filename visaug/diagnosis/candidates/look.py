@@ -11,9 +11,12 @@ from visaug.diagnosis.part import MeasuredFrames
 from visaug.effects import FrameSummary
 from visaug.pictures.part import PicturePart
 from visaug.statistics import FrameData, GroupData
+from visaug.statistics.stack import MAD
 
 FULL = 0.9  # share of the full well above which a pixel counts as full
 COLLAPSED = 0.5  # share of the largest temporal variance below which brighter flats are clipped
+DEAD = 0.1  # share of the median answer to light below which a pixel does not answer,
+CLEAR = 8.0  # where that answer is so many standard deviations over pixels
 STRUCK = 8.0  # standard deviations by which a pixel of one frame exceeds the others of its kind
 
 
@@ -42,6 +45,7 @@ def look(lab: Laboratory, camera: Camera) -> FrameSummary | None:
         tracks=tracks(darks, camera),
         searched_mpx_s=1e-6 * sum(d.frames.size * d.group.exposure_s for d in darks),
         spilled_e=np.concatenate([np.zeros((0, 3)), *_spilled(lab.parts[-1], camera)]),
+        stuck=stuck(everywhere.mean, _brightest(lab.parts[-1]), camera),
     )
 
 
@@ -51,10 +55,9 @@ def filled_well(lab: Laboratory, camera: Camera) -> float | None:
     Of the brightest flats of the discovery frames; None if their variance does not collapse (EMVA 1288 release 4, saturation).
     """
     part = lab.parts[0]
-    lit = [i for i in part.folds.find if part.frames.records[i].kind == "flat"]
     flats = [
         ((g.level - camera.spec.black_level_dn) * gain, g.noise_variance * gain**2)
-        for g in FrameData(part.frames, lit).of("flat", 2)
+        for g in _lit(part).of("flat", 2)
         for gain in [camera.gain_at(g.group.gain_db)]
     ]
     if not flats:
@@ -68,6 +71,34 @@ def _unlit(part: MeasuredFrames | PicturePart) -> FrameData:
     """Bias and dark frames of the discovery split, selected without reading the flats and scenes."""
     dark = [i for i in part.folds.find if part.frames.records[i].kind in ("bias", "dark")]
     return FrameData(part.frames, dark)
+
+
+def _lit(part: MeasuredFrames | PicturePart) -> FrameData:
+    """Flats of the discovery split."""
+    return FrameData(part.frames, [i for i in part.folds.find if part.frames.records[i].kind == "flat"])
+
+
+def _brightest(part: MeasuredFrames | PicturePart) -> np.ndarray | None:
+    """(H, W) mean of the flats of the highest level, DN; None without flats."""
+    flats = _lit(part).of("flat", 1)
+    return max(flats, key=lambda g: g.level).mean if flats else None
+
+
+def stuck(dark: np.ndarray, bright: np.ndarray | None, camera: Camera) -> np.ndarray:
+    """Values of the pixels that do not answer light, see `FrameSummary.stuck`; none where most pixels hardly do.
+
+    Args:
+        dark, bright: (H, W) mean frames without light and of the brightest flats, DN.
+    """
+    if bright is None or bright.shape != dark.shape:
+        return np.zeros(0)
+    answer = bright - dark
+    typical = float(np.median(answer))
+    if typical < CLEAR * MAD * float(np.median(np.abs(answer - typical))):
+        return np.zeros(0)
+    black, top = float(np.median(dark)), 2**camera.bit_depth - 1
+    above = dark[np.abs(answer) < DEAD * typical] - black
+    return np.where(above < 0, above / max(black, 1.0), above / (top - black))
 
 
 def _spilled(part: MeasuredFrames | PicturePart, camera: Camera) -> Iterator[np.ndarray]:

@@ -23,6 +23,8 @@ HOPE = 2.0  # times the gain of the last two iterations: a bound on what the nex
 NUMBER = 1.0  # log likelihood that a free parameter gains by fitting noise (Akaike),
 LOOKED = 5.0  # and that a place gains that was chosen as the best of about a hundred in the measured frames
 
+APART = 0.2  # share by which a value that was read from the frames differs from a fitted one that is another explanation
+
 
 @dataclass(frozen=True)
 class Refined:
@@ -35,7 +37,8 @@ class Refined:
         residual: of every statistic, with the camera's parameters refitted.
         variance: variance that the effect adds, per statistic.
         cost: log likelihood that its free parameters gain by fitting noise.
-        otherwise: the same effect with other options, if it gains almost as much.
+        looked: whether the fit began at values that were estimated from the frames.
+        otherwise: the same effect with other options, or from such values, if it gains almost as much.
     """
 
     effect: str
@@ -46,6 +49,7 @@ class Refined:
     residual: np.ndarray
     variance: np.ndarray
     cost: float = 0.0
+    looked: bool = False
     otherwise: "Refined | None" = None
 
     @property
@@ -60,6 +64,13 @@ class Refined:
         return {
             path: value for path, value in self.camera.values().items() if path.startswith(f"{self.effect}.")
         }
+
+    def is_like(self, other: "Refined") -> bool:
+        """Whether another fit of the effect has the same options and, where one of both was read from the frames, its values."""
+        if self.words != other.words or self.looked == other.looked:
+            return self.words == other.words
+        pairs = [(value, other.numbers[path]) for path, value in self.numbers.items()]
+        return all(abs(a - b) <= APART * max(abs(a), abs(b)) for a, b in pairs)
 
 
 def coordinates_of(
@@ -145,6 +156,7 @@ def refine(
         residual - fitted.slopes @ theirs,
         np.maximum(best.variance, match.variance),  # rare events may be missing from a few simulations
         cost,
+        match.trial.looked,
     )
 
 

@@ -241,12 +241,13 @@ def from_other_starts(
 
 
 def better(one: Refined, other: Refined) -> Refined:
-    """The fit with the larger gain; it refers to the best fit with other options that gains almost as much."""
+    """The fit with the larger gain; it refers to the best of the different ones that gain almost as much.
+
+    A few defects shift many statistics by chance, so that a fit to these can gain more than the values that the frames show.
+    """
     best, behind = (one, other) if one.gain >= other.gain else (other, one)
-    reworded = [
-        r for r in (behind, behind.otherwise, best.otherwise) if r is not None and r.words != best.words
-    ]
-    otherwise = max(reworded, key=lambda r: r.gain, default=None)
+    others = [r for r in (behind, behind.otherwise, best.otherwise) if r is not None and not r.is_like(best)]
+    otherwise = max(others, key=lambda r: r.gain, default=None)
     if otherwise is not None and otherwise.gain < (1 - ALIKE) * best.gain:
         otherwise = None
     return best if best.otherwise is otherwise else replace(best, otherwise=otherwise)

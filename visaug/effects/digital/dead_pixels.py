@@ -48,6 +48,14 @@ class DeadPixels(Effect):
         source="standard deviation over dead pixels",
     )
 
+    @classmethod
+    def looks(cls, seen):
+        """As many as do not answer light, at their levels: a fit that starts without a spread does not find it."""
+        if len(seen.stuck) == 0:
+            return []
+        level, spread = float(seen.stuck.mean()), float(seen.stuck.std())
+        return [{"density": len(seen.stuck) / seen.dark_e.size, "level": level, "spread": spread}]
+
     def apply(self, signal, p, stream, context):
         fixed = stream.fixed
         dead = fixed.fork("where").uniform() < p.density
