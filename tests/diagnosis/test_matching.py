@@ -1,9 +1,8 @@
 """Laws, signatures and rivals: which candidate matches what is left."""
 
+from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
