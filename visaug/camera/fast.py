@@ -125,7 +125,7 @@ def _kept_map(key: int, effect: str, sigma: float, channels: int, window: tuple[
 
 def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: bool) -> np.ndarray:
     """The kernel's table, one row an image."""
-    k, n = loops.kernel(), fused.neutral(batch)
+    k, n = loops.kernel().Number, fused.neutral(batch)
     sigma, shape = values["read_noise.sigma_e"], values["read_noise.shape"]
     deviation = standard_deviation(shape)
     own_scale = camera.spec.read_noise.meaning == "scale"
@@ -181,8 +181,8 @@ def _set_short_cut(n: np.ndarray, shape: np.ndarray, deviation: np.ndarray) -> N
     """Which pixels may draw their count together with Gaussian offsets: not where the full well is near or whole electrons
     would show.
     """
-    k = loops.kernel()
-    k.short_cut(n, deviation)
+    loops.kernel().short_cut(n, deviation)
+    k = loops.kernel().Number
     gaussian = np.hypot(n[:, k.DSNU_PIXEL_E], n[:, k.AFTER_GAIN_E])
     for i in np.flatnonzero((gaussian > 0) & (gaussian < 1)):
         read_e = float(n[i, k.READ_SCALE_E] * deviation[i % len(deviation)])
