@@ -15,7 +15,7 @@ from torch import Tensor
 from visaug.camera.fused import Drawn
 from visaug.core.sampling.philox import MASK, mix
 
-STEP, OTHER = 0x9E3779B97F4A7C15 - 2**64, 0xD1B54A32D192ED03 - 2**64
+STEP = 0x9E3779B97F4A7C15 - 2**64
 LARGE_MEAN = 16.0
 TERMS = 52  # of the Poisson sum: P(N > 52) is below 1e-11 at a mean of 16
 
@@ -51,7 +51,8 @@ def noisy(
     row = torch.arange(r0, r0 + height, **place).view(1, 1, -1, 1)
     column = torch.arange(c0, c0 + width, **place)
     seeds = mix(mix(keys.view(-1, 1, 1, 1) + channel * STEP) + row) + column * STEP
-    one, two = mix(seeds), mix(seeds ^ OTHER)
+    one = mix(seeds)
+    two = mix(seeds ^ (0xD1B54A32D192ED03 - 2**64))  # any bits tell the second from the first
     radius = torch.sqrt(-2 * torch.log(_unit(one)))  # Box and Muller's two normals
     angle = (2 * math.pi) * _unit(one >> 32)
     w, z = radius * torch.cos(angle), radius * torch.sin(angle)
