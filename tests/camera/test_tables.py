@@ -202,7 +202,7 @@ def test_law_of_a_faint_mean_beside_gaussian_offsets(sigma, read_e):
     cam = camera(dsnu={"pixel_e": sigma}, read_noise={"sigma_e": read_e, "shape": 0.14})
     values = {path: np.array([value]) for path, value in cam.values().items()}
     numbers = fast._numbers(cam, 1, plain(cam, 1.0), values, False)
-    level = 0.95 * float(numbers[0, fast.kernel().FAINT_E])
+    level = 0.95 * float(numbers[0, fast.kernel().Number.FAINT_E])
     assert level > 0
     assert chi_square(shoot(cam, level, (2048, 2048)), *law(cam, level)) > ALARM
 

@@ -28,7 +28,6 @@ Values = Mapping[str, np.ndarray]
 SHIFTS = ("row_noise", "column_noise")  # further effects that only shift rows or columns
 PATTERNS = ("prnu.row", "dsnu.row_e", "prnu.column", "dsnu.column_e")
 VISIBLE_COMB = 2e-4
-MOST_E = 1e18  # electrons of which float32 still holds the squares; with more the exact chain is taken
 
 
 def suits(camera: "Camera", values: Values, kept: bool) -> bool:
@@ -40,8 +39,8 @@ def suits(camera: "Camera", values: Values, kept: bool) -> bool:
         return False
     if not set(camera.sensor_effects) <= set(SHIFTS):
         return False
-    if (gain_of(camera, values) * 2**camera.bit_depth > MOST_E).any():
-        return False
+    if (gain_of(camera, values) * 2**camera.bit_depth > loops.kernel().MOST_E).any():
+        return False  # the exact chain is taken
     return not kept or values["prnu.pixel"].size == values["dsnu.pixel_e"].size == 1
 
 
@@ -125,7 +124,7 @@ def _kept_map(key: int, effect: str, sigma: float, channels: int, window: tuple[
 
 def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: bool) -> np.ndarray:
     """The kernel's table, one row an image."""
-    k, n = loops.kernel(), fused.neutral(batch)
+    k, n, most_e = loops.kernel().Number, fused.neutral(batch), loops.kernel().MOST_E
     sigma, shape = values["read_noise.sigma_e"], values["read_noise.shape"]
     deviation = standard_deviation(shape)
     own_scale = camera.spec.read_noise.meaning == "scale"
@@ -133,7 +132,7 @@ def _numbers(camera: "Camera", batch: int, scale: Scale, values: Values, kept: b
     gain = gain_of(camera, values)
     n[:, k.ELECTRONS], n[:, k.LESS_DN], n[:, k.PER_DN] = scale
     n[:, k.LEAST_E], n[:, k.COUNTED], n[:, k.LEAST_OUT], n[:, k.MOST_OUT] = 0, 1, 0, 1
-    n[:, k.DARK_E] = np.minimum(values["exposure_s"] * values["dark_current.a_e_per_s"] * heat, MOST_E)
+    n[:, k.DARK_E] = np.minimum(values["exposure_s"] * values["dark_current.a_e_per_s"] * heat, most_e)
     n[:, k.FULL_WELL_E] = values["full_well_e"]
     n[:, k.READ_SCALE_E], n[:, k.READ_SHAPE] = sigma if own_scale else sigma / deviation, shape
     if not kept:
@@ -181,8 +180,8 @@ def _set_short_cut(n: np.ndarray, shape: np.ndarray, deviation: np.ndarray) -> N
     """Which pixels may draw their count together with Gaussian offsets: not where the full well is near or whole electrons
     would show.
     """
-    k = loops.kernel()
-    k.short_cut(n, deviation)
+    loops.kernel().short_cut(n, deviation)
+    k = loops.kernel().Number
     gaussian = np.hypot(n[:, k.DSNU_PIXEL_E], n[:, k.AFTER_GAIN_E])
     for i in np.flatnonzero((gaussian > 0) & (gaussian < 1)):
         read_e = float(n[i, k.READ_SCALE_E] * deviation[i % len(deviation)])

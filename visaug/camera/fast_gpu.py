@@ -15,7 +15,7 @@ from torch import Tensor
 from visaug.camera.fused import Drawn
 from visaug.core.sampling.philox import MASK, mix
 
-STEP, OTHER = 0x9E3779B97F4A7C15 - 2**64, 0xD1B54A32D192ED03 - 2**64
+STEP = 0x9E3779B97F4A7C15 - 2**64
 LARGE_MEAN = 16.0
 TERMS = 52  # of the Poisson sum: P(N > 52) is below 1e-11 at a mean of 16
 
@@ -40,8 +40,9 @@ def noisy(
         keys: (B,) int64 of the temporal noise.
         r0, c0: row and column of the sensor at which the images begin.
     """
-    from visaug.camera import fast_kernel as k  # not before it is needed: it imports numba
+    from visaug.camera.fast_kernel import Number as k  # not before it is needed: it imports numba
 
+    # Indices are `.value`: torch.compile takes no member of an enumeration.
     n = table[:, :, None, None, None].unbind(1)
     gain, offset = (rows[i] + columns[i] + maps[i] for i in range(2))
     _, channels, height, width = images.shape
@@ -50,19 +51,21 @@ def noisy(
     row = torch.arange(r0, r0 + height, **place).view(1, 1, -1, 1)
     column = torch.arange(c0, c0 + width, **place)
     seeds = mix(mix(keys.view(-1, 1, 1, 1) + channel * STEP) + row) + column * STEP
-    one, two = mix(seeds), mix(seeds ^ OTHER)
+    one = mix(seeds)
+    two = mix(seeds ^ (0xD1B54A32D192ED03 - 2**64))  # any bits tell the second from the first
     radius = torch.sqrt(-2 * torch.log(_unit(one)))  # Box and Muller's two normals
     angle = (2 * math.pi) * _unit(one >> 32)
     w, z = radius * torch.cos(angle), radius * torch.sin(angle)
-    light = (images * n[k.ELECTRONS] * (1 + gain)).clamp_min(0)
-    m = light + n[k.DARK_E]
-    many = torch.floor(_count(m.clamp_min(LARGE_MEAN), light * n[k.PRNU_PIXEL], w) + 0.5)
-    few = _few((light * (1 + n[k.PRNU_PIXEL] * w)).clamp_min(0) + n[k.DARK_E], _unit(two >> 32))
-    count = torch.minimum(torch.where(m < LARGE_MEAN, few, many).clamp_min(0), n[k.FULL_WELL_E])
-    e = count + torch.hypot(n[k.DSNU_PIXEL_E], n[k.AFTER_GAIN_E]) * z + offset
-    e = e + n[k.READ_SCALE_E] * _tukey(two, n[k.READ_SHAPE])
-    dn = torch.minimum(torch.round(e / n[k.E_PER_DN] + n[k.BLACK_DN]).clamp_min(0), n[k.MAX_DN])
-    return ((dn - n[k.LESS_DN]) * n[k.PER_DN]).clamp(0, 1)
+    light = (images * n[k.ELECTRONS.value] * (1 + gain)).clamp_min(0)
+    m = light + n[k.DARK_E.value]
+    many = torch.floor(_count(m.clamp_min(LARGE_MEAN), light * n[k.PRNU_PIXEL.value], w) + 0.5)
+    few = _few((light * (1 + n[k.PRNU_PIXEL.value] * w)).clamp_min(0) + n[k.DARK_E.value], _unit(two >> 32))
+    count = torch.minimum(torch.where(m < LARGE_MEAN, few, many).clamp_min(0), n[k.FULL_WELL_E.value])
+    e = count + torch.hypot(n[k.DSNU_PIXEL_E.value], n[k.AFTER_GAIN_E.value]) * z + offset
+    e = e + n[k.READ_SCALE_E.value] * _tukey(two, n[k.READ_SHAPE.value])
+    dn = torch.round(e / n[k.E_PER_DN.value] + n[k.BLACK_DN.value]).clamp_min(0)
+    dn = torch.minimum(dn, n[k.MAX_DN.value])
+    return ((dn - n[k.LESS_DN.value]) * n[k.PER_DN.value]).clamp(0, 1)
 
 
 def _unit(bits: Tensor) -> Tensor:

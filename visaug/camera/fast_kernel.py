@@ -8,6 +8,7 @@ read noise - draw each part on its own.
 """
 
 import math
+from enum import IntEnum
 
 import numpy as np
 from numba import njit
@@ -37,32 +38,61 @@ from visaug.core.sampling.kernels import (
     words_of_rows,
 )
 
-# Columns of the table of numbers, one row an image. What a run of effects leaves out is neutral.
-ELECTRONS = 0  # mean electrons of the signal 1
-LEAST_E = 1  # 0 behind the light's pattern, which leaves no negative light; else -inf
-DARK_E = 2
-COUNTED = 3  # 1: the mean becomes a Poisson count
-FULL_WELL_E = 4
-READ_SCALE_E = 5  # of Tukey's lambda, not its standard deviation
-READ_SHAPE = 6
-AFTER_GAIN_E = 7  # Gaussian noise behind the gain, as electrons
-E_PER_DN = 8
-BLACK_DN = 9
-MAX_DN = 10  # inf: not rounded
-LESS_DN, PER_DN, LEAST_OUT, MOST_OUT = 11, 12, 13, 14  # out = clip((DN - less_dn) per_dn)
-PRNU_PIXEL, DSNU_PIXEL_E = 15, 16  # drawn anew for each image; 0 where a map is kept
-FAINT_E = 17  # means up to it are so small beside the pixel offsets that they take the short cut
-LIMIT_E = 18  # means above it may meet the full well and draw each part on its own; below 0: all do
-ROW_DEVIATIONS, COLUMN_DEVIATIONS = 19, 22  # three each: of PRNU, of DSNU, of the noise of each exposure
-CORE = 25  # TERMS coefficients of read noise at a normal number z up to FAR: e / z as a polynomial of z^2
-BEYOND = 33  # the same of log e
-TERMS = 8
-NUMBERS = 41
+TERMS = 8  # coefficients of a polynomial
 
-# Columns of the table of keys: the streams of the effects, that of the short cut, and those of rows and columns.
-SHOT, READ, AFTER_GAIN, PRNU, DSNU, TOGETHER = 0, 1, 2, 3, 4, 5
-PRNU_ROW, DSNU_ROW, ROW_NOISE, PRNU_COLUMN, DSNU_COLUMN, COLUMN_NOISE = 6, 7, 8, 9, 10, 11
-KEYS = 12
+
+class Number(IntEnum):
+    """Columns of the table of numbers, one row an image. What a run of effects leaves out is neutral.
+
+    Compiled functions index by `.value`: older versions of numba take no member of an enumeration as an index.
+    """
+
+    ELECTRONS = 0  # mean electrons of the signal 1
+    LEAST_E = 1  # 0 behind the light's pattern, which leaves no negative light; else -inf
+    DARK_E = 2
+    COUNTED = 3  # 1: the mean becomes a Poisson count
+    FULL_WELL_E = 4
+    READ_SCALE_E = 5  # of Tukey's lambda, not its standard deviation
+    READ_SHAPE = 6
+    AFTER_GAIN_E = 7  # Gaussian noise behind the gain, as electrons
+    E_PER_DN = 8
+    BLACK_DN = 9
+    MAX_DN = 10  # inf: not rounded
+    LESS_DN = 11  # out = clip((DN - less_dn) per_dn)
+    PER_DN = 12
+    LEAST_OUT = 13
+    MOST_OUT = 14
+    PRNU_PIXEL = 15  # drawn anew for each image; 0 where a map is kept
+    DSNU_PIXEL_E = 16  # the same
+    FAINT_E = 17  # means up to it are so small beside the pixel offsets that they take the short cut
+    LIMIT_E = 18  # means above it may meet the full well and draw each part on its own; below 0: all do
+    ROW_DEVIATIONS = 19  # three: of PRNU, of DSNU, of the noise of each exposure
+    COLUMN_DEVIATIONS = 22  # the same three
+    CORE = 25  # TERMS coefficients of read noise at a normal number z up to FAR: e / z as a polynomial of z^2
+    BEYOND = CORE + TERMS  # the same of log e
+
+
+NUMBERS = Number.BEYOND + TERMS
+
+
+class Key(IntEnum):
+    """Columns of the table of keys: the streams of the effects, that of the short cut, and those of rows and columns."""
+
+    SHOT = 0
+    READ = 1
+    AFTER_GAIN = 2
+    PRNU = 3
+    DSNU = 4
+    TOGETHER = 5
+    PRNU_ROW = 6
+    DSNU_ROW = 7
+    ROW_NOISE = 8
+    PRNU_COLUMN = 9
+    DSNU_COLUMN = 10
+    COLUMN_NOISE = 11
+
+
+KEYS = len(Key)
 
 MOST_E = 1e18  # electrons of which float32 still holds the squares
 # A faint count that shares the draw adds the skewness m / (m + sigma^2)^(3/2); up to 0.1 the expansion has it, and of the
@@ -125,7 +155,8 @@ def line_patterns(numbers, keys, sets, channels, by_column, first, words, w, out
         words, w: (size + 3,) uint32 and (size,) float32, overwritten.
         out: (2, sets C, size) float32.
     """
-    streams, deviations = (PRNU_COLUMN, COLUMN_DEVIATIONS) if by_column else (PRNU_ROW, ROW_DEVIATIONS)
+    streams = Key.PRNU_COLUMN if by_column else Key.PRNU_ROW
+    deviations = Number.COLUMN_DEVIATIONS if by_column else Number.ROW_DEVIATIONS
     none, one = np.int64(0), np.int64(1)
     place = (none, first, one, w.size) if by_column else (first, none, w.size, one)
     for i in range(sets):
@@ -144,17 +175,18 @@ def short_cut(numbers, deviation):
     """Sets FAINT_E and LIMIT_E, from the other numbers and the standard deviation of Tukey's lambda of scale 1, (B or 1,)."""
     for i in range(len(numbers)):
         n = numbers[i]
-        gaussian = math.hypot(f64(n[DSNU_PIXEL_E]), f64(n[AFTER_GAIN_E]))
-        read_e, well = f64(n[READ_SCALE_E] * deviation[min(i, len(deviation) - 1)]), f64(n[FULL_WELL_E])
-        if gaussian == 0 or n[PRNU_PIXEL] > WIDEST_PRNU:
-            n[LIMIT_E] = -1
+        gaussian = math.hypot(f64(n[Number.DSNU_PIXEL_E.value]), f64(n[Number.AFTER_GAIN_E.value]))
+        read_e = f64(n[Number.READ_SCALE_E.value] * deviation[min(i, len(deviation) - 1)])
+        well, prnu = f64(n[Number.FULL_WELL_E.value]), n[Number.PRNU_PIXEL.value]
+        if gaussian == 0 or prnu > WIDEST_PRNU:
+            n[Number.LIMIT_E.value] = -1
         elif math.isinf(well):
-            n[LIMIT_E] = np.inf
+            n[Number.LIMIT_E.value] = np.inf
         else:
             finite = min(well, 1e9)
-            n[LIMIT_E] = max(finite - 6 * math.sqrt(finite + (finite * f64(n[PRNU_PIXEL])) ** 2), 0.0)
+            n[Number.LIMIT_E.value] = max(finite - 6 * math.sqrt(finite + (finite * f64(prnu)) ** 2), 0.0)
         hidden = FAINT_FIFTH * math.hypot(gaussian, read_e) ** 5
-        n[FAINT_E] = min(FAINT_SKEWNESS * gaussian**3, hidden, MOST_E)
+        n[Number.FAINT_E.value] = min(FAINT_SKEWNESS * gaussian**3, hidden, MOST_E)
 
 
 @njit(inline="always")
@@ -236,7 +268,8 @@ def _two_normals(one, other, w, z):
 @part
 def _read_noise(z, n, e):
     """Electrons of read noise at normal numbers z."""
-    c = n[CORE : CORE + TERMS]
+    first = Number.CORE.value
+    c = n[first : first + TERMS]
     c0, c1, c2, c3, c4, c5, c6, c7 = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7]
     far = i32(0)
     for x in range(e.size):
@@ -252,15 +285,16 @@ def _read_noise(z, n, e):
             s = (t - FAR * FAR) * (f32(2) / (FARTHEST * FARTHEST - FAR * FAR)) - ONE
             value = ZERO
             for k in range(TERMS):
-                value = value * s + n[BEYOND + TERMS - 1 - k]
-            e[x] = n[READ_SCALE_E] * math.copysign(math.exp(value), z[x])
+                value = value * s + n[Number.BEYOND.value + TERMS - 1 - k]
+            e[x] = n[Number.READ_SCALE_E.value] * math.copysign(math.exp(value), z[x])
 
 
 @part
 def _add_quantiles(light, w, n, e):
     """Adds quantiles of count, gain and Gaussian offsets at normal quantiles w."""
-    dark, prnu = n[DARK_E], n[PRNU_PIXEL]
-    added = n[DSNU_PIXEL_E] * n[DSNU_PIXEL_E] + n[AFTER_GAIN_E] * n[AFTER_GAIN_E]
+    dark, prnu = n[Number.DARK_E.value], n[Number.PRNU_PIXEL.value]
+    dsnu_e, after_gain_e = n[Number.DSNU_PIXEL_E.value], n[Number.AFTER_GAIN_E.value]
+    added = dsnu_e * dsnu_e + after_gain_e * after_gain_e
     for x in range(e.size):
         m, v = light[x] + dark, (light[x] * prnu) * (light[x] * prnu)
         s = math.sqrt(m + v + added)
@@ -295,28 +329,28 @@ def _add_normals(key, place, scale, words, w, out):
 @njit(inline="always")
 def _apart(source, n, keys, place, gains, offsets, words, room, mean, w, e):
     """Electrons of a window, each part on its own."""
-    _add_normals(keys[PRNU], place, n[PRNU_PIXEL], words, w, gains)
-    _add_normals(keys[DSNU], place, n[DSNU_PIXEL_E], words, w, offsets)
-    _light(source, n[ELECTRONS], gains, n[LEAST_E], mean)
+    _add_normals(keys[Key.PRNU.value], place, n[Number.PRNU_PIXEL.value], words, w, gains)
+    _add_normals(keys[Key.DSNU.value], place, n[Number.DSNU_PIXEL_E.value], words, w, offsets)
+    _light(source, n[Number.ELECTRONS.value], gains, n[Number.LEAST_E.value], mean)
     for x in range(mean.size):
-        mean[x] += n[DARK_E]
-    if n[COUNTED] > ZERO:
-        words_of_rows(keys[SHOT], *place, words)
+        mean[x] += n[Number.DARK_E.value]
+    if n[Number.COUNTED.value] > ZERO:
+        words_of_rows(keys[Key.SHOT.value], *place, words)
         counts(mean, words, room, w)
-        _added(w, offsets, n[FULL_WELL_E], e)
+        _added(w, offsets, n[Number.FULL_WELL_E.value], e)
     else:
-        _added(mean, offsets, n[FULL_WELL_E], e)
-    if n[READ_SCALE_E] > ZERO:
-        words_of_rows(keys[READ], *place, words)
-        tukeys(words, n[READ_SHAPE], n[READ_SCALE_E], w)
+        _added(mean, offsets, n[Number.FULL_WELL_E.value], e)
+    if n[Number.READ_SCALE_E.value] > ZERO:
+        words_of_rows(keys[Key.READ.value], *place, words)
+        tukeys(words, n[Number.READ_SHAPE.value], n[Number.READ_SCALE_E.value], w)
         _add_scaled(ONE, w, e)
-    _add_normals(keys[AFTER_GAIN], place, n[AFTER_GAIN_E], words, w, e)
+    _add_normals(keys[Key.AFTER_GAIN.value], place, n[Number.AFTER_GAIN_E.value], words, w, e)
 
 
 @njit(inline="always")
 def _together(light, n, keys, place, offsets, one, other, w, z, e):
     """Electrons of a window, count and pixel offsets as one."""
-    _two_words(keys[TOGETHER], place, one, other)
+    _two_words(keys[Key.TOGETHER.value], place, one, other)
     _two_normals(one, other, w, z)
     _read_noise(z, n, e)
     _add_scaled(ONE, offsets, e)
@@ -327,7 +361,7 @@ def _together(light, n, keys, place, offsets, one, other, w, z, e):
 def _replace(source, n, keys, place, gains, offsets, light, words, room, mean, w, result, e):
     """Draws each part on its own: everywhere, or where that has to be, for AT_ONCE pixels of a row together."""
     channel, row, first, rows, width = place
-    dark, faint, limit = n[DARK_E], n[FAINT_E], n[LIMIT_E]
+    dark, faint, limit = n[Number.DARK_E.value], n[Number.FAINT_E.value], n[Number.LIMIT_E.value]
     whole = limit < ZERO
     high, wide = (rows, width) if whole else (np.int64(1), np.int64(AT_ONCE))
     for r in range(0, rows, high):
@@ -351,8 +385,9 @@ def _replace(source, n, keys, place, gains, offsets, light, words, room, mean, w
 @part
 def _convert(e, source, n, white, out):
     """Electrons to DN, and DN to the values that are wanted; what is missing in the source stays missing."""
-    e_per_dn, black, top = n[E_PER_DN], n[BLACK_DN], n[MAX_DN]
-    less, per_dn, least, most = n[LESS_DN], n[PER_DN], n[LEAST_OUT], n[MOST_OUT]
+    e_per_dn, black, top = n[Number.E_PER_DN.value], n[Number.BLACK_DN.value], n[Number.MAX_DN.value]
+    less, per_dn = n[Number.LESS_DN.value], n[Number.PER_DN.value]
+    least, most = n[Number.LEAST_OUT.value], n[Number.MOST_OUT.value]
     if white > ZERO:
         for x in range(out.size):
             dn = (min(max(e[x] / e_per_dn + black, ZERO), top) + TO_WHOLE) - TO_WHOLE
@@ -415,11 +450,12 @@ def expose(
         )
         start = number * width
         _values(source[start : start + pixels], white, seen)
-        whole = n[LIMIT_E] < ZERO
+        faint, limit = n[Number.FAINT_E.value], n[Number.LIMIT_E.value]
+        whole = limit < ZERO
         if not whole:
-            _light(seen, n[ELECTRONS], gains, n[LEAST_E], light)
+            _light(seen, n[Number.ELECTRONS.value], gains, n[Number.LEAST_E.value], light)
             _together(light, n, keys[image], place, offsets, one, other, w, z, e)
-        if whole or _count_apart(light, n[DARK_E], n[FAINT_E], n[LIMIT_E]) > 0:
+        if whole or _count_apart(light, n[Number.DARK_E.value], faint, limit) > 0:
             _replace(seen, n, keys[image], place, gains, offsets, light, one, room, z, w, floats[7], e)
         _convert(e, seen, n, white, out[start : start + pixels])
         number += rows

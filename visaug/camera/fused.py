@@ -60,11 +60,11 @@ def line_patterns(
 @cache
 def _fork_names() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Names, their number, and whether the pattern is fixed, by column of the table of keys."""
-    k = kernel()
-    names, depth = np.zeros((k.KEYS, 2), np.uint64), np.zeros(k.KEYS, np.int64)
-    fixed = np.zeros(k.KEYS, np.int64)
+    count = kernel().KEYS
+    names, depth = np.zeros((count, 2), np.uint64), np.zeros(count, np.int64)
+    fixed = np.zeros(count, np.int64)
     for column, parts in (STREAMS | PATTERNS).items():
-        place = getattr(k, column)
+        place = kernel().Key[column]
         depth[place], fixed[place] = len(parts), column in PATTERNS
         names[place, : len(parts)] = [derive_key(part) for part in parts]
     return names, depth, fixed
@@ -72,8 +72,7 @@ def _fork_names() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @cache
 def _neutral() -> np.ndarray:
-    k = kernel()
-    n = np.zeros((1, k.NUMBERS), np.float32)
+    k, n = kernel().Number, np.zeros((1, kernel().NUMBERS), np.float32)
     n[:, [k.ELECTRONS, k.E_PER_DN, k.PER_DN]] = 1
     n[:, [k.LEAST_E, k.LEAST_OUT]] = -np.inf
     n[:, [k.FULL_WELL_E, k.MAX_DN, k.MOST_OUT]] = np.inf
@@ -166,7 +165,7 @@ def _pattern(
 
 
 def _numbers(run: Mapping[str, Values], batch: int, context: Context) -> np.ndarray:
-    k, n = kernel(), neutral(batch)
+    k, n = kernel().Number, neutral(batch)
 
     def put(column: int, value: Any) -> None:
         n[:, column] = np.asarray(value, np.float32).reshape(-1)

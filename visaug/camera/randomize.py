@@ -1,6 +1,7 @@
 """Per-image camera parameters: the laws of `randomize`, within the parameters' bounds, and their correlations."""
 
 from collections.abc import Mapping
+from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,13 @@ from visaug.effects import Parameter
 if TYPE_CHECKING:
     from visaug.camera.camera import Camera
 
-NORMAL, UNIFORM, LOG_UNIFORM = 0.0, 1.0, 2.0
+
+class Law(IntEnum):
+    """Laws of a number that differs from image to image. `torch.compile` compares tensors with `.value` alone."""
+
+    NORMAL = 0
+    UNIFORM = 1
+    LOG_UNIFORM = 2
 
 
 class Spreads(NamedTuple):
@@ -23,7 +30,7 @@ class Spreads(NamedTuple):
     Gaussian's probabilities up to the bounds. The other laws lie between low and high.
 
     Attributes:
-        law: NORMAL, UNIFORM or LOG_UNIFORM.
+        law: a `Law` each.
         step: 1 where a draw is rounded, as only whole numbers make sense, else 0.
         factor: (P, P), the Cholesky factor of the correlations of the underlying normals; None where there are none.
     """
@@ -49,9 +56,11 @@ class Spreads(NamedTuple):
         normal = torch.special.ndtri(torch.lerp(self.below, self.above, uniform))
         values = torch.clamp(torch.addcmul(self.nominal, self.deviation, normal), self.low, self.high)
         if self.even:
-            values = torch.where(self.law == UNIFORM, torch.lerp(self.low, self.high, uniform), values)
+            values = torch.where(
+                self.law == Law.UNIFORM.value, torch.lerp(self.low, self.high, uniform), values
+            )
             rising = torch.exp(torch.lerp(self.low.log(), self.high.log(), uniform))
-            values = torch.where(self.law == LOG_UNIFORM, rising, values)
+            values = torch.where(self.law == Law.LOG_UNIFORM.value, rising, values)
         if self.whole:
             values = torch.where(self.step > 0, values.round(), values)
         values = values.float()
@@ -77,7 +86,7 @@ def spreads(camera: "Camera") -> Spreads:
     below, above = (torch.special.ndtr((end - nominal) / deviation) for end in (low, high))
     matrix = correlations(camera.spec.correlated, tuple(found))
     factor = None if matrix is None else torch.from_numpy(np.linalg.cholesky(matrix))
-    even, whole = bool((law != NORMAL).any()), bool(step.any())
+    even, whole = bool((law != Law.NORMAL.value).any()), bool(step.any())
     return Spreads(tuple(found), law, nominal, deviation, low, high, below, above, step, factor, even, whole)
 
 
@@ -95,12 +104,12 @@ def _law(spread: Any, nominal: float, bounds: Parameter) -> tuple[float, ...] | 
     kind, size = next(iter(spread.items())) if isinstance(spread, Mapping) else ("relative", spread)
     if kind in ("uniform", "log_uniform"):
         low, high = size
-        return (UNIFORM if kind == "uniform" else LOG_UNIFORM, low, 1.0, low, high, step)
+        return (Law.UNIFORM if kind == "uniform" else Law.LOG_UNIFORM, low, 1.0, low, high, step)
     deviation = size * abs(nominal) if kind == "relative" else size
     if deviation <= 0 or not np.isfinite(nominal):
         return None
     low = nominal if kind == "half_normal" else bounds.low
-    return NORMAL, nominal, deviation, low, bounds.high, step
+    return Law.NORMAL, nominal, deviation, low, bounds.high, step
 
 
 def correlations(pairs: list[tuple[str, str, float]], paths: tuple[str, ...]) -> np.ndarray | None:

@@ -13,11 +13,11 @@ from visaug.characterization.alike import KINDS, floor_dn, merged_groups
 from visaug.characterization.facts import Facts, look, temporal_variances
 from visaug.characterization.views import at_bits, shifted
 from visaug.frames import FrameSet
+from visaug.frames.checks import SATURATED_SHARE
 from visaug.frames.units import celsius
 from visaug.statistics.findings import Findings
 
 _DEPTHS = (8, 10, 12, 14, 16)
-_PILE = 1e-3  # share of a flat's pixels at the converter's top that no signal piles up by itself
 _MASTER = 0.55  # of the temporal variance of a raw frame: two or more frames averaged have half or less
 _OTHER_LIGHT = 1.25  # factor between signals: no lamp of one setting wanders so far
 _TELLING = 0.2  # DN^2: below, rounding hides the noise of a single frame
@@ -183,7 +183,11 @@ def _bit_depth(frames: FrameSet, facts: list[Facts], found: Findings, told_bits:
     """Bits of the converter: as told, as the files' type tells, or by where bright flats pile up."""
     depth = frames.bit_depth
     largest = max(f.largest for f in facts)
-    piles = {f.largest for f in facts if f.at_largest > _PILE and f.largest == largest and f.noise < largest}
+    piles = {
+        f.largest
+        for f in facts
+        if f.at_largest > SATURATED_SHARE and f.largest == largest and f.noise < largest
+    }
     tops = [n for n in _DEPTHS if piles and largest == (1 << n) - 1]
     if told_bits is not None or (depth is not None and depth < 16):
         found.bit_depth = min(told_bits or 16, depth or 16, 16)

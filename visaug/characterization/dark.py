@@ -14,11 +14,10 @@ from visaug.characterization.light import NEEDS_FLATS
 from visaug.characterization.moments import GroupMoments
 from visaug.core.constants import BOLTZMANN_EV_PER_K, ZERO_C_K
 from visaug.core.intervals import symmetric, t_quantile, widen
-from visaug.statistics.findings import Findings
+from visaug.statistics.findings import FALSE_ALARM, Findings
 
 _LEAST_EV = 0.5  # eV, activation energy of dark current: half of silicon's band gap is 0.56, measured ones are 0.55 to 1.1
 # (R. Widenhorn et al., Proc. SPIE 4669 (2002) 193)
-_TOO_FLAT = 1e-3  # probability that a law at this least energy is said to grow less
 _NEEDS_LADDER = "dark frames at two or more exposures and two or more temperatures"
 
 
@@ -127,7 +126,7 @@ def _too_flat(found: Findings, lines: list[dark_current.Slope], law: dark_curren
     """
     mean_k = float(np.mean([s.temperature_c for s in lines if s.temperature_c is not None])) + ZERO_C_K
     least = _LEAST_EV / (BOLTZMANN_EV_PER_K * mean_k**2)
-    margin = float(stats.t.isf(_TOO_FLAT, min(law.df, 1e6))) * math.sqrt(law.covariance[1, 1])
+    margin = float(stats.t.isf(FALSE_ALARM, min(law.df, 1e6))) * math.sqrt(law.covariance[1, 1])
     if law.b_per_c + margin < least:
         found.warn(
             f"dark_current_flat: the dark signal grows by exp({law.b_per_c:.3g} T), that of silicon by exp({least:.3g} T) or "

@@ -12,13 +12,12 @@ from visaug.characterization.groups import FlatLevel, Measured
 from visaug.characterization.moments import GroupMoments, mean_map
 from visaug.characterization.photon_transfer import PhotonTransferResult
 from visaug.frames import FrameSet
-from visaug.statistics.findings import Findings
+from visaug.statistics.findings import FALSE_ALARM, Findings
 
 _PARTS = 4  # along each side
 _LEAST = 8  # pixels along each side of a part
 _MOST = 12  # frames of a level
 _BRIGHTEST = 4  # levels, which tell the gain best
-_FALSE = 0.001  # probability that one gain deviates so far; with the approximations of its errors 0.002 in small sets
 _MATTERS = 0.02  # root mean square deviation of the gain
 
 
@@ -34,7 +33,8 @@ def check(measured: Measured, transfer: PhotonTransferResult, found: Findings) -
     ratio, error = (values / float((ratio * weights).sum() / weights.sum()) for values in (ratio, error))
     square = float((((ratio - 1) / error) ** 2).sum())
     spread = math.sqrt(max(float(((ratio - 1) ** 2).mean() - (error**2).mean()), 0.0))
-    if stats.chi2.sf(square, ratio.size - 1) > _FALSE or spread < _MATTERS:
+    # With the approximations of the errors, false alarms have the probability 0.002 in small sets.
+    if stats.chi2.sf(square, ratio.size - 1) > FALSE_ALARM or spread < _MATTERS:
         return
     places, parts = ratio.mean((0, 1)), ratio.mean((2, 3))
     beside = float(np.var(places)) > float(np.var(parts))

@@ -17,13 +17,12 @@ from scipy import stats
 from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments
 from visaug.frames import FrameSet
-from visaug.statistics.findings import FROM_NOISE, Findings
+from visaug.statistics.findings import FALSE_ALARM, FROM_NOISE, Findings
 
 _FEWEST = 4  # frames: of three no such sum is left
 _MOST = 12  # frames of a group: its first and last half dozen
 _SIDE = 512  # pixels of the window
 _OUTLIER = 5.0  # standard deviations: single pixels that jump are another matter
-_FALSE = 0.001  # probability of a false alarm in one set, and again of a frame that is apart
 _APART = 0.05  # of the variance of the other frames
 _OF_MEDIAN = 1.3  # the median of few variances has an error of its own
 _MATTERS = 0.01  # correlation of the noise of two frames
@@ -53,7 +52,7 @@ def check(measured: Measured, found: Findings) -> None:
         variances.append((m, indices, *frame_variances(residuals)))
         if m.n >= _FEWEST:
             tested.append(dependence(residuals, indices))
-    sure = [d for d in tested if d.probability < _FALSE / len(tested) and d.correlation > _MATTERS]
+    sure = [d for d in tested if d.probability < FALSE_ALARM / len(tested) and d.correlation > _MATTERS]
     if not sure:
         _check_variances(measured, variances, len(groups), found)
         return
@@ -99,7 +98,8 @@ def _check_variances(
             np.abs(levels - np.median(levels)) / signal if signal > 0 and m.group.kind == "flat" else 0.0
         )
         excess = np.abs(variances / usual - 1) - by_light
-        least = float(stats.norm.isf(_FALSE / 2 / len(indices) / several))
+        # The test of single frames has its own probability of a false alarm in one set.
+        least = float(stats.norm.isf(FALSE_ALARM / 2 / len(indices) / several))
         apart += [i for i, e in zip(indices, excess) if e > max(_APART, _OF_MEDIAN * least * error / usual)]
     if apart:
         numbers = ", ".join(str(measured.frames.records[i].sequence) for i in sorted(apart)[:8])

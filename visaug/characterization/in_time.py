@@ -16,13 +16,12 @@ from visaug.characterization.groups import Measured
 from visaug.characterization.moments import GroupMoments
 from visaug.characterization.views import repaired, replaced
 from visaug.frames import FrameSet, Group
-from visaug.statistics.findings import Findings
+from visaug.frames.checks import PILED_SHARE
+from visaug.statistics.findings import FALSE_ALARM, Findings
 
 _STALE = 5e-4  # probability that one group of sound frames has such an outlier
-_HIT = 1e-3  # probability that noise makes a hit somewhere in a set
 _HEAVY = 0.1  # probability that dips of normal noise count as heavy tails
 _QUIET = 1.1  # times the noise of the quietest dark frames
-_PILE = 0.02  # share of the pixels that no noise has at its largest value
 _AROUND = np.ones((3, 3), bool)
 
 
@@ -76,7 +75,7 @@ class _Peaks:
     @property
     def full(self) -> bool:
         """Whether pixels pile up at one value, the converter's top: what is left of their noise is not that of the others."""
-        return float((self.first == self.first.max()).mean()) > _PILE
+        return float((self.first == self.first.max()).mean()) > PILED_SHARE
 
 
 def without_hits(frames: FrameSet, groups: Sequence[Group], found: Findings) -> FrameSet:
@@ -159,7 +158,7 @@ def _most_often(counts: np.ndarray, groups: int) -> int:
     share = float(counts.sum()) / counts.size / groups
     again = int((counts > 1).sum())
     jumping = 0.1  # share of the pixels with a hit that have another
-    if stats.poisson.sf(again - 1, counts.size * stats.binom.sf(1, groups, share)) < _HIT:
+    if stats.poisson.sf(again - 1, counts.size * stats.binom.sf(1, groups, share)) < FALSE_ALARM:
         return 0 if again > jumping * (counts > 0).sum() else 1
     return next(k for k in range(1, groups + 1) if counts.size * stats.binom.sf(k, groups, share) < 0.1)
 
@@ -168,7 +167,7 @@ def _hits(excess: np.ndarray, frame: np.ndarray, n: int, groups: int, skewness: 
     """(H, W) pixels whose gap to the second greatest of n values, in noises, is no noise's: alone, or two or
     three in a line.
     """
-    allowed = _HIT / groups / excess.size / 3  # of a pixel, for each length
+    allowed = FALSE_ALARM / groups / excess.size / 3  # of a pixel, for each length
     hit = excess > _gap(allowed, n, skewness)
     lines = ((0, 1), (1, 0), (1, 1), (1, -1))  # directions in which pixels of a track adjoin
     for length in (2, 3):
@@ -245,7 +244,7 @@ def _peaks(frames: FrameSet, group: Group) -> _Peaks:
         which,
         float((next_least - least).max()),
         max(noise, 0.5),
-        float((one == 0).mean()) > _PILE,
+        float((one == 0).mean()) > PILED_SHARE,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Mapping
+from enum import IntFlag
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,41 +21,46 @@ if TYPE_CHECKING:
     from visaug.characterization.result import Characterization
     from visaug.statistics.findings import Findings
 
-HOT, DEAD, UNSTEADY = 1, 2, 4
+
+class Defect(IntFlag):
+    """Bits of the map of defects."""
+
+    HOT = 1
+    DEAD = 2
+    UNSTEADY = 4
 
 
 def add_maps(found: Findings, measured: Measured) -> None:
-    """Add `dark_current` (e-/s; DN/s where the gain is unknown) and `defects` (bits HOT, DEAD, UNSTEADY)."""
+    """Add `dark_current` (e-/s; DN/s where the gain is unknown) and `defects` (bits of `Defect`)."""
     defects: np.ndarray | None = None
 
-    def mark(which: np.ndarray, bit: int) -> None:
+    def mark(which: np.ndarray, bit: Defect) -> None:
         nonlocal defects
         if defects is None:
             defects = np.zeros(which.shape, np.uint8)
         if defects.shape == which.shape:
-            defects[which] |= bit
+            defects[which] |= bit.value
 
     warmest = _warmest(measured)
     odd = 8.0  # robust standard deviations
     if warmest:
         rate, error = _rates(measured, warmest)
-        mark(_stands_out(rate) > odd, HOT)
+        mark(_stands_out(rate) > odd, Defect.HOT)
         scale = 1.0 if found.gain is None else 1 / found.gain.dn_per_e
         found.maps["dark_current"] = (rate * scale).astype(np.float32)
         found.dark_current_error = error * scale
     still = measured.still
     if still is not None and still.n >= 8:
-        mark(_stands_out(_deviation(measured, still)) > odd, UNSTEADY)
+        mark(_stands_out(_deviation(measured, still)) > odd, Defect.UNSTEADY)
     response = found.maps.get("response")
     if response is not None:
-        mark(np.abs(_stands_out(response)) > odd, DEAD)
+        mark(np.abs(_stands_out(response)) > odd, Defect.DEAD)
     if found.stuck is not None:
-        mark(found.stuck, DEAD)
+        mark(found.stuck, Defect.DEAD)
     if defects is not None:
         found.maps["defects"] = defects
         counts = {
-            n: int(((defects & b) > 0).sum())
-            for n, b in (("hot", HOT), ("dead", DEAD), ("unsteady", UNSTEADY))
+            name.lower(): int(((defects & bit.value) > 0).sum()) for name, bit in Defect.__members__.items()
         }
         if any(counts.values()):
             found.warn("defect_pixels: " + ", ".join(f"{c} {n}" for n, c in counts.items() if c))

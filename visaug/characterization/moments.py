@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from visaug.frames import FrameSet, Group
-
-_PILE = 0.02
+from visaug.frames.checks import PILED_SHARE
 
 
 @dataclass(frozen=True)
@@ -132,7 +131,9 @@ def _at_the_top(frame: np.ndarray, top: int | None, pile: bool) -> int:
     """Pixels at the converter's top: the known one, or, of flats, a value that far too many share as the largest."""
     largest = float(frame.max())
     count = int(np.count_nonzero(frame == largest))
-    return count if largest == top or (pile and count > _PILE * frame.size and largest > frame.min()) else 0
+    if largest == top or (pile and count > PILED_SHARE * frame.size and largest > frame.min()):
+        return count
+    return 0
 
 
 def _temporal_parts(rows: np.ndarray, columns: np.ndarray, variance: float) -> TemporalParts:

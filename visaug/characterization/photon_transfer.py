@@ -13,6 +13,7 @@ from visaug.characterization.groups import FlatLevel
 from visaug.characterization.moments import GroupMoments
 from visaug.characterization.response import Response, response
 from visaug.core.intervals import jackknife
+from visaug.statistics.findings import FALSE_ALARM
 
 _FIT_SHARE = 0.7  # EMVA 1288: the fits of gain and responsivity end at 70 % of saturation
 _LINEAR_SHARE = (0.05, 0.95)
@@ -20,7 +21,6 @@ _SAFE_SHARE = 0.85  # the camera's own gain may use more levels than the standar
 _SPAN = 3  # brightest over faintest level from which on a bend can be seen
 _DOUBT = 0.002
 _CUT = 1e-4
-_MISFIT = 0.001  # probability that variances of one gain scatter so far about the curve
 EVEN_DN = 0.6  # noise from which on rounding is an even error
 _COLLAPSE = 0.7  # variance below this share of the shot noise's tells clipping
 
@@ -135,7 +135,7 @@ def _scatter(
     errors = np.array([v.variance_error for v in levels])
     fitted = basis @ (inverse @ y)
     square = float((((y - fitted) / errors) ** 2).sum())
-    if stats.chi2.sf(square, spare) > _MISFIT:
+    if stats.chi2.sf(square, spare) > FALSE_ALARM:
         return 0.0, 0.0, 0
     relative = (y - fitted) / np.maximum(fitted, errors)
     return math.sqrt(float((relative**2).sum()) / spare), math.sqrt(square / spare), spare

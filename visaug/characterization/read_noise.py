@@ -11,9 +11,8 @@ from scipy import optimize
 
 from visaug.characterization import tukey
 from visaug.characterization.moments import GroupMoments, mean_map
+from visaug.characterization.rounded import BLOCKS
 from visaug.frames import FrameSet
-
-_BLOCKS = 20
 
 
 @dataclass(frozen=True)
@@ -96,7 +95,7 @@ def _histogram(
         unsteady(t.column, t.pixel, t.column_df),
     )
     frame_flickers = unsteady(t.frame, max(t.row, t.column, t.pixel), t.frame_df)
-    blocks = np.array_split(np.arange(centre.shape[0]), min(_BLOCKS, centre.shape[0]))
+    blocks = np.array_split(np.arange(centre.shape[0]), min(BLOCKS, centre.shape[0]))
     counts = np.zeros((len(blocks), 2 * half + 1))
     for i in indices:
         residual = frames.read(i) - centre

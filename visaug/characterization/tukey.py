@@ -10,10 +10,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import ndtr
 
-from visaug.core.sampling.tukey_lambda import quantile, standard_deviation
+from visaug.core.sampling.tukey_lambda import GAUSSIAN_SHAPE, quantile, standard_deviation
 from visaug.effects.readout.read_noise import LEAST_SHAPE
 
-GAUSSIAN_SHAPE = 0.14  # nearest to a normal law by the correlation of quantiles
 SHAPE_BOUNDS = (LEAST_SHAPE, 0.6)
 _STEP = 1 / 64
 _REACH = 128.0

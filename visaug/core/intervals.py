@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 
 LEVEL = 0.95
 _HALF = 0.5 * (1 - LEVEL)
-Z = 1.959963984540054
+Z = float(special.ndtri(1 - _HALF))
 
 
 def t_quantile(df: float) -> float:

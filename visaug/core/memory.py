@@ -3,10 +3,14 @@
 import contextlib
 import ctypes
 import sys
+from enum import IntEnum
 
-# parameters of mallopt(3), and how far: blocks of up to 32 MiB from the heap, of which at most 128 MiB stay unused
-_MMAP_THRESHOLD, _TRIM_THRESHOLD = -3, -1
-LARGEST, UNUSED = 32 * 2**20, 128 * 2**20  # bytes
+
+class _Parameter(IntEnum):
+    """Parameters of mallopt(3)."""
+
+    TRIM_THRESHOLD = -1
+    MMAP_THRESHOLD = -3
 
 
 def keep_freed() -> None:
@@ -18,5 +22,7 @@ def keep_freed() -> None:
     if sys.platform == "linux":
         with contextlib.suppress(OSError, AttributeError):  # musl has no mallopt
             mallopt = ctypes.CDLL(None).mallopt
-            mallopt(_MMAP_THRESHOLD, LARGEST)
-            mallopt(_TRIM_THRESHOLD, UNUSED)
+            mallopt(
+                _Parameter.MMAP_THRESHOLD, 32 * 2**20
+            )  # bytes of the largest block that is taken from the heap
+            mallopt(_Parameter.TRIM_THRESHOLD, 128 * 2**20)  # bytes of the heap that stay unused at most

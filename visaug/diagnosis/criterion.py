@@ -28,15 +28,15 @@ import numpy as np
 from scipy import stats
 
 from visaug.diagnosis.fitting.law import FORM, Rare, log_density, rare
+from visaug.diagnosis.fitting.reference import CERTAIN
 from visaug.diagnosis.fitting.robust import adjust, standardised
-from visaug.diagnosis.fitting.uses import CERTAIN, Use, scales, shifts
+from visaug.diagnosis.fitting.uses import Use, scales, shifts
 from visaug.diagnosis.state import State
 
 ODDS = 3.0  # least log posterior odds of an accepted effect against no effect: one in twenty
 SHARE = 0.55  # least evidence of an accepted effect, relative to the median of its own simulated sets,
 RARE = 0.1  # unless more than this share of these sets has less
-SKEWEST = 8**0.5  # skewness of chi-squared with one degree of freedom,
-NORMAL = 0.05  # and below which a distribution is taken as normal
+NORMAL = 0.05  # skewness below which a distribution is taken as normal
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,8 @@ def _log_density(value: float, of_sets: np.ndarray) -> float:
     mean, spread = of_sets.mean(), max(of_sets.std(ddof=1), 1e-9)
     side = 1.0 if value >= mean else -1.0
     beyond = side * (value - mean) / spread
-    skewness = min(side * float(np.mean(((of_sets - mean) / spread) ** 3)), SKEWEST)
+    skewness = side * float(np.mean(((of_sets - mean) / spread) ** 3))
+    skewness = min(skewness, 8**0.5)  # that of chi-squared with one degree of freedom
     if skewness < NORMAL:
         return float(stats.norm.logpdf(beyond)) - np.log(spread)
     shape, scale = 4 / skewness**2, skewness / 2

@@ -37,7 +37,6 @@ Part = MeasuredFrames | PicturePart
 Spread = Callable[["Work", Sequence[Job]], Iterable[tuple[np.ndarray, ...]]]
 MOST = 16  # workers: each needs some 100 MB of its own
 WAITING = 2  # jobs for each process that are handed out at a time
-LOOKS_S = 2.0  # between two looks whether the process that forked this one is still there
 
 
 @dataclass(frozen=True)
@@ -176,9 +175,9 @@ def _begin(work: Work, parent: int) -> None:
 
 
 def _with_parent(parent: int) -> None:
-    """Ends this process with the one that forked it, however that ends."""
+    """Ends this process with the one that forked it, however that ends: looks every two seconds whether it is still there."""
     while os.getppid() == parent:
-        time.sleep(LOOKS_S)
+        time.sleep(2.0)
     os._exit(1)
 
 

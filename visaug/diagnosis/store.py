@@ -17,7 +17,6 @@ from visaug.core.files import cache_folder
 
 MOST = 2**30  # largest size in bytes; the least recently used entries are removed first
 LEFT = 0.8  # share of that size that stays then
-WAIT_S = 5.0  # for another process that writes
 CHECK_BYTES = 16
 TABLE = "CREATE TABLE IF NOT EXISTS sets (name TEXT PRIMARY KEY, used REAL, content BLOB)"
 
@@ -61,7 +60,8 @@ def _attempt(do: Callable[[sqlite3.Connection], None]) -> None:
     place = file()
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
-        with closing(sqlite3.connect(place, timeout=WAIT_S)) as base, base:
+        # `timeout`: seconds for another process that writes
+        with closing(sqlite3.connect(place, timeout=5.0)) as base, base:
             base.execute("PRAGMA synchronous = OFF")  # a checksum guards every entry
             base.execute(TABLE)
             do(base)

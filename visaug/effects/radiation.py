@@ -16,8 +16,8 @@ from typing import Any
 from visaug.core.constants import BOLTZMANN_EV_PER_K, ZERO_C_K
 from visaug.core.errors import InputError
 from visaug.effects.catalogue import catalogue
+from visaug.effects.charge.dark_electrons import REFERENCE_C
 
-REFERENCE_C = 20.0  # to which hot_pixels and dark_current_rts refer
 # Universal damage factor: J. R. Srour and D. H. Lo, IEEE Trans. Nuclear Science 47 (2000) 2451: 1.9e5 carriers/(cm^3 s) per MeV/g
 # at 300 K, that is 0.19 e-/s for each um^3 and TeV/g; activation energy 0.63 eV.
 LEAKAGE_300_K_E_PER_S = 0.19

@@ -9,8 +9,6 @@ from torch import Tensor
 from visaug.core.sampling.philox import mix
 from visaug.effects.effect import Context, Values
 
-STATE = 0x5DEECE66D  # of the key of a state, apart from that of whether it is drawn
-
 
 def kept_states(
     name: str, where: Tensor, places: tuple[Tensor, Tensor], p: Values, keys: np.ndarray, context: Context
@@ -76,7 +74,8 @@ def _drawn(own: Tensor, frame: Tensor) -> Tensor:
 
 
 def _is_upper(drawn: Tensor, duty: float) -> Tensor:
-    return _uniform(mix(drawn ^ STATE)) < duty
+    state = drawn ^ 0x5DEECE66D  # key of the state, apart from that of whether it is drawn
+    return _uniform(mix(state)) < duty
 
 
 def _uniform(keys: Tensor) -> Tensor:

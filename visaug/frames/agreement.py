@@ -14,7 +14,7 @@ from visaug.frames.units import number_or_none
 _SAME_GAIN = 0.02  # measured gains of one camera scatter by less; settings that differ by less are none
 _CEILINGS = {(1 << n) - 1: n for n in (8, 10, 12, 14)}  # DN, of converters that are coarser than their files
 _SHARED = ("GAIN", *(name for name in SETTING_KEYWORDS if name != "PEDESTAL"))  # binning left out is 1
-_LISTED = 6  # files that a note lists
+LISTED = 6  # files that a note lists
 
 Row = dict[str, Any]
 
@@ -22,7 +22,7 @@ Row = dict[str, Any]
 def names(rows: Sequence[Row]) -> str:
     """How many frames, and the first of their names."""
     listed = [r["file"] for r in rows]
-    return f"{len(listed)} frames ({first_of(listed, _LISTED)})" if len(listed) > 1 else listed[0]
+    return f"{len(listed)} frames ({first_of(listed, LISTED)})" if len(listed) > 1 else listed[0]
 
 
 def agreed(rows: list[Row], folder: Path) -> tuple[list[Row], list[str]]:
@@ -40,7 +40,7 @@ def agreed(rows: list[Row], folder: Path) -> tuple[list[Row], list[str]]:
     several = sorted({r["setting"] for r in rows if r["setting"]})
     if len(several) > 1:
         notes.append(
-            f"setting: frames of {len(several)} settings ({'; '.join(several[:_LISTED])}); each is a camera of its own: the "
+            f"setting: frames of {len(several)} settings ({'; '.join(several[:LISTED])}); each is a camera of its own: the "
             "one with most flats is measured, the others are excluded, so give each its own folder"
         )
     return rows, notes
@@ -71,7 +71,7 @@ def _raw(rows: list[Row], folder: Path, notes: list[str]) -> list[Row]:
     done = [r for r in rows if r["_calibrated"]]
     if not done:
         return rows
-    why = "; ".join(sorted({r["_calibrated"] for r in done})[:_LISTED])
+    why = "; ".join(sorted({r["_calibrated"] for r in done})[:LISTED])
     if len(done) == len(rows):
         raise InputError(
             f"all frames were calibrated already ({why})",

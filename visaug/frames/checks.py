@@ -12,9 +12,10 @@ from visaug.core.wording import first_of
 if TYPE_CHECKING:
     from visaug.frames.frameset import FrameSet
 
-_SATURATED_SHARE = 0.001
+SATURATED_SHARE = 0.001  # of a flat's pixels at the converter's top: no signal piles up so many by itself
 _CLIPPED_SHARE = 0.01
-_PILED_SHARE = 0.02  # share of pixels at the largest value that indicates saturation, if the converter's range is unknown
+# Share of pixels at the largest value that indicates saturation, if the converter's range is unknown: no noise has it.
+PILED_SHARE = 0.02
 _FEW = 4  # groups of copies that are listed
 _CONSTANT_KINDS = ("bias", "dark", "flat", "scene")
 
@@ -36,7 +37,7 @@ def check(frames: FrameSet) -> list[str]:
         hashes.setdefault(hashlib.blake2b(frame.tobytes(), digest_size=16).digest(), []).append(i)
         largest = frame.max()
         if record.kind == "flat" and (frame == largest).mean() > (
-            _SATURATED_SHARE if largest == top else _PILED_SHARE if spreads[i] > 0 else np.inf
+            SATURATED_SHARE if largest == top else PILED_SHARE if spreads[i] > 0 else np.inf
         ):
             saturated.append(i)
         elif spreads[i] == 0 and record.kind in _CONSTANT_KINDS:
@@ -62,7 +63,7 @@ def check(frames: FrameSet) -> list[str]:
         found.append(f"constant_frame: frames {name(constant)} have one value in all pixels ({listed})")
     if saturated:
         found.append(
-            f"saturated_flat: more than {_SATURATED_SHARE:.1%} of the pixels of flats {name(saturated)} are "
+            f"saturated_flat: more than {SATURATED_SHARE:.1%} of the pixels of flats {name(saturated)} are "
             "at the converter's top; they determine the saturation, not the gain"
         )
     if clipped:

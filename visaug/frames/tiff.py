@@ -11,8 +11,6 @@ from typing import Any
 from visaug.core.errors import InputError
 from visaug.core.extras import extra
 
-MOST_TAGS = 4096  # of a page; tifffile takes one with more for the end of the file
-
 
 @contextmanager
 def opened(path: Path) -> Iterator[Any]:
@@ -39,7 +37,7 @@ def _check_pages(file: Any, path: Path) -> None:
             seen.add(at)
             handle.seek(at)
             (tags,) = struct.unpack(tiff.tagnoformat, handle.read(tiff.tagnosize))
-            if tags > MOST_TAGS:
+            if tags > 4096:  # tifffile takes a page with more for the end of the file
                 return
             handle.seek(tags * tiff.tagsize, 1)
             (at,) = struct.unpack(tiff.offsetformat, handle.read(tiff.offsetsize))

@@ -13,7 +13,6 @@ from visaug.core.wording import number
 from visaug.inspection.finding import ALPHA, Finding, Size, deviation
 from visaug.inspection.material import FAR, FrameGroup
 
-MOST_PLACES = 20_000  # defects listed
 # of the variance of the temporal noise: more has the fixed pattern of no ordinary sensor in the dark
 _STRONG = 0.5
 _AROUND = 3  # px on either side, that a defect is compared with
@@ -202,7 +201,7 @@ def _pixels(
     where: np.ndarray, word: str, heights: np.ndarray, typical: float, error: float
 ) -> dict[str, Any]:
     """What findings of single pixels have in common: size, share and places."""
-    places = list(zip(*np.nonzero(where), heights))[:MOST_PLACES]
+    places = list(zip(*np.nonzero(where), heights))[:20_000]  # defects listed at most
     return {
         "amplitude_dn": typical,
         "low": max(typical - 2 * error, 0.0),

@@ -11,13 +11,13 @@ from scipy import fft, stats
 from visaug.frames import FrameSet
 from visaug.inspection.finding import ALPHA, Finding, needed_z
 from visaug.inspection.material import FrameGroup
+from visaug.pictures.blocks import SIDE
 from visaug.pictures.files import largest_group, quality_of
 
 _FAR = 6  # px, at which noise of neighbours is not shared by optics, pixels or filters
-_SIDE = 8  # px, of a block of JPEG
 _STEPS = np.arange(2, 61)  # of JPEG's rounding, that pixels in whole DN can show
 # that rows and columns do not reach
-_OF_NO_LINE = (np.arange(1, _SIDE**2) >= _SIDE) & (np.arange(1, _SIDE**2) % _SIDE > 0)
+_OF_NO_LINE = (np.arange(1, SIDE**2) >= SIDE) & (np.arange(1, SIDE**2) % SIDE > 0)
 _COEFFICIENTS = 4  # of 49, that are so
 _TOLD = 0.5  # DN of noise, below which rounding hides its law
 _MANY = 0.05  # of the pixels: more are no defects
@@ -223,7 +223,7 @@ def compression(looks: list[FrameGroup], frames: FrameSet) -> Finding | None:
         "JPEG compression before",
         gain,
         amplitude_dn=step / math.sqrt(12),
-        period=float(_SIDE),
+        period=float(SIDE),
         details={"step_dn": step, "grid_row": down, "grid_column": across},
         shown={"noise": look.frames[0]},
     )
@@ -243,12 +243,12 @@ def _by_pixels(look: FrameGroup) -> tuple[tuple[int, int], float, int, float] | 
 
     The places with most coefficients of 0 are looked at, against others of the same frames.
     """
-    if min(look.shape) < 4 * _SIDE:
+    if min(look.shape) < 4 * SIDE:
         return None
-    places = [(down, across) for down in range(_SIDE) for across in range(_SIDE)]
+    places = [(down, across) for down in range(SIDE) for across in range(SIDE)]
     still = np.array([np.mean(np.abs(_coefficients(look, *place)) < 0.5) for place in places])
     order = np.argsort(-still)
-    others = [_characteristic(look, *places[k])[0] for k in order[_SIDE :: _SIDE * 2]]
+    others = [_characteristic(look, *places[k])[0] for k in order[SIDE :: SIDE * 2]]
     usual = np.nan_to_num(np.median(others, axis=0), nan=1.0)
     rounded = 0.25  # of the characteristic function at 1/step, above which coefficients are multiples of it
     for place in dict.fromkeys([(0, 0), places[order[0]]]):
@@ -265,13 +265,11 @@ def _by_pixels(look: FrameGroup) -> tuple[tuple[int, int], float, int, float] | 
 
 def _coefficients(look: FrameGroup, down: int, across: int) -> np.ndarray:
     """(blocks, 63) coefficients of 8 x 8 blocks of the first frames on one place of the grid, without the mean."""
-    height, width = ((n - k) // _SIDE for n, k in zip(look.shape, (down, across)))
+    height, width = ((n - k) // SIDE for n, k in zip(look.shape, (down, across)))
     most_blocks = 1000
     take = max(1, min(look.count, most_blocks // (height * width)))
-    part = look.frames[:take, down : down + height * _SIDE, across : across + width * _SIDE]
-    blocks = (
-        part.reshape(take, height, _SIDE, width, _SIDE).transpose(0, 1, 3, 2, 4).reshape(-1, _SIDE, _SIDE)
-    )
+    part = look.frames[:take, down : down + height * SIDE, across : across + width * SIDE]
+    blocks = part.reshape(take, height, SIDE, width, SIDE).transpose(0, 1, 3, 2, 4).reshape(-1, SIDE, SIDE)
     blocks = blocks[:: -(-len(blocks) // most_blocks)]
     return np.asarray(fft.dctn(blocks, axes=(1, 2), norm="ortho")).reshape(len(blocks), -1)[:, 1:]
 

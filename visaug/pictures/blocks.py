@@ -17,7 +17,7 @@ from scipy import fft, ndimage, stats
 
 from visaug.pictures.files import PictureSet
 
-SIDE = 8
+SIDE = 8  # px, of a block of JPEG
 U, V = np.indices((SIDE, SIDE))  # frequencies down and across
 INNER = (U > 0) & (V > 0)
 CHOICE = INNER & (U + V <= 4)  # shows structure

@@ -20,8 +20,6 @@ from visaug.pictures.sets import is_rendered, no_noise
 from visaug.pictures.symmetry import STATISTICS, Sums, symmetry_sums
 from visaug.statistics.subsample import Selection
 
-BUDGET = 1_200_000  # pixels of a set
-MOST = 60  # pictures
 SATURATED = 0.97  # of the level at which the camera saturates
 
 
@@ -146,10 +144,13 @@ def _say_what_lacks(regions: Regions, warn: Callable[[str], object]) -> None:
         )
 
 
-def chosen_of(pictures: PictureSet, budget: int = BUDGET) -> tuple[np.ndarray, tuple[int, int, int, int]]:
-    """Pictures, evenly spaced, and the window in the middle of them that is looked at, whole blocks of the JPEG grid."""
+def chosen_of(pictures: PictureSet, budget: int = 1_200_000) -> tuple[np.ndarray, tuple[int, int, int, int]]:
+    """Pictures, evenly spaced, and the window in the middle of them that is looked at, whole blocks of the JPEG grid.
+
+    `budget`: pixels of all of them together.
+    """
     rows, columns = pictures.frames.shape(pictures.indices[0])
-    count = min(len(pictures), MOST)
+    count = min(len(pictures), 60)
     chosen = np.unique(np.linspace(0, len(pictures) - 1, count).astype(int))
     share = min(1.0, np.sqrt(budget / (count * rows * columns)))
     height, width = (max(int(share * side) // SIDE, 4) * SIDE for side in (rows, columns))

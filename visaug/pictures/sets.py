@@ -11,7 +11,6 @@ from visaug.pictures.blocks import NOISE, Blocks, Levels, Rounding
 from visaug.pictures.curve import Sky
 from visaug.pictures.files import PictureSet
 
-_GROUPS = 12
 _ONLY_ROUNDING_DN2 = 0.12  # a code's rounding alone gives 1/12
 # times what JPEG rounds away: the least variance that can be found, which all smaller ones give
 _ONLY_ROUNDING = 1.01
@@ -23,7 +22,7 @@ def jackknife(
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """Value, standard error and degrees of freedom of figures of weighted pictures, by leaving out groups of them."""
     value = figures(np.ones(pictures))
-    groups = min(pictures, _GROUPS)
+    groups = min(pictures, 12)
     if groups < 2:
         return value, np.full(len(value), np.nan), 1
     member = np.arange(pictures) % groups

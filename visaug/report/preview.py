@@ -10,7 +10,6 @@ from visaug.core.files import whole_file
 if TYPE_CHECKING:
     from visaug.camera import Camera
 
-ROWS, COLUMNS = 300, 400  # of the crop, at most
 SOFTWARE = "visaug preview"  # in the PNG, by which a sheet is known
 WORDS = {"srgb": "sRGB", "linear": "linear"}
 
@@ -57,7 +56,7 @@ def write_preview(
         problem = "is a folder" if picture.is_dir() else "no such file"
         raise InputError(problem, file=picture, expected="one picture")
     image = read_picture(picture)
-    window = middle(image, ROWS, COLUMNS)
+    window = middle(image, rows=300, columns=400)  # of the crop, at most
     samples = []
     for camera in cameras:
         noise, conditions = visible(image, camera, seed, **options)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+FALSE_ALARM = 0.001  # probability that a check warns of, or mends, frames that meet the measurement model
 # parameters that need the noise of the frames to be that of single pixels
 FROM_NOISE = ("gain_e_per_dn", "quantum_efficiency", "read_noise.*", "full_well_e", "prnu.*", "dsnu.*", "dark_current.*",
               "temporal.*", "emva.*", "emva4.*", "emva4_corrected.*")  # fmt: skip

@@ -1,6 +1,6 @@
 """Which frames of a large set, and which pixels of them, are simulated many times over.
 
-A set of at most `BUDGET` pixels is taken whole. Of a larger one,
+A set of at most `budget` pixels (of `select`) is taken whole. Of a larger one,
 
 - frames of each condition, spread evenly over the sequence, are taken in full where the sensor is small, or in one window of it:
   what changes from frame to frame is measured on them;
@@ -23,8 +23,6 @@ from visaug.frames import FrameSet, Group
 from visaug.statistics.conditions import MAX_GROUPS, by_condition, choose, spread
 from visaug.statistics.split import Folds, share_out
 
-BUDGET = 3_600_000  # pixels of a set; to simulate and measure it takes about a fifth of a second of one processor core
-FULL = 4_000_000  # pixels of the full discovery frames, beside those of windows
 MARGIN = 8  # px around a window that are simulated with it: what neighbours give each other crosses its edge
 
 Window = tuple[int, int, int, int]
@@ -98,8 +96,13 @@ class Selection:
         return f"{said}; {len(self.full_frames)} full frames for what lies anywhere on the sensor{noise}"
 
 
-def select(frames: FrameSet, budget: int = BUDGET, full: int = FULL) -> Selection:
+def select(frames: FrameSet, budget: int = 3_600_000, full: int = 4_000_000) -> Selection:
     """The frames, and the window of them, that are simulated; all of a small set.
+
+    Args:
+        frames: of any size.
+        budget: pixels of a set; to simulate and measure it takes about a fifth of a second of one processor core.
+        full: pixels of the full discovery frames, beside those of windows.
 
     Raises:
         InputError: frames of different size without a region that says which window of the sensor they are.

@@ -35,7 +35,6 @@ from visaug.report.html import templates
 
 ADDRESS = "127.0.0.1"
 NAMES = [ADDRESS, "localhost"]  # a page elsewhere whose name was made to point here says another Host
-LARGEST = 1_000_000  # bytes of an uploaded effect
 SCRIPTS = ("uplot.min", "plots", "lab")
 QUICK, FULL = "estimating the error", "computing the error"
 
@@ -141,7 +140,7 @@ class _Lab:
     async def take_picture(self, request: Request) -> Response:
         """A picture of the user's own, shown from now on."""
         name = request.path_params["name"]
-        body = await _body(request, LARGEST_FILE, name, "a picture")
+        body = await _body(request, name, "a picture", LARGEST_FILE)
         self.bench.own_picture = await run_in_threadpool(OwnPicture.read, name, body)
         self.jobs.changed()
         return _JSON(self.jobs.as_json())
@@ -173,7 +172,7 @@ class _Lab:
 
     async def load(self, request: Request) -> Response:
         name = request.path_params["name"]
-        body = await _body(request, LARGEST, name, "an effect")
+        body = await _body(request, name, "an effect")
         try:
             text = body.decode()
         except UnicodeDecodeError:
@@ -182,7 +181,7 @@ class _Lab:
 
     async def numbers(self, request: Request) -> Response:
         """Numbers of the camera as a JSON object by path: a quick estimate of the error, then the full one."""
-        values = _numbers(await _body(request, LARGEST, "numbers", "numbers of a camera"))
+        values = _numbers(await _body(request, "numbers", "numbers of a camera"))
         self.bench.camera.replace(values)  # refuses at once what is out of range
         self._wanted |= values  # with those of an estimate that this one takes the place of
         self.jobs.ask(QUICK, self._set_numbers, instead_of=(QUICK, FULL))
@@ -274,7 +273,8 @@ def _effect(request: Request) -> str:
     return name
 
 
-async def _body(request: Request, largest: int, name: str, what: str) -> bytes:
+async def _body(request: Request, name: str, what: str, largest: int = 1_000_000) -> bytes:
+    """What was sent, of at most `largest` bytes."""
     body = bytearray()
     async for part in request.stream():
         body += part

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from visaug.augment.image_io.picture import Picture, three_axes
-from visaug.augment.image_io.transfer import EXIF_COLOUR_SPACE, EXIF_IFD, Hints, transfer_of
+from visaug.augment.image_io.transfer import Hints, transfer_of
 from visaug.core.errors import InputError
 from visaug.frames.limits import pillow_image
 
@@ -62,11 +62,11 @@ def exif_space(block: bytes | None) -> int | None:
     """ColorSpace of an EXIF block, None where there is none."""
     if not block:
         return None
-    from PIL import Image
+    from PIL import ExifTags, Image
 
     try:
         exif = Image.Exif()
         exif.load(block)
-        return exif.get_ifd(EXIF_IFD).get(EXIF_COLOUR_SPACE)
+        return exif.get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.ColorSpace)
     except Exception:  # a damaged block contains no information
         return None

@@ -3,6 +3,7 @@
 import struct
 import zlib
 from collections.abc import Iterator
+from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,6 @@ from visaug.core.extras import extra
 from visaug.frames.limits import check_shape, pillow_image
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
-GRAY, COLOUR, PALETTE, GRAY_ALPHA, COLOUR_ALPHA = 0, 2, 3, 4, 6
 KORNIA_MODES = {1: "mono", 3: "rgb", 4: "rgba"}
 OF_THE_PIXELS = {b"sBIT", b"bKGD", b"tRNS"}  # right only while depth and colour type stay
 KEPT = {b"cHRM", b"cICP", b"cLLI", b"gAMA", b"iCCP", b"mDCV", b"sRGB", b"pHYs", b"eXIf"} | {
@@ -25,6 +25,16 @@ KEPT = {b"cHRM", b"cICP", b"cLLI", b"gAMA", b"iCCP", b"mDCV", b"sRGB", b"pHYs", 
     b"iTXt",
     b"tIME",
 }
+
+
+class ColourType(IntEnum):
+    """Colour types of the header chunk (PNG, 6.1)."""
+
+    GRAY = 0
+    COLOUR = 2
+    PALETTE = 3
+    GRAY_ALPHA = 4
+    COLOUR_ALPHA = 6
 
 
 def read_png(path: Path) -> Picture:
@@ -37,7 +47,7 @@ def read_png(path: Path) -> Picture:
         raise InputError("is an animated PNG", file=path, expected="a single picture in a file")
     depth, colour_type = found[b"IHDR"][8], found[b"IHDR"][9]
     pixels = _pixels(path, struct.unpack_from(">II", found[b"IHDR"]), depth, colour_type)
-    same_kind = colour_type != PALETTE and depth >= 8
+    same_kind = colour_type != ColourType.PALETTE and depth >= 8
     keep, key = None, None
     if same_kind and b"tRNS" in found:
         values = np.frombuffer(found[b"tRNS"], ">u2")
@@ -45,7 +55,7 @@ def read_png(path: Path) -> Picture:
         keep = (pixels[..., : len(key)] == np.array(key)).all(-1)
     names = KEPT | OF_THE_PIXELS if same_kind else KEPT
     kept = [chunk for chunk in chunks if chunk[0] in names or _private(chunk[0])]
-    extras: dict[str, Any] = {"png_chunks": kept, "palette": colour_type == PALETTE}
+    extras: dict[str, Any] = {"png_chunks": kept, "palette": colour_type == ColourType.PALETTE}
     colours = pixels.shape[2] - (pixels.shape[2] in (2, 4))
     transfer, reason = transfer_of(_hints(found), pixels.dtype, colours)
     return Picture(pixels, transfer, reason, keep, key, extras)
@@ -72,20 +82,21 @@ def write_png(path: Path, picture: Picture) -> None:
 
 
 def _pixels(path: Path, size: tuple[int, int], depth: int, colour_type: int) -> np.ndarray:
-    if depth == 16 and colour_type == GRAY_ALPHA:
+    if depth == 16 and colour_type == ColourType.GRAY_ALPHA:
         raise InputError(
             "is a 16-bit gray PNG with alpha", file=path, expected="one without alpha, or in colour"
         )
-    if depth == 16 and colour_type in (COLOUR, COLOUR_ALPHA):  # Pillow would cut these to 8 bit
+    in_colour = colour_type in (ColourType.COLOUR, ColourType.COLOUR_ALPHA)
+    if depth == 16 and in_colour:  # Pillow would cut these to 8 bit
         with extra(path):
             import kornia_rs.io
 
         check_shape(size, path)
-        mode = "rgb" if colour_type == COLOUR else "rgba"
+        mode = "rgb" if colour_type == ColourType.COLOUR else "rgba"
         return np.asarray(kornia_rs.io.read_image_png_u16(str(path), mode))
     with pillow_image(path, ("PNG",)) as image:
         see_through = "transparency" in image.info
-        if colour_type == PALETTE:
+        if colour_type == ColourType.PALETTE:
             image = image.convert("RGBA" if see_through else "RGB")
         elif depth < 8:
             image = image.convert("LA" if see_through else "L")

@@ -14,8 +14,6 @@ from visaug.core.extras import extra
 from visaug.frames.limits import check_shape
 from visaug.frames.tiff import opened
 
-PALETTE, WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, YCBCR = 3, 0, 1, 2, 6
-DESCRIPTION, ICC, GDAL_NODATA = 270, 34675, 42113
 RESOLUTION = (282, 283, 296)  # along x, along y, unit: the writer takes them apart from other tags
 # Tags that say how the pixels lie in the file, which the writer sets; and folders of tags, which hold places in the
 # old file. Every other tag is carried over.
@@ -35,6 +33,9 @@ OF_THE_FILE = {
 
 
 def read_tiff(path: Path) -> Picture:
+    with extra(path):
+        from tifffile import PHOTOMETRIC, TIFF
+
     with opened(path) as file:
         if len(file.pages) != 1:
             raise InputError(
@@ -42,7 +43,8 @@ def read_tiff(path: Path) -> Picture:
             )
         page: Any = file.pages.first
         photometric = int(page.photometric)
-        if photometric not in (PALETTE, WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, YCBCR):
+        known = ("PALETTE", "MINISWHITE", "MINISBLACK", "RGB", "YCBCR")
+        if photometric not in [PHOTOMETRIC[name] for name in known]:
             raise InputError(
                 f"has colours of kind {page.photometric.name}", file=path, expected="gray or RGB"
             )
@@ -51,8 +53,8 @@ def read_tiff(path: Path) -> Picture:
         extras: dict[str, Any] = {
             "resolution": [tag.value for tag in resolution] if all(resolution) else None,
             "compression": "zlib" if page.compression != 1 else None,
-            "palette": photometric == PALETTE,
-            "white_is_zero": photometric == WHITE_IS_ZERO,
+            "palette": photometric == PHOTOMETRIC.PALETTE,
+            "white_is_zero": photometric == PHOTOMETRIC.MINISWHITE,
             "alpha": [int(kind) for kind in page.extrasamples],
             "tags": [
                 (tag.code, int(tag.dtype), *_counted(tag.value, tag.count), True)
@@ -60,11 +62,11 @@ def read_tiff(path: Path) -> Picture:
                 if tag.code not in OF_THE_FILE
             ],
         }
-        pixels = _pixels(path, page)
+        pixels = _pixels(path, page, extras["palette"])
         if page.is_shaped and page.shape != (pixels.shape if pixels.shape[2] > 1 else pixels.shape[:2]):
             # tifffile's own description: the shape that the old file had
-            extras["tags"] = [tag for tag in extras["tags"] if tag[0] != DESCRIPTION]
-        icc, nodata = page.tags.get(ICC), page.tags.get(GDAL_NODATA)
+            extras["tags"] = [tag for tag in extras["tags"] if tag[0] != TIFF.TAGS["ImageDescription"]]
+        icc, nodata = (page.tags.get(TIFF.TAGS[name]) for name in ("InterColorProfile", "GDAL_NODATA"))
     if pixels.dtype not in (np.uint8, np.uint16) and pixels.dtype.kind != "f":
         raise InputError(f"holds {pixels.dtype}", file=path, expected="uint8, uint16 or floats")
     if pixels.shape[2] > 4:
@@ -102,7 +104,7 @@ def write_tiff(path: Path, picture: Picture) -> None:
     )
 
 
-def _pixels(path: Path, page: Any) -> np.ndarray:
+def _pixels(path: Path, page: Any, palette: bool) -> np.ndarray:
     """(H, W, C); a palette's colours in 8 bit."""
     try:
         pixels = page.asarray()
@@ -110,7 +112,7 @@ def _pixels(path: Path, page: Any) -> np.ndarray:
         return three_axes(_by_other_decoders(path, page.dtype, page.samplesperpixel))
     if pixels.dtype == bool:
         return three_axes(pixels.astype(np.uint8) * 255)
-    if page.photometric == PALETTE:
+    if palette:
         colours = page.colormap  # (3, entries), 16 bit each; some writers fill 8 of them
         if colours.max() > 255:
             colours = colours >> 8

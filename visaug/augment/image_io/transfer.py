@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 LINEAR, SRGB = "linear", "srgb"
-EXIF_IFD, EXIF_COLOUR_SPACE = 0x8769, 0xA001
 
 
 @dataclass(frozen=True)

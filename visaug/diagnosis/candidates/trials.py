@@ -7,8 +7,8 @@ from typing import Any
 
 from visaug.camera import Camera
 from visaug.core.errors import InputError
+from visaug.core.sampling.tukey_lambda import GAUSSIAN_SHAPE
 from visaug.diagnosis.candidates.look import filled_well, look
-from visaug.diagnosis.fitting.parameters import GAUSSIAN_SHAPE
 from visaug.diagnosis.laboratory import Laboratory
 from visaug.effects import Effect, Parameter, Stage, catalogue
 

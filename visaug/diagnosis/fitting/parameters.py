@@ -13,10 +13,10 @@ import numpy as np
 
 from visaug.camera import Camera
 from visaug.camera.paths import place_of
+from visaug.core.sampling.tukey_lambda import GAUSSIAN_SHAPE
 from visaug.effects import Parameter, catalogue
 from visaug.frames import FrameSet
 
-GAUSSIAN_SHAPE = 0.14
 LINEAR = 0.5  # standard deviations of read noise over which shares of bits are linear in the black level
 STOPPED = 1e-6  # steps of a coordinate; what rounding leaves is less
 GAIN, BLACK, WELL = "gain_e_per_dn", "black_level_dn", "full_well_e"

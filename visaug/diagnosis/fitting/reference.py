@@ -17,7 +17,9 @@ PAIRS = 2  # simulated steps of a derivative, on alternate sides and with the ra
 MORE_PAIRS = 4  # of a derivative of which noise is much even with a step so many times as wide,
 WIDER = 4.0
 MOST_PAIRS = 16  # and at most, where other coordinates change nearly the same statistics
-CERTAIN = 3.0  # standard errors by which a derivative that is mostly noise must differ from 0
+# Standard errors by which a derivative that is mostly noise, or a correlation, must differ from 0, and two standard deviations
+# from each other, to count as two.
+CERTAIN = 3.0
 NOISY = 0.1  # share of noise in what tells a coordinate from which its derivative is simulated further
 DARK = ("bias", "dark")  # frames whose bits show a shift of their level
 FAR = 6.0  # steps of a coordinate beyond which the reference is simulated anew

@@ -4,10 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visaug.diagnosis.fitting.reference import Null
+from visaug.diagnosis.fitting.reference import CERTAIN, Null
 from visaug.diagnosis.fitting.robust import drawn_to_zero, standardised
-
-CERTAIN = 3.0  # standard errors by which two standard deviations must differ to count as two, and a correlation from 0
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,9 @@
 
 import torch
 
-from visaug.effects.charge.dark_electrons import add_dark_electrons
+from visaug.effects.charge.dark_electrons import REFERENCE_C, add_dark_electrons
 from visaug.effects.effect import Effect, Parameter, Stage
 
-REFERENCE_C = 20.0
 PLACES = {
     "top_left": (0.0, 0.0),
     "top_right": (0.0, 1.0),

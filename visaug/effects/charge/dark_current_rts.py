@@ -2,11 +2,9 @@
 
 import torch
 
-from visaug.effects.charge.dark_electrons import add_dark_electrons
+from visaug.effects.charge.dark_electrons import REFERENCE_C, add_dark_electrons
 from visaug.effects.effect import Effect, Parameter, Stage
 from visaug.effects.telegraph import kept_states
-
-REFERENCE_C = 20.0
 
 
 class DarkCurrentRTS(Effect):

@@ -5,6 +5,8 @@ from torch import Tensor
 from visaug.core.sampling import Stream
 from visaug.effects.effect import Context
 
+REFERENCE_C = 20.0  # degrees Celsius, at which a camera file states the rates of dark electrons
+
 
 def add_dark_electrons(signal: Tensor, mean_e: Tensor, stream: Stream, context: Context) -> Tensor:
     """The signal with `mean_e` dark electrons a pixel, broadcast against (B, C, H, W).

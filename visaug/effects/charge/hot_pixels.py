@@ -2,10 +2,8 @@
 
 import torch
 
-from visaug.effects.charge.dark_electrons import add_dark_electrons
+from visaug.effects.charge.dark_electrons import REFERENCE_C, add_dark_electrons
 from visaug.effects.effect import Effect, Parameter, Stage
-
-REFERENCE_C = 20.0
 
 
 class HotPixels(Effect):

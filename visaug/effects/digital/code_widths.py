@@ -8,7 +8,6 @@ from visaug.effects.effect import Effect, Parameter, Stage
 
 NEAREST = 0.49  # of a threshold to its ideal place, in code widths: thresholds stay in order
 NARROWEST = 1e-6  # width of a code that is never met
-LONGEST = 256  # codes of the last stage
 
 
 class CodeWidths(Effect):
@@ -60,7 +59,7 @@ class CodeWidths(Effect):
         4.0,
         unit="codes",
         low=2.0,
-        high=LONGEST,
+        high=256,
         integer=True,
         trials=(4, 8, 16),
         source="codes that the last stage resolves; 2 to 4 bits in pipelined converters",

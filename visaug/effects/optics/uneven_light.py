@@ -2,8 +2,6 @@
 
 from visaug.effects.effect import Noiseless, Parameter, Stage
 
-LEVEL = 1 / 3  # mean of a squared coordinate over the sensor
-
 
 def _coefficient(default: float, source: str) -> Parameter:
     """A coefficient of the surface, relative to the mean light."""
@@ -45,5 +43,6 @@ class UnevenLight(Noiseless):
         height, width = context.resolution
         y = (2 * context.rows(signal) + 1) / height - 1
         x = (2 * context.columns(signal) + 1) / width - 1
-        bends = p.row_bend * (y**2 - LEVEL) + p.column_bend * (x**2 - LEVEL)
+        # 1/3 is the mean of a squared coordinate over the sensor.
+        bends = p.row_bend * (y**2 - 1 / 3) + p.column_bend * (x**2 - 1 / 3)
         return signal * (1 + p.row_slope * y + p.column_slope * x + bends).clamp_min(0)

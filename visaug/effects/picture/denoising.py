@@ -6,8 +6,6 @@ import torch.nn.functional as F
 from visaug.effects.effect import Spreading, Stage
 from visaug.effects.parameter import Parameter
 
-SCALES = 2  # of the transform: structures of one and two pixels
-
 
 class Denoising(Spreading):
     """What a denoiser in the camera or in a converter leaves: less noise, correlated over neighbours, and less fine detail.
@@ -65,7 +63,7 @@ def _median(signal):
 
 def _shrunk(signal, threshold):
     fine, taken = signal, torch.zeros_like(signal)
-    for scale in range(SCALES):
+    for scale in range(2):  # structures of one and two pixels
         coarse = _smoothed(_smoothed(fine, 2**scale, -1), 2**scale, -2)
         most = threshold / 5**scale  # white noise of 1 has 0.89 and 0.20 in the first two scales
         taken = taken + torch.maximum(torch.minimum(fine - coarse, most), -most)

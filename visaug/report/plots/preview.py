@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import numpy as np
     from matplotlib.figure import Figure
 
-DPI, COLUMNS = 100, 3
+DPI = 100
 # pixels: title; between crops; above for name and conditions, below for the noise
 TITLE, GAP, HEAD, FOOT = 52, 16, 40, 40
 
@@ -35,7 +35,7 @@ def plot_preview(title: str, given: "np.ndarray", samples: Sequence[NoiseSample]
     height, width = given.shape[:2]
     low = zoom * (part[0].stop - part[0].start)  # height of the magnified part
     cell = max(width, zoom * part_columns, 330)
-    columns = 2 if len(samples) == 3 else min(COLUMNS, len(samples) + 1)
+    columns = 2 if len(samples) == 3 else min(3, len(samples) + 1)
     rows = -(-(len(samples) + 1) // columns)
     tile = HEAD + height + GAP // 2 + low + FOOT + GAP
     wide, high = GAP + columns * (cell + GAP), TITLE + rows * tile

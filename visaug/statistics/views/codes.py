@@ -7,7 +7,7 @@ from visaug.statistics.view import Curve, View, ViewPlot
 from visaug.statistics.views.drawn import chosen
 
 NEIGHBOURS = np.array([1, 2, 3, 0, 3, 2, 1]) / 12  # of a code: weights with which they predict its frequency
-SIDE = 3
+SIDE = len(NEIGHBOURS) // 2
 FOLD = 16  # codes, after which the lowest four bits repeat
 
 

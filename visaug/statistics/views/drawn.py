@@ -11,7 +11,6 @@ from visaug.statistics.view import Curve, Span, ViewPlot
 
 # Of the largest temporal variance, below which brighter flats are saturated: EMVA 1288 puts saturation at the maximum.
 CLIPPED = 0.8
-FARTHEST = 12  # px, of the distances over which a correlation is drawn
 NORMAL = "quantile of a normal distribution, standard deviations"
 
 
@@ -58,7 +57,7 @@ def correlation(images: np.ndarray, step: tuple[int, int], label: str) -> Curve:
     x = images - images.mean(1, keepdims=True) - images.mean(2, keepdims=True)
     x += images.mean((1, 2), keepdims=True)
     height, width = x.shape[1:]
-    farthest = max(min(FARTHEST, height // 4, width // 4), 1)
+    farthest = max(min(12, height // 4, width // 4), 1)  # px, of the distances over which it is drawn
     values = []
     for distance in range(1, farthest + 1):
         rows, columns = step[0] * distance, step[1] * distance
