@@ -187,6 +187,17 @@ class Adding:
         scatters += [s for s in with_rival.scatters if s.effect == rival]
         return replace(state, fitted=fitted, accepted=accepted, scatters=tuple(scatters))
 
+    def without(self, earlier: State, state: State, own: str) -> State:
+        """The state without the effect before its last one, everything refitted, by the first of the simulated sets.
+
+        Args:
+            earlier: the state to which that effect was added.
+        """
+        kept = [c for c in state.fitted.reference.coordinates if not c.path.startswith(f"{own}.")]
+        fitted = self._fitted(state, state.fitted.camera.without_effect(own), kept, self._few)
+        scatters = tuple(s for s in state.scatters if s.effect != own)
+        return replace(earlier.with_effect(state.accepted[-1], fitted), scatters=scatters)
+
     def _otherwise(self, candidate: Refined, camera: Camera, held: set[str]) -> Iterator[Camera]:
         """A camera, then the same with the free parameters of its effect at each of the catalogue's trial values."""
         yield camera

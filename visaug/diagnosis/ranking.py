@@ -91,8 +91,12 @@ def without_rival(ranked: Ranks, effect: str, probability: float) -> Ranks:
 
     The rival is no alternative then.
     """
-    own = ranked[effect]
-    return {**ranked, effect: replace(own, probability=min(own.probability / (1 - probability), 1.0))}
+    return with_probability(ranked, effect, min(ranked[effect].probability / (1 - probability), 1.0))
+
+
+def with_probability(ranked: Ranks, effect: str, probability: float) -> Ranks:
+    """With another probability of an effect."""
+    return {**ranked, effect: replace(ranked[effect], probability=probability)}
 
 
 def swapped_ranks(ranked: Ranks, own: Judged, rival: Judged) -> Ranks:
