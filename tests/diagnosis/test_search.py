@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from tests.diagnosis.small import frame_set
@@ -45,12 +46,49 @@ def flare_and(veiled, last) -> History:
 def setting(swapped=None, adequate=()):
     """Simulates nothing: an exchange gives `swapped`, and states of `adequate` are adequate."""
     return SimpleNamespace(
-        adding=SimpleNamespace(swapped=lambda *_: swapped, effects=30),
+        adding=SimpleNamespace(swapped=lambda *_: swapped, without=lambda *_: None, effects=30),
         errors=SimpleNamespace(told=lambda fitted: None),
         tested=lambda state: (state, 0.5 if any(state is one for one in adequate) else 0.01),
     )
 
 
+@pytest.fixture
+def needed(monkeypatch) -> None:
+    """The criterion accepts an effect beside the later one."""
+    monkeypatch.setattr(swap, "evidence", lambda *_: SimpleNamespace(accepts=True, odds=100.0))
+
+
+@pytest.mark.parametrize(("accepts", "adequate"), [(True, True), (False, False), (False, True)])
+def test_an_effect_that_is_not_needed_beside_a_later_one_is_left_out(veiled, monkeypatch, accepts, adequate):
+    """The later one was no rival of it. Both stay where the criterion accepts it, or where the later one leaves something."""
+    both = leaving([0, 0, 0, 2], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
+    alone = leaving([0, 0, 0, 3], veiled["trail"], "charge_transfer_inefficiency")
+    history = flare_and(veiled, both)
+    trail = refined("charge_transfer_inefficiency", veiled["trail"], 500.0, 1.0)
+    history = (*history[:2], replace(history[2], standing=(judged(trail, both),)))
+    judging = []
+
+    def evidence(before, after, parameters, effects):
+        judging.append((before is alone, after is both, parameters == len(own.refined.coordinates), effects))
+        return SimpleNamespace(accepts=accepts, odds=-2.0)
+
+    own = history[1].standing[0]
+    monkeypatch.setattr(swap, "evidence", evidence)
+    monkeypatch.setattr(swap, "between", lambda *_: -100.0)  # the rival takes no place
+    simulating, asked = setting(both, [alone] * adequate), []
+    simulating.adding.without = lambda earlier, state, name: asked.append((earlier, state, name)) or alone
+    found = swap.reconsidered(simulating, history)  # pyrefly: ignore[bad-argument-type]
+    assert judging == [(True, True, True, 30)]
+    assert asked == [(history[0].state, both, "lens_flare")]
+    dropped = adequate and not accepts
+    assert found[-1].state is (alone if dropped else both)
+    assert len(found) == (2 if dropped else 3)
+    probability = 1 / (1 + np.exp(2.0)) if dropped else 0.98
+    assert found[-1].ranked["lens_flare"].probability == pytest.approx(probability)
+    assert found[-1].ranked["charge_transfer_inefficiency"].probability == 1.0
+
+
+@pytest.mark.usefixtures("needed")
 @pytest.mark.parametrize(("odds", "first"), [(-2.0, "veiling_glare"), (-4.0, "lens_flare")])
 def test_an_effect_gives_way_to_a_rival_that_is_more_probable_beside_a_later_effect(
     veiled, monkeypatch, odds, first
@@ -151,6 +189,29 @@ def test_the_rival_takes_the_place_with_its_own_numbers(veiled, monkeypatch):
     assert "charge_transfer_inefficiency.share_per_transfer" in made["paths"]
     assert "veiling_glare.share" in made["paths"]
     assert not any(path.startswith("lens_flare.") for path in made["paths"])
+
+
+def test_an_effect_is_left_out_with_its_own_numbers_and_what_it_explained(veiled, monkeypatch):
+    made = {}
+
+    def reference(lab, camera, coordinates, sets, *_, **__):
+        made.update(camera=camera, paths=[c.path for c in coordinates], sets=sets)
+        return SimpleNamespace()
+
+    monkeypatch.setattr(adding, "make_reference", reference)
+    after = leaving([20, 2, 0, 0], veiled["trail"], "charge_transfer_inefficiency")
+    monkeypatch.setattr(adding.Adding, "_refitted", lambda *_: after.fitted)
+    monkeypatch.setattr(adding, "settled", lambda lab, fitted, *_: fitted)
+    plain = leaving([300, 200, 0, 0], veiled["trail"])
+    both = leaving([0, 0, 0, 0], veiled["flare and trail"], "lens_flare", "charge_transfer_inefficiency")
+    simulating = adding.Adding(None, None, (), None)  # pyrefly: ignore[bad-argument-type]
+    alone = simulating.without(plain, both, "lens_flare")
+    assert alone.accepted == ("charge_transfer_inefficiency",)
+    assert made["sets"] == adding.STAGES_AFTER[0]
+    assert set(made["camera"].effect_names) == {"charge_transfer_inefficiency"}
+    assert "charge_transfer_inefficiency.share_per_transfer" in made["paths"]
+    assert not any(path.startswith("lens_flare.") for path in made["paths"])
+    assert alone.explained[0].tolist() == [280, 198, 0, 0]  # by the effect that stays
 
 
 @pytest.mark.parametrize("calibrated", [True, False])
