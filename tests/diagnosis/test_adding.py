@@ -37,7 +37,8 @@ def test_numbers_stay_in_the_valley_where_they_were_unless_another_is_clearly_de
     bent = stated.with_effect("brighter_fatter", beyond=0.15)
     begun = []
 
-    def refit(lab, reference, report, begin=None):
+    def refit(lab, reference, report, begin=None, known=None):
+        assert (known is None) is (begin is None)  # further starts know the first fit
         begun.append(begin)
         camera, fit = (bent, misfits[0]) if begin is None else (begin, misfits[1])
         return SimpleNamespace(camera=camera, misfit=fit)
@@ -58,7 +59,8 @@ def test_a_number_that_was_bent_is_tried_as_the_file_says(stated, monkeypatch):
     """Another valley must only be deeper."""
     bent = stated.replace({"gain_e_per_dn": 1.4})
 
-    def refit(lab, reference, report, begin=None):
+    def refit(lab, reference, report, begin=None, known=None):
+        assert (known is None) is (begin is None)  # further starts know the first fit
         return SimpleNamespace(camera=begin or bent, misfit=90.0 if begin is None else 89.0)
 
     monkeypatch.setattr(adding, "refit", refit)
