@@ -22,7 +22,6 @@ def keep_freed() -> None:
     if sys.platform == "linux":
         with contextlib.suppress(OSError, AttributeError):  # musl has no mallopt
             mallopt = ctypes.CDLL(None).mallopt
-            mallopt(
-                _Parameter.MMAP_THRESHOLD, 32 * 2**20
-            )  # bytes of the largest block that is taken from the heap
-            mallopt(_Parameter.TRIM_THRESHOLD, 128 * 2**20)  # bytes of the heap that stay unused at most
+            # bytes of the largest block that is taken from the heap, and of the heap that stay unused at most
+            mallopt(_Parameter.MMAP_THRESHOLD, 32 * 2**20)
+            mallopt(_Parameter.TRIM_THRESHOLD, 128 * 2**20)

@@ -4,11 +4,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from visaug.camera import Camera
 from visaug.diagnosis.candidates.refinement import Refined
 from visaug.diagnosis.candidates.trials import Trial, exchanged
 from visaug.diagnosis.criterion import SHARE, Evidence, evidence
-from visaug.diagnosis.fitting.fit import BENT, Fitted, refit, settled
+from visaug.diagnosis.fitting.fit import Fitted, is_apart, refit, settled
 from visaug.diagnosis.fitting.parameters import (
     Coordinate,
     effect_coordinates,
@@ -272,12 +274,8 @@ class Adding:
     ) -> Camera | None:
         """The fitted camera with some coordinates of another one; None if these differ by less than `BENT` standard deviations."""
         at = {(c.path, c.logarithmic): c.read(camera) for c in numbers}  # on the same scale alone
-        spread = reference.null_steps.std(0)
-        own = [
-            (c, at[c.path, c.logarithmic], known)
-            for c, known in zip(reference.coordinates, spread)
-            if (c.path, c.logarithmic) in at
-        ]
-        if all(abs(c.read(fitted) - there) <= BENT * known for c, there, known in own):
+        own = [c for c in reference.coordinates if (c.path, c.logarithmic) in at]
+        there = [at.get((c.path, c.logarithmic), c.read(fitted)) for c in reference.coordinates]
+        if not is_apart(reference, fitted, np.array(there)):
             return None
-        return moved(fitted, [c for c, _, _ in own], [there for _, there, _ in own])
+        return moved(fitted, own, [at[c.path, c.logarithmic] for c in own])

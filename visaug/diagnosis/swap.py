@@ -71,8 +71,8 @@ def _without(setting: Setting, earlier: State, own: Judged, last: SearchStage) -
         return None
     error = setting.errors.told(alone.fitted)
     ranked = with_probability(last.ranked, effect, float(expit(beside.odds)))
-    for one in last.standing[:1]:
-        ranked = accepted_rank(ranked, alone, one.refined.effect, error, one.otherwise)
+    stays = last.standing[0]
+    ranked = accepted_rank(ranked, alone, stays.refined.effect, error, stays.otherwise)
     return replace(last, state=alone, p_value=p_value, error=error, ranked=ranked)
 
 

@@ -15,9 +15,8 @@ _fast: dict[str, Any] = {**EXACT, "fastmath": {"reassoc", "contract", "arcp", "n
 LAGS = ((0, 0), (0, 1), (1, 0), (1, 1), (0, 2), (2, 0))  # rows and columns between two pixels of `scatter`
 FAR_LAGS = ((0, 4), (0, 12), (4, 0))
 _LOW_BITS = 18  # of a float32 that are not counted: exponent and five bits of the mantissa are
-_RING = 1 + max(
-    rows for rows, _ in LAGS + FAR_LAGS
-)  # rows that are held: the largest of those distances, and one
+# rows that are held: the largest of those distances, and one
+_RING = 1 + max(rows for rows, _ in LAGS + FAR_LAGS)
 
 
 @njit(**EXACT)

@@ -22,11 +22,10 @@ STRUCK = 8.0  # standard deviations by which a pixel of one frame exceeds the ot
 
 def look(lab: Laboratory, camera: Camera) -> FrameSummary | None:
     """Of the discovery frames; None if they contain no bias or dark frame."""
-    data = _unlit(lab.parts[0])
+    data = _discovery(lab.parts[0], "bias", "dark")
     dark = data.bias
-    everywhere = _unlit(
-        lab.parts[-1]
-    ).bias  # of a large set the full frames: a seam may lie outside the window
+    # of a large set the full frames: a seam may lie outside the window
+    everywhere = _discovery(lab.parts[-1], "bias", "dark").bias
     if dark is None or everywhere is None:
         return None
     height, width = camera.resolution
@@ -57,7 +56,7 @@ def filled_well(lab: Laboratory, camera: Camera) -> float | None:
     part = lab.parts[0]
     flats = [
         ((g.level - camera.spec.black_level_dn) * gain, g.noise_variance * gain**2)
-        for g in _lit(part).of("flat", 2)
+        for g in _discovery(part, "flat").of("flat", 2)
         for gain in [camera.gain_at(g.group.gain_db)]
     ]
     if not flats:
@@ -67,20 +66,14 @@ def filled_well(lab: Laboratory, camera: Camera) -> float | None:
     return level_e if is_clipped and level_e > 0 else None
 
 
-def _unlit(part: MeasuredFrames | PicturePart) -> FrameData:
-    """Bias and dark frames of the discovery split, selected without reading the flats and scenes."""
-    dark = [i for i in part.folds.find if part.frames.records[i].kind in ("bias", "dark")]
-    return FrameData(part.frames, dark)
-
-
-def _lit(part: MeasuredFrames | PicturePart) -> FrameData:
-    """Flats of the discovery split."""
-    return FrameData(part.frames, [i for i in part.folds.find if part.frames.records[i].kind == "flat"])
+def _discovery(part: MeasuredFrames | PicturePart, *kinds: str) -> FrameData:
+    """Frames of some kinds of the discovery split, selected without reading the others."""
+    return FrameData(part.frames, [i for i in part.folds.find if part.frames.records[i].kind in kinds])
 
 
 def _brightest(part: MeasuredFrames | PicturePart) -> np.ndarray | None:
     """(H, W) mean of the flats of the highest level, DN; None without flats."""
-    flats = _lit(part).of("flat", 1)
+    flats = _discovery(part, "flat").of("flat", 1)
     return max(flats, key=lambda g: g.level).mean if flats else None
 
 
@@ -158,7 +151,7 @@ def tracks(darks: Iterable[GroupData], camera: Camera) -> np.ndarray:
         middle = [np.median(frames_e, 0)] * dark.count if dark.count > 2 else frames_e[::-1]
         for frame, usual in zip(frames_e, middle, strict=True):
             excess = frame - usual
-            noise = 1.4826 * np.median(np.abs(excess - np.median(excess)))
+            noise = MAD * np.median(np.abs(excess - np.median(excess)))
             hot = np.maximum(usual - np.median(usual), 0)
             places = np.zeros(frame.shape, int)
             label(excess > STRUCK * np.sqrt(noise**2 + 2 * hot), np.ones((3, 3)), output=places)
